@@ -500,6 +500,8 @@ def test_what_cannot_be_replayed_says_why():
         replay(shot, scene, pixel=(300, 199), sample=-1)
     with pytest.raises(pl.errors.InvalidValueError, match="does not know its camera, settings, seed"):
         replay(pl.Exposure(np.ones((2, 2, 1))), scene, pixel=(0, 0), sample=0)
+    with pytest.raises(pl.errors.InvalidValueError, match="was merged of the seeds 3, 4; replay one that has"):
+        replay(dataclasses.replace(shot, seed=(4, 3)), scene, pixel=(300, 199), sample=0)
     with pytest.raises(pl.errors.InvalidValueError, match="does not know its settings;"):
         replay(dataclasses.replace(shot, settings=None), scene, pixel=(300, 199), sample=0)
     with pytest.raises(pl.errors.InvalidValueError, match="exposure is a Scene; give an Exposure"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plenoptic.command.files import exposure_of, opened
@@ -12,7 +13,9 @@ from plenoptic.errors import FileError, InvalidValueError
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
-    from plenoptic.rendering.merging import Region
+    from plenoptic.rendering.heads import Head
+    from plenoptic.rendering.merging.parts import Part
+    from plenoptic.rendering.merging.regions import Region
 
 _NAMED = 8
 """Missing parts whose names fit into a line."""
@@ -29,35 +32,53 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Merge, save, and print what came of it."""
-    from plenoptic.rendering.exposure_files import check_target
-    from plenoptic.rendering.merging import merged
+    """Merge, save, and print what came of it; a store is written while parts are read."""
+    from plenoptic.rendering.exposure_files import check_target, checked_ending
+    from plenoptic.rendering.merging.merge import merge_to_store, merged_parts
 
     check_target(options.output)
-    shots = [_part(name) for name in options.parts]
-    _check_complete(shots, options.region)
-    shot = merged(shots, names=options.parts)
-    shot.save(options.output)
-    print(f"{options.output}: {shot}")
-    if shot.stats is not None:
-        print(shot.stats)
+    parts = [_part(name) for name in options.parts]
+    _check_complete([part.head for part in parts], options.region)
+    made: Exposure | Head
+    if checked_ending(options.output) == ".zarr":
+        made = merge_to_store(parts, options.output)
+    else:
+        made = merged_parts(parts)
+        made.save(options.output)
+    print(f"{options.output}: {made}")
+    if made.stats is not None:
+        print(made.stats)
 
 
-def _part(name: str) -> Exposure:
-    found = opened(name)
-    if (shot := exposure_of(found)) is None:
-        raise FileError(f"{name!r} is {found.kind}; give an image that `plenoptic render` wrote")
-    return shot
+def _part(name: str) -> Part:
+    """A file or folder, of which no more has been read than it takes to know what it is."""
+    from plenoptic.core.files.zarr_reading import attributes_of
+    from plenoptic.rendering.exposure_files import head_of_image
+    from plenoptic.rendering.heads import head_of
+    from plenoptic.rendering.merging.parts import FilePart, StorePart
+
+    def load() -> Exposure:
+        found = opened(name)
+        if (shot := exposure_of(found)) is None:
+            raise FileError(f"{name!r} is {found.kind}; give an image that `plenoptic render` wrote")
+        return shot
+
+    path = Path(name)
+    if path.is_file() and path.suffix.lower() == ".exr":
+        return FilePart(name, head_of_image(path), load)
+    if attributes_of(path) is not None:
+        return StorePart(name)
+    return FilePart(name, head_of(load()), load)
 
 
-def _check_complete(shots: list[Exposure], wanted: tuple[slice, slice] | None) -> None:
+def _check_complete(heads: list[Head], wanted: tuple[slice, slice] | None) -> None:
     """An error that names what is missing of a region, or of the sensor."""
     from plenoptic.camera.checks import sensor_region
     from plenoptic.rendering.frame import region_text
-    from plenoptic.rendering.merging import left_out, region_in
+    from plenoptic.rendering.merging.regions import left_out
 
-    regions = {region_in(shot) for shot in shots}
-    camera = shots[0].camera
+    regions = {head.place for head in heads}
+    camera = heads[0].camera
     if camera is None or (wanted is None and len(regions) == 1):
         return
     shape = camera.sensor.shape

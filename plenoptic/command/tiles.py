@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from plenoptic.rendering.merging import Region
+    from plenoptic.rendering.merging.regions import Region
 
 _MORE = 8
 """How many times the parts that are there it is tried how many there may be."""

@@ -34,10 +34,11 @@ from plenoptic.dataset.task import (
     times_of,
 )
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.heads import pixels_of
 from plenoptic.rendering.render import render
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.settings import RenderSettings
-from plenoptic.rendering.stores import MOTION_NAMES, create_store, layout_of, pixels_of
+from plenoptic.rendering.stores import MOTION_NAMES, create_store, layout_of
 from plenoptic.sequences.point_motion import motion_truth
 from plenoptic.sequences.sequence import Frame, Sequence
 from plenoptic.truth.channels import Truth

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.relative_error import ImageError, image_error
 from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, seed_number, set_field, value
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.frame import checked_region, region_text, samples_text
+from plenoptic.rendering.heads import checked_seed, possible
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.truth.channels import GroundTruth, truth_names
@@ -49,8 +50,8 @@ class Exposure:
         Paths per pixel; None where it is not known.
     replicates : int, optional
         Independent scramblings from which the standard error was found; None where it is not known.
-    seed : int, optional
-        Of the random numbers; None where it is not known.
+    seed : int or tuple of int, optional
+        Of the random numbers; several where exposures of other seeds were merged, None where it is not known.
     camera : PlenopticCamera, optional
         The camera that took it.
     region : (int, int, int, int), optional
@@ -87,7 +88,7 @@ class Exposure:
     truth: GroundTruth | None = None
     samples: int | None = None
     replicates: int | None = None
-    seed: int | None = None
+    seed: Given[int | tuple[int, ...] | None, int | Sequence[int] | None] = Given(default=None)
     camera: PlenopticCamera | None = None
     region: tuple[int, int, int, int] | None = None
     stats: RenderStats | None = None
@@ -109,10 +110,12 @@ class Exposure:
             if self.truth.shape != image.shape[:2]:
                 has, must = (f"{shape[0]} x {shape[1]}" for shape in (self.truth.shape, image.shape))
                 raise InvalidValueError(f"truth has {has} pixels; it must have the image's {must}")
-        for name in ("samples", "replicates", "seed"):
+        for name in ("samples", "replicates"):
             number = getattr(self, name)
             if number is not None:
                 set_field(self, name, seed_number(number, name))
+        if self.seed is not None:
+            set_field(self, "seed", checked_seed(self.seed))
         counts = self.sample_counts
         if counts is not None and (counts.min() < 0 or (self.samples is not None and counts.max() > self.samples)):
             found = f"sample_counts go from {counts.min()} to {counts.max()}"
@@ -180,9 +183,11 @@ class Exposure:
 
         Regions of a render of given samples have the bits of the whole. Exposures of the same region are weighed by
         their samples, and so are the squares of their errors; those with a single replicate each get their error from
-        their differences, which is right on average over pixels and crude for each while they are few. An
+        their differences, which is right on average over pixels and crude for each while they are few. What was merged
+        knows all its seeds and can be merged with others; its means have been rounded once more then. An
         InvalidValueError where parts overlap, leave pixels out, share random numbers, or are of other cameras or
-        settings. That they show the same scene is for the caller to know.
+        settings. That they show the same scene is for the caller to know. `plenoptic merge` does the same for files,
+        and for a store without having all in memory.
 
         Examples
         --------
@@ -191,7 +196,7 @@ class Exposure:
         >>> pl.Exposure.merged(halves)
         Exposure(8 x 16 x 1, 4 samples per pixel, rows 0:8, columns 0:16)
         """
-        from plenoptic.rendering.merging import merged  # knows this class
+        from plenoptic.rendering.merging.merge import merged  # knows this class
 
         return merged(parts)
 
@@ -288,10 +293,8 @@ class Exposure:
         from plenoptic.rendering import exposure_files, stores
 
         stored = file_path(path).suffix.lower() == ".zarr"
-        try:
+        with possible(path):
             return cls(**(stores.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
-        except InvalidValueError as error:
-            raise FileError(f"{os.fspath(path)!r} holds no possible exposure: {error}") from error
 
     def to_xarray(self) -> xarray.Dataset:
         """The same as an xarray dataset, with units and coordinates: rows and columns, mm on the sensor, channels.

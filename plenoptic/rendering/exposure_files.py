@@ -18,17 +18,17 @@ from plenoptic.core.files.serialization import describe, described_fields, resto
 from plenoptic.core.values import file_path, positive
 from plenoptic.errors import FileError
 from plenoptic.rendering.frame import counts_in
-from plenoptic.truth.arrays import file_note, file_planes, truth_in
+from plenoptic.rendering.heads import FACTS, Head, checked_head, possible
+from plenoptic.truth.arrays import file_note, file_planes, truth_in, truth_named
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
 
 CHANNEL_NAMES = {1: ("Y",), 3: ("R", "G", "B")}
-KEPT_AS_TEXT = ("samples", "replicates", "seed", "region", "camera", "stats", "settings", "white", "object_names")
 _SAMPLES = "samples"
 
 
-def texts_of(exposure: Exposure, names: tuple[str, ...] = KEPT_AS_TEXT) -> dict[str, str]:
+def texts_of(exposure: Exposure | Head, names: tuple[str, ...] = FACTS) -> dict[str, str]:
     """What files say about an exposure, beside its arrays."""
     return {"Software": f"plenoptic {__version__}", **described_fields(exposure, names)}
 
@@ -69,7 +69,7 @@ def save_16bit(exposure: Exposure, path: str | os.PathLike[str], scale: float | 
 def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[str, Any]:
     """The fields of the exposure that an image file holds."""
     image, channels, metadata = images.read_picture(path, limits=limits)
-    kept = restored_fields(metadata, KEPT_AS_TEXT)
+    kept = restored_fields(metadata, FACTS)
     planes = [channels.get(f"error.{name}") for name in CHANNEL_NAMES[image.shape[2]]]
     errors = [plane for plane in planes if plane is not None]
     if "plenoptic:scale" in metadata:
@@ -81,6 +81,18 @@ def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
         "sample_counts": counts_in(channels.get(_SAMPLES), kept.get("samples")),
         **kept,
     }
+
+
+def head_of_image(path: str | os.PathLike[str]) -> Head:
+    """All but the pixels of the exposure that an image file holds."""
+    shape, names, picture, metadata = images.read_head(path)
+    arrays = ["image"]
+    if all(f"error.{name}" in names for name in CHANNEL_NAMES[len(picture)]):
+        arrays.append("standard_error")
+    if _SAMPLES in names:
+        arrays.append("sample_counts")
+    with possible(path):
+        return checked_head((*shape, len(picture)), (*arrays, *truth_named(names)), restored_fields(metadata, FACTS))
 
 
 def _channels(exposure: Exposure) -> Mapping[str, NDArray[Any]]:

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from plenoptic.optics.lens.analysis.conditioning import Conditioning
 
 
+NAMED = 16
+"""Paths that were not finite whose numbers are kept."""
+
+
 class StopReason(enum.IntEnum):
     """Why a render ended: with all its samples, after its time, at its error, or because it was interrupted.
 

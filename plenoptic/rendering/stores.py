@@ -15,13 +15,14 @@ from plenoptic.core.files.extras import extra_package
 from plenoptic.core.files.reading import FileLimits
 from plenoptic.core.files.serialization import restored_fields
 from plenoptic.core.files.zarr_files import COLUMN, EXTRA, FRAME, ROW, Store, Variable, zarr_module
-from plenoptic.core.files.zarr_reading import attributes_of, read_arrays
+from plenoptic.core.files.zarr_reading import ANY_SIZE, array_shapes, attributes_of, read_arrays
 from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.optics.sensor.sensor import Sensor
-from plenoptic.rendering.exposure_files import CHANNEL_NAMES, KEPT_AS_TEXT, texts_of
+from plenoptic.rendering.exposure_files import CHANNEL_NAMES, texts_of
+from plenoptic.rendering.heads import EXPOSURE_NAMES, FACTS, Head, checked_head, fields_of, pixels_of, possible
 from plenoptic.truth.arrays import available_truth, empty_truth
-from plenoptic.truth.channels import CHANNELS, GroundTruth, Truth
+from plenoptic.truth.channels import CHANNELS, Truth
 
 if TYPE_CHECKING:
     import xarray
@@ -57,8 +58,8 @@ _MOTION = {
     "motion_visible": Variable(_PIXEL, (), np.bool_, False, "whether it is seen in the next frame"),
 }
 _LABELS = {"xyz": ("X", "Y", "Z"), "along": ("columns", "rows")}
-EXPOSURE_NAMES, MOTION_NAMES = tuple(_OWN), tuple(_MOTION)
-"""The arrays of an exposure beside the truth, and those of a `MotionTruth` in the order of its fields."""
+MOTION_NAMES = tuple(_MOTION)
+"""The arrays of a `MotionTruth` in the order of its fields."""
 
 
 class Layout(NamedTuple):
@@ -74,6 +75,12 @@ class Layout(NamedTuple):
     """The first row and column on the sensor."""
     sensor: Sensor | None = None
     """For the places of pixels in mm; None where it is not known."""
+
+
+def empty_arrays(layout: Layout) -> dict[str, NDArray[Any]]:
+    """The arrays of a layout in memory, not filled."""
+    pixels = {name: one for name, one in _variables(layout).items() if one.values is None}
+    return {name: np.empty(one.shape, dtype=one.dtype) for name, one in pixels.items()}
 
 
 def create_store(
@@ -98,17 +105,42 @@ def save_store(exposure: Exposure, path: str | os.PathLike[str]) -> None:
 
 def fields_of_store(path: str | os.PathLike[str], limits: FileLimits) -> dict[str, Any]:
     """The fields of the exposure that a store holds."""
+    texts = _attributes(path)
+    return {**fields_of(_read(path, limits)), **restored_fields(texts, FACTS)}
+
+
+def head_of_store(path: str | os.PathLike[str]) -> Head:
+    """All but the pixels of the exposure that a store holds."""
+    texts = _attributes(path)
+    shapes = array_shapes(path, (*EXPOSURE_NAMES, *CHANNELS))
+    with possible(path):
+        return checked_head(shapes.get("image", ()), shapes, restored_fields(texts, FACTS))
+
+
+def rows_of_store(path: str | os.PathLike[str], head: Head, first: int, end: int) -> Exposure:
+    """Some rows of the exposure that a store with this head holds, however large it is; they have no region."""
+    from plenoptic.rendering.exposure import Exposure  # knows this module
+
+    with possible(path):
+        return Exposure(**fields_of(_read(path, ANY_SIZE, slice(first, end))), samples=head.samples)
+
+
+def _attributes(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Those of a store that says that it holds an exposure; a FileError where it says something else."""
     attributes = attributes_of(path)
     if attributes is None or attributes.get(KIND) != EXPOSURE:
         if not os.path.exists(path):
             raise FileError(f"{os.fspath(path)!r} does not exist; check the path")
         found = "a sequence" if attributes is not None and attributes.get(KIND) == SEQUENCE else "no exposure"
         raise FileError(f"{os.fspath(path)!r} holds {found}; open it with xarray.open_zarr")
-    arrays = read_arrays(path, (*EXPOSURE_NAMES, *CHANNELS), limits)
+    return attributes
+
+
+def _read(path: str | os.PathLike[str], limits: FileLimits, rows: slice = slice(None)) -> dict[str, NDArray[Any]]:
+    arrays = read_arrays(path, (*EXPOSURE_NAMES, *CHANNELS), limits, rows=rows)
     if "image" not in arrays:
         raise FileError(f"{os.fspath(path)!r} has no array image; restore it from its origin")
-    truth = {name: arrays.pop(name) for name in CHANNELS if name in arrays}
-    return {**arrays, "truth": GroundTruth(**truth) if truth else None, **restored_fields(attributes, KEPT_AS_TEXT)}
+    return arrays
 
 
 def dataset_of(exposure: Exposure) -> xarray.Dataset:
@@ -121,12 +153,6 @@ def dataset_of(exposure: Exposure) -> xarray.Dataset:
     module = extra_package("xarray", "to_xarray", EXTRA)
     coordinates = {name: made.pop(name) for name, one in variables.items() if one.values is not None}
     return module.Dataset(made, coords=coordinates, attrs={KIND: EXPOSURE, **texts_of(exposure)})
-
-
-def pixels_of(exposure: Exposure) -> dict[str, NDArray[Any]]:
-    """The arrays of an exposure, by their names in a store."""
-    own = {name: found for name in _OWN if (found := getattr(exposure, name)) is not None}
-    return own | dict({} if exposure.truth is None else exposure.truth.arrays())
 
 
 def layout_of(exposure: Exposure, truth: Truth = Truth.NONE) -> Layout:

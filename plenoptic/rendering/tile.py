@@ -20,6 +20,7 @@ from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.kernels import film_sums
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Sampler
+from plenoptic.rendering.stats import NAMED
 from plenoptic.truth.ground_truth import Arrays, truth_of
 from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.stages import TruthRecord
@@ -27,10 +28,6 @@ from plenoptic.truth.stages import TruthRecord
 BUNDLE = 1 << 14
 """Paths that go through the stages together. Half as many take 2 % more time for white images and the still life,
 8 % more for `objects`, whose paths end one by one; twice as many take as long, and twice the memory."""
-
-
-NAMED = 16
-"""Paths that were not finite whose numbers are kept."""
 
 
 class Tile(NamedTuple):

@@ -134,6 +134,10 @@ def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
             f"the exposure does not know its {missing}; only what `render` made can be replayed, or an .exr file to "
             "which that was saved"
         )
+    if isinstance(seed, tuple):
+        raise InvalidValueError(
+            f"the exposure was merged of the seeds {', '.join(map(str, seed))}; replay one that has a single seed"
+        )
     if exposure.white is not None and exposure.white != (scene is None):
         raise InvalidValueError(
             "the exposure is a white image, which has no scene; give None in its place"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -69,12 +69,17 @@ def file_note(truth: GroundTruth) -> str:
     return "; ".join([*said, _PRECISION])
 
 
+def truth_named(planes: Collection[str]) -> list[str]:
+    """The arrays of ground truth whose planes are among those of a file."""
+    return [name for name, channel in CHANNELS.items() if all(plane in planes for plane in channel.in_files)]
+
+
 def truth_in(planes: Mapping[str, NDArray[Any]]) -> GroundTruth | None:
     """The ground truth among the planes of a file; None where there is none."""
     found = {}
-    for name, channel in CHANNELS.items():
-        numbers = [planes[plane] for plane in channel.in_files if plane in planes]
-        if len(numbers) == len(channel.in_files):
-            array = np.stack(numbers, axis=-1).reshape(*numbers[0].shape, *channel.shape)
-            found[name] = array.astype(channel.dtype)
+    for name in truth_named(planes):
+        channel = CHANNELS[name]
+        numbers = [planes[plane] for plane in channel.in_files]
+        array = np.stack(numbers, axis=-1).reshape(*numbers[0].shape, *channel.shape)
+        found[name] = array.astype(channel.dtype)
     return GroundTruth(**found) if found else None

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -84,13 +85,32 @@ def test_tiles_that_are_merged_have_the_bits_of_the_whole(capsys):
     assert not os.path.exists("less.exr")
 
 
-def test_tiles_in_stores_come_to_the_same():
+def test_tiles_in_stores_come_to_the_same(capsys):
     pytest.importorskip("zarr", reason="the extra `zarr` installs it")
     run("render --white camera.json --samples 4 -o whole.zarr")
     for k in (1, 2):
         run(f"render --white camera.json --samples 4 --tile {k}/2 -o part{k}.zarr")
     run("merge part1.zarr part2.zarr -o merged.zarr")
     same(pl.Exposure.load("merged.zarr"), pl.Exposure.load("whole.zarr"))
+    run("render --white camera.json --samples 4 --tile 2/2 -o part2.exr")
+    run("render --white camera.json --samples 4 --seed 1 -o other.exr")
+    pl.package.write("other.zip", pl.Exposure.load("other.exr"))
+    capsys.readouterr()
+    run("merge part1.zarr part2.exr -o mixed.zarr")
+    assert capsys.readouterr().out.startswith("mixed.zarr: Exposure(21 x 27 x 1, 4 samples per pixel, ")
+    same(pl.Exposure.load("mixed.zarr"), pl.Exposure.load("whole.zarr"))
+    run("merge mixed.zarr other.zip -o both.zarr")  # two seeds, one of them in a package
+    both = pl.Exposure.merged([pl.Exposure.load("whole.zarr"), pl.Exposure.load("other.exr")])
+    same(pl.Exposure.load("both.zarr"), both)
+    assert both.seed == (0, 1)
+    for typed, said in (
+        ("part1.zarr -o less.zarr --region :,:", "are missing|is missing"),
+        ("both.zarr other.exr -o less.zarr", "have the seed 1"),
+    ):
+        capsys.readouterr()
+        assert main(["merge", *typed.split()]) == 1
+        err = capsys.readouterr().err
+        assert re.search(said, err) and err.count("\n") == 1 and not os.path.exists("less.zarr")
     run("render --white merged.zarr --samples 4 -o again.exr")  # with the camera of a store
     assert np.array_equal(pl.Exposure.load("again.exr").image, pl.Exposure.load("whole.zarr").image)
 
@@ -100,7 +120,7 @@ def test_other_seeds_on_top_are_weighed_by_their_samples(capsys):
         run(f"render wall.obj camera.json --samples {samples} --seed {seed} --region 0:8,8:24 -o seed{seed}.exr")
     run("merge seed1.exr seed2.exr -o both.exr")
     one, two, both = (pl.Exposure.load(f"{name}.exr") for name in ("seed1", "seed2", "both"))
-    assert (both.samples, both.replicates, both.seed, both.region) == (24, 4, None, (0, 8, 8, 24))
+    assert (both.samples, both.replicates, both.seed, both.region) == (24, 4, (1, 2), (0, 8, 8, 24))
     mean = (8 * one.image.astype(float) + 16 * two.image) / 24
     np.testing.assert_allclose(both.image, mean, rtol=2**-24)  # rounded once
     squares = np.square(8 * one.standard_error.astype(float)) + np.square(16 * two.standard_error)

@@ -75,6 +75,15 @@ def test_two_processes_write_the_store_that_one_writes(whole, tmp_path):
     assert content(path) == content(whole)
 
 
+def test_what_is_not_named_at_the_end_is_gone_and_texts_are_there(whole, tmp_path):
+    path = tmp_path / "a.zarr"
+    more = {"counts": VARIABLES["object"], **VARIABLES}
+    store = Store.create(path, more, {})
+    store.put(WHOLE, {**pixels(WHOLE), "counts": pixels(WHOLE)["object"]})
+    store.finish(("image", "object"), {"a": "b"})
+    assert content(path) == content(whole)
+
+
 def test_threads_write_the_store_that_one_writes(whole, tmp_path):
     store = Store.create(tmp_path / "parts.zarr", VARIABLES, {"a": "b"})
     with ThreadPoolExecutor(3) as pool:

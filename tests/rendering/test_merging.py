@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.rendering import RenderStats, StopReason
-from plenoptic.rendering.merging import left_out, region_in
+from plenoptic.rendering.heads import head_of
+from plenoptic.rendering.merging.regions import left_out
 
 CAMERA = pl.PlenopticCamera(
     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
@@ -63,7 +64,7 @@ def made_up(rng, region):
 
 def part_of(whole, region):
     """What of an exposure lies in a region."""
-    first_row, _, first_column, _ = region_in(whole)
+    first_row, _, first_column, _ = head_of(whole).place
     rows = slice(region[0] - first_row, region[1] - first_row)
     columns = slice(region[2] - first_column, region[3] - first_column)
     changes = {name: getattr(whole, name)[rows, columns] for name in ("image", "standard_error", "sample_counts")}
@@ -160,7 +161,7 @@ def test_errors_of_merged_seeds_are_right(reference, replicates, freedom):
     where errors are pooled over pixels of different noise, and right on average over blocks only.
     """
     together = merged(seeds(8, samples=8 * replicates, replicates=replicates))
-    assert (together.samples, together.replicates, together.seed) == (64 * replicates, 8 * replicates, None)
+    assert (together.samples, together.replicates, together.seed) == (64 * replicates, 8 * replicates, tuple(range(8)))
     off, error = true_and_told(together, reference)
     z = off / error
     wanted = np.sqrt(freedom / (freedom - 2))
@@ -226,6 +227,37 @@ def test_tiles_of_several_seeds_come_together_whatever_the_order():
     assert (together.samples, together.replicates, together.region) == (8, 4, None)
 
 
+def test_what_was_merged_is_merged_again_to_the_same_but_for_rounding():
+    """Means are rounded to float32 once more, by at most 2^-24 of the largest that is weighed; so are errors."""
+    rng = np.random.default_rng(4)
+    shots = [
+        dataclasses.replace(made_up(rng, (0, 9, 0, 7)), seed=seed, replicates=replicates)
+        for seed, replicates in ((3, 2), (8, 2), (1, 4), (7, 8))
+    ]
+    at_once, again = merged(shots), merged([merged(shots[:2]), merged(shots[2:])])
+    assert at_once.seed == again.seed == (1, 3, 7, 8)
+    assert (again.samples, again.replicates) == (at_once.samples, at_once.replicates)
+    assert np.array_equal(again.sample_counts, at_once.sample_counts)
+    np.testing.assert_allclose(again.image, at_once.image, rtol=2**-22, atol=2**-23)
+    np.testing.assert_allclose(again.standard_error, at_once.standard_error, rtol=2**-22)
+
+
+@pytest.mark.parametrize("ending", ["exr", "zarr"])
+def test_seeds_are_kept_and_do_not_count_twice(tmp_path, ending):
+    if ending == "zarr":
+        pytest.importorskip("zarr", reason="the extra `zarr` installs it")
+    rng = np.random.default_rng(5)
+    shots = [dataclasses.replace(made_up(rng, (0, 2, 0, 3)), seed=seed) for seed in (5, 2**64 - 1, 0)]
+    merged(shots[:2]).save(tmp_path / f"a.{ending}")
+    both = pl.Exposure.load(tmp_path / f"a.{ending}")
+    assert both.seed == (5, 2**64 - 1) and merged([both, shots[2]]).seed == (0, 5, 2**64 - 1)
+    with pytest.raises(pl.errors.InvalidValueError, match="2 parts of rows 0:2, columns 0:3 have the seed 5"):
+        merged([both, shots[0]])
+    # Regions beside each other share no random numbers, whatever their seeds.
+    beside = dataclasses.replace(made_up(rng, (0, 2, 3, 4)), seed=5)
+    assert merged([both, beside]).seed == both.seed
+
+
 # ---- what is known of the whole ----
 
 
@@ -269,7 +301,10 @@ def test_statistics_are_those_of_all():
     [
         ([], "parts is empty"),
         ([3], "an item of parts is"),
-        ([alike(), alike((1, 3, 0, 4))], "rows 0:2, columns 0:4 and rows 1:3, columns 0:4; regions must be the same"),
+        (
+            [alike(), alike((1, 3, 0, 4))],
+            "part 0 (rows 0:2, columns 0:4) and part 1 (rows 1:3, columns 0:4) overlap; regions of parts must be",
+        ),
         ([alike(), alike((0, 2, 8, 9))], "parts of rows 0:2, columns 0:9 leave rows 0:2, columns 4:8 out"),
         (
             [alike(), alike((2, 4, 0, 2)), alike((0, 1, 4, 5))],

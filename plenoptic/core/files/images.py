@@ -10,16 +10,17 @@ from __future__ import annotations
 import json
 import os
 import threading
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.color.srgb import Encoding, srgb_to_linear
+from plenoptic.core.color.srgb import Encoding
 from plenoptic.core.files.atomic_file import check_room, explained, replaced, utf8_path
+from plenoptic.core.files.picture_channels import ImageHead, each_channel, made_linear, picture_names, picture_of
 from plenoptic.core.files.reading import DEFAULT, FileLimits, allowed_memory, check_file, check_memory, check_scans
 from plenoptic.core.values import AnyFloats, choice, whole
 from plenoptic.errors import FileError, InvalidValueError
@@ -93,10 +94,10 @@ def read_linear(
     pixels, names, *_ = content = _read(path, limits, max_pixels)
     if channel == ALPHA:
         return np.take(pixels, [names.index("A")], axis=2) if "A" in names else np.ones_like(pixels[:, :, :1])
-    image = _picture(pixels, names, path)
+    image = picture_of(pixels, names, path)
     if channel is not None and image.shape[2] > 1:
         image = np.ascontiguousarray(image[:, :, channel : channel + 1])
-    return _decoded(image, content) if encoding is Encoding.SRGB else image
+    return made_linear(image) if encoding is Encoding.SRGB and _is_encoded(content) else image
 
 
 def channel_number(channel: int | None) -> int | None:
@@ -142,7 +143,7 @@ def read_channels(
     (['Z'], 'mm')
     """
     pixels, names, metadata, _ = _read(path, limits)
-    return _channels(pixels, names), metadata
+    return each_channel(pixels, names), metadata
 
 
 def read_picture(
@@ -150,8 +151,15 @@ def read_picture(
 ) -> tuple[NDArray[np.float32], dict[str, NDArray[np.float32]], dict[str, Any]]:
     """What `read_linear` and `read_channels` return, of a file that is read once."""
     pixels, names, metadata, _ = content = _read(path, limits)
-    channels = _channels(pixels, names)
-    return _decoded(_picture(pixels, names, path), content), channels, metadata
+    channels, image = each_channel(pixels, names), picture_of(pixels, names, path)
+    return made_linear(image) if _is_encoded(content) else image, channels, metadata
+
+
+def read_head(path: str | os.PathLike[str]) -> ImageHead:
+    """What `read_picture` will find, but for the pixels; what is damaged among these is not seen."""
+    with _opened(path, DEFAULT) as (_, spec, metadata):
+        names = list(spec.channelnames)
+        return ImageHead((spec.height, spec.width), names, picture_names(names, path), metadata)
 
 
 def write_channels(
@@ -258,37 +266,29 @@ def bayer_to_rgb(mosaic: AnyFloats, *, layout: str, algorithm: str) -> NDArray[n
     return np.asarray(made.get_pixels(oiio.FLOAT), dtype=np.float32)
 
 
-def _channels(pixels: NDArray[np.float32], names: list[str]) -> dict[str, NDArray[np.float32]]:
-    """Each channel of an image by itself, so that it outlives the others."""
-    return {name: pixels[:, :, i].copy() for i, name in enumerate(names)}
-
-
-def _picture(pixels: NDArray[np.float32], names: list[str], path: str | os.PathLike[str]) -> NDArray[np.float32]:
-    """The (H, W, 3) or (H, W, 1) picture among the channels of a file: R, G, B, or Y, or the only one.
-
-    The pixels themselves where they are nothing else.
-    """
-    wanted = next((found for found in (["R", "G", "B"], ["Y"]) if set(found) <= set(names)), None)
-    if wanted is None:
-        wanted = [name for name in names if name != "A"]
-        if len(wanted) != 1:
-            raise FileError(
-                f"{os.fspath(path)!r} holds the channels {', '.join(names)}; a picture needs R, G, B, or Y, "
-                "or a single channel"
-            )
-    return pixels if names == wanted else np.take(pixels, [names.index(name) for name in wanted], axis=2)
-
-
-def _decoded(image: NDArray[np.float32], content: _Content) -> NDArray[np.float32]:
-    """The image, in place, linear where it was encoded."""
+def _is_encoded(content: _Content) -> bool:
+    """Whether whole numbers are sRGB: where the file does not say that they are linear."""
     _, _, metadata, is_integer = content
-    if is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower():
-        for rows in np.array_split(image, max(1, image.size >> 20)):  # what is made on the way stays small
-            rows[...] = srgb_to_linear(rows)
-    return image
+    return is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower()
 
 
 def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | None = None) -> _Content:
+    import OpenImageIO as oiio
+
+    with _opened(path, limits, max_pixels) as (source, spec, metadata):
+        pixels = source.read_image(oiio.FLOAT)
+        trouble = _reason(source)
+    if pixels is None:
+        raise FileError(f"{os.fspath(path)!r} is damaged: {trouble}; restore it from its origin")
+    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+    return pixels, list(spec.channelnames), metadata, str(spec.format) not in ("half", "float", "double")
+
+
+@contextmanager
+def _opened(
+    path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | None = None
+) -> Iterator[tuple[Any, Any, dict[str, Any]]]:
+    """A file whose pixels can be read, what it says they are, and its metadata."""
     import OpenImageIO as oiio
 
     name = str(utf8_path(path))
@@ -320,20 +320,19 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
             )
         # It is read as float32, and each channel is copied.
         check_memory(8 * max(spec.image_pixels(), spec.tile_pixels()) * spec.nchannels, repr(name), size, limits)
-        pixels = source.read_image(oiio.FLOAT)
-        trouble = _reason(source)
-        metadata: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
+        yield source, spec, _metadata(spec)
     except UnicodeDecodeError as error:
         raise FileError(f"{name!r} is damaged: it holds a text that is none; restore it from its origin") from error
     finally:
         source.close()
-    if pixels is None:
-        raise FileError(f"{name!r} is damaged: {trouble}; restore it from its origin")
-    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+
+
+def _metadata(spec: Any) -> dict[str, Any]:
+    found: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
     with suppress(ValueError, RecursionError):  # any other description stays a plain text
-        described = json.loads(metadata.get("ImageDescription", ""))
-        metadata |= described if isinstance(described, dict) else {}
-    return pixels, list(spec.channelnames), metadata, str(spec.format) not in ("half", "float", "double")
+        described = json.loads(found.get("ImageDescription", ""))
+        found |= described if isinstance(described, dict) else {}
+    return found
 
 
 def _writable(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:

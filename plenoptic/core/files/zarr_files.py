@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -135,6 +135,14 @@ class Store:
             for name in self._arrays:
                 if (folder := self.path / name / "c" / str(frame)).is_dir():
                     sync_files(folder)
+
+    def finish(self, names: Collection[str], attributes: Mapping[str, Any]) -> None:
+        """Note further attributes, and keep only those arrays of pixels that are named; nobody else may write then."""
+        with understood(self.path, "written"):
+            for name in sorted({*self._arrays} - {*names}):
+                del self._group[name], self._arrays[name]
+            self._group.attrs.update(attributes)
+            _note_all(self._group)
 
     def put(self, region: Region, arrays: Mapping[str, ArrayLike], *, frame: int | None = None) -> None:
         """Write the pixels of a region, of all arrays or of some, into chunks that nobody else writes.

@@ -25,7 +25,8 @@ METADATA = "zarr.json"
 """The file by which a folder is known as a store, and which holds its attributes."""
 _CODECS = {"bytes", "transpose", "blosc", "zstd", "gzip", "crc32c"}
 """What arrays that are read may be packed with: what the format itself describes."""
-_ANY_SIZE = FileLimits(file_size=1 << 62)
+ANY_SIZE = FileLimits(file_size=1 << 62)
+"""For stores of which a part is read."""
 _AT_ONCE = 10
 """Chunks that zarr reads at a time."""
 
@@ -45,7 +46,7 @@ def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any] | None:
 def described(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
     """Of each array of pixels what it is in one line, by their names, and the bytes of the whole on the disk."""
     folder = file_path(path)
-    size, lines = _size(folder, _ANY_SIZE), {}
+    size, lines = _size(folder, ANY_SIZE), {}
     for name, array in _opened(folder).items():
         if array.ndim > 1:  # others are coordinates
             sides = ", ".join(f"{side} {n}" for side, n in zip(dimensions_of(array), array.shape, strict=True))
@@ -54,10 +55,24 @@ def described(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
     return lines, size
 
 
+def array_shapes(path: str | os.PathLike[str], names: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
+    """The shapes of those of the named arrays that a store has; no pixel is read."""
+    found = _opened(file_path(path))
+    return {name: tuple(found[name].shape) for name in names if name in found}
+
+
 def read_arrays(
-    path: str | os.PathLike[str], names: tuple[str, ...], limits: FileLimits = DEFAULT, *, frame: int | None = None
+    path: str | os.PathLike[str],
+    names: tuple[str, ...],
+    limits: FileLimits = DEFAULT,
+    *,
+    frame: int | None = None,
+    rows: slice = slice(None),
 ) -> dict[str, NDArray[Any]]:
-    """Those of the named arrays that a store has, whole or of a frame; a FileError where they cannot be read."""
+    """Those of the named arrays that a store has, whole, of a frame, or some rows of what is no sequence.
+
+    A FileError where they cannot be read.
+    """
     folder = file_path(path)
     found = {name: array for name, array in _opened(folder).items() if name in names}
     parts = [folder] if frame is None else [folder / name / "c" / str(frame) for name in found]
@@ -68,10 +83,11 @@ def read_arrays(
             used = {codec["name"] for codec in array.metadata.to_dict()["codecs"]}
             if not used <= _CODECS or array.dtype.kind not in "biuf":
                 raise FileError(f"{str(folder / name)!r} is packed by {', '.join(sorted(used))}; that is not read here")
-            chunk = math.prod(array.chunks) * array.dtype.itemsize
-            wanted += array.nbytes // (1 if frame is None else max(array.shape[0], 1)) + chunk * _AT_ONCE
+            first = len(range(*rows.indices(array.shape[0]))) if frame is None else 1
+            numbers = first * math.prod(array.shape[1:]) + math.prod(array.chunks) * _AT_ONCE
+            wanted += numbers * array.dtype.itemsize
         check_memory(2 * wanted, repr(str(folder)), size, limits)  # an exposure copies what it is given
-        return {name: np.asarray(array[... if frame is None else frame]) for name, array in found.items()}
+        return {name: np.asarray(array[rows if frame is None else frame]) for name, array in found.items()}
 
 
 def _opened(folder: Path) -> dict[str, Any]:

@@ -20,7 +20,8 @@ from plenoptic.core.relative_error import (
 from plenoptic.core.values import Floats
 from plenoptic.rendering.film import Film, Moments, replicate_counts, spread
 from plenoptic.rendering.schedule.budget import MAX_SAMPLES, Budget
-from plenoptic.rendering.tile import NAMED, Tile, TileResult
+from plenoptic.rendering.stats import NAMED
+from plenoptic.rendering.tile import Tile, TileResult
 
 
 class FilmRegion(NamedTuple):

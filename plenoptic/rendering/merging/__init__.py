@@ -1,0 +1,1 @@
+"""Parts become one exposure: in memory, or row by row in a store."""

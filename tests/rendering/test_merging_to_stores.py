@@ -1,0 +1,284 @@
+"""`merge_to_store`: every byte of the store of `Exposure.merged`, with a band of it in memory."""
+
+import dataclasses
+import itertools
+import json
+import tracemalloc
+import weakref
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.rendering import RenderStats
+from plenoptic.rendering.exposure_files import head_of_image
+from plenoptic.rendering.heads import head_of, pixels_of
+from plenoptic.rendering.merging.merge import merge_to_store, merged_parts
+from plenoptic.rendering.merging.parts import FilePart, HeldPart, StorePart
+from plenoptic.rendering.stores import head_of_store
+
+pytest.importorskip("zarr", reason="the extra `zarr` installs it")
+
+CAMERA = pl.PlenopticCamera(
+    pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor(shape=(29, 43), pixel_pitch=0.01), stop_to_microlenses=123.3
+)
+ROWS, COLUMNS = 1100, 24
+"""Three bands."""
+REGION = (200, 200 + ROWS, 8, 8 + COLUMNS)
+
+
+def made_up(rng, seed, *, region=REGION, **changes):
+    """An exposure of random numbers that EXR files hold too, with all that there may be."""
+    shape = region[1] - region[0], region[3] - region[2]
+    fields = {
+        "standard_error": rng.random((*shape, 3)),
+        "truth": pl.GroundTruth(
+            depth=rng.random(shape, dtype=np.float32),
+            normal=rng.random((*shape, 3), dtype=np.float32),
+            object=rng.integers(-1, 9, shape),
+        ),
+        "samples": 8,
+        "replicates": 2,
+        "seed": seed,
+        "region": region,
+        "sample_counts": rng.integers(0, 9, shape),
+        "camera": dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(1400, 40), pixel_pitch=0.01)),
+        "settings": pl.rendering.RenderSettings(),
+        "stats": RenderStats(1.0 + seed, 2.0, 90, 80, (("clipped", 0, 10),), clamped=0.1 * seed),
+        "white": False,
+        "object_names": ("a", ""),
+    }
+    return pl.Exposure(rng.random((*shape, 3)), **{**fields, **changes})
+
+
+def part_of(whole, region):
+    """What of an exposure lies in a region."""
+    first_row, _, first_column, _ = head_of(whole).place
+    at = np.s_[region[0] - first_row : region[1] - first_row, region[2] - first_column : region[3] - first_column]
+    changes = {name: getattr(whole, name)[at] for name in ("image", "standard_error", "sample_counts")}
+    truth = {name: array[at] for name, array in whole.truth.arrays().items()}
+    return dataclasses.replace(whole, region=region, truth=pl.GroundTruth(**truth), **changes)
+
+
+def cuts_of(rng, n):
+    """The region, cut n times along rows, and each piece once or not along columns."""
+    rows = [200, *np.sort(rng.choice(np.arange(201, 200 + ROWS), n, replace=False)).tolist(), 200 + ROWS]
+    for row, end_row in itertools.pairwise(rows):
+        column = int(rng.integers(8, 8 + COLUMNS))
+        for first, end in ((8, column), (column, 8 + COLUMNS)):
+            if first < end:
+                yield row, end_row, first, end
+
+
+def content(path):
+    """Every byte of a store; metadata without their order."""
+    files = {file.relative_to(path).as_posix(): file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    return {name: json.loads(held) if name.endswith(".json") else held for name, held in files.items()}
+
+
+def saved(shot, folder, ending):
+    """An exposure as a part: in memory, in a store, or in an EXR file."""
+    path = folder / f"{len(list(folder.iterdir()))}{ending or ''}"
+    if ending is None:
+        return HeldPart(path.name, shot)
+    shot.save(path)
+    if ending == ".zarr":
+        return StorePart(path)
+    return FilePart(path.name, head_of_image(path), lambda: pl.Exposure.load(path))
+
+
+# ---- the bits of what is merged in memory ----
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_store_has_every_byte_of_what_is_merged_in_memory(seed, tmp_path):
+    """Regions beside each other, with one to three replicates on each, in memory, in stores and in EXR files."""
+    rng = np.random.default_rng(seed)
+    shots = [made_up(rng, number) for number in range(3)]
+    parts = [
+        part_of(shot, region) for region in cuts_of(rng, 1 + 2 * seed) for shot in shots[: int(rng.integers(1, 4))]
+    ]
+    parts = [parts[k] for k in rng.permutation(len(parts))]
+    (tmp_path / "parts").mkdir()
+    together = pl.Exposure.merged(parts)
+    given = [saved(part, tmp_path / "parts", (None, ".zarr", ".exr")[int(rng.integers(3))]) for part in parts]
+    head = merge_to_store(given, tmp_path / "streamed.zarr")
+    together.save(tmp_path / "held.zarr")
+    assert content(tmp_path / "streamed.zarr") == content(tmp_path / "held.zarr")
+    assert pl.Exposure.load(tmp_path / "streamed.zarr") == together and head == head_of(together)
+    assert merged_parts(given) == together
+
+
+@pytest.mark.parametrize("replicates", [1, 2])
+def test_tiles_and_seeds_that_were_rendered_have_the_bits_too(replicates, tmp_path):
+    given = {"samples": 4, "replicates": replicates, "truth": pl.Truth.DEPTH, "progress": False}
+    parts = [
+        pl.render(pl.check_scene(), CAMERA, seed=seed, region=region, **given)
+        for region in CAMERA.tiles(2, 2)
+        for seed in (0, 1)
+    ]
+    merge_to_store([HeldPart(str(k), part) for k, part in enumerate(parts)], tmp_path / "a.zarr")
+    together = pl.Exposure.merged(parts)
+    assert pl.Exposure.load(tmp_path / "a.zarr") == together and together.region is None
+    assert together.standard_error is not None
+
+
+def test_counts_that_come_to_the_same_are_not_kept(tmp_path):
+    rng = np.random.default_rng(1)
+    one = made_up(rng, 0)
+    two = dataclasses.replace(made_up(rng, 1), sample_counts=8 - one.sample_counts)
+    head = merge_to_store([HeldPart("a", one), HeldPart("b", two)], tmp_path / "a.zarr")
+    again = pl.Exposure.load(tmp_path / "a.zarr")
+    assert (again.samples, again.sample_counts) == (8, None) and "sample_counts" not in head.arrays
+    assert not (tmp_path / "a.zarr" / "sample_counts").exists()
+    pl.Exposure.merged([one, two]).save(tmp_path / "b.zarr")
+    assert content(tmp_path / "a.zarr") == content(tmp_path / "b.zarr")
+
+
+def test_what_one_part_lacks_the_store_lacks(tmp_path):
+    rng = np.random.default_rng(2)
+    top, bottom = (200, 600, *REGION[2:]), (600, *REGION[1:])
+    bare = dataclasses.replace(
+        part_of(made_up(rng, 0), bottom), standard_error=None, truth=None, sample_counts=None, stats=None
+    )
+    parts = [part_of(made_up(rng, 0), top), bare]
+    merge_to_store([HeldPart("a", parts[0]), HeldPart("b", parts[1])], tmp_path / "a.zarr")
+    again = pl.Exposure.load(tmp_path / "a.zarr")
+    assert again == pl.Exposure.merged(parts)
+    assert again.standard_error is None and again.truth is None and again.stats is None
+
+
+def test_heads_are_those_of_what_is_loaded(tmp_path):
+    rng = np.random.default_rng(3)
+    full = made_up(rng, 4)
+    for shot in (
+        full,
+        dataclasses.replace(full, seed=(3, 9), sample_counts=None, truth=None),
+        pl.Exposure(rng.random((3, 4, 1)), samples=4),
+    ):
+        shot.save(tmp_path / "a.exr")
+        shot.save(tmp_path / "a.zarr")
+        assert head_of_image(tmp_path / "a.exr") == head_of(pl.Exposure.load(tmp_path / "a.exr"))
+        assert head_of_store(tmp_path / "a.zarr") == head_of(pl.Exposure.load(tmp_path / "a.zarr")) == head_of(shot)
+
+
+# ---- memory ----
+
+
+def peak_of(rows, folder):
+    """Bytes that are taken at most while two seeds of so many rows are merged, in two stores each."""
+    rng, parts = np.random.default_rng(4), []
+    for seed, first in ((0, 0), (0, rows // 2), (1, 0), (1, rows // 2)):
+        region = (first, first + rows // 2, 0, 128)
+        shot = made_up(rng, seed, region=region, camera=None, truth=None, stats=None)
+        parts.append(saved(shot, folder, ".zarr"))
+    del shot
+    tracemalloc.start()
+    try:
+        merge_to_store(parts, folder / "whole.zarr")
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_memory_does_not_grow_with_rows(tmp_path):
+    """2048 more rows are 7.3 MB of image, error and counts; chunks in flight, of 0.8 MB at most, vary by a few."""
+    for name in ("low", "high"):
+        (tmp_path / name).mkdir()
+    peak_of(1024, tmp_path / "low")  # what is imported on the way
+    low, high = peak_of(2048, tmp_path / "low"), peak_of(4096, tmp_path / "high")
+    assert high < low + 2.5e6
+
+
+def test_files_are_let_go_of_once_the_band_is_below_them(tmp_path):
+    rng = np.random.default_rng(5)
+    whole, alive, most = made_up(rng, 0, stats=None), weakref.WeakValueDictionary(), []
+    parts = []
+    for first in range(0, ROWS, 100):
+        shot = part_of(whole, (200 + first, 300 + first, *REGION[2:]))
+
+        def load(shot=shot, first=first):
+            loaded = dataclasses.replace(shot, image=shot.image + 0)
+            most.append(len(alive))
+            alive[first] = loaded.image.base if loaded.image.base is not None else loaded.image
+            return loaded
+
+        parts.append(FilePart(str(first), head_of(shot), load))
+    merge_to_store(parts, tmp_path / "a.zarr")
+    assert pl.Exposure.load(tmp_path / "a.zarr") == pl.Exposure.merged([whole])
+    # Bands end at rows 512 and 1024, within files that are kept for the next band.
+    assert len(most) == len(parts) and max(most) <= 1 and len(alive) == 0
+
+
+def test_of_a_store_only_the_chunks_of_the_rows_are_read(tmp_path):
+    whole = made_up(np.random.default_rng(8), 0)
+    part = saved(whole, tmp_path, ".zarr")
+    for chunk in (tmp_path / "0.zarr").glob("*/c/2/**/*"):  # those of rows from 1024 on
+        if chunk.is_file():
+            chunk.write_bytes(chunk.read_bytes()[:-1] + b"?")
+    found = part.rows(500, 1024)
+    for name, array in pixels_of(whole).items():
+        assert np.array_equal(found[name], array[500:1024])
+    with pytest.raises(pl.errors.FileError, match="should it be damaged"):
+        part.rows(1000, 1025)
+
+
+# ---- whole or not at all ----
+
+
+def test_a_merge_that_fails_leaves_what_was_there(tmp_path):
+    rng = np.random.default_rng(6)
+    whole = made_up(rng, 0)
+    before = pl.Exposure(np.ones((2, 3, 1)))
+    before.save(tmp_path / "a.zarr")
+    top, bottom = (part_of(whole, (*rows, *REGION[2:])) for rows in ((200, 900), (900, 1300)))
+
+    def interrupted():
+        raise KeyboardInterrupt
+
+    for load, error in (
+        (interrupted, KeyboardInterrupt),
+        (lambda: dataclasses.replace(bottom, seed=1), pl.errors.FileError),
+    ):
+        with pytest.raises(error, match="b.exr has been changed while" if error is pl.errors.FileError else None):
+            merge_to_store([HeldPart("a", top), FilePart("b.exr", head_of(bottom), load)], tmp_path / "a.zarr")
+        assert pl.Exposure.load(tmp_path / "a.zarr") == before
+        assert [entry.name for entry in tmp_path.iterdir()] == ["a.zarr"]
+
+
+def test_what_does_not_fit_is_refused_before_any_pixel_is_read(tmp_path):
+    rng = np.random.default_rng(7)
+    whole = made_up(rng, 0)
+
+    def never():
+        raise AssertionError("read")
+
+    def heads(*regions, names="abc", **changes):
+        shots = [dataclasses.replace(part_of(whole, region), **changes) for region in regions]
+        return [FilePart(f"{name}.exr", head_of(shot), never) for name, shot in zip(names, shots, strict=False)]
+
+    top, below, across = (200, 300, 8, 32), (300, 400, 8, 32), (250, 350, 8, 32)
+    for parts, said in (
+        (heads(top, across), r"a.exr \(rows 200:300, columns 8:32\) and b.exr \(rows 250:350, columns 8:32\) overlap"),
+        (heads(top, (310, 400, 8, 32)), "leave rows 300:310, columns 8:32 out"),
+        (heads(top, below, top), "2 parts of rows 200:300, columns 8:32 have the seed 0"),
+        (heads(top, top, seed=None), "one does not know its seed"),
+        (heads(top, samples=None), "a.exr does not know its samples"),
+        (heads(top) + heads(below, names="b", white=True), "b.exr has another subject than a.exr"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=said) as raised:
+            merge_to_store(parts, tmp_path / "a.zarr")
+        assert "\n" not in str(raised.value) and not (tmp_path / "a.zarr").exists()
+
+
+def test_a_store_whose_facts_cannot_be_is_refused(tmp_path):
+    path = tmp_path / "a.zarr"
+    pl.Exposure(np.ones((2, 3, 1)), samples=4).save(path)
+    described = (path / "zarr.json").read_text()
+    (path / "zarr.json").write_text(described.replace('"plenoptic:samples": "4"', '"plenoptic:samples": "-4"'))
+    with pytest.raises(pl.errors.FileError, match="holds no possible exposure: samples is -4"):
+        StorePart(path)
+    (path / "zarr.json").write_text(described)
+    (path / "image" / "zarr.json").unlink()
+    with pytest.raises(pl.errors.FileError, match="image has shape"):
+        StorePart(path)
