@@ -219,6 +219,8 @@ def made_up(**changed):
         "direction_error": 0.0,
         "direction_ratio": None,
         "snell_ratio": None,
+        "path_error": 1e-9,
+        "path_ratio": 0.001,
         "returned": [("OK", 2), ("MISSED", 1)],
         "wrong": 0,
         "seconds": 0.1,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -50,15 +51,21 @@ def traced_by(record: LensRecord, rays: RayBundle, *, threads: int | None = None
     """Trace a bundle through what a record describes."""
     from plenoptic.optics.lens.kernels.trace import fill_traced_rows
 
+    def fill(out: RayArrays, given: RayArrays, first: int, end: int) -> None:
+        fill_traced_rows(out, given, record, first, end)
+
+    return in_chunks(fill, rays, threads=threads)
+
+
+def in_chunks(
+    fill: Callable[[RayArrays, RayArrays, int, int], None], rays: RayBundle, *, threads: int | None = None
+) -> RayBundle:
+    """The bundle that `fill` makes of a bundle, when it is called for all chunks: what it fills, takes, and where."""
     n = len(rays)
     given = RayArrays(rays.origin.reshape(-1), rays.direction.reshape(-1), rays.weight, rays.status, rays.lost_at)
     out = RayArrays(np.empty(3 * n), np.empty(3 * n), np.empty(n), np.empty(n, np.uint8), np.empty(n, np.int16))
-
-    def trace_chunk(start: int) -> None:
-        fill_traced_rows(out, given, record, start, min(start + CHUNK, n))
-
     workers = min(thread_count(threads), -(-n // CHUNK))
-    for _ in run_in_order(trace_chunk, range(0, n, CHUNK), threads=workers):
+    for _ in run_in_order(lambda k: fill(out, given, k, min(k + CHUNK, n)), range(0, n, CHUNK), threads=workers):
         pass
     origin, direction = out.origin.reshape(n, 3), out.direction.reshape(n, 3)
     return RayBundle._made(origin, direction, rays.wavelength, out.weight, out.status, out.lost_at)

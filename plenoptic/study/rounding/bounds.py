@@ -31,6 +31,9 @@ NOTHING = 1e-30
 LENS_POSITION, LENS_DIRECTION = 1e-13, 3e-15
 """Bounds through a whole photographic lens, mm and 1."""
 
+LEAST_PATH = 1e-6
+"""Waves: smaller errors of an optical path are none."""
+
 
 class Law(enum.IntEnum):
     """What a ray is held to."""
@@ -54,6 +57,8 @@ class Bounds(NamedTuple):
     """Length of the difference of unit vectors."""
     snell: float
     """The same against Snell's law with the normal of the very point that was found."""
+    path: float
+    """Of the optical path, mm."""
 
 
 def bounds_of(ray: ExactRay, surfaces: list[Surface]) -> Bounds:
@@ -68,13 +73,18 @@ def bounds_of(ray: ExactRay, surfaces: list[Surface]) -> Bounds:
     turns along, and its bound grows by as much; `Bounds.snell` does not know of it. Over several surfaces, an error of
     direction is an error of position at the next one, and the other way round, to first order.
 
+    By Fermat's principle, points that are off along their surfaces do not change the optical path to first order. What
+    changes it is how far off the surface they are, 4 eps of what the position is rounded against, how far along the
+    ray the last one is, and rounding of the distances themselves.
+
     The ray must not end in a total reflection; `surfaces` are those of its crossings.
     """
-    position = direction = snell = 0.0
+    position = direction = snell = path = 0.0
     for crossing, surface in zip(ray.crossings, surfaces, strict=True):
         cos_i, cos_t = float(crossing.cos_i), math.sqrt(float(crossing.cos2_t))
         mu, distance = float(crossing.mu), min(float(crossing.distance), 1e300)
         size, slope_size = _sizes(crossing, surface)
+        path += 4 * EPS * crossing.ahead * (size + distance)
         own = NOTHING + 4 * EPS * size / cos_i * (GRAZING_FACTOR if cos_i < GRAZING else 1.0)
         position = own + (position + distance * direction) / cos_i if direction else own
         bend = abs(cos_t - mu * cos_i)
@@ -83,7 +93,10 @@ def bounds_of(ray: ExactRay, surfaces: list[Surface]) -> Bounds:
         turn = turn if turn > NOTICED * EPS or direction else 0.0
         given = mu * direction + bend * turn + bend * mu / max(cos_t, 1e-300) * (direction + turn)
         direction = snell + given
-    return Bounds(position, direction, snell)
+    if ray.crossings:
+        last = ray.crossings[-1]
+        path += last.ahead / float(last.mu) * position
+    return Bounds(position, direction, snell, path)
 
 
 def _sizes(crossing: Crossing, surface: Surface) -> tuple[float, float]:
@@ -115,19 +128,29 @@ class Found(NamedTuple):
     direction: float | None = None
     direction_ratio: float | None = None
     snell_ratio: float | None = None
+    path: float | None = None
+    """Waves."""
+    path_ratio: float | None = None
 
 
 def compared(
-    traced: RayBundle, i: int, exact: ExactRay, lens: LensStack, surfaces: list[Surface], law: Law, s: int
+    traced: tuple[RayBundle, Floats],
+    i: int,
+    exact: ExactRay,
+    lens: LensStack,
+    surfaces: list[Surface],
+    law: Law,
+    s: int,
 ) -> Found:
-    """Ray i of a traced bundle beside the exact one, and both beside what rounding may do.
+    """Ray i of a traced bundle, with its paths, beside the exact one, and both beside what rounding may do.
 
     `surfaces` are those traced through, in the order of travel; s is 1 towards the sensor, -1 towards the scene.
     """
-    status = RayStatus(int(traced.status[i]))
-    numbers = np.concatenate([traced.origin[i], traced.direction[i]])
+    rays, path = traced[0], float(traced[1][i])
+    status = RayStatus(int(rays.status[i]))
+    numbers = np.concatenate([rays.origin[i], rays.direction[i]])
     if status != RayStatus.OK:
-        void = bool(np.isnan(numbers).all()) and traced.weight[i] == 0
+        void = bool(np.isnan(numbers).all() and np.isnan(path)) and rays.weight[i] == 0
         return Found(void and _may_be_lost(exact, status, law))
     if not np.isfinite(numbers).all():
         return Found(False)
@@ -135,7 +158,12 @@ def compared(
         return _touching(numbers, exact, surfaces[0], lens)
     if exact.status != RayStatus.OK:
         return Found(exact.status == RayStatus.TOTAL_REFLECTION and _is_critical(exact.crossings[-1]))
-    return _measured(numbers, exact, surfaces, law, s)
+    found = _measured(numbers, exact, surfaces, law, s)
+    wave = 1e-6 * rays.wavelength
+    off = abs(float(path - exact.path))
+    return found._replace(
+        path=off / wave, path_ratio=_ratio(off, max(bounds_of(exact, surfaces).path, LEAST_PATH * wave))
+    )
 
 
 def _is_critical(crossing: Crossing) -> bool:
@@ -157,7 +185,7 @@ def _measured(numbers: Floats, exact: ExactRay, surfaces: list[Surface], law: La
     point, direction = exact_vector(mp, numbers[:3]), exact_vector(mp, numbers[3:])
     last, bounds = exact.crossings[-1], bounds_of(exact, surfaces)
     if law == Law.LENS:
-        bounds = Bounds(LENS_POSITION, LENS_DIRECTION, math.inf)
+        bounds = bounds._replace(position=LENS_POSITION, direction=LENS_DIRECTION, snell=math.inf)
     off, turned = _distance(point, exact.origin), _distance(direction, exact.direction)
     snell = None
     if law == Law.SURFACES and len(surfaces) == 1 and last.vertex == 0:

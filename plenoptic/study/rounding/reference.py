@@ -62,6 +62,8 @@ class Crossing(NamedTuple):
     """From where the ray was before, in mm."""
     incident: Vector
     """Direction of travel before the surface."""
+    ahead: float
+    """Index before the surface."""
     mu: Number
     """Index before over index behind."""
     cos_i: Number
@@ -84,6 +86,12 @@ class ExactRay(NamedTuple):
     """One for each surface met, including that of a total reflection."""
     given: tuple[Vector, Vector]
     """Its origin and its direction, of unit length, before the first element."""
+    path: Number
+    """Optical path from there to the last point met, mm; negative where that lies behind the origin."""
+
+
+_Station = tuple[Surface | CircularStop, float, float, Number]
+"""An element, its vertex, the index before it, and that over the one behind."""
 
 
 def exact_rays(
@@ -109,7 +117,7 @@ def exact_rays(
     s = -1 if reverse else 1
     with mp.workdps(digits):
         stations = [
-            (part, float(lens.vertices[i]), mp.mpf(float(index[a])) / mp.mpf(float(index[b])))
+            (part, float(lens.vertices[i]), float(index[a]), mp.mpf(float(index[a])) / mp.mpf(float(index[b])))
             for part, i, (a, b) in zip(parts, order, ratios, strict=True)
         ]
         return [_exact_ray(mp, stations, p, d, s) for p, d in zip(rays.origin, rays.direction, strict=True)]
@@ -125,35 +133,35 @@ def _checked(element: Element, number: int) -> Surface | CircularStop:
     return element
 
 
-def _exact_ray(
-    mp: Any, stations: list[tuple[Surface | CircularStop, float, Number]], origin: Floats, direction: Floats, s: int
-) -> ExactRay:
+def _exact_ray(mp: Any, stations: list[_Station], origin: Floats, direction: Floats, s: int) -> ExactRay:
     p, d = exact_vector(mp, origin), exact_vector(mp, direction)
     length = mp.sqrt(dot(d, d))
     d = [x / length for x in d]
     given = (p, d)
     crossings: list[Crossing] = []
-    for element, vertex, mu in stations:
+    path = mp.mpf(0)
+    for element, vertex, index, mu in stations:
         local = [p[0], p[1], p[2] - vertex]
         distance = _intersect(mp, element, local, d, s)
         if distance is None:
             lost = RayStatus.CLIPPED if isinstance(element, Surface) and element.aspheric else RayStatus.MISSED
-            return ExactRay(lost, p, d, tuple(crossings), given)
+            return ExactRay(lost, p, d, tuple(crossings), given, path)
+        path += index * distance
         hit = along_ray(local, d, distance)
         p = [hit[0], hit[1], hit[2] + vertex]
         if not _is_clear(element, hit):
-            return ExactRay(RayStatus.CLIPPED, p, d, tuple(crossings), given)
+            return ExactRay(RayStatus.CLIPPED, p, d, tuple(crossings), given, path)
         if isinstance(element, CircularStop):
             continue
         normal, curvature = normal_at(mp, element, hit)
         cos_i = s * dot(normal, d)
         cos2_t = 1 - mu * mu * (1 - cos_i * cos_i)
-        crossings.append(Crossing(hit, vertex, abs(distance), d, mu, cos_i, cos2_t, curvature))
+        crossings.append(Crossing(hit, vertex, abs(distance), d, index, mu, cos_i, cos2_t, curvature))
         onwards = refracted(mp, d, normal, mu, s)
         if onwards is None:
-            return ExactRay(RayStatus.TOTAL_REFLECTION, p, d, tuple(crossings), given)
+            return ExactRay(RayStatus.TOTAL_REFLECTION, p, d, tuple(crossings), given, path)
         d = onwards
-    return ExactRay(RayStatus.OK, p, d, tuple(crossings), given)
+    return ExactRay(RayStatus.OK, p, d, tuple(crossings), given, path)
 
 
 def _is_clear(element: Surface | CircularStop, hit: Vector) -> bool:

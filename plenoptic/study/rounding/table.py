@@ -11,7 +11,7 @@ import numpy as np
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import seed_number, set_field, value, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.optical_path import paths_of_part
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.study.interruption import until_interrupted, with_note
 from plenoptic.study.rounding.bounds import Found, compared
@@ -26,7 +26,8 @@ THOROUGH = 1000
 """Rays of a case, unless told otherwise."""
 
 _COLUMNS = (
-    *("case", "rays", "position, mm", "ulps", "/ bound", "direction", "/ bound", "Snell / bound"),
+    *("case", "rays", "position, mm", "ulps", "/ bound", "direction", "/ bound"),
+    *("Snell / bound", "path, waves", "/ bound"),
     *("returned", "wrong", "s"),
 )
 
@@ -50,6 +51,10 @@ class StabilityRow:
     direction_ratio : float or None
     snell_ratio : float or None
         The error of the direction against Snell's law at the point found, over 4 eps (1 + mu^2) / cos t.
+    path_error : float or None
+        Of the optical path, in waves.
+    path_ratio : float or None
+        The same over its bound, which is 1e-6 waves at least.
     returned : sequence of (str, int)
         Names of statuses, and how many rays have them.
     wrong : int
@@ -66,6 +71,8 @@ class StabilityRow:
     direction_error: float | None
     direction_ratio: float | None
     snell_ratio: float | None
+    path_error: float | None
+    path_ratio: float | None
     returned: Sequence[tuple[str, int]]
     wrong: int
     seconds: float
@@ -76,7 +83,7 @@ class StabilityRow:
     @property
     def holds(self) -> bool:
         """Whether every ray is within its bounds and has a status that it may have."""
-        ratios = (self.position_ratio, self.direction_ratio, self.snell_ratio)
+        ratios = (self.position_ratio, self.direction_ratio, self.snell_ratio, self.path_ratio)
         return self.wrong == 0 and all(ratio is None or ratio <= 1 for ratio in ratios)
 
     @property
@@ -92,6 +99,8 @@ class StabilityRow:
             _size(self.direction_error),
             _share(self.direction_ratio),
             _share(self.snell_ratio),
+            _size(self.path_error),
+            _share(self.path_ratio),
             returned,
             str(self.wrong),
             f"{self.seconds:.1f}",
@@ -158,6 +167,8 @@ def stability_row(case: StabilityCase, *, rays: int, seed: int = 0) -> Stability
         largest("direction"),
         largest("direction_ratio"),
         largest("snell_ratio"),
+        largest("path"),
+        largest("path_ratio"),
         returned,
         sum(not ray.right for ray in found),
         time.perf_counter() - begin,
@@ -166,7 +177,7 @@ def stability_row(case: StabilityCase, *, rays: int, seed: int = 0) -> Stability
 
 def _found(case: StabilityCase, setup: Setup) -> tuple[list[Found], list[tuple[str, int]]]:
     lens, rays, first, last, reverse = setup
-    traced = traced_part(lens, rays, first, last, reverse=reverse)
+    traced = paths_of_part(lens, rays, first, last, reverse=reverse)
     finite = np.flatnonzero(rays.status == RayStatus.OK)
     parts = lens.elements[first : last + 1][:: -1 if reverse else 1]
     surfaces = [part for part in parts if isinstance(part, Surface)]
@@ -178,8 +189,8 @@ def _found(case: StabilityCase, setup: Setup) -> tuple[list[Found], list[tuple[s
         ]
     # What is not finite from the start is lost from the start.
     void = np.flatnonzero(rays.status != RayStatus.OK)
-    found += [Found(bool(traced.status[i] == rays.status[i] and np.isnan(traced.origin[i]).all())) for i in void]
-    counts = Counter(RayStatus(int(status)).name for status in traced.status)
+    found += [Found(bool(traced[0].status[i] == rays.status[i] and np.isnan(traced[0].origin[i]).all())) for i in void]
+    counts = Counter(RayStatus(int(status)).name for status in traced[0].status)
     return found, sorted(counts.items(), key=lambda item: RayStatus[item[0]])
 
 

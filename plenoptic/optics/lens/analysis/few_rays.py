@@ -47,7 +47,7 @@ def few_reverse_rays(
         record = lens_record(lens, wavelength, reverse=True, first=i, last=i, clipping=clipping)
         going = status == 0
         with np.errstate(all="ignore"):  # lost rays are numbers without meaning
-            trace(rays.reshape(-1), record._replace(rows=record.rows.view(np.recarray)), None, 0, None, None)
+            trace(rays.reshape(-1), record._replace(rows=record.rows.view(np.recarray)), None, 0, None, None, None)
         met = going & ((status == 0) | (status % CAUSES == CLIPPED))
         points.append(np.where(met[:, None], rays[:3].T, np.nan))
     return np.stack(points, axis=1), np.where(status[:, None] == 0, rays[3:6].T, np.nan)

@@ -17,4 +17,4 @@ def fill_conditions(blocks, log, lens, waves):
     """
     index_ratios = None if waves is None else np.empty(BLOCK)
     for b in range(blocks.size // RAY):
-        trace_block(blocks[b * RAY : (b + 1) * RAY], lens, waves, b * BLOCK, index_ratios, log[b])
+        trace_block(blocks[b * RAY : (b + 1) * RAY], lens, waves, b * BLOCK, index_ratios, log[b], None)

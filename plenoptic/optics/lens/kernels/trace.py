@@ -21,6 +21,7 @@ from plenoptic.optics.lens.kernels.notes import (
     note_conic,
     note_plane,
 )
+from plenoptic.optics.lens.kernels.paths import add_path, begin_path, keep_start
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.lens.kernels.stops import clip_circle, clip_shape
 from plenoptic.optics.lens.record import MOVED
@@ -71,12 +72,15 @@ def _note(log, arrival, ray, lens, k, index_ratios):
 
 
 @device
-def trace_block(ray, lens, waves, first, index_ratios, log):
+def trace_block(ray, lens, waves, first, index_ratios, log, path):
     """One block through all elements of a `LensRecord`, in the order of travel.
 
     With `waves`, rays have wavelengths of their own: ray i of the block the one of column waves[first + i] of
-    `lens.index_ratios`, and `index_ratios` is room for a block. With `log` (elements, LOG, BLOCK), notes are taken.
+    `lens.index_ratios`, and `index_ratios` is room for a block. With `log` (elements, LOG, BLOCK), notes are taken;
+    with `path`, the rays' optical paths are found.
     """
+    if path is not None:
+        begin_path(path, ray)
     if log is not None:
         arrival = np.empty((ARRIVAL, BLOCK))
         begin_arrival(arrival, ray)
@@ -99,6 +103,8 @@ def trace_block(ray, lens, waves, first, index_ratios, log):
                 out_of_frame(ray, lens.mirrors[k])
         if log is not None:
             keep_arrival(arrival, log[k], ray)
+        if path is not None:
+            keep_start(path, ray)
         row, code = rows[k], CAUSES * (rows[k].surface_index + 1.0)
         if row.kind == SPHERE:
             c, mu = row.curvature, row.index_ratio
@@ -119,6 +125,8 @@ def trace_block(ray, lens, waves, first, index_ratios, log):
                     refract_asphere(ray, row, lens.conic[k], lens.aspheric[k], index_ratios, s, code, steps)
                 elif lens.departure is not None:
                     refract_freeform(ray, lens, k, index_ratios, s, code, log)
+        if path is not None:
+            add_path(path, ray, k)
         if lens.mirrors is not None:  # noqa: SIM102 - alone, so that it is pruned
             if lens.mirrors[k, MOVED] != 0.0:
                 reflect(ray, lens, k)
@@ -141,7 +149,7 @@ def fill_traced(blocks, lens, waves):
     """
     index_ratios = None if waves is None else np.empty(BLOCK)
     for b in range(blocks.size // RAY):
-        trace_block(blocks[b * RAY : (b + 1) * RAY], lens, waves, b * BLOCK, index_ratios, None)
+        trace_block(blocks[b * RAY : (b + 1) * RAY], lens, waves, b * BLOCK, index_ratios, None, None)
 
 
 @device
@@ -186,5 +194,21 @@ def fill_traced_rows(out, given, lens, first, last):
     for start in range(first, last, BLOCK):
         end = min(start + BLOCK, last)
         _take_rays(ray, given, start, end)
-        trace_block(ray, lens, None, 0, None, None)
+        trace_block(ray, lens, None, 0, None, None, None)
         _give_rays(out, ray, start, end)
+
+
+@kernel
+def fill_paths(out, lengths, given, lens, path, first, last):
+    """As `fill_traced_rows`, and the optical path of each ray, in mm: from its origin to the last element, nan if lost.
+
+    `path` is a `PathNotes` that this call alone writes to.
+    """
+    ray = np.zeros(RAY)
+    for start in range(first, last, BLOCK):
+        end = min(start + BLOCK, last)
+        _take_rays(ray, given, start, end)
+        trace_block(ray, lens, None, 0, None, None, path)
+        _give_rays(out, ray, start, end)
+        for i in range(end - start):
+            lengths[start + i] = path.length[i] if ray[STATUS + i] == 0.0 else math.nan

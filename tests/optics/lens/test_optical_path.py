@@ -1,0 +1,184 @@
+"""Optical paths: of the rays that are traced, as Fermat and Malus have them, there and back."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.errors import InvalidValueError
+
+EPS = np.finfo(float).eps
+LENSES = ("double-gauss-100mm-f2", "asphere-15mm-f0.9", "fisheye-100mm-f8", "mirror-1000mm-f7.5", "zoom-14mm-f4")
+
+
+def rays_of(lens, n=64, seed=0, spread=0.01):
+    """Rays towards the middle of the front of a lens, from 30 mm before it."""
+    random = np.random.default_rng(seed)
+    size = 0.5 * pl.paraxial.cardinal_points(lens).entrance_pupil_semi_diameter
+    origin = np.column_stack([random.uniform(-size, size, (n, 2)), np.full(n, lens.vertices[0] - 30.0)])
+    return pl.RayBundle(origin, np.column_stack([random.normal(0, spread, (n, 2)), np.ones(n)]))
+
+
+def kinds():
+    found = {name: pl.load_lens(name) for name in LENSES}
+    gauss = found["double-gauss-100mm-f2"]
+    found["decentred and tilted"] = gauss.moved(2, shift=(0.3, -0.2, 0.1), tilt=(0.02, -0.01, 0.0)).moved(
+        7, tilt=(0, 0.03, 0)
+    )
+    bent = dataclasses.replace(
+        gauss.elements[0], departure=pl.optics.ZernikeSag((0.0, 0.0, 0.0, 1e-3, 5e-3, -2e-3), 25.0)
+    )
+    found["freeform"] = dataclasses.replace(gauss, elements=(bent, *gauss.elements[1:]))
+    return found
+
+
+KINDS = kinds()
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("name", KINDS)
+def test_the_rays_are_those_of_trace(name, reverse):
+    lens = KINDS[name]
+    rays = rays_of(lens, 300)
+    if reverse:
+        behind = lens.trace(rays)
+        behind = behind.selected(behind.status == 0)
+        rays = pl.RayBundle(behind.origin + 5 * behind.direction, -behind.direction)
+    found, path = lens.optical_path(rays, reverse=reverse)
+    traced = lens.trace_reverse(rays) if reverse else lens.trace(rays)
+    for field in ("origin", "direction", "weight", "status", "lost_at"):
+        np.testing.assert_array_equal(getattr(found, field), getattr(traced, field))
+    assert np.array_equal(np.isnan(path), traced.status != 0) and (path > 0).any()
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_there_and_back_is_as_long(name):
+    lens = KINDS[name]
+    rays = rays_of(lens)
+    behind, path = lens.optical_path(rays)
+    passed = np.flatnonzero(behind.status == 0)
+    assert len(passed) > 20
+    kept = behind.selected(passed)
+    back, again = lens.optical_path(pl.RayBundle(kept.origin, -kept.direction), reverse=True)
+    # They stand on the first element: from there the way to the origins is left.
+    missing = np.linalg.norm(rays.origin[passed] - back.origin, axis=1)
+    np.testing.assert_allclose(again + missing, path[passed], rtol=0, atol=100 * EPS * path[passed].max())
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_neighbouring_rays_obey_malus_and_dupin(name):
+    """Paths change by n' d' . dE - n d . dO from a ray to its neighbour: wavefronts are perpendicular to rays."""
+    lens = KINDS[name]
+    rays = rays_of(lens)
+    random = np.random.default_rng(5)
+    h = 1e-3
+    moved = rays.origin + h * random.normal(size=rays.origin.shape) * [1, 1, 0.5]
+    turned = rays.direction + h / 30 * random.normal(size=rays.direction.shape)
+    other = pl.RayBundle(moved, turned)
+    (one, path), (two, there) = lens.optical_path(rays), lens.optical_path(other)
+    both = (one.status == 0) & (two.status == 0)
+    assert both.sum() > 20
+    mean, before = 0.5 * (one.direction + two.direction), 0.5 * (rays.direction + other.direction)
+    expected = ((two.origin - one.origin) * mean).sum(axis=1) - ((other.origin - rays.origin) * before).sum(axis=1)
+    # The trapezium leaves the third order: some h^3 over squares of radii, of 5 mm and more, and paths in glass.
+    np.testing.assert_allclose((there - path)[both], expected[both], rtol=0, atol=30 * h**3)
+    assert np.abs(expected[both]).max() > 0.1 * h
+
+
+def test_a_parabola_brings_parallel_light_to_its_focus_in_step():
+    focal = 500.0
+    mirror = pl.Surface(-2 * focal, thickness=400.0, medium=pl.optics.MIRROR, semi_diameter=60.0, conic=-1.0)
+    lens = pl.LensStack([pl.CircularStop(50.0, thickness=450.0), mirror, pl.CircularStop(100.0)])
+    random = np.random.default_rng(1)
+    origin = np.column_stack([random.uniform(-30, 30, (50, 2)), np.full(50, -20.0)])
+    behind, path = lens.optical_path(pl.RayBundle(origin, np.tile([0, 0, 1.0], (50, 1))))
+    z = lens.vertices[1] + focal  # unfolded: light goes on towards +z
+    left = (z - behind.origin[:, 2]) / behind.direction[:, 2]
+    np.testing.assert_allclose(behind.origin[:, :2] + left[:, None] * behind.direction[:, :2], 0, atol=1e-9)
+    np.testing.assert_allclose(path + left, 20.0 + 450.0 + focal, rtol=0, atol=20 * EPS * 1000)
+
+
+def test_the_path_through_a_plate_is_that_of_snell():
+    n, thick = 1.5, 7.0
+    glass = pl.ConstantMedium(n)
+    plate = pl.LensStack(
+        [
+            pl.CircularStop(9.0, thickness=1.0),
+            pl.Surface(math.inf, thick, glass, semi_diameter=9.0),
+            pl.Surface(math.inf, semi_diameter=9.0),
+        ]
+    )
+    sine = 0.3
+    rays = pl.RayBundle([[0, 0, -2.0]], [[sine, 0, math.sqrt(1 - sine**2)]])
+    _, path = plate.optical_path(rays)
+    inside = math.sqrt(1 - (sine / n) ** 2)
+    assert path[0] == pytest.approx(3.0 / math.sqrt(1 - sine**2) + n * thick / inside, rel=4 * EPS)
+
+
+def test_origins_behind_the_lens_have_negative_paths():
+    lens = pl.load_lens("singlet-100mm-f4")
+    z = np.array([-50.0, 0.0, 80.0])
+    rays = pl.RayBundle(np.column_stack([np.zeros((3, 2)), z]), np.tile([0, 0, 1.0], (3, 1)))
+    _, path = lens.optical_path(rays)
+    np.testing.assert_allclose(path[0] - path, z - z[0], atol=1e-13)
+    assert path[2] < 0
+
+
+@pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.PARAXIAL])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_ideal_lenses_take_a_point_to_its_image_in_step(model, reverse):
+    lens = pl.load_lens("double-gauss-100mm-f2").with_model(model)
+    side = 1.0 if reverse else -1.0
+    point = np.array([3.0, -2.0, 250.0 * side])
+    random = np.random.default_rng(2)
+    aims = np.column_stack([random.uniform(-5, 5, (20, 2)), np.zeros(20)])
+    away = aims - point
+    rays = pl.RayBundle(point + random.uniform(0, 0.1, (20, 1)) * away, away)
+    behind, path = lens.optical_path(rays, reverse=reverse, point=point)
+    # Where two of them meet is the image of all.
+    a, b = behind.origin[0], behind.origin[1]
+    u, v = behind.direction[0], behind.direction[1]
+    t = np.linalg.lstsq(np.column_stack([u, -v]), b - a, rcond=None)[0][0]
+    image = a + t * u
+    whole = (
+        np.linalg.norm(rays.origin - point, axis=1) + path + ((image - behind.origin) * behind.direction).sum(axis=1)
+    )
+    np.testing.assert_allclose(whole, whole[0], rtol=0, atol=1e-11)
+
+
+def test_near_the_axis_a_real_lens_does_as_the_ideal_one():
+    """Spherical aberration is of the fourth order: a half of the height leaves a sixteenth of the difference."""
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    point = np.array([0.0, 0.0, -400.0])
+
+    def difference(height):
+        aims = np.array([[0.0, 0.0, 0.0], [0.0, height, 0.0]])
+        rays = pl.RayBundle(np.tile(point, (2, 1)), aims - point)
+        ways = []
+        for one in (lens, lens.with_model(pl.LensModel.PARAXIAL)):
+            behind, path = one.optical_path(rays, point=None if one is lens else point)
+            far = (150.0 - behind.origin[:, 2]) / behind.direction[:, 2]
+            ways.append((path + far)[1] - (path + far)[0])
+        return ways[0] - ways[1]
+
+    large, small = difference(4.0), difference(2.0)
+    assert 1e-7 < abs(large) < 0.1 and large / small == pytest.approx(16, rel=0.2)
+
+
+def test_what_cannot_be_said_is_said():
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    rays = pl.RayBundle([[0, 0, -400.0]], [[0, 0, 1.0]])
+    thin = lens.with_model(pl.LensModel.THIN)
+    with pytest.raises(InvalidValueError, match="says nothing of a ray by itself; give the point"):
+        thin.optical_path(rays)
+    with pytest.raises(InvalidValueError, match="point is for ideal lenses"):
+        lens.optical_path(rays, point=(0, 0, -400))
+    with pytest.raises(InvalidValueError, match=r"a ray passes the point \[0.0, 1.0, -400.0\] by 1 mm"):
+        thin.optical_path(rays, point=(0, 1, -400))
+    focus = pl.paraxial.cardinal_points(lens).front_focus
+    with pytest.raises(InvalidValueError, match="is in the focal plane"):
+        lens.with_model(pl.LensModel.PARAXIAL).optical_path(
+            pl.RayBundle([[0, 0, focus]], [[0, 0, 1.0]]), point=(0, 0, focus)
+        )
