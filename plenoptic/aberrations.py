@@ -23,6 +23,8 @@ from plenoptic.optics.lens.analysis.illumination import (
 from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf, mtf, point_spread
 from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, chromatic_shift, colour_sums, seidel_sums
 from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram, ray_fan, spot_diagram
+from plenoptic.optics.lens.analysis.wavefront import Wavefront, wavefront
+from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, zernike
 from plenoptic.optics.lens.models import FocusCriterion
 
 __all__ = [
@@ -42,6 +44,9 @@ __all__ = [
     "SpotDiagram",
     "ThroughFocus",
     "Vignetting",
+    "Wavefront",
+    "ZernikeFit",
+    "ZernikeOrder",
     "best_focus",
     "chromatic_shift",
     "colour_sums",
@@ -60,4 +65,6 @@ __all__ = [
     "spot_diagram",
     "through_focus",
     "vignetting",
+    "wavefront",
+    "zernike",
 ]

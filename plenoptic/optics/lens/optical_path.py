@@ -95,9 +95,9 @@ def _exact(record: LensRecord, rays: RayBundle, indices: Floats) -> tuple[RayBun
 
 
 def paths_of_part(
-    lens: LensStack, rays: RayBundle, first: int, last: int, *, reverse: bool = False
+    lens: LensStack, rays: RayBundle, first: int, last: int, *, reverse: bool = False, clipping: bool = True
 ) -> tuple[RayBundle, Floats]:
     """As `trace.traced_part`, with optical paths."""
-    record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last)
+    record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
     index = lens.indices(rays.wavelength)[first : last + 2]
     return _exact(record, rays, np.ascontiguousarray(index[:0:-1] if reverse else index[:-1]))

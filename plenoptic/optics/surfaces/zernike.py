@@ -88,7 +88,7 @@ class ZernikeSag:
             terms.pop()
         if len(terms) > MOST_TERMS:
             raise PrescriptionError(
-                f"coefficients has {len(terms)} terms, up to degree {_degree_and_order(len(terms))[0]}; at most "
+                f"coefficients has {len(terms)} terms, up to degree {degree_and_order(len(terms))[0]}; at most "
                 f"{MOST_TERMS}, of degree 12, can be traced: leave out the others if they are small"
             )
         set_field(self, "coefficients", tuple(terms))
@@ -180,7 +180,7 @@ class ZernikeSag:
         return found, found.offset
 
 
-def _degree_and_order(j: int) -> tuple[int, int]:
+def degree_and_order(j: int) -> tuple[int, int]:
     """Degree n and order m of Noll's term j: m above 0 for cosines, below for sines."""
     n = (math.isqrt(8 * j - 7) - 1) // 2
     place = j - n * (n + 1) // 2 - 1  # in the row of this degree
@@ -190,7 +190,7 @@ def _degree_and_order(j: int) -> tuple[int, int]:
 
 @functools.lru_cache(maxsize=256)
 def _harmonics(noll: tuple[float, ...]) -> _Harmonics:
-    terms = [(*_degree_and_order(j), a) for j, a in enumerate(noll, start=1)]
+    terms = [(*degree_and_order(j), a) for j, a in enumerate(noll, start=1)]
     # Vertex curvatures are read from orders up to 2 and terms up to u.
     orders = max([2, *(abs(m) for _, m, _ in terms)]) + 1
     width = max([1, *((n - abs(m)) // 2 for n, m, _ in terms)]) + 1

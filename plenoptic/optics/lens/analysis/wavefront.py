@@ -1,0 +1,296 @@
+"""Wavefronts: by how much the light of a point is out of step with a sphere around its image."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import Floats, finite, frozen_array, result, wavelength_in_nm, whole
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.analysis.focus import paraxial_focus
+from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, fitted
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.optical_path import paths_of_part
+from plenoptic.optics.lens.pupil.beam import checked_point
+from plenoptic.optics.lens.pupil.iris_points import square_grid
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
+from plenoptic.optics.lens.stack import LensStack
+
+_STEP = 1e-4
+"""Of the iris's semi-diameter: between rays whose differences tell how light spreads."""
+_REMOVABLE = {"piston": (1,), "tilt": (2, 3), "defocus": (4,)}
+
+
+@result
+class Wavefront:
+    """Optical path differences of the rays of one object point. See `wavefront`, which makes it.
+
+    Only rays that pass the lens are kept.
+
+    Attributes
+    ----------
+    pupil : (n, 2) array
+        Where rays pass the iris, in units of its semi-diameter.
+    opd : (n,) array
+        Optical path difference in waves, 0 for the chief ray: that of the chief ray to the reference sphere less that
+        of the ray. Positive where light is ahead of the sphere.
+    amplitude : (n,) array
+        Of the field on the reference sphere times the solid angle that the ray stands for, seen from the image point,
+        so that sums over rays are diffraction integrals; the sum is 1.
+    toward : (n, 3) array
+        Unit vectors from the image point to where rays cross the reference sphere.
+    image : (3,) array
+        The centre of the sphere, where the chief ray meets the image plane, mm in the lens frame.
+    radius : float
+        Of the sphere, mm: from the image to the exit pupil along the chief ray, negative for a pupil behind the image,
+        and infinite for one infinitely far away.
+    index : float
+        Of the medium there.
+    field : (2,) array
+        As in `spot_diagram`: radians for an object at infinity, otherwise mm.
+    z_object, z_image : float
+        Planes in the lens frame, mm.
+    wavelength : float
+        nm.
+    """
+
+    pupil: Floats
+    opd: Floats
+    amplitude: Floats
+    toward: Floats
+    image: Floats
+    radius: float
+    index: float
+    field: Floats
+    z_object: float
+    z_image: float
+    wavelength: float
+
+    @property
+    def rms(self) -> float:
+        """Root mean square difference from the mean, waves; points of the iris count alike."""
+        return float(np.std(self.opd))
+
+    @property
+    def peak_to_valley(self) -> float:
+        """The largest less the smallest difference, waves."""
+        return float(np.ptp(self.opd))
+
+    @property
+    def strehl(self) -> float:
+        """Intensity in the image point over that of a wavefront without aberrations of the same amplitudes.
+
+        Of `without("piston", "tilt")`, nearly that of the brightest point of the image plane.
+        """
+        return float(abs(self.amplitude @ np.exp(2j * math.pi * self.opd)) ** 2)
+
+    def without(self, *parts: str) -> Wavefront:
+        """The same less its "piston", "tilt" or "defocus": what of them a fit of all three finds, over the iris."""
+        unknown = [part for part in parts if part not in _REMOVABLE]
+        if unknown or not parts:
+            raise InvalidValueError(
+                f"parts are {', '.join(map(repr, parts))}; they must be among {', '.join(_REMOVABLE)}"
+            )
+        found = self.zernike(4).coefficients.copy()
+        kept = {term for part in parts for term in _REMOVABLE[part]}
+        found[[j for j in range(4) if j + 1 not in kept]] = 0.0
+        return dataclasses.replace(self, opd=self.opd - _sum(found, self.pupil))
+
+    def zernike(self, terms: int = 37, *, order: ZernikeOrder = ZernikeOrder.NOLL) -> ZernikeFit:
+        """The sum of Zernike polynomials over the iris's circle that comes nearest to the differences.
+
+        Parameters
+        ----------
+        terms : int, optional
+            From 1 on: at most 91 in NOLL, 37 in FRINGE order.
+        order : ZernikeOrder, optional
+
+        Raises
+        ------
+        InvalidValueError
+            Where fewer rays than terms pass.
+        """
+        count = whole(terms, "terms", at_least=1)
+        return fitted(self.pupil, self.opd, np.ones(len(self.opd)), count, order)
+
+    def point_spread(self, points: ArrayLike) -> Floats:
+        """Intensity at points around the image, over that of the same light without aberrations in the image point.
+
+        Summed directly over all rays (Huygens): right for strong aberrations, small f-numbers, and points off the image
+        plane, as long as neighbouring rays differ by less than half a wave there.
+
+        Parameters
+        ----------
+        points : (..., 3) array
+            From `image`, mm.
+
+        Returns
+        -------
+        (...) array
+        """
+        given = np.asarray(frozen_array(points, name="points", shape=(*[None] * (np.ndim(points) - 1), 3)))
+        flat, found = given.reshape(-1, 3), np.empty(given[..., 0].size)
+        wave = 1e-6 * self.wavelength / self.index
+        for k, point in enumerate(flat):
+            found[k] = abs(self.amplitude @ np.exp(2j * math.pi * (self.opd - self._farther(point) / wave))) ** 2
+        return found.reshape(given.shape[:-1])
+
+    def _farther(self, point: Floats) -> Floats:
+        """(n,), mm: how much farther a point is than the image from where rays cross the sphere."""
+        along, r = self.toward @ point, self.radius
+        off = float(point @ point) / r - 2.0 * along
+        return np.asarray(off / (1.0 + np.sqrt(1.0 + off / r)))
+
+    def __repr__(self) -> str:
+        unit = "rad" if math.isinf(self.z_object) else "mm"
+        x, y = self.field
+        return (
+            f"<Wavefront: {len(self.opd)} rays from ({x:g}, {y:g}) {unit} at {self.wavelength:g} nm, RMS "
+            f"{self.rms:.3g} waves, peak to valley {self.peak_to_valley:.3g}, Strehl {self.strehl:.3g}>"
+        )
+
+
+def _sum(noll: Floats, pupil: Floats) -> Floats:
+    from plenoptic.optics.lens.analysis.zernike_fit import zernike
+
+    terms = [a * zernike(j, pupil[:, 0], pupil[:, 1]) for j, a in enumerate(noll, start=1) if a]
+    return np.asarray(sum(terms, np.zeros(len(pupil))))
+
+
+def wavefront(
+    lens: LensStack,
+    *,
+    field: Sequence[float] = (0.0, 0.0),
+    z_object: float = -math.inf,
+    z_image: float | None = None,
+    wavelength: float = 587.6,
+    pupil: ArrayLike | None = None,
+) -> Wavefront:
+    """Find by how much the light of one object point is out of step where it leaves the exit pupil.
+
+    Parameters
+    ----------
+    lens : LensStack
+        As LensModel.EXACT; others have no aberrations.
+    field, z_object, z_image
+        As for `spot_diagram`: the object point, and the image plane, that of Gaussian optics if it is left out.
+    wavelength : float, optional
+        nm.
+    pupil : (n, 2) array, optional
+        Points of the iris in units of its semi-diameter, each of which stands for the same area; None: a grid of 64 x
+        64. See `aiming`.
+
+    Raises
+    ------
+    InvalidValueError
+        Where there is no chief ray or no image, or none of the rays passes the lens.
+
+    Notes
+    -----
+    The reference sphere has its centre where the chief ray meets the image plane, and goes through the point where the
+    chief ray meets the paraxial exit pupil. Differences are found without that of two long paths: to the foot of the
+    perpendicular from the image point onto the ray, and from there to the sphere h^2 / (R + sqrt(R^2 - h^2)) more
+    than the chief ray, with the ray's distance h from the image point. So they hold for an exit pupil at infinity too.
+
+    W. T. Welford, Aberrations of Optical Systems, 1986, chapter 7; his W has the same sign.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0))
+    >>> found = pl.aberrations.wavefront(lens)
+    >>> found
+    <Wavefront: 3228 rays from (0, 0) rad at 587.6 nm, RMS 0.0736 waves, peak to valley 0.243, Strehl 0.805>
+    >>> found.without("defocus").rms < found.rms
+    True
+    """
+    pair, z = checked_point(lens, field, z_object)
+    wave = wavelength_in_nm(wavelength)
+    if lens.model is not LensModel.EXACT:
+        raise InvalidValueError(
+            f"the lens is followed as {lens.model.name}, which has no aberrations; use LensModel.EXACT"
+        )
+    plane = paraxial_focus(lens, z, wave) if z_image is None else finite(z_image, "z_image")
+    if not math.isfinite(plane):
+        raise InvalidValueError("light leaves the lens parallel, and there is no image; give z_image")
+    given = square_grid(64) if pupil is None else np.asarray(frozen_array(pupil, name="pupil", shape=(None, 2)))
+    n = len(given)
+    steps = _STEP * np.eye(2)
+    points = np.concatenate([given, given + steps[0], given + steps[1], np.zeros((1, 2))])
+    entering = aimed_rays(lens, field=pair, pupil=points, z_object=z, wavelength=wave)
+    # A stop may hide the middle of the iris, and its ray remains what others are compared with.
+    last = entering.selected(np.arange(len(points)) == 3 * n)
+    chief, its_path = paths_of_part(lens, last, 0, len(lens.elements) - 1, clipping=False)
+    if chief.status[0] != 0:
+        raise InvalidValueError(f"there is no chief ray from the field {pair}; give a field that the lens images")
+    image, index = chief.at_z(plane)[0], float(lens.indices(wave)[-1])
+    radius = _radius(chief, image, cardinal_points(lens, wave).exit_pupil)
+    behind, path = lens.optical_path(entering)
+    lengths, toward = to_sphere(behind, path, image, radius, index)
+    (chief_length,), _ = to_sphere(chief, its_path, image, radius, index)
+    passes = np.flatnonzero(np.isfinite(lengths[:n]))
+    if not len(passes):
+        raise InvalidValueError(f"no ray from the field {pair} passes the lens; give a field that it images")
+    amplitude = _amplitudes(entering, behind, toward, n, finite_object=math.isfinite(z))[passes]
+    return Wavefront(
+        pupil=given[passes],
+        opd=(chief_length - lengths[passes]) / (1e-6 * wave),
+        amplitude=amplitude / amplitude.sum(),
+        toward=toward[passes],
+        image=image,
+        radius=radius,
+        index=index,
+        field=np.array(pair),
+        z_object=z,
+        z_image=plane,
+        wavelength=wave,
+    )
+
+
+def to_sphere(behind: RayBundle, path: Floats, image: Floats, radius: float, index: float) -> tuple[Floats, Floats]:
+    """Optical paths (n,) to a sphere around an image point, less those of a ray through it, and where they end.
+
+    `path` are those to where rays behind the lens stand; the ends are unit vectors (n, 3) from the image.
+    """
+    away = behind.origin - image
+    along = (away * behind.direction).sum(axis=1)
+    across = away - along[:, None] * behind.direction
+    h2 = (across**2).sum(axis=1)
+    if math.isinf(radius):
+        return path - index * along, -behind.direction
+    with np.errstate(invalid="ignore"):
+        more = h2 / (radius + math.copysign(1.0, radius) * np.sqrt(radius**2 - h2))
+    return path - index * (along - more), (across - (radius - more)[:, None] * behind.direction) / radius
+
+
+def _radius(chief: RayBundle, image: Floats, exit_pupil: float) -> float:
+    """From the image to the exit pupil along the chief ray."""
+    if math.isinf(exit_pupil):
+        return math.inf
+    return float((image[2] - exit_pupil) / chief.direction[0, 2])
+
+
+def _amplitudes(entering: RayBundle, behind: RayBundle, toward: Floats, n: int, *, finite_object: bool) -> Floats:
+    """(n,): the root of the light of an area of the iris times the solid angle that it takes behind the lens.
+
+    Differences to neighbours that do not pass are taken as those of the point are on the other side: they are rare.
+    """
+    before = entering.direction if finite_object else entering.origin
+    one, right, up = (slice(k * n, (k + 1) * n) for k in range(3))
+
+    def area(vectors: Floats) -> Floats:
+        found = np.cross(vectors[right] - vectors[one], vectors[up] - vectors[one])
+        return np.asarray(np.linalg.norm(found, axis=1))
+
+    light = area(before)
+    if finite_object:
+        light = light * np.abs(entering.direction[one, 2])
+    found = np.sqrt(light * area(toward) * behind.weight[one])
+    typical = np.nanmedian(found) if np.isfinite(found).any() else 1.0
+    return np.where(np.isfinite(found), found, typical)

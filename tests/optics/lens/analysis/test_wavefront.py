@@ -1,0 +1,218 @@
+"""Wavefronts: closed forms of perfect lenses, Seidel's limit, Zernike's polynomials, diffraction patterns."""
+
+import dataclasses
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import plenoptic as pl
+from plenoptic.aberrations import ZernikeOrder, seidel_sums, wavefront, zernike
+from plenoptic.errors import InvalidValueError
+
+WAVE = 587.6e-6  # mm
+
+
+def perfect(stop, *, n=1.6, focal=100.0):
+    """A convex-plane lens the other way round: a plane, then a hyperboloid that images infinity without aberrations."""
+    glass = pl.ConstantMedium(n)
+    radius = -focal * (n - 1)
+    return pl.LensStack(
+        [
+            dataclasses.replace(stop, thickness=1.0),
+            pl.Surface(math.inf, 20.0, glass, semi_diameter=40.0),
+            pl.Surface(radius, semi_diameter=40.0, conic=-n * n),
+        ]
+    )
+
+
+def test_a_hyperboloid_has_no_aberrations():
+    found = wavefront(perfect(pl.CircularStop(20.0)))
+    assert found.peak_to_valley < 1e-8 and found.strehl == pytest.approx(1, abs=1e-12)
+    assert len(found.opd) == len(found.amplitude) > 3000 and found.amplitude.sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("shift", [0.01, -0.3, 5.0])
+def test_defocus_is_as_geometry_has_it(shift):
+    """From the focus on, rays at an angle t go shift cos t to the foot below the new image, h = shift sin t from it."""
+    lens = perfect(pl.CircularStop(20.0))
+    plane = pl.paraxial.cardinal_points(lens).rear_focus + shift
+    found = wavefront(lens, z_image=plane)
+    focus = np.array([0, 0, -shift])
+    from_focus = found.radius * found.toward - focus
+    cosine = -from_focus[:, 2] / np.linalg.norm(from_focus, axis=1)
+    h2 = shift**2 * (1 - cosine**2)
+    more = h2 / (found.radius + np.sqrt(found.radius**2 - h2))
+    np.testing.assert_allclose(
+        found.opd, (shift * (1 - cosine) - more) / WAVE, rtol=0, atol=1e-6 + 1e-9 * abs(shift) / WAVE
+    )
+    assert np.sign(found.zernike(4)["defocus"]) == np.sign(shift)
+
+
+def test_seidel_is_the_limit_of_small_openings_and_fields():
+    """W040 is 6 sqrt 5, W131 3 sqrt 8 and W222 -2 sqrt 6 times Noll's terms 11, 7 and 6, less higher orders."""
+    lens = pl.load_lens("singlet-100mm-f4").with_stop(pl.CircularStop(1.0))
+    angle = 0.01
+    sums = seidel_sums(lens, field=angle).wavefront / WAVE
+    fit = wavefront(lens, field=(0.0, angle)).zernike(15)
+    assert 6 * math.sqrt(5) * fit[11] == pytest.approx(sums[0], rel=0.005)
+    assert 3 * math.sqrt(8) * fit[7] == pytest.approx(sums[1], rel=0.005)
+    assert -2 * math.sqrt(6) * fit[6] == pytest.approx(sums[2], rel=0.005)
+
+
+@pytest.mark.parametrize("field", [(0.0, 0.0), (0.0, 0.15), (0.1, -0.1)])
+def test_slopes_are_ray_aberrations(field):
+    """A ray misses the image by -R dW / dx, x and y along the sphere."""
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(8.0))
+    random = np.random.default_rng(1)
+    pupil = random.uniform(-0.6, 0.6, (40, 2))
+    h = 1e-3
+    parts = [wavefront(lens, field=field, pupil=pupil + h * np.array(step)) for step in ((0, 0), (1, 0), (0, 1))]
+    one, right, up = parts
+    assert all(len(part.opd) == 40 for part in parts)
+    moved = one.radius * np.stack([right.toward - one.toward, up.toward - one.toward], axis=1)
+    change = WAVE * np.stack([right.opd - one.opd, up.opd - one.opd], axis=1)
+    slopes = np.linalg.solve(moved[:, :, :2], change[:, :, None])[:, :, 0]
+    entering = pl.aiming.aimed_rays(lens, field=field, pupil=pupil)
+    missed = lens.trace(entering).at_z(one.z_image)[:, :2] - one.image[:2]
+    print(missed / slopes)
+
+
+NOLL = {
+    1: lambda r, t: 1.0 + 0 * r,
+    2: lambda r, t: 2 * r * np.cos(t),
+    4: lambda r, t: math.sqrt(3) * (2 * r**2 - 1),
+    5: lambda r, t: math.sqrt(6) * r**2 * np.sin(2 * t),
+    7: lambda r, t: math.sqrt(8) * (3 * r**3 - 2 * r) * np.sin(t),
+    10: lambda r, t: math.sqrt(8) * r**3 * np.cos(3 * t),
+    11: lambda r, t: math.sqrt(5) * (6 * r**4 - 6 * r**2 + 1),
+}
+FRINGE = {
+    1: lambda r, t: 1.0 + 0 * r,
+    2: lambda r, t: r * np.cos(t),
+    3: lambda r, t: r * np.sin(t),
+    4: lambda r, t: 2 * r**2 - 1,
+    5: lambda r, t: r**2 * np.cos(2 * t),
+    7: lambda r, t: (3 * r**2 - 2) * r * np.cos(t),
+    8: lambda r, t: (3 * r**2 - 2) * r * np.sin(t),
+    9: lambda r, t: 6 * r**4 - 6 * r**2 + 1,
+    10: lambda r, t: r**3 * np.cos(3 * t),
+    16: lambda r, t: 20 * r**6 - 30 * r**4 + 12 * r**2 - 1,
+    17: lambda r, t: r**4 * np.cos(4 * t),
+    25: lambda r, t: 70 * r**8 - 140 * r**6 + 90 * r**4 - 20 * r**2 + 1,
+    36: lambda r, t: 252 * r**10 - 630 * r**8 + 560 * r**6 - 210 * r**4 + 30 * r**2 - 1,
+}
+
+
+@pytest.mark.parametrize(("order", "table"), [(ZernikeOrder.NOLL, NOLL), (ZernikeOrder.FRINGE, FRINGE)])
+def test_polynomials_are_those_of_the_tables(order, table):
+    random = np.random.default_rng(0)
+    r, t = np.sqrt(random.random(50)), random.uniform(0, 2 * math.pi, 50)
+    for term, formula in table.items():
+        found = zernike(term, r * np.cos(t), r * np.sin(t), order=order)
+        np.testing.assert_allclose(found, formula(r, t), atol=1e-12, err_msg=str(term))
+
+
+def test_the_last_fringe_term_is_of_degree_twelve():
+    assert zernike(37, [1.0], [0.0], order=ZernikeOrder.FRINGE) == pytest.approx(1)
+    assert zernike(37, [0.0], [0.0], order=ZernikeOrder.FRINGE) == pytest.approx(1)
+
+
+@given(st.lists(st.floats(-2, 2), min_size=15, max_size=15))
+def test_a_fit_finds_what_was_put_in(coefficients):
+    points = pl.aiming.square_grid(24)
+    opd = sum(a * zernike(j, *points.T) for j, a in enumerate(coefficients, start=1))
+    made = dataclasses.replace(BASE, pupil=points, opd=opd, amplitude=np.full(len(opd), 1 / len(opd)))
+    fit = made.zernike(15)
+    np.testing.assert_allclose(fit.coefficients, coefficients, atol=1e-10)
+    assert fit.residual < 1e-10
+    left = made.without("piston", "tilt", "defocus")
+    np.testing.assert_allclose(left.zernike(4).coefficients, 0, atol=1e-10)
+    assert left.rms <= made.rms * (1 + 1e-12) + 1e-12
+    kept = made.without("tilt").zernike(4).coefficients
+    np.testing.assert_allclose(kept[[0, 3]], made.zernike(4).coefficients[[0, 3]], atol=1e-10)
+
+
+BASE = wavefront(perfect(pl.CircularStop(2.0)), pupil=pl.aiming.square_grid(24))
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.03, 0.06])
+def test_strehl_of_small_aberrations_is_that_of_the_variance(sigma):
+    """exp(-(2 pi sigma)^2) for spherical aberration, whose third moment over the disc is not 0, to the third order."""
+    points = pl.aiming.square_grid(200)
+    opd = sigma * zernike(11, *points.T)
+    made = dataclasses.replace(BASE, pupil=points, opd=opd, amplitude=np.full(len(opd), 1 / len(opd)))
+    assert made.rms == pytest.approx(sigma, rel=0.01)
+    assert made.strehl == pytest.approx(math.exp(-((2 * math.pi * sigma) ** 2)), abs=(2 * math.pi * sigma) ** 3)
+
+
+def airy(v):
+    return float((2 * mpmath.besselj(1, v) / v) ** 2) if v else 1.0
+
+
+def test_a_round_stop_makes_airys_pattern():
+    found = wavefront(perfect(pl.CircularStop(5.0)), pupil=pl.aiming.hexapolar(60))
+    sine = np.hypot(found.toward[:, 0], found.toward[:, 1]).max()
+    radii = np.linspace(0, 0.03, 13)
+    pattern = found.point_spread(np.column_stack([radii, np.zeros((13, 2))]))
+    expected = [airy(2 * math.pi / WAVE * sine * r) for r in radii]
+    np.testing.assert_allclose(pattern, expected, atol=0.01)  # the rim of a hexapolar grid counts whole
+    assert pattern[0] == pytest.approx(1)
+
+
+def test_an_annulus_makes_the_difference_of_two_airy_patterns():
+    ring = pl.optics.RingStop(semi_diameter=5.0, inner_semi_diameter=2.5)
+    found = wavefront(perfect(ring), pupil=pl.aiming.square_grid(160))
+    sine = np.hypot(found.toward[:, 0], found.toward[:, 1]).max()
+    radii = np.linspace(1e-4, 0.03, 12)
+
+    def amplitude(v):
+        return float(2 * mpmath.besselj(1, v) / v)
+
+    v = 2 * math.pi / WAVE * sine * radii
+    expected = [((amplitude(a) - 0.25 * amplitude(a / 2)) / 0.75) ** 2 for a in v]
+    pattern = found.point_spread(np.column_stack([np.zeros(12), radii, np.zeros(12)]))
+    np.testing.assert_allclose(pattern, expected, atol=0.01)
+
+
+def test_along_the_axis_the_pattern_is_a_sinc():
+    """Defocus by z along the axis: sin^2(x) / x^2 with x = pi z (1 - cos) / wavelength, by the exact solid angle."""
+    found = wavefront(perfect(pl.CircularStop(5.0)), pupil=pl.aiming.square_grid(160))
+    cosine = -found.toward[:, 2]
+    z = np.array([0.05, 0.2, 0.4])
+    x = math.pi * z * (1 - cosine.min()) / WAVE
+    pattern = found.point_spread(np.column_stack([np.zeros((3, 2)), z]))
+    np.testing.assert_allclose(pattern, (np.sin(x) / x) ** 2, atol=0.01)
+
+
+def test_an_exit_pupil_at_infinity_is_a_limit():
+    """With the stop in the front focus chief rays leave along the axis, and the sphere is a plane."""
+    lens = perfect(pl.CircularStop(4.0))
+    gap = 1.0 - pl.paraxial.cardinal_points(lens).front_focus  # from the stop, where z is 0, to the first surface
+
+    def with_gap(g):
+        elements = (dataclasses.replace(lens.elements[0], thickness=g), *lens.elements[1:])
+        return dataclasses.replace(lens, elements=elements)
+
+    exact = wavefront(with_gap(gap), field=(0.0, 0.05), pupil=pl.aiming.square_grid(16))
+    near = wavefront(with_gap(gap + 1e-4), field=(0.0, 0.05), pupil=pl.aiming.square_grid(16))
+    assert abs(exact.radius) > 1e5 and abs(near.radius) > 1e5
+    np.testing.assert_allclose(exact.opd, near.opd, atol=1e-3)
+
+
+def test_what_has_no_wavefront_says_so():
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    with pytest.raises(InvalidValueError, match="is followed as THIN, which has no aberrations"):
+        wavefront(lens.with_model(pl.LensModel.THIN))
+    with pytest.raises(InvalidValueError, match="there is no chief ray from the field"):
+        wavefront(lens, field=(0.0, 1.2))
+    found = wavefront(lens, pupil=pl.aiming.hexapolar(2))
+    with pytest.raises(InvalidValueError, match="terms is 37, and"):
+        found.zernike()
+    with pytest.raises(InvalidValueError, match="they must be among piston, tilt, defocus"):
+        found.without("coma")
+    with pytest.raises(InvalidValueError, match="'coma' is no term of the fit"):
+        found.zernike(4)["coma"]
