@@ -100,4 +100,4 @@ def paths_of_part(
     """As `trace.traced_part`, with optical paths."""
     record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
     index = lens.indices(rays.wavelength)[first : last + 2]
-    return _exact(record, rays, np.ascontiguousarray(index[:0:-1] if reverse else index[:-1]))
+    return _exact(record.completed, rays, np.ascontiguousarray(index[:0:-1] if reverse else index[:-1]))

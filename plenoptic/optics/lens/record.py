@@ -81,6 +81,20 @@ class LensRecord(NamedTuple):
     direction: float
     """+1 towards the sensor, -1 towards the scene."""
 
+    @property
+    def completed(self) -> LensRecord:
+        """The same lens with spheres and planes only, or with hardly anything left out, for kernels that few need: two
+        or three compiled ones serve all lenses, with the same bits.
+        """
+        n = len(self.rows)
+        completed = self._replace(
+            frames=np.zeros((n, FRAME)) if self.frames is None else self.frames,
+            masks=np.zeros(0) if self.masks is None else self.masks,
+        )
+        if self.conic is not None and self.aspheric is None:
+            return completed._replace(aspheric=np.zeros((n, FIRST_TERM)))
+        return completed
+
     def part(self, begin: int, end: int) -> LensRecord:
         """Elements begin ... end - 1; where the lens has masks, from the first one on."""
         by_element = ("rows", "conic", "aspheric", "departure", "frames", "mirrors", "index_ratios")

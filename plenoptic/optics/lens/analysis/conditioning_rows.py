@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import FIRST_TERM, FRAME, LensRecord
+from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, SPHERE
 
 CHUNK = 64
@@ -56,24 +56,12 @@ def noted(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | N
         end = min(first + CHUNK, whole)
         log = np.empty((end - first, elements, LOG, BLOCK))
         part = None if waves is None else waves[first * BLOCK : end * BLOCK]
-        fill_conditions(blocks[first * RAY : end * RAY], log, _completed(lens), part)
+        fill_conditions(blocks[first * RAY : end * RAY], log, lens.completed, part)
         kept[:, :, first:end] = log.transpose(2, 1, 0, 3)
     rays = kept.reshape(LOG, elements, -1)[:, :, :n]
     codes = blocks.reshape(-1, RAY)[:, STATUS:].reshape(-1)[:n].astype(np.int64)
     cancellation = rays[REACH] / sizes(lens)[:, None]
     return Notes(lens, rays[INCIDENCE], rays[REFRACTION], cancellation, rays[NEWTON], rays[STEPS], codes)
-
-
-def _completed(lens: LensRecord) -> LensRecord:
-    """The same lens with spheres and planes only, or with nothing left out: two kernels then serve all lenses."""
-    n = len(lens.rows)
-    completed = lens._replace(
-        frames=np.zeros((n, FRAME)) if lens.frames is None else lens.frames,
-        masks=np.zeros(0) if lens.masks is None else lens.masks,
-    )
-    if lens.conic is not None and lens.aspheric is None:
-        return completed._replace(aspheric=np.zeros((n, FIRST_TERM)))
-    return completed
 
 
 def sizes(lens: LensRecord) -> Floats:
