@@ -64,7 +64,7 @@ for name, lens in lenses.items():
 # All of them
 # -----------
 #
-# Blue is the axis, red the edge of the field. A lens whose source states no field is drawn on the axis.
+# Blue is the axis, green the edge of the field. A lens whose source states no field is drawn on the axis.
 
 rows = -(-len(NAMES) // COLUMNS)
 figure, axes = plt.subplots(rows, COLUMNS, figsize=(4.4 * COLUMNS, 2.55 * rows), layout="constrained", squeeze=False)
