@@ -27,6 +27,7 @@ from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
+from plenoptic.rendering.schedule.expected import expected_times
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.rendering.tile import status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
@@ -156,7 +157,8 @@ def estimate(  # noqa: PLR0913
     Returns
     -------
     Estimate
-        Printing it shows the plan too. Times are those of this machine as busy as it is now.
+        Printing it shows the plan too. Times are those of this machine as busy as it is now. The bar of a render of
+        the same scene and camera objects with the same arguments begins with its time.
 
     Raises
     ------
@@ -187,10 +189,13 @@ def estimate(  # noqa: PLR0913
             asked, meshes=context.intersector is not None, microlenses=camera.microlenses is not None
         )
         wanted = Subject(scene, camera, budget.max_samples, budget.replicates, kept, settings)
-        pilots = _Pilots(context, wanted, budget, sensor_region(camera.sensor.shape, region), workers)
+        where = sensor_region(camera.sensor.shape, region)
+        pilots = _Pilots(context, wanted, budget, where, workers)
         decided = target_error is not None and budget.enough < budget.max_samples
         found = _by_error(pilots) if decided else _by_samples(pilots)
-    return _estimate(pilots, found)
+    told = _estimate(pilots, found)
+    expected_times.note(subject, budget, where, workers, seconds=told.seconds.value)
+    return told
 
 
 class _Found(NamedTuple):

@@ -29,6 +29,8 @@ class ProgressBar:
         self._error: float | None = None
         self._from: tuple[float, float] | None = None
         """When the first batch was there, after all compiling, and the share that was done then."""
+        self._expected: float | None = None
+        """Seconds that the whole was to take, by an estimate."""
         self._shown = self._measured = self._moved = time.perf_counter()
         self._took = 0.0
         self._ending = False
@@ -50,9 +52,9 @@ class ProgressBar:
             self._bar.leave = kind is None
             self._bar.close()
 
-    def start(self, progress: Progress) -> None:
-        """All is prepared, and this is what will be rendered."""
-        self._progress = progress
+    def start(self, progress: Progress, expected: float | None = None) -> None:
+        """All is prepared, and this is what will be rendered, in so many seconds where that has been estimated."""
+        self._progress, self._expected = progress, expected
         if self._watch is not None:
             self._show()
 
@@ -108,11 +110,19 @@ class ProgressBar:
         return min(max(shares), 1.0)
 
     def _left(self, share: float) -> float | None:
-        """Seconds until the end at the pace since the first batch; None where nothing has been gained since."""
-        if self._progress is None or self._from is None or not self._from[1] < share < 1:
+        """Seconds until the end, by what was expected and the more by the pace the further it is; None without both.
+
+        The pace is that since the first batch, and None where nothing has been gained since.
+        """
+        if self._progress is None or share >= 1:
             return None
-        now, limit = time.perf_counter(), self._progress.budget.time_limit
-        left = (now - self._from[0]) * (1 - share) / (share - self._from[1])
+        now, limit, whole = time.perf_counter(), self._progress.budget.time_limit, self._expected
+        if self._from is not None and self._from[1] < share:
+            pace = (now - self._from[0]) / (share - self._from[1])
+            whole = pace if whole is None else share * pace + (1 - share) * whole
+        if whole is None:
+            return None
+        left = (1 - share) * whole
         return left if limit is None else max(min(left, self._begin + limit - now), 0.0)
 
     def _show(self, share: float | None = None) -> None:

@@ -32,6 +32,7 @@ from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.clock import Clock
+from plenoptic.rendering.schedule.expected import expected_times
 from plenoptic.rendering.schedule.interrupts import Interrupts
 from plenoptic.rendering.schedule.orders import (
     RenderJob,
@@ -119,7 +120,7 @@ def _run(subject: Subject, budget: Budget, work: Work, begin: tuple[float, float
         found = camera_conditioning(context.camera, asked, seed=seed, rays=work.conditioning)
     if checkpoint is not None:
         checkpoint.begin(progress, side)
-    bar.start(progress)
+    bar.start(progress, None if cluster is not None else expected_times.of(subject, budget, asked, workers))
     engine: Engine[TileOrder, TileResult | None]
     with contextlib.ExitStack() as stack:
         if cluster is None:

@@ -1,10 +1,13 @@
 """When a render ends: steps, decisions by the other colour, and what interruptions leave."""
 
+import dataclasses
+import gc
 import itertools
 import math
 import signal
 import threading
 import time
+import weakref
 
 import numpy as np
 import pytest
@@ -359,6 +362,67 @@ def test_the_bar_knows_the_time_limit(monkeypatch: pytest.MonkeyPatch, capsys: p
         bar.update()
     said = capsys.readouterr().err
     assert "60%" in said and "20 s left" in said
+
+
+def test_the_bar_begins_with_what_was_expected_and_ends_with_the_pace(monkeypatch, capsys) -> None:
+    from plenoptic.rendering.schedule import progress_bar
+
+    tiles = [Tile(0, 2 * k, 2, 2) for k in range(4)]
+    state = progress(tiles, (2, 8), target=1e-9, samples=32)
+    now = [100.0]
+    monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: now[0])
+    bar = progress_bar.ProgressBar(100.0, show=True)
+    bar.start(state, 400.0)
+    assert "0%" in (said := capsys.readouterr().err) and "7 min left" in said  # 400 s
+    for i, wanted in ((0, "5 min"), (1, "9 min"), (2, "6 min")):
+        state.take(i, result(tiles[i], noisy(0, 32), 0, 32))
+        now[0] += 430.0
+        bar.update()
+        # The first tile may have had to be compiled: 3/4 of 400 s. Then the pace is 430 s for a quarter, 1720 s in all:
+        # (1 - s) (s 1720 + (1 - s) 400) = 530 s at s = 1/2, and 347 s at 3/4.
+        assert f"{wanted} left" in capsys.readouterr().err.rpartition("|")[2]
+
+
+def bar_of(monkeypatch, shot):
+    """What the bar of a render has been told to expect."""
+    from plenoptic.rendering.schedule.progress_bar import ProgressBar
+
+    told, start = [], ProgressBar.start
+    with monkeypatch.context() as listening:
+        listening.setattr(ProgressBar, "start", lambda bar, *given: (told.append(given[1]), start(bar, *given)))
+        shot()
+    return told[0]
+
+
+def test_a_render_begins_with_what_was_estimated_of_it(monkeypatch) -> None:
+    camera = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((8, 8), 0.1), 130.0)
+    scene, quiet = pl.shapes.white_plane(), {"progress": False}
+    found = pl.estimate(scene, camera, samples=4, **quiet).seconds.value
+    white = pl.estimate(None, camera, target_error=0.5, threads=1, **quiet).seconds.value
+    for more, other in (({}, False), ({"seed": 1}, False), ({"samples": 5}, True), ({"truth": pl.Truth.NONE}, True)):
+        told = bar_of(monkeypatch, lambda more=more: pl.render(scene, camera, **{"samples": 4, **quiet, **more}))
+        assert told == (None if other else found), more
+    again = dataclasses.replace(camera)
+    assert bar_of(monkeypatch, lambda: pl.render(scene, again, samples=4, **quiet)) is None
+    assert bar_of(monkeypatch, lambda: pl.render_white(camera, target_error=0.5, threads=1, **quiet)) == white
+    assert bar_of(monkeypatch, lambda: pl.render_white(camera, target_error=0.5, threads=2, **quiet)) is None
+
+
+def test_estimates_keep_no_scene_alive() -> None:
+    from plenoptic.rendering.plan.stages import Subject
+    from plenoptic.rendering.schedule.expected import ExpectedTimes
+
+    times = ExpectedTimes()
+    camera = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((8, 8), 0.1), 130.0)
+    for n in range(40):
+        scene = pl.Scene(background=1.0 + n)
+        times.note(Subject(scene, camera), n, seconds=float(n))
+        assert times.of(Subject(scene, camera), n) == n and times.of(Subject(None, camera), n) is None
+    gone = weakref.ref(scene)
+    del scene
+    gc.collect()
+    assert gone() is None and times.of(Subject(None, camera), 39) is None
+    assert times.of(Subject(pl.Scene(background=40.0), camera), 39) is None
 
 
 def test_the_first_interrupt_is_told() -> None:
