@@ -22,12 +22,12 @@ from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.schedule.identity import differences
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.rendering.schedule.sums import SumsInMemory
+from plenoptic.rendering.schedule.tile_records import TRUTH, are_sums, has_arrays, has_facts
 from plenoptic.rendering.tile import Tile, TileResult, batch_of
 
 _ELSEWHERE = "give checkpoint= another path, or remove the file"
 KIND = LogKind("checkpoint", 2, _ELSEWHERE)
 _NUMBERS = ("paths", "nonfinite", "met", "light", "clamped")
-_TRUTH = "truth."
 
 
 class Checkpoint:
@@ -46,12 +46,16 @@ class Checkpoint:
         self._last: dict[int, Entry] = {}
         self._unwritten = SumsInMemory()
         if log_is_there(self._path):
-            self._open()
+            try:
+                self._open()
+            except BaseException:
+                self.close()
+                raise
 
     @property
     def tile_side(self) -> int | None:
         """That of the tiles in the file; None where there is none yet."""
-        return None if self._log is None else int(self._log.header["tile_side"])
+        return None if self._log is None else self._log.header["tile_side"]
 
     @property
     def holds(self) -> bool:
@@ -66,13 +70,18 @@ class Checkpoint:
         assert self._log is not None
         self._tiles = {tile: i for i, tile in enumerate(progress.tiles)}
         processors: dict[str, None] = {}
+        damaged = 0
         for entry in self._log.entries:
-            facts = entry.facts
-            i = self._tiles.get(Tile(*facts["tile"]))
-            if i is not None:
+            facts, whole = entry.facts, has_facts(entry)
+            i = self._tiles.get(Tile(*facts["tile"])) if whole else None
+            if not whole or (i is not None and not has_arrays(entry, progress)):
+                damaged += 1
+            elif i is not None:
                 self._found.setdefault((i, facts["first"]), []).append(entry)
                 processors[facts["processor"]] = None
                 progress.before = facts["seconds"], facts["cpu_seconds"]
+        if damaged:
+            self._warn_of(damaged)
         here = progress.film.processors[0]
         if others := [kind for kind in processors if kind != here]:
             progress.film.processors = (*others, here)
@@ -94,14 +103,14 @@ class Checkpoint:
         """What a record holds; None where it is damaged, and then it is as if it had never been."""
         assert self._log is not None
         facts, arrays = entry.facts, self._log.read(entry)
-        if arrays is None:
+        if arrays is None or not are_sums(arrays, facts["paths"]):
             self._found[i, facts["first"]].remove(entry)
-            warn(f"a record of {str(self._path)!r} is damaged, and what it held is rendered again", FileWarning)
+            self._warn_of(1)
             return None
-        truth = {name.removeprefix(_TRUTH): array for name, array in arrays.items() if name.startswith(_TRUTH)}
+        truth = {name.removeprefix(TRUTH): array for name, array in arrays.items() if name.startswith(TRUTH)}
         return TileResult(
             tile=Tile(*facts["tile"]),
-            batch=batch_of(context, facts["first"], facts["samples"]),
+            batch=batch_of(context, facts["first"], 1)._replace(samples=facts["samples"]),  # its points are not needed
             sums=arrays["sums"],
             weights=arrays.get("weights"),
             counts=arrays["counts"],
@@ -151,19 +160,24 @@ class Checkpoint:
             self._log.close()
 
     def _open(self) -> None:
-        log = RecordLog(self._path, KIND)
-        theirs = log.header.get("identity")
-        if theirs != self._identity:
-            log.close()
-            what = list(differences(theirs if isinstance(theirs, dict) else {}, self._identity))
-            raise FileError(f"{str(self._path)!r} belongs to another render, with {', '.join(what)}; {_ELSEWHERE}")
+        self._log = log = RecordLog(self._path, KIND)
+        theirs, side = log.header.get("identity"), log.header.get("tile_side")
+        told = {name: str(text) for name, text in theirs.items()} if isinstance(theirs, dict) else {}
+        if told != self._identity:
+            what = ", ".join(differences(told, self._identity))
+            raise FileError(f"{str(self._path)!r} belongs to another render, with {what}; {_ELSEWHERE}")
+        if type(side) is not int or side < 1:
+            raise FileError(f"{str(self._path)!r} is a damaged checkpoint: its tile_side is {side!r}; {_ELSEWHERE}")
         if log.damaged:
             warn(
                 f"{log.damaged} bytes of {str(self._path)!r} are damaged, or were being written when the program "
                 "ended; what they held is rendered again",
                 FileWarning,
             )
-        self._log = log
+
+    def _warn_of(self, damaged: int) -> None:
+        records = "a record of {} is" if damaged == 1 else f"{damaged} records of {{}} are"
+        warn(f"{records.format(repr(str(self._path)))} damaged, and what was held is rendered again", FileWarning)
 
     def _written(self, result: TileResult, progress: Progress) -> Entry:
         assert self._log is not None
@@ -174,6 +188,6 @@ class Checkpoint:
         facts |= {"seconds": progress.seconds, "cpu_seconds": progress.cpu_seconds}
         facts["processor"] = progress.film.processors[-1]
         optional = {"weights": result.weights}
-        optional |= {f"{_TRUTH}{name}": array for name, array in (result.truth or {}).items()}
+        optional |= {f"{TRUTH}{name}": array for name, array in (result.truth or {}).items()}
         arrays = {"sums": result.sums, "counts": result.counts}
         return self._log.append(facts, arrays | {name: array for name, array in optional.items() if array is not None})

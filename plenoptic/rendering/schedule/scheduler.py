@@ -81,11 +81,18 @@ class Work(NamedTuple):
 def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
     """Render; see `render`."""
     begin = time.perf_counter(), time.process_time()
-    with ProgressBar(begin[0], show=flag(work.progress, "progress")) as bar:
-        return _run(subject, budget, work, begin, bar)
+    with ProgressBar(begin[0], show=flag(work.progress, "progress")) as bar, contextlib.ExitStack() as files:
+        return _run(subject, budget, work, begin, bar, files)
 
 
-def _run(subject: Subject, budget: Budget, work: Work, begin: tuple[float, float], bar: ProgressBar) -> Exposure:
+def _run(
+    subject: Subject,
+    budget: Budget,
+    work: Work,
+    begin: tuple[float, float],
+    bar: ProgressBar,
+    files: contextlib.ExitStack,
+) -> Exposure:
     camera = subject.camera
     seed, cluster = seed_number(work.seed), cluster_of(work.client, work.threads)
     workers = thread_count(work.threads) if cluster is None else cluster.threads
@@ -102,6 +109,8 @@ def _run(subject: Subject, budget: Budget, work: Work, begin: tuple[float, float
     meshes = context.intersector is not None
     kept = available_truth(subject.truth, meshes=meshes, microlenses=camera.microlenses is not None)
     checkpoint = _checkpoint(subject, budget, work, context, region, kept)
+    if checkpoint is not None:
+        files.callback(checkpoint.close)
     wanted = work.tile_side if checkpoint is None or work.tile_side is not None else checkpoint.tile_side
     side, tiles = cut_into_tiles(region, budget, wanted, cells_per_pixel(context.camera))
     steps = budget.steps or budget.passes
@@ -251,7 +260,6 @@ def drive(
             progress.decide(clock.affordable(progress.paths - kept) / pixels)
         if checkpoint is not None:
             checkpoint.flush(at_once=True)
-            checkpoint.close()
         bar.close(finished=not interrupts.asked)
         return interrupts.asked
 

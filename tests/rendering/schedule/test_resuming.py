@@ -3,6 +3,7 @@
 import dataclasses
 import errno
 import functools
+import itertools
 import os
 import pickle
 import random
@@ -213,7 +214,7 @@ def test_a_file_has_the_tiles_of_its_first_render(tmp_path, after_tiles):
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("budget", ["samples", "target"])
 def test_a_damaged_record_is_rendered_again(tmp_path, after_tiles, budget):
-    path = tmp_path / "state"
+    path, whole = tmp_path / "state", unbroken(budget)
     render(checkpoint=path, **BUDGETS[budget])
     content, ends = bytearray(path.read_bytes()), [end for _, end in entries_of(path)]
     numbers = after_tiles()
@@ -223,7 +224,7 @@ def test_a_damaged_record_is_rendered_again(tmp_path, after_tiles, budget):
         path.write_bytes(changed)
         numbers.clear()
         with pytest.warns(pl.errors.FileWarning, match=said + ".*rendered again"):
-            assert_same(render(checkpoint=path, threads=2, **BUDGETS[budget]), unbroken(budget))
+            assert_same(render(checkpoint=path, threads=2, **BUDGETS[budget]), whole)
         assert len(numbers) == 1
 
 
@@ -400,6 +401,58 @@ def test_places_that_cannot_be_written_are_refused_before_anything_is_rendered(t
         with pytest.raises(pl.errors.FileError, match=message):
             render(samples=8, checkpoint=path)
     assert not os.listdir(tmp_path)
+
+
+@pytest.fixture
+def files(monkeypatch):
+    """Those of checkpoints that have been opened."""
+    opened, begin = [], RecordLog.__init__
+
+    def listening(log, *given):
+        begin(log, *given)
+        opened.append(log._file)
+
+    monkeypatch.setattr(RecordLog, "__init__", listening)
+    return opened
+
+
+def raising(error):
+    def fail(*_, **__):
+        raise error
+
+    return fail
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("there", [True, False])
+def test_the_file_is_closed_on_every_way_out(tmp_path, finished, files, monkeypatch, there):
+    path = tmp_path / "state"
+    places = [f"rendering.schedule.scheduler.{name}" for name in ("cut_into_tiles", "drive", "exposure_of")]
+    places.append("camera.conditioning.camera_conditioning")
+    for error, place in itertools.product((KeyboardInterrupt("now"), pl.errors.InvalidValueError("now")), places):
+        path.unlink(missing_ok=True)
+        if there:
+            path.write_bytes(finished)
+        files.clear()
+        with monkeypatch.context() as failing, pytest.raises(type(error), match="now"):
+            failing.setattr(f"plenoptic.{place}", raising(error))
+            render(samples=8, conditioning=4, checkpoint=path)
+        assert all(file.closed for file in files) and (files or not there)
+    render(samples=8, checkpoint=path)
+    assert files and all(file.closed for file in files)
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_file_that_is_refused_is_closed(tmp_path, finished, files):
+    path = tmp_path / "state"
+    path.write_bytes(finished)
+    with pytest.raises(pl.errors.FileError, match="belongs to another render"):
+        render(samples=8, seed=1, checkpoint=path)
+    path.write_bytes(finished + b"rest")
+    with warnings.catch_warnings(), pytest.raises(pl.errors.FileWarning, match="4 bytes of"):
+        warnings.simplefilter("error", pl.errors.FileWarning)
+        render(samples=8, checkpoint=path)
+    assert len(files) == 2 and all(file.closed for file in files)
 
 
 # ---- killed from outside ----

@@ -1,0 +1,76 @@
+"""What a record of a checkpoint must be, so that a render can go on from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.files.record_log import Entry
+from plenoptic.rendering.schedule.budget import MAX_SAMPLES
+from plenoptic.rendering.schedule.progress import Progress
+from plenoptic.rendering.tile import Tile
+
+TRUTH = "truth."
+"""Before the names of arrays of ground truth."""
+_MOST = 1 << 48
+"""Of what is counted in a batch: those of many add up in 64 bits."""
+
+
+def _is_count(fact: Any) -> bool:
+    return type(fact) is int and 0 <= fact < _MOST
+
+
+def _is_number(fact: Any) -> bool:
+    return _is_count(fact) or (type(fact) is float and 0 <= fact < math.inf)
+
+
+def _are_counts(fact: Any, n: int) -> bool:
+    return type(fact) in (list, tuple) and len(fact) == n and all(map(_is_count, fact))
+
+
+_FACTS: dict[str, Callable[[Any], bool]] = {
+    "tile": lambda fact: _are_counts(fact, len(Tile._fields)),
+    "first": _is_count,
+    "samples": lambda fact: _is_count(fact) and 0 < fact <= MAX_SAMPLES,
+    **dict.fromkeys(("paths", "nonfinite", "met"), _is_count),
+    **dict.fromkeys(("light", "clamped", "seconds", "cpu_seconds"), _is_number),
+    "lost_paths": lambda fact: type(fact) in (list, tuple) and all(_are_counts(path, 3) for path in fact),
+    "processor": lambda fact: type(fact) is str,
+}
+
+
+def has_facts(entry: Entry) -> bool:
+    """Whether it tells all that there is to be told of a batch of a tile."""
+    facts = entry.facts
+    if not all(name in facts and check(facts[name]) for name, check in _FACTS.items()):
+        return False
+    return bool(facts["clamped"] <= facts["light"] and facts["nonfinite"] <= facts["paths"])
+
+
+def has_arrays(entry: Entry, progress: Progress) -> bool:
+    """Whether its arrays are those of its tile in a render."""
+    rows, columns = Tile(*entry.facts["tile"])[2:]
+    replicates, channels = progress.budget.replicates, progress.film.mean.shape[2]
+    wanted: dict[str, tuple[Any, tuple[int, ...]]] = {
+        "sums": (np.float64, (rows, columns, replicates + 1, channels)),
+        "counts": (np.int64, progress.counts.shape),
+    }
+    if not entry.facts["first"]:
+        wanted["weights"] = np.float64, (rows, columns)
+        for name, array in progress.truth.items():
+            wanted[f"{TRUTH}{name}"] = array.dtype, (rows, columns, *array.shape[2:])
+    found = {name: (dtype, shape) for name, dtype, shape in entry.layouts}
+    return found.keys() == wanted.keys() and all(
+        shape == wanted[name][1] and np.can_cast(dtype, wanted[name][0], "same_kind")
+        for name, (dtype, shape) in found.items()
+    )
+
+
+def are_sums(arrays: Mapping[str, NDArray[Any]], paths: int) -> bool:
+    """Whether the numbers of a record are such as so many paths bring."""
+    counts = arrays["counts"]
+    return bool(np.isfinite(arrays["sums"]).all() and (counts >= 0).all() and (counts <= paths).all())
