@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -62,8 +63,8 @@ def test_squares_of_pilots_are_in_the_region_on_its_grid_of_8(data, seed):
 
 
 def test_pilots_are_spread_evenly_over_the_frame():
-    """64 squares in 8 x 8 cells of 16 x 16 places: one in each, whatever the seed, and in each tile from all over."""
-    length = 8 * (8 * 16 - 1) + 16
+    """64 squares in 8 x 8 cells of 128 x 128 pixels: one in each, whatever the seed, and in each tile from all over."""
+    length = 8 * 128
     for seed in range(20):
         places = np.array([tile.places for tile in pilot_tiles((0, length, 0, length), 4, 16, 16, seed)])
         cells = places.reshape(-1, 2) // 8 // 16
@@ -81,6 +82,19 @@ def test_no_place_is_preferred():
     chi = ((counts - expected) ** 2 / expected).sum()
     assert counts.sum() == 28 * seeds
     assert chi < counts.size - 1 + 4 * np.sqrt(2 * (counts.size - 1))
+
+
+@pytest.mark.parametrize(("side", "shape"), [(64, (384, 512)), (64, (200, 328)), (16, (40, 72))])
+def test_the_rim_counts_as_much_as_it_is_large(side, shape):
+    """Squares side by side are met as often as they have pixels of their own: the last may reach into others."""
+    met, n, seeds = np.zeros([-(-length // side) for length in shape]), 8, 400
+    for seed in range(seeds):
+        places = [tile.places[0] for tile in pilot_tiles((0, shape[0], 0, shape[1]), n, 1, side, seed)]
+        np.add.at(met, tuple(-(-np.array(places).T // side)), 1)
+    parts = [np.minimum(side, length - side * np.arange(k)) for length, k in zip(shape, met.shape, strict=True)]
+    expected = n * seeds * np.multiply.outer(*parts) / math.prod(shape)
+    # Of strata: they scatter less than by Poisson's law, and the one that is left out of 9 at random by no more.
+    assert (np.abs(met - expected) < 4 * np.sqrt(expected)).all()
 
 
 def test_all_corners_are_seen():

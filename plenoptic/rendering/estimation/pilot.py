@@ -68,19 +68,27 @@ class PilotTile(NamedTuple):
 def pilot_tiles(region: Region, n: int, per_tile: int, side: int, seed: int) -> list[PilotTile]:
     """Tiles of `per_tile` (a square number) squares of a side, one below the other, each from all over a region.
 
-    The region is cut into as many cells as there are squares, each of which lies at a random place in its cell.
+    The region is cut into as many cells as there are squares, and a random pixel of each is met by its square. Squares
+    are those of a grid, so that pixels at the rim are met as often as others.
     """
     first_row, end_row, first_column, end_column = region
-    high, wide = (end_row - first_row - side) // BLOCK + 1, (end_column - first_column - side) // BLOCK + 1
+    high, wide = end_row - first_row, end_column - first_column
     squares, across = n * per_tile, max(1, round(math.sqrt(n * per_tile * wide / high)))
     down = -(-squares // across)
     rng = np.random.default_rng(seed)
     cells = rng.permutation(down * across)[:squares]
-    row = first_row + BLOCK * np.floor((cells // across + rng.random(squares)) * high / down).astype(int)
-    column = first_column + BLOCK * np.floor((cells % across + rng.random(squares)) * wide / across).astype(int)
+    row = first_row + _on_grid((cells // across + rng.random(squares)) * high / down, high, side)
+    column = first_column + _on_grid((cells % across + rng.random(squares)) * wide / across, wide, side)
     places = [(int(r), int(c)) for r, c in zip(row, column, strict=True)]
     whole = side * math.isqrt(per_tile)
     return [PilotTile(whole * i, 0, whole, whole, side, tuple(places[i::n])) for i in range(n)]
+
+
+def _on_grid(place: Floats, length: int, side: int) -> NDArray[np.int64]:
+    """Where squares begin that have places between 0 and a length: on blocks, the last one as far as it goes."""
+    step = -(-side // BLOCK) * BLOCK
+    last = (length - side) // BLOCK * BLOCK
+    return np.minimum(place // step * step, last).astype(np.int64)
 
 
 class PilotRun(NamedTuple):
