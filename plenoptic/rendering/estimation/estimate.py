@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.cache import MOST_BYTES
 from plenoptic.camera.camera import PlenopticCamera
@@ -20,6 +19,7 @@ from plenoptic.core.values import seed_number, value
 from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
+from plenoptic.rendering.estimation.decisions import mean_samples, predicted_samples, relative_spread, steps_to
 from plenoptic.rendering.estimation.memory import resident_bytes
 from plenoptic.rendering.estimation.pilot import PilotRun, Region, pilot_tiles, run_pilot
 from plenoptic.rendering.exposure_files import texts_of
@@ -50,10 +50,10 @@ _MOST_SAMPLES = 256
 """Of pilots; with more a pixel costs as much more."""
 _DECIDED_BYTES = 100
 """Of a pixel while tiles are decided upon."""
-_DECIDED = 8
-"""Tiles of pilots that look for the number of samples, in each of two."""
+_DECIDED, _FEWEST_DECIDING, _MOST_DECIDING = 8, 2, 8
+"""Tiles of a pilot that looks for the number of samples, at most, and such pilots: more where tiles differ."""
 _DECIDED_SECONDS = 20.0
-"""Processor time of each thread that these tiles may take, about, unless twice the samples of the first decision do."""
+"""Processor time of each thread that these may take, about, unless twice the samples of the first decision do."""
 _UNKNOWN = 0.08
 """Part of a time by which pilots are wrong beyond their differences: caches, other programs, the end of a render."""
 _FED_BYTES, _WORK_BYTES = 500, 1200
@@ -62,8 +62,6 @@ _HEAD_BYTES, _LOG_BYTES, _RECORD_BYTES = 500, 950, 650
 """Of an EXR file beside its texts, of a checkpoint beside its records, and of a record beside its arrays."""
 _KEPT_PIXELS = MOST_BYTES // _FED_BYTES
 """Of frames for which it is kept what feeds them, about."""
-_FALLS = (0.5, 0.62, 0.75)
-"""Exponents with which errors fall: that of independent samples, the usual one, and a steep one."""
 
 
 class Estimated(NamedTuple):
@@ -235,13 +233,28 @@ class _Pilots:
 
     def samples_to_decide(self, per_sample: float) -> int:
         """With how many samples, of so many seconds each, tiles are left that are decided upon."""
-        once = 2 * _DECIDED * self._fitting(_DECIDING) ** 2 * max(per_sample, 1e-12)
+        once = _FEWEST_DECIDING * self._deciding_pixels * max(per_sample, 1e-12)
         return int(min(max(_DECIDED_SECONDS * self.threads / once, 2 * self.budget.enough), _MOST_SAMPLES))
+
+    def may_decide_again(self, runs: list[PilotRun]) -> bool:
+        """Whether there is time for one more pilot that decides, and half of the frame is not there yet."""
+        spent = sum(run.cpu_seconds for run in runs) * (1 + 1 / len(runs))
+        most = min(self.pixels // (2 * self._deciding_pixels), _MOST_DECIDING)
+        return len(runs) < most and spent < _DECIDED_SECONDS * self.threads
+
+    @property
+    def _deciding_tiles(self) -> int:
+        """Of a pilot that decides: no more than the frame has room for."""
+        return max(min(_DECIDED, self.pixels // self._fitting(_DECIDING) ** 2), 1)
+
+    @property
+    def _deciding_pixels(self) -> int:
+        return self._deciding_tiles * self._fitting(_DECIDING) ** 2
 
     def run_deciding(self, samples: int, seed: int) -> PilotRun:
         """A pilot whose tiles end at the target error, or with a number of samples."""
         budget = self.budget._replace(samples=min(samples, self.budget.max_samples))
-        return self._run(budget, _DECIDED, 1, self._fitting(_DECIDING), seed)
+        return self._run(budget, self._deciding_tiles, 1, self._fitting(_DECIDING), seed)
 
     def _run(self, budget: Budget, n: int, squares: int, side: int, seed: int) -> PilotRun:
         keeps = (self.budget.steps or self.budget.passes) and self.pixels < _KEPT_PIXELS
@@ -276,43 +289,26 @@ def _by_error(pilots: _Pilots) -> _Found:
     costs = [(a.cpu_seconds / a.pixels, b.cpu_seconds / b.pixels) for a, b in pairs]
     per_sample = max(statistics.mean(b - a for a, b in costs) / (few - few // 4), 0.25 * costs[0][1] / few)
     once = max(statistics.mean(b for _, b in costs) - per_sample * few, 0.0)
-    runs = [pilots.run_deciding(pilots.samples_to_decide(per_sample), seed) for seed in (0, 1)]
-    low, usual, high = (np.concatenate([_predicted(run, fall) for run in runs]) for fall in reversed(_FALLS))
-    done = np.concatenate([run.progress.done for run in runs])
-    steps = _steps(pilots.budget, usual)
-    pilot_steps, pilot_pixels = _steps(pilots.budget, done), sum(run.pixels for run in runs)
+    runs = _deciding(pilots, pilots.samples_to_decide(per_sample))
+    predicted, done = [run.progress for run in runs], np.concatenate([run.progress.done for run in runs])
+    steps = steps_to(pilots.budget, predicted_samples(predicted))
+    pilot_steps, pilot_pixels = steps_to(pilots.budget, done), sum(run.pixels for run in runs)
     took = sum(run.cpu_seconds for run in runs) / pilot_pixels
     each_step = max((took - once - per_sample * float(done.mean())) / max(pilot_steps - 1.0, 1.0), 0.0)
-    spread = 1.5 * float(usual.std(ddof=1)) / math.sqrt(usual.size)
-    means = [float(low.mean()) - spread, float(usual.mean()), float(high.mean()) + spread]
-    means[0] = max(means[0], float(min(pilots.budget.enough, pilots.budget.max_samples)))
-    means = [min(mean, float(pilots.budget.max_samples)) for mean in means]
+    means = mean_samples(predicted, pilots.budget)
     cost = [once + per_sample * mean + each_step * (steps - 1.0) for mean in means]
-    each = Estimated(cost[1], cost[0] * (1 - 2 * _UNKNOWN), cost[2] * (1 + 2 * _UNKNOWN))
-    return _Found(each, Estimated(means[1], means[0], means[2]), steps, _busy(runs, pilots), *_bytes(runs[0]))
+    each = Estimated(cost[0], cost[1] * (1 - 2 * _UNKNOWN), cost[2] * (1 + 2 * _UNKNOWN))
+    least, most = pilots.budget.enough, pilots.budget.max_samples
+    samples = Estimated(means[0], max(means[1] * (1 - _UNKNOWN), least), min(means[2] * (1 + _UNKNOWN), most))
+    return _Found(each, samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
 
 
-def _predicted(run: PilotRun, falls: float) -> NDArray[np.float64]:
-    """(tiles,): samples with which they will end."""
-    progress, budget = run.progress, run.progress.budget
-    assert budget.target_error is not None
-    found = np.empty(len(progress.tiles))
-    for i, done in enumerate(progress.done):
-        at, error = progress.found[i].T
-        over = np.where(np.isfinite(error), error, 0.0) / budget.target_error
-        goes_on = (over > 1.05) & (at > 0)
-        wanted = np.where(goes_on, at * np.maximum(over, 1.0) ** (1 / falls), float(done))
-        found[i] = max(float(wanted.max()), float(done))
-    return found
-
-
-def _steps(budget: Budget, samples: NDArray[np.float64] | NDArray[np.int64]) -> float:
-    """How often tiles are rendered that end with numbers of samples, on average.
-
-    Errors are predicted from step to step, so that each takes up to four times the samples.
-    """
-    more = np.log(np.maximum(samples / max(budget.enough, 1), 1.0)) / math.log(4.0)
-    return float(np.mean(1.0 + np.ceil(more - 1e-9)))
+def _deciding(pilots: _Pilots, samples: int) -> list[PilotRun]:
+    """Pilots that decide, until their tiles tell how many samples there will be on average, or that takes too long."""
+    runs = [pilots.run_deciding(samples, seed) for seed in range(_FEWEST_DECIDING)]
+    while pilots.may_decide_again(runs) and relative_spread([run.progress for run in runs]) > _UNKNOWN:
+        runs.append(pilots.run_deciding(samples, len(runs)))
+    return runs
 
 
 def _interval(numbers: list[float]) -> Estimated:
@@ -323,8 +319,7 @@ def _interval(numbers: list[float]) -> Estimated:
 
 
 def _busy(runs: list[PilotRun], pilots: _Pilots) -> float:
-    most = max(run.cpu_seconds / (run.seconds * pilots.threads) for run in runs)
-    return min(max(most, 0.1), 1.0)
+    return min(max(0.1, *(run.cpu_seconds / (run.seconds * pilots.threads) for run in runs)), 1.0)
 
 
 def _bytes(run: PilotRun) -> tuple[float, float, float]:

@@ -1,0 +1,71 @@
+"""Does the interval hold that `pl.estimate` gives where a target error ends a render? Ten renders, each asked about."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import reference
+from honesty import Subject, caustic, expose, scenes
+from table import Table
+
+import plenoptic as pl
+from plenoptic.rendering.estimation.estimate import Estimated
+from plenoptic.truth.channels import Truth
+
+WARM = 4
+"""Samples of a render before, which compiles."""
+TILE = 64
+"""Side of tiles that end by themselves."""
+
+
+def tables(*, quick: bool) -> Iterator[Table]:
+    side = TILE if quick else 512
+    rows = [_row(subject, target) for subject, targets in subjects(side) for target in targets]
+    held = [sum(row[i] == "yes" for row in rows) for i in (4, 8)]
+    columns = ("CPU s estimated", "from, to", "CPU s", "holds", "samples estimated", "from, to", "samples", "holds")
+    yield Table(
+        f"Estimates where a target error ends a render, {side} x {side} pixels",
+        ("scene, target", *columns, "CPU s of the estimate"),
+        rows,
+        [f"Of {len(rows)} intervals of CPU time {held[0]} hold, of those of samples {held[1]}; 8 of 10 are wanted."],
+    )
+
+
+def subjects(side: int) -> list[tuple[Subject, tuple[float, float]]]:
+    """Scenes, and the errors that are aimed at."""
+    camera, first = reference.camera(), 256 - side // 2
+    middle, thin = np.s_[first : first + side, first : first + side], scenes.camera(pixel_pitch=7.2 / side, pixels=side)
+    return [
+        (Subject("`objects`", pl.objects_scene(), camera, middle), (0.2, 0.1)),
+        (Subject("`check`", pl.check_scene(), camera, middle), (0.05, 0.025)),
+        (Subject("still life", pl.still_life(), camera, middle), (0.2, 0.1)),
+        (Subject("white", None, camera, middle), (0.008, 0.003)),
+        (Subject("caustic", caustic(16.0, 5.0), thin, np.s_[:side, :side]), (0.2, 0.1)),
+    ]
+
+
+def _row(subject: Subject, target: float) -> tuple[object, ...]:
+    given = {"target_error": target, "region": subject.region}
+    expose(subject, samples=WARM)
+    begin = time.process_time()
+    found = pl.estimate(subject.scene, subject.camera, truth=Truth.NONE, progress=False, **given)
+    took, begin = time.process_time() - begin, time.process_time()
+    shot = expose(subject, target_error=target)
+    cpu = time.process_time() - begin
+    asked = *_cells(found.cpu_seconds, cpu), *_cells(found.samples, _paths_of_a_pixel(shot))
+    return f"{subject.name}, {100 * target:g} %", *asked, took
+
+
+def _paths_of_a_pixel(shot: pl.Exposure) -> float:
+    """On average, with those that do not count in the image: of a tile all pixels have as many."""
+    if shot.sample_counts is None:
+        return float(shot.samples or 0)
+    rows, columns = (length // TILE for length in shot.sample_counts.shape)
+    return float(shot.sample_counts.reshape(rows, TILE, columns, TILE).max(axis=(1, 3)).mean())
+
+
+def _cells(found: Estimated, true: float) -> tuple[object, ...]:
+    between = f"{found.low:.3g}, {found.high:.3g}"
+    return found.value, between, true, "yes" if found.low <= true <= found.high else "no"
