@@ -26,6 +26,7 @@ from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram, ray_fan, s
 from plenoptic.optics.lens.analysis.wavefront import Wavefront, wavefront
 from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, zernike
 from plenoptic.optics.lens.models import FocusCriterion
+from plenoptic.optics.lens.optical_path import optical_path
 
 __all__ = [
     "ChromaticShift",
@@ -58,6 +59,7 @@ __all__ = [
     "foci",
     "largest_field",
     "mtf",
+    "optical_path",
     "point_spread",
     "ray_fan",
     "relative_illumination",

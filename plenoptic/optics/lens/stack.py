@@ -261,51 +261,6 @@ class LensStack:
         elements.insert(gap, dataclasses.replace(stop, thickness=behind))
         return dataclasses.replace(self, elements=elements, iris=self.iris_index + (gap <= self.iris_index))
 
-    def optical_path(
-        self, rays: RayBundle, *, reverse: bool = False, point: ArrayLike | None = None
-    ) -> tuple[RayBundle, Floats]:
-        """Trace a bundle as `trace` does, and tell how long the way of each ray is, times the refractive index.
-
-        Parameters
-        ----------
-        rays : RayBundle
-            Before the lens, or with `reverse` behind it.
-        reverse : bool, optional
-            Towards the scene.
-        point : (3,) array, optional
-            For the ideal models THIN and PARAXIAL, which have no surfaces: the point, in the lens frame, mm, through
-            which all rays come. All paths from there to its image are equal; how long is known but for a constant.
-
-        Returns
-        -------
-        rays : RayBundle
-            What `trace` gives: they stand on the last element.
-        path : (n,) array
-            From the origins given to there, mm; negative where an origin lies behind the lens; nan for lost rays.
-
-        Raises
-        ------
-        InvalidValueError
-            An ideal lens without a point, or rays that do not come from it.
-
-        Notes
-        -----
-        Rounding leaves some eps times the path: 2e-10 waves of a metre. What rays have in common with the chief ray
-        falls out of differences; rays from far away are best begun on a wavefront near the lens, as `aiming` does.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> lens = pl.load_lens("singlet-100mm-f4")
-        >>> behind, path = lens.optical_path(pl.RayBundle([[0, 0, -10.0]], [[0, 0, 1.0]]))
-        >>> glass = 5.0 * lens.indices()[2]
-        >>> bool(abs(path[0] - (11.0 + glass)) < 1e-12)
-        True
-        """
-        from plenoptic.optics.lens.optical_path import optical_paths  # knows this class
-
-        return optical_paths(self, rays, reverse=reverse, point=point)
-
     def profiles(self, points: int = 41) -> tuple[Floats, ...]:
         """The section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
 

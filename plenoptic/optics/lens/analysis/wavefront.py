@@ -16,7 +16,7 @@ from plenoptic.optics.lens.analysis.focus import paraxial_focus
 from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, fitted
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.optical_path import paths_of_part
+from plenoptic.optics.lens.optical_path import optical_path, paths_of_part
 from plenoptic.optics.lens.pupil.beam import checked_point
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
@@ -231,7 +231,7 @@ def wavefront(
         raise InvalidValueError(f"there is no chief ray from the field {pair}; give a field that the lens images")
     image, index = chief.at_z(plane)[0], float(lens.indices(wave)[-1])
     radius = _radius(chief, image, cardinal_points(lens, wave).exit_pupil)
-    behind, path = lens.optical_path(entering)
+    behind, path = optical_path(lens, entering)
     lengths, toward = to_sphere(behind, path, image, radius, index)
     (chief_length,), _ = to_sphere(chief, its_path, image, radius, index)
     passes = np.flatnonzero(np.isfinite(lengths[:n]))
