@@ -123,7 +123,7 @@ def client():
     with (
         # A LocalCluster does without a worker that is not back within 15 s, which a busy machine may need.
         dask.config.set({"distributed.deploy.lost-worker-timeout": "600s"}),
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=":0") as cluster,
         distributed.Client(cluster) as made,
     ):
         yield made
@@ -153,7 +153,7 @@ def test_processes_give_the_bits_of_threads(client, of_threads, way):
 @pytest.mark.parametrize("turn", range(10))
 def test_two_workers_may_be_killed(client, of_threads, monkeypatch, turn):
     way, chance, take, killed = ("samples", "target_error")[turn % 2], random.Random(turn), Progress.take, []
-    client.wait_for_workers(2)
+    client.wait_for_workers(4)
     moments = {chance.randrange(1, 12), chance.randrange(12, 24)}  # of 36 tiles and more
     taken = iter(range(1 << 20))
 
@@ -191,7 +191,7 @@ if __name__ == "__main__":
 @pytest.mark.slow
 @pytest.mark.parametrize("way", OBJECTS)
 def test_a_client_that_was_killed_goes_on_from_its_checkpoint(client, of_threads, tmp_path, way):
-    client.wait_for_workers(2)
+    client.wait_for_workers(4)
     path, folder = str(tmp_path / "state"), str(Path(__file__).parent)
     code = KILLED_CLIENT.format(folder=folder, address=client.scheduler.address, path=path, way=way)
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
