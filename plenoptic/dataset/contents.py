@@ -90,7 +90,12 @@ class DataSet:
         """
         name, k = self._named(camera), self._numbered(number)
         about = self._about(name, k)
-        fields: dict[str, Any] = dict(read_arrays(self._store(name), _NAMES, limits, frame=k))
+        noted = about["parts"][0]["arrays"]  # others of its store belong to other frames
+        noted = tuple(key for key in (*EXPOSURE_NAMES, *CHANNELS) if key in noted)
+        fields: dict[str, Any] = dict(read_arrays(self._store(name), noted, limits, frame=k))
+        counts = fields.get("sample_counts")
+        if counts is not None and (counts == about["samples"]).all():
+            del fields["sample_counts"]
         truth = {key: fields.pop(key) for key in CHANNELS if key in fields}
         return Exposure(
             **fields,
@@ -138,6 +143,3 @@ class DataSet:
         if not isinstance(camera, PlenopticCamera):
             raise FileError(f"{str(self.path / MANIFEST)!r} holds a {type(camera).__name__} where a camera must be")
         return dataclasses.replace(camera, pose=restored(about["pose"]), shutter=restored(about["shutter"]))
-
-
-_NAMES = (*EXPOSURE_NAMES, *CHANNELS)

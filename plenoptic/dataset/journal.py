@@ -21,26 +21,31 @@ _KIND = LogKind("data set", 1, _ELSEWHERE)
 class Journal:
     """The log of a data set, which is begun if there is none; a FileError where it is that of another one."""
 
-    def __init__(self, path: Path, identity: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, identity: Mapping[str, str], frames: int) -> None:
         if not log_is_there(path):
             begin_log(path, _KIND, {"identity": dict(identity)})
         self._path, self._log = path, RecordLog(path, _KIND)
-        try:
-            self._check(identity)
-        except BaseException:
-            self._log.close()
-            raise
         facts = [entry.facts for entry in self._log.entries]
         self.done = {task: of for of in facts if (task := _task(of))}
         """What is noted of each task."""
+        try:
+            self._check(identity, frames)
+        except BaseException:
+            self._log.close()
+            raise
         self.items = {of["item"]: of["value"] for of in facts if {"item", "value"} <= of.keys()}
         """What `kept` has kept."""
 
-    def _check(self, identity: Mapping[str, str]) -> None:
+    def _check(self, identity: Mapping[str, str], frames: int) -> None:
         theirs = self._log.header.get("identity")
         if theirs != identity:
             what = ", ".join(differences(theirs if isinstance(theirs, dict) else {}, identity))
             raise FileError(f"{str(self._path.parent)!r} holds another data set, with {what}; {_ELSEWHERE}")
+        if (most := max((task.frame for task in self.done), default=-1)) >= frames:
+            raise FileError(
+                f"frame {most} is in {str(self._path.parent)!r}, and the sequence has {frames} frames; it may only "
+                f"become longer: {_ELSEWHERE}"
+            )
         if self._log.damaged:
             warn(
                 f"{self._log.damaged} bytes of {str(self._path)!r} are damaged; what they noted is rendered again",
@@ -81,6 +86,7 @@ def _task(facts: Mapping[str, Any]) -> Task | None:
     try:
         first, end = facts["rows"]
         task = Task(facts["camera"], facts["frame"], (first, end), facts["image"])
-        return task if isinstance(facts["inputs"], str) and hash(task) else None
+        known = isinstance(facts["inputs"], str) and isinstance(facts["arrays"], list)
+        return task if known and hash(task) else None
     except (KeyError, TypeError, ValueError):
         return None

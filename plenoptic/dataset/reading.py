@@ -58,10 +58,12 @@ def _check(content: Any) -> None:
         if not NAME.fullmatch(name):
             raise ValueError(f"{name!r:.80} is no name of a camera")
     made = content["made_with"]
-    wanted = {"camera", "frame", "camera_value", "pose", "shutter", "samples", "replicates", "seed", "motion"}
+    wanted = {"camera", "frame", "camera_value", "pose", "shutter", "samples", "replicates", "seed", "motion", "parts"}
     for image in content["images"]:
         if missing := wanted - image.keys():
             raise ValueError(f"an image lacks {', '.join(sorted(missing))}")
         content["cameras"][image["camera"]][image["camera_value"]]
         content["object_names"][image["object_names"]]
+        if not isinstance(image["parts"][0]["arrays"], list):
+            raise ValueError("an image does not say which arrays it has")
     made["settings"]

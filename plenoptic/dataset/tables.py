@@ -98,7 +98,12 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
                 "inputs": facts["inputs"],
                 "processors": sorted({kind for task in bands for kind in done[task]["processors"]}),
                 "parts": [
-                    {"rows": list(task.rows), "of": "image" if task.image else "motion", "sha256": done[task]["sha256"]}
+                    {
+                        "rows": list(task.rows),
+                        "of": "image" if task.image else "motion",
+                        "arrays": done[task]["arrays"],
+                        "sha256": done[task]["sha256"],
+                    }
                     for task in parts
                     if task in done
                 ],

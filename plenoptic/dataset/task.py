@@ -139,12 +139,16 @@ def _camera_texts(camera: PlenopticCamera) -> tuple[tuple[str, str], ...]:
 def described_frame(frame: Frame) -> dict[str, Any]:
     """What the manifest says about a frame, as JSON."""
     pose = frame.camera.pose
-    single = {mesh.mesh.name: mesh for mesh in frame.scene.meshes if isinstance(mesh, Instances) and len(mesh) == 1}
+    names = frame.scene.object_names
+    placed = zip(names, frame.scene.meshes, strict=False)  # behind those of meshes there are names of lights
+    single = {
+        name: mesh for name, mesh in placed if isinstance(mesh, Instances) and len(mesh) == 1 and names.count(name) == 1
+    }
     return {
         "time": frame.time,
         "camera_value": described(dataclasses.replace(frame.camera, pose=None, shutter=None)),
         "pose": described(pose),
         "shutter": described(frame.camera.shutter),
-        "object_names": list(frame.scene.object_names),
+        "object_names": list(names),
         "object_to_world": {name: mesh.matrices[0, :3].tolist() for name, mesh in single.items()},
     }

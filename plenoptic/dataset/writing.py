@@ -13,10 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.files.atomic_file import check_folder, explained, held_folder, real_path, replaced_folder
+from plenoptic.core.engines.choice import cluster_of
+from plenoptic.core.files.atomic_file import (
+    check_folder,
+    explained,
+    held_folder,
+    holds_nothing,
+    real_path,
+    replaced_folder,
+)
 from plenoptic.core.files.digest import bytes_of
 from plenoptic.core.files.zarr_files import Store, zarr_module
-from plenoptic.core.values import check_kind, flag
+from plenoptic.core.parallel import thread_count
+from plenoptic.core.values import check_kind, flag, seed_number
 from plenoptic.dataset.bar import FrameBar
 from plenoptic.dataset.contents import LOG, DataSet
 from plenoptic.dataset.journal import Journal
@@ -41,6 +50,7 @@ from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stores import MOTION_NAMES, create_store, layout_of
 from plenoptic.sequences.point_motion import motion_truth
 from plenoptic.sequences.sequence import Frame, Sequence
+from plenoptic.truth.arrays import checked_truth
 from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
@@ -133,11 +143,21 @@ def write(  # noqa: PLR0913
     budget = checked_budget(samples, None, target_error, replicates)
     settings = RenderSettings() if settings is None else settings
     check_kind(settings, "settings", RenderSettings, "pl.rendering.RenderSettings(max_bounces=2)")
-    taking = Taking(samples, target_error, budget.replicates, Truth(truth), flag(motion, "motion"), seed, settings)
+    thread_count(threads)
+    cluster_of(client, threads)
+    taking = Taking(
+        budget.samples,
+        budget.target_error,
+        budget.replicates,
+        checked_truth(truth),
+        flag(motion, "motion"),
+        seed_number(seed),
+        settings,
+    )
     sequences, shown = named_cameras(sequence, cameras), flag(progress, "progress")
     target = _folder(folder)
     with held_folder(target):
-        journal = Journal(target / LOG, taking.identity(sequences))
+        journal = Journal(target / LOG, taking.identity(sequences), len(next(iter(sequences.values()))))
         try:
             _Writer(target, sequences, taking, journal, {"threads": threads, "client": client}).run(show=shown)
         finally:
@@ -151,10 +171,11 @@ def write(  # noqa: PLR0913
 def _folder(folder: str | os.PathLike[str]) -> Path:
     """A folder that is made if there is none; an error where it holds something else than a data set."""
     target = real_path(folder)
-    check_folder(target)
+    if not target.exists():
+        check_folder(target)
     with explained(target, "used"):
         target.mkdir(exist_ok=True)
-        if any(target.iterdir()) and not (target / LOG).is_file():
+        if not (target / LOG).is_file() and not holds_nothing(target):
             raise FileError(f"{str(target)!r} is there and holds no data set; choose a new name, or remove it first")
     return target
 
@@ -178,7 +199,7 @@ class _Writer:
                 frames = {k: frames.get(k) or self._frames(k) for k in task.frames}
                 here = [frames[k][task.camera] for k in task.frames]
                 inputs = inputs_of(*here)
-                if self._journal.of(task, inputs) is not None:
+                if self._is_kept(task, self._journal.of(task, inputs)):
                     bar.kept()
                     continue
                 found = self._image(task, *here) if task.image else self._motion(task, *here)
@@ -187,6 +208,13 @@ class _Writer:
                 self._keep(task, inputs, *found)
                 del found  # before the next one takes memory
                 bar.done()
+
+    def _is_kept(self, task: Task, noted: Mapping[str, Any] | None) -> bool:
+        """Whether a task is noted, and its chunks have not been removed since."""
+        if noted is None or not self._path(task).exists():
+            return False
+        columns = self._sequences[task.camera][task.frame].camera.sensor.shape[1]
+        return self._store(task).has((*task.rows, 0, columns), noted["arrays"], frame=task.frame)
 
     def _frames(self, k: int) -> dict[str, Frame]:
         """Of all cameras at a time, with one scene, which is compiled once."""
@@ -202,7 +230,7 @@ class _Writer:
         store.flush(task.frame)
         for name in sorted(arrays):
             sha.update(name.encode() + bytes_of(np.ascontiguousarray(arrays[name])))
-        self._journal.note(task, {**facts, "inputs": inputs, "sha256": sha.hexdigest()})
+        self._journal.note(task, {**facts, "inputs": inputs, "arrays": sorted(arrays), "sha256": sha.hexdigest()})
         if task.image:
             self._checkpoint(task).unlink(missing_ok=True)
 
@@ -240,7 +268,7 @@ class _Writer:
         arrays = pixels_of(shot)
         if self._taking.target_error is not None:
             arrays.setdefault("sample_counts", np.full(shot.image.shape[:2], shot.samples, dtype=np.int32))
-        path = self._folder / f"{task.camera}.zarr"
+        path = self._path(task)
         if not path.exists():
             layout = layout_of(shot, self._taking.truth)._replace(shape=frame.camera.sensor.shape, corner=(0, 0))
             names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._taking.motion else ()))
@@ -269,9 +297,12 @@ class _Writer:
         """The store of a camera, with room for all frames."""
         if task.camera not in self._stores:
             times = times_of(self._sequences[task.camera])
-            self._stores[task.camera] = Store(self._folder / f"{task.camera}.zarr")
+            self._stores[task.camera] = Store(self._path(task))
             self._stores[task.camera].extend(len(times), {"time": times})
         return self._stores[task.camera]
+
+    def _path(self, task: Task) -> Path:
+        return self._folder / f"{task.camera}.zarr"
 
     def _checkpoint(self, task: Task) -> Path:
         return self._folder / f"{task.camera}-{task.frame}-{task.rows[0]}.checkpoint"

@@ -13,7 +13,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.motions.motion import Motion, ascending
 from plenoptic.core.motions.pose import Pose
-from plenoptic.core.values import Floats, Given, check_kind, set_field, value, whole
+from plenoptic.core.values import Floats, Given, check_kind, finite, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.lights.registry import Light
@@ -42,6 +42,7 @@ class Frame:
 
     def __post_init__(self) -> None:
         check_scene_and_camera(self.scene, self.camera)
+        set_field(self, "time", finite(self.time, "time"))
 
 
 @value

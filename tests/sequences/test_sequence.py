@@ -179,3 +179,13 @@ def test_a_sequence_is_a_value_and_says_what_it_is(sequence):
 def test_impossible_sequences_are_refused(sequence, change, what):
     with pytest.raises(InvalidValueError, match=what):
         dataclasses.replace(sequence, **change)
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf, "0", None])
+def test_a_frame_has_a_time(time):
+    with pytest.raises(InvalidValueError, match="time is"):
+        pl.sequences.Frame(scene(), reference_camera(), time)
+
+
+def test_a_time_is_a_float():
+    assert type(pl.sequences.Frame(scene(), reference_camera(), np.float32(0.5)).time) is float

@@ -136,6 +136,11 @@ def is_there(target: Path) -> bool:
     return True
 
 
+def holds_nothing(folder: Path) -> bool:
+    """Whether a folder is empty, or has temporary files only: of a process that writes its first one, or was killed."""
+    return all(_TEMPORARY.fullmatch(name) for name in os.listdir(folder))
+
+
 def check_replaceable(target: Path) -> None:
     """An error where no file could be put at `target`."""
     if is_there(target) and not os.access(target, os.W_OK):

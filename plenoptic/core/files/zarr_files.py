@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -144,6 +144,14 @@ class Store:
             self._group.attrs.update(attributes)
             _note_all(self._group)
 
+    def has(self, region: Region, names: Iterable[str], *, frame: int) -> bool:
+        """Whether the chunks of a region of a frame are there, of all these arrays."""
+        return all(
+            name in self._arrays and (self.path / name / _key(self._arrays[name], block, frame)).is_file()
+            for name in names
+            for block in _blocks(region)
+        )
+
     def put(self, region: Region, arrays: Mapping[str, ArrayLike], *, frame: int | None = None) -> None:
         """Write the pixels of a region, of all arrays or of some, into chunks that nobody else writes.
 
@@ -235,6 +243,12 @@ def _blocks(region: Region) -> Iterator[Region]:
     for row in range(first_row, end_row, CHUNK):
         for column in range(first_column, end_column, CHUNK):
             yield row, min(row + CHUNK, end_row), column, min(column + CHUNK, end_column)
+
+
+def _key(array: Any, block: Region, frame: int) -> str:
+    """The file of a chunk."""
+    place = {FRAME: frame, ROW: block[0] // CHUNK, COLUMN: block[2] // CHUNK}
+    return str(array.metadata.encode_chunk_key(tuple(place.get(side, 0) for side in dimensions_of(array))))
 
 
 def _check_aligned(region: Region, shape: tuple[int, int]) -> None:

@@ -87,7 +87,18 @@ def read_arrays(
             numbers = first * math.prod(array.shape[1:]) + math.prod(array.chunks) * _AT_ONCE
             wanted += numbers * array.dtype.itemsize
         check_memory(2 * wanted, repr(str(folder)), size, limits)  # an exposure copies what it is given
+        if frame is not None:
+            for name, array in found.items():
+                _check_chunks(folder / name, array, frame)
         return {name: np.asarray(array[rows if frame is None else frame]) for name, array in found.items()}
+
+
+def _check_chunks(folder: Path, array: Any, frame: int) -> None:
+    """An error where a chunk of a frame is not there: zarr would fill it with nan and say nothing."""
+    for place in np.ndindex(*(-(-n // chunk) for n, chunk in zip(array.shape[1:], array.chunks[1:], strict=True))):
+        key = array.metadata.encode_chunk_key((frame, *place))
+        if not (folder / key).is_file():
+            raise FileError(f"{str(folder / key)!r} is missing; restore it, or call `dataset.write` to render it again")
 
 
 def _opened(folder: Path) -> dict[str, Any]:
