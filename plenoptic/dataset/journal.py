@@ -15,6 +15,8 @@ from plenoptic.errors import FileError, FileWarning
 from plenoptic.rendering.schedule.identity import differences
 
 _ELSEWHERE = "give another folder, or remove it"
+KEPT = ("camera_value", "object_names")
+"""What records of images name, and `Journal.kept` keeps."""
 _KIND = LogKind("data set", 1, _ELSEWHERE)
 
 
@@ -26,15 +28,19 @@ class Journal:
             begin_log(path, _KIND, {"identity": dict(identity)})
         self._path, self._log = path, RecordLog(path, _KIND)
         facts = [entry.facts for entry in self._log.entries]
-        self.done = {task: of for of in facts if (task := _task(of))}
+        self.items = {of["item"]: of["value"] for of in facts if {"item", "value"} <= of.keys()}
+        """What `kept` has kept."""
+        self.done = {task: of for of in facts if (task := _task(of)) and self._has_items_of(task, of)}
         """What is noted of each task."""
         try:
             self._check(identity, frames)
         except BaseException:
             self._log.close()
             raise
-        self.items = {of["item"]: of["value"] for of in facts if {"item", "value"} <= of.keys()}
-        """What `kept` has kept."""
+
+    def _has_items_of(self, task: Task, facts: Mapping[str, Any]) -> bool:
+        """Whether all that a record names is there: it may have been damaged."""
+        return not task.image or all(facts.get(name) in self.items for name in KEPT)
 
     def _check(self, identity: Mapping[str, str], frames: int) -> None:
         theirs = self._log.header.get("identity")

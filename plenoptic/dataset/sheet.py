@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import block_means, codes, white_point
-from plenoptic.core.files.zarr_files import CHUNK, zarr_module
+from plenoptic.core.files.zarr_files import CHUNK, understood, zarr_module
 from plenoptic.dataset.contents import CONTACT_SHEET
 
 _SIDE, _GAP, _TEXT = 160, 6, 14
@@ -65,11 +65,10 @@ def _row(folder: Path, name: str, images: Sequence[Mapping[str, Any]]) -> Image.
 
 def _small(store: Path, frame: int) -> NDArray[Any]:
     """Means over blocks of a frame, some rows at a time."""
-    image = zarr_module().open_array(store / "image", mode="r")
-    _, rows, columns, _ = image.shape
-    block = -(-max(rows, columns) // _SIDE)
-    high = max(CHUNK // block, 1) * block
-    parts = [
-        block_means(image[frame, first : first + high], block) for first in range(0, max(rows - rows % block, 1), high)
-    ]
+    with understood(store, "read"):
+        image = zarr_module().open_array(store / "image", mode="r")
+        _, rows, columns, _ = image.shape
+        block = -(-max(rows, columns) // _SIDE)
+        high, end = max(CHUNK // block, 1) * block, max(rows - rows % block, 1)
+        parts = [block_means(image[frame, first : first + high], block) for first in range(0, end, high)]
     return np.concatenate(parts)

@@ -28,7 +28,7 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import check_kind, flag, seed_number
 from plenoptic.dataset.bar import FrameBar
 from plenoptic.dataset.contents import LOG, DataSet
-from plenoptic.dataset.journal import Journal
+from plenoptic.dataset.journal import KEPT, Journal
 from plenoptic.dataset.sheet import write_contact_sheet
 from plenoptic.dataset.tables import statistics_of, write_manifest, write_statistics
 from plenoptic.dataset.task import (
@@ -260,7 +260,7 @@ class _Writer:
         if shot.interrupted:
             return None
         facts = {"seed": seed, "replicates": shot.replicates, "samples": shot.samples, **statistics_of(shot), **about}
-        facts |= {name: self._journal.kept(about[name]) for name in ("camera_value", "object_names")}
+        facts |= {name: self._journal.kept(about[name]) for name in KEPT}
         return facts, self._fitting(task, frame, shot)
 
     def _fitting(self, task: Task, frame: Frame, shot: Exposure) -> dict[str, NDArray[Any]]:

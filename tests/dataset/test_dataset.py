@@ -418,6 +418,42 @@ def test_what_is_damaged_in_the_log_is_rendered_again(tmp_path):
     assert before[1] == after[1] and all((before[0][name] == after[0][name]).all() for name in before[0])
 
 
+def test_what_a_damaged_record_kept_for_others_is_kept_again(single, tmp_path):
+    """The camera, which is noted once for all frames."""
+    folder = tmp_path / "set"
+    shutil.copytree(single.path, folder)
+    log = folder / "frames.log"
+    content = bytearray(log.read_bytes())
+    content[content.index(b"PlenopticCamera")] ^= 1
+    log.write_bytes(content)
+    with pytest.warns(FileWarning, match="are damaged; what they noted is rendered again"):
+        pl.dataset.write(folder, sequence(2), **HOW)
+    assert_same(single.path, folder)
+
+
+@pytest.mark.parametrize("array", ["image", "depth"])
+def test_a_store_without_an_array_is_refused(array, single, tmp_path):
+    folder = tmp_path / "set"
+    shutil.copytree(single.path, folder)
+    (folder / "camera.zarr" / array / "zarr.json").unlink()
+    for use in (lambda: pl.dataset.read(folder).frame(0), lambda: pl.dataset.write(folder, sequence(2), **HOW)):
+        with pytest.raises((FileError, InvalidValueError), match=f"has no array {array}"):
+            use()
+
+
+def test_a_damaged_chunk_is_an_error_that_names_its_store(single, tmp_path):
+    folder = tmp_path / "set"
+    shutil.copytree(single.path, folder)
+    chunk = folder / "camera.zarr/image/c/1/0/0/0"
+    chunk.write_bytes(chunk.read_bytes()[:-7])
+    for use in (lambda: pl.dataset.read(folder).frame(1), lambda: pl.dataset.write(folder, sequence(2), **HOW)):
+        with pytest.raises(FileError, match="camera.zarr' cannot be read as a zarr store"):
+            use()
+    chunk.unlink()
+    pl.dataset.write(folder, sequence(2), **HOW)
+    assert_same(single.path, folder)
+
+
 @pytest.mark.parametrize(
     "change",
     [

@@ -111,6 +111,8 @@ class Store:
 
     def sizes(self, name: str) -> tuple[int, ...]:
         """The shape of an array."""
+        if name not in self._arrays:
+            raise FileError(f"{str(self.path)!r} has no array {name}; restore it from its origin, or remove it")
         return tuple(self._arrays[name].shape)
 
     def extend(self, frames: int, coordinates: Mapping[str, ArrayLike] | None = None) -> None:
@@ -268,6 +270,12 @@ def understood(folder: Path, what: str) -> Iterator[None]:
     with explained(folder, what):
         try:
             yield
+        except FileNotFoundError as error:
+            if not folder.is_dir():
+                raise
+            raise FileError(
+                f"{str(folder)!r} is no whole zarr store; restore it from its origin, or remove it"
+            ) from error
         except (PlenopticError, OSError):
             raise
         except Exception as error:  # zarr and its codecs raise errors of many kinds

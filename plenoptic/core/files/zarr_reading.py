@@ -71,10 +71,12 @@ def read_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Those of the named arrays that a store has, whole, of a frame, or some rows of what is no sequence.
 
-    A FileError where they cannot be read.
+    A FileError where they cannot be read, or a frame lacks one.
     """
     folder = file_path(path)
     found = {name: array for name, array in _opened(folder).items() if name in names}
+    if frame is not None and (lost := sorted({*names} - found.keys())):
+        raise FileError(f"{str(folder)!r} has no array {', '.join(lost)}; restore it from its origin")
     parts = [folder] if frame is None else [folder / name / "c" / str(frame) for name in found]
     size = sum(_size(part, limits) for part in parts)
     wanted = 0
