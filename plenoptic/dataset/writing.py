@@ -199,7 +199,7 @@ class _Writer:
                 frames = {k: frames.get(k) or self._frames(k) for k in task.frames}
                 here = [frames[k][task.camera] for k in task.frames]
                 inputs = inputs_of(*here)
-                if self._is_kept(task, self._journal.of(task, inputs)):
+                if self._is_kept(task, here[0].camera, self._journal.of(task, inputs)):
                     bar.kept()
                     continue
                 found = self._image(task, *here) if task.image else self._motion(task, *here)
@@ -209,12 +209,12 @@ class _Writer:
                 del found  # before the next one takes memory
                 bar.done()
 
-    def _is_kept(self, task: Task, noted: Mapping[str, Any] | None) -> bool:
+    def _is_kept(self, task: Task, camera: PlenopticCamera, noted: Mapping[str, Any] | None) -> bool:
         """Whether a task is noted, and its chunks have not been removed since."""
         if noted is None or not self._path(task).exists():
             return False
-        columns = self._sequences[task.camera][task.frame].camera.sensor.shape[1]
-        return self._store(task).has((*task.rows, 0, columns), noted["arrays"], frame=task.frame)
+        region = (*task.rows, 0, camera.sensor.shape[1])
+        return self._store(task).has(region, noted["arrays"], frame=task.frame)
 
     def _frames(self, k: int) -> dict[str, Frame]:
         """Of all cameras at a time, with one scene, which is compiled once."""
