@@ -52,9 +52,12 @@ def _check(content: Any) -> None:
     """An error where something is missing that `DataSet` looks up."""
     if content["format"] != FORMAT:
         raise ValueError(f"its format is {content['format']!r:.40}, not {FORMAT!r}")
-    if type(content["frames"]) is not int or type(content["complete"]) is not bool or not content["cameras"]:
-        raise ValueError("it does not say how many frames and which cameras there are")
-    for name in content["cameras"]:
+    count, complete, cameras = content["frames"], content["complete"], content["cameras"]
+    if type(count) is not int or count < 1 or type(complete) is not bool:
+        raise ValueError("it does not say how many frames there are")
+    if not isinstance(cameras, dict) or not cameras:
+        raise ValueError("it does not say which cameras there are")
+    for name in cameras:
         if not NAME.fullmatch(name):
             raise ValueError(f"{name!r:.80} is no name of a camera")
     made = content["made_with"]
@@ -62,8 +65,8 @@ def _check(content: Any) -> None:
     for image in content["images"]:
         if missing := wanted - image.keys():
             raise ValueError(f"an image lacks {', '.join(sorted(missing))}")
-        content["cameras"][image["camera"]][image["camera_value"]]
+        cameras[image["camera"]][image["camera_value"]]
         content["object_names"][image["object_names"]]
-        if not isinstance(image["parts"][0]["arrays"], list):
+        if "image" not in image["parts"][0]["arrays"]:
             raise ValueError("an image does not say which arrays it has")
     made["settings"]

@@ -431,6 +431,18 @@ def test_what_a_damaged_record_kept_for_others_is_kept_again(single, tmp_path):
     assert_same(single.path, folder)
 
 
+def test_stores_that_claim_to_be_huge_are_refused_at_once(single, tmp_path):
+    folder = tmp_path / "set"
+    shutil.copytree(single.path, folder)
+    file = folder / "camera.zarr/image/zarr.json"
+    content = json.loads(file.read_text())
+    content["shape"] = [2, 10**9, 10**9, 1]
+    content["chunk_grid"]["configuration"]["chunk_shape"] = [1, 1, 1, 1]
+    file.write_text(json.dumps(content))
+    with pytest.raises(FileError, match="bytes of memory"):
+        pl.dataset.read(folder).frame(0)
+
+
 @pytest.mark.parametrize("array", ["image", "depth"])
 def test_a_store_without_an_array_is_refused(array, single, tmp_path):
     folder = tmp_path / "set"
@@ -459,6 +471,9 @@ def test_a_damaged_chunk_is_an_error_that_names_its_store(single, tmp_path):
     [
         lambda m: m.update(format="other-1"),
         lambda m: m.update(frames="3"),
+        lambda m: m.update(frames=-1),
+        lambda m: m.update(cameras="ab", images=[]),
+        lambda m: m["images"][0]["parts"][0].update(arrays=["depth"]),
         lambda m: m.pop("made_with"),
         lambda m: m["cameras"].update({"../x": []}),
         lambda m: m["images"][0].pop("pose"),
