@@ -70,7 +70,7 @@ class DataSet:
         return found
 
     def frame(self, number: int, camera: str | None = None, *, limits: FileLimits = DEFAULT) -> Exposure:
-        """A frame as `render` gave it, without its statistics.
+        """A frame as `render` gave it, without its statistics; grey ones among others of colour have three channels.
 
         Parameters
         ----------

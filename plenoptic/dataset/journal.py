@@ -63,8 +63,9 @@ class Journal:
         found = self.done.get(task)
         if found is not None and found["inputs"] != inputs:
             raise FileError(
-                f"frame {task.frame} in {str(self._path.parent)!r} was rendered with another scene or camera than "
-                f"frame {task.frame} of {task.camera!r} has now; {_ELSEWHERE}"
+                f"frame {task.frame} in {str(self._path.parent)!r} was {'rendered' if task.image else 'followed'} with "
+                f"another scene, camera or time than frame {task.frame} of {task.camera!r}"
+                f"{'' if task.image else ', or the one after it,'} has now; {_ELSEWHERE}"
             )
         return found
 

@@ -188,6 +188,7 @@ class _Writer:
     ) -> None:
         self._folder, self._sequences, self._taking = folder, sequences, taking
         self._journal, self._workers = journal, workers
+        self._there: dict[str, Store] = {}  # as they were: nothing is changed before all that is noted is known to fit
         self._stores: dict[str, Store] = {}
 
     def run(self, *, show: bool) -> None:
@@ -214,7 +215,9 @@ class _Writer:
         if noted is None or not self._path(task).exists():
             return False
         region = (*task.rows, 0, camera.sensor.shape[1])
-        return self._store(task).has(region, noted["arrays"], frame=task.frame)
+        if task.camera not in self._there:
+            self._there[task.camera] = Store(self._path(task))
+        return self._there[task.camera].has(region, noted["arrays"], frame=task.frame)
 
     def _frames(self, k: int) -> dict[str, Frame]:
         """Of all cameras at a time, with one scene, which is compiled once."""
@@ -270,7 +273,11 @@ class _Writer:
             arrays.setdefault("sample_counts", np.full(shot.image.shape[:2], shot.samples, dtype=np.int32))
         path = self._path(task)
         if not path.exists():
-            layout = layout_of(shot, self._taking.truth)._replace(shape=frame.camera.sensor.shape, corner=(0, 0))
+            frames = self._sequences[task.camera]
+            seen = (frames.camera,) if isinstance(frames, Sequence) else (each.camera for each in frames)
+            microlenses = any(camera.microlenses is not None for camera in seen)
+            layout = layout_of(shot, self._taking.truth, microlenses=microlenses)
+            layout = layout._replace(shape=frame.camera.sensor.shape, corner=(0, 0))
             names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._taking.motion else ()))
             with replaced_folder(path) as new:
                 create_store(new, layout._replace(names=names), {}, times=times_of(self._sequences[task.camera]))
@@ -288,7 +295,10 @@ class _Writer:
     def _motion(self, task: Task, now: Frame, following: Frame) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         first, end = task.rows
         threads = self._workers["threads"]
-        found = motion_truth(now, following, region=np.s_[first:end, :], threads=threads, progress=False)
+        try:
+            found = motion_truth(now, following, region=np.s_[first:end, :], threads=threads, progress=False)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"frames {task.frame} and {task.frame + 1} have no motion: {error}") from None
         self._store(task)
         arrays = dict(zip(MOTION_NAMES, (found.position, found.shift, found.visible), strict=True))
         return {"visible": float(found.visible.mean())}, arrays

@@ -155,13 +155,12 @@ def dataset_of(exposure: Exposure) -> xarray.Dataset:
     return module.Dataset(made, coords=coordinates, attrs={KIND: EXPOSURE, **texts_of(exposure)})
 
 
-def layout_of(exposure: Exposure, truth: Truth = Truth.NONE) -> Layout:
-    """What an exposure has, and the channels of `truth` that others of its camera may have."""
+def layout_of(exposure: Exposure, truth: Truth = Truth.NONE, *, microlenses: bool = False) -> Layout:
+    """What an exposure has, and the channels of `truth` that others may have, some of cameras with `microlenses`."""
     rows, columns, channels = exposure.image.shape
     first_row, _, first_column, _ = exposure.region or (0, rows, 0, columns)
     sensor = None if exposure.camera is None else exposure.camera.sensor
-    array = exposure.camera is not None and exposure.camera.microlenses is not None
-    known = tuple(empty_truth(available_truth(truth, meshes=True, microlenses=array), (0, 0)))
+    known = tuple(empty_truth(available_truth(truth, meshes=True, microlenses=microlenses), (0, 0)))
     names = tuple(dict.fromkeys((*pixels_of(exposure), *known)))
     return Layout((rows, columns), channels, names, (first_row, first_column), sensor)
 

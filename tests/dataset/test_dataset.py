@@ -295,6 +295,18 @@ def test_grey_frames_fit_among_coloured_ones(tmp_path):
         pl.dataset.write(tmp_path / "other", frames[::-1], **HOW)
 
 
+def test_cameras_with_and_without_microlenses_may_follow_each_other(tmp_path):
+    flat = dataclasses.replace(CAMERA, microlenses=None, microlenses_to_sensor=0.0)
+    frames = [pl.sequences.Frame(SCENE, camera, 0.0) for camera in (flat, CAMERA, flat)]
+    how = {**HOW, "truth": pl.Truth.ALL}
+    found = pl.dataset.write(tmp_path / "set", frames, **how)
+    for k, frame in enumerate(frames):
+        got = found.frame(k)
+        assert got == dataclasses.replace(pl.render(SCENE, frame.camera, seed=got.seed, **how), stats=None)
+    with pytest.raises(InvalidValueError, match="frames 0 and 1 have no motion: the frames have different cameras"):
+        pl.dataset.write(tmp_path / "other", frames, motion=True, **how)
+
+
 def test_frames_without_meshes_have_no_truth(tmp_path):
     frames = [pl.sequences.Frame(scene, CAMERA, 0.0) for scene in (pl.Scene(background=1.0), SCENE)]
     found = pl.dataset.write(tmp_path / "set", frames, **HOW)
@@ -357,8 +369,19 @@ def test_another_data_set_is_not_mixed_with_it(single, name):
 def test_other_inputs_are_refused(single):
     scene = pl.Scene(SCENE.meshes, background=0.4)
     other = pl.Sequence(scene, CAMERA, (0.0, 0.25), motions={"die": TURN})
-    with pytest.raises(FileError, match="frame 0 in .* was rendered with another scene or camera than frame 0"):
+    with pytest.raises(FileError, match="frame 0 in .* was rendered with another scene, camera or time than frame 0"):
         pl.dataset.write(single.path, other, **HOW)
+
+
+def test_what_is_refused_changes_no_store(tmp_path):
+    """Longer, and other from the last frame on, at whose end a motion was found."""
+    how = {**HOW, "motion": True}
+    made = pl.dataset.write(tmp_path / "set", sequence(2), **how)
+    before = made.open().load()
+    other = pl.Sequence(SCENE, CAMERA, (0, 0.3, 0.5), motions={"die": TURN})
+    with pytest.raises(FileError, match="frame 0 in .* was followed with another .* or the one after it, has now"):
+        pl.dataset.write(tmp_path / "set", other, **how)
+    assert made.open().identical(before)
 
 
 def test_folders_of_something_else_are_refused(tmp_path):
@@ -443,6 +466,7 @@ def test_stores_that_claim_to_be_huge_are_refused_at_once(single, tmp_path):
         pl.dataset.read(folder).frame(0)
 
 
+@pytest.mark.filterwarnings("ignore:Object at:UserWarning")
 @pytest.mark.parametrize("array", ["image", "depth"])
 def test_a_store_without_an_array_is_refused(array, single, tmp_path):
     folder = tmp_path / "set"
