@@ -15,7 +15,7 @@ from plenoptic.errors import FileError, FileWarning
 from plenoptic.rendering.schedule.identity import differences
 
 _ELSEWHERE = "give another folder, or remove it"
-KEPT = ("camera_value", "object_names")
+KEPT = ("camera_value", "object_names", "versions")
 """What records of images name, and `Journal.kept` keeps."""
 _KIND = LogKind("data set", 1, _ELSEWHERE)
 

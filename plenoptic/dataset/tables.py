@@ -35,7 +35,12 @@ _COLUMNS = (
     ),
     *("maximum", "paths", "paths_through_lens", "nonfinite", "stopped_by", "seconds", "cpu_seconds", "motion_visible"),
 )
-_PACKAGES = ("numpy", "numba", "embreex", "zarr")
+_PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "zarr")
+
+
+def versions() -> dict[str, str]:
+    """On what bits depend, beside this package and the processor."""
+    return {"python": platform.python_version(), **{name: metadata.version(name) for name in _PACKAGES}}
 
 
 def statistics_of(shot: Exposure) -> dict[str, Any]:
@@ -81,7 +86,7 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
         of_image.setdefault((task.frame, task.camera), []).append(task)
     done, images = journal.done, []
     cameras: dict[str, dict[str, int]] = {name: {} for name in sequences}
-    names: dict[str, int] = {}
+    names, made_by = dict[str, int](), dict[str, int]()
     for (frame, camera), parts in of_image.items():
         bands, motions = ([task for task in parts if task.image is image] for image in (True, False))
         if not all(task in done for task in bands):
@@ -93,6 +98,7 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
                 **{name: facts[name] for name in ("time", "pose", "shutter", "object_to_world", "seed", "replicates")},
                 "camera_value": _number(facts["camera_value"], cameras[camera]),
                 "object_names": _number(facts["object_names"], names),
+                "versions": _number(facts["versions"], made_by),
                 "samples": max(done[task]["samples"] for task in bands),
                 "motion": bool(motions) and all(task in done for task in motions),
                 "inputs": facts["inputs"],
@@ -112,7 +118,7 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
     manifest = {
         "format": FORMAT,
         "software": f"plenoptic {__version__}",
-        "versions": {"python": platform.python_version(), **{name: metadata.version(name) for name in _PACKAGES}},
+        "versions": [journal.items[key] for key in made_by],
         "units": "lengths mm, times s, angles rad; pose: world = rotation @ camera + position, object_to_world 3 x 4",
         "complete": all(task in done for task in tasks),
         "frames": len(next(iter(sequences.values()))),

@@ -30,7 +30,7 @@ from plenoptic.dataset.bar import FrameBar
 from plenoptic.dataset.contents import LOG, DataSet
 from plenoptic.dataset.journal import KEPT, Journal
 from plenoptic.dataset.sheet import write_contact_sheet
-from plenoptic.dataset.tables import statistics_of, write_manifest, write_statistics
+from plenoptic.dataset.tables import statistics_of, versions, write_manifest, write_statistics
 from plenoptic.dataset.task import (
     Frames,
     Taking,
@@ -240,7 +240,7 @@ class _Writer:
     def _image(self, task: Task, frame: Frame) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
         """Render; None where that was interrupted."""
         taking, (rows, columns), (first, end) = self._taking, frame.camera.sensor.shape, task.rows
-        about, settings = described_frame(frame), taking.settings
+        about, settings = {**described_frame(frame), "versions": versions()}, taking.settings
         paths = (end - first) * columns * (taking.samples or _USUAL)
         seed = frame_seed(taking.seed, task.frame, list(self._sequences).index(task.camera))
         shot = render(

@@ -19,7 +19,7 @@ from PIL import Image
 
 import plenoptic as pl
 from plenoptic.core.files.atomic_file import held_folder
-from plenoptic.dataset import task, writing
+from plenoptic.dataset import tables, task, writing
 from plenoptic.errors import FileError, FileWarning, InvalidValueError
 from plenoptic.scene.geometry.instance import Instances
 
@@ -213,6 +213,14 @@ def test_a_sequence_may_not_become_shorter(single):
     with pytest.raises(FileError, match="frame 1 is in .*, and the sequence has 1 frames; it may only become longer"):
         pl.dataset.write(single.path, sequence(1), **HOW)
     assert pl.dataset.read(single.path).manifest == single.manifest
+
+
+def test_the_manifest_knows_what_each_image_was_made_by(tmp_path, monkeypatch):
+    pl.dataset.write(tmp_path / "set", sequence(1), **HOW)
+    monkeypatch.setattr(tables.platform, "python_version", lambda: "9.9")
+    manifest = pl.dataset.write(tmp_path / "set", sequence(2), **HOW).manifest
+    first, second = (manifest["versions"][image["versions"]] for image in manifest["images"])
+    assert second == {**first, "python": "9.9"} != first and first["numpy"] == np.__version__
 
 
 def test_numbers_of_numpy_are_numbers(single, tmp_path):
