@@ -23,6 +23,7 @@ from plenoptic.optics.lens.analysis.illumination import (
 from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf, mtf, point_spread
 from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, chromatic_shift, colour_sums, seidel_sums
 from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram, ray_fan, spot_diagram
+from plenoptic.optics.lens.analysis.wave_mtf import WaveMtf, wave_mtf
 from plenoptic.optics.lens.analysis.wavefront import Wavefront, wavefront
 from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, zernike
 from plenoptic.optics.lens.models import FocusCriterion
@@ -45,6 +46,7 @@ __all__ = [
     "SpotDiagram",
     "ThroughFocus",
     "Vignetting",
+    "WaveMtf",
     "Wavefront",
     "ZernikeFit",
     "ZernikeOrder",
@@ -67,6 +69,7 @@ __all__ = [
     "spot_diagram",
     "through_focus",
     "vignetting",
+    "wave_mtf",
     "wavefront",
     "zernike",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +17,7 @@ from plenoptic.optics.lens.analysis.focus import paraxial_focus
 from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, fitted
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.optical_path import optical_path, paths_of_part
+from plenoptic.optics.lens.optical_path import paths_of_part
 from plenoptic.optics.lens.pupil.beam import checked_point
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
@@ -212,45 +213,99 @@ def wavefront(
     """
     pair, z = checked_point(lens, field, z_object)
     wave = wavelength_in_nm(wavelength)
-    if lens.model is not LensModel.EXACT:
-        raise InvalidValueError(
-            f"the lens is followed as {lens.model.name}, which has no aberrations; use LensModel.EXACT"
-        )
-    plane = paraxial_focus(lens, z, wave) if z_image is None else finite(z_image, "z_image")
-    if not math.isfinite(plane):
-        raise InvalidValueError("light leaves the lens parallel, and there is no image; give z_image")
+    plane = image_plane(lens, z, z_image, wave)
     given = square_grid(64) if pupil is None else np.asarray(frozen_array(pupil, name="pupil", shape=(None, 2)))
-    n = len(given)
-    steps = _STEP * np.eye(2)
-    points = np.concatenate([given, given + steps[0], given + steps[1], np.zeros((1, 2))])
-    entering = aimed_rays(lens, field=pair, pupil=points, z_object=z, wavelength=wave)
-    # A stop may hide the middle of the iris, and its ray remains what others are compared with.
-    last = entering.selected(np.arange(len(points)) == 3 * n)
-    chief, its_path = paths_of_part(lens, last, 0, len(lens.elements) - 1, clipping=False)
-    if chief.status[0] != 0:
-        raise InvalidValueError(f"there is no chief ray from the field {pair}; give a field that the lens images")
-    image, index = chief.at_z(plane)[0], float(lens.indices(wave)[-1])
-    radius = _radius(chief, image, cardinal_points(lens, wave).exit_pupil)
-    behind, path = optical_path(lens, entering)
-    lengths, toward = to_sphere(behind, path, image, radius, index)
-    (chief_length,), _ = to_sphere(chief, its_path, image, radius, index)
-    passes = np.flatnonzero(np.isfinite(lengths[:n]))
+    found = rays_to_sphere(lens, pair, z, plane, wave, given)
+    passes = np.flatnonzero(np.isfinite(found.opd))
     if not len(passes):
         raise InvalidValueError(f"no ray from the field {pair} passes the lens; give a field that it images")
-    amplitude = _amplitudes(entering, behind, toward, n, finite_object=math.isfinite(z))[passes]
+    amplitude = np.sqrt(found.light * found.solid_angle)[passes]
     return Wavefront(
         pupil=given[passes],
-        opd=(chief_length - lengths[passes]) / (1e-6 * wave),
+        opd=found.opd[passes],
         amplitude=amplitude / amplitude.sum(),
-        toward=toward[passes],
-        image=image,
-        radius=radius,
-        index=index,
+        toward=found.toward[passes],
+        image=found.image,
+        radius=found.radius,
+        index=found.refractive_index,
         field=np.array(pair),
         z_object=z,
         z_image=plane,
         wavelength=wave,
     )
+
+
+def image_plane(lens: LensStack, z_object: float, z_image: float | None, wavelength: float) -> float:
+    """Where the image plane of a lens followed exactly is, that of Gaussian optics unless it is given; or an error."""
+    if lens.model is not LensModel.EXACT:
+        raise InvalidValueError(
+            f"the lens is followed as {lens.model.name}, which has no aberrations; use LensModel.EXACT"
+        )
+    plane = paraxial_focus(lens, z_object, wavelength) if z_image is None else finite(z_image, "z_image")
+    if not math.isfinite(plane):
+        raise InvalidValueError("light leaves the lens parallel, and there is no image; give z_image")
+    return plane
+
+
+class SphereRays(NamedTuple):
+    """Rays from one object point through points of the iris, where they cross the reference sphere; nan if lost."""
+
+    opd: Floats
+    """(n,), waves."""
+    light: Floats
+    """(n,): that of a unit of area of the iris, relative."""
+    solid_angle: Floats
+    """(n,): that of a unit of area of the iris, seen from the image point."""
+    toward: Floats
+    """(n, 3): unit vectors from the image point."""
+    slopes: Floats
+    """(n, 2, 2): how x and y of these change with those of the iris."""
+    middle: Floats
+    """(3,): `toward` of the chief ray."""
+    image: Floats
+    radius: float
+    refractive_index: float
+
+
+def rays_to_sphere(
+    lens: LensStack, field: tuple[float, float], z_object: float, z_image: float, wavelength: float, pupil: Floats
+) -> SphereRays:
+    """Trace rays through points (n, 2) of the iris, each with two neighbours, to the sphere around the image point."""
+    n, steps = len(pupil), _STEP * np.eye(2)
+    points = np.concatenate([pupil, pupil + steps[0], pupil + steps[1], np.zeros((1, 2))])
+    entering = aimed_rays(lens, field=field, pupil=points, z_object=z_object, wavelength=wavelength)
+    # What rays stand for does not depend on whether their neighbours pass, nor what they are compared with on whether
+    # something hides the middle of the iris.
+    behind, path = paths_of_part(lens, entering, 0, len(lens.elements) - 1, clipping=False)
+    if behind.status[-1] != 0:
+        raise InvalidValueError(f"there is no chief ray from the field {field}; give a field that the lens images")
+    chief = behind.selected(np.arange(len(points)) == 3 * n)
+    image, index = chief.at_z(z_image)[0], float(lens.indices(wavelength)[-1])
+    radius = _radius(chief, image, cardinal_points(lens, wavelength).exit_pupil)
+    lengths, toward = to_sphere(behind, path, image, radius, index)
+    passing = lens.trace(entering.selected(np.arange(len(points)) < n))
+    finite_object = math.isfinite(z_object)
+    light = _area(entering.direction if finite_object else entering.origin, n)
+    if finite_object:
+        light = light * np.abs(entering.direction[:n, 2])
+    xy = toward[: 3 * n, :2].reshape(3, n, 2)
+    return SphereRays(
+        opd=np.where(passing.status == 0, (lengths[-1] - lengths[:n]) / (1e-6 * wavelength), np.nan),
+        light=light * passing.weight,
+        solid_angle=_area(toward, n),
+        toward=toward[:n],
+        slopes=np.stack([xy[1] - xy[0], xy[2] - xy[0]], axis=2) / _STEP,
+        middle=toward[-1],
+        image=image,
+        radius=radius,
+        refractive_index=index,
+    )
+
+
+def _area(vectors: Floats, n: int) -> Floats:
+    """(n,): what vectors (3 n, 3) of points of the iris and of their neighbours span, over the square of the step."""
+    one, right, up = vectors[:n], vectors[n : 2 * n], vectors[2 * n : 3 * n]
+    return np.asarray(np.linalg.norm(np.cross(right - one, up - one), axis=1)) / _STEP**2
 
 
 def to_sphere(behind: RayBundle, path: Floats, image: Floats, radius: float, index: float) -> tuple[Floats, Floats]:
@@ -274,23 +329,3 @@ def _radius(chief: RayBundle, image: Floats, exit_pupil: float) -> float:
     if math.isinf(exit_pupil):
         return math.inf
     return float((image[2] - exit_pupil) / chief.direction[0, 2])
-
-
-def _amplitudes(entering: RayBundle, behind: RayBundle, toward: Floats, n: int, *, finite_object: bool) -> Floats:
-    """(n,): the root of the light of an area of the iris times the solid angle that it takes behind the lens.
-
-    Differences to neighbours that do not pass are taken as those of the point are on the other side: they are rare.
-    """
-    before = entering.direction if finite_object else entering.origin
-    one, right, up = (slice(k * n, (k + 1) * n) for k in range(3))
-
-    def area(vectors: Floats) -> Floats:
-        found = np.cross(vectors[right] - vectors[one], vectors[up] - vectors[one])
-        return np.asarray(np.linalg.norm(found, axis=1))
-
-    light = area(before)
-    if finite_object:
-        light = light * np.abs(entering.direction[one, 2])
-    found = np.sqrt(light * area(toward) * behind.weight[one])
-    typical = np.nanmedian(found) if np.isfinite(found).any() else 1.0
-    return np.where(np.isfinite(found), found, typical)
