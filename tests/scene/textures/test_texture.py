@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import plenoptic as pl
-from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.color.srgb import Encoding, srgb_to_linear
 from plenoptic.core.files import images
 from plenoptic.core.files.serialization import describe, restore
 from plenoptic.scene.textures import texture as module
@@ -187,7 +187,7 @@ def test_each_channel_alone(tmp_path, mode, channel, encoding):
         codes = stored[:, :, -1] if mode.endswith("A") else np.full((4, 5), 255)
     else:
         codes = stored[:, :, channel if mode.startswith("RGB") else 0]
-    linear = codes / 255 if channel == 3 or encoding is Encoding.LINEAR else images.srgb_to_linear(codes / 255)
+    linear = codes / 255 if channel == 3 or encoding is Encoding.LINEAR else srgb_to_linear(codes / 255)
     for texture in (
         pl.Texture.from_image(image, encoding=encoding, channel=channel),
         pl.Texture.load(tmp_path / "a.png", encoding=encoding, channel=channel),
@@ -232,7 +232,7 @@ def test_16_bits_keep_all_of_them(tmp_path, ending):
     data = pl.Texture.load(tmp_path / f"a{ending}", encoding=Encoding.LINEAR)
     np.testing.assert_array_equal(np.rint(data.texels * 65535), codes)
     colours = pl.Texture.load(tmp_path / f"a{ending}")
-    np.testing.assert_allclose(colours.texels, images.srgb_to_linear(codes / 65535), rtol=4 * EPS)
+    np.testing.assert_allclose(colours.texels, srgb_to_linear(codes / 65535), rtol=4 * EPS)
 
 
 @pytest.mark.parametrize("encoding", list(Encoding))
