@@ -13,7 +13,7 @@ class FrameBar:
     """A bar over all pieces of work, with the time left; nothing where it is not to be shown."""
 
     def __init__(self, total: int, *, show: bool) -> None:
-        self._bar: Any = load_tqdm()(total=total, unit="image", leave=True) if show else None
+        self._bar: Any = load_tqdm()(total=total, unit="part") if show else None
         self._watch = Watch(self._look) if show else None
 
     def __enter__(self) -> FrameBar:

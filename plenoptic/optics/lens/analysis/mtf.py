@@ -1,7 +1,7 @@
 """Geometric point-spread function and modulation transfer function.
 
 Both are those of geometrical optics: light goes where its rays go. Diffraction is not included; where the geometric
-MTF comes near `diffraction_mtf`, or passes it, the real one is lower than either.
+MTF comes near `diffraction_mtf`, or passes it, the real one is lower than either: `wave_mtf` finds it.
 """
 
 from __future__ import annotations

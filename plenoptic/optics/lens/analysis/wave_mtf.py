@@ -116,7 +116,7 @@ def wave_mtf(  # noqa: PLR0913
     return WaveMtf(wanted, np.abs(total[0]), np.abs(total[1]), np.array(pair), z, plane, waves)
 
 
-def _even_field(  # noqa: PLR0913
+def _even_field(
     lens: LensStack,
     field: tuple[float, float],
     z_object: float,

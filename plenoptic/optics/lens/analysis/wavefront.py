@@ -14,7 +14,7 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, finite, frozen_array, result, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus
-from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, fitted
+from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, fitted, zernike
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.optical_path import paths_of_part
@@ -158,8 +158,6 @@ class Wavefront:
 
 
 def _sum(noll: Floats, pupil: Floats) -> Floats:
-    from plenoptic.optics.lens.analysis.zernike_fit import zernike
-
     terms = [a * zernike(j, pupil[:, 0], pupil[:, 1]) for j, a in enumerate(noll, start=1) if a]
     return np.asarray(sum(terms, np.zeros(len(pupil))))
 
