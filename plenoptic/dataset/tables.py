@@ -21,19 +21,9 @@ from plenoptic.dataset.task import Frames, Taking, Task, tasks_of
 from plenoptic.rendering.exposure import Exposure
 
 _COLUMNS = (
-    *(
-        "camera",
-        "frame",
-        "time_s",
-        "first_row",
-        "end_row",
-        "seed",
-        "samples",
-        "relative_error",
-        "mean",
-        "percentile_99",
-    ),
-    *("maximum", "paths", "paths_through_lens", "nonfinite", "stopped_by", "seconds", "cpu_seconds", "motion_visible"),
+    *("camera", "frame", "time_s", "first_row", "end_row", "seed", "samples", "relative_error"),
+    *("mean", "percentile_99", "maximum", "paths", "paths_through_lens", "nonfinite", "stopped_by"),
+    *("seconds", "cpu_seconds", "motion_visible"),
 )
 _PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "zarr")
 
