@@ -26,6 +26,7 @@ from . import targets as targets
 from .camera.camera import CameraPart as CameraPart
 from .camera.camera import PlenopticCamera as PlenopticCamera
 from .camera.design.design import design_camera as design_camera
+from .camera.diffraction import Diffraction as Diffraction
 from .camera.points.centres import CentreMethod as CentreMethod
 from .camera.points.centres import microlens_centres as microlens_centres
 from .camera.points.projection import project as project

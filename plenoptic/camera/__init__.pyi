@@ -7,6 +7,7 @@ from .camera import Pose as Pose
 from .design.design import design_camera as design_camera
 from .design.search import CameraDesign as CameraDesign
 from .design.search import DesignStep as DesignStep
+from .diffraction import Diffraction as Diffraction
 from .points.centres import CentreMethod as CentreMethod
 from .points.centres import MicrolensCentres as MicrolensCentres
 from .points.centres import microlens_centres as microlens_centres

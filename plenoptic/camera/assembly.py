@@ -119,10 +119,11 @@ def _plane(sensor: Rigid) -> tuple[float, Floats | None]:
     return float(sensor.shift[2] - slopes @ sensor.shift[:2]), np.ascontiguousarray(slopes)
 
 
-def sensor_corners(camera: PlenopticCamera, parts: Assembly) -> Floats:
-    """(4, 3): corners of the sensor in local axes, in mm."""
+def sensor_corners(camera: PlenopticCamera, parts: Assembly, beyond: float = 0.0) -> Floats:
+    """(4, 3): corners of the sensor, and of what lies up to `beyond` mm outside it, in local axes, in mm."""
     height, width = camera.sensor.size
-    corners = np.array([[x, y, 0.0] for x in (-width / 2, width / 2) for y in (-height / 2, height / 2)])
+    x, y = 0.5 * width + beyond, 0.5 * height + beyond
+    corners = np.array([[i, j, 0.0] for i in (-x, x) for j in (-y, y)])
     return parts.sensor_to_local.points(corners)
 
 

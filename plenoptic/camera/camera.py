@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from plenoptic.camera.assembly import assembly, sensor_corners
+from plenoptic.camera.diffraction import Diffraction, check_diffraction
 from plenoptic.camera.shutter import Shutter
 from plenoptic.camera.units import metres_guess
 from plenoptic.core.color.spectra import Sensitivity
@@ -79,6 +80,8 @@ class PlenopticCamera:
         channels are those of the scene.
     shutter : Shutter, optional
         How long an exposure takes, where things move meanwhile; None: an instant.
+    diffraction : Diffraction, optional
+        Light bends at the openings of microlenses; None: it does not, and costs nothing.
 
     Raises
     ------
@@ -109,10 +112,12 @@ class PlenopticCamera:
     blemishes: tuple[Blemishes, ...] = dataclasses.field(default=(), kw_only=True)
     sensitivity: Sensitivity | None = dataclasses.field(default=None, kw_only=True)
     shutter: Shutter | None = dataclasses.field(default=None, kw_only=True)
+    diffraction: Diffraction | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         parts = {"lens": LensStack, "sensor": Sensor}
         absent = {"microlenses": MicrolensArray, "pose": Pose, "sensitivity": Sensitivity, "shutter": Shutter}
+        absent |= {"diffraction": Diffraction}
         for name, kind in (parts | absent).items():
             given, other = getattr(self, name), "" if name in parts else " or None"
             if not isinstance(given, kind) and not (other and given is None):
@@ -132,6 +137,7 @@ class PlenopticCamera:
         if not all(isinstance(part, Blemishes) for part in self.blemishes):
             raise InvalidValueError(f"blemishes is {self.blemishes!r}; it must be a tuple of Blemishes")
         self._check_blemishes()
+        check_diffraction(self)
         self._check_distances()
         self._check_assembly()
 

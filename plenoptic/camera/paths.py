@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.kernels import paths
-from plenoptic.camera.sampling.record import Batch, FedPixels
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
+from plenoptic.camera.sampling.pixel_regions import feeding_regions
+from plenoptic.camera.sampling.record import Batch, Bends, FedPixels
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, X, Y
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.microlens.dust import BlemishSite
@@ -28,6 +29,7 @@ class CameraPaths:
         blocks = -(-most // BLOCK)
         self._camera, self._fed, self._batch = camera, fed, batch
         self._blocks = np.empty(blocks * RAY)
+        self._far = None if fed.around is None else np.empty(most, dtype=np.int64)
         self.sure = np.empty(blocks * RAY) if fed.certain else None
         """What surely passes the lens, aimed; None where that is not known."""
         self.own = camera.own(blocks * BLOCK)
@@ -44,10 +46,21 @@ class CameraPaths:
         """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
         bundle, colour = self._blocks[: -(-n // BLOCK) * RAY], self._camera.colour
         sure = None if self.sure is None else self.sure[: bundle.size]
-        paths.fill_camera_samples(bundle, sure, self.own, start, n, self._batch, self._fed, self._camera.sensor.pixel)
         if colour is not None and self.waves is not None:
             paths.fill_waves(self.waves, start, n, self._batch, self._fed.number, colour.cdf, self._guide)
+        bends = None if self._far is None else Bends(self._far, self.waves)
+        away = paths.fill_camera_samples(
+            bundle, sure, self.own, bends, start, n, self._batch, self._fed, self._camera.sensor.pixel
+        )
+        if self._far is not None:
+            self._start_far(bundle, self._far[:away])
         return bundle
+
+    def _start_far(self, bundle: Floats, far: NDArray[np.int64]) -> None:
+        """Paths whose light comes from far away: they are few, and bounds say what feeds their points."""
+        fields = bundle.reshape(-1, RAY // BLOCK, BLOCK)
+        starts = np.stack([fields[far // BLOCK, row // BLOCK, far % BLOCK] for row in (X, Y)], axis=-1)
+        paths.fill_far_samples(bundle, self.own, far, feeding_regions(self._camera._replace(exact=False), starts))
 
     def fill_through_array(self, bundle: Floats) -> None:
         """From the sensor to behind the array."""
@@ -58,6 +71,11 @@ class CameraPaths:
             sure = self.sure[: bundle.size]
             fill_dimmed_before_array(sure, sensor.plane, sensor.response, ())
             to_lens.fill_weights(sure, sensor.plane)
+
+    def fill_bent_at_iris(self, bundle: Floats, start: int, n: int) -> None:
+        """Bend the rays of paths start ... start + n - 1 behind the lens, where the camera asks for it."""
+        if self._camera.iris is not None:
+            paths.fill_bent_at_iris(bundle, start, n, self._batch, self._fed.number, self.waves, self._camera.iris)
 
     def fill_through_lens(self, bundle: Floats) -> None:
         """Through the lens and the dust on it."""

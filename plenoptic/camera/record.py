@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, Rigid, assembly
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.diffraction import BendRecord, IrisRecord, bend_record, iris_record
 from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
 from plenoptic.camera.sampling.choice import why_bounds
@@ -110,6 +111,10 @@ class CameraRecord(NamedTuple):
     """Lens elements, for counting lost rays."""
     convex: bool
     """Whether the holes of all stops are."""
+    bend: BendRecord | None
+    """None where light does not bend at microlenses."""
+    iris: IrisRecord | None
+    """None where it does not bend at the iris."""
 
     @property
     def frame(self) -> Floats | None:
@@ -128,6 +133,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
     wavelengths = (camera.wavelength,)
     if colour is not None:
         wavelengths = tuple(np.unique([colour.wavelengths[0], camera.wavelength, colour.wavelengths[-1]]).tolist())
+    drawn = (camera.wavelength, *(() if colour is None else colour.wavelengths.tolist()))
     z_last, margin, compiled = float(lens.vertices[-1]), 0.0, None
     if array is None:
         bounds = sensor_bounds(camera, parts, wavelengths)
@@ -140,7 +146,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
             origin=parts.array_origin,
             reach=found.reach,
             margin=found.aside,
-            wavelengths=(camera.wavelength, *(() if colour is None else colour.wavelengths.tolist())),
+            wavelengths=drawn,
         )
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
     pinhole = array is not None and not array.model.focuses
@@ -162,6 +168,8 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         exact=not why_bounds(camera, certain=False),
         elements=len(lens.elements),
         convex=all(is_convex(element) for element in lens.elements if isinstance(element, Stop)),
+        bend=bend_record(camera, parts, drawn),
+        iris=iris_record(camera, drawn),
     )
 
 

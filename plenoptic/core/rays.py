@@ -51,6 +51,8 @@ class RayStatus(enum.IntEnum):
     """The ray lands in another microlens than the one it was aimed at (and is counted there)."""
     NOT_CONVERGED = 6
     """The point on an aspheric surface was not found within the limit of iterations."""
+    BENT_IN = 7
+    """The path's light bent to the pixel from farther outside the sensor than is followed."""
 
 
 @value

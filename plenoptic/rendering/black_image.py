@@ -159,6 +159,7 @@ class _Probe:
         bundle = ways.started(0, n)
         ways.fill_through_array(bundle)
         ways.fill_through_lens(bundle)
+        ways.fill_bent_at_iris(bundle, 0, n)
         fill_status_counts(self.counts, bundle, n)
         self.bright = context.scene is None and bool(self.counts[0])
         if context.scene is not None:

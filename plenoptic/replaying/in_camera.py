@@ -77,6 +77,7 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, 
     fill_dimmed_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
     events += _lens_events(camera, ways.lens, before, ways.waves)
     ways.fill_through_lens(bundle)
+    ways.fill_bent_at_iris(bundle, 0, 1)
     beside = 0.0 if ways.sure is None else _row(ways.sure).weight
     return CameraWay(tuple(events), bundle, ways.waves, fed, beside)
 

@@ -201,7 +201,7 @@ def _put_together(engine: Engine[Strip, Arrays], region: tuple[int, int, int, in
 
 def _of_strip(record: CameraRecord, strip: Strip, work: Callable[[Floats, PixelRays], Arrays]) -> Arrays:
     pixels = pixel_centres(record, (strip.row, strip.end_row), (strip.column, strip.end_column))
-    fed = fed_pixels(record, pixels, np.arange(len(pixels)))
+    fed = fed_pixels(record._replace(bend=None), pixels, np.arange(len(pixels)))
     return work(pixels, representative_rays(record, pixels, fed))
 
 

@@ -63,6 +63,7 @@ def _sums(
         bundle = paths.started(start, n)
         paths.fill_through_array(bundle)
         paths.fill_through_lens(bundle)
+        paths.fill_bent_at_iris(bundle, start, n)
         sent = fill_world_rays(rays, lanes, bundle, n, camera.rotation, camera.position)
         hits = no_hits(scene, sent)
         intersector.fill_closest(hits, rays[:sent])

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.psf.histogram import assembled, spots_of
-from plenoptic.camera.psf.sensor_hits import HIT, in_lens_axes, landed, measuring_record, tasks_of
+from plenoptic.camera.psf.sensor_hits import HIT, bending_record, in_lens_axes, landed, measuring_record, tasks_of
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import MOST_POINTS, Floats, check_kind, frozen_array, seed_number, whole
@@ -40,7 +40,7 @@ def point_spread(
     The image of a point is what `render` makes, as its area goes to zero, of a Lambertian emitter that stands at the
     point and faces along the camera's axis, for each unit of radiance and mm^2. What the camera's pixels make of light
     (`Sensor.pixel_aperture`, `Sensor.angular_response`) and its `blemishes` count; all light has its `wavelength`.
-    Diffraction is not included.
+    Where the camera has `diffraction`, rays bend at their microlenses.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def point_spread(
     each = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     with Waiting("tracing points", kind="camera", show=progress):
-        record = measuring_record(camera)
+        record = bending_record(camera)
         tasks = tasks_of(record, in_lens_axes(record, given), replicates, each)
         spots = dict(spots_of(record, tasks, each, scrambling, workers))
         spread = assembled(camera, given, spots, replicates, each)
@@ -97,7 +97,7 @@ def landing_points(
     """Single rays of points: where they land on the sensor and through which microlens, such as calibration needs it.
 
     Rays beside the opening of a pixel (`Sensor.pixel_aperture`) do not land. Those that dust or an opaque microlens
-    stops do, with the weight 0.
+    stops do, with the weight 0. Light does not bend here.
 
     Parameters
     ----------

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.diffraction import IrisRecord, bend_record, iris_record
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens, placed_dust
 from plenoptic.camera.paths import fill_dimmed_before_array
 from plenoptic.camera.psf.forward_array import ForwardArray, fill_through_array_forward, forward_array
@@ -20,6 +21,7 @@ from plenoptic.camera.record import response_record
 from plenoptic.camera.units import metres_guess
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.diffraction.far_field import FarField
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entering_polygon, entrance
 from plenoptic.optics.lens.record import LensRecord, lens_record
@@ -39,6 +41,18 @@ HIT = np.dtype(
 """A ray that arrives: where on the sensor in mm, its weight, the lattice index of its microlens, and its pixel."""
 
 
+class Bends(NamedTuple):
+    """How light bends on its way to the sensor."""
+
+    field: FarField
+    distance: float
+    """From the array's rear principal plane to the sensor's centre along the local axis, in mm."""
+    tilt: Floats
+    """(2,): how it grows with x and y on the sensor."""
+    by: Floats
+    """(2, 2): from spatial frequencies to x and y on the sensor, for each mm of the distance."""
+
+
 class ForwardRecord(NamedTuple):
     """A camera forwards, as numbers."""
 
@@ -54,6 +68,8 @@ class ForwardRecord(NamedTuple):
     """(2,) half the height and half the width of what is open of a pixel, over the pitch; None: all of it."""
     response: ResponseRecord | None = None
     dust: tuple[PlacedDust, ...] = ()
+    bends: Bends | None = None
+    iris: IrisRecord | None = None
 
     @property
     def dims_by_aim(self) -> bool:
@@ -105,6 +121,24 @@ def measuring_record(camera: PlenopticCamera) -> ForwardRecord:
         response=response_record(camera, parts),
         dust=placed_dust(camera, parts),
     )
+
+
+def bending_record(camera: PlenopticCamera) -> ForwardRecord:
+    """Compile also how light bends at iris and microlenses, where the camera has that."""
+    record = measuring_record(camera)._replace(iris=iris_record(camera, (camera.wavelength,)))
+    parts = record.array.parts
+    found = bend_record(camera, parts, (camera.wavelength,))
+    if found is None:
+        return record
+    if found.field.opening is not None:
+        raise InvalidValueError(
+            "light bends in one way through the openings of microlenses and in another one beside them, and points are "
+            "not traced forwards through both: render the point, or take diffraction=None"
+        )
+    turn, tilt = parts.sensor_to_local.turn[:2, :2], np.zeros(2) if parts.tilt is None else parts.tilt
+    middle = parts.distance + float(tilt @ parts.sensor_to_local.shift[:2])
+    by = float(found.wavelengths[0]) * np.linalg.inv(turn)
+    return record._replace(bends=Bends(found.field, middle, turn.T @ tilt, np.ascontiguousarray(by)))
 
 
 def _fill_dimmed_behind_array(blocks: Floats, aims: Floats, record: ForwardRecord) -> None:
@@ -174,6 +208,8 @@ def landed(record: ForwardRecord, task: Task, seed: np.uint64) -> Landed:
         n = min(BUNDLE, task.n - start)
         bundle = blocks[: -(-n // BLOCK) * RAY]
         source_rays.fill_source_rays(bundle, start, n, seed, task, record.entrance.z, record.ideal, record.facing)
+        if record.iris is not None:
+            source_rays.fill_bent_at_iris(bundle, start, n, seed, task, record.iris)
         fill_dimmed_at_lens(bundle, dust, BlemishSite.LENS_FRONT)
         fill_traced(bundle, record.lens, None)
         if record.ideal:
@@ -182,6 +218,8 @@ def landed(record: ForwardRecord, task: Task, seed: np.uint64) -> Landed:
         fill_through_array_forward(bundle, record.array)
         if record.dims_by_aim:
             _fill_dimmed_behind_array(bundle, aims[: bundle.size], record)
+        if record.bends is not None:
+            source_rays.fill_bent(bundle, start, n, seed, task, record.bends)
         fill_status_counts(counts, bundle, n)
         found, missed, between = source_rays.fill_landed(
             rows[arrived:], bundle, n, *sensor.shape, sensor.pixel_pitch, record.opening

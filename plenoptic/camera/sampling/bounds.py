@@ -8,6 +8,7 @@ import numpy as np
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.diffraction import reach_of_bends
 from plenoptic.camera.sampling.record import SIDE
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds, rear_reach
@@ -52,7 +53,7 @@ def array_bounds(
     """
     a, b = rear_reach(camera.lens, parts.z_plane, wavelengths[0])
     pupil_distance = parts.z_plane - float(camera.lens.vertices[-1])
-    corners = sensor_corners(camera, parts)
+    corners = sensor_corners(camera, parts, reach_of_bends(camera))
     ratio = pupil_distance / float(corners[:, 2].min())
     sensor = float(np.hypot(*parts.local_to_lens.points(corners)[:, :2].T).max())
     tilt = float(np.hypot(*parts.local_to_lens.turn[2, :2]))

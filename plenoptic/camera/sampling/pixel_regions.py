@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.diffraction import NEAR, BendRecord
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.record import CANDIDATE, PIECE, PLANE, SIDE, VIEW, Candidates, FedPixels, Regions
+from plenoptic.camera.sampling.record import CANDIDATE, PIECE, PLANE, SIDE, VIEW, Around, Candidates, FedPixels, Regions
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -17,6 +18,8 @@ from plenoptic.optics.microlens.record import MICROLENS
 
 _TOGETHER = 512
 """Candidates whose rays are traced together."""
+_BESIDE = NEAR // SIDE + 1
+"""Groups on each side of the sensor."""
 _PASSES, _SLACK = 4, 2e-3
 """Times that a candidate is looked at, and how large margins may be, in parts of what they bound."""
 
@@ -86,10 +89,10 @@ def _grouped(camera: CameraRecord, starts: Floats) -> tuple[Floats, NDArray[np.i
     on_sensor = _turned(starts - placed.shift[:2], back) / sensor.pitch
     column = np.floor((sensor.columns / 2 - on_sensor[:, 0]) / SIDE).astype(np.int64)
     row = np.floor((on_sensor[:, 1] + sensor.rows / 2) / SIDE).astype(np.int64)
-    across = sensor.columns // SIDE + 2
-    number, group = np.unique((row + 1) * across + column + 1, return_inverse=True)
-    row, column = np.divmod(number, across)
-    return _on_sensor(camera, (row - 0.5) * SIDE, (column - 0.5) * SIDE), np.ascontiguousarray(group.ravel())
+    across = sensor.columns // SIDE + 2 * _BESIDE
+    number, group = np.unique((row + _BESIDE) * across + column + _BESIDE, return_inverse=True)
+    row, column = (part - _BESIDE + 0.5 for part in np.divmod(number, across))
+    return _on_sensor(camera, row * SIDE, column * SIDE), np.ascontiguousarray(group.ravel())
 
 
 def _candidates(camera: CameraRecord, centres: Floats, margin: float) -> tuple[Candidates, Floats]:
@@ -197,7 +200,54 @@ def feeding_regions(
 
 def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64], *, certain: bool = False) -> FedPixels:
     """What feeds pixels whose centres (n, 2) and numbers (n,) on the sensor are given; see `feeding_regions`."""
+    if camera.bend is not None:
+        return _bent_pixels(camera, camera.bend, pixels, number, certain=certain)
     regions = feeding_regions(camera, pixels, camera.sensor.pixel.half, certain=certain)
     fed = np.flatnonzero(np.diff(regions.first))
     first = np.append(regions.first[fed], regions.first[-1])
     return FedPixels(fed, number[fed], np.ascontiguousarray(pixels[fed]), regions._replace(first=first), certain)
+
+
+def _bent_pixels(
+    camera: CameraRecord, bend: BendRecord, pixels: Floats, number: NDArray[np.int64], *, certain: bool
+) -> FedPixels:
+    """`fed_pixels` where light bends: all pixels, with what feeds those around them."""
+    sensor = camera.sensor
+    right, down = (bend.back @ (pixels - bend.shift).T)[:2]
+    own = np.floor(np.column_stack([sensor.rows / 2 + down, sensor.columns / 2 - right])).astype(np.int64)
+    low = own.min(axis=0, initial=sensor.rows + sensor.columns) - NEAR
+    high = own.max(axis=0, initial=0) + NEAR + 1
+    seen = np.zeros(np.maximum(high - low, 0), dtype=bool)
+    at = tuple((own - low).T)
+    seen[at] = True
+    row, column = np.nonzero(_widened(seen))
+    centres = _on_sensor(camera, low[0] + row + 0.5, low[1] + column + 0.5)
+    turn = np.abs(camera.parts.sensor_to_local.turn[:2, :2])
+    half = 0.5 * sensor.pitch * turn.sum(axis=1)
+    regions = feeding_regions(camera, centres, (float(half[0]), float(half[1])), certain=certain)
+    areas, last = np.zeros(seen.shape), regions.first[1:] - 1
+    lit = np.diff(regions.first) > 0
+    areas[row[lit], column[lit]] = regions.pieces["area"][last[lit]]
+    around = Around(
+        own=own,
+        row=int(low[0]),
+        first=np.searchsorted(row, np.arange(seen.shape[0] + 1)),
+        columns=low[1] + column,
+        centres=centres,
+        areas=_widened(areas)[at],
+        shape=(sensor.rows, sensor.columns),
+        plane=sensor.plane,
+        bend=bend,
+    )
+    return FedPixels(np.arange(len(pixels)), number, np.ascontiguousarray(pixels), regions, certain, around)
+
+
+def _widened(image: NDArray[Any]) -> NDArray[Any]:
+    """The largest value of an image among those up to `NEAR` rows and columns away."""
+    for axis in range(2):
+        before, image = image, image.copy()
+        for step in range(1, NEAR + 1):
+            near, far = (slice(None),) * axis + (slice(step, None),), (slice(None),) * axis + (slice(None, -step),)
+            image[near] = np.maximum(image[near], before[far])
+            image[far] = np.maximum(image[far], before[near])
+    return image

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.microlens.record import SensorPlane
+
+if TYPE_CHECKING:
+    from plenoptic.camera.diffraction import BendRecord
 
 SIDE = 4
 """Pixels along a side of a group, whose views of the lens are found together."""
@@ -97,6 +101,29 @@ class Openings(NamedTuple):
     """(elements,): whether these let all pass that they bound."""
 
 
+class Around(NamedTuple):
+    """The pixels to which light of a tile's may be headed before it bends: those up to `NEAR` rows and columns beside
+    them, on the sensor and around it, row by row. Their regions are those of `FedPixels`.
+    """
+
+    own: NDArray[np.int64]
+    """(p, 2): rows and columns on the sensor of the tile's pixels."""
+    row: int
+    """The first row."""
+    first: NDArray[np.int64]
+    """(rows + 1,): where each row's pixels begin."""
+    columns: NDArray[np.int64]
+    """(k,): of the pixels."""
+    centres: Floats
+    """(k, 2): see `pixel_centres`."""
+    areas: Floats
+    """(p,): the largest area of a region to which light of each of the tile's pixels may be headed."""
+    shape: tuple[int, int]
+    """Rows and columns of the sensor."""
+    plane: SensorPlane
+    bend: BendRecord
+
+
 class FedPixels(NamedTuple):
     """The pixels of a tile that light can reach."""
 
@@ -110,6 +137,25 @@ class FedPixels(NamedTuple):
     """What feeds them."""
     certain: bool
     """Whether it is known of pieces what surely passes: that is asked for white images."""
+    around: Around | None = None
+    """Where light bends; the regions are then those of its pixels. None where it does not."""
+
+    @property
+    def areas(self) -> Floats:
+        """(p,): the area that feeds each pixel, at most."""
+        if self.around is not None:
+            return self.around.areas
+        # The column before the rows: picking whole rows of a structured array takes two hundred times as long.
+        return np.asarray(self.regions.pieces["area"][self.regions.first[1:] - 1])
+
+
+class Bends(NamedTuple):
+    """What starting the paths of a bundle takes where light bends."""
+
+    far: NDArray[np.int64]
+    """Room for the numbers of those whose light comes from far away."""
+    waves: NDArray[np.int64] | None
+    """Numbers of the paths' wavelengths; None where all have the camera's."""
 
 
 class Batch(NamedTuple):

@@ -19,7 +19,8 @@ _NONE = "the camera has none"
 
 def camera_decisions(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
     """Decisions on everything between the pixel and the scene, in the order of the stages."""
-    parts = [_sensor(camera), _pupils(camera, white=white), _array(camera.microlenses), _assembly(camera)]
+    array = camera.microlenses
+    parts = [_sensor(camera), _diffraction(camera), _pupils(camera, white=white), _array(array), _assembly(camera)]
     return [*(decision for part in parts for decision in part), *_lens(camera)]
 
 
@@ -40,6 +41,17 @@ def _sensor(camera: PlenopticCamera) -> list[Decision]:
         decide(Stage.TURNED_PIXELS, askew, along, "their sides lie askew to x and y"),
         decide(Stage.BLEMISHES, camera.blemishes, "no dust and no scratches", f"{grains} grains of dust or scratches"),
     ]
+
+
+def _diffraction(camera: PlenopticCamera) -> list[Decision]:
+    array, iris = camera.microlenses, camera.diffraction is not None and camera.diffraction.iris
+    if camera.diffraction is None:
+        return left_out(Stage.DIFFRACTION, Stage.DIFFRACTION, "paths are straight between surfaces")
+    bends = ["at the iris"] if iris else []
+    if array is not None:
+        width, distance = 2e3 * array.opening.reach, 1e3 * camera.microlenses_to_sensor
+        bends.append(f"at openings up to {width:.3g} um wide, {distance:.4g} um before the sensor")
+    return [decide(Stage.DIFFRACTION, "paths bend " + " and ".join(bends))]
 
 
 def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:

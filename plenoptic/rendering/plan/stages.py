@@ -31,42 +31,43 @@ class Stage(enum.IntEnum):
     PIXEL_RESPONSE = 2
     TURNED_PIXELS = 3
     BLEMISHES = 4
-    EXACT_PUPILS = 5
-    CERTAIN_LIGHT = 6
-    MICROLENSES = 7
-    MICROLENS_TYPES = 8
-    OPENINGS = 9
-    WALLS = 10
-    LISTED_LENSES = 11
-    MICROLENS_PLATES = 12
-    TILTED_SENSOR = 13
-    TILTED_ARRAY = 14
-    LENS = 15
-    ASPHERES = 16
-    PLACEMENTS = 17
-    SHAPED_STOPS = 18
-    DISPLACED_LENS = 19
-    POSE = 20
-    SHUTTER = 21
-    INTERSECTION = 22
-    INSTANCES = 23
-    OPACITY = 24
-    EMISSION = 25
-    BACKGROUND = 26
-    SCATTERING = 27
-    MATERIALS = 28
-    ABSORPTION = 29
-    DIRECT_LIGHT = 30
-    ONWARD_RAYS = 31
-    RUSSIAN_ROULETTE = 32
-    VERTEX_NORMALS = 33
-    NORMAL_MAPS = 34
-    TEXTURES = 35
-    COLOUR = 36
-    CAUSTICS_APART = 37
-    CLAMPING = 38
-    TRUTH = 39
-    STANDARD_ERROR = 40
+    DIFFRACTION = 5
+    EXACT_PUPILS = 6
+    CERTAIN_LIGHT = 7
+    MICROLENSES = 8
+    MICROLENS_TYPES = 9
+    OPENINGS = 10
+    WALLS = 11
+    LISTED_LENSES = 12
+    MICROLENS_PLATES = 13
+    TILTED_SENSOR = 14
+    TILTED_ARRAY = 15
+    LENS = 16
+    ASPHERES = 17
+    PLACEMENTS = 18
+    SHAPED_STOPS = 19
+    DISPLACED_LENS = 20
+    POSE = 21
+    SHUTTER = 22
+    INTERSECTION = 23
+    INSTANCES = 24
+    OPACITY = 25
+    EMISSION = 26
+    BACKGROUND = 27
+    SCATTERING = 28
+    MATERIALS = 29
+    ABSORPTION = 30
+    DIRECT_LIGHT = 31
+    ONWARD_RAYS = 32
+    RUSSIAN_ROULETTE = 33
+    VERTEX_NORMALS = 34
+    NORMAL_MAPS = 35
+    TEXTURES = 36
+    COLOUR = 37
+    CAUSTICS_APART = 38
+    CLAMPING = 39
+    TRUTH = 40
+    STANDARD_ERROR = 41
 
 
 @value
@@ -77,7 +78,7 @@ class Decision:
     --------
     >>> import plenoptic as pl
     >>> pl.rendering.Decision(pl.rendering.Stage.POSE, runs=False, reason="not posed")
-    Decision(stage=<Stage.POSE: 20>, runs=False, reason='not posed')
+    Decision(stage=<Stage.POSE: 21>, runs=False, reason='not posed')
     """
 
     stage: Stage

@@ -6,11 +6,13 @@ import math
 
 import numpy as np
 
+from plenoptic.camera.sampling.kernels.paths import BEND_SET, bend_at_pupil
 from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
-from plenoptic.core.kernels.sobol import sample, set_key, stream
+from plenoptic.core.kernels.sobol import sample, set_index, set_key, stream
+from plenoptic.optics.diffraction.kernels.far_field import bend
 
 
 @kernel
@@ -42,6 +44,32 @@ def fill_source_rays(blocks, start, n, seed, task, z, ideal, facing):
         if facing is not None:
             ray[WEIGHT + i] *= max(facing[0] * u + facing[1] * v + facing[2], 0.0)
     pad(blocks, n)
+
+
+@kernel
+def fill_bent(blocks, start, n, seed, task, bends):
+    """Rays start ... start + n - 1 of a `Task` land elsewhere: they have bent at their microlenses, as `Bends` says."""
+    key = set_key(stream(seed, task.number, task.replicate), BEND_SET)
+    by = bends.by
+    for k in range(n):
+        base = (k // BLOCK) * RAY + k % BLOCK
+        index = set_index(np.uint32(task.first + start + k), key, BEND_SET)
+        by_x, by_y, _, _ = bend(bends.field, sample(index, 0, key), sample(index, 1, key))
+        h = bends.distance + bends.tilt[0] * blocks[base + X] + bends.tilt[1] * blocks[base + Y]
+        blocks[base + X] += h * (by[0, 0] * by_x + by[0, 1] * by_y)
+        blocks[base + Y] += h * (by[1, 0] * by_x + by[1, 1] * by_y)
+
+
+@kernel
+def fill_bent_at_iris(blocks, start, n, seed, task, iris):
+    """Rays start ... start + n - 1 of a `Task` on their way to the lens bend at the entrance pupil."""
+    key = set_key(stream(seed, task.number, task.replicate), BEND_SET)
+    wavelength = iris.wavelengths[0]
+    for k in range(n):
+        index = set_index(np.uint32(task.first + start + k), key, BEND_SET)
+        by_x, by_y, _, _ = bend(iris.field, sample(index, 2, key), sample(index, 3, key))
+        ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
+        bend_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
 
 
 @kernel

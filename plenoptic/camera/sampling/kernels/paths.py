@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from plenoptic.camera.diffraction import NEAR
 from plenoptic.camera.sampling.kernels.parts import ROOM, STEPS, Divided, aim_at, aim_divided, divide, fill_part, moved
 from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
-from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT
+from plenoptic.core.kernels.ray_blocks import BENT_IN, BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.kernels.sobol import (
     DIMENSIONS,
     mix,
     reversed_point,
+    sample,
     scramble_reversed,
     set_index,
     set_key,
     stream,
     to_unit,
 )
+from plenoptic.optics.diffraction.kernels.far_field import bend
+from plenoptic.optics.microlens.kernels.to_lens import at_wavelength
 
 _FEW = 8
+COLOUR_SET = 1 << 20
+"""Set of the sampling points that draws wavelengths: beyond those of all bounces."""
+BEND_SET = COLOUR_SET + 1
+"""The one that draws how light bends."""
 
 
 @device
@@ -110,6 +120,52 @@ def _is_still(pieces, low, high):
 
 
 @device
+def _around(around, row, column):
+    """The number of a pixel among those around a tile's; -1 for others."""
+    k, found = row - around.row, -1
+    if 0 <= k < around.first.size - 1:
+        low, high = around.first[k], around.first[k + 1]
+        if high > low:
+            at = low + column - around.columns[low]
+            if low <= at < high and around.columns[at] == column:
+                found = at
+            else:
+                at = low + np.searchsorted(around.columns[low:high], column)
+                if at < high and around.columns[at] == column:
+                    found = at
+    return found
+
+
+@device
+def _from_where(around, p, point, wavelength, random):
+    """Where light of a point of pixel p was headed before it bent: the point, the number of the pixel around the tile's
+    in which it lies (-1: none that is near, -2: none that is followed), and what paths through openings and beside them
+    count."""
+    frame = around.bend
+    h = around.plane.distance
+    if around.plane.tilt is not None:
+        h += around.plane.tilt[0] * point[0] + around.plane.tilt[1] * point[1]
+    by_x, by_y, through, beside = bend(frame.field, random[0], random[1])
+    x, y = point[0] - h * wavelength * by_x, point[1] - h * wavelength * by_y
+    dx, dy = x - frame.shift[0], y - frame.shift[1]
+    rows, columns = around.shape
+    column = 0.5 * columns - (frame.back[0, 0] * dx + frame.back[0, 1] * dy)
+    row = 0.5 * rows + (frame.back[1, 0] * dx + frame.back[1, 1] * dy)
+    found = -2
+    if -NEAR <= row < rows + NEAR and -NEAR <= column < columns + NEAR:
+        found, i, j = -1, math.floor(row), math.floor(column)
+        if abs(i - around.own[p, 0]) <= NEAR and abs(j - around.own[p, 1]) <= NEAR:
+            found = _around(around, i, j)
+    return (x, y), found, (through, beside)
+
+
+@device
+def _counted(ray, i, lens, counts):
+    """What a bent path through, or beside, the opening of its microlens counts."""
+    ray[WEIGHT + i] *= counts[1] if lens.clip < 0.0 else counts[0]
+
+
+@device
 def _aim_still(ray, i, regions, region, place, random):
     """Start path i towards a region that is the same for all points of its pixel; returns the piece."""
     total, chosen, left = choose(regions.pieces, region, random[0])
@@ -119,8 +175,47 @@ def _aim_still(ray, i, regions, region, place, random):
     return chosen
 
 
+@device
+def _aim_moving(ray, i, room, regions, region, place, random):
+    """Start path i towards a region that differs over its pixel, in room for its parts; returns the piece."""
+    polygon, counts, areas = room
+    low, high = region
+    on_sensor, at = place
+    pieces, total = regions.pieces, 0.0
+    for c in range(high - low):
+        counts[c] = fill_part(polygon, c * ROOM, regions.corners, regions.planes, pieces[low + c], at)
+        areas[c] = area_of(polygon, c * ROOM, counts[c]) if counts[c] >= 3 else 0.0
+        total += areas[c]
+    c, left = 0, random[0] * total
+    while c < high - low - 1 and left >= areas[c]:
+        left -= areas[c]
+        c += 1
+    chosen, point = low + c, (0.0, 0.0)
+    if areas[c] > 0.0:
+        point = point_in(polygon, c * ROOM, counts[c], left, random[1])
+    aim_at(ray, i, pieces[chosen], moved(pieces[chosen], point, at), on_sensor, total)
+    if not areas[c] > 0.0:
+        ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED
+    return chosen
+
+
+@device
+def _lose(ray, i, status):
+    """A path without light."""
+    ray[X + i], ray[Y + i], ray[L + i], ray[M + i], ray[Z + i], ray[N + i] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ray[WEIGHT + i], ray[STATUS + i] = 0.0, status
+
+
+@device
+def _keep(ray, i, start, random, counts):
+    """What starting a path later takes; see `fill_far_samples`."""
+    ray[X + i], ray[Y + i] = start
+    ray[L + i], ray[M + i] = random
+    ray[Z + i], ray[N + i] = counts
+
+
 @kernel
-def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
+def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed, pixel):  # noqa: PLR0913
     """Start paths start ... start + n - 1 of a batch of the pixels of a tile, which are `FedPixels`.
 
     A pixel is a `PixelRecord`; one that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets what
@@ -129,12 +224,16 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
 
     With `sure`, blocks as well, what surely passes the lens is aimed there and need not be traced, and paths are drawn
     in what is left around it.
+
+    Where light bends, a path starts where it was headed. Those that come from far away are left to `fill_far_samples`,
+    with that place, two random numbers and what they count; `Bends` gets their numbers. Returns how many there are.
     """
     net, samples, streams = batch.net, batch.samples, batch.streams
     regions = fed.regions
-    pieces, first, corners, planes = regions.pieces, regions.first, regions.corners, regions.planes
+    pieces, first = regions.pieces, regions.first
     details = regions.details
     centres, number = fed.centres, fed.number
+    around, away = fed.around, 0
     u = np.empty((DIMENSIONS, net.shape[1]))
     polygon = np.empty((3, MOST_PIECES * ROOM))
     counts, areas = np.empty(MOST_PIECES, np.int64), np.empty(MOST_PIECES)
@@ -154,8 +253,12 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
         key = set_key(stream(batch.seed, number[p], batch.first_stream + replicate), 0)
         for dimension in range(DIMENSIONS):
             _fill_coordinates(u, net, dimension, index, run, key)
-        low, high = first[p], first[p + 1]
-        still = _is_still(pieces, low, high)
+        if around is not None:
+            bending = set_key(stream(batch.seed, number[p], batch.first_stream + replicate), BEND_SET)
+            source, low, high, still = -3, 0, 0, False
+        else:
+            low, high = first[p], first[p + 1]
+            still = _is_still(pieces, low, high)
         if sure is not None:
             for c in range(min(high - low, MOST_PIECES)):
                 divided.corners[c, 2] = 0
@@ -167,6 +270,28 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
             if pixel.skew is not None:
                 dx, dy = dx + pixel.skew[0] * down, dy + pixel.skew[1] * across
             place, on_sensor, random = (dx, dy), (centres[p, 0] + dx, centres[p, 1] + dy), (u[2, k], u[3, k])
+            if around is not None:
+                point = set_index(batch.first_index + index + k, bending, BEND_SET)
+                wavelength = at_wavelength(around.bend.wavelengths, bends.waves, at)
+                two = sample(point, 0, bending), sample(point, 1, bending)
+                before = source
+                on_sensor, source, counts_as = _from_where(around, p, on_sensor, wavelength, two)
+                if source < 0 or first[source] == first[source + 1]:
+                    _lose(ray, i, BENT_IN if source == -2 else MISSED)
+                    if sure is not None:
+                        _lose(sure[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], i, 0.0)
+                    if source == -1:
+                        bends.far[away] = at
+                        away += 1
+                        _keep(ray, i, on_sensor, random, counts_as)
+                    continue
+                place = on_sensor[0] - around.centres[source, 0], on_sensor[1] - around.centres[source, 1]
+                if source != before:
+                    low, high = first[source], first[source + 1]
+                    still = _is_still(pieces, low, high)
+                    if sure is not None:
+                        for c in range(min(high - low, MOST_PIECES)):
+                            divided.corners[c, 2] = 0
             if sure is not None:
                 beside = sure[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
                 if high - low <= MOST_PIECES:
@@ -178,31 +303,59 @@ def fill_camera_samples(blocks, sure, own, start, n, batch, fed, pixel):
             elif still:
                 chosen = _aim_still(ray, i, regions, (low, high), (on_sensor, place), random)
             else:
-                total = 0.0
-                for c in range(high - low):
-                    counts[c] = fill_part(polygon, c * ROOM, corners, planes, pieces[low + c], place)
-                    areas[c] = area_of(polygon, c * ROOM, counts[c]) if counts[c] >= 3 else 0.0
-                    total += areas[c]
-                c, left = 0, random[0] * total
-                while c < high - low - 1 and left >= areas[c]:
-                    left -= areas[c]
-                    c += 1
-                chosen, point = low + c, (0.0, 0.0)
-                if areas[c] > 0.0:
-                    point = point_in(polygon, c * ROOM, counts[c], left, random[1])
-                aim_at(ray, i, pieces[chosen], moved(pieces[chosen], point, place), on_sensor, total)
-                if not areas[c] > 0.0:
-                    ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED
+                room = polygon, counts, areas
+                chosen = _aim_moving(ray, i, room, regions, (low, high), (on_sensor, place), random)
             if details is not None:
                 own[at] = details[chosen]
+                if around is not None:
+                    _counted(ray, i, details[chosen], counts_as)
         path += run
     pad(blocks, n)
     if sure is not None:
         pad(sure, n)
+    return away
 
 
-COLOUR_SET = 1 << 20
-"""Set of the sampling points that draws wavelengths: beyond those of all bounces."""
+@kernel
+def fill_far_samples(blocks, own, far, regions):
+    """Start the paths of numbers `far` (n,) from where their light was headed, towards the regions of these points."""
+    details = regions.details
+    for k in range(far.size):
+        ray, i = blocks[(far[k] // BLOCK) * RAY : (far[k] // BLOCK + 1) * RAY], far[k] % BLOCK
+        start, random, counts = (ray[X + i], ray[Y + i]), (ray[L + i], ray[M + i]), (ray[Z + i], ray[N + i])
+        if regions.first[k] == regions.first[k + 1]:
+            _lose(ray, i, MISSED)
+            continue
+        chosen = aim(ray, i, regions, (regions.first[k], regions.first[k + 1]), start, random)
+        if details is not None:
+            own[far[k]] = details[chosen]
+            _counted(ray, i, details[chosen], counts)
+
+
+@device
+def bend_at_pupil(ray, i, z, by):
+    """Bend a ray by direction cosines where it passes a plane z; it starts where it would have crossed its own z."""
+    t = (z - ray[Z + i]) / ray[N + i]
+    x, y = ray[X + i] + t * ray[L + i], ray[Y + i] + t * ray[M + i]
+    l, m = ray[L + i] + by[0], ray[M + i] + by[1]
+    n = math.copysign(math.sqrt(max(1.0 - l * l - m * m, 0.0)), ray[N + i])
+    if n != 0.0:
+        t = (ray[Z + i] - z) / n
+        ray[X + i], ray[Y + i] = x + t * l, y + t * m
+        ray[L + i], ray[M + i], ray[N + i] = l, m, n
+
+
+@kernel
+def fill_bent_at_iris(blocks, start, n, batch, number, waves, iris):
+    """Bend paths start ... start + n - 1 of a batch at the entrance pupil; `number` are those of the pixels."""
+    for k in range(n):
+        pixel, replicate, index = path_place(start + k, batch.samples, batch.streams)
+        key = set_key(stream(batch.seed, number[pixel], batch.first_stream + replicate), BEND_SET)
+        point = set_index(batch.first_index + index, key, BEND_SET)
+        wavelength = at_wavelength(iris.wavelengths, waves, k)
+        by_x, by_y, _, _ = bend(iris.field, sample(point, 2, key), sample(point, 3, key))
+        ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
+        bend_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
 
 
 @kernel

@@ -1,0 +1,155 @@
+"""Bends of light at the openings of a camera: what users ask for, and the record that kernels read."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from plenoptic.core.values import Floats, flag, set_field, value
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.diffraction.far_field import FarField, far_field
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.microlens.aperture import Opening, Walls, has_clear_gaps
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.stops.circle import CircularStop
+from plenoptic.optics.stops.polygon import PolygonStop
+from plenoptic.optics.stops.star import StarStop
+
+if TYPE_CHECKING:
+    from plenoptic.camera.assembly import Assembly
+    from plenoptic.camera.camera import PlenopticCamera
+
+NEAR = 8
+"""Pixels along rows and columns over which a bend is short: what feeds so many around a pixel is found with it."""
+
+_OUTLINE = 64
+"""Points at least along the edge of an iris."""
+
+
+@value
+class Diffraction:
+    """Each path bends at the opening of its microlens and, if asked, at the iris: a camera's option.
+
+    Bends are drawn from the far-field pattern of the opening, evenly and incoherently lit, at the path's own
+    wavelength, wherever in the opening the path passes. The page on waves of the documentation says when that holds.
+
+    Parameters
+    ----------
+    iris : bool
+        Whether paths also bend at the iris, as the entrance pupil shows it: circles, polygons and stars.
+
+    Raises
+    ------
+    InvalidValueError
+        By the camera that it is given to: where there is nothing to bend at, or its pattern is not known.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)), diffraction=pl.Diffraction(),
+    ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> pl.plan(None, camera).runs(pl.rendering.Stage.DIFFRACTION)
+    True
+    """
+
+    iris: bool = False
+
+    def __post_init__(self) -> None:
+        set_field(self, "iris", flag(self.iris, "iris"))
+
+
+class BendRecord(NamedTuple):
+    """How light bends on its way from the array to the sensor, in local axes."""
+
+    field: FarField
+    wavelengths: Floats
+    """(n + 1,): the camera's, then those that paths draw, in mm."""
+    shift: Floats
+    """(2,): the centre of the sensor."""
+    back: Floats
+    """(2, 2): from points about it to columns, from right to left, and rows."""
+
+
+class IrisRecord(NamedTuple):
+    """How light bends at the entrance pupil, in the lens's axes."""
+
+    field: FarField
+    wavelengths: Floats
+    """As of `BendRecord`."""
+    z: float
+    """Of the pupil, in mm."""
+
+
+def check_diffraction(camera: PlenopticCamera) -> None:
+    """Refuse what has no one pattern."""
+    array = camera.microlenses
+    if camera.diffraction is None:
+        return
+    if camera.diffraction.iris:
+        _ = _pupil(camera)
+    if array is None:
+        if not camera.diffraction.iris:
+            raise InvalidValueError(
+                "diffraction is given for a camera without microlenses, at which light would bend; leave it out, or "
+                "take Diffraction(iris=True)"
+            )
+        return
+    if array.lattice is Lattice.FREE and array.aperture is None:
+        raise InvalidValueError(
+            "diffraction is given, and FREE microlenses that fill their cells have openings of many shapes; give the "
+            "array an aperture"
+        )
+    if array.walls is Walls.OPAQUE:
+        raise InvalidValueError(
+            "diffraction is given, and how light bends at opaque walls is not modelled; leave one out"
+        )
+
+
+def _pupil(camera: PlenopticCamera) -> tuple[float, float]:
+    """Where the entrance pupil is, z in the lens's axes in mm, and its size over the iris's, as the model has it."""
+    lens = camera.lens
+    if not isinstance(lens.stop, CircularStop | PolygonStop | StarStop):
+        raise InvalidValueError(
+            f"diffraction at the iris is asked for, and the pattern of a {type(lens.stop).__name__} is not known; take "
+            "a circle, a polygon or a star, or Diffraction()"
+        )
+    if lens.model is LensModel.NONE:
+        return float(lens.vertices[lens.iris_index]), 1.0
+    points = cardinal_points(lens, camera.wavelength)
+    if not math.isfinite(points.entrance_pupil):
+        raise InvalidValueError("diffraction at the iris is asked for, and the lens shows it at infinity; leave it out")
+    z = points.rear_principal if lens.model is LensModel.THIN else points.entrance_pupil
+    return z, abs(points.entrance_pupil_semi_diameter) / lens.stop.semi_diameter
+
+
+def iris_record(camera: PlenopticCamera, wavelengths: tuple[float, ...]) -> IrisRecord | None:
+    """Compile how a camera's light bends at the iris at wavelengths in nm; None where it does not."""
+    if camera.diffraction is None or not camera.diffraction.iris:
+        return None
+    stop, (z, size) = camera.lens.stop, _pupil(camera)
+    hole = Opening(stop.outline(_OUTLINE), stop.semi_diameter if isinstance(stop, CircularStop) else math.inf)
+    return IrisRecord(far_field(hole, None, np.eye(2) / size), np.array(wavelengths) * 1e-6, z)
+
+
+def reach_of_bends(camera: PlenopticCamera) -> float:
+    """How far outside the sensor light may be headed that bends to it, in mm."""
+    return 0.0 if camera.diffraction is None or camera.microlenses is None else NEAR * camera.sensor.pixel_pitch
+
+
+def bend_record(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[float, ...]) -> BendRecord | None:
+    """Compile the bends of a camera at wavelengths in nm; None for one without."""
+    array = camera.microlenses
+    if camera.diffraction is None or array is None:
+        return None
+    around = array.cell_corners if has_clear_gaps(array.aperture) else None
+    turn, shift = parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
+    return BendRecord(
+        far_field(array.opening, around, parts.array_turn),
+        np.array(wavelengths) * 1e-6,
+        shift.copy(),
+        np.asarray(np.linalg.inv(turn), dtype=np.float64) / camera.sensor.pixel_pitch,
+    )
