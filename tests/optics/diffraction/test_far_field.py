@@ -85,7 +85,8 @@ def test_light_beside_openings_bends_as_babinet_says():
         # The frame's: the cell's, less twice what cell and opening share, and the opening's.
         common = math.prod(min(0.5, 0.4 + s) - max(-0.5, -0.4 + s) for s in shift)
         frame = overlap(SQUARE, np.array(shift)) - 2 * common + alone
-        assert contrast(bends, shift, beside) == pytest.approx(frame, abs=4e-3)
+        # Beyond the disc edges count alone, also where they are as near to each other as the sides of this frame.
+        assert contrast(bends, shift, beside) == pytest.approx(frame, abs=0.012)
 
 
 def test_a_turned_opening_has_a_turned_pattern():
