@@ -19,8 +19,12 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.camera.diffraction import BendRecord
+from plenoptic.camera.sampling.record import Around, Bends
 from plenoptic.core.jit import device
-from plenoptic.optics.microlens.record import MICROLENS
+from plenoptic.optics.diffraction.far_field import far_field
+from plenoptic.optics.microlens.aperture import Opening
+from plenoptic.optics.microlens.record import MICROLENS, SensorPlane
 from plenoptic.scene.lights.record import POINT_LIGHT, SUN_LIGHT, Environment
 from plenoptic.scene.materials.record import Alpha
 from plenoptic.scene.textures.record import TEXTURE, TextureColumn
@@ -217,10 +221,21 @@ def _column(*names, like="f8[::1]"):
     return dict.fromkeys(names, like)
 
 
+SQUARE = 0.5 * np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]])
 ROWS, CUBE, BYTES, NUMBERS, PLACES = "f8[:,::1]", "f8[:,:,::1]", "u1[::1]", "i8[::1]", "i4[::1]"
 COLUMN = TextureColumn(np.empty(1, np.int32), np.empty(1, TEXTURE), np.empty(1, np.float32))
 COLOUR = {"wavelengths.number": NUMBERS, "wavelengths.basis": ROWS}
 PLACED = {"hits.instance": PLACES, "geometry.instance_to_world": ROWS}
+AROUND = Around(
+    np.empty((1, 2), np.int64),
+    0,
+    *2 * [np.empty(1, np.int64)],
+    np.empty((1, 2)),
+    np.empty(1),
+    (1, 1),
+    SensorPlane(1.0, None),
+    BendRecord(far_field(Opening(SQUARE), None, np.eye(2)), np.empty(1), np.empty(2), np.eye(2)),
+)
 MAP = Environment(
     np.empty((1, 1, 1), np.float32), np.empty(1), np.empty((1, 1)), np.empty((1, 1)), np.empty(9), 0.5, 1.0
 )
@@ -255,6 +270,7 @@ def _kind(module, kernel, **columns):
 
 FEATURES = [
     Feature(SAMPLE, "fill_camera_samples", _column("pixel.skew")),
+    Feature(SAMPLE, "fill_camera_samples", {"bends": Bends(np.empty(1, np.int64), None), "fed.around": AROUND}),
     Feature(SAMPLE, "fill_camera_samples", {"own": MICROLENS, "fed.regions.details": MICROLENS}),
     Feature(FILM, "fill_sums", {"radiance": ROWS}),
     Feature(FILM, "fill_sums", {"waves": NUMBERS, "weights": ROWS}),

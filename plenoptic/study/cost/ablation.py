@@ -118,6 +118,7 @@ _WAYS: dict[Stage, tuple[str, _Change]] = {
     ),
     Stage.TURNED_PIXELS: ("parts that are not turned", _camera(camera_ablation.with_upright_pixels)),
     Stage.BLEMISHES: ("a clean camera", _camera(dataclasses.replace, blemishes=())),
+    Stage.DIFFRACTION: ("straight paths", _camera(dataclasses.replace, diffraction=None)),
     Stage.EXACT_PUPILS: ("bounds on the pupil", _chosen),
     Stage.CERTAIN_LIGHT: ("a sky, which is traced", _under_a_sky),
     Stage.MICROLENSES: ("a bare sensor", _camera(camera_ablation.without_microlenses)),

@@ -45,6 +45,7 @@ def without_microlenses(camera: PlenopticCamera) -> PlenopticCamera:
         microlenses_placement=None,
         microlenses_to_sensor=0.0,
         stop_to_microlenses=camera.z_sensor,
+        diffraction=camera.diffraction if camera.diffraction is not None and camera.diffraction.iris else None,
         blemishes=tuple(part for part in camera.blemishes if part.site is not BlemishSite.ARRAY),
     )
 

@@ -1,0 +1,228 @@
+"""Renders of cameras whose light bends at microlenses and iris, against closed forms and light that is counted twice."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import plenoptic as pl
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics import ApertureShape, Gaps, MicrolensAperture
+from plenoptic.rendering import Stage
+
+CIRCLE, SQUARE = ApertureShape.CIRCLE, ApertureShape.SQUARE
+ROUND, FILLED = MicrolensAperture(CIRCLE, math.pi / 4), MicrolensAperture(SQUARE, 1.0)
+PIXELS = 20
+"""Pixels of a microlens along a side: whatever leaves a pixel lands between there and the neighbours' images."""
+CAMERAS = {"R12": (2.4, 5.5e-3), "README": (7.8, 10e-3), "Illum": (2.0, 1.4e-3), "microscope": (20.0, 7.4e-3)}
+"""f-numbers of microlenses, pixel pitches in mm."""
+
+
+def lit_square(number, pitch, aperture, *, part=1.0, size=2 * PIXELS + 1, **more):
+    """A camera without a lens whose microlenses image a square opening, sharply, onto a part of their middle pixel."""
+    width, distance = PIXELS * pitch, 100.0
+    height = number * width
+    half = 0.5 * part * pitch * distance / height
+    hole = [pl.PolygonStop(4, half * math.sqrt(2), math.pi / 4), pl.Surface(math.inf, semi_diameter=4 * half)]
+    given = {
+        "lens": pl.LensStack(hole, model=pl.LensModel.NONE),
+        "microlenses": pl.MicrolensArray(
+            width, (1 / (1 / height + 1 / distance),), pl.Lattice.SQUARE, aperture=aperture
+        ),
+        "sensor": pl.Sensor(shape=(size, size), pixel_pitch=pitch),
+        "diffraction": pl.Diffraction(),
+    }
+    return pl.PlenopticCamera(
+        stop_to_microlenses=distance, microlenses_to_sensor=height, wavelength=550.0, **(given | more)
+    )
+
+
+def straight(camera):
+    """The same camera without diffraction."""
+    return dataclasses.replace(camera, diffraction=None)
+
+
+def white(camera, samples, **more):
+    """Image and standard error of even light."""
+    shot = pl.render_white(camera, samples=samples, progress=False, **more)
+    return shot.image.squeeze().astype(float), shot.standard_error.squeeze().astype(float)
+
+
+SHARES = [
+    *(("R12", ROUND, 0.767), ("README", ROUND, 0.648), ("Illum", ROUND, 0.479), ("microscope", ROUND, 0.252)),
+    *(("R12", FILLED, 0.778), ("README", FILLED, 0.664), ("Illum", FILLED, 0.503), ("microscope", FILLED, 0.291)),
+]
+
+
+@pytest.mark.parametrize(("name", "aperture", "share"), SHARES)
+def test_the_share_of_light_that_stays_in_its_pixel(name, aperture, share):
+    # The integral of the aperture's MTF times the pixel's squared; the geometric image is known in closed form.
+    number, pitch = CAMERAS[name]
+    camera, middle = lit_square(number, pitch, aperture), np.s_[PIXELS : PIXELS + 1, PIXELS : PIXELS + 1]
+    image, error = white(camera, 1 << 15, replicates=16, region=middle)
+    form = (math.pi / 4 if aperture is ROUND else 1.0) / number**2
+    # Light is the integral of cos^4 over the lens: 1 - 2 <r^2> / f^2, and less than 3 % of it at f/2.
+    spread = 2 * (1 / 8 if aperture is ROUND else 1 / 6) / number**2
+    assert float(error) < 0.003 * form
+    assert float(image) / (form * (1 - spread)) == pytest.approx(share, abs=0.01)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_contrast_at_the_nyquist_frequency_of_pixels(name):
+    number, pitch = CAMERAS[name]
+    camera = lit_square(number, pitch, ROUND, part=1 / 4, size=8 * PIXELS + 1, sensor=pl.Sensor((161, 161), pitch / 4))
+    rows = np.s_[80 - 40 : 80 + 40]
+    image, error = white(camera, 512, replicates=8)
+    # One microlens's image and what falls around it, on pixels a quarter as wide.
+    x = (np.arange(80) - 40) * pitch / 4
+    line, wave = image[rows, rows].sum(axis=0), np.cos(np.pi * x / pitch)
+    measured = line @ wave / line.sum() / np.sinc(1 / 8) ** 2 * np.sinc(1 / 2)
+    noise = math.sqrt(float((error[rows, rows] ** 2).sum())) / line.sum()
+    part = 550e-6 * number / (2 * pitch)
+    aperture = 2 / math.pi * (math.acos(part) - part * math.sqrt(1 - part**2))
+    assert noise < 0.01
+    assert measured == pytest.approx(aperture * np.sinc(1 / 2), abs=4 * noise + 0.003)
+
+
+@pytest.mark.parametrize(
+    "aperture",
+    [FILLED, ROUND, MicrolensAperture(CIRCLE, 0.5, Gaps.CLEAR), MicrolensAperture(ApertureShape.SQUARE, 0.36)],
+)
+def test_no_light_is_lost_between_microlenses(aperture):
+    # Over a period of the lattice as much comes in as goes out; lit evenly up to the neighbours, far beyond the tails.
+    camera = lit_square(7.8, 0.01, aperture, part=12.0)
+    period = np.s_[PIXELS // 2 : PIXELS // 2 + PIXELS]
+    bent, error = white(camera, 256, replicates=8)
+    plain, other = white(straight(camera), 256, replicates=8)
+    total, sigma = plain[period, period].sum(), math.hypot(*(np.linalg.norm(e[period, period]) for e in (error, other)))
+    assert sigma < 0.004 * total
+    assert bent[period, period].sum() == pytest.approx(total, abs=4 * sigma)
+    assert np.abs(bent - plain).max() > 0.1 * plain.max()
+
+
+def test_tails_reach_far_pixels():
+    # 30 pixels away: beyond what is known with a pixel, by the bounds of its point.
+    camera = lit_square(7.8, 0.01, ROUND, size=75)
+    array = dataclasses.replace(camera.microlenses, lattice=pl.Lattice.FREE, centres=[(0.0, 0.0)])
+    array = dataclasses.replace(array, aperture=MicrolensAperture(CIRCLE, math.pi / 4))
+    camera = dataclasses.replace(camera, microlenses=array)
+    image, error = white(camera, 1 << 12, replicates=16)
+    row, column = np.indices(image.shape) - 37
+    ring = np.abs(np.hypot(row, column) - 30) < 4
+    # Airy's tail: the mean of J1^2 / (pi r^2) is lambda N / (pi^3 r^3).
+    whole = math.pi / 4 / 7.8**2
+    r = np.hypot(row, column)[ring] * 0.01
+    tail = (whole * 0.01**2 * 550e-6 * 7.8 / (math.pi**3 * r**3)).sum()
+    sigma = float(np.linalg.norm(error[ring]))
+    assert sigma < 0.1 * tail
+    assert image[ring].sum() == pytest.approx(tail, abs=4 * sigma + 0.02 * tail)
+
+
+def small_camera(**more):
+    """Three by three microlenses of the README's camera."""
+    given = {
+        "lens": pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(8.0)),
+        "microlenses": pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+        "sensor": pl.Sensor(shape=(64, 64), pixel_pitch=0.01),
+        "stop_to_microlenses": 123.3,
+        "microlenses_to_sensor": 1.7,
+        "diffraction": pl.Diffraction(),
+    }
+    return pl.PlenopticCamera(**(given | more))
+
+
+def test_bits_do_not_depend_on_tiles_threads_and_regions():
+    camera, scene = small_camera(), pl.check_scene()
+    whole = pl.render(scene, camera, samples=8, threads=1, progress=False)
+    other = pl.render(scene, camera, samples=8, threads=2, tile_side=24, progress=False)
+    part = pl.render(scene, camera, samples=8, region=np.s_[10:30, 20:50], progress=False)
+    for name in ("image", "standard_error", "depth"):
+        assert_array_equal(getattr(other, name), getattr(whole, name))
+        assert_array_equal(getattr(part, name), getattr(whole, name)[10:30, 20:50])
+    assert_array_equal(pl.render(scene, straight(camera), samples=8, progress=False).depth, whole.depth)
+
+
+@pytest.mark.parametrize("more", [{}, {"diffraction": pl.Diffraction(iris=True)}], ids=["microlenses", "iris too"])
+def test_points_are_spread_as_surfaces_are_rendered(more):
+    # Light forwards from points all over a small lamp, and backwards from pixels to it.
+    camera, side, at = small_camera(**more), 1.2, np.array([0.6, -0.3, -404.0])
+    lamp = pl.quad(at - [side / 2, side / 2, 0], (side, 0, 0), (0, side, 0), material=pl.Emissive(1.0))
+    shot = pl.render(pl.Scene([lamp]), camera, samples=1024, replicates=16, progress=False, truth=pl.Truth.NONE)
+    steps = (np.arange(8) + 0.5) / 8 - 0.5
+    points = at + side * np.array([[x, y, 0.0] for x in steps for y in steps])
+    spread = pl.point_spread(camera, points, rays=1 << 14, progress=False)
+    known = spread.whole().mean(axis=0) * side**2
+    image, error = (a.squeeze() for a in (shot.image, shot.standard_error))
+    image, error = (a if a.ndim == 2 else a[..., 0] for a in (image, error))
+    bright = known > 0.2 * known.max()
+    # 64 points are not a surface, and rays of points have errors too: by the scatter of neighbours, 2 % of a pixel.
+    assert image.sum() == pytest.approx(known.sum(), rel=0.01)
+    chi = (image - known)[bright] / np.hypot(error[bright], 0.03 * known[bright])
+    assert float(np.sqrt((chi**2).mean())) < 1.5
+
+
+def test_an_iris_spreads_a_point_as_airy_says():
+    # An ideal lens focused on a far point: 83.8 % and 91.0 % of the light within the first two dark rings.
+    lens = dataclasses.replace(pl.load_lens("double-gauss-100mm-f2"), model=pl.LensModel.THIN)
+    lens = lens.with_stop(pl.CircularStop(1.5))
+    points = pl.paraxial.cardinal_points(lens, 550.0)
+    distance = 1e6
+    image = 1 / (1 / points.efl - 1 / distance)
+    camera = pl.PlenopticCamera(
+        lens=lens,
+        sensor=pl.Sensor(shape=(201, 201), pixel_pitch=0.002),
+        stop_to_microlenses=points.rear_principal + image,
+        wavelength=550.0,
+        diffraction=pl.Diffraction(iris=True),
+    )
+    spread = pl.point_spread(camera, (0.0, 0.0, points.front_principal - distance), rays=1 << 18, progress=False)
+    ring = 550e-6 * image / (2 * points.entrance_pupil_semi_diameter)
+    row, column = np.indices((201, 201)) - 100
+    radius, light = 0.002 * np.hypot(row, column), spread.whole()
+    for dark, part in ((1.2197, 0.8378), (2.2331, 0.9099), (3.2383, 0.9376)):
+        assert light[radius < dark * ring].sum() / light.sum() == pytest.approx(part, abs=0.012)
+    assert pl.plan(None, camera).runs(Stage.DIFFRACTION)
+
+
+def test_colours_bend_by_their_wavelengths():
+    camera = small_camera(sensor=pl.Sensor((24, 24), 0.01), sensitivity=pl.sensitivities.srgb())
+    stop = camera.lens.with_stop(pl.CircularStop(1.0))
+    camera = dataclasses.replace(camera, lens=stop)
+    image = pl.render_white(camera, samples=2048, replicates=8, progress=False).image
+    plain = pl.render_white(straight(camera), samples=512, replicates=8, progress=False).image
+    peaks = (image / plain.max(axis=(0, 1))).max(axis=(0, 1))
+    assert peaks[0] < peaks[1] < peaks[2] < 1
+
+
+def test_paths_can_be_followed_again():
+    camera, scene = small_camera(diffraction=pl.Diffraction(iris=True)), pl.check_scene()
+    shot = pl.render(scene, camera, samples=16, replicates=2, progress=False)
+    pixel = (30, 31)
+    light = [pl.replay(shot, scene, camera, pixel, sample).radiance for sample in range(16)]
+    assert_allclose(np.mean(light, axis=0), np.ravel(shot.image[pixel]), rtol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"diffraction": True}, "must be a Diffraction or None"),
+        ({"microlenses": None, "microlenses_to_sensor": 0.0}, "without microlenses"),
+        (
+            {"microlenses": pl.MicrolensArray(0.217, (2.0,), pl.Lattice.FREE, centres=[(0.0, 0.0)])},
+            "give the array an aperture",
+        ),
+        ({"microlenses": pl.MicrolensArray(0.217, (2.0,), walls=pl.optics.Walls.OPAQUE)}, "walls"),
+    ],
+)
+def test_what_has_no_pattern_is_refused(more, words):
+    with pytest.raises(InvalidValueError, match=words):
+        small_camera(**more)
+
+
+def test_points_through_openings_and_beside_them_are_refused():
+    aperture = MicrolensAperture(CIRCLE, 0.7, Gaps.CLEAR)
+    camera = small_camera(microlenses=pl.MicrolensArray(0.217, (2.0,), aperture=aperture))
+    with pytest.raises(InvalidValueError, match="render the point"):
+        pl.point_spread(camera, (0.0, 0.0, -404.0), progress=False)
