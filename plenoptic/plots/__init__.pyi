@@ -28,3 +28,5 @@ from .sensor import plot_sensitivity as plot_sensitivity
 from .spots import plot_ray_fan as plot_ray_fan
 from .spots import plot_spots as plot_spots
 from .spots import plot_through_focus as plot_through_focus
+from .wavefront import plot_wavefront as plot_wavefront
+from .wavefront import plot_zernike as plot_zernike
