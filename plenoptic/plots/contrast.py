@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread
-    from plenoptic.optics.lens.analysis.wave_mtf import WaveMtf
-    from plenoptic.optics.lens.analysis.wave_spread import WaveSpread
+    from plenoptic.optics.lens.waves.wave_mtf import WaveMtf
+    from plenoptic.optics.lens.waves.wave_spread import WaveSpread
 
 
 def plot_point_spread(spread: PointSpread | WaveSpread, ax: Axes | None = None) -> Axes:

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import Floats, numbers, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.even_field import checked_shares, even_field
-from plenoptic.optics.lens.analysis.wavefront import image_plane
 from plenoptic.optics.lens.pupil.beam import checked_point, checked_wavelengths, meridian
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.waves.even_field import checked_shares, even_field
+from plenoptic.optics.lens.waves.wavefront import image_plane
 
 
 @result

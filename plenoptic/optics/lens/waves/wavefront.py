@@ -14,7 +14,6 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, finite, frozen_array, result, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus
-from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, fitted, zernike
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.optical_path import paths_of_part
@@ -22,6 +21,7 @@ from plenoptic.optics.lens.pupil.beam import checked_point
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, fitted, zernike
 
 _STEP = 1e-4
 """Of the iris's semi-diameter: between rays whose differences tell how light spreads."""

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import Floats, numbers
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.wavefront import SphereRays, rays_to_sphere
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.waves.wavefront import SphereRays, rays_to_sphere
 
 _COARSE, _DEGREE = 24, 8
 """Rays across the iris by which it is found where others must go, and the degree of the polynomials that say it."""

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import Floats, checked_shape, choice, coefficients, length_in_mm, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.even_field import EvenField, checked_shares, even_field
-from plenoptic.optics.lens.analysis.wavefront import farther, huygens_sum, image_plane
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.optics.lens.pupil.beam import checked_point, checked_wavelengths
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.waves.even_field import EvenField, checked_shares, even_field
+from plenoptic.optics.lens.waves.wavefront import farther, huygens_sum, image_plane
 
 MOST_PIXELS, MOST_GRID = 1 << 20, 512
 FAR_ENOUGH = 5e-3
