@@ -172,7 +172,7 @@ def test_a_tilted_plane_is_out_of_focus_where_it_leaves_the_image():
 
 def test_its_transform_is_the_contrast():
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
-    spread = wave_spread(lens, field=(0.0, 0.15), shape=(201, 201))
+    spread = wave_spread(lens, field=(0.0, 0.15), shape=(201, 201), method=SpreadMethod.FOURIER)
     side = spread.pixel_size * (np.arange(201) - 100)
     frequencies = np.array([20.0, 60.0, 100.0])
     found = wave_mtf(lens, frequencies, field=(0.0, 0.15))
