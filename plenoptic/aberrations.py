@@ -23,11 +23,13 @@ from plenoptic.optics.lens.analysis.illumination import (
 from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf, mtf, point_spread
 from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, chromatic_shift, colour_sums, seidel_sums
 from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram, ray_fan, spot_diagram
-from plenoptic.optics.lens.analysis.wave_mtf import WaveMtf, wave_mtf
-from plenoptic.optics.lens.analysis.wavefront import Wavefront, wavefront
-from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, zernike
 from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.optical_path import optical_path
+from plenoptic.optics.lens.waves.wave_mtf import WaveMtf, wave_mtf
+from plenoptic.optics.lens.waves.wave_spread import SpreadMethod, WaveSpread, wave_spread
+from plenoptic.optics.lens.waves.wavefront import Wavefront, wavefront
+from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, zernike
+from plenoptic.optics.microlens.optical_path import microlens_path
 
 __all__ = [
     "ChromaticShift",
@@ -44,9 +46,11 @@ __all__ = [
     "RelativeIllumination",
     "SeidelSums",
     "SpotDiagram",
+    "SpreadMethod",
     "ThroughFocus",
     "Vignetting",
     "WaveMtf",
+    "WaveSpread",
     "Wavefront",
     "ZernikeFit",
     "ZernikeOrder",
@@ -60,6 +64,7 @@ __all__ = [
     "field_curvature",
     "foci",
     "largest_field",
+    "microlens_path",
     "mtf",
     "optical_path",
     "point_spread",
@@ -70,6 +75,7 @@ __all__ = [
     "through_focus",
     "vignetting",
     "wave_mtf",
+    "wave_spread",
     "wavefront",
     "zernike",
 ]

@@ -59,3 +59,14 @@ class ElementRow(NamedTuple):
     def opened(self) -> ElementRow:
         """The circle around a stop; other rows as they are."""
         return self._replace(kind=CIRCLE, edges=(), cells=None) if self.edges or self.cells is not None else self
+
+
+class PathNotes(NamedTuple):
+    """What kernels need to find optical paths, and where they keep what they know of a block of rays."""
+
+    indices: Floats
+    """(n,): refractive index before each element, in the order of travel."""
+    start: Floats
+    """(6, block): points and directions before the element at hand."""
+    length: Floats
+    """(block,), mm: the path so far."""

@@ -1,3 +1,7 @@
+from .aberrations import plot_chromatic_shift as plot_chromatic_shift
+from .aberrations import plot_seidel as plot_seidel
+from .aberrations import plot_wavefront as plot_wavefront
+from .aberrations import plot_zernike as plot_zernike
 from .camera import plot_camera as plot_camera
 from .camera import plot_camera_spread as plot_camera_spread
 from .contrast import plot_mtf as plot_mtf
@@ -21,8 +25,6 @@ from .lightfield import plot_views as plot_views
 from .points import plot_centres as plot_centres
 from .points import plot_projection as plot_projection
 from .scene import plot_scene as plot_scene
-from .seidel import plot_chromatic_shift as plot_chromatic_shift
-from .seidel import plot_seidel as plot_seidel
 from .sensor import plot_photon_transfer as plot_photon_transfer
 from .sensor import plot_sensitivity as plot_sensitivity
 from .spots import plot_ray_fan as plot_ray_fan

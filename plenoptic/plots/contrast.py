@@ -15,14 +15,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread
+    from plenoptic.optics.lens.waves.wave_mtf import WaveMtf
+    from plenoptic.optics.lens.waves.wave_spread import WaveSpread
 
 
-def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
-    """Draw a geometric point-spread function.
+def plot_point_spread(spread: PointSpread | WaveSpread, ax: Axes | None = None) -> Axes:
+    """Draw a point-spread function, the geometric one or the one with diffraction.
 
     Parameters
     ----------
-    spread : PointSpread
+    spread : PointSpread or WaveSpread
     ax : matplotlib.axes.Axes, optional
         Where to draw; a new figure if it is left out.
 
@@ -55,32 +57,35 @@ def plot_point_spread(spread: PointSpread, ax: Axes | None = None) -> Axes:
     ax.figure.colorbar(drawn, ax=ax, label="share of the light per µm²")
     ax.set(xlabel="x / µm", ylabel="y / µm")
     title = f"{field_label(spread.field, spread.z_object)}, z = {spread.z_image:.6g} mm"
+    if hasattr(spread, "strehl"):
+        title += f", Strehl {spread.strehl:.3g}"
     if spread.outside > 1e-9:
         title += f"\n{100 * spread.outside:.2g} % outside"
     ax.set_title(title, fontsize="medium")
     return ax
 
 
-def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
-    """Draw geometric modulation transfer functions, and the limit by diffraction.
+def plot_mtf(mtfs: Mtf | WaveMtf | Sequence[Mtf | WaveMtf], ax: Axes | None = None) -> Axes:
+    """Draw modulation transfer functions, geometric ones, those with diffraction, or both, and the limit.
 
     Parameters
     ----------
-    mtfs : Mtf or a sequence of them
-        For example one for each field.
+    mtfs : Mtf, WaveMtf or a sequence of them
+        For example one for each field. Those of one field have one colour.
     ax : matplotlib.axes.Axes, optional
         Where to draw; a new figure if it is left out.
 
     Returns
     -------
     matplotlib.axes.Axes
-        Tangential solid, sagittal dotted, each with a band of one standard error; grey and dashed the limit by
-        diffraction of the first, which the other curves do not contain.
+        Tangential solid, sagittal dotted; geometric ones each with a band of one standard error, and pale where others
+        are beside them; grey and dashed the limit by diffraction of the first geometric one, which these do not
+        contain.
 
     Raises
     ------
     InvalidValueError
-        If `mtfs` holds no Mtf.
+        If `mtfs` holds none.
 
     Examples
     --------
@@ -90,24 +95,38 @@ def plot_mtf(mtfs: Mtf | Sequence[Mtf], ax: Axes | None = None) -> Axes:
     >>> ax.get_ylabel()
     'modulation'
     """
-    curves: list[Any] = [mtfs] if hasattr(mtfs, "diffraction") else list(mtfs) if isinstance(mtfs, Sequence) else []
-    if not curves or not all(hasattr(curve, "diffraction") for curve in curves):
+    curves: list[Any] = [mtfs] if hasattr(mtfs, "sagittal") else list(mtfs) if isinstance(mtfs, Sequence) else []
+    if not curves or not all(hasattr(curve, "sagittal") and hasattr(curve, "frequencies") for curve in curves):
         raise wrong_kind(mtfs, "mtfs", "Mtf or a sequence", "pl.aberrations.mtf(lens, [10, 20])")
     ax = axes_or_new(ax, (6.4, 4.2))
-    for i, curve in enumerate(curves):
-        colour = COLOURS[i % len(COLOURS)]
-        label = field_label(curve.field, curve.z_object)
-        for values, error, line, name in (
-            (curve.tangential, curve.tangential_error, "-", f"{label}, tangential"),
-            (curve.sagittal, curve.sagittal_error, ":", f"{label}, sagittal"),
-        ):
-            ax.plot(curve.frequencies, values, linestyle=line, color=colour, label=name)
-            ax.fill_between(curve.frequencies, values - error, values + error, color=colour, alpha=0.2, linewidth=0)
-    first = curves[0]
-    if np.isfinite(first.diffraction).all():
+    geometric = [curve for curve in curves if hasattr(curve, "diffraction")]
+    both = 0 < len(geometric) < len(curves)
+    labels = [field_label(curve.field, curve.z_object) for curve in curves]
+    # A colour for each field where two kinds stand beside each other, otherwise one for each curve.
+    order = list(dict.fromkeys(labels))
+    for i, (curve, label) in enumerate(zip(curves, labels, strict=True)):
+        colour = COLOURS[(order.index(label) if both else i) % len(COLOURS)]
+        rays = hasattr(curve, "diffraction")
+        strength = 0.45 if both and rays else 1.0
+        named = f"{label}, geometric" if both and rays else label
+        for direction, line in (("tangential", "-"), ("sagittal", ":")):
+            values = getattr(curve, direction)
+            ax.plot(
+                curve.frequencies, values, linestyle=line, color=colour, alpha=strength, label=f"{named}, {direction}"
+            )
+            if rays:
+                error = getattr(curve, f"{direction}_error")
+                low, high = values - error, values + error
+                ax.fill_between(curve.frequencies, low, high, color=colour, alpha=0.2 * strength, linewidth=0)
+    if geometric and np.isfinite(geometric[0].diffraction).all():
+        first = geometric[0]
         ax.plot(first.frequencies, first.diffraction, linestyle="--", color=LIMIT, label="limit by diffraction")
+    low, high = (limit(float(limit(curve.frequencies)) for curve in curves) for limit in (min, max))
     ax.set_ylim(0.0, 1.02)
-    ax.set_xlim(float(first.frequencies.min()), float(max(first.frequencies.max(), 1e-9)))
-    ax.set(xlabel="spatial frequency / (cycles/mm)", ylabel="modulation", title="Geometric MTF, without diffraction")
+    ax.set_xlim(low, max(high, 1e-9))
+    title = "MTF with diffraction"
+    if geometric:
+        title = "MTF, geometric and with diffraction" if both else "Geometric MTF, without diffraction"
+    ax.set(xlabel="spatial frequency / (cycles/mm)", ylabel="modulation", title=title)
     ax.legend(fontsize="small", frameon=False)
     return ax

@@ -11,17 +11,11 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.forward_record import differs_forward, forward_record
 from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.model_rules import Crossing
-from plenoptic.optics.microlens.record import (
-    ArrayRecord,
-    LatticeRecord,
-    ListedRecord,
-    NumbersRecord,
-    SensorPlane,
-    array_record,
-)
+from plenoptic.optics.microlens.record import ArrayRecord, SensorPlane
 
 _GENEROUS = 1.25
 """How much farther from the axis lenses are listed than thin lenses need it."""
@@ -44,40 +38,10 @@ def forward_array(camera: PlenopticCamera, parts: Assembly) -> ForwardArray:
     if array is None:
         return ForwardArray(parts, None, None, False, sensor)
     reach = 0.0 if array.lattice is not Lattice.FREE and array.imperfections is None else _reach(camera, parts, array)
-    record = array_record(
-        array,
-        turn=parts.array_turn,
-        origin=parts.array_origin,
-        reach=reach,
-        margin=0.0,
-        wavelengths=(camera.wavelength,),
+    record = forward_record(
+        array, turn=parts.array_turn, origin=parts.array_origin, reach=reach, wavelength=camera.wavelength
     )
-    if record.power_factors is not None:
-        record = _strengthened(record, float(record.power_factors[0]))
-    if record.listed is not None and record.listed.cells is None:
-        record = record._replace(listed=record.listed._replace(numbers=_numbers(record.lattice, record.listed)))
-    return ForwardArray(parts, array, record, record.differs or not record.opening.fills, sensor)
-
-
-def _strengthened(record: ArrayRecord, factor: float) -> ArrayRecord:
-    """Lenses whose power at the camera's wavelength is not that at 587.6 nm."""
-    listed = record.listed
-    if listed is not None:
-        lenses = listed.lenses.copy()
-        lenses["power"] *= factor
-        listed = listed._replace(lenses=lenses)
-    lattice = record.lattice._replace(powers=record.lattice.powers * factor)
-    return record._replace(lattice=lattice, listed=listed, power_factors=None)
-
-
-def _numbers(lattice: LatticeRecord, listed: ListedRecord) -> NumbersRecord:
-    """How the row of a listed lens is found."""
-    points = np.column_stack([listed.lenses["cell_x"], listed.lenses["cell_y"]])
-    index = np.rint((points - lattice.origin) @ lattice.inverse).astype(np.int64)
-    corner = index.min(axis=0)
-    rows = np.full(index.max(axis=0) - corner + 1, -1, dtype=np.int64)
-    rows[tuple((index - corner).T)] = np.arange(len(index))
-    return NumbersRecord(corner, rows)
+    return ForwardArray(parts, array, record, differs_forward(record), sensor)
 
 
 def _to_sensor(parts: Assembly) -> Floats | None:

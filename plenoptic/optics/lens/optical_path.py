@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,20 +15,10 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import RayArrays, in_chunks, traced_by
+from plenoptic.optics.record import PathNotes
 
 _TOLERANCE = 1e-9
 """Of the way from a point, by which rays may pass it."""
-
-
-class PathNotes(NamedTuple):
-    """What kernels need to find optical paths, and where they keep what they know of a block of rays."""
-
-    indices: Floats
-    """(n,): refractive index before each element, in the order of travel."""
-    start: Floats
-    """(6, block): points and directions before the element at hand."""
-    length: Floats
-    """(block,), mm: the path so far."""
 
 
 def optical_path(
@@ -91,25 +80,15 @@ def _ideal(lens: LensStack, rays: RayBundle, point: Floats, *, reverse: bool) ->
     """From the point to its image each path is as long as that of the ray through the principal points."""
     behind = traced_by(lens_record(lens, rays.wavelength, reverse=reverse), rays)
     index = float(lens.indices(rays.wavelength)[0])
-    along = ((rays.origin - point) * rays.direction).sum(axis=1)
-    off = np.linalg.norm(rays.origin - point - along[:, None] * rays.direction, axis=1)
-    far = np.linalg.norm(rays.origin - point, axis=1)
-    if np.any(off > _TOLERANCE * np.maximum(far, np.abs(lens.vertices).max() + 1.0)):
-        raise InvalidValueError(f"a ray passes the point {point.tolist()} by {off.max():.3g} mm; all must come from it")
+    check_from(rays, point, np.abs(lens.vertices).max() + 1.0)
     if lens.model is LensModel.NONE:
         return behind, index * ((behind.origin - rays.origin) * rays.direction).sum(axis=1)
     front, rear, efl = _principal_planes(lens, rays.wavelength, reverse=reverse)
     direction = -1.0 if reverse else 1.0
-    distance = direction * (front - point[2])
-    if distance == efl:
+    if direction * (front - point[2]) == efl:
         raise InvalidValueError(f"the point is in the focal plane, z = {point[2]:g} mm, and has no image; move it")
-    image_distance = distance * efl / (distance - efl)
-    scale = -image_distance / distance
-    image = np.array([scale * point[0], scale * point[1], rear + direction * image_distance])
-    before, after = math.hypot(point[0], point[1], distance), math.hypot(image[0], image[1], image_distance)
-    whole = math.copysign(before, distance) + math.copysign(after, image_distance) + direction * (rear - front)
-    left = ((image - behind.origin) * behind.direction).sum(axis=1)
-    return behind, index * (whole - left - along)
+    planes = IdealPlanes(np.array([0.0, 0.0, front]), np.array([0.0, 0.0, rear]), 1.0 / efl, direction)
+    return behind, index * paths_to_image(rays, behind, point, planes)
 
 
 def _principal_planes(lens: LensStack, wavelength: float, *, reverse: bool) -> tuple[float, float, float]:
@@ -118,6 +97,42 @@ def _principal_planes(lens: LensStack, wavelength: float, *, reverse: bool) -> t
     rear = points.rear_principal
     front = rear if lens.model is LensModel.THIN else points.front_principal
     return (rear, front, points.efl) if reverse else (front, rear, points.efl)
+
+
+class IdealPlanes(NamedTuple):
+    """Lenses along z without aberrations, one or one for each ray."""
+
+    front: Floats
+    """(3,) or (n, 3), mm: the principal point where light arrives."""
+    rear: Floats
+    """Where it leaves."""
+    power: float | Floats
+    """1/mm; a number or (n,)."""
+    direction: float
+    """Of the light along z: 1 or -1."""
+
+
+def paths_to_image(rays: RayBundle, behind: RayBundle, point: Floats, lenses: IdealPlanes) -> Floats:
+    """Paths (n,) of rays from a point, mm: to its image all are as long as the one through the principal points."""
+    away = point - lenses.front
+    distance = -lenses.direction * away[..., 2]
+    scale = 1.0 / (1.0 - distance * lenses.power)
+    image_distance = -distance * scale
+    image = np.stack([scale * away[..., 0], scale * away[..., 1], lenses.direction * image_distance], axis=-1)
+    lengths = np.copysign(np.linalg.norm(away, axis=-1), distance)
+    whole = lengths + np.copysign(np.linalg.norm(image, axis=-1), image_distance)
+    between = lenses.direction * (lenses.rear - lenses.front)[..., 2]
+    left = ((image + lenses.rear - behind.origin) * behind.direction).sum(axis=1)
+    return np.asarray(whole + between - left - ((rays.origin - point) * rays.direction).sum(axis=1))
+
+
+def check_from(rays: RayBundle, point: Floats, extent: float) -> None:
+    """Refuse rays that pass a point by more than rounding, of their way from it or of the lens's extent."""
+    along = ((rays.origin - point) * rays.direction).sum(axis=1)
+    off = np.linalg.norm(rays.origin - point - along[:, None] * rays.direction, axis=1)
+    far = np.linalg.norm(rays.origin - point, axis=1)
+    if np.any(off > _TOLERANCE * np.maximum(far, extent)):
+        raise InvalidValueError(f"a ray passes the point {point.tolist()} by {off.max():.3g} mm; all must come from it")
 
 
 def _exact(record: LensRecord, rays: RayBundle, indices: Floats) -> tuple[RayBundle, Floats]:

@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.trace import RayArrays, in_chunks
 from plenoptic.optics.microlens.aperture import has_clear_gaps
-from plenoptic.optics.microlens.model_rules import Crossing, ModelRules, Own, Waves
+from plenoptic.optics.microlens.model_rules import Crossing, FoundPaths, ModelRules, Own, Waves
 
 if TYPE_CHECKING:
+    from plenoptic.core.rays import RayBundle
     from plenoptic.optics.microlens.array import MicrolensArray
+    from plenoptic.optics.microlens.record import ArrayRecord
 
 
 def _check_pinholes(array: MicrolensArray) -> None:
@@ -45,5 +48,14 @@ def _thin_to_sensor(blocks: Floats, at: Crossing, differs: bool) -> None:
     fill_thin_forward(blocks, at.z_plane, at.sensor, at.array, at.array if differs else None)
 
 
+def _thin_passed(rays: RayBundle, found: FoundPaths, array: ArrayRecord, differs: bool, _: float) -> RayBundle:
+    from plenoptic.optics.microlens.kernels.ideal import fill_thin_lenses
+
+    def fill(out: RayArrays, given: RayArrays, first: int, end: int) -> None:
+        fill_thin_lenses(out, found, given, array, array if differs else None, first, end)
+
+    return in_chunks(fill, rays)
+
+
 PINHOLE = ModelRules(_pinholes_to_lens, None, focuses=False, check=_check_pinholes)
-THIN = ModelRules(_thin_to_lens, _thin_to_sensor)
+THIN = ModelRules(_thin_to_lens, _thin_to_sensor, passed=_thin_passed)

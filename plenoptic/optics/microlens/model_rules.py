@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from plenoptic.core.values import Floats
 
 if TYPE_CHECKING:
+    from plenoptic.core.rays import RayBundle
     from plenoptic.optics.microlens.array import MicrolensArray
     from plenoptic.optics.microlens.record import ArrayRecord, SensorPlane
 
@@ -43,6 +44,15 @@ class Crossing(NamedTuple):
     """The front principal plane."""
 
 
+class FoundPaths(NamedTuple):
+    """What kernels find of n rays on their way through an array."""
+
+    lengths: Floats
+    """(n,), mm: optical paths, nan if lost; of ideal lenses, which have none, undefined."""
+    lenses: Floats
+    """(n, 5): optical axis, lattice index (FREE: number and 0) and power of the microlens passed."""
+
+
 class ModelRules(NamedTuple):
     """A model of a microlens; what is left out is as with ideal lenses, which act in one plane."""
 
@@ -68,6 +78,10 @@ class ModelRules(NamedTuple):
     landing: Callable[[MicrolensArray, float, Pair, Pair, Pair], Pair] = lambda _, __, aimed, *___: aimed
     """Of a lens of a power: where rays meet the side that ends it, aimed in reverse at points of the rear principal
     plane with slopes per length of z, that leave the lens at the last points."""
+
+    passed: Callable[[RayBundle, FoundPaths, ArrayRecord, bool, float], RayBundle] | None = None
+    """Rays of an index's wavelength behind an array, through lenses that may differ, whose first vertex lies at z = 0,
+    in its axes; fills `FoundPaths`. None: no ray from a point meets a lens."""
 
     @property
     def is_thin(self) -> bool:

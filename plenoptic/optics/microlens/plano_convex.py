@@ -10,11 +10,15 @@ import numpy as np
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.trace import RayArrays, in_chunks
 from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
-from plenoptic.optics.microlens.model_rules import Crossing, Depths, ModelRules, Own, Pair, Waves
+from plenoptic.optics.microlens.model_rules import Crossing, Depths, FoundPaths, ModelRules, Own, Pair, Waves
+from plenoptic.optics.record import PathNotes
 
 if TYPE_CHECKING:
+    from plenoptic.core.rays import RayBundle
     from plenoptic.optics.microlens.array import MicrolensArray
+    from plenoptic.optics.microlens.record import ArrayRecord
 
 _HIGH_INDEX = 10.0
 """The least index of plates without height."""
@@ -136,6 +140,17 @@ def _to_sensor(blocks: Floats, at: Crossing, differs: bool) -> None:
     fill_plano_convex_forward(blocks, z_front, sensor, plate, array, array if differs else None)
 
 
+def _passed(rays: RayBundle, found: FoundPaths, array: ArrayRecord, differs: bool, index: float) -> RayBundle:
+    from plenoptic.core.kernels.ray_blocks import BLOCK
+    from plenoptic.optics.microlens.kernels.plano_convex_forward import fill_plate_paths
+
+    def fill(out: RayArrays, given: RayArrays, first: int, end: int) -> None:
+        notes = PathNotes(np.array([1.0, index]), np.empty((6, BLOCK)), np.empty(BLOCK))
+        fill_plate_paths(out, found, given, array, array if differs else None, notes, first, end)
+
+    return in_chunks(fill, rays)
+
+
 SPHERICAL = ModelRules(
     _to_lens,
     _to_sensor,
@@ -145,5 +160,6 @@ SPHERICAL = ModelRules(
     depths=_depths,
     displaced=_displaced,
     landing=_landing,
+    passed=_passed,
 )
 FLAT_HIGH_INDEX = SPHERICAL._replace(is_flat=True)

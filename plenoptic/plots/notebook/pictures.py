@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from plenoptic.core.last_made import LastMade
-from plenoptic.plots import exposure, lightfield, points, scene
+from plenoptic.plots import aberrations, contrast, exposure, lightfield, points, scene
 from plenoptic.plots.notebook.html import picture_html, text_html
 
 
@@ -68,3 +68,18 @@ light_field_html = _picture(
 )
 view_html = _picture(lightfield.plot_view, lambda _: _MAPS, "A picture from a focused camera, disparity and coverage")
 depth_map_html = _picture(lightfield.plot_depth_map, lambda _: _MAPS, "Depth, disparity and confidence")
+wavefront_html = _picture(
+    lambda found, figure: aberrations.plot_wavefront(found, figure.subplots()),
+    lambda _: aberrations.MAP_SIZE,
+    "Optical path differences over the iris",
+)
+zernike_html = _picture(
+    lambda fit, figure: aberrations.plot_zernike(fit, figure.subplots()),
+    lambda _: aberrations.BARS_SIZE,
+    "Coefficients of Zernike polynomials",
+)
+spread_html = _picture(
+    lambda spread, figure: contrast.plot_point_spread(spread, figure.subplots()),
+    lambda _: aberrations.MAP_SIZE,
+    "The picture of a point with diffraction",
+)

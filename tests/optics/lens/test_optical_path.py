@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.aberrations import optical_path
@@ -86,6 +88,39 @@ def test_neighbouring_rays_obey_malus_and_dupin(name):
     # The trapezium leaves the third order: some h^3 over squares of radii, of 5 mm and more, and paths in glass.
     np.testing.assert_allclose((there - path)[both], expected[both], rtol=0, atol=30 * h**3)
     assert np.abs(expected[both]).max() > 0.1 * h
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    radii=st.lists(st.floats(25.0, 500.0).flatmap(lambda r: st.sampled_from([r, -r])), min_size=2, max_size=2),
+    conics=st.lists(st.floats(-2.0, 1.0), min_size=2, max_size=2),
+    fourth=st.floats(-1e-6, 1e-6),
+    tilt=st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.just(0.0)),
+    index=st.floats(1.3, 2.0),
+    reverse=st.booleans(),
+    seed=st.integers(0, 1000),
+)
+def test_malus_and_dupin_hold_for_any_surfaces(radii, conics, fourth, tilt, index, reverse, seed):
+    """Conics and aspheres, tilted, there and back: a wavefront before is one behind."""
+    sides = [
+        pl.Surface(radii[0], 6.0, pl.ConstantMedium(index), semi_diameter=8.0, conic=conics[0], aspheric=(0.0, fourth)),
+        pl.Surface(radii[1], semi_diameter=8.0, conic=conics[1]),
+    ]
+    lens = pl.LensStack([pl.CircularStop(8.0, 5.0), *sides]).moved(1, tilt=tilt)
+    random = np.random.default_rng(seed)
+    origin = np.column_stack([random.uniform(-4, 4, (30, 2)), np.full(30, 25.0 if reverse else -5.0)])
+    direction = np.column_stack([random.normal(0, 0.05, (30, 2)), np.full(30, -1.0 if reverse else 1.0)])
+    h = 1e-3
+    rays = pl.RayBundle(origin, direction)
+    other = pl.RayBundle(
+        origin + h * random.normal(size=(30, 3)) * [1, 1, 0.5], rays.direction + h / 30 * random.normal(size=(30, 3))
+    )
+    (one, path), (two, there) = (optical_path(lens, part, reverse=reverse) for part in (rays, other))
+    both = (one.status == 0) & (two.status == 0)
+    mean, before = 0.5 * (one.direction + two.direction), 0.5 * (rays.direction + other.direction)
+    expected = ((two.origin - one.origin) * mean).sum(axis=1) - ((other.origin - rays.origin) * before).sum(axis=1)
+    # The trapezium leaves the third order: h^3 over squares of radii, and of how steep surfaces may be met.
+    np.testing.assert_allclose((there - path)[both], expected[both], rtol=0, atol=100 * h**3)
 
 
 def test_a_parabola_brings_parallel_light_to_its_focus_in_step():

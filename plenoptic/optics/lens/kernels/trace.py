@@ -153,7 +153,7 @@ def fill_traced(blocks, lens, waves):
 
 
 @device
-def _take_rays(ray, given, first, last):
+def take_rays(ray, given, first, last):
     """Rays of `RayArrays` into a block."""
     origin, direction = given.origin[3 * first : 3 * last], given.direction[3 * first : 3 * last]
     weight, status, lost_at = given.weight[first:last], given.status[first:last], given.lost_at[first:last]
@@ -169,7 +169,7 @@ def _take_rays(ray, given, first, last):
 
 
 @device
-def _give_rays(out, ray, first, last):
+def give_rays(out, ray, first, last):
     """The way back; lost rays become NaN."""
     origin, direction = out.origin[3 * first : 3 * last], out.direction[3 * first : 3 * last]
     weight, status, lost_at = out.weight[first:last], out.status[first:last], out.lost_at[first:last]
@@ -193,9 +193,9 @@ def fill_traced_rows(out, given, lens, first, last):
     ray = np.zeros(RAY)
     for start in range(first, last, BLOCK):
         end = min(start + BLOCK, last)
-        _take_rays(ray, given, start, end)
+        take_rays(ray, given, start, end)
         trace_block(ray, lens, None, 0, None, None, None)
-        _give_rays(out, ray, start, end)
+        give_rays(out, ray, start, end)
 
 
 @kernel
@@ -207,8 +207,8 @@ def fill_paths(out, lengths, given, lens, path, first, last):
     ray = np.zeros(RAY)
     for start in range(first, last, BLOCK):
         end = min(start + BLOCK, last)
-        _take_rays(ray, given, start, end)
+        take_rays(ray, given, start, end)
         trace_block(ray, lens, None, 0, None, None, path)
-        _give_rays(out, ray, start, end)
+        give_rays(out, ray, start, end)
         for i in range(end - start):
             lengths[start + i] = path.length[i] if ray[STATUS + i] == 0.0 else math.nan

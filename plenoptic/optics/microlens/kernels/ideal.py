@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import kernel
+from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.optics.lens.kernels.trace import give_rays, take_rays
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER, find_cells, find_lenses
+from plenoptic.optics.microlens.kernels.paths import give_places
 from plenoptic.optics.microlens.kernels.to_lens import at_wavelength, distance_to_sensor, head_for, weigh
 from plenoptic.optics.microlens.kernels.to_sensor import land, to_plane
 
@@ -50,6 +52,28 @@ def fill_thin(blocks, own, sensor, power, z_plane, power_factors, waves):
             head_for(ray, i, (u, v), z_plane)
 
 
+@device
+def _through_thin(ray, place, z_array, array, differs):
+    """Rays behind the lens pass thin lenses in the plane z_array, from which z is measured then."""
+    equal = array.lattice.powers[0]
+    to_plane(ray, z_array)
+    if differs is None:
+        find_cells(ray, place, 0.0, array.lattice)
+    else:
+        find_lenses(ray, place, 0.0, True, array)
+    for i in range(BLOCK):
+        bend = equal if differs is None else place[POWER + i]
+        before = ray[N + i]
+        u = ray[L + i] / before - (ray[X + i] - place[AXIS_X + i]) * bend
+        v = ray[M + i] / before - (ray[Y + i] - place[AXIS_Y + i]) * bend
+        after = 1.0 / math.sqrt(1.0 + u * u + v * v)
+        fraction = (after * after) / (before * before)
+        ray[WEIGHT + i] *= fraction * fraction
+        ray[L + i] = u * after
+        ray[M + i] = v * after
+        ray[N + i] = after
+
+
 @kernel
 def fill_thin_forward(blocks, z_array, sensor, array, differs):
     """Rays behind the lens land on the sensor.
@@ -58,23 +82,22 @@ def fill_thin_forward(blocks, z_array, sensor, array, differs):
     too then, otherwise None.
     """
     place = np.empty(PLACE * BLOCK)
-    equal = array.lattice.powers[0]
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
-        to_plane(ray, z_array)
-        if differs is None:
-            find_cells(ray, place, 0.0, array.lattice)
-        else:
-            find_lenses(ray, place, 0.0, True, array)
-        for i in range(BLOCK):
-            bend = equal if differs is None else place[POWER + i]
-            before = ray[N + i]
-            u = ray[L + i] / before - (ray[X + i] - place[AXIS_X + i]) * bend
-            v = ray[M + i] / before - (ray[Y + i] - place[AXIS_Y + i]) * bend
-            after = 1.0 / math.sqrt(1.0 + u * u + v * v)
-            fraction = (after * after) / (before * before)
-            ray[WEIGHT + i] *= fraction * fraction
-            ray[L + i] = u * after
-            ray[M + i] = v * after
-            ray[N + i] = after
+        _through_thin(ray, place, z_array, array, differs)
         land(ray, place, sensor, array)
+
+
+@kernel
+def fill_thin_lenses(out, found, given, array, differs, first, last):
+    """Rays `first` to `last` of `RayArrays` pass thin lenses at z = 0; which, gets `found`, a `FoundPaths`."""
+    ray, place = np.zeros(RAY), np.zeros(PLACE * BLOCK)
+    for start in range(first, last, BLOCK):
+        end = min(start + BLOCK, last)
+        take_rays(ray, given, start, end)
+        _through_thin(ray, place, 0.0, array, differs)
+        give_rays(out, ray, start, end)
+        if differs is None:
+            for i in range(BLOCK):
+                place[POWER + i] = array.lattice.powers[0]
+        give_places(found.lenses, place, start, end)

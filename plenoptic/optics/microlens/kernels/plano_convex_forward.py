@@ -22,8 +22,11 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
+from plenoptic.optics.lens.kernels.paths import add_path
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
+from plenoptic.optics.lens.kernels.trace import give_rays, take_rays
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER, find_cells, find_lenses
+from plenoptic.optics.microlens.kernels.paths import add_height, give_places, start_before
 from plenoptic.optics.microlens.kernels.plano_convex import refract_flat_block
 from plenoptic.optics.microlens.kernels.to_sensor import land, to_plane
 
@@ -133,6 +136,45 @@ def _refract_curved_each(ray, place, bow, mu, plate, array):
     _shift(ray, place, 1.0)
 
 
+@device
+def through_plate(ray, place, z_front, plate, array, differs, path):
+    """Rays behind the lens pass the plate; z is measured from the vertex of its last side then.
+
+    `z_front` is the vertex that light meets first. `differs` is the array where its lenses differ, otherwise None; with
+    `path`, a `PathNotes`, the rays' optical paths from there are found.
+    """
+    thickness, power, curved_first = plate.thickness, array.lattice.powers[0], plate.towards_scene
+    # All rays have the camera's wavelength.
+    index = plate.refractive_index if plate.indices is None else plate.indices[0]
+    bow, mu = (1.0 if curved_first else -1.0) / (plate.refractive_index - 1.0), 1.0 / index if curved_first else index
+    if path is not None:
+        start_before(path, ray, z_front)
+    to_plane(ray, z_front)
+    if not curved_first:
+        if path is not None:
+            add_path(path, ray, 0)
+        refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, 1.0, 0.0)
+        if path is not None:
+            start_before(path, ray, thickness)
+        to_plane(ray, thickness)
+    if differs is None:
+        _refract_curved(ray, place, bow * power, mu, plate.flat, array)
+    else:
+        _refract_curved_each(ray, place, bow, mu, plate, array)
+    if path is not None:
+        add_path(path, ray, 0 if curved_first else 1)
+        if plate.flat:
+            add_height(path, ray, place, bow, None if differs is not None else array.lattice.powers, curved_first)
+    if curved_first:
+        if path is not None:
+            start_before(path, ray, thickness)
+        for i in range(BLOCK):
+            ray[Z + i] -= thickness
+        refract_sphere(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
+        if path is not None:
+            add_path(path, ray, 1)
+
+
 @kernel
 def fill_plano_convex_forward(blocks, z_front, sensor, plate, array, differs):
     """Rays behind the lens land on the sensor.
@@ -141,22 +183,28 @@ def fill_plano_convex_forward(blocks, z_front, sensor, plate, array, differs):
     `differs` is the array where its lenses differ, otherwise None.
     """
     place = np.empty(PLACE * BLOCK)
-    thickness, power, curved_first = plate.thickness, array.lattice.powers[0], plate.towards_scene
-    # All rays have the camera's wavelength.
-    index = plate.refractive_index if plate.indices is None else plate.indices[0]
-    bow, mu = (1.0 if curved_first else -1.0) / (plate.refractive_index - 1.0), 1.0 / index if curved_first else index
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
-        to_plane(ray, z_front)
-        if not curved_first:
-            refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, 1.0, 0.0)
-            to_plane(ray, thickness)
-        if differs is None:
-            _refract_curved(ray, place, bow * power, mu, plate.flat, array)
-        else:
-            _refract_curved_each(ray, place, bow, mu, plate, array)
-        if curved_first:
-            for i in range(BLOCK):
-                ray[Z + i] -= thickness
-            refract_sphere(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
+        through_plate(ray, place, z_front, plate, array, differs, None)
         land(ray, place, sensor, array)
+
+
+@kernel
+def fill_plate_paths(out, found, given, array, differs, path, first, last):
+    """Rays `first` to `last` of `RayArrays` pass an array of plates whose first vertex lies at z = 0, and their paths.
+
+    `found` is a `FoundPaths`, `path` a `PathNotes` that this call alone writes to; `differs` as for
+    `fill_plano_convex_forward`.
+    """
+    ray, place = np.zeros(RAY), np.zeros(PLACE * BLOCK)
+    for start in range(first, last, BLOCK):
+        end = min(start + BLOCK, last)
+        take_rays(ray, given, start, end)
+        path.length[:] = 0.0
+        through_plate(ray, place, 0.0, array.model, array, differs, path)
+        for i in range(BLOCK):
+            ray[Z + i] += array.model.thickness
+        give_rays(out, ray, start, end)
+        for i in range(end - start):
+            found.lengths[start + i] = path.length[i] if ray[STATUS + i] == 0.0 else math.nan
+        give_places(found.lenses, place, start, end)

@@ -1,11 +1,11 @@
-"""Figures of third-order aberrations and of colour."""
+"""Figures of third-order aberrations and of colour; those of waves are in `test_wavefront.py`."""
 
 import matplotlib
 import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.plots.seidel import plot_chromatic_shift, plot_seidel
+from plenoptic.plots.aberrations import plot_chromatic_shift, plot_seidel
 
 matplotlib.use("Agg")
 

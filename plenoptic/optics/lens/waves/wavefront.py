@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, finite, frozen_array, result, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus
-from plenoptic.optics.lens.analysis.zernike_fit import ZernikeFit, ZernikeOrder, fitted, zernike
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.optical_path import paths_of_part
@@ -22,6 +21,7 @@ from plenoptic.optics.lens.pupil.beam import checked_point
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, fitted, zernike
 
 _STEP = 1e-4
 """Of the iris's semi-diameter: between rays whose differences tell how light spreads."""
@@ -136,17 +136,10 @@ class Wavefront:
         (...) array
         """
         given = np.asarray(frozen_array(points, name="points", shape=(*[None] * (np.ndim(points) - 1), 3)))
-        flat, found = given.reshape(-1, 3), np.empty(given[..., 0].size)
         wave = 1e-6 * self.wavelength / self.index
-        for k, point in enumerate(flat):
-            found[k] = abs(self.amplitude @ np.exp(2j * math.pi * (self.opd - self._farther(point) / wave))) ** 2
-        return found.reshape(given.shape[:-1])
-
-    def _farther(self, point: Floats) -> Floats:
-        """(n,), mm: how much farther a point is than the image from where rays cross the sphere."""
-        along, r = self.toward @ point, self.radius
-        off = float(point @ point) / r - 2.0 * along
-        return np.asarray(off / (1.0 + np.sqrt(1.0 + off / r)))
+        light = self.amplitude * np.exp(2j * math.pi * self.opd)
+        found = [abs(huygens_sum(light, self.toward, self.radius, wave, point)) ** 2 for point in given.reshape(-1, 3)]
+        return np.array(found).reshape(given.shape[:-1])
 
     def __repr__(self) -> str:
         unit = "rad" if math.isinf(self.z_object) else "mm"
@@ -155,6 +148,24 @@ class Wavefront:
             f"<Wavefront: {len(self.opd)} rays from ({x:g}, {y:g}) {unit} at {self.wavelength:g} nm, RMS "
             f"{self.rms:.3g} waves, peak to valley {self.peak_to_valley:.3g}, Strehl {self.strehl:.3g}>"
         )
+
+    def _repr_html_(self) -> str:
+        from plenoptic.plots.notebook.pictures import wavefront_html
+
+        return wavefront_html(self)
+
+
+def farther(toward: Floats, radius: float, point: Floats) -> Floats:
+    """(...), mm: how much farther a point (3,) is than the image from a sphere around it, in directions (..., 3)."""
+    x, y, z = point.tolist()
+    off = (x * x + y * y + z * z) / radius - 2.0 * (toward[..., 0] * x + toward[..., 1] * y + toward[..., 2] * z)
+    return np.asarray(off / (1.0 + np.sqrt(1.0 + off / radius)))
+
+
+def huygens_sum(light: NDArray[np.complex128], toward: Floats, radius: float, wave: float, point: Floats) -> complex:
+    """The field at a point (3,), mm from the image, of light (n,) that leaves a sphere around the image at (n, 3)."""
+    # Products of vectors wait for BLAS's threads.
+    return complex((light * np.exp((-2j * math.pi / wave) * farther(toward, radius, point))).sum())
 
 
 def _sum(noll: Floats, pupil: Floats) -> Floats:

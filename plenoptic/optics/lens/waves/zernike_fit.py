@@ -93,6 +93,11 @@ class ZernikeFit:
         head = f"ZernikeFit, {self.order.name} order, waves; residual {self.residual:.2g} RMS"
         return "\n".join([head, *rows])
 
+    def _repr_html_(self) -> str:
+        from plenoptic.plots.notebook.pictures import zernike_html
+
+        return zernike_html(self)
+
 
 def zernike(term: int, x: ArrayLike, y: ArrayLike, *, order: ZernikeOrder = ZernikeOrder.NOLL) -> Floats:
     """A Zernike polynomial at points of the unit disc.

@@ -1,0 +1,1 @@
+"""Waves: wavefronts, Zernike fits, and images of points with diffraction."""

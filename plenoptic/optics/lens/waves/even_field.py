@@ -1,0 +1,104 @@
+"""The light of a point where it converges, on a grid that is even in direction cosines."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import Floats, numbers
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.pupil.iris_points import square_grid
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.waves.wavefront import SphereRays, rays_to_sphere
+
+_COARSE, _DEGREE = 24, 8
+"""Rays across the iris by which it is found where others must go, and the degree of the polynomials that say it."""
+_BEYOND = 1.1
+"""Of the iris's semi-diameter: where points need not be looked for."""
+
+
+class EvenField(NamedTuple):
+    """The field on the reference sphere, as seen from the image point in directions evenly spaced along two axes."""
+
+    values: NDArray[np.complex128]
+    """(n, n): over the cosine to the z axis, so that sums over directions are diffraction integrals; 0 beside."""
+    opd: Floats
+    """(n, n), waves; nan where no ray passes."""
+    toward: Floats
+    """(n, n, 3): unit vectors from the image point, of the rays that were found."""
+    side: Floats
+    """(n,): direction cosines along either axis, from the chief ray's."""
+    image: Floats
+    radius: float
+    wave: float
+    """Wavelength in the medium, mm."""
+
+    @property
+    def step(self) -> float:
+        """Of direction cosines."""
+        return float(self.side[1] - self.side[0])
+
+
+def even_field(
+    lens: LensStack,
+    field: tuple[float, float],
+    z_object: float,
+    z_image: float,
+    wavelength: float,
+    n: int,
+    axes: Floats,
+) -> EvenField:
+    """Aim rays at a grid (n, n) of direction cosines along axes (2, 2)."""
+
+    def traced(pupil: Floats) -> SphereRays:
+        return rays_to_sphere(lens, field, z_object, z_image, wavelength, pupil)
+
+    coarse = square_grid(_COARSE)
+    found = traced(coarse)
+    passes = np.isfinite(found.opd)
+    if passes.sum() < 2 * _DEGREE**2:
+        raise InvalidValueError(f"hardly a ray from the field {field} passes the lens; give a field that it images")
+    there = (found.toward - found.middle)[passes, :2] @ axes.T
+    # From the outermost coarse rays it may be a step to the edge.
+    half = float(np.abs(there).max() + 2 / _COARSE * np.nanmax(np.abs(found.slopes[passes])))
+    side = half * (2 * np.arange(n) + 1 - n) / n
+    wanted = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
+    fit = np.linalg.lstsq(_powers(there / half), coarse[passes], rcond=None)[0]
+    pupil = _powers(wanted / half) @ fit
+    for _ in range(2):
+        near = np.hypot(pupil[:, 0], pupil[:, 1]) < _BEYOND
+        rays = traced(pupil[near])
+        missed = wanted[near] @ axes - (rays.toward - rays.middle)[:, :2]
+        known = np.isfinite(rays.slopes).all(axis=(1, 2)) & np.isfinite(missed).all(axis=1)
+        moves = np.zeros_like(missed)
+        moves[known] = np.linalg.solve(rays.slopes[known], missed[known][:, :, None])[:, :, 0]
+        pupil[near] += np.clip(moves, -0.1, 0.1)
+    near = np.hypot(pupil[:, 0], pupil[:, 1]) < _BEYOND
+    rays = traced(pupil[near])
+    # Light of an area of the iris over the solid angle, and of that over the cosines' area.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        size = np.sqrt(rays.light / rays.solid_angle) / np.abs(rays.toward[:, 2])
+    values = size * np.exp(2j * np.pi * rays.opd)
+    made, opd, toward = np.zeros(n * n, np.complex128), np.full(n * n, np.nan), np.full((n * n, 3), np.nan)
+    made[near] = np.where(np.isfinite(values), values, 0.0)
+    opd[near], toward[near] = np.where(np.isfinite(values), rays.opd, np.nan), rays.toward
+    wave = 1e-6 * wavelength / rays.refractive_index
+    return EvenField(
+        made.reshape(n, n), opd.reshape(n, n), toward.reshape(n, n, 3), side, rays.image, rays.radius, wave
+    )
+
+
+def _powers(points: Floats) -> Floats:
+    """(n, terms): all products of powers of two coordinates up to the degree."""
+    x, y = points.T
+    return np.stack([x**i * y**j for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)], axis=1)
+
+
+def checked_shares(weights: ArrayLike | None, wavelengths: tuple[float, ...]) -> Floats:
+    """What part of the light each wavelength has, all alike for None, or an error."""
+    light = np.ones(len(wavelengths)) if weights is None else numbers(weights, "weights")
+    if light.shape != (len(wavelengths),) or not (light >= 0).all() or not light.any():
+        raise InvalidValueError(f"weights must be {len(wavelengths)} numbers, not negative and not all 0")
+    return np.asarray(light / light.sum())

@@ -1,0 +1,234 @@
+"""Pictures of points with diffraction: closed forms of openings, two methods beside each other, energy, sampling."""
+
+import math
+import sys
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.aberrations import SpreadMethod, wave_mtf, wave_spread, wavefront
+from plenoptic.errors import InvalidValueError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from test_wavefront import WAVE, perfect
+
+GRID = 128
+EDGE = 3.0 / GRID**1.5
+"""What an edge that is found to a point of the grid leaves of an area, and so of an amplitude."""
+FOCUS = 100.0 * 1.6
+
+
+def cosines(lens, *points):
+    """Of rays through points of the iris, x and y."""
+    return wavefront(lens, pupil=np.array(points) * (1 - 1e-9)).toward[:, :2]
+
+
+def bessel(v):
+    return np.array([float(2 * mpmath.besselj(1, x) / x) if x else 1.0 for x in np.ravel(v)]).reshape(np.shape(v))
+
+
+def radii(spread):
+    rows, columns = spread.image.shape
+    y, x = np.mgrid[:rows, :columns]
+    return spread.pixel_size * np.hypot(x - columns // 2, y - rows // 2)
+
+
+def enclosed(spread, radius):
+    """Part of the light within a radius; pixels count by their middles."""
+    return float(spread.image[radii(spread) <= radius].sum())
+
+
+@pytest.fixture(scope="module")
+def airy():
+    lens = perfect(pl.CircularStop(5.0))
+    sine = abs(cosines(lens, (1, 0))[0, 0])
+    return wave_spread(lens, shape=(161, 161), pixel_size=WAVE / sine / 16, grid=GRID), WAVE / sine
+
+
+def test_a_round_opening_makes_airys_pattern(airy):
+    """(2 J1(v) / v)^2, dark at 0.610, 1.117 and 1.619 of the wavelength over the sine, and with Airy's peak."""
+    spread, unit = airy
+    v = 2 * math.pi * radii(spread) / unit
+    np.testing.assert_allclose(spread.image / spread.perfect, bessel(v) ** 2, rtol=0, atol=2 * EDGE)
+    line = spread.image[80, 80:] / spread.perfect
+    dips = [k for k in range(1, 79) if line[k] < line[k - 1] and line[k] < line[k + 1]][:3]
+    np.testing.assert_allclose(np.array(dips) / 16, [0.6098, 1.1166, 1.6192], atol=1 / 32)
+    # The peak per area: pi (sine / wavelength)^2.
+    assert spread.perfect / spread.pixel_size**2 == pytest.approx(math.pi / unit**2, rel=3 * EDGE)
+    assert spread.strehl == pytest.approx(1, abs=1e-9)
+
+
+def test_airys_rings_enclose_what_rayleigh_found(airy):
+    """1 - J0^2 - J1^2: 0.8378 within the first dark ring, 0.9099 within the second, 0.9376 within the third."""
+    spread, unit = airy
+    for ring, part in ((0.6098, 0.8378), (1.1166, 0.9099), (1.6192, 0.9376)):
+        # It is dark there, so that pixels on the rim hardly count.
+        assert enclosed(spread, ring * unit) == pytest.approx(part, abs=0.003)
+    # Far out 2 / (pi v) are left; the picture is a square.
+    v = 2 * math.pi * 5 / 1.0
+    assert 2 / math.pi / (math.sqrt(2) * v) < spread.outside < 2 / math.pi / v
+
+
+def test_an_annulus_makes_the_difference_of_two_airy_patterns():
+    inner = 0.5
+    lens = perfect(pl.optics.RingStop(semi_diameter=5.0, inner_semi_diameter=5.0 * inner))
+    sine = abs(cosines(perfect(pl.CircularStop(5.0)), (1, 0))[0, 0])
+    spread = wave_spread(lens, pixel_size=WAVE / sine / 8, grid=GRID)
+    v = 2 * math.pi * sine / WAVE * radii(spread)
+    expected = ((bessel(v) - inner**2 * bessel(inner * v)) / (1 - inner**2)) ** 2
+    np.testing.assert_allclose(spread.image / spread.perfect, expected, rtol=0, atol=4 * EDGE / (1 - inner**2))
+
+
+def test_a_square_opening_makes_a_product_of_sincs():
+    lens = perfect(pl.PolygonStop(blades=4, semi_diameter=5.0, rotation=math.pi / 4))
+    edge = math.sqrt(0.5)
+    side = 2 * np.abs(np.diag(cosines(lens, (edge, 0), (0, edge))))
+    spread = wave_spread(lens, pixel_size=WAVE / side[0] / 6, grid=GRID)
+    x = spread.pixel_size * (np.arange(65) - 32)
+    expected = (np.sinc(side[1] / WAVE * x)[:, None] * np.sinc(side[0] / WAVE * x)) ** 2
+    # Straight edges along the grid are found to half a step, all of them alike.
+    np.testing.assert_allclose(spread.image / spread.perfect, expected, rtol=0, atol=0.02)
+
+
+def hexagon(x, y, corners):
+    """Transform of a polygon over its area: the sum over edges of Lee and Mittra (1983)."""
+    total = np.zeros(np.shape(x), complex)
+    k2 = x * x + y * y
+    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        along = x * (bx - ax) + y * (by - ay)
+        middle = 0.5 * (x * (ax + bx) + y * (ay + by))
+        total += (x * (by - ay) - y * (bx - ax)) * np.sinc(along / (2 * math.pi)) * np.exp(1j * middle)
+    ax, ay = corners.T
+    area = 0.5 * np.sum(ax * np.roll(ay, -1) - np.roll(ax, -1) * ay)
+    return total / (1j * k2 * area)
+
+
+def test_a_hexagonal_opening_makes_a_star_of_six():
+    lens = perfect(pl.PolygonStop(blades=6, semi_diameter=5.0))
+    angle = np.arange(6) * math.pi / 3
+    turn = next(
+        turn
+        for turn in (0.0, math.pi / 6)
+        if len(wavefront(lens, pupil=0.999 * np.column_stack([np.cos(angle + turn), np.sin(angle + turn)])).opd) == 6
+    )
+    corners = cosines(lens, *np.column_stack([np.cos(angle + turn), np.sin(angle + turn)]) * 0.999999)
+    order = np.argsort(np.arctan2(corners[:, 1], corners[:, 0]))
+    spread = wave_spread(lens, pixel_size=WAVE / 0.05 / 10, grid=GRID)
+    x = spread.pixel_size * (np.arange(65) - 32) + 1e-9
+    kx, ky = np.meshgrid(2 * math.pi / WAVE * x, -2 * math.pi / WAVE * x)
+    expected = np.abs(hexagon(kx, ky, corners[order])) ** 2
+    np.testing.assert_allclose(spread.image / spread.perfect, expected, rtol=0, atol=0.02)
+
+
+@pytest.mark.parametrize("waves", [0.1, 0.25, 0.5, 1.0])
+def test_defocus_dims_the_middle_as_a_sinc(waves):
+    """sin^2(x) / x^2 with x = pi times the waves of defocus at the rim, W020."""
+    lens = perfect(pl.CircularStop(5.0))
+    sine = abs(cosines(lens, (1, 0))[0, 0])
+    shift = waves * WAVE / (1 - math.sqrt(1 - sine**2))
+    plane = pl.paraxial.cardinal_points(lens).rear_focus + shift
+    spread = wave_spread(lens, z_image=plane, shape=(17, 17), grid=GRID)
+    middle = spread.image[8, 8] / spread.perfect
+    assert middle == pytest.approx(np.sinc(waves) ** 2, abs=3 * EDGE)
+
+
+@pytest.mark.parametrize("field", [(0.0, 0.0), (0.1, 0.1)])
+def test_both_methods_agree_to_what_the_transform_leaves_out(field):
+    """A phase of 5e-3 radians: intensities to twice that times the root, and its square, of the perfect peak."""
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(6.0))
+    how = {"field": field, "shape": (21, 21), "pixel_size": 4e-3, "grid": 96}
+    one, other = (wave_spread(lens, method=method, **how) for method in SpreadMethod)
+    assert wave_spread(lens, **how).method is SpreadMethod.FOURIER
+    perfect_peak = one.perfect
+    assert other.perfect == perfect_peak
+    bound = perfect_peak * (2 * 5e-3 * np.sqrt(other.image / perfect_peak) + 5e-3**2)
+    assert (np.abs(one.image - other.image) <= bound).all() and (one.image != other.image).any()
+
+
+def test_huygens_sum_is_that_over_the_iris():
+    """Points of the iris each with their area, or directions evenly spaced: one integral."""
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(6.0))
+    spread = wave_spread(lens, field=(0.0, 0.1), shape=(15, 15), method=SpreadMethod.HUYGENS)
+    x = spread.pixel_size * (np.arange(15) - 7)
+    places = np.stack([*np.meshgrid(x, -x), np.zeros((15, 15))], axis=-1)
+    there = wavefront(lens, field=(0.0, 0.1), pupil=pl.aiming.square_grid(96)).point_spread(places)
+    np.testing.assert_allclose(spread.image / spread.perfect, there, rtol=0, atol=3 * EDGE)
+
+
+def test_a_tilted_plane_is_out_of_focus_where_it_leaves_the_image():
+    """Along the tilt axis as on the plane across; off it as on the plane through that place."""
+    lens = perfect(pl.CircularStop(10.0))
+    tilted = wave_spread(lens, shape=(41, 3), pixel_size=4e-3, tilt=(0.5, 0.0))
+    assert tilted.method is SpreadMethod.HUYGENS
+    places = [[0.0, 4e-3 * (20 - k) * math.cos(0.5), 4e-3 * (20 - k) * math.sin(0.5)] for k in range(41)]
+    there = wavefront(lens, pupil=pl.aiming.square_grid(128)).point_spread(places)
+    np.testing.assert_allclose(tilted.image[:, 1] / tilted.perfect, there, rtol=0, atol=3 * EDGE)
+    with pytest.raises(InvalidValueError, match="a Fourier transform is that on a plane across the axis"):
+        wave_spread(lens, tilt=(0.5, 0.0), method=SpreadMethod.FOURIER)
+
+
+def test_its_transform_is_the_contrast():
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+    spread = wave_spread(lens, field=(0.0, 0.15), shape=(201, 201), method=SpreadMethod.FOURIER)
+    side = spread.pixel_size * (np.arange(201) - 100)
+    frequencies = np.array([20.0, 60.0, 100.0])
+    found = wave_mtf(lens, frequencies, field=(0.0, 0.15))
+    waves = np.exp(-2j * math.pi * frequencies[:, None] * side)
+    # What is outside is missing in the whole.
+    whole = spread.outside + spread.image.sum()
+    np.testing.assert_allclose(abs(waves @ spread.image.sum(axis=0)) / whole, found.sagittal, atol=0.01)
+    np.testing.assert_allclose(abs(waves @ spread.image.sum(axis=1)) / whole, found.tangential, atol=0.01)
+
+
+def test_colours_add_up_where_each_has_its_image():
+    lens = pl.load_lens("singlet-100mm-f4").with_stop(pl.CircularStop(2.0))
+    how = {"field": (0.0, 0.1), "z_image": pl.paraxial.cardinal_points(lens).rear_focus, "pixel_size": 2e-3}
+    lines, weights = (486.1, 656.3), np.array([3.0, 1.0])
+    both = wave_spread(lens, wavelength=lines, weights=weights, **how)
+    one, other = (wave_spread(lens, wavelength=line, **how) for line in lines)
+    pixels = (other.centre - one.centre)[:2] / 2e-3
+    assert abs(pixels[1]) > 1
+    shifted = wave_spread(lens, wavelength=(486.1, 656.3), weights=(1.0, 0.0), **how)
+    np.testing.assert_allclose(shifted.image, one.image, rtol=0, atol=1e-15)
+    y, x = np.mgrid[:65, :65]
+
+    def middle(image):
+        return np.array([(image * x).sum(), -(image * y).sum()]) / image.sum()
+
+    # Diffraction's tails go beyond the picture, and its middle is that of what is within.
+    expected = (middle(one.image) * 3 + middle(other.image) + pixels) / 4
+    np.testing.assert_allclose(middle(both.image), expected, atol=0.3)
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.05])
+def test_strehl_of_small_aberrations_is_that_of_their_variance(sigma):
+    """exp(-(2 pi sigma)^2) to the fourth power of the phase (Marechal, Mahajan 1983), of a real lens out of focus."""
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(3.0))
+    best = pl.paraxial.cardinal_points(lens).rear_focus
+
+    def rms(shift):
+        return wavefront(lens, z_image=best + shift).rms
+
+    shifts = np.linspace(0, 0.4, 21)
+    shift = float(np.interp(sigma, [rms(s) for s in shifts], shifts))
+    found = wavefront(lens, z_image=best + shift)
+    phase = 2 * math.pi * found.rms
+    spread = wave_spread(lens, z_image=best + shift, shape=(9, 9))
+    assert spread.image[4, 4] / spread.perfect == pytest.approx(math.exp(-(phase**2)), abs=phase**4 + 1e-3)
+    assert found.strehl == pytest.approx(math.exp(-(phase**2)), abs=phase**4)
+
+
+def test_a_grid_too_coarse_says_so():
+    lens = perfect(pl.CircularStop(10.0))
+    with pytest.raises(InvalidValueError, match=r"neighbouring points of the grid differ by .* or grid=\d+"):
+        wave_spread(lens, grid=32, shape=(65, 65))
+    plane = pl.paraxial.cardinal_points(lens).rear_focus + 20.0
+    with pytest.raises(InvalidValueError, match="the limit is a half; give a smaller picture$"):
+        wave_spread(lens, z_image=plane)
+    with pytest.raises(InvalidValueError, match="tilt is .*; it must be two angles"):
+        wave_spread(lens, tilt=(0.1, 0.2, 0.3))
+    with pytest.raises(InvalidValueError, match="weights must be 1 numbers"):
+        wave_spread(lens, weights=[1.0, 2.0])
