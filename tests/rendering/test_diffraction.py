@@ -1,4 +1,4 @@
-"""Renders of cameras whose light bends at microlenses and iris, against closed forms and light that is counted twice."""
+"""Renders of cameras whose light bends at microlenses and iris, against closed forms."""
 
 import dataclasses
 import math
@@ -20,9 +20,9 @@ CAMERAS = {"R12": (2.4, 5.5e-3), "README": (7.8, 10e-3), "Illum": (2.0, 1.4e-3),
 """f-numbers of microlenses, pixel pitches in mm."""
 
 
-def lit_square(number, pitch, aperture, *, part=1.0, size=2 * PIXELS + 1, **more):
-    """A camera without a lens whose microlenses image a square opening, sharply, onto a part of their middle pixel."""
-    width, distance = PIXELS * pitch, 100.0
+def lit_square(number, pitch, aperture, *, part=1.0, across=PIXELS, size=2 * PIXELS + 1, **more):
+    """A camera without a lens whose microlenses image a square opening, sharply, onto `part` pixels in their middle."""
+    width, distance = across * pitch, 100.0
     height = number * width
     half = 0.5 * part * pitch * distance / height
     hole = [pl.PolygonStop(4, half * math.sqrt(2), math.pi / 4), pl.Surface(math.inf, semi_diameter=4 * half)]
@@ -50,73 +50,66 @@ def white(camera, samples, **more):
     return shot.image.squeeze().astype(float), shot.standard_error.squeeze().astype(float)
 
 
-SHARES = [
-    *(("R12", ROUND, 0.767), ("README", ROUND, 0.648), ("Illum", ROUND, 0.479), ("microscope", ROUND, 0.252)),
-    *(("R12", FILLED, 0.778), ("README", FILLED, 0.664), ("Illum", FILLED, 0.503), ("microscope", FILLED, 0.291)),
-]
-
-
-@pytest.mark.parametrize(("name", "aperture", "share"), SHARES)
+@pytest.mark.parametrize(
+    ("name", "aperture", "share"),
+    [
+        *(("R12", ROUND, 0.767), ("README", ROUND, 0.648), ("Illum", ROUND, 0.479), ("microscope", ROUND, 0.252)),
+        *(("R12", FILLED, 0.778), ("README", FILLED, 0.664), ("Illum", FILLED, 0.503), ("microscope", FILLED, 0.291)),
+    ],
+)
 def test_the_share_of_light_that_stays_in_its_pixel(name, aperture, share):
-    # The integral of the aperture's MTF times the pixel's squared; the geometric image is known in closed form.
+    # The integral of the aperture's MTF times the pixel's squared; the image without bends is known in closed form.
     number, pitch = CAMERAS[name]
     camera, middle = lit_square(number, pitch, aperture), np.s_[PIXELS : PIXELS + 1, PIXELS : PIXELS + 1]
     image, error = white(camera, 1 << 15, replicates=16, region=middle)
-    form = (math.pi / 4 if aperture is ROUND else 1.0) / number**2
-    # Light is the integral of cos^4 over the lens: 1 - 2 <r^2> / f^2, and less than 3 % of it at f/2.
-    spread = 2 * (1 / 8 if aperture is ROUND else 1 / 6) / number**2
-    assert float(error) < 0.003 * form
-    assert float(image) / (form * (1 - spread)) == pytest.approx(share, abs=0.01)
+    # The integral of cos^4 over the lens: 1 - 2 <r^2> / f^2.
+    whole = (math.pi / 4 if aperture is ROUND else 1.0) / number**2
+    whole *= 1 - 2 * (1 / 8 if aperture is ROUND else 1 / 6) / number**2
+    assert float(error) < 0.003 * whole
+    assert float(image) / whole == pytest.approx(share, abs=0.01)
 
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_contrast_at_the_nyquist_frequency_of_pixels(name):
+    # Sharp squares one pixel wide in a lattice of six, on pixels a quarter as wide: 24 of these are a period.
     number, pitch = CAMERAS[name]
-    camera = lit_square(number, pitch, ROUND, part=1 / 4, size=8 * PIXELS + 1, sensor=pl.Sensor((161, 161), pitch / 4))
-    rows = np.s_[80 - 40 : 80 + 40]
-    image, error = white(camera, 512, replicates=8)
-    # One microlens's image and what falls around it, on pixels a quarter as wide.
-    x = (np.arange(80) - 40) * pitch / 4
-    line, wave = image[rows, rows].sum(axis=0), np.cos(np.pi * x / pitch)
-    measured = line @ wave / line.sum() / np.sinc(1 / 8) ** 2 * np.sinc(1 / 2)
-    noise = math.sqrt(float((error[rows, rows] ** 2).sum())) / line.sum()
+    camera = lit_square(number, pitch / 4, ROUND, part=4.0, across=24, size=48)
+    image, error = (a[12:36, 12:36] for a in white(camera, 1024, replicates=8))
+    wave = np.cos(np.pi * (np.arange(24) - 11.5) / 4)
+    measured = image.sum(axis=0) @ wave / image.sum() / np.sinc(1 / 8)
+    noise = float(np.linalg.norm(error)) / image.sum()
     part = 550e-6 * number / (2 * pitch)
     aperture = 2 / math.pi * (math.acos(part) - part * math.sqrt(1 - part**2))
-    assert noise < 0.01
-    assert measured == pytest.approx(aperture * np.sinc(1 / 2), abs=4 * noise + 0.003)
+    assert noise < 0.006
+    assert measured == pytest.approx(aperture * np.sinc(1 / 2), abs=4 * noise)
 
 
-@pytest.mark.parametrize(
-    "aperture",
-    [FILLED, ROUND, MicrolensAperture(CIRCLE, 0.5, Gaps.CLEAR), MicrolensAperture(ApertureShape.SQUARE, 0.36)],
-)
+@pytest.mark.parametrize("aperture", [FILLED, ROUND, MicrolensAperture(CIRCLE, 0.5, Gaps.CLEAR)])
 def test_no_light_is_lost_between_microlenses(aperture):
-    # Over a period of the lattice as much comes in as goes out; lit evenly up to the neighbours, far beyond the tails.
+    # Over a period of the lattice as much comes in as goes out.
     camera = lit_square(7.8, 0.01, aperture, part=12.0)
     period = np.s_[PIXELS // 2 : PIXELS // 2 + PIXELS]
     bent, error = white(camera, 256, replicates=8)
     plain, other = white(straight(camera), 256, replicates=8)
     total, sigma = plain[period, period].sum(), math.hypot(*(np.linalg.norm(e[period, period]) for e in (error, other)))
-    assert sigma < 0.004 * total
+    assert sigma < 0.006 * total
     assert bent[period, period].sum() == pytest.approx(total, abs=4 * sigma)
-    assert np.abs(bent - plain).max() > 0.1 * plain.max()
+    assert np.abs(bent - plain).max() > 0.05 * plain.max()
 
 
 def test_tails_reach_far_pixels():
-    # 30 pixels away: beyond what is known with a pixel, by the bounds of its point.
-    camera = lit_square(7.8, 0.01, ROUND, size=75)
+    # From 12 x 12 lit pixels to a ring 30 pixels away: beyond what is known with a pixel, by the bounds of its point.
+    camera = lit_square(7.8, 0.01, ROUND, part=12.0, size=75)
     array = dataclasses.replace(camera.microlenses, lattice=pl.Lattice.FREE, centres=[(0.0, 0.0)])
-    array = dataclasses.replace(array, aperture=MicrolensAperture(CIRCLE, math.pi / 4))
-    camera = dataclasses.replace(camera, microlenses=array)
-    image, error = white(camera, 1 << 12, replicates=16)
+    image, error = white(dataclasses.replace(camera, microlenses=array), 1 << 12, replicates=16)
     row, column = np.indices(image.shape) - 37
     ring = np.abs(np.hypot(row, column) - 30) < 4
     # Airy's tail: the mean of J1^2 / (pi r^2) is lambda N / (pi^3 r^3).
-    whole = math.pi / 4 / 7.8**2
-    r = np.hypot(row, column)[ring] * 0.01
-    tail = (whole * 0.01**2 * 550e-6 * 7.8 / (math.pi**3 * r**3)).sum()
+    steps = np.arange(12) - 5.5
+    r2 = (row[ring][:, None, None] - steps[:, None]) ** 2 + (column[ring][:, None, None] - steps) ** 2
+    tail = math.pi / 4 / 7.8**2 * 550e-6 * 7.8 / (math.pi**3 * 0.01) * float((r2**-1.5).sum())
     sigma = float(np.linalg.norm(error[ring]))
-    assert sigma < 0.1 * tail
+    assert sigma < 0.05 * tail
     assert image[ring].sum() == pytest.approx(tail, abs=4 * sigma + 0.02 * tail)
 
 
@@ -144,23 +137,22 @@ def test_bits_do_not_depend_on_tiles_threads_and_regions():
     assert_array_equal(pl.render(scene, straight(camera), samples=8, progress=False).depth, whole.depth)
 
 
-@pytest.mark.parametrize("more", [{}, {"diffraction": pl.Diffraction(iris=True)}], ids=["microlenses", "iris too"])
-def test_points_are_spread_as_surfaces_are_rendered(more):
+def test_points_are_spread_as_surfaces_are_rendered():
     # Light forwards from points all over a small lamp, and backwards from pixels to it.
-    camera, side, at = small_camera(**more), 1.2, np.array([0.6, -0.3, -404.0])
+    camera, side, at = small_camera(diffraction=pl.Diffraction(iris=True)), 1.2, np.array([0.6, -0.3, -404.0])
     lamp = pl.quad(at - [side / 2, side / 2, 0], (side, 0, 0), (0, side, 0), material=pl.Emissive(1.0))
     shot = pl.render(pl.Scene([lamp]), camera, samples=1024, replicates=16, progress=False, truth=pl.Truth.NONE)
-    steps = (np.arange(8) + 0.5) / 8 - 0.5
-    points = at + side * np.array([[x, y, 0.0] for x in steps for y in steps])
-    spread = pl.point_spread(camera, points, rays=1 << 14, progress=False)
-    known = spread.whole().mean(axis=0) * side**2
-    image, error = (a.squeeze() for a in (shot.image, shot.standard_error))
-    image, error = (a if a.ndim == 2 else a[..., 0] for a in (image, error))
-    bright = known > 0.2 * known.max()
-    # 64 points are not a surface, and rays of points have errors too: by the scatter of neighbours, 2 % of a pixel.
-    assert image.sum() == pytest.approx(known.sum(), rel=0.01)
-    chi = (image - known)[bright] / np.hypot(error[bright], 0.03 * known[bright])
-    assert float(np.sqrt((chi**2).mean())) < 1.5
+    parts = np.random.default_rng(3).uniform(-0.5, 0.5, (4, 80, 2))
+    known = []
+    for part in parts:
+        points = at + side * np.column_stack([part, np.zeros(len(part))])
+        known.append(pl.point_spread(camera, points, rays=1 << 10, progress=False).whole().mean(axis=0) * side**2)
+    image, error = (a[..., 0] for a in (shot.image, shot.standard_error))
+    mean, scatter = np.mean(known, axis=0), np.std(known, axis=0, ddof=1) / 2
+    bright = mean > 0.2 * mean.max()
+    assert image.sum() == pytest.approx(mean.sum(), rel=0.01)
+    chi = (image - mean)[bright] / np.hypot(error[bright], np.maximum(scatter[bright], np.median(scatter[bright])))
+    assert float(np.sqrt((chi**2).mean())) < 1.3
 
 
 def test_an_iris_spreads_a_point_as_airy_says():
@@ -187,7 +179,7 @@ def test_an_iris_spreads_a_point_as_airy_says():
 
 
 def test_colours_bend_by_their_wavelengths():
-    camera = small_camera(sensor=pl.Sensor((24, 24), 0.01), sensitivity=pl.sensitivities.srgb())
+    camera = small_camera(sensor=pl.Sensor((24, 24), 0.01), sensitivity=pl.sensitivities.linear_srgb())
     stop = camera.lens.with_stop(pl.CircularStop(1.0))
     camera = dataclasses.replace(camera, lens=stop)
     image = pl.render_white(camera, samples=2048, replicates=8, progress=False).image
@@ -200,8 +192,8 @@ def test_paths_can_be_followed_again():
     camera, scene = small_camera(diffraction=pl.Diffraction(iris=True)), pl.check_scene()
     shot = pl.render(scene, camera, samples=16, replicates=2, progress=False)
     pixel = (30, 31)
-    light = [pl.replay(shot, scene, camera, pixel, sample).radiance for sample in range(16)]
-    assert_allclose(np.mean(light, axis=0), np.ravel(shot.image[pixel]), rtol=2e-6)
+    paths = pl.replaying.replay_all(shot, scene, [(*pixel, sample) for sample in range(16)])
+    assert_allclose(np.mean([path.contribution for path in paths], axis=0), np.ravel(shot.image[pixel]), rtol=2e-6)
 
 
 @pytest.mark.parametrize(
