@@ -1,14 +1,18 @@
-"""The light of a point behind the main lens, as functions of its direction.
+"""The light of a point behind the main lens, as functions of where it comes from in the exit pupil.
 
-A field behind the lens is a sum of plane waves. Rays say which: those of direction s cross the plane of the array at
-X(s), so that the wave of this direction has the phase k W(s) with grad W = -X, and its power is the light of the rays
-whose directions lie in a unit of area of s. In direction cosines, W is Hamilton's angle characteristic (M. Born, E.
-Wolf, Principles of Optics, 7th ed., section 4.1.4); it holds at any distance from focus, and any such sum is an exact
-solution of the wave equation. What is left out is how the edge of the exit pupil, seen from a distance R, sends waves
-elsewhere than one infinitely far away: fringes at the edge of a spot, defocused by d, are wrong in width by d / (2 R).
+On the plane of the array the field is
 
-Ideal microlenses keep slopes and heights, dx dy du dv, not direction cosines. Their waves are those of Fresnel, whose
-directions are slopes; see `Plane.shears`.
+    U(x) = exp(i k |x|^2 / 2 L) integral A(s) exp(i k (W(s) + s.x)) ds
+
+with the distance L of the exit pupil, whose point p has s = -p / L: the waves of its points, to the second order of x.
+Rays say the rest. One that crosses the plane at X in the direction l has s = l - X / L, so that X(s) and the direction
+follow from each other; then grad W = -X, and |A|^2 is the light of the rays in a unit of area of s. So light goes
+exactly where rays go, is cut where they are, and the edge of the exit pupil sends its waves from where it is. For a
+pupil infinitely far away s is the direction itself, and W Hamilton's angle characteristic (M. Born, E. Wolf, Principles
+of Optics, 7th ed., section 4.1.4).
+
+Directions are cosines, except before ideal microlenses. These keep slopes and heights, dx dy du dv: their waves are
+those of Fresnel, whose directions are slopes; see `Plane.shears`.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ import numpy as np
 
 from plenoptic.camera.assembly import Rigid
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
@@ -30,7 +35,9 @@ _ACROSS = 96
 """Rays across the entrance from which the functions are found."""
 _DEGREES = (4, 7, 10, 13)
 """Of polynomials, tried until the phase is known well enough."""
-_WELL = 1e-3
+_NEAREST = 1e-3
+"""mm: an exit pupil nearer to the plane is as good as infinitely far away."""
+_WELL = 1e-4
 """Waves, root mean square."""
 _WORST = 0.1
 """Waves by which the phase may be unknown."""
@@ -45,6 +52,8 @@ class Plane(NamedTuple):
     """From the lens's axes; z = 0 on the plane."""
     shears: bool
     """Whether directions are slopes, which ideal microlenses shear, instead of direction cosines."""
+    curvature: float
+    """1 / L, 1/mm: of waves from a point of the exit pupil; 0 for one infinitely far away."""
 
     def directions(self, lens_axes: Floats) -> Floats:
         """Of unit vectors (n, 3) in the lens's axes: slopes or cosines (n, 2)."""
@@ -66,7 +75,7 @@ class Plane(NamedTuple):
 
 
 class Polynomials(NamedTuple):
-    """Functions of direction, over the box where light is."""
+    """Functions of s, over the box where light is."""
 
     middle: Floats
     half: Floats
@@ -74,14 +83,14 @@ class Polynomials(NamedTuple):
     """(p, p, m): coefficients of x^i y^j of m functions."""
 
     def __call__(self, s: Floats) -> Floats:
-        """(n, m) at directions (n, 2)."""
+        """(n, m) at (n, 2)."""
         x, y = powers((s - self.middle) / self.half, len(self.values) - 1)
         n, m = len(s), self.values.shape[2]
         along_y = (x @ self.values.reshape(len(self.values), -1)).reshape(n, -1, m)
         return np.asarray(np.einsum("nj,njm->nm", y, along_y))
 
     def slopes(self, s: Floats) -> Floats:
-        """(n, m, 2): derivatives with respect to the directions."""
+        """(n, m, 2): derivatives with respect to s."""
         degrees = np.arange(1, len(self.values))
         by_x = self._replace(values=np.pad(degrees[:, None, None] * self.values[1:], ((0, 1), (0, 0), (0, 0))))
         by_y = self._replace(values=np.pad(degrees[:, None] * self.values[:, 1:], ((0, 0), (0, 1), (0, 0))))
@@ -95,7 +104,7 @@ def powers(points: Floats, degree: int) -> tuple[Floats, Floats]:
 
 
 class Beam(NamedTuple):
-    """Light of a point of one wavelength behind the main lens."""
+    """Light of a point of one wavelength behind the main lens, as functions of s."""
 
     record: ForwardRecord
     point: Floats
@@ -105,46 +114,52 @@ class Beam(NamedTuple):
     """In the medium behind the lens, mm."""
     low: Floats
     high: Floats
-    """(2,): the box of directions."""
+    """(2,): the box of s."""
+    directions: Floats
+    """(2, 2): least and greatest directions of rays."""
     spot: Floats
     """(2, 2): least and greatest x and y where rays cross the plane, mm."""
     entering: Polynomials
     """Where rays enter, x and y."""
     focus: Floats
-    """(3,): where rays meet, x and y on the plane's axes and the distance behind it, in the mean."""
+    """(3,): x, y and d in X = (x, y) - d s, in the mean."""
     rest: Polynomials
-    """What the focus leaves of the phase, mm of path."""
+    """What the focus leaves of W, mm."""
     phase_error: float
     """By how much the phase is not that of the rays, waves, root mean square."""
 
     def path(self, s: Floats) -> Floats:
-        """(n,), mm: the phase of the plane waves of directions (n, 2) over the wave number."""
+        """(n,), mm: W."""
         x, y, distance = self.focus
-        return np.asarray(-s @ [x, y] - distance * self.plane.along(s) + self.rest(s)[:, 0])
+        return np.asarray(-s @ [x, y] + 0.5 * distance * (s**2).sum(axis=1) + self.rest(s)[:, 0])
 
-    def light(self, s: Floats) -> Floats:
-        """(n,): light of rays in a unit of area of direction, if all pass the lens.
+    def direction(self, s: Floats) -> Floats:
+        """(n, 2) of rays on the plane."""
+        crossed = self.focus[:2] - self.focus[2] * s - self.rest.slopes(s)[:, 0]
+        return np.asarray(s + self.plane.curvature * crossed)
 
-        Projected solid angle; where directions are slopes, over cos^4 to the plane's normal, which is kept instead.
+    def light(self, s: Floats) -> tuple[Floats, Floats]:
+        """(n,) twice: light of rays in a unit of area of s, if all pass the lens, and what keeps it.
+
+        The first is projected solid angle over the second: 1, or cos^4 to the plane's normal where directions are
+        slopes, whose areas ideal microlenses keep.
         """
         slopes = self.entering.slopes(s)
         area = np.abs(slopes[:, 0, 0] * slopes[:, 1, 1] - slopes[:, 0, 1] * slopes[:, 1, 0])
-        light = entering_rays(self.record, self.point, self.entering(s))[1]
-        cosine4 = self.plane.cosine(s) ** 4
+        light = area * entering_rays(self.record, self.point, self.entering(s))[1]
+        direction = self.direction(s)
         if self.record.ideal:
-            across = self._lens_cosine(s) ** 4
-            light = light * (across / cosine4 if self.plane.shears else across)
-        elif self.plane.shears:
-            light = light / cosine4
-        return np.asarray(area * light)
+            light = light * self._lens_cosine(direction) ** 4
+        kept = self.plane.cosine(direction) ** 4 if self.plane.shears else np.ones(len(s))
+        return light / kept, kept
 
-    def _lens_cosine(self, s: Floats) -> Floats:
-        cosine = self.plane.cosine(s)
-        vectors = np.column_stack([s * cosine[:, None] if self.plane.shears else s, cosine])
-        return np.asarray(self.plane.from_lens.inverse().directions(vectors)[:, 2])
+    def _lens_cosine(self, direction: Floats) -> Floats:
+        cosine = self.plane.cosine(direction)
+        across = direction * cosine[:, None] if self.plane.shears else direction
+        return np.asarray(self.plane.from_lens.inverse().directions(np.column_stack([across, cosine]))[:, 2])
 
     def passing(self, s: Floats) -> Floats:
-        """(n,): the part of the light of directions (n, 2) that passes the lens: 0 or 1, but for grey masks."""
+        """(n,): the part of the light at (n, 2) that passes the lens: 0 or 1, but for grey masks."""
         rays, _ = entering_rays(self.record, self.point, self.entering(s))
         return self.record.camera.lens.trace(rays).weight
 
@@ -183,10 +198,10 @@ def beam_of(camera: PlenopticCamera, point: Floats) -> Beam | None:
         step = (high - low) / _ACROSS
         low, high = places[passes].min(axis=0) - step, places[passes].max(axis=0) + step
     places = places[passes]
-    s = plane.directions(behind.direction[passes])
+    directions = plane.directions(behind.direction[passes])
     moved = plane.from_lens.points(behind.origin[passes])
-    crossed = moved[:, :2] - moved[:, 2:] * plane.slopes(s)
-    return _fitted(record, seen, plane, places, s, crossed)
+    crossed = moved[:, :2] - moved[:, 2:] * plane.slopes(directions)
+    return _fitted(record, seen, plane, places, directions, crossed)
 
 
 def _grid(low: Floats, high: Floats) -> Floats:
@@ -202,19 +217,24 @@ def plane_of(record: ForwardRecord) -> Plane:
     if array is not None:
         sensor = sensor._replace(shift=sensor.shift * [1.0, 1.0, 0.0])
     shears = array is not None and not array.is_plate
-    return Plane(sensor.inverse().of(parts.local_to_lens.inverse()), shears)
+    from_lens = sensor.inverse().of(parts.local_to_lens.inverse())
+    away = float(from_lens.inverse().shift[2]) - model_pupil(record.camera)[0]
+    return Plane(from_lens, shears, 1.0 / away if abs(away) > _NEAREST else 0.0)
 
 
-def _fitted(record: ForwardRecord, point: Floats, plane: Plane, places: Floats, s: Floats, crossed: Floats) -> Beam:
-    """Functions of direction through what is known of rays."""
+def _fitted(
+    record: ForwardRecord, point: Floats, plane: Plane, places: Floats, directions: Floats, crossed: Floats
+) -> Beam:
+    """Functions of s through what is known of rays."""
+    s = directions - plane.curvature * crossed
     index = float(record.camera.lens.indices(record.camera.wavelength)[-1])
     wavelength = 1e-6 * record.camera.wavelength / index
     low, high = s.min(axis=0), s.max(axis=0)
     edge = 2.0 * (high - low) / _ACROSS
     low, high = low - edge, high + edge
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    focus, error, astray = _focus(plane.slopes(s), crossed), math.inf, math.inf
-    left = crossed - (focus[:2] - focus[2] * plane.slopes(s))
+    focus, error, astray = _focus(s, crossed), math.inf, math.inf
+    left = crossed - (focus[:2] - focus[2] * s)
     spot = np.array([crossed.min(axis=0), crossed.max(axis=0)])
     entering = rest = None
     for degree in _DEGREES:
@@ -239,17 +259,30 @@ def _fitted(record: ForwardRecord, point: Floats, plane: Plane, places: Floats, 
         raise InvalidValueError(f"hardly a ray from the point passes the lens; {len(s)} of {_ACROSS**2} did")
     if error > _WORST or astray > _FARTHEST_ASTRAY:
         raise InvalidValueError(
-            f"the light's direction behind the lens does not tell where it comes from (its phase is known to "
-            f"{error:.2g} waves, its place in the entrance to {astray:.2g}): it is nearly parallel there, or the lens "
-            "is not smooth; take a point nearer to what is in focus"
+            f"smooth functions do not say where light crosses the exit pupil (its phase is known to {error:.2g} waves, "
+            f"its place in the entrance to {astray:.2g}): the lens has too strong aberrations there, or surfaces that "
+            "are not smooth; stop it down"
         )
-    return Beam(record, point, plane, wavelength, low, high, spot, entering, focus, rest, error)
+    return Beam(
+        record=record,
+        point=point,
+        plane=plane,
+        wavelength=wavelength,
+        low=low,
+        high=high,
+        directions=np.array([directions.min(axis=0), directions.max(axis=0)]),
+        spot=spot,
+        entering=entering,
+        focus=focus,
+        rest=rest,
+        phase_error=error,
+    )
 
 
-def _focus(slopes: Floats, crossed: Floats) -> Floats:
-    """Where rays come nearest to each other, as in `Beam`."""
-    n = len(slopes)
+def _focus(s: Floats, crossed: Floats) -> Floats:
+    """The straight line nearest to X(s), as in `Beam`."""
+    n = len(s)
     matrix = np.zeros((2 * n, 3))
     matrix[:n, 0] = matrix[n:, 1] = 1.0
-    matrix[:, 2] = -slopes.T.ravel()
+    matrix[:, 2] = -s.T.ravel()
     return np.asarray(np.linalg.lstsq(matrix, crossed.T.ravel(), rcond=None)[0])

@@ -52,7 +52,7 @@ class PlaneWaves(NamedTuple):
 def plane_waves(beam: Beam, grid: Grid) -> PlaneWaves:
     """The plane waves of a point's light."""
     made = np.zeros(grid.shape[::-1], np.complex64)
-    s = [grid.directions(axis, beam.wavelength) for axis in (0, 1)]
+    s = [grid.middle[axis] + grid.frequencies(axis, beam.wavelength) for axis in (0, 1)]
     held = [
         np.flatnonzero((part >= low) & (part <= high)) for part, low, high in zip(s, beam.low, beam.high, strict=True)
     ]
@@ -69,8 +69,8 @@ def plane_waves(beam: Beam, grid: Grid) -> PlaneWaves:
         if not len(there):
             continue
         directions = np.column_stack([x[there % len(x)], y[start + there // len(x)]])
-        passes, light = part.ravel()[there], beam.light(directions) * area
-        kept = beam.plane.cosine(directions) ** 4 if beam.plane.shears else 1.0
+        light, kept = beam.light(directions)
+        passes, light = part.ravel()[there], light * area
         total += float(passes @ (light * kept))
         squares += float(passes @ light) / float(grid.spacing.prod())
         phase = number * np.remainder(beam.path(directions) + directions @ grid.first, beam.wavelength)
@@ -113,6 +113,8 @@ def through_array(waves: Complex, beam: Beam, grid: Grid, lenses: Microlenses) -
     field: Complex = np.fft.ifft2(waves, norm="ortho").astype(np.complex64, copy=False)
     i, j = grid.lit
     lit: Complex = field[j, i] * lenses.plate(grid.places(0, i), grid.places(1, j), beam.wavelength)
+    lit *= grid.curved(0, i, beam.wavelength).astype(np.complex64)
+    lit *= grid.curved(1, j, beam.wavelength).astype(np.complex64)[:, None]
     met = power(field[j, i])
     field[...] = 0.0
     field[j, i] = lit
@@ -138,7 +140,7 @@ def to_sensor(waves: Complex, beam: Beam, grid: Grid) -> float:
     10.1364/OE.17.019662): waves that would be displaced by more than half the grid would return from its other edge.
     """
     number, left = 2.0 * math.pi / beam.wavelength, 0.0
-    x, y = (grid.directions(axis, beam.wavelength) for axis in (0, 1))
+    x, y = (grid.carrier[axis] + grid.frequencies(axis, beam.wavelength) for axis in (0, 1))
     half = 0.5 * grid.spacing * grid.shape
     for start in range(0, len(y), _ROWS):
         rows = waves[start : start + _ROWS]

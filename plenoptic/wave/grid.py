@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -14,7 +15,7 @@ from plenoptic.wave.microlenses import Microlenses
 
 MOST_SAMPLES = 1 << 26
 """Of a grid: three of them are held at once, of 8 bytes a sample."""
-DENSER = 1.5
+DENSER = 2.0
 """How much more densely fields are sampled than geometric light needs it."""
 _MARGIN = 24.0
 """Around geometric light, in units of wavelength over the spread of its directions: light beyond it is some 1 %."""
@@ -31,6 +32,10 @@ class Grid(NamedTuple):
     """(2,): the first sample on the array, mm in the sensor's axes."""
     lit: tuple[slice, slice]
     """The samples on the array where there is light."""
+    middle: Floats
+    """(2,): that s whose wave is constant on the grid before it is curved."""
+    curvature: float
+    """As of `Plane`."""
     carrier: Floats
     """(2,): the direction whose wave is constant on the grid."""
     distance: float
@@ -51,27 +56,34 @@ class Grid(NamedTuple):
         """Positions on the array along an axis, mm."""
         return np.asarray(self.first[axis] + self.spacing[axis] * np.arange(where.start, where.stop))
 
-    def directions(self, axis: int, wavelength: float) -> Floats:
-        """Directions along an axis, in the order of a Fourier transform."""
-        return np.asarray(self.carrier[axis] + wavelength * np.fft.fftfreq(self.shape[axis], self.spacing[axis]))
+    def frequencies(self, axis: int, wavelength: float) -> Floats:
+        """What waves add to s or to the direction of the carrier, in the order of a Fourier transform."""
+        return np.asarray(wavelength * np.fft.fftfreq(self.shape[axis], self.spacing[axis]))
+
+    def curved(self, axis: int, where: slice, wavelength: float) -> NDArray[np.complex128]:
+        """By what curvature multiplies a field along an axis."""
+        away = self.places(axis, where) - (self.first[axis] + 0.5 * self.spacing[axis] * self.shape[axis])
+        return np.asarray(np.exp((1j * math.pi * self.curvature / wavelength) * away**2))
 
 
 def grid_for(beam: Beam, lenses: Microlenses | None, distance: float, denser: float) -> Grid:
     """The grid that holds a point's light on the array and on the sensor."""
-    carrier, half = 0.5 * (beam.low + beam.high), 0.5 * (beam.high - beam.low)
     low, high = lit_box(beam)
-    bends, least, most = np.zeros(2), low, high
+    centre, curvature = 0.5 * (low + high), beam.plane.curvature
+    middle, half = 0.5 * (beam.low + beam.high), 0.5 * (beam.high - beam.low)
+    carrier = middle + curvature * centre
+    least, most = low, high
     shift = distance * beam.plane.slopes(carrier)
     if lenses is not None:
-        slopes = beam.plane.slopes(np.array([beam.low, beam.high]))
+        slopes = beam.plane.slopes(beam.directions)
         bends = lenses.bends(low, high)
+        half = np.maximum(half, np.abs(beam.directions - carrier).max(axis=0) + bends)
         spread = np.abs(distance * slopes - shift).max(axis=0) + _MARGIN * beam.wavelength * distance / (
             2.0 * lenses.reach
         )
         least, most = lenses.landing(low, high, distance)
         least, most = least - spread, most + spread
-    spacing = beam.wavelength / (2.0 * denser * (half + bends))
-    centre = 0.5 * (low + high)
+    spacing = beam.wavelength / (2.0 * denser * half)
     seen_half = np.maximum(centre - least, most - centre)
     # What is displaced by less than half the grid and returns from its edge stays beside what is seen.
     wanted = (0.5 * (high - low) + seen_half) * (2.0 if lenses is not None else 1.0)
@@ -88,6 +100,8 @@ def grid_for(beam: Beam, lenses: Microlenses | None, distance: float, denser: fl
         shape=shape,
         first=centre - 0.5 * spacing * shape,
         lit=_middle(shape, 0.5 * (high - low) / spacing),
+        middle=middle,
+        curvature=curvature,
         carrier=carrier,
         distance=distance,
         shift=shift,
