@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats
+from plenoptic.core.values import AnyFloats, Floats
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.wave.beam import Beam
 from plenoptic.wave.grid import Grid
@@ -159,34 +159,41 @@ def to_sensor(waves: Complex, beam: Beam, grid: Grid) -> float:
 
 
 def on_pixels(waves: Complex, grid: Grid, sensor: Sensor) -> tuple[Pixels, float]:
-    """Light on the open parts of pixels, and in all on the part of the plane that is right.
+    """Light on the open parts of pixels, and in all on the part of the plane that is right, sr.
 
-    The field is found at twice as many places along both axes, since its square has twice its frequencies, and each
-    place's light is shared among pixels by area.
+    The square of the field has twice its frequencies, so that it is found at twice as many places along both axes. It
+    is integrated exactly, as the sum of waves that it is.
     """
     height = grid.shape[1]
-    x, y = (_fine(grid, axis) for axis in (0, 1))
     i, j = (slice(2 * part.start, 2 * part.stop) for part in grid.seen)
-    columns, along_x = _shares(x[i], -1.0, sensor, 0)
-    rows, along_y = _shares(y[j], 1.0, sensor, 1)
+    first_column, along_x = _integrals(grid, 0, -1.0, sensor)
+    first_row, along_y = _integrals(grid, 1, 1.0, sensor)
     seen = np.empty((height, i.stop - i.start), np.complex64)
     for start in range(0, height, _ROWS):
         seen[start : start + _ROWS] = _doubled(waves[start : start + _ROWS], 1)[:, i]
     light, total = np.zeros((len(along_y), len(along_x))), 0.0
-    # A sample stands for a quarter of the area.
-    area = float(grid.spacing.prod()) / 4.0
     for start in range(0, seen.shape[1], _ROWS):
         field = _doubled(seen[:, start : start + _ROWS], 0)[j]
-        squares = (field.real**2 + field.imag**2) * np.float32(area)
+        squares = field.real**2 + field.imag**2
         total += float(squares.sum(dtype=np.float64))
         light += (along_y @ squares) @ along_x[:, start : start + _ROWS].T
-    return Pixels(np.array([rows, columns]), light), total
+    # A sample stands for a quarter of the area.
+    return Pixels(np.array([first_row, first_column]), np.maximum(light, 0.0)), total * float(grid.spacing.prod()) / 4.0
 
 
-def _fine(grid: Grid, axis: int) -> Floats:
-    """(2 n,): places on the sensor, twice as dense as the grid's."""
-    first = grid.first[axis] + grid.shift[axis]
-    return np.asarray(first + 0.5 * grid.spacing[axis] * np.arange(2 * grid.shape[axis]))
+def _integrals(grid: Grid, axis: int, sign: float, sensor: Sensor) -> tuple[int, AnyFloats]:
+    """First pixel along an axis, and (pixels, n): what makes integrals over pixels of a sum of waves at places seen.
+
+    In mm. Pixels count with `sign` times the axis.
+    """
+    count, pitch, step, n = sensor.shape[1 - axis], sensor.pixel_pitch, 0.5 * grid.spacing[axis], 2 * grid.shape[axis]
+    seen, origin = grid.seen[axis], grid.first[axis] + grid.shift[axis]
+    ends = sign * (origin + 2.0 * step * np.array([seen.start, seen.stop])) / pitch + 0.5 * count
+    first, last = max(0, math.floor(ends.min())), min(count, math.ceil(ends.max()))
+    middles = sign * pitch * (np.arange(first, max(last, first)) + 0.5 - 0.5 * count)
+    width, frequencies = pitch * sensor.pixel_aperture[axis], np.fft.fftfreq(n, step)
+    waves = width * np.sinc(width * frequencies) * np.exp(2j * math.pi * np.outer(middles - origin, frequencies))
+    return first, (np.fft.fft(waves, axis=1).real / n)[:, 2 * seen.start : 2 * seen.stop].astype(np.float32)
 
 
 def _doubled(waves: Complex, axis: int) -> Complex:
@@ -199,14 +206,3 @@ def _doubled(waves: Complex, axis: int) -> Complex:
         where = (half,) if axis == 0 else (slice(None), half)
         padded[where] = waves[where]
     return np.asarray(np.fft.ifft(padded, axis=axis, norm="ortho") * np.float32(math.sqrt(2.0)))
-
-
-def _shares(places: Floats, sign: float, sensor: Sensor, axis: int) -> tuple[int, Floats]:
-    """First pixel along an axis, and (pixels, n): the parts of samples that lie on their openings."""
-    count, pitch, opened = sensor.shape[1 - axis], sensor.pixel_pitch, sensor.pixel_aperture[axis]
-    half = 0.5 * (places[1] - places[0]) / pitch
-    at = sign * places / pitch + 0.5 * count
-    first, last = max(0, math.floor(at.min() - half)), min(count, math.ceil(at.max() + half))
-    middles = np.arange(first, max(last, first))[:, None] + 0.5
-    over = np.minimum(at + half, middles + 0.5 * opened) - np.maximum(at - half, middles - 0.5 * opened)
-    return first, (np.clip(over, 0.0, None) / (2.0 * half)).astype(np.float32)
