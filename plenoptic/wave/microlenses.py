@@ -85,7 +85,7 @@ class Microlenses(NamedTuple):
 
     def plate(self, x: Floats, y: Floats, wavelength: float) -> Complex:
         """By what the array multiplies a field at (y, x): 0 where nothing passes."""
-        made = np.zeros((len(y), len(x)), np.complex64)
+        made, covered = np.zeros((len(y), len(x)), np.complex64), np.zeros((len(y), len(x)), np.float32)
         width = np.array([x[1] - x[0], y[1] - y[0]])
         clear = has_clear_gaps(self.array.aperture)
         design, centre, axis = (self.placed(getattr(self.lenses, name)) for name in ("design", "centre", "axis"))
@@ -108,8 +108,13 @@ class Microlenses(NamedTuple):
             passed = lens * np.exp((-2j * math.pi / wavelength) * delay)
             if clear:
                 passed += cell - lens
-            made[j, i] += math.sqrt(self.lenses.transmission[k]) * passed
-        return made
+            dim = math.sqrt(self.lenses.transmission[k])
+            made[j, i] += dim * passed
+            covered[j, i] += dim * (cell if clear else lens)
+        # Where phases step within a sample, light is not lost.
+        size = np.abs(made)
+        np.divide(covered, size, out=covered, where=size > 0)
+        return made * covered
 
     def _turned(self, edges: Floats) -> Floats:
         return np.column_stack([edges[:, :2] @ self.turn.T, edges[:, 2]])

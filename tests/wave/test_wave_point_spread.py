@@ -166,8 +166,16 @@ def test_an_evenly_lit_microlens_makes_its_airy_pattern():
     assert np.abs(middle - expected).max() < 0.02 * expected.max()
 
 
-@pytest.mark.parametrize("lens", [pl.LensModel.PARAXIAL, pl.LensModel.EXACT, pl.LensModel.THIN])
-@pytest.mark.parametrize("array", [{}, {"model": SPHERICAL}, {"model": FLAT, "index": 100.0}])
+@pytest.mark.parametrize(
+    "lens, array",
+    [
+        (pl.LensModel.PARAXIAL, {}),
+        (pl.LensModel.EXACT, {"model": SPHERICAL}),
+        pytest.param(pl.LensModel.EXACT, {}, marks=pytest.mark.slow),
+        pytest.param(pl.LensModel.THIN, {}, marks=pytest.mark.slow),
+        pytest.param(pl.LensModel.EXACT, {"model": FLAT, "index": 100.0}, marks=pytest.mark.slow),
+    ],
+)
 def test_rays_are_the_limit_of_short_waves(lens, array):
     far = []
     for wavelength in (600.0, 150.0):
