@@ -111,7 +111,8 @@ class Microlenses(NamedTuple):
             dim = math.sqrt(self.lenses.transmission[k])
             made[j, i] += dim * passed
             covered[j, i] += dim * (cell if clear else lens)
-        # Where phases step within a sample, light is not lost.
+        # Where phases step within a sample, light is not lost; at corners of cells parts add up to a little more.
+        np.minimum(covered, 1.0, out=covered)
         size = np.abs(made)
         np.divide(covered, size, out=covered, where=size > 0)
         return made * covered
