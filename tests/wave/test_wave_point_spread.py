@@ -8,7 +8,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.wavefront import wavefront
+from plenoptic.optics.lens.waves.wavefront import wavefront
 from plenoptic.wave.beam import beam_of
 from plenoptic.wave.field import plane_waves, through_array, to_sensor
 from plenoptic.wave.grid import DENSER, grid_for, lit_box
