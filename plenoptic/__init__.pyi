@@ -23,6 +23,7 @@ from . import sequences as sequences
 from . import shapes as shapes
 from . import study as study
 from . import targets as targets
+from . import wave as wave
 from .camera.camera import CameraPart as CameraPart
 from .camera.camera import PlenopticCamera as PlenopticCamera
 from .camera.design.design import design_camera as design_camera

@@ -1,0 +1,5 @@
+"""Light as waves: images of points with diffraction at the main lens and at microlenses."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
