@@ -1,4 +1,4 @@
-from .point_spread import point_spread as point_spread
+from .patterns import point_spread as point_spread
 from .spread import Sampling as Sampling
 from .spread import WaveSpread as WaveSpread
 from .stack import WaveSpreadStack as WaveSpreadStack

@@ -17,7 +17,7 @@ from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.registry import Stop
-from plenoptic.wave.point_spread import point_spread
+from plenoptic.wave.patterns import point_spread
 from plenoptic.wave.spread import WaveSpread
 
 _MOST_ACROSS = 255

@@ -10,7 +10,7 @@ from table import Table
 
 import plenoptic as pl
 from plenoptic.wave.grid import DENSER
-from plenoptic.wave.point_spread import _added, _of_wavelength
+from plenoptic.wave.patterns import _added, _of_wavelength
 
 CAMERA = """
 import plenoptic as pl

@@ -13,7 +13,7 @@ from plenoptic.wave.beam import beam_of
 from plenoptic.wave.field import plane_waves, through_array, to_sensor
 from plenoptic.wave.grid import DENSER, grid_for, lit_box
 from plenoptic.wave.microlenses import microlenses_around
-from plenoptic.wave.point_spread import _added, _of_wavelength
+from plenoptic.wave.patterns import _added, _of_wavelength
 
 SPHERICAL, FLAT = pl.optics.MicrolensModel.SPHERICAL, pl.optics.MicrolensModel.FLAT_HIGH_INDEX
 GLASS = pl.ConstantMedium(1.5)
