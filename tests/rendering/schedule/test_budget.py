@@ -283,7 +283,7 @@ def budget_of(seed, budget):
 @pytest.mark.parametrize(
     "name, budget",
     [
-        ("white", {"target_error": 0.001}),
+        ("white", {"target_error": 0.002}),
         ("check", {"target_error": 0.06}),
         ("objects", {"target_error": 0.2}),
         ("objects", {"time_limit": 0.16}),
