@@ -371,22 +371,32 @@ def counted(kernel, types):
     return _COUNTS[key]
 
 
-def variants(feature, plain):
-    """Instructions of a kernel with the feature's arguments None, without their source, and with the feature."""
+def types_with(feature, plain, kind_of):
+    """Types of a kernel's arguments by name, with those of the feature in place of None."""
     kernel, recorded = plain[feature.kernel]
-    names = list(inspect.signature(kernel.py_func).parameters)
-    types = dict(zip(names, recorded, strict=True))
-    absent, present = dict(types), dict(types)
+    types = dict(zip(inspect.signature(kernel.py_func).parameters, recorded, strict=True))
     for name, example in feature.arguments.items():
         assert _part(types, name) == numba.none or name in NEEDED
-        _set_part(absent, name, numba.none)
-        _set_part(present, name, numba.typeof(_example(example) if isinstance(example, str | np.dtype) else example))
+        _set_part(types, name, kind_of(example))
+    return kernel, types
+
+
+def lacking(feature, plain):
+    """Instructions of a kernel with the feature's arguments None, and without their source."""
+    kernel, absent = types_with(feature, plain, lambda _: numba.none)
     cut = without(kernel, frozenset(feature.arguments) | feature.made)
-    return (
-        counted(kernel, absent.values()),
-        counted(cut, [kind for name, kind in absent.items() if name not in feature.arguments]),
-        counted(kernel, present.values()),
+    left = [kind for name, kind in absent.items() if name not in feature.arguments]
+    return counted(kernel, absent.values()), counted(cut, left)
+
+
+def furnished(feature, plain):
+    """Instructions of a kernel with the feature."""
+    kernel, present = types_with(
+        feature,
+        plain,
+        lambda example: numba.typeof(_example(example) if isinstance(example, str | np.dtype) else example),
     )
+    return counted(kernel, present.values())
 
 
 def _part(types, name):
@@ -419,7 +429,7 @@ def _example(text):
 @pytest.mark.slow
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda feature: feature.name)
 def test_a_kernel_without_a_feature_is_one_without_its_source(feature, plain):
-    absent, cut, _ = variants(feature, plain)
+    absent, cut = lacking(feature, plain)
     assert abs(absent / cut - 1) <= TOLERANCE
 
 
@@ -427,8 +437,8 @@ def test_a_kernel_without_a_feature_is_one_without_its_source(feature, plain):
 @pytest.mark.parametrize("feature", [f for f in FEATURES if f.name in LARGE], ids=lambda feature: feature.name)
 def test_with_the_feature_a_kernel_is_larger(feature, plain):
     # What the test above would say if absence were not None but an empty table: the types, and so the code, are these.
-    _, cut, present = variants(feature, plain)
-    assert present / cut - 1 > 2 * TOLERANCE
+    _, cut = lacking(feature, plain)
+    assert furnished(feature, plain) / cut - 1 > 2 * TOLERANCE
 
 
 @pytest.mark.slow
@@ -436,8 +446,8 @@ def test_what_is_pruned_in_callees_is_cut_there_too(plain):
     # `trace_block` and what it calls lose three features at once.
     numbers = {"lens.conic": "f8[::1]", "lens.aspheric": ROWS, "lens.frames": ROWS, "lens.masks": "f8[::1]"}
     three = Feature(TRACE, "fill_traced", numbers)
-    absent, cut, present = variants(three, plain)
-    assert abs(absent / cut - 1) <= TOLERANCE and present > 2 * absent
+    absent, cut = lacking(three, plain)
+    assert abs(absent / cut - 1) <= TOLERANCE and furnished(three, plain) > 2 * absent
 
 
 # ---- what is neither imported, compiled nor called ----

@@ -196,6 +196,17 @@ def test_private_names_stay_in_their_module():
     assert found == set()
 
 
+def test_ci_reads_all_files_with_a_marker():
+    """It names their folders, since reading all tests takes half a minute."""
+    tests = Path(__file__).parent
+    script = (tests.parent / ".ci" / "run").read_text(encoding="utf-8")
+    texts = {path: path.read_text(encoding="utf-8") for path in tests.rglob("test_*.py")}
+    for marker in ("benchmark", "browser", "validation"):
+        marked = {path.relative_to(tests).parts[0] for path, text in texts.items() if f"mark.{marker}" in text}
+        (folders,) = re.findall(rf"pytest -m {marker} -n 0((?: tests/\w+)+)", script)
+        assert {f"tests/{name}" for name in marked} == set(folders.split())
+
+
 # ---- documents ----
 
 

@@ -61,7 +61,7 @@ HOW = {"samples": 16, "truth": pl.Truth.DEPTH | pl.Truth.OBJECT, "progress": Fal
 
 
 def tables(*, quick: bool) -> Iterator[Table]:
-    frames, kills = (8, 2) if quick else (200, 20)
+    frames, kills = (4, 1) if quick else (200, 20)
     with tempfile.TemporaryDirectory() as folder:
         yield Table(
             f"{frames} frames of 64 x 64 pixels, 16 samples, with motion",

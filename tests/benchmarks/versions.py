@@ -70,7 +70,7 @@ AT_ERROR = (
 def tables(*, quick: bool) -> Iterator[Table]:
     here = Path(sys.executable)
     other = Path(os.environ.get("PLENOPTIC_BEFORE", here))
-    before, now, rounds = _Version(other, own=other == here), _Version(here, own=True), 2 if quick else 7
+    before, now, rounds = _Version(other, own=other == here), _Version(here, own=True), 1 if quick else 7
     remark = f"One thread, whole warm calls in turns, each with its own camera; CPU ms a pixel, medians of {rounds}."
     at_error = AT_ERROR[:1] if quick else AT_ERROR
     named = {row.name for row in AT_ERROR}

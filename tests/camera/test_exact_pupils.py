@@ -237,7 +237,7 @@ def blind(made: CameraRecord, camera: pl.PlenopticCamera) -> CameraRecord:
 @pytest.mark.parametrize("name", [name for name in (*CAMERAS, *MORE_CAMERAS) if name != "tiny stop"])
 def test_images_are_those_of_paths_drawn_anywhere(name, monkeypatch):
     # Of a tiny stop, too few paths would arrive.
-    camera, samples, many = (CAMERAS | MORE_CAMERAS)[name], 1 << 10, 1 << 14
+    camera, samples, many = (CAMERAS | MORE_CAMERAS)[name], 1 << 10, 1 << 13
     over = {"white": [], "traced": []}
     for seed, (rows, columns) in enumerate(some_regions(camera)[::2]):
         arguments = {"replicates": 32, "region": (slice(*rows), slice(*columns)), "progress": False}

@@ -143,12 +143,13 @@ def test_clear_gaps_pass_what_opaque_ones_stop(model):
         full, aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.5, pl.optics.Gaps.OPAQUE)
     )
     region = np.s_[180:290, 180:290]
-    agree(white(clear, 64, region), white(full, 64, region, seed=1), relative=0.01)
+    # 12100 pixels of 32 paths know their sum to 0.2 %, and what passes beside the openings to 0.6 %.
+    agree(white(clear, 32, region), white(full, 32, region, seed=1), relative=0.01)
     # What passes beside the openings is what flat glass would pass there.
     flat = with_array(opaque, imperfections=pl.MicrolensImperfections(missing=1.0))
     plain = with_array(full, imperfections=pl.MicrolensImperfections(missing=1.0))
-    beside = total(white(clear, 64, region))[0] - total(white(opaque, 64, region))[0]
-    expected = total(white(plain, 64, region))[0] - total(white(flat, 64, region))[0]
+    beside = total(white(clear, 32, region))[0] - total(white(opaque, 32, region))[0]
+    expected = total(white(plain, 32, region))[0] - total(white(flat, 32, region))[0]
     assert beside == pytest.approx(expected, rel=0.02)
 
 

@@ -36,10 +36,11 @@ def run(*arguments, within=()):
     ("name", "times"),
     [
         *(("SIGKILL", 2), ("SIGINT", 2)),
-        *(pytest.param("SIGKILL", 10, marks=pytest.mark.slow), pytest.param("SIGINT", 10, marks=pytest.mark.slow)),
+        *(pytest.param("SIGKILL", 5, marks=pytest.mark.slow), pytest.param("SIGINT", 5, marks=pytest.mark.slow)),
     ],
 )
 def test_a_signal_at_any_moment_leaves_the_old_file_or_the_new_one(tmp_path, name, times):
+    # One writer writes all nine kinds: of 63 saves that are met, one in 16 that goes wrong is seen in 98 runs of 100.
     assert all(met == times for met, _ in run(tmp_path, name, times).values())
 
 

@@ -38,7 +38,7 @@ def report(tmp_path_factory):
     return run("corpus.py", tmp_path_factory.mktemp("hostile"))
 
 
-@pytest.mark.parametrize("count", [50, pytest.param(1500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [50, pytest.param(500, marks=pytest.mark.slow)])
 def test_damaged_files_are_read_or_refused(tmp_path, count):
     found = run("mutations.py", tmp_path, count, count)
     assert found["wrong"] == []

@@ -276,7 +276,7 @@ def test_views_are_upright(in_focus):
     assert max(value for name, value in fits.items() if name != "upright") < 0.5
 
 
-@pytest.mark.parametrize("z, lattice", [(-330.0, SQUARE), (-520.0, SQUARE), (-330.0, HEXAGONAL)])
+@pytest.mark.parametrize("z, lattice", [(-520.0, SQUARE), (-330.0, HEXAGONAL)])
 def test_points_out_of_focus_move_by_the_disparity_of_a_thin_lens(z, lattice):
     """Closed form, from the lens formula alone: f = 100.72, both principal planes in one."""
     camera = the_camera((352, 352), lattice=lattice)

@@ -82,7 +82,7 @@ def test_colours_of_a_checkerboard_know_nothing_of_each_other():
 )
 def test_reported_errors_are_true_or_said_to_be_unknown(name):
     subject = next(film for film in films(32) if film.name == name)
-    found = honesty(Converged(subject, 4096), range(24), samples=64, replicates=2)
+    found = honesty(Converged(subject, 1024), range(24), samples=64, replicates=2)
     if name == "rare caustic":
         assert found.rare >= 0.75
     else:

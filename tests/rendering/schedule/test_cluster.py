@@ -150,7 +150,7 @@ def test_processes_give_the_bits_of_threads(client, of_threads, way):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turn", range(10))
+@pytest.mark.parametrize("turn", range(4))
 def test_two_workers_may_be_killed(client, of_threads, monkeypatch, turn):
     way, chance, take, killed = ("samples", "target_error")[turn % 2], random.Random(turn), Progress.take, []
     client.wait_for_workers(4)

@@ -457,7 +457,7 @@ def test_a_file_that_is_refused_is_closed(tmp_path, finished, files):
 
 # ---- killed from outside ----
 
-KILLS = 5
+KILLS = 3
 """Of each of four renderings."""
 LONG = {"samples": {"samples": 4096}, "target": {"target_error": 0.008}}
 

@@ -219,8 +219,10 @@ def test_optics_predicts_the_floor_of_a_thin_lens():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stop, floors", [(5.0, (0.0423, 0.0094)), (10.0, (0.0549, 0.0225))])
-def test_optics_predicts_all_floors(stop, floors):
+@pytest.mark.parametrize(
+    "stop, floors, samples", [(5.0, (0.0423, 0.0094), (64, 256, 1024, 8192)), (10.0, (0.0549, 0.0225), (64, 256, 2048))]
+)
+def test_optics_predicts_all_floors(stop, floors, samples):
     """THIN and PARAXIAL pupils in closed form, EXACT by traced pencils; without rims in the way, within 27 mm."""
     camera = conventional(stop)
     exact, thin, paraxial = predicted(camera, grid=400)
@@ -230,12 +232,12 @@ def test_optics_predicts_all_floors(stop, floors):
         "PARAXIAL": Variant(lens=pl.LensModel.PARAXIAL),
     }
     table = pl.study.error_against_time(
-        None, camera, variants, samples=(64, 256, 1024), seeds=8, reference_samples=1 << 13, progress=False
+        None, camera, variants, samples=samples[:-1], seeds=8, reference_samples=samples[-1], progress=False
     )
     own = table.best_known_bias("EXACT")
     assert abs(own.bias_squared) < SIGMAS * own.bias_squared_error
     # Noise v = 0.007^2 of each of 8 renders, v / 8 of the reference: 2 sqrt(2) (v / 8) / 24 = 7e-7, over 576 pixels.
-    assert own.bias_squared_error < 2e-6
+    assert own.bias_squared_error < 0.025 * floors[1] ** 2
     for name, image, floor in (("THIN", thin, floors[0]), ("PARAXIAL", paraxial, floors[1])):
         known, wanted = table.best_known_bias(name), relative_square(image, exact)
         assert math.sqrt(wanted) == pytest.approx(floor, abs=2e-4)
