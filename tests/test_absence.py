@@ -269,7 +269,7 @@ def _kind(module, kernel, **columns):
 
 
 FEATURES = [
-    Feature(SAMPLE, "fill_camera_samples", _column("pixel.skew")),
+    Feature(SAMPLE, "fill_camera_samples", _column("fed.pixel.skew")),
     Feature(SAMPLE, "fill_camera_samples", {"bends": Bends(np.empty(1, np.int64), None), "fed.around": AROUND}),
     Feature(SAMPLE, "fill_camera_samples", {"own": MICROLENS, "fed.regions.details": MICROLENS}),
     Feature(FILM, "fill_sums", {"radiance": ROWS}),

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.diffraction import Diffraction, check_diffraction
+from plenoptic.camera.dust import check_blemishes
 from plenoptic.camera.shutter import Shutter
 from plenoptic.camera.units import metres_guess
 from plenoptic.core.color.spectra import Sensitivity
@@ -20,7 +21,7 @@ from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.placement import Placement, kept_placement, rotation_about_axes
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
+from plenoptic.optics.microlens.dust import Blemishes
 from plenoptic.optics.sensor.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -134,9 +135,7 @@ class PlenopticCamera:
             raise InvalidValueError("microlenses_placement is given without microlenses; leave it out")
         several = isinstance(self.blemishes, tuple | list)
         set_field(self, "blemishes", tuple(self.blemishes) if several else (self.blemishes,))
-        if not all(isinstance(part, Blemishes) for part in self.blemishes):
-            raise InvalidValueError(f"blemishes is {self.blemishes!r}; it must be a tuple of Blemishes")
-        self._check_blemishes()
+        check_blemishes(self)
         check_diffraction(self)
         self._check_distances()
         self._check_assembly()
@@ -180,17 +179,6 @@ class PlenopticCamera:
                 f"as built, the array is at z = {parts.z_plane:g} mm of the lens, whose last vertex is at {behind:g}; "
                 "reduce the shift along the axis"
             )
-
-    def _check_blemishes(self) -> None:
-        ahead = self.microlenses_to_sensor if self.microlenses else self.z_sensor - float(self.lens.vertices[-1])
-        for blemishes in self.blemishes:
-            if blemishes.site is BlemishSite.ARRAY and self.microlenses is None:
-                raise InvalidValueError("blemishes lie on the array, and the camera has none; choose another site")
-            if blemishes.height >= ahead:
-                raise InvalidValueError(
-                    f"blemishes lie {blemishes.height:g} mm in front of the sensor, and what comes next is "
-                    f"{ahead:g} mm away; reduce their height"
-                )
 
     @property
     def design(self) -> PlenopticCamera:

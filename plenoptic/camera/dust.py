@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from plenoptic.camera.assembly import Assembly
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats
-from plenoptic.optics.microlens.dust import BlemishSite, DustRecord, dust_record, plane_axes
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.dust import Blemishes, BlemishSite, DustRecord, dust_record, plane_axes
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 BETWEEN = (BlemishSite.SENSOR, BlemishSite.ARRAY)
 """Sites between sensor and array."""
@@ -51,3 +54,18 @@ def fill_dimmed_at_lens(blocks: Floats, dust: tuple[PlacedDust, ...], site: Blem
             from plenoptic.optics.microlens.kernels.dust import fill_dimmed_rays
 
             fill_dimmed_rays(blocks, placed.height, placed.axes, placed.record)
+
+
+def check_blemishes(camera: PlenopticCamera) -> None:
+    """Refuse what are no blemishes, or lie where the camera has nothing."""
+    if not all(isinstance(part, Blemishes) for part in camera.blemishes):
+        raise InvalidValueError(f"blemishes is {camera.blemishes!r}; it must be a tuple of Blemishes")
+    ahead = camera.microlenses_to_sensor if camera.microlenses else camera.z_sensor - float(camera.lens.vertices[-1])
+    for blemishes in camera.blemishes:
+        if blemishes.site is BlemishSite.ARRAY and camera.microlenses is None:
+            raise InvalidValueError("blemishes lie on the array, and the camera has none; choose another site")
+        if blemishes.height >= ahead:
+            raise InvalidValueError(
+                f"blemishes lie {blemishes.height:g} mm in front of the sensor, and what comes next is "
+                f"{ahead:g} mm away; reduce their height"
+            )

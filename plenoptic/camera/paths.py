@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens
+from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.kernels import paths
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
 from plenoptic.camera.sampling.record import Batch, Bends, FedPixels
+from plenoptic.camera.sampling.through_array import fill_dimmed_before_array, fill_through_array
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, X, Y
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.kernels import to_lens
-from plenoptic.optics.microlens.model_rules import Crossing
-from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
 
 _GUIDES = 1024
 """Places in a table of cumulative probabilities at which looking begins; see `fill_waves`."""
@@ -49,9 +48,7 @@ class CameraPaths:
         if colour is not None and self.waves is not None:
             paths.fill_waves(self.waves, start, n, self._batch, self._fed.number, colour.cdf, self._guide)
         bends = None if self._far is None else Bends(self._far, self.waves)
-        away = paths.fill_camera_samples(
-            bundle, sure, self.own, bends, start, n, self._batch, self._fed, self._camera.sensor.pixel
-        )
+        away = paths.fill_camera_samples(bundle, sure, self.own, bends, start, n, self._batch, self._fed)
         if self._far is not None:
             self._start_far(bundle, self._far[:away])
         return bundle
@@ -85,35 +82,3 @@ class CameraPaths:
         if self.sure is not None:
             weights, sure = bundle.reshape(-1, 8, BLOCK), self.sure[: bundle.size].reshape(-1, 8, BLOCK)
             weights[:, WEIGHT // BLOCK] += sure[:, WEIGHT // BLOCK]
-
-
-def fill_dimmed_before_array(
-    blocks: Floats, sensor: SensorPlane, response: ResponseRecord | None, dust: tuple[PlacedDust, ...]
-) -> None:
-    """Pixels dim aimed samples by their direction, and dust between sensor and array does."""
-    if response is not None:
-        to_lens.fill_pixel_response(blocks, sensor, response)
-    for placed in dust:
-        if placed.site in BETWEEN:
-            from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims
-
-            fill_dimmed_aims(blocks, sensor, placed.height, placed.axes, placed.record)
-
-
-def fill_through_array(
-    blocks: Floats, own: NDArray[np.void] | None, camera: CameraRecord, waves: NDArray[np.int64] | None = None
-) -> None:
-    """Aimed samples (see `to_lens`) become rays on their way to the lens, in its axes.
-
-    `waves` are the numbers of the wavelengths that they have drawn; None for the camera's.
-    """
-    array, sensor = camera.array, camera.sensor.plane
-    z_plane = camera.z_plane if camera.frame is None else 0.0
-    if array is None or camera.microlenses is None:
-        to_lens.fill_straight(blocks, sensor, z_plane)
-        return
-    if array.walls is not None and own is not None:
-        to_lens.fill_walls(blocks, own, array.cell, array.cells)
-    camera.microlenses.model.rules.to_lens(blocks, own, Crossing(array, sensor, z_plane), waves)
-    if camera.frame is not None:
-        to_lens.fill_in_lens_axes(blocks, camera.frame)

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.paths import fill_through_array
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
 from plenoptic.camera.sampling.record import FedPixels
+from plenoptic.camera.sampling.through_array import fill_through_array
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS
 from plenoptic.core.values import Floats
 

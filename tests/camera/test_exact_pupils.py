@@ -11,10 +11,11 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera import cache, record
-from plenoptic.camera.paths import CameraPaths, fill_through_array
+from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord, camera_record
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import batch_record
+from plenoptic.camera.sampling.through_array import fill_through_array
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, N, Z
 from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.lens.models import LensModel

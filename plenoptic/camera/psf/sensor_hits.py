@@ -15,9 +15,9 @@ from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.diffraction import IrisRecord, bend_record, iris_record
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dimmed_at_lens, placed_dust
-from plenoptic.camera.paths import fill_dimmed_before_array
 from plenoptic.camera.psf.forward_array import ForwardArray, fill_through_array_forward, forward_array
 from plenoptic.camera.record import response_record
+from plenoptic.camera.sampling.through_array import fill_dimmed_before_array
 from plenoptic.camera.units import metres_guess
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError

@@ -132,9 +132,9 @@ def _met(camera: CameraRecord, blocks: Floats, waves: NDArray[np.int64] | None) 
 
 def _views(camera: CameraRecord, found: Candidates, corners: Floats, centres: Floats, half: _Half) -> NDArray[np.void]:
     """How candidates see the openings of the lens; each keeps where its views are."""
-    from plenoptic.camera.paths import fill_through_array
     from plenoptic.camera.sampling.kernels import views as kernels
     from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES, fill_boxes
+    from plenoptic.camera.sampling.through_array import fill_through_array
 
     group, openings = np.repeat(np.arange(len(centres)), np.diff(found.first)), camera.openings
     left = np.flatnonzero((np.diff(found.first)[group] <= MOST_PIECES) & (found.rows["parted"] == 0))
@@ -205,7 +205,8 @@ def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64], 
     regions = feeding_regions(camera, pixels, camera.sensor.pixel.half, certain=certain)
     fed = np.flatnonzero(np.diff(regions.first))
     first = np.append(regions.first[fed], regions.first[-1])
-    return FedPixels(fed, number[fed], np.ascontiguousarray(pixels[fed]), regions._replace(first=first), certain)
+    regions, open_part = regions._replace(first=first), camera.sensor.pixel
+    return FedPixels(fed, number[fed], np.ascontiguousarray(pixels[fed]), regions, open_part, certain)
 
 
 def _bent_pixels(
@@ -239,7 +240,8 @@ def _bent_pixels(
         plane=sensor.plane,
         bend=bend,
     )
-    return FedPixels(np.arange(len(pixels)), number, np.ascontiguousarray(pixels), regions, certain, around)
+    place, centres = np.arange(len(pixels)), np.ascontiguousarray(pixels)
+    return FedPixels(place, number, centres, regions, sensor.pixel, certain, around)
 
 
 def _widened(image: NDArray[Any]) -> NDArray[Any]:

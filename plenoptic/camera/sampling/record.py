@@ -13,6 +13,7 @@ from plenoptic.optics.microlens.record import SensorPlane
 
 if TYPE_CHECKING:
     from plenoptic.camera.diffraction import BendRecord
+    from plenoptic.camera.record import PixelRecord
 
 SIDE = 4
 """Pixels along a side of a group, whose views of the lens are found together."""
@@ -135,6 +136,8 @@ class FedPixels(NamedTuple):
     """(p, 2): see `pixel_centres`."""
     regions: Regions
     """What feeds them."""
+    pixel: PixelRecord
+    """What of a pixel sees light."""
     certain: bool
     """Whether it is known of pieces what surely passes: that is asked for white images."""
     around: Around | None = None

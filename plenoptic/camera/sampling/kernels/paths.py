@@ -215,10 +215,10 @@ def _keep(ray, i, start, random, counts):
 
 
 @kernel
-def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed, pixel):  # noqa: PLR0913
+def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed):
     """Start paths start ... start + n - 1 of a batch of the pixels of a tile, which are `FedPixels`.
 
-    A pixel is a `PixelRecord`; one that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets what
+    A pixel that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets what
     the microlenses of the paths are, where they differ. Of each path, first the point on the pixel is drawn, then one
     of what feeds that very point; paths from points that nothing feeds are lost.
 
@@ -233,7 +233,7 @@ def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed, pixel): 
     pieces, first = regions.pieces, regions.first
     details = regions.details
     centres, number = fed.centres, fed.number
-    around, away = fed.around, 0
+    around, away, pixel = fed.around, 0, fed.pixel
     u = np.empty((DIMENSIONS, net.shape[1]))
     polygon = np.empty((3, MOST_PIECES * ROOM))
     counts, areas = np.empty(MOST_PIECES, np.int64), np.empty(MOST_PIECES)
