@@ -233,7 +233,9 @@ def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed):
     pieces, first = regions.pieces, regions.first
     details = regions.details
     centres, number = fed.centres, fed.number
-    around, away, pixel = fed.around, 0, fed.pixel
+    around = fed.around
+    pixel = fed.pixel
+    away = 0
     u = np.empty((DIMENSIONS, net.shape[1]))
     polygon = np.empty((3, MOST_PIECES * ROOM))
     counts, areas = np.empty(MOST_PIECES, np.int64), np.empty(MOST_PIECES)
