@@ -39,6 +39,7 @@ FILES = {
         *("label.png", "tin.obj", "tin.mtl"),
         *(f"{name}{ending}" for name in ("raw", "conventional") for ending in (".exr", ".png", "_overview.png")),
     },
+    "diffraction": {"diffraction.png", "error_against_time.png"},
     "disparity": {"disparity.exr", "disparity.png"},
     "file_gallery": {"card.png", "card.gltf", "card.exr", "file_gallery.png"},
     "targets": {"edge.exr", "star.exr", "bars.exr", "targets.png"},
@@ -189,6 +190,15 @@ def test_contrast_in_microlens_images_is_that_of_opening_and_pixel(ran):
     _, _, expected, rendered, error = found.T
     # Four standard errors, and 0.03 for the harmonics that a window of 12 pixels does not tell from the wave.
     assert (np.abs(rendered - expected) < 4 * error + 0.03).all()
+
+
+@SLOW
+def test_diffraction_leaves_what_the_opening_s_overlap_says_of_contrast(ran):
+    _, said = ran("diffraction")
+    without, bent, expected = _numbers(said, r" +-\d+\.\d\d ").T
+    assert len(bent) == 6 and (bent < without).all()
+    # Four standard errors of 0.02, of the ring's pixels with 8 samples.
+    assert np.abs(bent - expected).max() < 0.08
 
 
 @SLOW
