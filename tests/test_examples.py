@@ -197,8 +197,9 @@ def test_diffraction_leaves_what_the_opening_s_overlap_says_of_contrast(ran):
     _, said = ran("diffraction")
     without, bent, expected = _numbers(said, r" +-\d+\.\d\d ").T
     assert len(bent) == 6 and (bent < without).all()
-    # Four standard errors of 0.02, of the ring's pixels with 8 samples.
-    assert np.abs(bent - expected).max() < 0.08
+    # Four standard errors of 0.02, in the microscope's view of 128 pixels that are known to 25 %, and 0.02 for what
+    # spokes, by their Fourier transform, differ from a grating.
+    assert np.abs(bent - expected).max() < 0.1
 
 
 @SLOW
