@@ -36,7 +36,7 @@ output.mkdir(parents=True, exist_ok=True)
 #
 # The main lens of the fast one is ideal, so that its aberrations do not hide what microlenses do. Objective and tube
 # lens of the microscope are one ideal lens of 10 mm with its iris in it: 20 times, f/20 on the side of the array, and
-# rays of a slope of up to 1/4 on that of the specimen.
+# rays of a slope of up to 1/2 on that of the specimen.
 
 double_gauss = pl.load_lens("double-gauss-100mm-f2")
 paper = pl.PlenopticCamera(
