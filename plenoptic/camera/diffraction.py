@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from plenoptic.camera.sampling.record import NEAR
 from plenoptic.core.values import Floats, flag, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.diffraction.far_field import FarField, far_field
@@ -21,9 +22,6 @@ from plenoptic.optics.stops.star import StarStop
 if TYPE_CHECKING:
     from plenoptic.camera.assembly import Assembly
     from plenoptic.camera.camera import PlenopticCamera
-
-NEAR = 8
-"""Pixels along rows and columns over which a bend is short: what feeds so many around a pixel is found with it."""
 
 _OUTLINE = 64
 """Points at least along the edge of an iris."""

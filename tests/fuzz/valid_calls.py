@@ -270,6 +270,7 @@ def calls():
             pl.estimate,
             {"scene": scene(), "camera": camera(), "samples": 4, "target_error": 0.5, "threads": 1, "progress": False},
         ),
+        "Diffraction": (pl.Diffraction, {"iris": True}),
         "Motion": (pl.Motion, {"times": (0.0, 1.0), "poses": [pl.Pose(np.eye(3), (x, 0.0, 0.0)) for x in (0.0, 1.0)]}),
         "Sequence": (pl.Sequence, {"scene": scene(), "camera": camera(), "times": (0.0, 1.0)}),
         "plan": (

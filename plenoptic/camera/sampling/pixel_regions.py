@@ -7,9 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.diffraction import NEAR, BendRecord
+from plenoptic.camera.diffraction import BendRecord
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.record import CANDIDATE, PIECE, PLANE, SIDE, VIEW, Around, Candidates, FedPixels, Regions
+from plenoptic.camera.sampling.record import (
+    CANDIDATE,
+    NEAR,
+    PIECE,
+    PLANE,
+    SIDE,
+    VIEW,
+    Around,
+    Candidates,
+    FedPixels,
+    Regions,
+)
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 SIDE = 4
 """Pixels along a side of a group, whose views of the lens are found together."""
 
+NEAR = 8
+"""Pixels along rows and columns over which a bend is short: what feeds so many around a pixel is found with it."""
+
 CANDIDATE = np.dtype(
     [
         *((name, "f8") for name in ("cell_x", "cell_y", "axis_x", "axis_y", "x", "y", "half_x", "half_y", "slack")),

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from plenoptic.camera.diffraction import NEAR
 from plenoptic.camera.sampling.kernels.parts import ROOM, STEPS, Divided, aim_at, aim_divided, divide, fill_part, moved
 from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES
+from plenoptic.camera.sampling.record import NEAR
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
