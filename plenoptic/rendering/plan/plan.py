@@ -58,6 +58,7 @@ def plan(  # noqa: PLR0913
     left out  pixel response         pixels see all directions alike
     left out  turned pixels          their sides are along x and y
     left out  blemishes              no dust and no scratches
+    left out  diffraction            paths are straight between surfaces
     runs      exact pupils           each point of a pixel sees the openings of the lens
     runs      certain light          what surely passes them is not traced
     ...
