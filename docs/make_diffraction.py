@@ -18,7 +18,7 @@ CASES = {
     "2.0": {"stop_to_microlenses": 123.3, "microlenses_to_sensor": 1.7},
     "1.0": {"stop_to_microlenses": 134.6, "microlenses_to_sensor": 2.0},
 }
-DEPTHS = (-404.0, -398.0, -390.0, -380.0, -440.0, -340.0)
+DEPTHS = (-404.0, -398.0, -380.0, -440.0, -340.0)
 SIDE = 5
 """Points of a texture along a side, some 10 um apart on the sensor."""
 
@@ -53,11 +53,11 @@ def images(made: pl.PlenopticCamera, point: tuple[float, float, float], rays: in
 
 def wholly_lit(made: pl.PlenopticCamera, point: tuple[float, float, float]) -> np.ndarray:
     """Pixels around the spots of microlenses that are lit all over: those with as many rays as most."""
-    rays = pl.camera.landing_points(made, point, rays=1 << 15)
+    rays = pl.camera.landing_points(made, point, rays=1 << 18)
     lenses, counts = np.unique(rays.index, axis=0, return_counts=True)
     row, column = np.indices(made.sensor.shape) - 255.5
     found = np.zeros(made.sensor.shape, dtype=bool)
-    for lens in lenses[counts > 0.97 * np.percentile(counts, 90)]:
+    for lens in lenses[counts > 0.99 * np.percentile(counts, 90)]:
         x, y = rays.position[(rays.index == lens).all(axis=1)].mean(axis=0) / PIXEL
         found |= np.hypot(column + x, row - y) < 11
     return found

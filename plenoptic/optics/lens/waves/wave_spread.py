@@ -140,8 +140,8 @@ def wave_spread(  # noqa: PLR0913
 
     Notes
     -----
-    What is known is the field of `wave_mtf`. Light on the picture is |U|^2 dx dy, and all of it by Parseval's theorem
-    wavelength^2 times the sum of squares over direction cosines in the plane.
+    What is known is the field of `wave_mtf`. Light on the picture is ``|U|^2 dx dy``, and all of it by Parseval's
+    theorem wavelength^2 times the sum of squares over direction cosines in the plane.
 
     Examples
     --------
