@@ -101,7 +101,7 @@ def main() -> None:
                 begin = f"{name:6} {field:6.1f} {z:8.0f} {defocus(made, z):8.3f} "
                 print(begin + "".join(f"{text:>11}" for text in texts), flush=True)
                 if field == 0.0 and (name, z) in (("2.0", -404.0), ("2.0", -440.0), ("1.0", -404.0)):
-                    shown[f"camera {name}, z = {z:g} mm, {defocus(made, z):.2g} waves"] = both
+                    shown[f"camera {name}, {z:g} mm, {defocus(made, z):.1f} waves"] = both
     draw(shown)
 
 
@@ -120,9 +120,10 @@ def draw(shown: dict[str, np.ndarray]) -> None:
             drawn = axis.imshow(
                 (image / wave.max())[part], cmap="RdBu" if limits[0] else "gray", clim=limits, extent=extent
             )
-            axis.set_title(name if axis is not row[0] else f"{title}: {name}", fontsize=8)
+            axis.set_title(name, fontsize=8)
             axis.set_xlabel("um", fontsize=7)
             axis.tick_params(labelsize=7)
+        row[0].set_ylabel(f"{title}\num", fontsize=7)
         figure.colorbar(drawn, ax=row, label="parts of the peak", shrink=0.8)
     figure.savefig(TARGET, dpi=80)
 

@@ -101,6 +101,11 @@ def check_diffraction(camera: PlenopticCamera) -> None:
             "diffraction is given, and FREE microlenses that fill their cells have openings of many shapes; give the "
             "array an aperture"
         )
+    if not array.model.focuses:
+        raise InvalidValueError(
+            "diffraction is given, and PINHOLE microlenses are holes without extent, from which light would go "
+            "everywhere; take THIN ones"
+        )
     if array.walls is Walls.OPAQUE:
         raise InvalidValueError(
             "diffraction is given, and how light bends at opaque walls is not modelled; leave one out"
@@ -143,7 +148,8 @@ def bend_record(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[flo
     array = camera.microlenses
     if camera.diffraction is None or array is None:
         return None
-    around = array.cell_corners if has_clear_gaps(array.aperture) else None
+    gaps = array.aperture is not None and has_clear_gaps(array.aperture) and array.aperture.fill_factor < 1
+    around = array.cell_corners if gaps else None
     turn, shift = parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
     return BendRecord(
         far_field(array.opening, around, parts.array_turn),

@@ -127,7 +127,8 @@ def _of_wavelength(camera: PlenopticCamera, point: Floats, denser: float) -> _Pa
         lenses, distance = microlenses_around(beam.record, *lit_box(beam)), beam.record.array.parts.distance
     grid = grid_for(beam, lenses, distance, denser)
     made = plane_waves(beam, grid)
-    waves, area, met, passed, lost = made.waves, float(grid.spacing.prod()), made.power, made.power, 0.0
+    waves, area, lost = made.waves, float(grid.spacing.prod()), 0.0
+    met = passed = power(waves)
     if lenses is not None:
         waves, met, passed = through_array(waves, beam, grid, lenses)
     # Behind edges the light of steep directions falls with their square.

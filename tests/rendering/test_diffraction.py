@@ -205,6 +205,7 @@ def test_paths_can_be_followed_again():
             {"microlenses": pl.MicrolensArray(0.217, (2.0,), pl.Lattice.FREE, centres=[(0.0, 0.0)])},
             "give the array an aperture",
         ),
+        ({"microlenses": pl.MicrolensArray(0.217, (2.0,), model=pl.optics.MicrolensModel.PINHOLE)}, "take THIN ones"),
         ({"microlenses": pl.MicrolensArray(0.217, (2.0,), walls=pl.optics.Walls.OPAQUE)}, "walls"),
     ],
 )

@@ -37,8 +37,8 @@ class FarField(NamedTuple):
     step: float
     """Side of a cell."""
     edges: Floats
-    """(k, 5): cumulative shares of the edges beyond the disc, their normals, lengths, and `opening` for them. Edges of
-    a circle are one of length 0."""
+    """(k, 6): cumulative shares of the edges beyond the disc, their normals, lengths, and what paths through and beside
+    openings count there. Edges of a circle are one of length 0."""
     spread: Floats
     """(s,): where sinc^2 has its share i / (s - 1), from -_WIDE to _WIDE."""
     inner: float
@@ -78,9 +78,11 @@ def far_field(opening: Opening, around: Floats | None, turn: Floats) -> FarField
     columns = np.cumsum(total, axis=1) / np.where(rows > 0, rows, 1.0)[:, None]
     edges = _edges(opening, around, sides)
     if around is not None:
-        # What the opening lets pass adds up to its part of the area.
-        beyond = (share - light[0][inside].sum()) / (1.0 - rows.sum())
-        edges[:, 4] *= beyond / share / (np.diff(edges[:, 0], prepend=0.0) @ edges[:, 4])
+        # What passes the opening, and what passes beside it, add up to their parts of the area.
+        weights = np.diff(edges[:, 0], prepend=0.0)
+        for column, part, lit in ((4, share, light[0]), (5, 1.0 - share, light[1])):
+            beyond = max(part - float(lit[inside].sum()), 0.0) / (1.0 - rows.sum())
+            edges[:, column] *= beyond / part / (weights @ edges[:, column])
     return FarField(
         rows=np.append(0.0, np.cumsum(rows)),
         columns=np.column_stack([np.zeros(n), columns]),
@@ -131,19 +133,17 @@ def _jinc(r: Floats) -> Floats:
 
 def _edges(opening: Opening, around: Floats | None, sides: Floats) -> Floats:
     """The edges beyond the disc; see `FarField`. Light beside an opening bends at its edges as what passes does."""
-    found = []
     if math.isfinite(opening.radius):
         # Of an ellipse, in units of the box: one edge, as long as its circumference, in all directions alike.
         a, b = opening.radius / sides
-        round_ = math.pi * math.sqrt(2.0 * (a * a + b * b))
-        found.append((round_, 0.0, 0.0, 0.0, 0.5))
+        found = [(math.pi * math.sqrt(2.0 * (a * a + b * b)), 0.0, 0.0, 0.0, 1.0, 0.0)]
     else:
-        found += [(length, *normal, length, 0.5) for length, normal in _sides(opening.corners / sides)]
-    if around is None:
-        rows = np.array(found)
-    else:
-        rows = np.array([(2.0 * row[0], *row[1:]) for row in found])
-        rows = np.concatenate([rows, [(length, *normal, length, 0.0) for length, normal in _sides(around / sides)]])
+        found = [(length, *normal, length, 1.0, 0.0) for length, normal in _sides(opening.corners / sides)]
+    rows = np.array(found)
+    if around is not None:
+        rows[:, 0] *= 2.0
+        rows[:, 5] = 0.5
+        rows = np.concatenate([rows, [(l, *normal, l, 0.0, 1.0) for l, normal in _sides(around / sides)]])
     rows[:, 0] = np.cumsum(rows[:, 0]) / rows[:, 0].sum()
     return rows
 

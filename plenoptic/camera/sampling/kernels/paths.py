@@ -336,7 +336,10 @@ def fill_far_samples(blocks, own, far, regions):
 
 @device
 def bend_at_pupil(ray, i, z, by):
-    """Bend a ray by direction cosines where it passes a plane z; it starts where it would have crossed its own z."""
+    """Bend a ray by direction cosines where it passes a plane z; it starts where it would have crossed its own z.
+
+    What would bend by more than a right angle does not go on.
+    """
     t = (z - ray[Z + i]) / ray[N + i]
     x, y = ray[X + i] + t * ray[L + i], ray[Y + i] + t * ray[M + i]
     l, m = ray[L + i] + by[0], ray[M + i] + by[1]
@@ -345,6 +348,8 @@ def bend_at_pupil(ray, i, z, by):
         t = (ray[Z + i] - z) / n
         ray[X + i], ray[Y + i] = x + t * l, y + t * m
         ray[L + i], ray[M + i], ray[N + i] = l, m, n
+    elif ray[STATUS + i] == 0.0:
+        ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED
 
 
 @kernel

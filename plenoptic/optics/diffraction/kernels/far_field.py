@@ -23,7 +23,7 @@ def _found(shares, u):
 
 @device
 def _beyond(field, u, v):
-    """A frequency outside the disc, in periods, and how much more of its light passed the opening."""
+    """A frequency outside the disc, in periods, and what a path through the opening, and one beside it, counts."""
     edges, k = field.edges, 0
     while k < edges.shape[0] - 1 and edges[k, 0] <= u:
         k += 1
@@ -32,7 +32,7 @@ def _beyond(field, u, v):
     a = field.inner / (1.0 - v)
     if edges[k, 3] == 0.0:
         angle = 2.0 * math.pi * u
-        return a * math.cos(angle), a * math.sin(angle), edges[k, 4]
+        return a * math.cos(angle), a * math.sin(angle), edges[k, 4], edges[k, 5]
     if u < 0.5:
         a, u = -a, 2.0 * u
     else:
@@ -40,7 +40,7 @@ def _beyond(field, u, v):
     at = u * (field.spread.size - 1)
     i = min(int(at), field.spread.size - 2)
     b = (field.spread[i] + (at - i) * (field.spread[i + 1] - field.spread[i])) / edges[k, 3]
-    return a * edges[k, 1] - b * edges[k, 2], a * edges[k, 2] + b * edges[k, 1], edges[k, 4]
+    return a * edges[k, 1] - b * edges[k, 2], a * edges[k, 2] + b * edges[k, 1], edges[k, 4], edges[k, 5]
 
 
 @device
@@ -48,22 +48,18 @@ def bend(field, u, v):
     """A bend, as a spatial frequency in cycles/mm, from two numbers in [0, 1), and what a path through the opening, and
     one beside it, counts."""
     inside = field.rows[field.rows.size - 1]
-    more = 1.0
+    through, beside = 1.0, 0.0
     if u < inside:
         row, y = _found(field.rows, u)
         column, x = _found(field.columns[row], v)
         if field.opening is not None:
-            more = field.opening[row, column]
+            through = field.opening[row, column]
+            beside = (1.0 - field.share * through) / (1.0 - field.share)
         x, y = (column + x) * field.step - field.inner, (row + y) * field.step - field.inner
     else:
-        x, y, more = _beyond(field, (u - inside) / (1.0 - inside), v)
-    beside = 0.0
-    if field.opening is not None:
-        beside = max(1.0 - field.share * more, 0.0) / (1.0 - field.share)
-    else:
-        more = 1.0
+        x, y, through, beside = _beyond(field, (u - inside) / (1.0 - inside), v)
     scale = field.scale
-    return scale[0, 0] * x + scale[0, 1] * y, scale[1, 0] * x + scale[1, 1] * y, more, beside
+    return scale[0, 0] * x + scale[0, 1] * y, scale[1, 0] * x + scale[1, 1] * y, through, beside
 
 
 @kernel
