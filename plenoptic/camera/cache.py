@@ -77,7 +77,8 @@ class PreparedCamera:
         found = fed_pixels(self.record, tile.centres(self.record), tile.numbers(self.record), certain=certain)
         if self._keeps:
             found = _fitted(found)
-            size = sum(array.nbytes for array in (*found[:3], *found.regions) if array is not None)
+            arrays = (*found[:3], *found.regions, *(found.around or ()))
+            size = sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
             if self._bytes + size <= MOST_BYTES:
                 self._fed[tile, certain], self._bytes = found, self._bytes + size
         return found

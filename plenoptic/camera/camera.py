@@ -82,7 +82,7 @@ class PlenopticCamera:
     shutter : Shutter, optional
         How long an exposure takes, where things move meanwhile; None: an instant.
     diffraction : Diffraction, optional
-        Light bends at the openings of microlenses; None: it does not, and costs nothing.
+        Light bends at the openings of microlenses, and at the iris if asked; None: it does not, and costs nothing.
 
     Raises
     ------
@@ -117,8 +117,8 @@ class PlenopticCamera:
 
     def __post_init__(self) -> None:
         parts = {"lens": LensStack, "sensor": Sensor}
-        absent = {"microlenses": MicrolensArray, "pose": Pose, "sensitivity": Sensitivity, "shutter": Shutter}
-        absent |= {"diffraction": Diffraction}
+        absent = {"microlenses": MicrolensArray, "pose": Pose, "sensitivity": Sensitivity}
+        absent |= {"shutter": Shutter, "diffraction": Diffraction}
         for name, kind in (parts | absent).items():
             given, other = getattr(self, name), "" if name in parts else " or None"
             if not isinstance(given, kind) and not (other and given is None):

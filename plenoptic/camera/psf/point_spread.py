@@ -40,7 +40,7 @@ def point_spread(
     The image of a point is what `render` makes, as its area goes to zero, of a Lambertian emitter that stands at the
     point and faces along the camera's axis, for each unit of radiance and mm^2. What the camera's pixels make of light
     (`Sensor.pixel_aperture`, `Sensor.angular_response`) and its `blemishes` count; all light has its `wavelength`.
-    Where the camera has `diffraction`, rays bend at their microlenses.
+    Where the camera has `diffraction`, rays bend at their microlenses, and at the iris if that is asked for.
 
     Parameters
     ----------
@@ -67,7 +67,8 @@ def point_spread(
     ------
     InvalidValueError
         If a point is not finite or does not lie in front of the lens, or a number is out of range; for microlenses
-        with the model PINHOLE, through which a point sends no light.
+        with the model PINHOLE, through which a point sends no light; with diffraction, where gaps between openings are
+        clear.
 
     Examples
     --------

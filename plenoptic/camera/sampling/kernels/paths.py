@@ -218,9 +218,9 @@ def _keep(ray, i, start, random, counts):
 def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed):
     """Start paths start ... start + n - 1 of a batch of the pixels of a tile, which are `FedPixels`.
 
-    A pixel that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets what
-    the microlenses of the paths are, where they differ. Of each path, first the point on the pixel is drawn, then one
-    of what feeds that very point; paths from points that nothing feeds are lost.
+    A pixel that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets what the microlenses of the
+    paths are, where they differ. Of each path, first the point on the pixel is drawn, then one of what feeds that very
+    point; paths from points that nothing feeds are lost.
 
     With `sure`, blocks as well, what surely passes the lens is aimed there and need not be traced, and paths are drawn
     in what is left around it.
