@@ -91,8 +91,8 @@ def render(  # noqa: PLR0913
         What of the ground truth of every pixel is found too, such as ``Truth.DEPTH | Truth.NORMAL``; what is not asked
         for is neither computed nor kept. See `GroundTruth`.
     conditioning : int, optional
-        Of how many paths, such as 1024, `shot.stats.conditioning` tells how much each surface of the lens magnifies
-        rounding errors, and how many steps aspheres took. See `Conditioning`.
+        Of how many paths, such as 1024 (at most 1048576), `shot.stats.conditioning` tells how much each surface of the
+        lens magnifies rounding errors, and how many steps aspheres took. See `Conditioning`.
     checkpoint : path-like, optional
         A file to which is added what tiles bring. Called again, the render goes on from there, also with more samples
         or a lower target, and gives the same bits as without a break (with a `time_limit` it goes on for that long

@@ -67,6 +67,7 @@ def test_functions_and_classes_of_the_top_are_called():
         (lambda: pl.Scene(background=[[1], [2, 3]]), "background is not an array of numbers"),
         (lambda: pl.aberrations.mtf(lens(), [[1], [2, 3]]), "frequencies is not an array of numbers"),
         (lambda: pl.render_white(camera(), samples=1, progress=[1.0, 2.0]), "progress is .*; it must be True or False"),
+        (lambda: pl.render_white(camera(), samples=1, conditioning=123456789), "conditioning is .* at most 1048576"),
         (lambda: pl.sphere(1.0, segments=(8, 2**64 - 1)), "segments from pole to pole is 18446744073709551615; it"),
         (lambda: pl.sphere(1.0, segments=(1 << 15, 1 << 15)), "segments x .* is 32768 x 32768; it must be at most"),
         (lambda: pl.lightfield.decode(shot(), shot(), views=123456789), "views is 123456789; it must be at most 4095"),

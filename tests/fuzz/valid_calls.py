@@ -40,6 +40,7 @@ def calls():
     z, wave, field = -400.0, 550.0, (0.01, 0.02)
     quick = {"samples": 4, "region": (slice(2, 6), slice(0, 4)), "seed": 1, "replicates": 2, "threads": 1}
     quick |= {"progress": False, "sampler": pl.rendering.Sampler.SOBOL, "conditioning": 8, "tile_side": 4}
+    quick |= {"time_limit": 1.0}  # samples are accepted up to billions
     full = quick | {"max_bounces": 2, "clamp": 10.0, "truth": pl.Truth.DEPTH, "caustics": pl.rendering.Caustics.KEPT}
     grid = np.linspace(400.0, 700.0, 7)
     made = {

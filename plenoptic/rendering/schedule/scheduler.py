@@ -63,6 +63,9 @@ _MISSED = 1.25
 _LATE, _LATE_SECONDS = 0.1, 0.5
 """Parts of a time limit, and seconds, beyond it that are not."""
 
+_MOST_CONDITIONED = 1 << 20
+"""Paths whose conditioning is told: they are traced in one bundle."""
+
 
 class Work(NamedTuple):
     """What is to be rendered, and how it is gone about; see `render`."""
@@ -100,7 +103,7 @@ def _run(
     if 2 <= budget.replicates < OWN_ERRORS:  # errors, or their bits would be others at the rim of a region
         region = in_whole_blocks(asked, camera.sensor.shape)
     if work.conditioning is not None:
-        whole(work.conditioning, "conditioning", at_least=1)
+        whole(work.conditioning, "conditioning", at_least=1, at_most=_MOST_CONDITIONED)
     context = render_context(subject, seed)
     if dark := context.scene is not None and is_dark(context.scene):
         assert subject.scene is not None
