@@ -30,7 +30,7 @@ def camera_conditioning(
     number = _spread(camera, area, max(rays // _PER_PIXEL, 1), seed)
     places = zip(*(at.tolist() for at in np.divmod(number, camera.sensor.columns)), strict=True)
     pixels = np.concatenate([pixel_centres(camera, (row, row + 1), (column, column + 1)) for row, column in places])
-    fed = fed_pixels(camera, pixels, number)
+    fed = fed_pixels(camera._replace(bend=None), pixels, number)
     samples = max(rays // max(fed.place.size, 1), 1)
     n = fed.place.size * samples
     ways = CameraPaths(camera, fed, batch_record(np.uint64(seed), 0, samples, 1, 0, 0), n)

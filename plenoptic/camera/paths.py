@@ -28,7 +28,6 @@ class CameraPaths:
         blocks = -(-most // BLOCK)
         self._camera, self._fed, self._batch = camera, fed, batch
         self._blocks = np.empty(blocks * RAY)
-        self._far = None if fed.around is None else np.empty(most, dtype=np.int64)
         self.sure = np.empty(blocks * RAY) if fed.certain else None
         """What surely passes the lens, aimed; None where that is not known."""
         self.own = camera.own(blocks * BLOCK)
@@ -40,6 +39,11 @@ class CameraPaths:
         if camera.colour is not None and camera.dispersed is not None:
             self.waves, self.lens = np.empty(blocks * BLOCK, dtype=np.int64), camera.dispersed
             self._guide = np.searchsorted(camera.colour.cdf, np.arange(_GUIDES) / _GUIDES, side="right")
+        self._far = None if fed.around is None else np.empty(most, dtype=np.int64)
+        self.spots = None if fed.spread is None else np.empty(most, dtype=np.int64)
+        """Rows of the `SpreadTable`; None where light is not shared."""
+        bent = fed.around is not None or fed.spread is not None
+        self._bends = Bends(self._far, self.spots, self.waves) if bent else None
 
     def started(self, start: int, n: int) -> Floats:
         """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
@@ -47,8 +51,7 @@ class CameraPaths:
         sure = None if self.sure is None else self.sure[: bundle.size]
         if colour is not None and self.waves is not None:
             paths.fill_waves(self.waves, start, n, self._batch, self._fed.number, colour.cdf, self._guide)
-        bends = None if self._far is None else Bends(self._far, self.waves)
-        away = paths.fill_camera_samples(bundle, sure, self.own, bends, start, n, self._batch, self._fed)
+        away = paths.fill_camera_samples(bundle, sure, self.own, self._bends, start, n, self._batch, self._fed)
         if self._far is not None:
             self._start_far(bundle, self._far[:away])
         return bundle

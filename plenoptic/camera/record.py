@@ -15,6 +15,7 @@ from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
 from plenoptic.camera.sampling.choice import why_bounds
 from plenoptic.camera.sampling.openings import openings
 from plenoptic.camera.sampling.record import Openings
+from plenoptic.camera.spread import Spread, spread_of
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
@@ -50,6 +51,8 @@ class SensorRecord(NamedTuple):
     columns: int
     pitch: float
     pixel: PixelRecord
+    whole: PixelRecord
+    """The same with what lies between it and its neighbours."""
     fill_factor: float
     """The part of a pixel that sees light."""
     plane: SensorPlane
@@ -113,6 +116,8 @@ class CameraRecord(NamedTuple):
     """Whether the holes of all stops are."""
     bend: BendRecord | None
     """None where light does not bend at microlenses."""
+    spread: Spread | None
+    """Short bends, of which light is shared between pixels; None without bends."""
     iris: IrisRecord | None
     """None where it does not bend at the iris."""
 
@@ -151,8 +156,9 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
     pinhole = array is not None and not array.model.focuses
     world = world_of(camera, parts)
+    bend, sensor = bend_record(camera, parts, drawn), _sensor_record(camera, parts)
     return CameraRecord(
-        sensor=_sensor_record(camera, parts),
+        sensor=sensor,
         array=compiled,
         pupil=PupilRecord(*bounds, plane, margin, pinhole),
         lens=lens_record(lens, camera.wavelength, reverse=True),
@@ -168,7 +174,8 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         exact=not why_bounds(camera, certain=False),
         elements=len(lens.elements),
         convex=all(is_convex(element) for element in lens.elements if isinstance(element, Stop)),
-        bend=bend_record(camera, parts, drawn),
+        bend=bend,
+        spread=None if bend is None else spread_of(camera, sensor, parts, bend, colour),
         iris=iris_record(camera, drawn),
     )
 
@@ -183,18 +190,23 @@ def world_of(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
 
 def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:
     sensor = camera.sensor
-    # Columns are the sides of the part of a pixel that sees light, in local x and y.
-    sides = parts.sensor_to_local.turn[:2, :2] * (np.asarray(sensor.pixel_aperture) * sensor.pixel_pitch)
-    skew = None if sides[0, 1] == sides[1, 0] == 0 else np.array([sides[0, 1], sides[1, 0]])
+    turn = parts.sensor_to_local.turn[:2, :2]
     return SensorRecord(
         rows=sensor.shape[0],
         columns=sensor.shape[1],
         pitch=sensor.pixel_pitch,
-        pixel=PixelRecord(float(sides[0, 0]), float(sides[1, 1]), skew),
+        pixel=_pixel_record(turn * (np.asarray(sensor.pixel_aperture) * sensor.pixel_pitch)),
+        whole=_pixel_record(turn * sensor.pixel_pitch),
         fill_factor=sensor.fill_factor,
         plane=SensorPlane(parts.distance, parts.tilt),
         response=response_record(camera, parts),
     )
+
+
+def _pixel_record(sides: Floats) -> PixelRecord:
+    """One whose sides, in local x and y, are the columns of a matrix."""
+    skew = None if sides[0, 1] == sides[1, 0] == 0 else np.array([sides[0, 1], sides[1, 0]])
+    return PixelRecord(float(sides[0, 0]), float(sides[1, 1]), skew)
 
 
 def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord | None:

@@ -151,7 +151,7 @@ class _Probe:
         places = np.random.default_rng(0).integers((camera.sensor.rows, camera.sensor.columns), size=(pixels, 2))
         tiles = [Tile(row, column, 1, 1) for row, column in places.tolist()]
         centres, numbers = ([of(tile, camera) for tile in tiles] for of in (Tile.centres, Tile.numbers))
-        fed = fed_pixels(camera, np.concatenate(centres), np.concatenate(numbers))
+        fed = fed_pixels(camera._replace(bend=None), np.concatenate(centres), np.concatenate(numbers))
         batch, n = batch_of(context, 0, _SAMPLES), fed.place.size * _SAMPLES
         if not n:
             return

@@ -10,17 +10,14 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.kernels.paths import path_place
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
 from plenoptic.core.kernels.bundles import fill_status_counts
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
-from plenoptic.rendering.kernels import film_sums
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Sampler
-from plenoptic.rendering.stats import NAMED
+from plenoptic.rendering.tile_sums import PixelSums, SharedSums, Tally
 from plenoptic.truth.ground_truth import Arrays, truth_of
 from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.stages import TruthRecord
@@ -93,54 +90,6 @@ def status_codes(camera: CameraRecord) -> int:
     return 8 * (camera.elements + 1)
 
 
-class PixelSums:
-    """What the paths of a batch of a tile add up to."""
-
-    def __init__(self, context: RenderContext, fed: FedPixels, batch: Batch, before: Floats) -> None:
-        colour = context.camera.colour
-        self._fed, self._batch, self._context, self._before = fed, batch, context, before
-        self._weights = None if colour is None else colour.weights
-        self._grouped = context.settings.sampler is Sampler.RANDOM
-        self._sums = before[fed.place]
-        if self._grouped:
-            self._sums = np.zeros((fed.place.size, batch.streams + 1, before.shape[2]))
-        self.counts = np.zeros(status_codes(context.camera), dtype=np.int64)
-        self.nonfinite, self.light, self.clamped = 0, 0.0, 0.0
-        self.lost_paths: list[tuple[int, int, int]] = []
-
-    def add(self, bundle: Floats, radiance: Floats | None, waves: NDArray[np.int64] | None, start: int, n: int) -> None:
-        """Add what the paths of a bundle bring, clamped."""
-        clamp = self._context.settings.clamp
-        if clamp is not None and radiance is not None:
-            kept, removed = film_sums.fill_clamped(radiance, bundle, n, clamp)
-            self.light, self.clamped = self.light + kept + removed, self.clamped + removed
-        dropped = film_sums.fill_sums(self._sums, bundle, radiance, waves, self._weights, start, n, self._batch)
-        if dropped:
-            self.nonfinite += dropped
-            self.lost_paths += self._broken(bundle, radiance, start, n)
-
-    def whole(self) -> Floats:
-        """(pixels, replicates + 1, channels): the sums of all batches until now."""
-        replicates, place = self._context.replicates, self._fed.place
-        sums = self._sums
-        if self._grouped:
-            sums = self._before[place] + _by_replicate(self._sums, self._batch, replicates)
-        self._before[place] = sums
-        return self._before
-
-    def _broken(self, bundle: Floats, radiance: Floats | None, start: int, n: int) -> list[tuple[int, int, int]]:
-        """Row, column and sample of the first paths of a bundle that are not finite."""
-        batch, light = self._batch, bundle.reshape(-1, RAY // BLOCK, BLOCK)[:, WEIGHT // BLOCK].ravel()[:n, None]
-        with np.errstate(all="ignore"):
-            light = light if radiance is None else light * radiance
-        named = []
-        for k in np.flatnonzero(~np.isfinite(light).all(axis=1))[:NAMED]:
-            pixel, stream, index = path_place(start + int(k), batch.samples, batch.streams)
-            sample = batch.first_stream + stream + (batch.first_index + index) * self._context.replicates
-            named.append((*divmod(int(self._fed.number[pixel]), self._context.camera.sensor.columns), int(sample)))
-        return named
-
-
 def render_tile(
     context: RenderContext,
     tile: Tile,
@@ -158,41 +107,49 @@ def render_tile(
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)
-    paths = fed.place.size * batch.samples
-    most = min(BUNDLE, paths)
-    sums, ways = PixelSums(context, fed, batch, whole), CameraPaths(camera, fed, batch, most)
-    integrator = None
+    if camera.spread is None:
+        sums: PixelSums | SharedSums = PixelSums(context, fed, batch, whole)
+    else:
+        sums = SharedSums(context, camera.spread, fed, batch, whole)
+    tally, integrator = Tally(context, status_codes(camera)), None
     if context.scene is not None:
         from plenoptic.rendering.integrator.path import PathIntegrator
 
-        integrator = PathIntegrator(context, most)
-    # A tile without pixels has an empty bundle: it shows which kernels there will be.
-    for start in range(0, paths, BUNDLE) if tile.pixels else (0,):
-        if stopped is not None and stopped():
-            return None
-        n = min(BUNDLE, paths - start)
-        bundle = ways.started(start, n)
-        ways.fill_through_array(bundle)
-        ways.fill_through_lens(bundle)
-        fill_status_counts(sums.counts, bundle, n)
-        radiance = None
-        if integrator is not None:
-            ways.fill_bent_at_iris(bundle, start, n)
-            radiance = integrator.radiance(bundle, start, n, batch, fed.number, ways.waves)
-        sums.add(bundle, radiance, ways.waves, start, n)
+        integrator = PathIntegrator(context, min(BUNDLE, max(part.paths for part in sums.parts)))
+    for part in sums.parts:
+        ways = CameraPaths(camera, part.fed, part.batch, min(BUNDLE, part.paths))
+        # A tile without pixels has an empty bundle: it shows which kernels there will be.
+        for start in range(0, part.paths, BUNDLE) if tile.pixels else (0,):
+            if stopped is not None and stopped():
+                return None
+            n = min(BUNDLE, part.paths - start)
+            bundle = ways.started(start, n)
+            ways.fill_through_array(bundle)
+            ways.fill_through_lens(bundle)
+            if part.counted:
+                fill_status_counts(tally.counts, bundle, n)
+            radiance = None
+            if integrator is not None:
+                ways.fill_bent_at_iris(bundle, start, n)
+                radiance = integrator.radiance(bundle, start, n, part.batch, part.fed.number, ways.waves)
+            tally.clamp(part, bundle, radiance, n)
+            tally.drop(part, bundle, radiance, start, n, part.fill(bundle, radiance, ways, start, n))
+        if part.counted and integrator is not None:
+            tally.met = integrator.met
+    sums.finish()
     return TileResult(
         tile=tile,
         batch=batch,
-        sums=sums.whole().reshape(*shape, *whole.shape[1:]),
+        sums=whole.reshape(*shape, *whole.shape[1:]),
         weights=None if batch.first else _weights(camera, fed, tile),
-        counts=sums.counts,
+        counts=tally.counts,
         truth=None if truth is None else _truth(context, truth, tile, tile.centres(camera), fed),
-        paths=paths,
-        nonfinite=sums.nonfinite,
-        lost_paths=tuple(sums.lost_paths[:NAMED]),
-        met=0 if integrator is None else integrator.met,
-        light=sums.light,
-        clamped=sums.clamped,
+        paths=sum(part.paths for part in sums.parts if part.counted),
+        nonfinite=tally.nonfinite,
+        lost_paths=tuple(tally.lost_paths),
+        met=tally.met,
+        light=tally.light,
+        clamped=tally.clamped,
     )
 
 
@@ -209,12 +166,3 @@ def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Float
     rays = representative_rays(context.camera, pixels, fed)
     flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels, rays)
     return {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}
-
-
-def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
-    """Sums of independent samples (pixels, samples, channels) as those of replicates: sample s belongs to s % r."""
-    grouped = np.zeros((sums.shape[0], replicates + 1, sums.shape[2]))
-    grouped[:, -1] = sums[:, -1]
-    for replicate in range(min(replicates, batch.samples)):
-        grouped[:, (batch.first + replicate) % replicates] = sums[:, replicate:-1:replicates].sum(axis=1)
-    return grouped

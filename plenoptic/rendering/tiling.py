@@ -12,6 +12,11 @@ from plenoptic.rendering.tile import Tile
 
 PATHS_PER_TILE = 1 << 17
 _SMALLEST_SIDE, _LARGEST_SIDE = 16, 256
+_SHARING = 4
+"""Times as many paths, and pixels at least, where pixels share light with those beside them, which a tile renders too.
+"""
+_SHARED = 1 << 16
+"""Replicates of all pixels of such a tile: some 40 MB of sums of three channels."""
 _GROWING_SIDE, _DECIDING_SIDE, _FEWEST = 32, 64, 2
 """Side of tiles that grow until time is over, of those that end by themselves (the more pixels decide, the better they
 agree), and the least that these may have."""
@@ -24,14 +29,15 @@ _CELLS_PER_TILE = 1 << 18
 
 
 def cut_into_tiles(
-    region: tuple[int, int, int, int], budget: Budget, side: int | None, cells: float
+    region: tuple[int, int, int, int], budget: Budget, side: int | None, cells: float, *, shared: bool = False
 ) -> tuple[int, list[Tile]]:
     """The side of tiles, and those of a region of rows and columns in their order; see `render` for `side`.
 
-    Tiles have no more pixels than `cells`, the microlenses that feed a pixel, leave room for.
+    Tiles have no more pixels than `cells`, the microlenses that feed a pixel, leave room for. `shared`: whether pixels
+    share light.
     """
     least = 1 if budget.target_error is None else _FEWEST
-    wanted = _chosen_side(budget) if side is None else whole(side, "tile_side", at_least=1)
+    wanted = _chosen_side(budget, shared=shared) if side is None else whole(side, "tile_side", at_least=1)
     if wanted < least:
         raise InvalidValueError(
             f"tile_side is {wanted}; with a target_error it must be at least {least}, since pixels decide for each "
@@ -65,12 +71,16 @@ def _turn(place: tuple[int, int]) -> int:
     return turn
 
 
-def _chosen_side(budget: Budget) -> int:
+def _chosen_side(budget: Budget, *, shared: bool) -> int:
     if budget.steps:
         side = int(math.sqrt(_FIRST_PATHS / budget.replicates))
         least, most = (1, _GROWING_SIDE) if budget.target_error is None else (_FEWEST, _DECIDING_SIDE)
         return max(least, min(most if budget.time_limit is None else _GROWING_SIDE, side))
-    return min(max(int(math.sqrt(PATHS_PER_TILE / budget.following(0))), _SMALLEST_SIDE), _LARGEST_SIDE)
+    samples = budget.following(0)
+    if shared:
+        pixels = min(_SHARING * PATHS_PER_TILE / samples, _SHARED / min(samples, budget.replicates))
+        return min(max(int(math.sqrt(pixels)), 2 * _SMALLEST_SIDE), _LARGEST_SIDE)
+    return min(max(int(math.sqrt(PATHS_PER_TILE / samples)), _SMALLEST_SIDE), _LARGEST_SIDE)
 
 
 def _cuts(first: int, end: int, side: int, least: int) -> list[int]:

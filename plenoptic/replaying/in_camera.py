@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.dust import fill_dimmed_at_lens
 from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import fed_pixels
+from plenoptic.camera.sampling.pixel_regions import fed_pixels, sharing_pixels
 from plenoptic.camera.sampling.record import Batch, FedPixels
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
@@ -63,6 +63,8 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, 
     """Follow the one path of a batch of one, as `tile.render_tile` does; None where no light reaches the pixel."""
     tile = Tile(*pixel, 1, 1)
     fed = fed_pixels(camera, tile.centres(camera), tile.numbers(camera), certain=certain)
+    if camera.spread is not None:
+        fed, _ = sharing_pixels(camera, fed, camera.spread.table)
     if not fed.place.size:
         return None
     ways = CameraPaths(camera, fed, batch, 1)

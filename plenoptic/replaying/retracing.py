@@ -14,8 +14,9 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import PathIntegrator
+from plenoptic.rendering.kernels.film_sums import Light, fill_clamped, fill_sums
 from plenoptic.rendering.plan.stages import Stage, Subject
-from plenoptic.rendering.tile import PixelSums, batch_of
+from plenoptic.rendering.tile import batch_of
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
 from plenoptic.replaying.in_scene import Recorder
@@ -53,8 +54,9 @@ def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], s
     -----
     The renderer's own kernels trace the path, so that on the same machine `contribution` is what the pixel's sum got,
     bit for bit. With a fill factor below 1, which multiplies the sum in the image and each path here, that is so up to
-    rounding. Where two triangles lie at the very same place, which of them a path meets first may depend on the paths
-    traced beside it.
+    rounding. Where light bends at microlenses, `contribution` is what the path's pixel and those around it share, and
+    long bends, which are drawn for paths of their own, are not among the samples. Where two triangles lie at the very
+    same place, which of them a path meets first may depend on the paths traced beside it.
 
     An exposure keeps its camera, seed and settings, but not its scene: of another scene, or another version of this
     package, this traces the path that *it* would have had. It can be told by the image: the mean of `contribution` over
@@ -192,21 +194,23 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
         return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, 0.0, nothing, 1.0, nothing, True)
     events, radiance, ending = _through_scene(context, scene, way, batch)
     limit, brightest = context.settings.clamp, 0.0 if radiance is None else float(radiance.max())
-    sums = PixelSums(context, way.fed, batch, np.zeros((1, replicates + 1, context.channels)))
-    sums.add(way.bundle, radiance, way.waves, 0, 1)
-    added, fill_factor = sums.whole()[0, :-1].sum(axis=0), camera.sensor.fill_factor
+    if limit is not None and radiance is not None:
+        fill_clamped(radiance, way.bundle, 1, limit)
+    sums, weights = np.zeros((1, 2, context.channels)), None if camera.colour is None else camera.colour.weights
+    dropped = fill_sums(sums, Light(way.bundle, radiance, way.waves, weights), 0, 1, batch)
+    added, fill_factor = sums[0, 0], camera.sensor.fill_factor
     wave = None if camera.colour is None or way.waves is None else float(camera.colour.wavelengths[way.waves[0]])
     return Replay(
         *place,
         wavelength=wave,
         events=way.events + events,
-        ending=PathEnding.NOT_FINITE if sums.nonfinite else ending,
+        ending=PathEnding.NOT_FINITE if dropped else ending,
         weight=way.weight,
         certain=way.certain,
         radiance=np.ones(1) if radiance is None else radiance[0].copy(),
         clamped=1.0 if limit is None or not brightest > limit else limit / brightest,
         contribution=added if fill_factor == 1 else fill_factor * added,
-        finite=not sums.nonfinite,
+        finite=not dropped,
     )
 
 

@@ -20,6 +20,7 @@ from plenoptic.camera.sampling.record import (
     Candidates,
     FedPixels,
     Regions,
+    SpreadTable,
 )
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
 from plenoptic.core.values import Floats
@@ -224,29 +225,37 @@ def _bent_pixels(
     camera: CameraRecord, bend: BendRecord, pixels: Floats, number: NDArray[np.int64], *, certain: bool
 ) -> FedPixels:
     """`fed_pixels` where light bends: all pixels, with what feeds those around them."""
-    sensor = camera.sensor
+    sensor, reach = camera.sensor, 0 if camera.spread is None else camera.spread.table.reach
     right, down = (bend.back @ (pixels - bend.shift).T)[:2]
     own = np.floor(np.column_stack([sensor.rows / 2 + down, sensor.columns / 2 - right])).astype(np.int64)
     low = own.min(axis=0, initial=sensor.rows + sensor.columns) - NEAR
     high = own.max(axis=0, initial=0) + NEAR + 1
-    seen = np.zeros(np.maximum(high - low, 0), dtype=bool)
+    grid = np.full(np.maximum(high - low, 0), -1, dtype=np.int32)
     at = tuple((own - low).T)
-    seen[at] = True
-    row, column = np.nonzero(_widened(seen))
+    row, column = at
+    grid[at] = np.arange(len(pixels))
+    for steps in (reach, NEAR):
+        new = np.nonzero(_widened(grid >= 0, steps) & (grid < 0))
+        grid[new] = len(row) + np.arange(len(new[0]))
+        if steps == reach:
+            sharing = len(row) + len(new[0])
+        row, column = np.append(row, new[0]), np.append(column, new[1])
     centres = _on_sensor(camera, low[0] + row + 0.5, low[1] + column + 0.5)
-    turn = np.abs(camera.parts.sensor_to_local.turn[:2, :2])
-    half = 0.5 * sensor.pitch * turn.sum(axis=1)
-    regions = feeding_regions(camera, centres, (float(half[0]), float(half[1])), certain=certain)
-    areas, last = np.zeros(seen.shape), regions.first[1:] - 1
+    regions = feeding_regions(camera, centres, sensor.whole.half, certain=certain)
+    areas, last = np.zeros(grid.shape), regions.first[1:] - 1
     lit = np.diff(regions.first) > 0
     areas[row[lit], column[lit]] = regions.pieces["area"][last[lit]]
+    along = np.arange(-reach, reach + 1)
+    down, across = (part.ravel() for part in np.meshgrid(along, along, indexing="ij"))
+    ring = _numbers(camera, low[0] + row[len(pixels) : sharing], low[1] + column[len(pixels) : sharing])
     around = Around(
         own=own,
-        row=int(low[0]),
-        first=np.searchsorted(row, np.arange(seen.shape[0] + 1)),
-        columns=low[1] + column,
+        corner=(int(low[0]), int(low[1])),
+        grid=grid,
+        numbers=np.append(number, ring),
+        givers=grid[at[0][:, None] - down, at[1][:, None] + across].astype(np.int64),
         centres=centres,
-        areas=_widened(areas)[at],
+        areas=_widened(areas, NEAR)[at],
         shape=(sensor.rows, sensor.columns),
         plane=sensor.plane,
         bend=bend,
@@ -255,11 +264,35 @@ def _bent_pixels(
     return FedPixels(place, number, centres, regions, sensor.pixel, certain, around)
 
 
-def _widened(image: NDArray[Any]) -> NDArray[Any]:
-    """The largest value of an image among those up to `NEAR` rows and columns away."""
+def _numbers(camera: CameraRecord, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Of pixels on the sensor, and beyond all of these of those up to `NEAR` rows and columns beside it."""
+    rows, columns = camera.sensor.rows, camera.sensor.columns
+    on = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    beside = rows * columns + (row + NEAR) * (columns + 2 * NEAR) + column + NEAR
+    return np.where(on, row * columns + column, beside)
+
+
+def sharing_pixels(camera: CameraRecord, fed: FedPixels, spread: SpreadTable) -> tuple[FedPixels, FedPixels]:
+    """Where light may be headed that a tile's pixels share: in themselves, and in those beside them.
+
+    Places are those of `Around.givers`.
+    """
+    assert fed.around is not None
+    first, own, end = fed.regions.first, len(fed.place), len(fed.around.numbers)
+    found = []
+    for low, high in ((0, own), (own, end)):
+        lit = low + np.flatnonzero(np.diff(first[low : high + 1]))
+        regions = fed.regions._replace(first=np.append(first[lit], first[high]))
+        centres, numbers = fed.around.centres[lit], fed.around.numbers[lit]
+        found.append(FedPixels(lit, numbers, centres, regions, camera.sensor.whole, fed.certain, spread=spread))
+    return found[0], found[1]
+
+
+def _widened(image: NDArray[Any], steps: int) -> NDArray[Any]:
+    """The largest value of an image among those up to some rows and columns away."""
     for axis in range(2):
         before, image = image, image.copy()
-        for step in range(1, NEAR + 1):
+        for step in range(1, steps + 1):
             near, far = (slice(None),) * axis + (slice(step, None),), (slice(None),) * axis + (slice(None, -step),)
             image[near] = np.maximum(image[near], before[far])
             image[far] = np.maximum(image[far], before[near])

@@ -106,18 +106,21 @@ class Openings(NamedTuple):
 
 
 class Around(NamedTuple):
-    """The pixels to which light of a tile's may be headed before it bends: those up to `NEAR` rows and columns beside
-    them, on the sensor and around it, row by row. Their regions are those of `FedPixels`.
+    """The pixels to which light of a tile's may be headed before it bends: the tile's, then those so near that light is
+    shared with them, then others up to `NEAR` rows and columns beside them, on the sensor and around it. Their regions
+    are those of `FedPixels`.
     """
 
     own: NDArray[np.int64]
     """(p, 2): rows and columns on the sensor of the tile's pixels."""
-    row: int
-    """The first row."""
-    first: NDArray[np.int64]
-    """(rows + 1,): where each row's pixels begin."""
-    columns: NDArray[np.int64]
-    """(k,): of the pixels."""
+    corner: tuple[int, int]
+    """The first row and column of the grid."""
+    grid: NDArray[np.int32]
+    """(rows, columns): numbers of the pixels, -1 for others."""
+    numbers: NDArray[np.int64]
+    """(s,): on the sensor, of those that share their light; beyond all of it for pixels beside the sensor."""
+    givers: NDArray[np.int64]
+    """(p, pixels): from which of these the tile's pixels get light, in the order of a `SpreadTable`."""
     centres: Floats
     """(k, 2): see `pixel_centres`."""
     areas: Floats
@@ -126,6 +129,30 @@ class Around(NamedTuple):
     """Rows and columns of the sensor."""
     plane: SensorPlane
     bend: BendRecord
+
+
+class SpreadTable(NamedTuple):
+    """What pixels get of light that is headed to a place of one, of bends that are short; see `camera.spread`."""
+
+    parts: Floats
+    """(rows, pixels): shares of the pixels around, down and across from the nearest corner, times the area of a pixel
+    over that which sees light. Rows run over wavelengths, distances, what passed openings and what passed beside them,
+    and places in the pixel, down and across."""
+    means: Floats | None
+    """(pixels,): of all paths, whatever light they bring; None where they are others in each pixel."""
+    reach: int
+    """Pixels on each side."""
+    fine: int
+    """Places along a side of a pixel."""
+    kinds: int
+    """1, or 2 where light passes beside openings."""
+    levels: int
+    """Distances from the array: several where the sensor is tilted."""
+    plane: SensorPlane
+    low: float
+    """The least distance, in mm."""
+    per_level: float
+    """Levels for each mm."""
 
 
 class FedPixels(NamedTuple):
@@ -145,6 +172,8 @@ class FedPixels(NamedTuple):
     """Whether it is known of pieces what surely passes: that is asked for white images."""
     around: Around | None = None
     """Where light bends; the regions are then those of its pixels. None where it does not."""
+    spread: SpreadTable | None = None
+    """How light is shared between pixels; None where all of it stays."""
 
     @property
     def areas(self) -> Floats:
@@ -158,8 +187,10 @@ class FedPixels(NamedTuple):
 class Bends(NamedTuple):
     """What starting the paths of a bundle takes where light bends."""
 
-    far: NDArray[np.int64]
-    """Room for the numbers of those whose light comes from far away."""
+    far: NDArray[np.int64] | None
+    """Room for the numbers of those whose light comes from far away; None where bends are not drawn."""
+    spots: NDArray[np.int64] | None
+    """Room for rows of the `SpreadTable`; None where light is not shared."""
     waves: NDArray[np.int64] | None
     """Numbers of the paths' wavelengths; None where all have the camera's."""
 

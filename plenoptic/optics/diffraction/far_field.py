@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.aperture import Opening
@@ -93,6 +94,21 @@ def far_field(opening: Opening, around: Floats | None, turn: Floats) -> FarField
         scale=np.ascontiguousarray(turn @ np.diag(1.0 / sides)),
         opening=None if around is None else light[0] / sum(light) / share,
         share=share,
+    )
+
+
+def without(field: FarField, cells: NDArray[np.bool_]) -> tuple[FarField, float]:
+    """The pattern without some cells (n, n) of its table, and which share of the light it has."""
+    lit = np.diff(field.columns, axis=1) * np.diff(field.rows)[:, None]
+    kept = np.where(cells, 0.0, lit)
+    share = 1.0 - float(lit[cells].sum())
+    rows = kept.sum(axis=1)
+    columns = np.cumsum(kept, axis=1) / np.where(rows > 0, rows, 1.0)[:, None]
+    return (
+        field._replace(
+            rows=np.append(0.0, np.cumsum(rows)) / share, columns=np.column_stack([np.zeros(len(rows)), columns])
+        ),
+        share,
     )
 
 

@@ -219,7 +219,8 @@ class _Pilots:
         pooled = 2 <= budget.replicates < OWN_ERRORS
         self.frame = frame = in_whole_blocks(asked, subject.camera.sensor.shape) if pooled else asked
         self.pixels = (frame[1] - frame[0]) * (frame[3] - frame[2])
-        self.side, self.tiles = cut_into_tiles(frame, budget, None, cells_per_pixel(context.camera))
+        shared = context.camera.spread is not None
+        self.side, self.tiles = cut_into_tiles(frame, budget, None, cells_per_pixel(context.camera), shared=shared)
 
     def run(self, samples: int, seed: int) -> PilotRun:
         """A pilot with a number of samples, in as large tiles as the render has, and no more pixels than a frame."""
@@ -342,6 +343,8 @@ def _estimate(pilots: _Pilots, found: _Found) -> Estimate:
     state = 8 * channels * (budget.replicates + 1)
     waiting = 4 * pilots.threads * min(pilots.side**2, n) * (state + once)  # results that are to be taken
     waiting += pilots.threads * min(pilots.side**2, n) * _WORK_BYTES
+    if (spread := pilots.context.camera.spread) is not None:
+        waiting += pilots.threads * min(pilots.side**2, n) * state * spread.table.parts.shape[1]
     fed = (found.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
     memory = resident_bytes() + film * n + waiting + min(fed, MOST_BYTES)
     record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)

@@ -2,20 +2,50 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from plenoptic.camera.sampling.kernels.paths import path_place, replicate_size
-from plenoptic.core.jit import kernel
+from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
+from plenoptic.core.values import Floats
+
+
+class Light(NamedTuple):
+    """What the paths of a bundle bring."""
+
+    blocks: Floats
+    """The bundle, with what paths weigh."""
+    radiance: Floats | None
+    """(n, channels); None for 1 everywhere: a white image."""
+    waves: NDArray[np.int64] | None
+    """Numbers of their wavelengths. Their radiance is then one number. None where there is one for all."""
+    weights: Floats | None
+    """(wavelengths, channels): what they add to channels."""
+
+
+@device
+def _brought(light, k, c):
+    """What path k of a bundle brings to channel c."""
+    found = light.blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
+    if light.weights is not None:
+        found *= light.weights[light.waves[k], c]
+        if light.radiance is not None:
+            found *= light.radiance[k, 0]
+    elif light.radiance is not None:
+        found *= light.radiance[k, c]
+    return found
 
 
 @kernel
-def fill_sums(sums, blocks, radiance, waves, weights, start, n, batch):
+def fill_sums(sums, bundle, start, n, batch):
     """Add what the paths of a bundle bring to sums (pixels, streams, channels), in the order of their numbers.
 
     The last row of a pixel's sums gets the squares of what its paths bring, those of all streams.
 
-    `radiance` is (n, channels), or None for 1 everywhere: a white image. With `weights` (wavelengths, channels), each
-    path has a wavelength, its radiance is one number, and the weights are what that adds to the channels. Returns how
-    many contributions were not finite; these are left out.
+    The bundle is `Light`. Returns how many contributions were not finite; these are left out.
     """
     broken = 0
     samples, streams = batch.samples, batch.streams
@@ -27,13 +57,7 @@ def fill_sums(sums, blocks, radiance, waves, weights, start, n, batch):
         for c in range(sums.shape[2]):
             total, squares = sums[pixel, stream, c], sums[pixel, -1, c]
             for k in range(path - start, path - start + run):
-                light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
-                if weights is not None:
-                    light *= weights[waves[k], c]
-                    if radiance is not None:
-                        light *= radiance[k, 0]
-                elif radiance is not None:
-                    light *= radiance[k, c]
+                light = _brought(bundle, k, c)
                 if light - light == 0.0:
                     total += light
                     squares += light * light
@@ -42,6 +66,109 @@ def fill_sums(sums, blocks, radiance, waves, weights, start, n, batch):
             sums[pixel, stream, c], sums[pixel, -1, c] = total, squares
         path += run
     return broken
+
+
+@kernel
+def fill_shared(sums, place, bundle, spots, parts, start, n, batch):
+    """Share what the paths of a bundle bring between pixels.
+
+    `sums` are (places, replicates, channels, pixels), of squares (places, channels, pixels), of the light (places,
+    replicates, channels) and of its shares (places, replicates, pixels); `place` those of the bundle's pixels, `spots`
+    rows of `parts`, the shares. For the rest see `fill_sums`.
+    """
+    broken = 0
+    means, squares, brought, shares = sums
+    for k in range(n):
+        pixel, stream, _ = path_place(start + k, batch.samples, batch.streams)
+        at, replicate = place[pixel], (batch.first_stream + stream) % means.shape[1]
+        for to in range(parts.shape[1]):
+            shares[at, replicate, to] += parts[spots[k], to]
+        for c in range(means.shape[2]):
+            light = _brought(bundle, k, c)
+            if light - light == 0.0:
+                for to in range(parts.shape[1]):
+                    part = light * parts[spots[k], to]
+                    means[at, replicate, c, to] += part
+                    squares[at, c, to] += part * part
+                brought[at, replicate, c] += light
+            else:
+                broken += 1
+    return broken
+
+
+@kernel
+def fill_evened(sums, place, means, batch):
+    """Take away what is light only by where its paths started, shares by chance above or below their means.
+
+    Of each replicate, by the light of all others: these do not know its shares, so that it stays right on average.
+    """
+    light, _, brought, shares = sums
+    replicates, counts = light.shape[1], np.zeros(light.shape[1])
+    for stream in range(batch.streams):
+        counts[(batch.first_stream + stream) % replicates] += replicate_size(stream, batch.samples, batch.streams)
+    for at in place:
+        for c in range(light.shape[2]):
+            for r in range(replicates):
+                total = 0.0
+                for other in range(replicates):
+                    total += brought[at, other, c] if other != r else 0.0
+                level = total / (batch.samples - counts[r] + 1.0)
+                for to in range(means.size):
+                    light[at, r, c, to] -= level * (shares[at, r, to] - counts[r] * means[to])
+
+
+@kernel
+def fill_drawn(sums, bundle, start, n, drawn, batch, every):
+    """Add what drawn bends bring to pixels, each for all samples of a batch that it stands for.
+
+    `sums` are (pixels, replicates, channels) and, of squares, (pixels, channels); `drawn` is the batch of the bends.
+    For the rest see `fill_sums`.
+    """
+    broken = 0
+    means, squares = sums
+    for k in range(n):
+        pixel, stream, index = path_place(start + k, drawn.samples, drawn.streams)
+        replicate, begin = (batch.first_stream + stream) % means.shape[1], (drawn.first_index + index) * every
+        end = batch.first_index + replicate_size(stream, batch.samples, batch.streams)
+        count = min(begin + every, end) - max(begin, batch.first_index)
+        for c in range(means.shape[2]):
+            light = _brought(bundle, k, c)
+            if light - light == 0.0:
+                means[pixel, replicate, c] += count * light
+                squares[pixel, c] += count * light * light
+            else:
+                broken += 1
+    return broken
+
+
+@kernel
+def fill_gathered(whole, shared, drawn, givers, samples, part, every):
+    """Add up what pixels get of the samples of a batch: shares of light at `givers`, and `part` of the drawn bends.
+
+    The last row of `whole` (pixels, replicates + 1, channels) gets the square of what all bring over their number, and
+    how much what they bring differs: a drawn bend stands for `every` samples, and differs as much more.
+    """
+    replicates, (shared, shared_squares, _, _), (drawn, drawn_squares) = whole.shape[1] - 1, shared, drawn
+    for p in range(whole.shape[0]):
+        for c in range(whole.shape[2]):
+            total = 0.0
+            for r in range(replicates):
+                found = part * drawn[p, r, c]
+                for to in range(givers.shape[1]):
+                    found += shared[givers[p, to], r, c, to]
+                whole[p, r, c] += found
+                total += found
+            scatter = 0.0
+            for to in range(givers.shape[1]):
+                found = 0.0
+                for r in range(replicates):
+                    found += shared[givers[p, to], r, c, to]
+                scatter += max(shared_squares[givers[p, to], c, to] - found * found / samples, 0.0)
+            found = 0.0
+            for r in range(replicates):
+                found += drawn[p, r, c]
+            scatter += every * part * part * max(drawn_squares[p, c] - found * found / samples, 0.0)
+            whole[p, replicates, c] += total * total / samples + scatter
 
 
 @kernel

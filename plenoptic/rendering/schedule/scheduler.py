@@ -115,7 +115,8 @@ def _run(
     if checkpoint is not None:
         files.callback(checkpoint.close)
     wanted = work.tile_side if checkpoint is None or work.tile_side is not None else checkpoint.tile_side
-    side, tiles = cut_into_tiles(region, budget, wanted, cells_per_pixel(context.camera))
+    shared = context.camera.spread is not None
+    side, tiles = cut_into_tiles(region, budget, wanted, cells_per_pixel(context.camera), shared=shared)
     steps = budget.steps or budget.passes
     context.prepared.cut_into(tuple(tiles), steps=steps)
     here = slice(asked[0] - region[0], asked[1] - region[0]), slice(asked[2] - region[2], asked[3] - region[2])

@@ -120,23 +120,6 @@ def _is_still(pieces, low, high):
 
 
 @device
-def _around(around, row, column):
-    """The number of a pixel among those around a tile's; -1 for others."""
-    k, found = row - around.row, -1
-    if 0 <= k < around.first.size - 1:
-        low, high = around.first[k], around.first[k + 1]
-        if high > low:
-            at = low + column - around.columns[low]
-            if low <= at < high and around.columns[at] == column:
-                found = at
-            else:
-                at = low + np.searchsorted(around.columns[low:high], column)
-                if at < high and around.columns[at] == column:
-                    found = at
-    return found
-
-
-@device
 def _from_where(around, p, point, wavelength, random):
     """Where light of a point of pixel p was headed before it bent: the point, the number of the pixel around the tile's
     in which it lies (-1: none that is near, -2: none that is followed), and what paths through openings and beside them
@@ -155,7 +138,7 @@ def _from_where(around, p, point, wavelength, random):
     if -NEAR <= row < rows + NEAR and -NEAR <= column < columns + NEAR:
         found, i, j = -1, math.floor(row), math.floor(column)
         if abs(i - around.own[p, 0]) <= NEAR and abs(j - around.own[p, 1]) <= NEAR:
-            found = _around(around, i, j)
+            found = around.grid[i - around.corner[0], j - around.corner[1]]
     return (x, y), found, (through, beside)
 
 
@@ -214,6 +197,18 @@ def _keep(ray, i, start, random, counts):
     ray[Z + i], ray[N + i] = counts
 
 
+@device
+def _spot(spread, wave, start, beside, places):
+    """The row of a `SpreadTable` for a path of wavelength number `wave` from a point and its places in the pixel."""
+    level = 0
+    if spread.plane.tilt is not None:
+        h = spread.plane.distance + spread.plane.tilt[0] * start[0] + spread.plane.tilt[1] * start[1]
+        level = min(max(int((h - spread.low) * spread.per_level), 0), spread.levels - 1)
+    row = (wave * spread.levels + level) * spread.kinds + (1 if beside else 0)
+    across, down = int(places[0] * spread.fine), int(places[1] * spread.fine)
+    return (row * spread.fine + down) * spread.fine + across
+
+
 @kernel
 def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed):
     """Start paths start ... start + n - 1 of a batch of the pixels of a tile, which are `FedPixels`.
@@ -227,6 +222,7 @@ def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed):
 
     Where light bends, a path starts where it was headed. Those that come from far away are left to `fill_far_samples`,
     with that place, two random numbers and what they count; `Bends` gets their numbers. Returns how many there are.
+    Where light is shared, they get the row of the `SpreadTable` for each path.
     """
     net, samples, streams = batch.net, batch.samples, batch.streams
     regions = fed.regions
@@ -311,6 +307,13 @@ def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed):
                 own[at] = details[chosen]
                 if around is not None:
                     _counted(ray, i, details[chosen], counts_as)
+            if fed.spread is not None:
+                wave, aside = 0, False
+                if bends.waves is not None:
+                    wave = bends.waves[at]
+                if details is not None:
+                    aside = fed.spread.kinds > 1 and details[chosen].clip < 0.0
+                bends.spots[at] = _spot(fed.spread, wave, on_sensor, aside, (u[0, k], u[1, k]))
         path += run
     pad(blocks, n)
     if sure is not None:
