@@ -20,7 +20,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.diffraction import BendRecord
-from plenoptic.camera.sampling.record import Around, Bends
+from plenoptic.camera.sampling.record import Around, Bends, SpreadTable
 from plenoptic.core.jit import device
 from plenoptic.optics.diffraction.far_field import far_field
 from plenoptic.optics.microlens.aperture import Opening
@@ -226,16 +226,20 @@ ROWS, CUBE, BYTES, NUMBERS, PLACES = "f8[:,::1]", "f8[:,:,::1]", "u1[::1]", "i8[
 COLUMN = TextureColumn(np.empty(1, np.int32), np.empty(1, TEXTURE), np.empty(1, np.float32))
 COLOUR = {"wavelengths.number": NUMBERS, "wavelengths.basis": ROWS}
 PLACED = {"hits.instance": PLACES, "geometry.instance_to_world": ROWS}
+NUMBER = np.empty(1, np.int64)
 AROUND = Around(
     np.empty((1, 2), np.int64),
-    0,
-    *2 * [np.empty(1, np.int64)],
+    (0, 0),
+    np.empty((1, 1), np.int32),
+    np.empty(1, np.int64),
+    np.empty((1, 1), np.int64),
     np.empty((1, 2)),
     np.empty(1),
     (1, 1),
     SensorPlane(1.0, None),
     BendRecord(far_field(Opening(SQUARE), None, np.eye(2)), np.empty(1), np.empty(2), np.eye(2)),
 )
+SPREAD = SpreadTable(np.empty((1, 9)), np.empty(9), 1, 1, 1, SensorPlane(1.0, None), np.empty(1), 1, 0.0, 1.0)
 MAP = Environment(
     np.empty((1, 1, 1), np.float32), np.empty(1), np.empty((1, 1)), np.empty((1, 1)), np.empty(9), 0.5, 1.0
 )
@@ -270,10 +274,14 @@ def _kind(module, kernel, **columns):
 
 FEATURES = [
     Feature(SAMPLE, "fill_camera_samples", _column("fed.pixel.skew")),
-    Feature(SAMPLE, "fill_camera_samples", {"bends": Bends(np.empty(1, np.int64), None), "fed.around": AROUND}),
+    Feature(
+        SAMPLE,
+        "fill_camera_samples",
+        {"bends": Bends(NUMBER, NUMBER, None), "fed.around": AROUND, "fed.spread": SPREAD},
+    ),
     Feature(SAMPLE, "fill_camera_samples", {"own": MICROLENS, "fed.regions.details": MICROLENS}),
-    Feature(FILM, "fill_sums", {"radiance": ROWS}),
-    Feature(FILM, "fill_sums", {"waves": NUMBERS, "weights": ROWS}),
+    Feature(FILM, "fill_sums", {"bundle.radiance": ROWS}),
+    Feature(FILM, "fill_sums", {"bundle.waves": NUMBERS, "bundle.weights": ROWS}),
     Feature(WORLD, "fill_world_rays", {"rotation": ROWS, "position": "f8[::1]"}),
     Feature(THIN, "fill_thin", _column("sensor.tilt")),
     Feature(THIN, "fill_thin", {"own": MICROLENS}),
@@ -320,7 +328,7 @@ LARGE = {
 }
 """Features of some hundred instructions. Small ones may make a kernel shorter: loops are then not unrolled."""
 
-NEEDED = {"radiance"}
+NEEDED = {"bundle.radiance"}
 """What the plain rendering has all the same; a white image has not."""
 
 

@@ -7,6 +7,8 @@ no bend is left to chance. What bends farther is little, and drawn for one path 
 
 from __future__ import annotations
 
+import itertools
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -27,10 +29,10 @@ EVERY = 4
 """Paths for each drawn bend."""
 APART = 1 << 48
 """From numbers of pixels to those by which drawn bends have random numbers of their own."""
-_FINE = 32
-"""Places along a side of a pixel: what changes within one blurs less than 0.1 % of the contrast at any frequency."""
+_FINE, _FINER = 32, 2
+"""Places along a side of a pixel, for which shares are averages, and points of a grid in each for averaging."""
 _LEVEL = 0.01
-"""Steps of distances from the array, over these."""
+"""Steps of the pattern's size on the sensor, over the least."""
 _REACH, _DRAWN = 3, 0.05
 """The most pixels on each side with which light is shared, and the part that may be left to draws for fewer."""
 
@@ -48,85 +50,93 @@ class Spread(NamedTuple):
 def spread_of(
     camera: PlenopticCamera, sensor: SensorRecord, parts: Assembly, bend: BendRecord, colour: ColourTables | None
 ) -> Spread:
-    """Divide bends: short are those of which each wavelength's end within some pixels, at any distance."""
-    wavelengths = bend.wavelengths[:1] if len(bend.wavelengths) == 1 else bend.wavelengths[1:]
-    distances = np.array([sensor.plane.distance])
-    if parts.tilt is not None:
-        found = sensor.plane.distance + sensor_corners(camera, parts)[:, :2] @ parts.tilt
-        least, most = float(found.min()), float(found.max())
-        n = max(1, int(np.ceil(np.log(most / least) / _LEVEL)))
-        distances = least + (most - least) * (np.arange(n) + 0.5) / n
-    scale = bend.back @ bend.field.scale
-    longest = float(wavelengths.max() * distances.max())
-    along = (np.arange(len(bend.field.columns)) + 0.5) * bend.field.step - bend.field.inner
-    x, y = np.meshgrid(along, along)
-    farthest = longest * np.abs(scale).sum(axis=1) * 0.5 * bend.field.step
-    ends = np.stack([longest * np.abs(row[0] * x + row[1] * y) + far for row, far in zip(scale, farthest, strict=True)])
-    for reach in range(1, _REACH + 1):
-        short = np.asarray((ends <= reach).all(axis=0))
-        rest, drawn = without(bend.field, short)
-        if drawn <= _DRAWN:
-            break
-    lit = np.diff(bend.field.columns, axis=1) * np.diff(bend.field.rows)[:, None]
-    kinds = [lit[short]]
+    """Divide bends: short are those that end within some pixels at every wavelength and distance from the array."""
+    plane, drawn_ones = sensor.plane, bend.wavelengths[min(1, len(bend.wavelengths) - 1) :]
+    farther = np.zeros(1) if parts.tilt is None else sensor_corners(camera, parts)[:, :2] @ parts.tilt
+    low = float(drawn_ones.min() * (plane.distance + farther.min()))
+    most = float(drawn_ones.max() * (plane.distance + farther.max()))
+    levels = math.ceil(math.log(most / low) / _LEVEL) or 1
+    step = (most - low) / levels or most
+    short, reach = _short(bend, most)
+    rest, drawn = without(bend.field, short)
+    light = [(np.diff(bend.field.columns, axis=1) * np.diff(bend.field.rows)[:, None])[short]]
     if bend.field.opening is not None:
-        through = bend.field.opening[short]
-        kinds = [lit[short] * through, lit[short] * (1.0 - bend.field.share * through) / (1.0 - bend.field.share)]
-    at = np.stack([x[short], y[short]])
-    cover = _covers(np.asarray(camera.sensor.pixel_aperture), reach)
-    rows = [
-        _shares((wavelength * distance) * (scale @ at), light, cover, reach) / sensor.fill_factor
-        for wavelength in wavelengths
-        for distance in distances
-        for light in kinds
-    ]
+        through, share = bend.field.opening[short], bend.field.share
+        light = [light[0] * through, light[0] * (1.0 - share * through) / (1.0 - share)]
+    cells, covers = np.stack(np.nonzero(short)[::-1]), _covers(np.asarray(camera.sensor.pixel_aperture), reach)
+    sizes = low + step * (np.arange(levels) + 0.5) if most > low else np.array([most])
+    rows = [_shares(bend, size, cells, part, covers) / sensor.fill_factor for size in sizes for part in light]
     means = None
-    if len(rows) == len(wavelengths):
+    if parts.tilt is None and len(light) == 1:
         chances = np.ones(1) if colour is None else np.diff(colour.cdf, prepend=0.0)
-        means = np.einsum("w,wk->k", chances, np.stack([part.mean(axis=0) for part in rows]))
-    low, step = float(distances[0]), float(distances[1] - distances[0]) if len(distances) > 1 else 1.0
+        at = np.clip((drawn_ones * plane.distance - low) * (1.0 / step), 0, levels - 1).astype(np.int64)
+        means = chances @ np.stack([part.mean(axis=0) for part in rows])[at]
     table = SpreadTable(
-        np.concatenate(rows),
-        means,
-        reach,
-        _FINE,
-        len(kinds),
-        len(distances),
-        sensor.plane,
-        low - 0.5 * step,
-        1.0 / step,
+        parts=np.concatenate(rows),
+        means=means,
+        reach=reach,
+        fine=_FINE,
+        kinds=len(light),
+        plane=plane,
+        wavelengths=bend.wavelengths,
+        levels=levels,
+        low=low,
+        per_level=1.0 / step,
     )
     return Spread(table, bend._replace(field=rest), drawn)
 
 
+def _ends(bend: BendRecord, longest: float, cells: Floats) -> Floats:
+    """(2, ...): how far bends lead, in pixels, of places (2, ...) in the table, in cells along x and y."""
+    periods = cells * bend.field.step - bend.field.inner
+    return np.asarray(np.tensordot(longest * (bend.back @ bend.field.scale), periods, axes=1))
+
+
+def _short(bend: BendRecord, longest: float) -> tuple[NDArray[np.bool_], int]:
+    """Cells (n, n) of the table that end within some pixels at a wavelength times a distance, and in how many."""
+    corners = np.arange(len(bend.field.columns) + 1.0)
+    ends = np.abs(_ends(bend, longest, np.stack(np.meshgrid(corners, corners)))).max(axis=0)
+    ends = np.maximum(np.maximum(ends[1:, 1:], ends[:-1, :-1]), np.maximum(ends[1:, :-1], ends[:-1, 1:]))
+    for reach in range(1, _REACH):
+        if without(bend.field, ends <= reach)[1] <= _DRAWN:
+            return ends <= reach, reach
+    return ends <= _REACH, _REACH
+
+
 def _covers(aperture: Floats, reach: int) -> list[Floats]:
-    """Along x and y, what of places lies in the parts of pixels that see light: (pixels, places of all of them)."""
-    edges = np.arange((2 * reach + 1) * _FINE + 1) / _FINE - reach - 0.5
+    """Along x and y, what of the middle pixel's places, moved by each step of a grid, lies in the parts of pixels that
+    see light: (pixels, places, steps).
+    """
+    fine = _FINE * _FINER
+    edges = np.arange((2 * reach + 1) * fine + 1) / fine - reach - 0.5
     pixel = np.arange(-reach, reach + 1)[:, None]
+    moved = np.arange(fine)[:, None] + np.arange(2 * reach * fine + 1)
     found = []
     for part in aperture:
-        inside = np.clip(edges, pixel - 0.5 * part, pixel + 0.5 * part)
-        found.append(np.diff(inside, axis=1) * _FINE)
+        inside = np.diff(np.clip(edges, pixel - 0.5 * part, pixel + 0.5 * part), axis=1) * fine
+        found.append(inside[:, moved].reshape(len(pixel), _FINE, _FINER, -1).mean(axis=2))
     return found
 
 
-def _shares(ends: Floats, light: Floats, covers: list[Floats], reach: int) -> Floats:
-    """(_FINE^2, pixels): what pixels get of light that is headed to places of the middle one, and bends by `ends`
-    (2, n) pixels.
+def _shares(bend: BendRecord, longest: float, cells: NDArray[np.int64], light: Floats, covers: list[Floats]) -> Floats:
+    """(_FINE^2, pixels): what pixels get of light that is headed to places of the middle one, and bends by cells (2, k)
+    of the table.
     """
-    n = 2 * reach * _FINE + 1
-    place = np.clip((ends + reach) * _FINE, 0.0, n - 1.000001)
-    corner = place.astype(np.int64)
-    x, y = place - corner
-    spread = np.zeros(n * n)
-    for right, wide in ((0, 1.0 - x), (1, x)):
-        for down, high in ((0, 1.0 - y), (1, y)):
-            at = (corner[1] + down) * n + corner[0] + right
-            spread += np.bincount(at, weights=light * wide * high, minlength=n * n)
-    # Places of the middle pixel, moved by each step of the grid.
-    moved = np.arange(_FINE)[:, None] + np.arange(n)
-    by_x, by_y = (cover[:, moved] for cover in covers)
-    found = np.einsum("dim,mn,ajn->ijda", by_y, spread.reshape(n, n), by_x, optimize=True)
+    reach, fine, n = len(covers[0]) // 2, _FINE * _FINER, covers[0].shape[2]
+    grid = np.zeros(n * n)
+    # Points of a cell, nearer to one another than those of the grid, to which their light is divided.
+    widest = float(np.abs(_ends(bend, longest, np.eye(2)) - _ends(bend, longest, np.zeros((2, 2)))).max())
+    points = math.ceil(widest * fine)
+    along = (np.arange(points) + 0.5) / points
+    for point in itertools.product(along, along):
+        at = np.clip((_ends(bend, longest, cells + np.array(point)[:, None]) + reach) * fine, 0.0, n - 1 - 1e-9)
+        corner = at.astype(np.int64)
+        part = at - corner
+        for right, down in itertools.product((0, 1), (0, 1)):
+            weight = np.abs(1 - right - part[0]) * np.abs(1 - down - part[1])
+            grid += np.bincount((corner[1] + down) * n + corner[0] + right, weight * light, minlength=n * n)
+    by_x, by_y = covers
+    found = np.einsum("dim,mn,ajn->ijda", by_y, grid.reshape(n, n) / points**2, by_x, optimize=True)
     return np.ascontiguousarray(found.reshape(_FINE * _FINE, -1))
 
 

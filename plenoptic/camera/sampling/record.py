@@ -136,8 +136,8 @@ class SpreadTable(NamedTuple):
 
     parts: Floats
     """(rows, pixels): shares of the pixels around, down and across from the nearest corner, times the area of a pixel
-    over that which sees light. Rows run over wavelengths, distances, what passed openings and what passed beside them,
-    and places in the pixel, down and across."""
+    over that which sees light. Rows run over levels, what passed openings and what passed beside them, and places in
+    the pixel, down and across."""
     means: Floats | None
     """(pixels,): of all paths, whatever light they bring; None where they are others in each pixel."""
     reach: int
@@ -146,13 +146,15 @@ class SpreadTable(NamedTuple):
     """Places along a side of a pixel."""
     kinds: int
     """1, or 2 where light passes beside openings."""
-    levels: int
-    """Distances from the array: several where the sensor is tilted."""
     plane: SensorPlane
+    wavelengths: Floats
+    """(n + 1,): the camera's, then those that paths draw, in mm."""
+    levels: int
+    """Sizes of the pattern on the sensor: several for several wavelengths, and where it is tilted."""
     low: float
-    """The least distance, in mm."""
+    """The least wavelength times distance from the array, in mm^2."""
     per_level: float
-    """Levels for each mm."""
+    """Levels for each mm^2 more."""
 
 
 class FedPixels(NamedTuple):

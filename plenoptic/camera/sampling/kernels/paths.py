@@ -198,13 +198,13 @@ def _keep(ray, i, start, random, counts):
 
 
 @device
-def _spot(spread, wave, start, beside, places):
-    """The row of a `SpreadTable` for a path of wavelength number `wave` from a point and its places in the pixel."""
-    level = 0
+def _spot(spread, wavelength, start, aside, places):
+    """The row of a `SpreadTable` for a path of a wavelength from a point and its places in the pixel."""
+    h = spread.plane.distance
     if spread.plane.tilt is not None:
-        h = spread.plane.distance + spread.plane.tilt[0] * start[0] + spread.plane.tilt[1] * start[1]
-        level = min(max(int((h - spread.low) * spread.per_level), 0), spread.levels - 1)
-    row = (wave * spread.levels + level) * spread.kinds + (1 if beside else 0)
+        h += spread.plane.tilt[0] * start[0] + spread.plane.tilt[1] * start[1]
+    level = min(max(int((wavelength * h - spread.low) * spread.per_level), 0), spread.levels - 1)
+    row = level * spread.kinds + (1 if aside else 0)
     across, down = int(places[0] * spread.fine), int(places[1] * spread.fine)
     return (row * spread.fine + down) * spread.fine + across
 
@@ -308,12 +308,10 @@ def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed):
                 if around is not None:
                     _counted(ray, i, details[chosen], counts_as)
             if fed.spread is not None:
-                wave, aside = 0, False
-                if bends.waves is not None:
-                    wave = bends.waves[at]
+                wavelength, aside = at_wavelength(fed.spread.wavelengths, bends.waves, at), False
                 if details is not None:
                     aside = fed.spread.kinds > 1 and details[chosen].clip < 0.0
-                bends.spots[at] = _spot(fed.spread, wave, on_sensor, aside, (u[0, k], u[1, k]))
+                bends.spots[at] = _spot(fed.spread, wavelength, on_sensor, aside, (u[0, k], u[1, k]))
         path += run
     pad(blocks, n)
     if sure is not None:

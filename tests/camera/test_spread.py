@@ -1,0 +1,178 @@
+"""Light shared between pixels, and what is left to draws: against bends drawn one by one."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import plenoptic as pl
+from plenoptic.camera.record import camera_record
+from plenoptic.camera.spread import EVERY, rest_of
+from plenoptic.optics import ApertureShape, Gaps, MicrolensAperture
+from plenoptic.optics.diffraction.kernels.far_field import fill_bends
+from plenoptic.rendering.kernels import film_sums
+from plenoptic.rendering.settings import RenderSettings
+
+CLEAR = MicrolensAperture(ApertureShape.CIRCLE, 0.6, Gaps.CLEAR)
+
+
+def camera(pixel=0.01, *, aperture=None, pixel_aperture=(1.0, 1.0), **more):
+    given = {
+        "lens": pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(8.0)),
+        "microlenses": pl.MicrolensArray(0.217, (2.0,), aperture=aperture),
+        "sensor": pl.Sensor((32, 32), pixel, pixel_aperture=pixel_aperture),
+        "stop_to_microlenses": 123.3,
+        "microlenses_to_sensor": 1.7,
+        "diffraction": pl.Diffraction(),
+    }
+    return pl.PlenopticCamera(**(given | more))
+
+
+@pytest.mark.parametrize("pixel", [0.02, 0.01, 0.005, 0.002])
+@pytest.mark.parametrize("pixel_aperture", [(1.0, 1.0), (0.5, 0.8)])
+def test_shares_and_draws_are_all_light(pixel, pixel_aperture):
+    record = camera_record(camera(pixel, pixel_aperture=pixel_aperture))
+    table, drawn = record.spread.table, record.spread.drawn
+    seen = pixel_aperture[0] * pixel_aperture[1]
+    assert np.all(table.parts >= 0)
+    assert_allclose(table.means, table.parts.mean(axis=0), rtol=1e-12)
+    # Even light brings a pixel as much as it brings its surroundings, whatever part of it sees light.
+    assert table.means.sum() + drawn == pytest.approx(1.0, abs=1e-12)
+    if seen == 1:
+        assert_allclose(table.parts.sum(axis=1), 1.0 - drawn, rtol=1e-12)
+    # Openings and pixels are alike from all sides.
+    side = 2 * table.reach + 1
+    assert_allclose(table.means.reshape(side, side), table.means.reshape(side, side)[::-1, ::-1], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("pixel", "turned", "more"),
+    [
+        (0.01, 0.0, {}),
+        (0.003, 0.4, {"pixel_aperture": (0.9, 0.6)}),
+        (0.006, 0.0, {"aperture": CLEAR}),
+        (0.01, 0.2, {"sensitivity": pl.sensitivities.linear_srgb()}),
+    ],
+)
+def test_shares_are_those_of_bends_that_are_drawn(pixel, turned, more):
+    # Bends of the whole pattern, from two places of a pixel to those around, with the drawn rest taken away.
+    made = camera(pixel, **more).moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.0, turned))
+    record = camera_record(made)
+    table, bend = record.spread.table, record.bend
+    part = np.array(made.sensor.pixel_aperture)
+    n, levels = 1 << 19, (bend.wavelengths * record.sensor.plane.distance - table.low) * table.per_level
+    # Of the wavelengths, one in the middle of its level.
+    wave = 0 if len(levels) == 1 else 1 + int(np.abs(levels[1:] - np.rint(levels[1:] - 0.5) - 0.5).argmin())
+    wavelength, level = bend.wavelengths[wave], min(int(levels[wave]), table.levels - 1)
+    numbers = np.random.default_rng(2).random((n, 2))
+    found = {}
+    for name, field in (("all", bend.field), ("rest", record.spread.rest.field)):
+        found[name] = np.empty((n, 4))
+        fill_bends(found[name], numbers, field)
+    steps = np.arange(-table.reach, table.reach + 1)
+    for kind in range(table.kinds):
+        for across, down in ((5, 20), (31, 0)):
+            shares, noise = np.zeros((len(steps),) * 2), 0.0
+            for name, sign in (("all", 1.0), ("rest", -record.spread.drawn)):
+                ends = found[name][:, :2] @ bend.back.T * (wavelength * record.sensor.plane.distance)
+                ends += (np.array([across, down]) + np.random.default_rng(3).random((n, 2))) / table.fine - 0.5
+                at = np.rint(ends).astype(int)
+                seen = (np.abs(ends - at) <= 0.5 * part).all(axis=1) & (np.abs(at) <= table.reach).all(axis=1)
+                weights, place = sign * found[name][seen, 2 + kind], at[seen] + table.reach
+                np.add.at(shares, (place[:, 1], place[:, 0]), weights)
+                noise += float((weights**2).sum())
+            row = ((level * table.kinds + kind) * table.fine + down) * table.fine + across
+            known = table.parts[row].reshape(shares.shape) * part.prod()
+            assert_allclose(shares / n, known, atol=2.5 * math.sqrt(noise) / n)
+
+
+def batches(samples, replicates, cuts):
+    """The batches of some samples, cut into whole numbers of each replicate, the last with what is left."""
+    context = _Context(replicates)
+    from plenoptic.rendering.tile import batch_of
+
+    first = 0
+    for cut in [*cuts, samples]:
+        n = min(cut * replicates, samples - first)
+        if n > 0:
+            yield batch_of(context, first, n)
+            first += n
+
+
+class _Context:
+    """What `batch_of` reads of a context."""
+
+    def __init__(self, replicates):
+        self.seed, self.replicates, self.settings = np.uint64(1), replicates, RenderSettings()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 70), st.integers(1, 5), st.lists(st.integers(1, 9), max_size=4))
+def test_drawn_bends_stand_for_all_samples_whichever_batches_these_come_in(samples, replicates, cuts):
+    # Light that is the index of the bend plus one: what comes in must be that of a whole render, for each replicate.
+    found, expected = np.zeros(replicates), np.zeros(replicates)
+    for batch in batches(samples, replicates, cuts):
+        drawn = rest_of(batch)
+        n = drawn.samples
+        sums = np.zeros((1, replicates, 1)), np.zeros((1, 1))
+        blocks = np.zeros(8 * 256)
+        longest = -(-n // drawn.streams)
+        order = [(s, i) for s in range(drawn.streams) for i in range(longest) if i * drawn.streams + s < n]
+        for k, (_, index) in enumerate(order):
+            blocks[6 * 256 + k] = drawn.first_index + index + 1
+        film_sums.fill_drawn(sums, film_sums.Light(blocks, None, None, None), 0, n, drawn, batch, EVERY)
+        found += sums[0][0, :, 0]
+    for r in range(replicates):
+        expected[r] = sum(i // EVERY + 1 for i in range(len(range(r, samples, replicates))))
+    assert_allclose(found, expected)
+
+
+@pytest.mark.parametrize("sampler", pl.rendering.Sampler)
+def test_few_samples_are_right_on_average_and_their_errors_hold(sampler):
+    # Two samples, in two replicates that even one another out, against many.
+    made, region = camera(), np.s_[4:24, 4:24]
+    scene = pl.check_scene()
+    known = pl.render(scene, made, samples=1024, replicates=8, region=region, progress=False, truth=pl.Truth.NONE)
+    few = {"samples": 2, "replicates": 2, "region": region, "sampler": sampler, "truth": pl.Truth.NONE}
+    images = [pl.render(scene, made, seed=s, progress=False, **few).image.astype(float) for s in range(40)]
+    mean, error = np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / math.sqrt(40)
+    chi = (mean - known.image) / np.hypot(error, known.standard_error)
+    assert float(np.sqrt((chi**2).mean())) < 1.12
+    total = np.array([image.sum() for image in images])
+    sigma = math.hypot(total.std(ddof=1) / math.sqrt(40), 3 * float(np.linalg.norm(known.standard_error)))
+    assert total.mean() == pytest.approx(float(known.image.sum()), abs=4 * sigma)
+
+
+@pytest.mark.parametrize("replicates", [2, 8])
+def test_errors_are_what_seeds_differ_by(replicates):
+    made, region = camera(sensor=pl.Sensor((64, 64), 0.01)), np.s_[8:40, 8:40]
+    for scene in (None, pl.check_scene()):
+        shots = []
+        for seed in range(8):
+            given = {"samples": 32, "replicates": replicates, "region": region, "seed": seed, "progress": False}
+            shots.append(
+                pl.render_white(made, **given)
+                if scene is None
+                else pl.render(scene, made, truth=pl.Truth.NONE, **given)
+            )
+        between = np.var([shot.image for shot in shots], axis=0, ddof=1).mean()
+        within = np.mean([shot.standard_error.astype(float) ** 2 for shot in shots])
+        assert math.sqrt(within / between) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_tilted_sensor_has_several_distances():
+    table = camera_record(camera().moved(pl.CameraPart.SENSOR, tilt=(0.9, 0.0, 0.0))).spread.table
+    assert table.levels > 10
+    assert table.means is None
+    # Farther from the array, more leaves the pixel.
+    middle = table.parts.shape[1] // 2
+    stays = table.parts[:, middle].reshape(table.levels, -1).mean(axis=1)
+    assert np.all(np.diff(stays) < 0)
+
+
+def test_nothing_is_shared_without_diffraction():
+    assert camera_record(dataclasses.replace(camera(), diffraction=None)).spread is None
