@@ -239,7 +239,7 @@ AROUND = Around(
     SensorPlane(1.0, None),
     BendRecord(far_field(Opening(SQUARE), None, np.eye(2)), np.empty(1), np.empty(2), np.eye(2)),
 )
-SPREAD = SpreadTable(np.empty((1, 9)), np.empty(9), 1, 1, 1, SensorPlane(1.0, None), np.empty(1), 1, 0.0, 1.0)
+SPREAD = SpreadTable(np.empty((1, 9)), np.empty((1, 9)), 1, 1, 1, SensorPlane(1.0, None), np.empty(1), 1, 0.0, 1.0)
 MAP = Environment(
     np.empty((1, 1, 1), np.float32), np.empty(1), np.empty((1, 1)), np.empty((1, 1)), np.empty(9), 0.5, 1.0
 )

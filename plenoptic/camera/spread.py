@@ -33,7 +33,7 @@ _FINE, _FINER = 32, 2
 """Places along a side of a pixel, for which shares are averages, and points of a grid in each for averaging."""
 _LEVEL = 0.01
 """Steps of the pattern's size on the sensor, over the least."""
-_REACH, _DRAWN = 3, 0.05
+_REACH, _DRAWN = 3, 0.06
 """The most pixels on each side with which light is shared, and the part that may be left to draws for fewer."""
 
 
@@ -68,7 +68,7 @@ def spread_of(
     rows = [_shares(bend, size, cells, part, covers) / sensor.fill_factor for size in sizes for part in light]
     means = None
     if parts.tilt is None and len(light) == 1:
-        chances = np.ones(1) if colour is None else np.diff(colour.cdf, prepend=0.0)
+        chances = np.ones((1, 1)) if colour is None else np.diff(colour.cdf, prepend=0.0) * colour.weights.T
         at = np.clip((drawn_ones * plane.distance - low) * (1.0 / step), 0, levels - 1).astype(np.int64)
         means = chances @ np.stack([part.mean(axis=0) for part in rows])[at]
     table = SpreadTable(

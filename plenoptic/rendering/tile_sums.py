@@ -71,7 +71,8 @@ class SharedSums:
         self._weights = None if context.camera.colour is None else context.camera.colour.weights
         pixels, rows, channels = whole.shape
         places, to = len(fed.around.numbers), spread.table.parts.shape[1]
-        room = (rows - 1, channels, to), (channels, to), (rows - 1, channels), (rows - 1, to)
+        grey, coloured = (channels, 1) if self._weights is None else (1, channels)
+        room = (rows - 1, channels, to), (channels, to), (rows - 1, grey), (rows - 1, coloured, to)
         self._shared = tuple(np.zeros((places, *shape)) for shape in room)
         self._drawn = np.zeros((pixels, rows - 1, channels)), np.zeros((pixels, channels))
         own, beside = sharing_pixels(context.camera, fed, spread.table)

@@ -39,7 +39,7 @@ def test_shares_and_draws_are_all_light(pixel, pixel_aperture):
     table, drawn = record.spread.table, record.spread.drawn
     seen = pixel_aperture[0] * pixel_aperture[1]
     assert np.all(table.parts >= 0)
-    assert_allclose(table.means, table.parts.mean(axis=0), rtol=1e-12)
+    assert_allclose(table.means, table.parts.mean(axis=0)[None], rtol=1e-12)
     # Even light brings a pixel as much as it brings its surroundings, whatever part of it sees light.
     assert table.means.sum() + drawn == pytest.approx(1.0, abs=1e-12)
     if seen == 1:

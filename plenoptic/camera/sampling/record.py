@@ -139,7 +139,8 @@ class SpreadTable(NamedTuple):
     over that which sees light. Rows run over levels, what passed openings and what passed beside them, and places in
     the pixel, down and across."""
     means: Floats | None
-    """(pixels,): of all paths, whatever light they bring; None where they are others in each pixel."""
+    """(1, pixels): of all paths, whatever light they bring, or (channels, pixels), times the weights of their
+    wavelengths; None where they are others in each pixel."""
     reach: int
     """Pixels on each side."""
     fine: int

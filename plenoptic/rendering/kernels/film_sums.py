@@ -73,32 +73,46 @@ def fill_shared(sums, place, bundle, spots, parts, start, n, batch):
     """Share what the paths of a bundle bring between pixels.
 
     `sums` are (places, replicates, channels, pixels), of squares (places, channels, pixels), of the light (places,
-    replicates, channels) and of its shares (places, replicates, pixels); `place` those of the bundle's pixels, `spots`
-    rows of `parts`, the shares. For the rest see `fill_sums`.
+    replicates, channels) and of its shares (places, replicates, 1, pixels); where paths have wavelengths, these are of
+    the light before its weights (places, replicates, 1) and of the shares times weights (places, replicates, channels,
+    pixels). `place` are those of pixels, `spots` rows of `parts`, the shares. For the rest see `fill_sums`.
     """
     broken = 0
-    means, squares, brought, shares = sums
     for k in range(n):
         pixel, stream, _ = path_place(start + k, batch.samples, batch.streams)
-        at, replicate = place[pixel], (batch.first_stream + stream) % means.shape[1]
-        for to in range(parts.shape[1]):
-            shares[at, replicate, to] += parts[spots[k], to]
-        for c in range(means.shape[2]):
-            light = _brought(bundle, k, c)
+        at, replicate, row = place[pixel], (batch.first_stream + stream) % sums[0].shape[1], parts[spots[k]]
+        if bundle.weights is None:
+            shares = sums[3][at, replicate, 0]
+            for to in range(row.size):
+                shares[to] += row[to]
+        else:
+            light = bundle.blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
+            if bundle.radiance is not None:
+                light *= bundle.radiance[k, 0]
             if light - light == 0.0:
-                for to in range(parts.shape[1]):
-                    part = light * parts[spots[k], to]
-                    means[at, replicate, c, to] += part
-                    squares[at, c, to] += part * part
-                brought[at, replicate, c] += light
+                sums[2][at, replicate, 0] += light
+        for c in range(sums[0].shape[2]):
+            light, means, squares = _brought(bundle, k, c), sums[0][at, replicate, c], sums[1][at, c]
+            if light - light == 0.0:
+                for to in range(row.size):
+                    part = light * row[to]
+                    means[to] += part
+                    squares[to] += part * part
+                if bundle.weights is None:
+                    sums[2][at, replicate, c] += light
             else:
                 broken += 1
+            if bundle.weights is not None:
+                shares, weight = sums[3][at, replicate, c], bundle.weights[bundle.waves[k], c]
+                for to in range(row.size):
+                    shares[to] += weight * row[to]
     return broken
 
 
 @kernel
 def fill_evened(sums, place, means, batch):
-    """Take away what is light only by where its paths started, shares by chance above or below their means.
+    """Take away what is light only by where its paths started and by their wavelengths: shares by chance above or below
+    their `means` (1 or channels, pixels).
 
     Of each replicate, by the light of all others: these do not know its shares, so that it stays right on average.
     """
@@ -108,13 +122,14 @@ def fill_evened(sums, place, means, batch):
         counts[(batch.first_stream + stream) % replicates] += replicate_size(stream, batch.samples, batch.streams)
     for at in place:
         for c in range(light.shape[2]):
+            of, by = min(c, shares.shape[2] - 1), min(c, brought.shape[2] - 1)
             for r in range(replicates):
                 total = 0.0
                 for other in range(replicates):
-                    total += brought[at, other, c] if other != r else 0.0
+                    total += brought[at, other, by] if other != r else 0.0
                 level = total / (batch.samples - counts[r] + 1.0)
-                for to in range(means.size):
-                    light[at, r, c, to] -= level * (shares[at, r, to] - counts[r] * means[to])
+                for to in range(light.shape[3]):
+                    light[at, r, c, to] -= level * (shares[at, r, of, to] - counts[r] * means[of, to])
 
 
 @kernel
