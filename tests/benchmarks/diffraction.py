@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from unittest import mock
 
 import numpy as np
 import reference
@@ -12,45 +13,53 @@ from table import Table
 import plenoptic as pl
 from plenoptic.study import ErrorRow, ErrorTable, Variant
 
-RAYS = "rays alone"
+RAYS, UNCUT = "rays alone", "rays alone, nothing certain"
 
 
 def tables(*, quick: bool) -> Iterator[Table]:
-    samples, seeds, side = ((4, 16), 2, 16) if quick else ((16, 64, 256), 4, 64)
+    samples, seeds, side = ((4, 16), 2, 16) if quick else ((16, 64, 256), 4, 128)
     camera = dataclasses.replace(reference.camera(), wavelength=550.0)
     bends = {"at microlenses": pl.Diffraction(), "and at the iris": pl.Diffraction(iris=True)}
-    cameras = {name: dataclasses.replace(camera, diffraction=bend) for name, bend in bends.items()}
-    variants = {RAYS: Variant()} | {name: Variant(camera=other) for name, other in cameras.items()}
+    bent = {name: Variant(camera=dataclasses.replace(camera, diffraction=bend)) for name, bend in bends.items()}
     middle = slice(256 - side // 2, 256 + side // 2)
-    rows: list[tuple[object, ...]] = []
-    for name, scene in (("`objects`", pl.objects_scene()), ("white", None)):
-        study = pl.study.error_against_time(
+
+    def study(scene: pl.Scene | None, variants: dict[str, Variant]) -> ErrorTable:
+        return pl.study.error_against_time(
             scene,
             camera,
             variants,
             samples=samples,
             region=np.s_[middle, middle],
             seeds=seeds,
-            reference=variants["at microlenses"],
+            reference=bent["at microlenses"],
             reference_samples=4 * samples[-1],
             progress=False,
         )
-        rows += _rows(name, study)
-    columns = ("scene", "bends", "samples", "CPU us per pixel and sample", "noise %", "bias %", "CPU at equal noise")
+
+    scene, white = (study(what, {RAYS: Variant()} | bent) for what in (pl.objects_scene(), None))
+    # The sampler of scenes: what surely passes the lens is traced as the rest is.
+    with mock.patch("plenoptic.rendering.plan.camera_stages.why_uncertain", lambda _: "a scene is to be compared"):
+        uncut = study(None, {UNCUT: Variant()})
+    rows = [*_rows("`objects`", scene, {RAYS: scene.of(RAYS)})]
+    for of in (uncut, white):
+        rows += _rows("white", of, {RAYS: white.of(RAYS), UNCUT: uncut.of(UNCUT)})
+    columns = ("scene", "bends", "samples", "CPU us per pixel and sample", "noise %", "bias %")
+    columns += ("CPU at equal noise", "over that where nothing is certain")
     remark = (
         f"The reference camera at 550 nm, central {side} x {side} pixels, {seeds} seeds, one thread, without setting "
         "up. Noise and bias are relative RMS over lit pixels, the bias beside bends at microlenses. CPU at equal noise "
-        "is over that of rays alone, whose time follows a line between two of their rows, in logarithms."
+        "is over that of rays alone, whose time follows a line between two of their rows, in logarithms; last, over "
+        "that of rays in a white image of which all is sampled, as of a scene."
     )
     yield Table("What diffraction costs", columns, rows, [remark])
 
 
-def _rows(name: str, study: ErrorTable) -> Iterator[tuple[object, ...]]:
-    rays = study.of(RAYS)
+def _rows(name: str, study: ErrorTable, over: dict[str, Sequence[ErrorRow]]) -> Iterator[tuple[object, ...]]:
     for row in study.rows:
         each = 1e6 * _seconds(row) / (study.pixels * row.samples)
         bias = 100 * row.bias if row.bias_is_found else f"< {100 * row.bias_limit:.2g}"
-        yield name, row.variant, row.samples, each, 100 * row.noise, bias, _seconds(row) / seconds_at(rays, row.noise)
+        times = [_seconds(row) / seconds_at(rays, row.noise) for rays in over.values()]
+        yield name, row.variant, row.samples, each, 100 * row.noise, bias, *times, *[None] * (2 - len(times))
 
 
 def _seconds(row: ErrorRow) -> float:
