@@ -1,6 +1,6 @@
 """Where bends that are drawn stand for waves, and where not: a table and docs/images/diffraction_model.png.
 
-Run as `python docs/make_diffraction.py`; it takes some ten minutes.
+Run as `python docs/make_diffraction.py`; it takes some fifteen minutes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import numpy as np
 import plenoptic as pl
 
 TARGET = Path(__file__).parent / "images" / "diffraction_model.png"
-PITCH, FOCAL_LENGTH, PIXEL = 0.217, 2.0, 0.01
+PITCH, FOCAL_LENGTH, PIXEL, SIDES = 0.217, 2.0, 0.01, (1, 2, 4)
+"""Images are of pixels half as wide as those of the camera; of 1, 2 and 4 along a side one is made."""
 CASES = {
     "2.0": {"stop_to_microlenses": 123.3, "microlenses_to_sensor": 1.7},
     "1.0": {"stop_to_microlenses": 134.6, "microlenses_to_sensor": 2.0},
@@ -27,7 +28,7 @@ def camera(stop: float, **more: float) -> pl.PlenopticCamera:
     return pl.PlenopticCamera(
         lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop)),
         microlenses=pl.MicrolensArray(pitch=PITCH, focal_lengths=(FOCAL_LENGTH,)),
-        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=PIXEL),
+        sensor=pl.Sensor(shape=(1024, 1024), pixel_pitch=PIXEL / 2),
         diffraction=pl.Diffraction(),
         **more,
     )
@@ -55,8 +56,8 @@ def wholly_lit(made: pl.PlenopticCamera, point: tuple[float, float, float]) -> n
     """Pixels around the spots of microlenses that are lit all over: those with as many rays as most."""
     rays = pl.camera.landing_points(made, point, rays=1 << 18)
     lenses, counts = np.unique(rays.index, axis=0, return_counts=True)
-    row, column = np.indices(made.sensor.shape) - 255.5
-    found = np.zeros(made.sensor.shape, dtype=bool)
+    row, column = np.indices((512, 512)) - 255.5
+    found = np.zeros((512, 512), dtype=bool)
     for lens in lenses[counts > 0.99 * np.percentile(counts, 90)]:
         x, y = rays.position[(rays.index == lens).all(axis=1)].mean(axis=0) / PIXEL
         found |= np.hypot(column + x, row - y) < 11
@@ -72,36 +73,42 @@ def texture(made: pl.PlenopticCamera, z: float) -> np.ndarray:
     bright = np.random.default_rng(1).uniform(size=(SIDE, SIDE))
     steps = apart * (np.arange(SIDE) - (SIDE - 1) / 2)
     places = [(bright[j, i], x, y) for j, y in enumerate(steps) for i, x in enumerate(steps)]
-    return sum(light * images(made, (x, y, z), 1 << 19) for light, x, y in places)
+    return sum(light * images(made, (x, y, z), 1 << 20) for light, x, y in places)
 
 
-def off(both: np.ndarray, where: np.ndarray) -> float:
+def binned(both: np.ndarray, side: int) -> np.ndarray:
+    """The same on pixels of some along a side."""
+    n = both.shape[-1] // side
+    return both.reshape(-1, n, side, n, side).sum(axis=(2, 4))
+
+
+def off(both: np.ndarray, where: np.ndarray | None = None) -> float:
     """The largest difference, in % of the peak."""
     wave, bent = both
-    return 100 * float(np.abs(bent - wave)[where].max() / wave.max())
+    return 100 * float(np.abs(bent - wave)[... if where is None else where].max() / wave.max())
 
 
 def main() -> None:
-    everywhere = np.ones((512, 512), dtype=bool)
-    shown = {}
-    print("largest difference from waves, % of the peak; pixel over lambda N: 2.2 and 1.9")
-    print("camera  field     z/mm   waves     point   wholly lit   texture")
+    shown, finest = {}, [PIXEL / 2 * PITCH / (h["microlenses_to_sensor"] * 587.6e-6) for h in CASES.values()]
+    print("largest difference from waves, % of the peak, for three pixels")
+    print("pixel over lambda N:", *(", ".join(f"{side * least:.1f}" for side in SIDES) for least in finest))
+    print("camera  field     z/mm   waves                point  wholly lit              texture")
     for name, numbers in CASES.items():
         made = camera(5.0, **numbers)
         for field in (0.0, 5.5):
             for z in DEPTHS:
                 point = (field, 0.0, z)
                 both = images(made, point)
-                texts = [f"{off(both, everywhere):.1f}", "", ""]
+                texts = [", ".join(f"{off(binned(both, side)):.1f}" for side in SIDES), "", ""]
                 if abs(defocus(made, z)) < 5:
-                    texts[1] = f"{off(both, wholly_lit(made, point)):.1f}"
+                    texts[1] = f"{off(binned(both, 2), wholly_lit(made, point)):.1f}"
                 if field == 0.0 and abs(defocus(made, z)) < 5:
-                    small = camera(3.0, **numbers)
-                    texts[2] = f"{off(texture(small, z), everywhere):.1f}"
+                    mixed = texture(camera(3.0, **numbers), z)
+                    texts[2] = ", ".join(f"{off(binned(mixed, side)):.1f}" for side in SIDES)
                 begin = f"{name:6} {field:6.1f} {z:8.0f} {defocus(made, z):8.3f} "
-                print(begin + "".join(f"{text:>11}" for text in texts), flush=True)
+                print(begin + f"{texts[0]:>20}{texts[1]:>12}{texts[2]:>20}", flush=True)
                 if field == 0.0 and (name, z) in (("2.0", -404.0), ("2.0", -440.0), ("1.0", -404.0)):
-                    shown[f"camera {name}, {z:g} mm, {defocus(made, z):.1f} waves"] = both
+                    shown[f"camera {name}, {z:g} mm, {defocus(made, z):.1f} waves"] = binned(both, 2)
     draw(shown)
 
 

@@ -61,7 +61,7 @@ def test_the_share_of_light_that_stays_in_its_pixel(name, aperture, share):
     # The integral of the aperture's MTF times the pixel's squared; the image without bends is known in closed form.
     number, pitch = CAMERAS[name]
     camera, middle = lit_square(number, pitch, aperture), np.s_[PIXELS : PIXELS + 1, PIXELS : PIXELS + 1]
-    image, error = white(camera, 1 << 15, replicates=16, region=middle)
+    image, error = white(camera, 1 << 13, replicates=16, region=middle)
     # The integral of cos^4 over the lens: 1 - 2 <r^2> / f^2.
     whole = (math.pi / 4 if aperture is ROUND else 1.0) / number**2
     whole *= 1 - 2 * (1 / 8 if aperture is ROUND else 1 / 6) / number**2

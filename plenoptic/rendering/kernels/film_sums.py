@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,9 @@ from plenoptic.camera.sampling.kernels.paths import path_place, replicate_size
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
+
+ENOUGH = 4
+"""Samples of other replicates from which on they say how light it is."""
 
 
 class Light(NamedTuple):
@@ -72,10 +76,11 @@ def fill_sums(sums, bundle, start, n, batch):
 def fill_shared(sums, place, bundle, spots, parts, start, n, batch):
     """Share what the paths of a bundle bring between pixels.
 
-    `sums` are (places, replicates, channels, pixels), of squares (places, channels, pixels), of the light (places,
-    replicates, channels) and of its shares (places, replicates, 1, pixels); where paths have wavelengths, these are of
-    the light before its weights (places, replicates, 1) and of the shares times weights (places, replicates, channels,
-    pixels). `place` are those of pixels, `spots` rows of `parts`, the shares. For the rest see `fill_sums`.
+    `sums` are (places, replicates, channels, pixels), of squares (places, channels, pixels), of the roots of the light
+    (places, replicates, channels) and of its shares (places, replicates, 1, pixels). Where paths have wavelengths, the
+    roots are those of the light before its weights (places, replicates, 1), and weights are in the shares (places,
+    replicates, channels, pixels). `place` are those of pixels, `spots` rows of `parts`, the shares. For the rest see
+    `fill_sums`.
     """
     broken = 0
     for k in range(n):
@@ -90,7 +95,7 @@ def fill_shared(sums, place, bundle, spots, parts, start, n, batch):
             if bundle.radiance is not None:
                 light *= bundle.radiance[k, 0]
             if light - light == 0.0:
-                sums[2][at, replicate, 0] += light
+                sums[2][at, replicate, 0] += math.sqrt(max(light, 0.0))
         for c in range(sums[0].shape[2]):
             light, means, squares = _brought(bundle, k, c), sums[0][at, replicate, c], sums[1][at, c]
             if light - light == 0.0:
@@ -99,7 +104,7 @@ def fill_shared(sums, place, bundle, spots, parts, start, n, batch):
                     means[to] += part
                     squares[to] += part * part
                 if bundle.weights is None:
-                    sums[2][at, replicate, c] += light
+                    sums[2][at, replicate, c] += math.sqrt(max(light, 0.0))
             else:
                 broken += 1
             if bundle.weights is not None:
@@ -115,19 +120,22 @@ def fill_evened(sums, place, means, batch):
     their `means` (1 or channels, pixels).
 
     Of each replicate, by the light of all others: these do not know its shares, so that it stays right on average.
+    Their mean root, squared, is the light where that is even, and little where it is rare, of which much would be taken
+    away that is not there. Too few of them say nothing.
     """
-    light, _, brought, shares = sums
+    light, _, roots, shares = sums
     replicates, counts = light.shape[1], np.zeros(light.shape[1])
     for stream in range(batch.streams):
         counts[(batch.first_stream + stream) % replicates] += replicate_size(stream, batch.samples, batch.streams)
     for at in place:
         for c in range(light.shape[2]):
-            of, by = min(c, shares.shape[2] - 1), min(c, brought.shape[2] - 1)
+            of, by = min(c, shares.shape[2] - 1), min(c, roots.shape[2] - 1)
             for r in range(replicates):
                 total = 0.0
                 for other in range(replicates):
-                    total += brought[at, other, by] if other != r else 0.0
-                level = total / (batch.samples - counts[r] + 1.0)
+                    total += roots[at, other, by] if other != r else 0.0
+                others = batch.samples - counts[r]
+                level = (total / others) ** 2 if others >= ENOUGH else 0.0
                 for to in range(light.shape[3]):
                     light[at, r, c, to] -= level * (shares[at, r, of, to] - counts[r] * means[of, to])
 
