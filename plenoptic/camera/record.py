@@ -15,7 +15,7 @@ from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
 from plenoptic.camera.sampling.choice import why_bounds
 from plenoptic.camera.sampling.openings import openings
 from plenoptic.camera.sampling.record import Openings
-from plenoptic.camera.spread import Spread, spread_of
+from plenoptic.camera.sampling.spread import Spread, spread_of
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record

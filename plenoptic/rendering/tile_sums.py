@@ -10,8 +10,8 @@ import numpy as np
 from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.sampling.kernels.paths import path_place
 from plenoptic.camera.sampling.pixel_regions import sharing_pixels
-from plenoptic.camera.sampling.record import Batch, FedPixels
-from plenoptic.camera.spread import APART, EVERY, Spread, rest_numbers, rest_of
+from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
+from plenoptic.camera.sampling.spread import APART, EVERY, LEVELLING, Spread, levelling_numbers, rest_numbers, rest_of
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
@@ -71,9 +71,7 @@ class SharedSums:
         self._weights = None if context.camera.colour is None else context.camera.colour.weights
         pixels, rows, channels = whole.shape
         places, to = len(fed.around.numbers), spread.table.parts.shape[1]
-        grey, coloured = (channels, 1) if self._weights is None else (1, channels)
-        room = (rows - 1, channels, to), (channels, to), (rows - 1, grey), (rows - 1, coloured, to)
-        self._shared = tuple(np.zeros((places, *shape)) for shape in room)
+        self._shared = np.zeros((places, rows - 1, channels, to)), np.zeros((places, channels, to))
         self._drawn = np.zeros((pixels, rows - 1, channels)), np.zeros((pixels, channels))
         own, beside = sharing_pixels(context.camera, fed, spread.table)
         drawn = fed._replace(number=rest_numbers(fed.number), around=fed.around._replace(bend=spread.rest))
@@ -82,27 +80,43 @@ class SharedSums:
             Part(drawn, rest_of(batch), self._fill_drawn),
             Part(beside, batch, self._sharing(beside), counted=False),
         ]
+        self._rest, self._levels = self.parts[1].batch, None
+        if context.scene is None and spread.table.means is not None:
+            # Before all others, since these need it.
+            self._levels = np.zeros(places)
+            self.parts[:0] = [self._levelling(fed) for fed in (own, beside)]
 
     def _sharing(self, fed: FedPixels) -> Callable[[Floats, Floats | None, CameraPaths, int, int], int]:
-        sums, parts, batch, weights = self._shared, self._spread.table.parts, self._batch, self._weights
+        parts, batch = self._spread.table.parts, self._batch
 
         def fill(bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
-            light = film_sums.Light(bundle, radiance, ways.waves, weights)
-            return int(film_sums.fill_shared(sums, fed.place, light, ways.spots, parts, start, n, batch))
+            light, shares = film_sums.Light(bundle, radiance, ways.waves, self._weights), (ways.spots, parts)
+            return int(film_sums.fill_shared(self._shared, fed.place, light, self._levels, shares, start, n, batch))
 
         return fill
 
+    def _levelling(self, fed: FedPixels) -> Part:
+        """Paths of their own, which tell about how light it is: the same whichever samples are rendered."""
+        batch = batch_record(self._batch.seed, 0, LEVELLING, 1, 0, 0)
+
+        def fill(bundle: Floats, _: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
+            film_sums.fill_levels(self._levels, fed.place, bundle, start, n, batch)
+            return 0
+
+        return Part(fed._replace(number=levelling_numbers(fed.number)), batch, fill, counted=False)
+
     def _fill_drawn(self, bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
         light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
-        return int(film_sums.fill_drawn(self._drawn, light, start, n, self.parts[1].batch, self._batch, EVERY))
+        return int(film_sums.fill_drawn(self._drawn, light, start, n, self._rest, self._batch, EVERY))
 
     def finish(self) -> None:
         """Add the sums to `whole`."""
-        samples, part = self._batch.samples, self._spread.drawn
-        if (means := self._spread.table.means) is not None:
-            for part_of in (self.parts[0], self.parts[2]):
-                film_sums.fill_evened(self._shared, part_of.fed.place, means, self._batch)
-        film_sums.fill_gathered(self._whole, self._shared, self._drawn, self._around.givers, samples, part, EVERY)
+        givers, known = self._around.givers, np.zeros((len(self._whole), self._whole.shape[2]))
+        if self._levels is not None and self._spread.table.means is not None:
+            known += self._levels[givers] @ self._spread.table.means.T
+        film_sums.fill_gathered(
+            self._whole, self._shared, known, self._drawn, givers, self._batch, self._spread.drawn, EVERY
+        )
 
 
 def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:

@@ -132,7 +132,7 @@ class Around(NamedTuple):
 
 
 class SpreadTable(NamedTuple):
-    """What pixels get of light that is headed to a place of one, of bends that are short; see `camera.spread`."""
+    """What pixels get of light that is headed to a place of one, of bends that are short; see `sampling.spread`."""
 
     parts: Floats
     """(rows, pixels): shares of the pixels around, down and across from the nearest corner, times the area of a pixel

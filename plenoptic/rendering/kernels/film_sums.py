@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +11,6 @@ from plenoptic.camera.sampling.kernels.paths import path_place, replicate_size
 from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
-
-ENOUGH = 4
-"""Samples of other replicates from which on they say how light it is."""
 
 
 class Light(NamedTuple):
@@ -73,71 +69,43 @@ def fill_sums(sums, bundle, start, n, batch):
 
 
 @kernel
-def fill_shared(sums, place, bundle, spots, parts, start, n, batch):
+def fill_shared(sums, place, bundle, levels, shares, start, n, batch):
     """Share what the paths of a bundle bring between pixels.
 
-    `sums` are (places, replicates, channels, pixels), of squares (places, channels, pixels), of the roots of the light
-    (places, replicates, channels) and of its shares (places, replicates, 1, pixels). Where paths have wavelengths, the
-    roots are those of the light before its weights (places, replicates, 1), and weights are in the shares (places,
-    replicates, channels, pixels). `place` are those of pixels, `spots` rows of `parts`, the shares. For the rest see
+    `sums` are (places, replicates, channels, pixels) and, of squares, (places, channels, pixels); `place` are those of
+    pixels, `shares` a row of a `SpreadTable` for each path, and its rows. `levels` (places,) is light that is known to
+    be about there, of which only what paths bring more or less is shared; None for nothing. For the rest see
     `fill_sums`.
     """
     broken = 0
+    spots, parts = shares
     for k in range(n):
         pixel, stream, _ = path_place(start + k, batch.samples, batch.streams)
         at, replicate, row = place[pixel], (batch.first_stream + stream) % sums[0].shape[1], parts[spots[k]]
-        if bundle.weights is None:
-            shares = sums[3][at, replicate, 0]
-            for to in range(row.size):
-                shares[to] += row[to]
-        else:
-            light = bundle.blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
-            if bundle.radiance is not None:
-                light *= bundle.radiance[k, 0]
-            if light - light == 0.0:
-                sums[2][at, replicate, 0] += math.sqrt(max(light, 0.0))
         for c in range(sums[0].shape[2]):
             light, means, squares = _brought(bundle, k, c), sums[0][at, replicate, c], sums[1][at, c]
+            if levels is not None:
+                if bundle.weights is not None:
+                    light -= levels[at] * bundle.weights[bundle.waves[k], c]
+                else:
+                    light -= levels[at]
             if light - light == 0.0:
                 for to in range(row.size):
                     part = light * row[to]
                     means[to] += part
                     squares[to] += part * part
-                if bundle.weights is None:
-                    sums[2][at, replicate, c] += math.sqrt(max(light, 0.0))
             else:
                 broken += 1
-            if bundle.weights is not None:
-                shares, weight = sums[3][at, replicate, c], bundle.weights[bundle.waves[k], c]
-                for to in range(row.size):
-                    shares[to] += weight * row[to]
     return broken
 
 
 @kernel
-def fill_evened(sums, place, means, batch):
-    """Take away what is light only by where its paths started and by their wavelengths: shares by chance above or below
-    their `means` (1 or channels, pixels).
-
-    Of each replicate, by the light of all others: these do not know its shares, so that it stays right on average.
-    Their mean root, squared, is the light where that is even, and little where it is rare, of which much would be taken
-    away that is not there. Too few of them say nothing.
-    """
-    light, _, roots, shares = sums
-    replicates, counts = light.shape[1], np.zeros(light.shape[1])
-    for stream in range(batch.streams):
-        counts[(batch.first_stream + stream) % replicates] += replicate_size(stream, batch.samples, batch.streams)
-    for at in place:
-        for c in range(light.shape[2]):
-            of, by = min(c, shares.shape[2] - 1), min(c, roots.shape[2] - 1)
-            for r in range(replicates):
-                total = 0.0
-                for other in range(replicates):
-                    total += roots[at, other, by] if other != r else 0.0
-                others = batch.samples - counts[r]
-                level = (total / others) ** 2 if others >= ENOUGH else 0.0
-                for to in range(light.shape[3]):
-                    light[at, r, c, to] -= level * (shares[at, r, of, to] - counts[r] * means[of, to])
+def fill_levels(levels, place, blocks, start, n, batch):
+    """Add the mean of what the paths of a bundle of a white image bring, before weights of wavelengths."""
+    for k in range(n):
+        light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
+        if light - light == 0.0:
+            levels[place[path_place(start + k, batch.samples, batch.streams)[0]]] += light / batch.samples
 
 
 @kernel
@@ -165,18 +133,22 @@ def fill_drawn(sums, bundle, start, n, drawn, batch, every):
 
 
 @kernel
-def fill_gathered(whole, shared, drawn, givers, samples, part, every):
-    """Add up what pixels get of the samples of a batch: shares of light at `givers`, and `part` of the drawn bends.
+def fill_gathered(whole, shared, known, drawn, givers, batch, part, every):
+    """Add up what pixels get of the samples of a batch: shares of light at `givers`, what is `known` (pixels, channels)
+    of a sample, and `part` of the drawn bends.
 
     The last row of `whole` (pixels, replicates + 1, channels) gets the square of what all bring over their number, and
     how much what they bring differs: a drawn bend stands for `every` samples, and differs as much more.
     """
-    replicates, (shared, shared_squares, _, _), (drawn, drawn_squares) = whole.shape[1] - 1, shared, drawn
+    replicates, (shared, shared_squares), (drawn, drawn_squares) = whole.shape[1] - 1, shared, drawn
+    samples, counts = batch.samples, np.zeros(replicates)
+    for stream in range(batch.streams):
+        counts[(batch.first_stream + stream) % replicates] += replicate_size(stream, samples, batch.streams)
     for p in range(whole.shape[0]):
         for c in range(whole.shape[2]):
             total = 0.0
             for r in range(replicates):
-                found = part * drawn[p, r, c]
+                found = part * drawn[p, r, c] + known[p, c] * counts[r]
                 for to in range(givers.shape[1]):
                     found += shared[givers[p, to], r, c, to]
                 whole[p, r, c] += found

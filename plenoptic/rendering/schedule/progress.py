@@ -127,7 +127,7 @@ class Progress:
         sums, powers = fill_factor * result.sums[..., :-1, :], fill_factor**2 * result.sums[..., -1, :]
         known = None if self.film.within is None else powers
         found = self.film.add(at[0].start, at[1].start, sums, powers=known, counts=counts, where=where)
-        if (found.mean < 0).any():  # evening out what neighbours share takes away too much where hardly any light is
+        if (found.mean < 0).any():  # what is known of light in a white image was too much here
             np.maximum(self.film.mean[at], 0.0, out=self.film.mean[at])
         if first:
             if self.one_sample is not None and result.weights is not None:

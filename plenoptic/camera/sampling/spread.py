@@ -27,14 +27,18 @@ if TYPE_CHECKING:
 
 EVERY = 4
 """Paths for each drawn bend."""
+LEVELLING = 2
+"""Paths of a pixel that tell about how light it is in a white image."""
 APART = 1 << 48
 """From numbers of pixels to those by which drawn bends have random numbers of their own."""
 _FINE, _FINER = 32, 2
 """Places along a side of a pixel, for which shares are averages, and points of a grid in each for averaging."""
-_LEVEL = 0.01
+_LEVEL = 0.02
 """Steps of the pattern's size on the sensor, over the least."""
 _REACH, _DRAWN = 3, 0.06
 """The most pixels on each side with which light is shared, and the part that may be left to draws for fewer."""
+_MOST_DRAWN, _LEAST_SEEN = 0.4, 0.5
+"""With more left to draws, and a smaller part of pixels that sees light, sharing brings noise: all bends are drawn."""
 
 
 class Spread(NamedTuple):
@@ -49,8 +53,11 @@ class Spread(NamedTuple):
 
 def spread_of(
     camera: PlenopticCamera, sensor: SensorRecord, parts: Assembly, bend: BendRecord, colour: ColourTables | None
-) -> Spread:
-    """Divide bends: short are those that end within some pixels at every wavelength and distance from the array."""
+) -> Spread | None:
+    """Divide bends: short are those that end within some pixels at every wavelength and distance from the array.
+
+    None where it is better to draw all.
+    """
     plane, drawn_ones = sensor.plane, bend.wavelengths[min(1, len(bend.wavelengths) - 1) :]
     farther = np.zeros(1) if parts.tilt is None else sensor_corners(camera, parts)[:, :2] @ parts.tilt
     low = float(drawn_ones.min() * (plane.distance + farther.min()))
@@ -59,6 +66,8 @@ def spread_of(
     step = (most - low) / levels or most
     short, reach = _short(bend, most)
     rest, drawn = without(bend.field, short)
+    if drawn > _MOST_DRAWN or sensor.fill_factor < _LEAST_SEEN:
+        return None
     light = [(np.diff(bend.field.columns, axis=1) * np.diff(bend.field.rows)[:, None])[short]]
     if bend.field.opening is not None:
         through, share = bend.field.opening[short], bend.field.share
@@ -128,8 +137,10 @@ def _shares(bend: BendRecord, longest: float, cells: NDArray[np.int64], light: F
     widest = float(np.abs(_ends(bend, longest, np.eye(2)) - _ends(bend, longest, np.zeros((2, 2)))).max())
     points = math.ceil(widest * fine)
     along = (np.arange(points) + 0.5) / points
-    for point in itertools.product(along, along):
-        at = np.clip((_ends(bend, longest, cells + np.array(point)[:, None]) + reach) * fine, 0.0, n - 1 - 1e-9)
+    light = np.tile(light, points)
+    for beside in along:
+        inside = np.stack(np.broadcast_arrays(cells[0] + along[:, None], cells[1] + beside)).reshape(2, -1)
+        at = np.clip((_ends(bend, longest, inside) + reach) * fine, 0.0, n - 1 - 1e-9)
         corner = at.astype(np.int64)
         part = at - corner
         for right, down in itertools.product((0, 1), (0, 1)):
@@ -148,6 +159,11 @@ def rest_of(batch: Batch) -> Batch:
     short, long = (-(-(batch.first_index + n) // EVERY) - first for n in (size, size + 1))
     samples = batch.streams * short + batch.samples % batch.streams * (long - short)
     return batch_record(batch.seed, 0, samples, batch.streams, batch.first_stream, first)
+
+
+def levelling_numbers(number: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers of pixels for random numbers of paths that tell how light it is."""
+    return number + 2 * APART
 
 
 def rest_numbers(number: NDArray[np.int64]) -> NDArray[np.int64]:
