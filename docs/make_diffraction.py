@@ -113,25 +113,30 @@ def main() -> None:
 
 
 def draw(shown: dict[str, np.ndarray]) -> None:
-    figure, axes = plt.subplots(len(shown), 3, figsize=(8.5, 2.9 * len(shown)), layout="constrained")
-    for row, (title, (wave, bent)) in zip(axes, shown.items(), strict=True):
+    figure, axes = plt.subplots(len(shown), 3, figsize=(8.5, 2.6 * len(shown)), layout="constrained")
+    for axes_of, (title, (wave, bent)) in zip(axes, shown.items(), strict=True):
         lit = np.argwhere(wave > 0.002 * wave.max())
         (top, left), (bottom, right) = lit.min(axis=0) - 2, lit.max(axis=0) + 3
+        if bottom - top > 50:  # the image of the microlens that differs most
+            row_at, column_at = np.unravel_index(np.abs(bent - wave).argmax(), wave.shape)
+            (top, left), (bottom, right) = (row_at - 8, column_at - 8), (row_at + 9, column_at + 9)
         part, sides = np.s_[top:bottom, left:right], (left - 256, right - 256, bottom - 256, top - 256)
         extent = [1e3 * PIXEL * side for side in sides]
         for axis, image, name, limits in (
-            (row[0], wave, "waves", (0, 1)),
-            (row[1], bent, "rays that bend", (0, 1)),
-            (row[2], bent - wave, "difference", (-0.2, 0.2)),
+            (axes_of[0], wave, "waves", (0, 1)),
+            (axes_of[1], bent, "rays that bend", (0, 1)),
+            (axes_of[2], bent - wave, "difference", (-0.2, 0.2)),
         ):
             drawn = axis.imshow(
-                (image / wave.max())[part], cmap="RdBu" if limits[0] else "gray", clim=limits, extent=extent
+                (image / wave.max())[part], cmap="RdBu_r" if limits[0] else "gray", clim=limits, extent=extent
             )
             axis.set_title(name, fontsize=8)
             axis.set_xlabel("um", fontsize=7)
             axis.tick_params(labelsize=7)
-        row[0].set_ylabel(f"{title}\num", fontsize=7)
-        figure.colorbar(drawn, ax=row, label="parts of the peak", shrink=0.8)
+        axes_of[0].set_ylabel(f"{title}\num", fontsize=7)
+        bar = figure.colorbar(drawn, ax=axes_of, shrink=0.8)
+        bar.set_label("difference, parts of the peak", fontsize=7)
+        bar.ax.tick_params(labelsize=7)
     figure.savefig(TARGET, dpi=80)
 
 

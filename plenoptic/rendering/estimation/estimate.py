@@ -219,8 +219,8 @@ class _Pilots:
         pooled = 2 <= budget.replicates < OWN_ERRORS
         self.frame = frame = in_whole_blocks(asked, subject.camera.sensor.shape) if pooled else asked
         self.pixels = (frame[1] - frame[0]) * (frame[3] - frame[2])
-        shared = context.camera.spread is not None
-        self.side, self.tiles = cut_into_tiles(frame, budget, None, cells_per_pixel(context.camera), shared=shared)
+        cells, shared = cells_per_pixel(context.camera), context.camera.spread is not None
+        self.side, self.tiles = cut_into_tiles(frame, budget, None, cells, shared=shared)
 
     def run(self, samples: int, seed: int) -> PilotRun:
         """A pilot with a number of samples, in as large tiles as the render has, and no more pixels than a frame."""
@@ -338,15 +338,12 @@ def _estimate(pilots: _Pilots, found: _Found) -> Estimate:
     cpu = Estimated(*(n * part for part in found.cpu_seconds))
     quick, slow = 1.0 / pilots.threads, 1.0 / (pilots.threads * found.busy)
     wall = Estimated(cpu.value * math.sqrt(quick * slow), cpu.low * quick, cpu.high * slow)
-    film = _film_bytes(pilots)
-    once = 8 + _truth_bytes(pilots.subject.truth)
-    state = 8 * channels * (budget.replicates + 1)
-    waiting = 4 * pilots.threads * min(pilots.side**2, n) * (state + once)  # results that are to be taken
-    waiting += pilots.threads * min(pilots.side**2, n) * _WORK_BYTES
-    if (spread := pilots.context.camera.spread) is not None:
-        waiting += pilots.threads * min(pilots.side**2, n) * state * spread.table.parts.shape[1]
+    once, state = 8 + _truth_bytes(pilots.subject.truth), 8 * channels * (budget.replicates + 1)
+    held, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.spread
+    shared = 0 if spread is None else state * spread.table.parts.shape[1]
+    waiting = held * (4 * (state + once) + _WORK_BYTES + shared)  # results that are to be taken, and what is at work
     fed = (found.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
-    memory = resident_bytes() + film * n + waiting + min(fed, MOST_BYTES)
+    memory = resident_bytes() + _film_bytes(pilots) * n + waiting + min(fed, MOST_BYTES)
     record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)
     often = [found.steps if budget.steps else _records(tile.pixels, budget) for tile in pilots.tiles]
     log = sum((tile.pixels * state + record) * k for tile, k in zip(pilots.tiles, often, strict=True))
