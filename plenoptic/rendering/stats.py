@@ -58,12 +58,13 @@ class RenderStats:
     cpu_seconds : float
         Processor time of all threads together, s.
     paths : int
-        Paths sampled.
+        Paths sampled; where light bends at microlenses, those of drawn bends too.
     paths_through_lens : int
         Paths that left the lens towards the scene; of a white image, of those around what surely passes.
     lost : tuple of (str, int or None, int)
         Cause, index of the lens element (None where no element is to blame) and number of paths.
-        Causes are "outside_microlens", "missed", "clipped", "total_reflection" and "not_finite".
+        Causes are "outside_microlens", "missed", "clipped", "total_reflection", "not_finite" and, with diffraction,
+        "bent_in": light from more than 8 pixels outside the sensor, which is not followed.
     nonfinite : int
         Contributions that were not finite and were left out of the image.
     nonfinite_paths : tuple of (int, int, int)
