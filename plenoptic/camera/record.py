@@ -117,7 +117,7 @@ class CameraRecord(NamedTuple):
     bend: BendRecord | None
     """None where light does not bend at microlenses."""
     spread: Spread | None
-    """Short bends, of which light is shared between pixels; None without bends."""
+    """Short bends, of which light is shared between pixels; None without bends, and where all are drawn."""
     iris: IrisRecord | None
     """None where it does not bend at the iris."""
 

@@ -111,9 +111,9 @@ class SharedSums:
 
     def finish(self) -> None:
         """Add the sums to `whole`."""
-        givers, known = self._around.givers, np.zeros((len(self._whole), self._whole.shape[2]))
-        if self._levels is not None and self._spread.table.means is not None:
-            known += self._levels[givers] @ self._spread.table.means.T
+        givers, known, means = self._around.givers, np.zeros(self._drawn[1].shape), self._spread.table.means
+        if self._levels is not None and means is not None:
+            known += self._levels[givers] @ means.T
         film_sums.fill_gathered(
             self._whole, self._shared, known, self._drawn, givers, self._batch, self._spread.drawn, EVERY
         )
