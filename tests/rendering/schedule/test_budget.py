@@ -335,7 +335,7 @@ def recorded_sums(samples_each, replicates, monkeypatch):
 
     def add(film, row, column, sums, **where):
         kept[:] = [sums]
-        original(film, row, column, sums, **where)
+        return original(film, row, column, sums, **where)
 
     monkeypatch.setattr(pl.rendering.Film, "add", add)
     shoot(pl.objects_scene(), FIREFLIES, samples=samples_each * replicates, replicates=replicates, tile_side=16)
