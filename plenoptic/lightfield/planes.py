@@ -147,8 +147,8 @@ _SAME = ("microlenses", "sensor", "stop_to_microlenses", "microlenses_to_sensor"
 
 def _check_same_camera(shot: PlenopticCamera | None, white: PlenopticCamera | None) -> None:
     if isinstance(shot, PlenopticCamera) and isinstance(white, PlenopticCamera):
-        for name in (*_SAME, "sensor_placement"):
+        for name in (*_SAME, "sensor_placement", "diffraction"):
             if getattr(shot, name) != getattr(white, name):
                 raise InvalidValueError(
-                    f"the white image is of another camera than the shot: their {name} differ; render it with the same"
+                    f"the white image is of another camera than the shot: they differ in {name}; render it anew"
                 )

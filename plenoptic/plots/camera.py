@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.camera.psf.spread import CameraSpread
     from plenoptic.camera.report.report import CameraReport
+    from plenoptic.optics.sensor.sensor import Sensor
+    from plenoptic.wave.spread import WaveSpread
 
 _ARRAY, _SENSOR, _LIGHT = COLOURS[2], "#222222", COLOURS[1]
 _COLOURS = ("#1f5fbf", "#b07a00")
@@ -106,13 +108,13 @@ def _draw_microlenses(camera: PlenopticCamera, report: CameraReport, ax: Axes) -
     )
 
 
-def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
+def plot_camera_spread(spread: CameraSpread | WaveSpread, ax: Axes | None = None) -> Axes:
     """Draw what the light of one point, or of several together, leaves on the sensor.
 
     Parameters
     ----------
-    spread : CameraSpread
-        From `point_spread`.
+    spread : CameraSpread or wave.WaveSpread
+        From `plenoptic.point_spread` or `wave.point_spread`.
     ax : matplotlib.axes.Axes, optional
         Where to draw; a new figure if it is left out.
 
@@ -120,7 +122,7 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         The part of the sensor that the light reaches, with rows and columns as axes (pixel centres are whole numbers,
-        row 0 at the top, as in images). Brightness grows with the root of the value. Crosses are centroids.
+        row 0 at the top, as in images). Brightness grows with the root of the value. Crosses are centroids of rays.
 
     Examples
     --------
@@ -131,7 +133,7 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'column / pixel'
     """
-    check_has(spread, "spread", "CameraSpread", "pl.point_spread(camera, point)", "regions", "centroid")
+    check_has(spread, "spread", "CameraSpread", "pl.point_spread(camera, point)", "corner", "points", "sensor")
     ax = axes_or_new(ax, (6.2, 5.0))
     from matplotlib.colors import PowerNorm
 
@@ -145,14 +147,15 @@ def plot_camera_spread(spread: CameraSpread, ax: Axes | None = None) -> Axes:
     if not image.any():
         ax.text(0.5, 0.5, "no light", transform=ax.transAxes, ha="center", va="center", color="white")
     ax.locator_params(integer=True, min_n_ticks=1)
-    places = _pixels(spread)
-    ax.plot(places[:, 1], places[:, 0], linestyle="none", marker="+", color=_MARK, markersize=9)
+    if hasattr(spread, "centroid"):
+        places = _pixels(spread.centroid, spread.sensor)
+        ax.plot(places[:, 1], places[:, 0], linestyle="none", marker="+", color=_MARK, markersize=9)
     ax.set(xlabel="column / pixel", ylabel="row / pixel")
     ax.set_title(_title(spread), fontsize="medium")
     return ax
 
 
-def _together(spread: CameraSpread) -> tuple[Floats, int, int]:
+def _together(spread: CameraSpread | WaveSpread) -> tuple[Floats, int, int]:
     """Sum of the images of all points on the rectangle that holds their light; its first row and column."""
     images = spread.image.reshape(-1, *spread.image.shape[-2:])
     corners = np.atleast_2d(spread.corner)
@@ -168,15 +171,15 @@ def _together(spread: CameraSpread) -> tuple[Floats, int, int]:
     return total[low[0] : high[0], low[1] : high[1]], int(first[0] + low[0]), int(first[1] + low[1])
 
 
-def _pixels(spread: CameraSpread) -> Floats:
-    """Row and column (n, 2) of the centroids: the sensor is read out rotated by 180 degrees."""
-    rows, columns = spread.sensor.shape
-    x, y = np.atleast_2d(spread.centroid).T / spread.sensor.pixel_pitch
+def _pixels(places: Floats, sensor: Sensor) -> Floats:
+    """Row and column (n, 2) of places on the sensor: it is read out rotated by 180 degrees."""
+    rows, columns = sensor.shape
+    x, y = np.atleast_2d(places).T / sensor.pixel_pitch
     return np.stack([y + rows / 2 - 0.5, columns / 2 - 0.5 - x], axis=1)
 
 
-def _title(spread: CameraSpread) -> str:
-    points, light = np.atleast_2d(spread.points), f"{1e3 * np.sum(spread.light):.3g} msr"
+def _title(spread: CameraSpread | WaveSpread) -> str:
+    points, light = np.atleast_2d(spread.points), 1e3 * spread.image.sum() * spread.sensor.pixel_pitch**2
     if len(points) > 1:
-        return f"{len(points)} points, {light} in all"
-    return f"point ({', '.join(f'{x:.4g}' for x in points[0])}) mm, {light}"
+        return f"{len(points)} points, {light:.3g} msr in all"
+    return f"point ({', '.join(f'{x:.4g}' for x in points[0])}) mm, {light:.3g} msr"

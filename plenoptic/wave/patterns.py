@@ -169,7 +169,7 @@ def _added(
     return WaveSpread(
         image=image / camera.sensor.pixel_pitch**2,
         corner=corner,
-        point=point,
+        points=point,
         light=sum(weight * part.light for weight, part in passing),
         wavelengths=wavelengths,
         weights=weights,

@@ -76,7 +76,7 @@ class WaveSpread:
         its radiance and each mm^2 of its area, sr/mm^2. Of several wavelengths, their mean by weight.
     corner : (2,) array of int
         Row and column on the sensor of the first pixel of `image`.
-    point : (3,) array
+    points : (3,) array
         The point in the world in mm.
     light : float
         Projected solid angle in sr of the light that passes the main lens.
@@ -99,7 +99,7 @@ class WaveSpread:
 
     image: Floats
     corner: NDArray[np.int64]
-    point: Floats
+    points: Floats
     light: float
     wavelengths: Floats
     weights: Floats

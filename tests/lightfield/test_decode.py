@@ -407,10 +407,12 @@ def test_impossible_calls_say_what_to_do():
     camera = the_camera((70, 70))
     white = white_of(camera, 8)
     small = white_of(camera, 8, region=np.s_[0:40, 0:40])
+    bent = dataclasses.replace(camera, diffraction=pl.Diffraction())
     for call, message in (
         (lambda: decode(white, small), "render it of the same region"),
         (lambda: decode(white, white, views=4), "take 5"),
-        (lambda: decode(white, white_of(the_camera((70, 70), lattice=HEXAGONAL), 8)), "their microlenses differ"),
+        (lambda: decode(white, white_of(the_camera((70, 70), lattice=HEXAGONAL), 8)), "they differ in microlenses"),
+        (lambda: decode(white, dataclasses.replace(white, camera=bent)), "they differ in diffraction"),
         (lambda: decode(white, white, least_light=0.0), "above 0"),
         (lambda: decode(dataclasses.replace(white, camera=None), white), "give camera="),
         (lambda: decode(white.image, white), "shot is an ndarray"),

@@ -297,6 +297,16 @@ def test_pixels_see_through_their_openings():
     assert 0.5 < part.landed / whole.landed < 0.9
 
 
+def test_figure_shows_the_light_of_a_point():
+    plt = pytest.importorskip("matplotlib.pyplot")
+    found = pl.wave.point_spread(small_camera(), ASIDE)
+    ax = pl.plots.plot_camera_spread(found)
+    assert np.asarray(ax.images[0].get_array()).sum() == pytest.approx(found.image.sum(), rel=1e-12)
+    assert not ax.lines
+    assert f"{1e3 * found.light * found.landed:.3g} msr" in ax.get_title()
+    plt.close("all")
+
+
 def test_a_point_out_of_sight_is_dark():
     spread = pl.wave.point_spread(small_camera(singlet(pl.LensModel.EXACT)), (5000.0, 0.0, -5.0))
     assert spread.light == 0 and not spread.image.any() and spread.samplings == () and spread.landed == 0
