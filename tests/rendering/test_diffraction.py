@@ -150,8 +150,8 @@ def test_points_are_spread_as_surfaces_are_rendered():
     # Light forwards from points all over a small lamp, and backwards from pixels to it.
     camera, side, at = small_camera(diffraction=pl.Diffraction(iris=True)), 1.2, np.array([0.6, -0.3, -404.0])
     lamp = pl.quad(at - [side / 2, side / 2, 0], (side, 0, 0), (0, side, 0), material=pl.Emissive(1.0))
-    shot = pl.render(pl.Scene([lamp]), camera, samples=1024, replicates=16, progress=False, truth=pl.Truth.NONE)
-    parts = np.random.default_rng(3).uniform(-0.5, 0.5, (4, 80, 2))
+    shot = pl.render(pl.Scene([lamp]), camera, samples=512, replicates=16, progress=False, truth=pl.Truth.NONE)
+    parts = np.random.default_rng(3).uniform(-0.5, 0.5, (4, 40, 2))
     known = []
     for part in parts:
         points = at + side * np.column_stack([part, np.zeros(len(part))])
