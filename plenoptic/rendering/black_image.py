@@ -16,8 +16,8 @@ from plenoptic.core.lost_rays import by_cause, in_words, lost_rays
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, UnseenSceneWarning
-from plenoptic.rendering.context import RenderContext
-from plenoptic.rendering.tile import Tile, batch_of, status_codes
+from plenoptic.rendering.context import RenderContext, batch_of
+from plenoptic.rendering.tile import Tile, status_codes
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.record import NORMAL, OFFSET, POINT
 from plenoptic.scene.lights.environment import ConstantBackground

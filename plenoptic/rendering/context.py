@@ -8,10 +8,12 @@ import numpy as np
 
 from plenoptic.camera.cache import PreparedCamera, prepared_camera
 from plenoptic.camera.record import CameraRecord
+from plenoptic.camera.sampling.record import Batch, batch_record
+from plenoptic.camera.sampling.spread import samples_together
 from plenoptic.rendering.plan.plan import plan_stages
 from plenoptic.rendering.plan.shutter import OpenShutter, open_shutter
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject
-from plenoptic.rendering.settings import RenderSettings
+from plenoptic.rendering.settings import RenderSettings, Sampler
 
 if TYPE_CHECKING:
     from plenoptic.scene.compile import SceneRecord
@@ -39,6 +41,11 @@ class RenderContext(NamedTuple):
         return self.prepared.record
 
     @property
+    def together(self) -> int:
+        """After how many samples a batch may end, if the bits are to be those of any other batches."""
+        return self.replicates if self.camera.spread is None else samples_together(self.replicates)
+
+    @property
     def channels(self) -> int:
         """Channels of the image: the sensor's, or those of the scene where the camera sees one wavelength."""
         if self.camera.colour is not None:
@@ -54,3 +61,11 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
     shutter = open_shutter(subject.camera, record) if plan.runs(Stage.SHUTTER) else None
     settings, replicates = subject.settings, subject.replicates
     return RenderContext(camera, record, intersector, plan, settings, replicates, np.uint64(seed), shutter)
+
+
+def batch_of(context: RenderContext, first: int, samples: int) -> Batch:
+    """Samples first ... first + samples - 1: either one, or `first` is a multiple of the replicates."""
+    if context.settings.sampler is Sampler.RANDOM:
+        return batch_record(context.seed, first, samples, samples, first, 0)
+    index, stream = divmod(first, context.replicates)
+    return batch_record(context.seed, first, samples, min(context.replicates, samples), stream, index)

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from plenoptic.camera.paths import CameraPaths
 from plenoptic.camera.record import CameraRecord
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
-from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
+from plenoptic.camera.sampling.record import Batch, FedPixels
 from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.plan.stages import Stage
-from plenoptic.rendering.settings import Sampler
-from plenoptic.rendering.tile_sums import PixelSums, SharedSums, Tally
+from plenoptic.rendering.tile_sums import Part, PixelSums, SharedSums, Tally
 from plenoptic.truth.ground_truth import Arrays, truth_of
 from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.stages import TruthRecord
@@ -77,14 +76,6 @@ class TileResult(NamedTuple):
     """Sum of what clamping took away."""
 
 
-def batch_of(context: RenderContext, first: int, samples: int) -> Batch:
-    """Samples first ... first + samples - 1: either one, or `first` is a multiple of the replicates."""
-    if context.settings.sampler is Sampler.RANDOM:
-        return batch_record(context.seed, first, samples, samples, first, 0)
-    index, stream = divmod(first, context.replicates)
-    return batch_record(context.seed, first, samples, min(context.replicates, samples), stream, index)
-
-
 def status_codes(camera: CameraRecord) -> int:
     """How many numbers a ray's status can have."""
     return 8 * (camera.elements + 1)
@@ -111,17 +102,42 @@ def render_tile(
         sums: PixelSums | SharedSums = PixelSums(context, fed, batch, whole)
     else:
         sums = SharedSums(context, camera.spread, fed, batch, whole)
-    tally, integrator = Tally(context, status_codes(camera)), None
+    tally = Tally(context, status_codes(camera))
+    for parts in sums.rounds():
+        if not _added(context, parts, tally, tile, stopped):
+            return None
+    return TileResult(
+        tile=tile,
+        batch=batch,
+        sums=whole.reshape(*shape, *whole.shape[1:]),
+        weights=None if batch.first else _weights(camera, fed, tile),
+        counts=tally.counts,
+        truth=None if truth is None else _truth(context, truth, tile, tile.centres(camera), fed),
+        paths=tally.paths,
+        nonfinite=tally.nonfinite,
+        lost_paths=tuple(tally.lost_paths),
+        met=tally.met,
+        light=tally.light,
+        clamped=tally.clamped,
+    )
+
+
+def _added(
+    context: RenderContext, parts: list[Part], tally: Tally, tile: Tile, stopped: Callable[[], bool] | None
+) -> bool:
+    """Follow the paths of a round and add what they bring; whether nothing stopped it."""
+    integrator = None
     if context.scene is not None:
         from plenoptic.rendering.integrator.path import PathIntegrator
 
-        integrator = PathIntegrator(context, min(BUNDLE, max(part.paths for part in sums.parts)))
-    for part in sums.parts:
-        ways = CameraPaths(camera, part.fed, part.batch, min(BUNDLE, part.paths))
+        integrator = PathIntegrator(context, min(BUNDLE, max(part.paths for part in parts)))
+    for part in parts:
+        ways = CameraPaths(context.camera, part.fed, part.batch, min(BUNDLE, part.paths))
+        before = 0 if integrator is None else integrator.met
         # A tile without pixels has an empty bundle: it shows which kernels there will be.
         for start in range(0, part.paths, BUNDLE) if tile.pixels else (0,):
             if stopped is not None and stopped():
-                return None
+                return False
             n = min(BUNDLE, part.paths - start)
             bundle = ways.started(start, n)
             ways.fill_through_array(bundle)
@@ -134,23 +150,10 @@ def render_tile(
                 radiance = integrator.radiance(bundle, start, n, part.batch, part.fed.number, ways.waves)
             tally.clamp(part, bundle, radiance, n)
             tally.drop(part, bundle, radiance, start, n, part.fill(bundle, radiance, ways, start, n))
-        if part.counted and integrator is not None:
-            tally.met = integrator.met
-    sums.finish()
-    return TileResult(
-        tile=tile,
-        batch=batch,
-        sums=whole.reshape(*shape, *whole.shape[1:]),
-        weights=None if batch.first else _weights(camera, fed, tile),
-        counts=tally.counts,
-        truth=None if truth is None else _truth(context, truth, tile, tile.centres(camera), fed),
-        paths=sum(part.paths for part in sums.parts if part.counted),
-        nonfinite=tally.nonfinite,
-        lost_paths=tuple(tally.lost_paths),
-        met=tally.met,
-        light=tally.light,
-        clamped=tally.clamped,
-    )
+        if part.counted:
+            tally.paths += part.paths
+            tally.met += 0 if integrator is None else integrator.met - before
+    return True
 
 
 def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
 from plenoptic.camera.sampling.spread import APART, EVERY, LEVELLING, Spread, levelling_numbers, rest_numbers, rest_of
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
-from plenoptic.rendering.context import RenderContext
+from plenoptic.rendering.context import RenderContext, batch_of
 from plenoptic.rendering.kernels import film_sums
 from plenoptic.rendering.settings import Sampler
 from plenoptic.rendering.stats import NAMED
@@ -46,14 +47,14 @@ class PixelSums:
         self._sums = whole[fed.place]
         if self._grouped:
             self._sums = np.zeros((fed.place.size, batch.streams + 1, whole.shape[2]))
-        self.parts = [Part(fed, batch, self._fill)]
 
     def _fill(self, bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
         light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
         return int(film_sums.fill_sums(self._sums, light, start, n, self._batch))
 
-    def finish(self) -> None:
-        """Put the sums into `whole`."""
+    def rounds(self) -> Iterator[list[Part]]:
+        """Parts, to be gone through one by one; afterwards the sums are in `whole`."""
+        yield [Part(self._fed, self._batch, self._fill)]
         place, sums = self._fed.place, self._sums
         if self._grouped:
             sums = self._whole[place] + _by_replicate(sums, self._batch, self._whole.shape[1] - 1)
@@ -67,33 +68,35 @@ class SharedSums:
 
     def __init__(self, context: RenderContext, spread: Spread, fed: FedPixels, batch: Batch, whole: Floats) -> None:
         assert fed.around is not None
-        self._spread, self._batch, self._whole, self._around = spread, batch, whole, fed.around
+        self._context, self._spread, self._batch, self._whole, self._around = context, spread, batch, whole, fed.around
         self._weights = None if context.camera.colour is None else context.camera.colour.weights
-        pixels, rows, channels = whole.shape
-        places, to = len(fed.around.numbers), spread.table.parts.shape[1]
-        self._shared = np.zeros((places, rows - 1, channels, to)), np.zeros((places, channels, to))
-        self._drawn = np.zeros((pixels, rows - 1, channels)), np.zeros((pixels, channels))
-        own, beside = sharing_pixels(context.camera, fed, spread.table)
-        drawn = fed._replace(number=rest_numbers(fed.number), around=fed.around._replace(bend=spread.rest))
-        self.parts = [
-            Part(own, batch, self._sharing(own)),
-            Part(drawn, rest_of(batch), self._fill_drawn),
-            Part(beside, batch, self._sharing(beside), counted=False),
-        ]
-        self._rest, self._levels = self.parts[1].batch, None
-        if context.scene is None and spread.table.means is not None:
+        self._own, self._beside = sharing_pixels(context.camera, fed, spread.table)
+        self._drawn = fed._replace(number=rest_numbers(fed.number), around=fed.around._replace(bend=spread.rest))
+        white = context.scene is None and spread.table.means is not None
+        self._levels = np.zeros(len(fed.around.numbers)) if white else None
+
+    def rounds(self) -> Iterator[list[Part]]:
+        """Parts, to be gone through one by one, those of a round together; afterwards the sums are in `whole`."""
+        if self._levels is not None:
             # Before all others, since these need it.
-            self._levels = np.zeros(places)
-            self.parts[:0] = [self._levelling(fed) for fed in (own, beside)]
+            yield [self._levelling(fed) for fed in (self._own, self._beside)]
+        for batch in self._pieces():
+            pixels, rows, channels = self._whole.shape
+            places, to = len(self._around.numbers), self._spread.table.parts.shape[1]
+            shared = np.zeros((places, rows - 1, channels, to)), np.zeros((places, channels, to))
+            drawn = np.zeros((pixels, rows - 1, channels)), np.zeros((pixels, channels))
+            yield [
+                self._sharing(shared, self._own, batch),
+                self._drawing(drawn, batch),
+                self._sharing(shared, self._beside, batch)._replace(counted=False),
+            ]
+            self._gather(shared, drawn, batch)
 
-    def _sharing(self, fed: FedPixels) -> Callable[[Floats, Floats | None, CameraPaths, int, int], int]:
-        parts, batch = self._spread.table.parts, self._batch
-
-        def fill(bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
-            light, shares = film_sums.Light(bundle, radiance, ways.waves, self._weights), (ways.spots, parts)
-            return int(film_sums.fill_shared(self._shared, fed.place, light, self._levels, shares, start, n, batch))
-
-        return fill
+    def _pieces(self) -> Iterator[Batch]:
+        """The batch, cut where any others are, so that sums are rounded alike."""
+        begin, end, step = self._batch.first, self._batch.first + self._batch.samples, self._context.together
+        cuts = [begin, *range((begin // step + 1) * step, end, step), end]
+        return (batch_of(self._context, first, last - first) for first, last in pairwise(cuts))
 
     def _levelling(self, fed: FedPixels) -> Part:
         """Paths of their own, which tell about how light it is: the same whichever samples are rendered."""
@@ -105,18 +108,32 @@ class SharedSums:
 
         return Part(fed._replace(number=levelling_numbers(fed.number)), batch, fill, counted=False)
 
-    def _fill_drawn(self, bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
-        light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
-        return int(film_sums.fill_drawn(self._drawn, light, start, n, self._rest, self._batch, EVERY))
+    def _sharing(self, sums: tuple[Floats, Floats], fed: FedPixels, batch: Batch) -> Part:
+        """Paths to pixels, whose light is shared."""
+        parts = self._spread.table.parts
 
-    def finish(self) -> None:
-        """Add the sums to `whole`."""
-        givers, known, means = self._around.givers, np.zeros(self._drawn[1].shape), self._spread.table.means
+        def fill(bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
+            light, shares = film_sums.Light(bundle, radiance, ways.waves, self._weights), (ways.spots, parts)
+            return int(film_sums.fill_shared(sums, fed.place, light, self._levels, shares, start, n, batch))
+
+        return Part(fed, batch, fill)
+
+    def _drawing(self, sums: tuple[Floats, Floats], batch: Batch) -> Part:
+        """Paths whose bends are drawn."""
+        rest = rest_of(batch)
+
+        def fill(bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
+            light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
+            return int(film_sums.fill_drawn(sums, light, start, n, rest, batch, EVERY))
+
+        return Part(self._drawn, rest, fill)
+
+    def _gather(self, shared: tuple[Floats, Floats], drawn: tuple[Floats, Floats], batch: Batch) -> None:
+        """Add what pixels get to `whole`."""
+        givers, known, means = self._around.givers, np.zeros(drawn[1].shape), self._spread.table.means
         if self._levels is not None and means is not None:
             known += self._levels[givers] @ means.T
-        film_sums.fill_gathered(
-            self._whole, self._shared, known, self._drawn, givers, self._batch, self._spread.drawn, EVERY
-        )
+        film_sums.fill_gathered(self._whole, shared, known, drawn, givers, batch, self._spread.drawn, EVERY)
 
 
 def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
@@ -134,7 +151,7 @@ class Tally:
     def __init__(self, context: RenderContext, statuses: int) -> None:
         self._context = context
         self.counts = np.zeros(statuses, dtype=np.int64)
-        self.met, self.nonfinite, self.light, self.clamped = 0, 0, 0.0, 0.0
+        self.paths, self.met, self.nonfinite, self.light, self.clamped = 0, 0, 0, 0.0, 0.0
         self.lost_paths: list[tuple[int, int, int]] = []
 
     def clamp(self, part: Part, bundle: Floats, radiance: Floats | None, n: int) -> None:

@@ -11,12 +11,11 @@ from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.camera.sampling.record import Batch
 from plenoptic.core.values import Floats, check_kind, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.context import RenderContext, render_context
+from plenoptic.rendering.context import RenderContext, batch_of, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import PathIntegrator
 from plenoptic.rendering.kernels.film_sums import Light, fill_clamped, fill_sums
 from plenoptic.rendering.plan.stages import Stage, Subject
-from plenoptic.rendering.tile import batch_of
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
 from plenoptic.replaying.in_scene import Recorder

@@ -93,7 +93,7 @@ def test_shares_are_those_of_bends_that_are_drawn(pixel, turned, more):
 def batches(samples, replicates, cuts):
     """The batches of some samples, cut into whole numbers of each replicate, the last with what is left."""
     context = _Context(replicates)
-    from plenoptic.rendering.tile import batch_of
+    from plenoptic.rendering.context import batch_of
 
     first = 0
     for cut in [*cuts, samples]:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 EVERY = 4
 """Paths for each drawn bend."""
+_TOGETHER = 64
+"""Samples that are added up before they are given to pixels: more take less time, and longer batches."""
 LEVELLING = 2
 """Paths of a pixel that tell about how light it is in a white image."""
 APART = 1 << 48
@@ -149,6 +151,12 @@ def _shares(bend: BendRecord, longest: float, cells: NDArray[np.int64], light: F
     by_x, by_y = covers
     found = np.einsum("dim,mn,ajn->ijda", by_y, grid.reshape(n, n) / points**2, by_x, optimize=True)
     return np.ascontiguousarray(found.reshape(_FINE * _FINE, -1))
+
+
+def samples_together(replicates: int) -> int:
+    """After how many samples a batch may end without other bits: what is added up begins anew there."""
+    step = EVERY * replicates
+    return max(_TOGETHER // step, 1) * step
 
 
 def rest_of(batch: Batch) -> Batch:

@@ -345,7 +345,7 @@ def _estimate(pilots: _Pilots, found: _Found) -> Estimate:
     fed = (found.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
     memory = resident_bytes() + _film_bytes(pilots) * n + waiting + min(fed, MOST_BYTES)
     record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)
-    often = [found.steps if budget.steps else _records(tile.pixels, budget) for tile in pilots.tiles]
+    often = [found.steps if budget.steps else _records(tile.pixels, pilots) for tile in pilots.tiles]
     log = sum((tile.pixels * state + record) * k for tile, k in zip(pilots.tiles, often, strict=True))
     return Estimate(
         cpu_seconds=cpu,
@@ -358,11 +358,11 @@ def _estimate(pilots: _Pilots, found: _Found) -> Estimate:
     )
 
 
-def _records(pixels: int, budget: Budget) -> int:
+def _records(pixels: int, pilots: _Pilots) -> int:
     """Batches of a tile of a render of given samples, each of which is a record."""
-    done, found, most = 0, 0, Clock(0.0, None).samples_per_batch(pixels, budget.replicates)
-    while done < budget.max_samples:
-        done = min(done + most, budget.following(done))
+    done, found, most = 0, 0, Clock(0.0, None).samples_per_batch(pixels, pilots.context.together)
+    while done < pilots.budget.max_samples:
+        done = min(done + most, pilots.budget.following(done))
         found += 1
     return found
 

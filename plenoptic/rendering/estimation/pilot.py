@@ -114,7 +114,7 @@ def run_pilot(
     rows, columns = tiles[-1].row + tiles[-1].rows, tiles[0].columns
     clock = Clock(begin[0], None)
     counted = budget.steps or budget.passes
-    counted |= any(clock.samples_per_batch(tile.pixels, budget.replicates) < budget.max_samples for tile in tiles)
+    counted |= any(clock.samples_per_batch(tile.pixels, context.together) < budget.max_samples for tile in tiles)
     whole, everything, alike = (0, rows, 0, columns), (slice(None), slice(None)), cast("list[Tile]", tiles)
     progress = progress_of(context, budget, whole, everything, alike, subject.truth, begin, counted=counted)
     truth = truth_record(subject.camera, context.camera, subject.truth)

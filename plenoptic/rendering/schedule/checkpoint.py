@@ -18,12 +18,12 @@ from plenoptic.core.files.record_log import Entry, LogKind, RecordLog, begin_log
 from plenoptic.core.values import Floats, file_path, positive
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning
-from plenoptic.rendering.context import RenderContext
+from plenoptic.rendering.context import RenderContext, batch_of
 from plenoptic.rendering.schedule.identity import differences
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.rendering.schedule.sums import SumsInMemory
 from plenoptic.rendering.schedule.tile_records import TRUTH, are_sums, has_arrays, has_facts
-from plenoptic.rendering.tile import Tile, TileResult, batch_of
+from plenoptic.rendering.tile import Tile, TileResult
 
 _ELSEWHERE = "give checkpoint= another path, or remove the file"
 KIND = LogKind("checkpoint", 2, _ELSEWHERE)

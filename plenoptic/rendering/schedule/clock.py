@@ -32,32 +32,37 @@ class Clock:
         self.over = False
 
     @property
+    def limited(self) -> bool:
+        """Whether there is a limit."""
+        return self._end < math.inf
+
+    @property
     def ahead(self) -> int:
         """Batches for each thread that may be begun before the first is taken: few where time is limited."""
-        return 4 if self._end == math.inf else 2
+        return 2 if self.limited else 4
 
     def paths_per_batch(self) -> int:
         """Paths that a batch may have."""
-        if self._end == math.inf:
+        if not self.limited:
             return PATHS_PER_BATCH
         if not self._rates:
             return _FIRST
         return min(int(self._batch / statistics.median(self._rates)), PATHS_PER_BATCH)
 
-    def samples_per_batch(self, pixels: int, replicates: int) -> int:
-        """Samples of each pixel that a batch may have, as many of each replicate; at least one of each."""
-        return max(self.paths_per_batch() // (pixels * replicates), 1) * replicates
+    def samples_per_batch(self, pixels: int, step: int) -> int:
+        """Samples of each pixel that a batch may have: as many steps as fit, and at least one."""
+        return max(self.paths_per_batch() // (pixels * step), 1) * step
 
     def has_time(self, paths: int) -> bool:
         """Whether a batch of so many paths would end in time, if another one is finished before it begins."""
-        if self._end < math.inf:
+        if self.limited:
             needed = 1.5 * paths * statistics.median(self._rates) if self._rates else 0.0
             self.over |= time.perf_counter() + needed > self._end
         return not self.over
 
     def affordable(self, paths: int) -> float:
         """How many more paths there is time for, at the pace of all until now; 0 without a limit."""
-        if self._end == math.inf or self._first is None:
+        if not self.limited or self._first is None:
             return 0.0
         now = time.perf_counter()
         return max(self._end - now, 0.0) * paths / max(now - self._first, 1e-9)
@@ -68,7 +73,7 @@ class Clock:
 
     def note(self, paths: int, seconds: float) -> None:
         """Learn from a batch that was done."""
-        if self._end < math.inf:
+        if self.limited:
             self._rates.append(seconds / max(paths, 1))
             if self._first is None:
                 self._first = time.perf_counter() - seconds

@@ -9,10 +9,10 @@ from plenoptic.core.ahead import compiled_ahead
 from plenoptic.core.engines.engine import ThreadEngine
 from plenoptic.core.parallel import GivenUp
 from plenoptic.core.values import Floats
-from plenoptic.rendering.context import RenderContext, render_context
+from plenoptic.rendering.context import RenderContext, batch_of, render_context
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.tile import Tile, TileResult, batch_of, render_tile
+from plenoptic.rendering.tile import Tile, TileResult, render_tile
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.ground_truth import truth_record
 from plenoptic.truth.stages import TruthRecord

@@ -122,7 +122,8 @@ def _run(
     here = slice(asked[0] - region[0], asked[1] - region[0]), slice(asked[2] - region[2], asked[3] - region[2])
     clock = Clock(begin[0], budget.time_limit, sum(tile.pixels for tile in tiles) * context.channels)
     counted = steps or (checkpoint is not None and checkpoint.holds)
-    counted |= any(clock.samples_per_batch(tile.pixels, budget.replicates) < budget.max_samples for tile in tiles)
+    most = [clock.samples_per_batch(tile.pixels, _step(context, clock)) for tile in tiles]
+    counted |= any(samples < budget.max_samples for samples in most)
     progress = progress_of(context, budget, region, here, tiles, kept, begin, counted=counted)
     if cluster is not None:
         progress.film.processors = cluster.processors
@@ -208,6 +209,11 @@ def progress_of(
     )
 
 
+def _step(context: RenderContext, clock: Clock) -> int:
+    """What the samples of a batch are a multiple of; the least where time is limited, and batches are short."""
+    return context.replicates if clock.limited else context.together
+
+
 def drive(
     progress: Progress,
     context: RenderContext,
@@ -217,7 +223,7 @@ def drive(
     bar: ProgressBar,
 ) -> bool:
     """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
-    replicates, interrupts = context.replicates, Interrupts(bar.end)
+    replicates, step, interrupts = context.replicates, _step(context, clock), Interrupts(bar.end)
     kept, pixels = progress.paths, sum(tile.pixels for tile in progress.tiles)
     sums: Sums = SumsInMemory() if checkpoint is None else checkpoint
 
@@ -233,7 +239,7 @@ def drive(
     def orders() -> Iterator[TileOrder]:
         for i in progress.pending():
             tile, done = progress.tiles[i], int(progress.done[i])
-            samples = min(progress.next_samples(i), clock.samples_per_batch(tile.pixels, replicates))
+            samples = min(progress.next_samples(i), clock.samples_per_batch(tile.pixels, step))
             if not clock.has_time(samples * tile.pixels):
                 return
             yield tile_order(context, i, tile, (done, samples), sums.of(i) if done else None)
