@@ -21,7 +21,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.camera.diffraction import BendRecord
 from plenoptic.camera.sampling.record import Around, Bends, SpreadTable
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.diffraction.far_field import far_field
 from plenoptic.optics.microlens.aperture import Opening
 from plenoptic.optics.microlens.record import MICROLENS, SensorPlane

@@ -2,7 +2,7 @@ from pathlib import Path
 
 from importlinter import cli
 
-SETTINGS = Path(__file__).parents[1] / "pyproject.toml"
+SETTINGS = Path(__file__).parents[1] / "setup.cfg"
 
 
 def test_imports_point_down(capsys):

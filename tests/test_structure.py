@@ -178,7 +178,7 @@ def test_kernels_stand_in_folders_of_their_own():
         uses = {
             alias.name
             for node in ast.walk(tree)
-            if isinstance(node, ast.ImportFrom) and node.module == "plenoptic.core.jit"
+            if isinstance(node, ast.ImportFrom) and node.module == "plenoptic.core.numba.jit"
             for alias in node.names
         }
         assert path.parent.name == "kernels" or not uses & {"kernel", "device"}, path

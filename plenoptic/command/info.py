@@ -32,7 +32,8 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _here() -> list[str]:
-    from plenoptic.core.jit import cache_folder, processor
+    from plenoptic.core.numba.jit import processor
+    from plenoptic.core.numba.kernel_cache import writable_folder
     from plenoptic.core.parallel import thread_count
     from plenoptic.optics.lens.files.library import lens_names
 
@@ -42,8 +43,8 @@ def _here() -> list[str]:
             versions.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
             versions.append(f"no {name}")
-    folder = cache_folder()
-    kept = [] if folder is None else list(folder.glob("**/*.nbc"))
+    folder = writable_folder()
+    kept = [] if folder is None else list(folder.glob("*.nbc"))
     size = sum(file.stat().st_size for file in kept)
     held = "nowhere: it cannot be written" if folder is None else f"{folder} ({len(kept)} kernels, {size / 1e6:.0f} MB)"
     return [

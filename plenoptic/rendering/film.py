@@ -68,7 +68,7 @@ class Film:
     """
 
     def __init__(self, shape: tuple[int, int, int], *, counts: ArrayLike) -> None:
-        from plenoptic.core.jit import processor
+        from plenoptic.core.numba.jit import processor
 
         rows, columns, channels = checked_shape(shape, ("rows", "columns", "channels"), at_most=3 * MOST_PIXELS)
         used = frozen_array(counts, name="counts", shape=("replicates",), dtype=np.int64)

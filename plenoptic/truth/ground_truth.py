@@ -247,10 +247,10 @@ def strip_finder(job: tuple[Scene | None, PlenopticCamera, Truth]) -> Callable[[
 
 def compiled_strip_finder(job: tuple[Scene | None, PlenopticCamera, Truth], threads: int) -> Callable[[Strip], Arrays]:
     """The same in another process, compiled with so many processes."""
-    from plenoptic.core.ahead import compiled_ahead
+    from plenoptic.core.numba.parallel_compilation import compile_in_parallel
 
     find, empty = strip_finder(job), Strip(0, 0, 0, 0)
-    with compiled_ahead(lambda: find(empty), threads=threads):
+    with compile_in_parallel(lambda: find(empty), threads=threads):
         find(empty)
     return find
 

@@ -164,7 +164,7 @@ def test_sums_of_equal_samples_have_no_scatter(value: float, n: int) -> None:
 
 def test_merged_films_name_all_kinds_of_processors(monkeypatch: pytest.MonkeyPatch) -> None:
     here = film_of([np.ones(2), np.zeros(2)])
-    monkeypatch.setattr("plenoptic.core.jit.processor", lambda: "another kind")
+    monkeypatch.setattr("plenoptic.core.numba.jit.processor", lambda: "another kind")
     elsewhere = film_of([np.ones(2), np.zeros(2)])
     assert here.merged(elsewhere).processors == (*here.processors, "another kind")
     assert here.merged(here).processors == here.processors

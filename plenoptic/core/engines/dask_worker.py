@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import importlib.metadata
 import pickle
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from plenoptic import __version__
-from plenoptic.core.jit import processor, sources_hash
+from plenoptic.core.numba.jit import processor
 from plenoptic.errors import InvalidValueError
 
 Make = Callable[[Any, int], Callable[[Any], Any]]
@@ -42,6 +45,15 @@ class Reply(NamedTuple):
     """For each result."""
     cpu_seconds: float
     processor: str
+
+
+@functools.cache
+def sources_hash() -> str:
+    """Digest of the package's Python files."""
+    digest, root = hashlib.sha256(), Path(__file__).parents[2]
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return digest.hexdigest()[:20]
 
 
 def surroundings() -> dict[str, str]:

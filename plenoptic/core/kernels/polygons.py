@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 
 
 @device

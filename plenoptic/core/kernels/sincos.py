@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 
 _COS = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(9))
 _SIN = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(9))

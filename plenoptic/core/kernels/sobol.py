@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
+from plenoptic.core.numba.jit import device, kernel
 
 DIMENSIONS = 4
 """Dimensions of one set of points; a path uses one set for the camera and one for each bounce."""

@@ -1,6 +1,6 @@
 """Cubic convolution: weights for reading between pixels."""
 
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 
 
 @device

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import kernel
+from plenoptic.core.numba.jit import kernel
 
 _WIDTH = 0.6
 """Standard deviation of the weights with which samples are averaged, in pixels of the picture."""

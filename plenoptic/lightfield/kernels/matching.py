@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device, kernel
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.lightfield.kernels.cubic import keys
 from plenoptic.lightfield.kernels.refining import levels, refined
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 from plenoptic.lightfield.kernels.cubic import keys
 
 _STEPS = 3

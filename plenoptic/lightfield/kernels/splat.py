@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device, kernel
+from plenoptic.core.numba.jit import device, kernel
 
 PIXEL = 1.0 / 12.0
 """Variance of a pixel of the picture along each axis."""

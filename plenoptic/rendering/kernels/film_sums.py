@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.sampling.kernels.paths import path_place, replicate_size
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.core.values import Floats
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from plenoptic.core.ahead import compiled_ahead
 from plenoptic.core.engines.engine import ThreadEngine
+from plenoptic.core.numba.parallel_compilation import compile_in_parallel
 from plenoptic.core.parallel import GivenUp
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext, batch_of, render_context
@@ -87,7 +87,7 @@ def tile_renderer(job: RenderJob, threads: int) -> Callable[[TileOrder], TileRes
     context = render_context(job.subject, job.seed)
     context.prepared.cut_into((_EMPTY,), steps=job.steps)  # whichever tiles come
     truth = truth_record(job.subject.camera, context.camera, job.truth)
-    with compiled_ahead(lambda: compile_tiles(context, truth), threads=threads):
+    with compile_in_parallel(lambda: compile_tiles(context, truth), threads=threads):
         compile_tiles(context, truth)
 
     def render(order: TileOrder) -> TileResult:

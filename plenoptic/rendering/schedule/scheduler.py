@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
-from plenoptic.core.ahead import compiled_ahead
 from plenoptic.core.engines.choice import cluster_of
 from plenoptic.core.engines.engine import Engine
 from plenoptic.core.lost_rays import lost_rays
+from plenoptic.core.numba.parallel_compilation import compile_in_parallel
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.relative_error import light_is_rare, relative_error
 from plenoptic.core.values import flag, seed_number, whole
@@ -139,7 +139,7 @@ def _run(
     with contextlib.ExitStack() as stack:
         if cluster is None:
             truth = truth_record(camera, context.camera, kept)
-            ahead = compiled_ahead(lambda: compile_tiles(context, truth), threads=workers, shown=work.progress)
+            ahead = compile_in_parallel(lambda: compile_tiles(context, truth), threads=workers, shown=work.progress)
             stack.enter_context(ahead)
             engine = thread_engine(context, truth, clock, workers)
         else:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.vectors import cross, dot, vector
+from plenoptic.core.numba.jit import kernel
 
 
 @kernel

@@ -9,9 +9,9 @@ import numpy as np
 from plenoptic.camera.sampling.kernels.candidates import crossing, polar
 from plenoptic.camera.sampling.kernels.parts import ROOM, aim_at, fill_part, moved
 from plenoptic.camera.sampling.kernels.paths import aim
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device, kernel
 
 AIM = 6
 """Numbers of a probe: the point aimed at, the optical axis of its microlens, its piece, and whether it counts."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device, kernel
 
 NEIGHBOURS = 8
 """Rays around each ray: moved along x and y either way, then turned along x and y either way."""

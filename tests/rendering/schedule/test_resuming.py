@@ -547,7 +547,7 @@ def test_a_checkpoint_of_another_kind_of_processor_goes_on_with_a_warning(tmp_pa
     path, here = tmp_path / "shot.part", render(samples=4).stats.processors
     assert len(here) == 1
     with monkeypatch.context() as elsewhere:
-        elsewhere.setattr("plenoptic.core.jit.processor", lambda: "another kind")
+        elsewhere.setattr("plenoptic.core.numba.jit.processor", lambda: "another kind")
         assert render(samples=4, checkpoint=path).stats.processors == ("another kind",)
     with pytest.warns(pl.errors.PlenopticWarning, match="begun on another kind of processor, another kind; this is "):
         shot = render(samples=4, checkpoint=path)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.core.jit import kernel
+from plenoptic.core.numba.jit import kernel
 from plenoptic.scene.compile import atlas
 from plenoptic.scene.textures import record
 from plenoptic.scene.textures.kernels.lookup import fill_texel

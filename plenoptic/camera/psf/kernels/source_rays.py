@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from plenoptic.camera.sampling.kernels.paths import BEND_SET, bend_at_pupil
-from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.kernels.sobol import sample, set_index, set_key, stream
+from plenoptic.core.numba.jit import kernel
 from plenoptic.optics.diffraction.kernels.far_field import bend
 
 

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.polygons import cut
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.microlens.kernels.listed import bins_around
 
 _MOST_CORNERS = 64

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.sampling.kernels.pieces import MOST_CERTAIN, MOST_CORNERS, MOST_PLANES
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.polygons import area_of, cut, point_in
 from plenoptic.core.kernels.ray_blocks import MISSED, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device
 from plenoptic.core.values import Floats
 
 ROOM = MOST_CORNERS + MOST_PLANES + 2

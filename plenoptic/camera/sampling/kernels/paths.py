@@ -9,7 +9,6 @@ import numpy as np
 from plenoptic.camera.sampling.kernels.parts import ROOM, STEPS, Divided, aim_at, aim_divided, divide, fill_part, moved
 from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES
 from plenoptic.camera.sampling.record import NEAR
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BENT_IN, BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
@@ -24,6 +23,7 @@ from plenoptic.core.kernels.sobol import (
     stream,
     to_unit,
 )
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.diffraction.kernels.far_field import bend
 from plenoptic.optics.microlens.kernels.to_lens import at_wavelength
 

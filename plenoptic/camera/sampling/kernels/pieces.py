@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.polygons import cut
+from plenoptic.core.numba.jit import device
 
 MOST_CORNERS = 64
 """Of a polygon that is cut; where it has more, further planes are left out."""

@@ -24,8 +24,8 @@ from plenoptic.camera.sampling.kernels.pieces import (
     reach_of,
     sweep,
 )
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.polygons import area_of
+from plenoptic.core.numba.jit import device, kernel
 
 MOST_PIECES = 64
 """Microlenses of a group; where there are more, their bounds must do, which are the same for all points of a pixel."""

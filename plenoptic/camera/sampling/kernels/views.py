@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device, kernel
 
 
 def _design():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device, kernel
+from plenoptic.core.numba.jit import device, kernel
 
 
 @device

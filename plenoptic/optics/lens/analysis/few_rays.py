@@ -68,13 +68,11 @@ def _as_python(
 
     NumPy's mathematics is as compiled code has it: the root of a negative number is nan, and no error.
     """
-    from plenoptic.core.compiler import Device
-
     if function not in made:
         there = {**function.__globals__, "math": np}
         there |= {name: number for name, number in block.items() if name in there}
         made[function] = types.FunctionType(function.__code__, there)
         for name in function.__code__.co_names:
-            if isinstance(called := there.get(name), Device):
-                there[name] = _as_python(called.py_func, block, made)
+            if called := getattr(there.get(name), "py_func", None):
+                there[name] = _as_python(called, block, made)
     return made[function]

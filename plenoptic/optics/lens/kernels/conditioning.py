@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
+from plenoptic.core.numba.jit import kernel
 from plenoptic.optics.lens.kernels.trace import trace_block
 
 

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import (
     BLOCK,
     CLIPPED,
@@ -22,6 +21,7 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.departure import departure_at
 from plenoptic.optics.lens.kernels.notes import NEWTON, STEPS
 from plenoptic.optics.lens.record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST

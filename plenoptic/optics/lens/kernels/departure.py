@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.zernike import zernike_at
 from plenoptic.optics.lens.record import DEPARTURE_KIND
 from plenoptic.optics.surfaces.zernike import ZERNIKE

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, CLIPPED, NOT_FINITE, STATUS, TOTAL_REFLECTION, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.conic_asphere import (
     AT_VERTEX,
     EPS,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device
 
 
 @device

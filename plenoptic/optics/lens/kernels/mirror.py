@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.conic_asphere import height
 from plenoptic.optics.lens.kernels.freeform import freeform_at
 from plenoptic.optics.record import ASPHERE, FREEFORM

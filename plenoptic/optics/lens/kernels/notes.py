@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, STATUS, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.record import FIRST_TERM
 
 INCIDENCE, REFRACTION, REACH, NEWTON, STEPS, LOG = range(6)

@@ -6,8 +6,8 @@ where it stood, along its direction there, in the axes of the element that it me
 
 from __future__ import annotations
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device
 
 
 @device

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import (
     BLOCK,
     CLIPPED,
@@ -19,6 +18,7 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
+from plenoptic.core.numba.jit import device
 
 
 @device

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, CLIPPED, NOT_FINITE, STATUS, WEIGHT, X, Y
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.record import MASK_HEAD
 from plenoptic.optics.record import ARCS, MASK, POLYGON, RING, STAR
 

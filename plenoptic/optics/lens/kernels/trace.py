@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.conic_asphere import refract_asphere, refract_conic
 from plenoptic.optics.lens.kernels.frames import into_frame, out_of_frame
 from plenoptic.optics.lens.kernels.freeform import note_freeform, refract_freeform

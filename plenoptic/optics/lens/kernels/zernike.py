@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.record import FIRST_NUMBER
 
 

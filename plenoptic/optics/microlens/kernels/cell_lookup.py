@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, STATUS, WEIGHT, L, M, N, X, Y
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.microlens.kernels.listed import bins_around
 
 PLACE = 5

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.trace import give_rays, take_rays
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER, find_cells, find_lenses
 from plenoptic.optics.microlens.kernels.paths import give_places

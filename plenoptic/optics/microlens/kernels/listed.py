@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.polygons import cut
+from plenoptic.core.numba.jit import device, kernel
 
 _MOST_CORNERS = 64
 

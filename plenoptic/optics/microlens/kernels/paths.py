@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.ray_blocks import BLOCK, N, X, Y, Z
+from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.paths import keep_start
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER
 

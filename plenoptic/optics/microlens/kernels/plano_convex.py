@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import (
     BLOCK,
     MISSED,
@@ -25,6 +24,7 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.microlens.kernels.to_lens import at_wavelength, distance_to_sensor, is_open, weigh
 

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import (
     BLOCK,
     MISSED,
@@ -22,6 +21,7 @@ from plenoptic.core.kernels.ray_blocks import (
     Y,
     Z,
 )
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.paths import add_path
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.lens.kernels.trace import give_rays, take_rays

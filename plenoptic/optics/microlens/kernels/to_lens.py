@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.frames import out_of_frame
 
 

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.frames import into_frame
 from plenoptic.optics.microlens.kernels.cell_lookup import FIRST, PLACE, SECOND, own_lens
 from plenoptic.optics.microlens.kernels.dust import in_axes

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.sobol import mix
+from plenoptic.core.numba.jit import device, kernel
 
 FEW = 10.0
 """Mean counts below are drawn by inversion; the method for larger ones holds from 10 on."""

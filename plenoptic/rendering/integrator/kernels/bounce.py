@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.frames import frame_about
 from plenoptic.core.kernels.sobol import mix
 from plenoptic.core.kernels.vectors import dot, fill_vector, negated, row_vector, scale
 from plenoptic.core.kernels.wavelengths import wave_of
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, to_local
 from plenoptic.scene.geometry.record import NORMAL, SHADING_NORMAL
 from plenoptic.scene.materials.kernels.bsdf import sample, surface_at

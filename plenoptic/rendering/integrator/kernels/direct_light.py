@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.frames import frame_about
 from plenoptic.core.kernels.vectors import dot, fill_vector, negated, row_vector, sub
 from plenoptic.core.kernels.wavelengths import wave_of
+from plenoptic.core.numba.jit import kernel
 from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, to_local
 from plenoptic.scene.geometry.record import FRONT, NORMAL, SHADING_NORMAL
 from plenoptic.scene.lights.kernels.sky import weight

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.vectors import dot, row_vector
 from plenoptic.core.kernels.wavelengths import one_channel, wave_of
+from plenoptic.core.numba.jit import kernel
 from plenoptic.scene.geometry.kernels.intersect import corners, interpolate_uv, intersect_triangle, is_mirrored
 from plenoptic.scene.lights.kernels.sky import add_environment, add_suns, weight
 from plenoptic.scene.lights.record import DELTA

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.vectors import dot, row_vector
+from plenoptic.core.numba.jit import device
 from plenoptic.scene.geometry.record import NORMAL, OFFSET, POINT
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from plenoptic.camera.sampling.kernels.paths import path_place
-from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.sobol import stream
+from plenoptic.core.numba.jit import kernel
 
 
 @kernel

@@ -17,8 +17,8 @@ from embreex import rtcore_scene
 from numba import types
 from numpy.typing import NDArray
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.vectors import vector
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.core.values import Floats
 from plenoptic.scene.geometry.compile import ChildMesh, child_meshes, part_of
 from plenoptic.scene.geometry.kernels.grown import fill_grown

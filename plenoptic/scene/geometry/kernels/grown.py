@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.vectors import absolute, add, dot, fill_vector, row_vector, scale, sub, vector
+from plenoptic.core.numba.jit import kernel
 
 GROWTH = 2.0**-21
 """How far edges move outwards, as a part of the largest coordinate of a triangle, or of the usual one of the scene,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, vector
+from plenoptic.core.numba.jit import kernel
 from plenoptic.scene.geometry.kernels.intersect import (
     NEAR_EDGE,
     corners,

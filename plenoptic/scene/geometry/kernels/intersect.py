@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.vectors import absolute, add, cross, dot, row_vector, scale, sub
+from plenoptic.core.numba.jit import device
 from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, RAY_OFFSET, RAY_OFFSET_64
 
 SHADOW_END = 1.0 - 2.0**-18

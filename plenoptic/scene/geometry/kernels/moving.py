@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from plenoptic.core.jit import kernel
 from plenoptic.core.kernels.vectors import cross, dot, fill_vector, row_vector, scale, sub
+from plenoptic.core.numba.jit import kernel
 from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle
 
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.vectors import dot, sub
+from plenoptic.core.numba.jit import device
 
 INSIDE = 2.0**-30
 """Drawn directions keep this part of a texel's extent off its borders, so that rounding leaves them in it."""

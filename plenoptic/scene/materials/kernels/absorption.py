@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.vectors import dot, row_vector, sub
 from plenoptic.core.kernels.wavelengths import row_channel, wave_of
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle, is_mirrored
 from plenoptic.scene.geometry.record import FRONT, NORMAL, POINT
 from plenoptic.scene.lights.record import DIRECTION, END

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.sobol import mix
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, vector
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.scene.geometry.kernels.intersect import (
     SHADOW_END,
     corners,

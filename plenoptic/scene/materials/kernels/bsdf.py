@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.jit import device, kernel
 from plenoptic.core.kernels.vectors import fill_vector, row_vector
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.scene.geometry.record import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS
 from plenoptic.scene.materials.kernels import conductor, dielectric, diffuse, metallic_roughness
 from plenoptic.scene.materials.kernels.microfacets import nothing

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 from plenoptic.scene.lights.record import DELTA
 from plenoptic.scene.materials.kernels.fresnel import conductor
 from plenoptic.scene.materials.kernels.microfacets import half_way, nothing, sample_reflected, smith_lambda

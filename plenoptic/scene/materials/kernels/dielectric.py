@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.vectors import add, dot, scale
+from plenoptic.core.numba.jit import device
 from plenoptic.scene.lights.record import DELTA
 from plenoptic.scene.materials.kernels.fresnel import dielectric
 from plenoptic.scene.materials.kernels.microfacets import distribution, nothing, reflect, smith_lambda, visible_normal

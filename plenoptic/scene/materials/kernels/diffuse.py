@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.sincos import turn
+from plenoptic.core.numba.jit import device
 from plenoptic.scene.materials.kernels.microfacets import nothing
 
 OVER_PI = 1.0 / math.pi

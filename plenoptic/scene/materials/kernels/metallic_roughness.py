@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 from plenoptic.scene.materials.kernels.diffuse import OVER_PI, sample_cosine
 from plenoptic.scene.materials.kernels.fresnel import schlick
 from plenoptic.scene.materials.kernels.microfacets import half_way, nothing, sample_reflected, smith_lambda

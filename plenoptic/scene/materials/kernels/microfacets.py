@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.jit import device
 from plenoptic.core.kernels.sincos import turn
 from plenoptic.core.kernels.vectors import add, dot, scale
+from plenoptic.core.numba.jit import device
 
 
 @device

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.jit import device
+from plenoptic.core.numba.jit import device
 from plenoptic.scene.textures.record import MIRROR, NEAREST, REPEAT
 
 

@@ -1,6 +1,7 @@
 """Kernels compiled by helpers, each time in processes of their own, with kernels of one line."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -8,9 +9,14 @@ import time
 
 import pytest
 
-KERNELS = "from plenoptic.core.jit import device, kernel\n\n\n@device\ndef twice(x):\n    return 2.0 * x\n" + "".join(
-    f"""
+KERNELS = """
+from plenoptic.core.numba.jit import device, kernel
 
+@device
+def twice(x):
+    return 2.0 * x
+""" + "".join(
+    f"""
 @kernel
 def fill_{k}(x, out):
     for i in range(x.size):
@@ -22,7 +28,7 @@ USE = """
 import os, sys, time
 import numpy as np
 import some_kernels
-from plenoptic.core import ahead
+from plenoptic.core.numba import parallel_compilation as module
 
 kernels = [getattr(some_kernels, f"fill_{k}") for k in range(4)]
 
@@ -33,20 +39,20 @@ def run(n=0):
     return out
 
 EXECUTABLE
-with ahead.compiled_ahead(run, threads=2):
+with module.compile_in_parallel(run, threads=2):
     end = time.monotonic() + 60.0
-    while WAIT and (ahead._tasks.waiting or ahead._tasks.begun) and time.monotonic() < end:
+    while WAIT and (module._tasks.waiting or module._tasks.begun) and time.monotonic() < end:
         time.sleep(0.01)
     assert run(3).tolist() == [3.0, 5.0, 7.0]
-assert not ahead._tasks.waiting
+assert not module._tasks.waiting
 print(sum(sum(kernel.stats.cache_hits.values()) for kernel in kernels))
 """
 
 WATCHED = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
-helpers, started = [], ahead._started
-ahead._started = lambda: helpers.append(started()) or helpers[-1]
+helpers, start_helper = [], module._start_helper
+module._start_helper = lambda: helpers.append(start_helper()) or helpers[-1]
 """
 
 
@@ -71,19 +77,18 @@ def test_helpers_compile_what_a_run_without_data_calls(hits):
     assert hits() == 4  # from the cache, without helpers
 
 
-@pytest.mark.parametrize("executable", ["None", "'/no/such/python'", "'some-other-program'"])
-def test_where_no_helper_can_be_started_all_is_compiled_here(hits, executable):
-    assert hits(f"sys.executable = {executable}", wait=False) == 0
-
-
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="needs a script that can be executed")
-def test_what_a_dead_helper_leaves_is_compiled_here(hits, tmp_path):
+def test_without_helpers_or_with_dead_ones_this_process_compiles(hits, tmp_path):
     script = tmp_path / "python-that-dies"
     script.write_text("#!/bin/sh\nexit 1\n")
     script.chmod(0o755)
-    assert hits(f"sys.executable = {str(script)!r}", wait=False) == 0
+    for program in (None, "/no/such/python", "some-other-program", str(script)):
+        shutil.rmtree(tmp_path / "cache", ignore_errors=True)
+        assert hits(f"sys.executable = {program!r}", wait=False) == 0, program
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="asks ps")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGKILL"])
 def test_no_helper_outlives_its_parent(tmp_path, name):
@@ -117,11 +122,11 @@ def test_called_from_python_a_device_function_runs_as_python(hits, tmp_path):
 def test_what_is_listed_is_what_a_render_calls():
     code = """
 import numpy as np, plenoptic as pl
-from plenoptic.core import ahead, jit
+from plenoptic.core.numba import kernel_cache, parallel_compilation as module
 
-jit._KernelCache.has = lambda *_: False  # all kernels are listed, none is given to helpers
-listed, before = [], ahead._listed
-ahead._listed = lambda run: listed.extend(before(run)) or []
+kernel_cache.KernelCache.lacks = lambda *_: True  # all kernels are listed, none is given to helpers
+listed, list_tasks = [], module._list_tasks
+module._list_tasks = lambda run: listed.extend(list_tasks(run)) or []
 lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
 camera = pl.PlenopticCamera(lens=lens, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from plenoptic.core.jit import device, kernel
+from plenoptic.core.numba.jit import device, kernel
 
 
 class Pair(NamedTuple):

@@ -1,0 +1,104 @@
+"""What the compiler of kernels changes, and what happens where Numba does not go along."""
+
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from plenoptic.core.numba.deviations import ALL, deviations
+from plenoptic.core.numba.jit import device, kernel, processor
+
+
+def test_kernels_release_the_gil_divide_as_ieee_and_contract():
+    @kernel
+    def ratio(x, y):
+        return x / y
+
+    assert ratio.targetoptions["nogil"] is True
+    assert ratio.targetoptions["fastmath"] == {"contract"}
+    assert ratio(1.0, 0.0) == float("inf")
+    assert deviations() == ALL  # the Numba of the tests is a known one
+
+
+def test_a_number_that_is_written_in_a_call_makes_no_variant():
+    @device
+    def picked(values, i):
+        return values[i]
+
+    @device  # not from the cache
+    def fill_sum(values, i):
+        values[0] = picked(values, 1) + picked(values, 2) + picked(values, i)
+
+    fill_sum.compile("(f8[::1], i8)")
+    assert len(picked.signatures) == 1
+
+
+def test_vectors_are_as_wide_as_registers_where_that_pays():
+    @device
+    def fill_roots(x):
+        for i in range(256):
+            x[i] = math.sqrt(x[i])
+
+    fill_roots.compile("(f8[::1],)")
+    (code,) = fill_roots.inspect_asm().values()
+    assert ("zmm" in code) == ("avx512vbmi2" in processor())
+
+
+def test_an_error_of_typing_is_that_of_the_kernel_and_no_reason_to_go_on_plainly():
+    @device
+    def add(x, y):
+        return x + y
+
+    @kernel
+    def fill(x):
+        x[0] = add(x, "text")
+
+    with pytest.raises(Exception, match="No implementation of function"):
+        fill(np.zeros(1))
+    assert deviations() == ALL
+
+
+RENDER = """
+import hashlib, sys, warnings
+import numpy as np, plenoptic as pl
+lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
+camera = pl.PlenopticCamera(lens=lens, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    shot = pl.render(pl.check_scene(), camera, samples=8, progress=False)
+np.save(sys.argv[1], shot.image)
+from plenoptic.core.numba.deviations import deviations
+print(len(deviations()), [str(one.message) for one in caught if "Numba" in str(one.message)])
+"""
+BREAKAGES = {
+    "an internal is missing": "import numba.core.codegen as module\ndel module.JITCodeLibrary\n",
+    "a pass is called otherwise": "from plenoptic.core.numba.library import LightLibrary\n"
+    "LightLibrary._optimize_functions = lambda self: None\n",
+}
+
+
+@pytest.mark.slow
+def test_where_numba_differs_kernels_compile_plainly_with_one_warning(tmp_path):
+    def run(code=RENDER, **variables):
+        name = tmp_path / f"{len(list(tmp_path.iterdir()))}.npy"
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), **variables}
+        command = [sys.executable, "-c", code, str(name)]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip(), np.load(name)
+
+    said, image = run()
+    assert said == f"{len(ALL)} []"
+    plain_said, plain = run(PLENOPTIC_PLAIN_NUMBA="1")
+    assert plain_said == "0 []"
+    # The same paths; LLVM may fuse other products and sums, each by an eps of float32 of the largest term.
+    assert np.abs(plain - image).max() <= 8 * np.finfo(np.float32).eps * image.max()
+    for reason, breakage in BREAKAGES.items():
+        # Missing: the import of an internal fails. Otherwise: kernels fail to compile.
+        said, broken = run(breakage + RENDER, NUMBA_CACHE_DIR=str(tmp_path / reason))
+        assert said.startswith("0 [") and said.count("this version of Numba differs") == 1, (reason, said)
+        assert np.array_equal(broken, plain), reason
