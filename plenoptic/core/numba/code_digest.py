@@ -27,6 +27,7 @@ class UnknownValueError(TypeError):
     """A kernel names a value whose content has no digest."""
 
 
+@functools.cache
 def code_digest(function: _Function) -> str:
     """Digest of a kernel's Python function and of all that it calls; UnknownValueError where a value has none."""
     texts = sorted(_text_and_callees(one)[0] for one in _reached(function))

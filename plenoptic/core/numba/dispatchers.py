@@ -15,6 +15,17 @@ from plenoptic.core.waiting.deferring import interrupts_deferred
 _all: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
+_probed: list[bool] = []
+
+
+def _probe_once() -> None:
+    if not _probed:
+        _probed.append(True)  # the probe compiles a kernel, too
+        from plenoptic.core.kernels.probe import probe_numba
+
+        probe_numba()
+
+
 class Device(CPUDispatcher):
     """A function that kernels call. Called from Python it runs as Python: no wrapper leads to its machine code."""
 
@@ -45,6 +56,7 @@ class Kernel(CPUDispatcher):
     def compile(self, signature: Any) -> Any:
         """Compile for types of arguments, or load the compiled code; GivenUp where nobody waits for it any longer."""
         check_wanted()
+        _probe_once()
         claim((self, signature))
         with interrupts_deferred():
             try:
