@@ -69,8 +69,8 @@ def deviations(variants, *, compilations, runs, samples):
         ("left out", "compiling", "white image", "`objects`"),
         rows,
         [
-            f"CPU time over that with all deviations, in turns: medians of {compilations} first renders of a white image "
-            f"and `objects` ({statistics.median(compiled['']):.1f} s with all), and of {runs} renders of 256 x 256 "
+            f"CPU time over that with all deviations, in turns: medians of {compilations} first renders of a white "
+            f"image and `objects` ({statistics.median(compiled['']):.1f} s with all), and of {runs} renders of 256 x 256 "
             f"pixels with {samples} samples; one thread."
         ],
     )
