@@ -24,7 +24,8 @@ scenes, small, large = [None, pl.objects_scene()], np.s_[240:272, 240:272], np.s
 first = sum(seconds(8, scene, small) for scene in scenes)
 print(json.dumps([first, *(seconds(SAMPLES, scene, large) for scene in scenes)]))
 """
-NAMES = {"": "none", "1": "all"}
+NONE = ""
+NAMES = {NONE: "none", "1": "all"}
 
 
 def tables(*, quick):
@@ -59,7 +60,7 @@ def deviations(variants, *, compilations, runs, samples):
     rows = [
         (
             NAMES.get(one, one),
-            ratio(compiled[one], compiled[""]),
+            ratio(compiled[one], compiled[NONE]),
             *(ratio(*([times[i] for times in ran[each]] for each in (one, ""))) for i in (0, 1)),
         )
         for one in compiled
@@ -70,7 +71,7 @@ def deviations(variants, *, compilations, runs, samples):
         rows,
         [
             f"CPU time over that with all deviations, in turns: medians of {compilations} first renders of a white "
-            f"image and `objects` ({statistics.median(compiled['']):.1f} s with all), and of {runs} renders of 256 x 256 "
-            f"pixels with {samples} samples; one thread."
+            f"image and `objects` ({statistics.median(compiled[NONE]):.1f} s with all), and of {runs} renders of "
+            f"256 x 256 pixels with {samples} samples; one thread."
         ],
     )
