@@ -74,16 +74,15 @@ def test_same_seed_same_bits_and_another_seed_others():
     assert np.mean(one.data != develop(shot, with_(EVERYTHING, pattern_seed=10), seed=3).data) > 0.7
 
 
-@pytest.mark.parametrize("filters", [None, BayerPattern.RGGB, ((0, 1, 2), (1, 2, 0), (2, 0, 1))])
-@pytest.mark.parametrize("corner", [(0, 0), (7, 12), (8, 13)])
-def test_a_region_has_the_bits_of_the_whole(filters, corner):
+def test_a_region_has_the_bits_of_the_whole():
     image = picture()
-    model = with_(EVERYTHING, colour_filters=filters, dead=[(9, 15), (30, 2)], hot=0.05)
-    whole = develop(pl.Exposure(image), model, seed=3).data
-    row, column = corner
-    rows, columns = slice(row, row + 20), slice(column, column + 31)
-    part = pl.Exposure(image[rows, columns], region=(row, row + 20, column, column + 31))
-    assert np.array_equal(develop(part, model, seed=3).data, whole[rows, columns])
+    for filters in (None, BayerPattern.RGGB, ((0, 1, 2), (1, 2, 0), (2, 0, 1))):
+        model = with_(EVERYTHING, colour_filters=filters, dead=[(9, 15), (30, 2)], hot=0.05)
+        whole = develop(pl.Exposure(image), model, seed=3).data
+        for row, column in ((7, 12), (8, 13)):
+            part = np.s_[row : row + 20, column : column + 31]
+            shot = pl.Exposure(image[part], region=(row, row + 20, column, column + 31))
+            assert np.array_equal(develop(shot, model, seed=3).data, whole[part]), (filters, row)
 
 
 def test_bits_do_not_depend_on_threads_or_bands(monkeypatch):
@@ -119,39 +118,37 @@ def test_electrons_are_photons_times_efficiency_and_time():
     assert develop(even(2.0, 3), model).data[0, 0].tolist() == pytest.approx([1.0, 1.0, 6.0], rel=1e-14)
 
 
-@pytest.mark.parametrize("electrons", [0.1, 1.0, 10.0, 1000.0])
-def test_shot_noise_has_the_mean_as_variance(electrons):
-    found = numbers(with_(shot_noise=ShotNoise.POISSON, photon_rate=electrons), 1.0)
-    assert np.array_equal(found, np.rint(found))
-    assert near(found.mean(), electrons, electrons)
-    # The fourth central moment of Poisson is m + 3 m^2, so the variance of the sample variance is (m + 2 m^2) / n.
-    assert near(found.var(), electrons, electrons + 2 * electrons**2)
-    # exp(-m) of the pixels stay empty.
-    empty = math.exp(-electrons)
-    assert near(np.mean(found == 0), empty, max(empty * (1 - empty), 1 / PIXELS))
+def test_shot_noise_has_the_mean_as_variance():
+    for electrons in (0.1, 1.0, 10.0, 1000.0):
+        found = numbers(with_(shot_noise=ShotNoise.POISSON, photon_rate=electrons), 1.0)
+        assert np.array_equal(found, np.rint(found))
+        assert near(found.mean(), electrons, electrons), electrons
+        # The fourth central moment of Poisson is m + 3 m^2, so the variance of the sample variance is (m + 2 m^2) / n.
+        assert near(found.var(), electrons, electrons + 2 * electrons**2), electrons
+        # exp(-m) of the pixels stay empty.
+        empty = math.exp(-electrons)
+        assert near(np.mean(found == 0), empty, max(empty * (1 - empty), 1 / PIXELS)), electrons
 
 
-@pytest.mark.parametrize("name", ["read_noise", "dsnu"])
-def test_normal_noise_of_pixels(name):
-    off = numbers(with_(**{name: 3.0})) - 100.0
-    assert near(off.mean(), 0, 9)
-    assert near(off.var(), 9, 2 * 81)
-    assert near(np.mean(np.abs(off) > 6), 0.0455003, 0.0455)
+def test_normal_noise_of_pixels():
+    for name, stays in (("read_noise", False), ("dsnu", True)):
+        found = numbers(with_(**{name: 3.0}))
+        off = found - 100.0
+        assert near(off.mean(), 0, 9), name
+        assert near(off.var(), 9, 2 * 81), name
+        assert near(np.mean(np.abs(off) > 6), 0.0455003, 0.0455), name
+        same = found == numbers(with_(**{name: 3.0}), seed=1)
+        assert same.all() if stays else not same.any(), name
 
 
-def test_dsnu_stays_where_read_noise_does_not():
-    assert np.array_equal(numbers(with_(dsnu=3.0), seed=1), numbers(with_(dsnu=3.0), seed=2))
-    assert not np.any(numbers(with_(read_noise=3.0), seed=1) == numbers(with_(read_noise=3.0), seed=2))
-
-
-@pytest.mark.parametrize(("name", "axis", "stays"), [("row_noise", 1, False), ("column_dsnu", 0, True)])
-def test_offsets_of_rows_and_columns(name, axis, stays):
-    off = numbers(with_(**{name: 3.0})) - 100.0
-    assert np.all(np.ptp(off, axis=axis) == 0)
-    line = off.mean(axis=axis)
-    assert near(line.mean(), 0, 9, SIDE)
-    assert near(line.var(), 9, 2 * 81, SIDE)
-    assert np.array_equal(off + 100.0, numbers(with_(**{name: 3.0}), seed=1)) == stays
+def test_offsets_of_rows_and_columns():
+    for name, axis, stays in (("row_noise", 1, False), ("column_dsnu", 0, True)):
+        found = numbers(with_(**{name: 3.0}))
+        line = found.mean(axis=axis) - 100.0
+        assert np.all(np.ptp(found, axis=axis) == 0), name
+        assert near(line.mean(), 0, 9, SIDE), name
+        assert near(line.var(), 9, 2 * 81, SIDE), name
+        assert np.array_equal(found, numbers(with_(**{name: 3.0}), seed=1)) == stays, name
 
 
 def test_prnu_scales_with_the_light_and_leaves_the_dark_alone():
@@ -186,28 +183,25 @@ def test_full_well_in_closed_form():
     assert near(found.mean(), above.sum(), mean)
     full = above[well - 1]
     assert near(np.mean(found == well), full, full * (1 - full))
-
-
-def test_noise_comes_after_the_full_well_and_dark_levels_may_be_below_0():
-    found = numbers(with_(full_well=50.0, read_noise=2.0), 1e6)
-    assert near(found.mean(), 50, 4)
+    # Read noise comes after the full well, and dark levels may be below 0.
+    assert near(numbers(with_(full_well=50.0, read_noise=2.0), 1e6).mean(), 50, 4)
     assert numbers(with_(read_noise=2.0), 0.0).min() < -5
 
 
-@pytest.mark.parametrize("bits", range(8, 17))
-def test_a_ramp_is_quantised_to_half_a_step(bits):
-    largest = 2**bits - 1
-    ramp = np.linspace(0, largest, 300 * 301).reshape(300, 301, 1).astype(np.float32)
-    data = develop(pl.Exposure(ramp), with_(bits=bits)).data
-    assert data.dtype == np.uint16
-    assert data.min() == 0 and data.max() == largest
-    error = data - ramp[:, :, 0].astype(np.float64)
-    assert np.abs(error).max() <= 0.5
-    if bits <= 12:  # at least 22 points for each step: a sum in place of the integral errs by 1 / (points per step)^2
-        assert np.mean(error**2) == pytest.approx(1 / 12, rel=0.01)
+def test_a_ramp_is_quantised_to_half_a_step():
+    for bits in range(8, 17):
+        largest = 2**bits - 1
+        ramp = np.linspace(0, largest, 300 * 301).reshape(300, 301, 1).astype(np.float32)
+        data = develop(pl.Exposure(ramp), with_(bits=bits)).data
+        assert data.dtype == np.uint16 and (data.min(), data.max()) == (0, largest)
+        error = data - ramp[:, :, 0].astype(np.float64)
+        assert np.abs(error).max() <= 0.5, bits
+        if bits <= 12:  # at least 22 points for each step: a sum in place of the integral errs by their inverse square
+            assert np.mean(error**2) == pytest.approx(1 / 12, rel=0.01), bits
 
 
-def test_converter_cuts_at_both_ends():
+def test_gain_and_black_level_and_the_ends_of_the_converter():
+    assert np.all(numbers(with_(gain=0.25, black_level=64.0), 100.0) == 89.0)
     model = with_(bits=10, black_level=3, read_noise=5.0)
     assert numbers(model, 1e30).min() == 1023
     dark = numbers(model, 0.0)
@@ -216,18 +210,11 @@ def test_converter_cuts_at_both_ends():
     assert near(np.mean(dark == 0), 0.3085375, 0.3085 * 0.6915)
 
 
-def test_gain_and_black_level():
-    assert np.all(numbers(with_(gain=0.25, black_level=64.0), 100.0) == 89.0)
-
-
-@pytest.mark.parametrize("pattern", list(BayerPattern))
-def test_each_filter_passes_its_channel(pattern):
+def test_each_filter_passes_its_channel():
     shot = pl.Exposure(np.broadcast_to([10.0, 20.0, 30.0], (4, 6, 3)))
-    data = develop(shot, with_(colour_filters=pattern)).data
-    letters = {10.0: "R", 20.0: "G", 30.0: "B"}
-    for row in range(4):
-        for column in range(6):
-            assert letters[data[row, column]] == pattern.name[2 * (row % 2) + column % 2]
+    for pattern in BayerPattern:
+        levels = np.array([10.0 * (1 + "RGB".index(letter)) for letter in pattern.name]).reshape(2, 2)
+        assert np.array_equal(develop(shot, with_(colour_filters=pattern)).data, np.tile(levels, (2, 3))), pattern
 
 
 def test_any_pattern_repeats():
@@ -238,8 +225,7 @@ def test_any_pattern_repeats():
 
 
 def test_a_grey_exposure_stands_for_three_equal_channels():
-    model = with_(EVERYTHING)
-    assert develop(even(0.5, 1, (8, 8)), model) == develop(even(0.5, 3, (8, 8)), model)
+    assert develop(even(0.5, 1, (8, 8)), EVERYTHING) == develop(even(0.5, 3, (8, 8)), EVERYTHING)
     assert develop(even(0.5, 1, (8, 8)), with_(photon_rate=(1.0, 2.0, 3.0))).data.shape == (8, 8, 3)
     assert develop(even(0.5, 1, (8, 8)), NOISELESS).data.shape == (8, 8)
 
@@ -250,24 +236,25 @@ def test_layers_have_noise_of_their_own():
     assert np.abs(np.corrcoef(data.T)[np.triu_indices(3, 1)]).max() < FIVE_SIGMA / math.sqrt(PIXELS)
 
 
-@pytest.mark.parametrize(("name", "level"), [("dead", 0.0), ("hot", 250.0)])
-def test_listed_pixels_fail_and_no_others(name, level):
-    listed = [(0, 0), (5, 7), (299, 299), (1000, 3)]
-    data = numbers(with_(full_well=250.0, **{name: listed}))
-    wrong = np.argwhere(data != 100.0)
-    assert wrong.tolist() == [[0, 0], [5, 7], [299, 299]]
-    assert all(data[tuple(place)] == level for place in wrong)
+BROKEN = (("dead", 0.0), ("hot", 250.0))
 
 
-@pytest.mark.parametrize(("name", "level"), [("dead", 0.0), ("hot", 250.0)])
-def test_a_fraction_fails_and_always_the_same(name, level):
-    model = with_(full_well=250.0, **{name: 0.02})
-    data = numbers(model)
-    assert near(np.mean(data == level), 0.02, 0.02 * 0.98)
-    assert np.all((data == level) | (data == 100.0))
-    assert np.array_equal(data, numbers(model, seed=5))
-    assert not np.array_equal(data, numbers(with_(model, pattern_seed=1)))
-    assert np.all(numbers(with_(model, **{name: 1.0})) == level)
+def test_listed_pixels_fail_and_no_others():
+    for name, level in BROKEN:
+        data = numbers(with_(full_well=250.0, **{name: [(0, 0), (5, 7), (299, 299), (1000, 3)]}))
+        assert np.argwhere(data != 100.0).tolist() == [[0, 0], [5, 7], [299, 299]]
+        assert np.all(data[[0, 5, 299], [0, 7, 299]] == level), name
+
+
+def test_a_fraction_fails_and_always_the_same():
+    for name, level in BROKEN:
+        model = with_(full_well=250.0, **{name: 0.02})
+        data = numbers(model)
+        assert near(np.mean(data == level), 0.02, 0.02 * 0.98), name
+        assert np.all((data == level) | (data == 100.0))
+        assert np.array_equal(data, numbers(model, seed=5))
+        assert not np.array_equal(data, numbers(with_(model, pattern_seed=1)))
+        assert np.all(numbers(with_(model, **{name: 1.0})) == level)
 
 
 def test_hot_pixels_collect_their_current_and_dead_ones_win():
@@ -278,31 +265,15 @@ def test_hot_pixels_collect_their_current_and_dead_ones_win():
 # Each effect alone off
 
 
-@pytest.mark.parametrize(
-    ("name", "off"),
-    [
-        ("bits", None),
-        ("full_well", None),
-        ("shot_noise", ShotNoise.NONE),
-        ("read_noise", 0.0),
-        ("row_noise", 0.0),
-        ("dark_current", 0.0),
-        ("prnu", 0.0),
-        ("dsnu", 0.0),
-        ("column_dsnu", 0.0),
-        ("dead", 0.0),
-        ("hot", 0.0),
-        ("black_level", 0.0),
-        ("colour_filters", None),
-    ],
-)
-def test_every_effect_can_be_left_out_alone(name, off):
-    shot = pl.Exposure(4 * picture(3, (60, 60)))
-    everything = with_(EVERYTHING, full_well=3000)
-    changed = develop(shot, with_(everything, **{name: off}), seed=1).data
-    assert np.isfinite(changed).all()
+def test_every_effect_can_be_left_out_alone():
+    shot, everything = pl.Exposure(4 * picture(3, (60, 60))), with_(EVERYTHING, full_well=3000)
     data = develop(shot, everything, seed=1).data
-    assert changed.shape != data.shape or not np.array_equal(changed, data)
+    off = {"bits": None, "full_well": None, "shot_noise": ShotNoise.NONE, "colour_filters": None}
+    names = ["read_noise", "row_noise", "dark_current", "prnu", "dsnu", "column_dsnu", "dead", "hot", "black_level"]
+    for name, value in (off | dict.fromkeys(names, 0.0)).items():
+        changed = develop(shot, with_(everything, **{name: value}), seed=1).data
+        assert np.isfinite(changed).all()
+        assert changed.shape != data.shape or not np.array_equal(changed, data), name
 
 
 def test_draws_of_one_effect_do_not_move_those_of_another():
@@ -326,15 +297,12 @@ def test_extreme_light():
     assert develop(even(1.0, shape=(1, 1)), EVERYTHING).data.shape == (1, 1)
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -1e-6])
-def test_impossible_light_is_refused(bad):
-    image = np.ones((3, 4, 1))
-    image[1, 2] = bad
-    with pytest.raises(InvalidValueError, match=r"at row 1, column 2, and 1 such values in all; light must be finite"):
-        develop(pl.Exposure(image), NOISELESS)
-
-
-def test_other_things_are_refused():
+def test_impossible_light_and_other_things_are_refused():
+    for bad in (np.nan, np.inf, -1e-6):
+        image = np.ones((3, 4, 1))
+        image[1, 2] = bad
+        with pytest.raises(InvalidValueError, match=r"at row 1, column 2, and 1 such values in all; light must be fin"):
+            develop(pl.Exposure(image), NOISELESS)
     with pytest.raises(InvalidValueError, match="exposure is an ndarray; give an Exposure"):
         develop(np.ones((2, 2, 1)), NOISELESS)
     with pytest.raises(InvalidValueError, match="model is an int"):
