@@ -32,6 +32,9 @@ def test_all_is_everything_and_each_array_has_a_kind_of_it():
     alone = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
     assert union == Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY == Truth(sum(alone))
     assert not Truth.ALL & (Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY)  # many rays a pixel, for those who ask
+    for given in (True, 1, "DEPTH", None):
+        with pytest.raises(pl.errors.InvalidValueError, match=r"truth is .* give a Truth, such as pl.Truth.DEPTH"):
+            checked_truth(given)
 
 
 def test_what_is_wanted_is_what_is_made():
@@ -57,32 +60,20 @@ def test_a_scene_without_meshes_and_a_camera_without_microlenses_have_less():
     assert truth_names(Truth.VIRTUAL_DEPTH | Truth.DEPTH) == "depth, virtual depth"
 
 
-@pytest.mark.parametrize("given", [True, 1, "DEPTH", None])
-def test_what_is_wanted_is_said_by_flags(given):
-    with pytest.raises(pl.errors.InvalidValueError, match=r"truth is .* give a Truth, such as pl.Truth.DEPTH"):
-        checked_truth(given)
-
-
 def test_it_is_a_value():
     truth = everything()
     again = pickle.loads(pickle.dumps(truth))
     assert again == truth and hash(again) == hash(truth) and not again.normal.flags.writeable
     assert truth.shape == (2, 3) and truth.kinds == Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY
     assert repr(GroundTruth(depth=truth.depth, object=truth.object)) == "GroundTruth(2 x 3, depth, object)"
-
-
-@pytest.mark.parametrize(
-    ("arrays", "sentence"),
-    [
+    for arrays, sentence in (
         ({}, "a ground truth holds nothing; give it at least one array, such as depth"),
         ({"depth": np.ones(3)}, r"depth has shape \(3,\); it must have shape \(rows, columns\)"),
         ({"depth": np.ones((2, 3)), "normal": np.ones((2, 2, 3))}, r"normal has shape \(2, 2, 3\)"),
         ({"microlens": np.ones((2, 3))}, r"microlens has shape \(2, 3\); it must have shape \(rows, columns, 2\)"),
-    ],
-)
-def test_impossible_ones(arrays, sentence):
-    with pytest.raises(pl.errors.InvalidValueError, match=sentence):
-        GroundTruth(**arrays)
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=sentence):
+            GroundTruth(**arrays)
 
 
 def test_disparity_of_views_is_that_of_microlenses_upside_down():
@@ -101,14 +92,10 @@ def test_channels_of_files_lead_back():
     assert truth_in({"Y": truth.depth}) is None
     for name in channels:
         assert name.rsplit(".", 1)[0] in file_note(truth)
-
-
-def test_files_from_before_a_channel_have_the_others():
-    truth = everything()
-    planes = file_planes(truth)
-    del planes["truth.incidence_angle"]
-    older = truth_in(planes)
-    assert older.kinds == truth.kinds & ~Truth.INCIDENCE_ANGLE and older.incidence_angle is None
+    # Files from before a channel have the others.
+    del channels["truth.incidence_angle"]
+    older = truth_in(channels)
+    assert older.kinds == truth.kinds & ~Truth.INCIDENCE_ANGLE
     assert older == dataclasses.replace(truth, incidence_angle=None)
 
 
