@@ -108,16 +108,11 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_what_is_absent_is_none(name):
-    scene, expected = SCENES[name]
-    assert set(arrays(scene.tables())) == expected
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_tables_are_read_only_and_contiguous(name):
-    for table in arrays(SCENES[name][0].tables()).values():
-        assert table.flags.c_contiguous and not table.flags.writeable
+def test_what_is_absent_is_none_and_tables_are_read_only_and_contiguous():
+    for name, (scene, expected) in SCENES.items():
+        found = arrays(scene.tables())
+        assert set(found) == expected, name
+        assert all(table.flags.c_contiguous and not table.flags.writeable for table in found.values()), name
 
 
 # ---- triangles ----
@@ -169,16 +164,13 @@ def test_a_mesh_without_normals_has_rows_of_zeros():
 
 
 def test_equal_materials_are_one_row():
-    texture = pl.Lambertian(pl.Texture(np.full((2, 3, 1), 0.5)))
-    copy = pl.Lambertian(pl.Texture(np.full((2, 3, 1), 0.5)))
+    texture, copy = (pl.Lambertian(pl.Texture(np.full((2, 3, 1), 0.5))) for _ in range(2))
     meshes = [square(texture, uv=UV), square(pl.Lambertian(0.2)), square(copy, uv=UV), square(pl.Lambertian(0.2))]
     tables = pl.Scene(meshes).tables()
     assert tables.geometry.triangle_material.tolist() == [0, 0, 1, 1, 0, 0, 1, 1]
     assert tables.bsdf.base_color.tolist() == [[1.0], [0.2]]
-    assert (
-        tables.textures.base_color.textures[["start", "rows", "columns"]].tolist() == [(0, 2, 3)]
-        and len(tables.textures.base_color.texels) == 6
-    )
+    column = tables.textures.base_color
+    assert column.textures[["start", "rows", "columns"]].tolist() == [(0, 2, 3)] and len(column.texels) == 6
 
 
 def test_materials_keep_their_numbers():
@@ -193,23 +185,21 @@ def test_materials_keep_their_numbers():
         pl.Emissive(3.0),
     ]
     tables = pl.Scene([square(material) for material in kinds]).tables()
-    assert tables.bsdf.kind.tolist() == [0, 1, 2, 2, 3, 4, 5, 0]
-    assert tables.bsdf.base_color[:, 0].tolist() == [0.1, 0.2, 0.3, 0.4, 1.0, 0.6, 0.7, 0.0]
-    assert tables.bsdf.roughness.tolist() == [0.0, 0.9, 0.25, 0.0, 0.5, 0.0, 0.9, 0.0]
-    assert tables.bsdf.metallic.tolist() == [0.0] * 6 + [0.8, 0.0]
-    assert tables.bsdf.scatters.tolist() == [1] * 7 + [0]
-    assert tables.bsdf.takes_light.tolist() == [1, 1, 1, 0, 1, 0, 1, 0]
+    bsdf, emission = tables.bsdf, tables.emission
+    assert bsdf.kind.tolist() == [0, 1, 2, 2, 3, 4, 5, 0]
+    assert bsdf.base_color[:, 0].tolist() == [0.1, 0.2, 0.3, 0.4, 1.0, 0.6, 0.7, 0.0]
+    assert bsdf.roughness.tolist() == [0.0, 0.9, 0.25, 0.0, 0.5, 0.0, 0.9, 0.0]
+    assert bsdf.metallic.tolist() == [0.0] * 6 + [0.8, 0.0]
+    assert bsdf.scatters.tolist() == [1] * 7 + [0]
+    assert bsdf.takes_light.tolist() == [1, 1, 1, 0, 1, 0, 1, 0]
     assert tables.absorption[:, 0].tolist() == [0.0] * 4 + [0.7, 0.0, 0.0, 0.0]
-    assert tables.alpha.opacity.tolist() == [1.0] * 6 + [0.25, 1.0] and tables.alpha.cutoff.tolist() == [-1.0] * 6 + [
-        0.125,
-        -1.0,
-    ]
-    assert tables.emission.radiance[:, 0].tolist() == [0.0] * 6 + [2.0, 3.0] and tables.emission.two_sided.tolist() == [
-        0
-    ] * 6 + [1, 0]
-    assert tables.bsdf.metal_index[:, 0].tolist() == [[0, 0]] * 3 + [[1.5, 3.0]] + [[0, 0]] * 4
-    assert tables.bsdf.glass_index.tolist() == [[0, 0]] * 4 + [[1.6, 1.3]] + [[0, 0]] * 3
-    assert tables.bsdf.pane_index.tolist() == [0] * 5 + [1.7, 0, 0]
+    assert tables.alpha.opacity.tolist() == [1.0] * 6 + [0.25, 1.0]
+    assert tables.alpha.cutoff.tolist() == [-1.0] * 6 + [0.125, -1.0]
+    assert emission.radiance[:, 0].tolist() == [0.0] * 6 + [2.0, 3.0]
+    assert emission.two_sided.tolist() == [0] * 6 + [1, 0]
+    assert bsdf.metal_index[:, 0].tolist() == [[0, 0]] * 3 + [[1.5, 3.0]] + [[0, 0]] * 4
+    assert bsdf.glass_index.tolist() == [[0, 0]] * 4 + [[1.6, 1.3]] + [[0, 0]] * 3
+    assert bsdf.pane_index.tolist() == [0] * 5 + [1.7, 0, 0]
 
 
 def test_textures_lie_one_after_the_other_row_by_row():
@@ -242,45 +232,53 @@ def test_each_use_of_a_texture_names_its_row_and_equal_ones_share_it():
 # ---- colours ----
 
 
-@pytest.mark.parametrize(
-    ("scene", "channels"),
-    [
-        (pl.Scene([square(pl.Lambertian((0.5, 0.5, 0.5)))], background=(1, 1, 1)), 1),
-        (pl.Scene([square(pl.Lambertian(pl.Texture(np.full((2, 2, 3), 0.25))), uv=UV)]), 1),
-        (pl.Scene([square(pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 1j)))]), 1),
-        (pl.Scene([layered(normal_map=pl.Texture(np.array([[[0.5, 0.5, 1.0]]])))]), 1),
-        (pl.Scene([square()], background=pl.EnvironmentMap(np.full((1, 2, 3), 0.5))), 1),
-        (pl.Scene([square()], background=(1, 1, 0.9)), 3),
-        (pl.Scene([square()], background=pl.EnvironmentMap(np.array([[[0.5, 0.5, 0.4]]]))), 3),
-        (pl.Scene([square(pl.Emissive((1, 2, 3)))]), 3),
-        (pl.Scene([square()], [pl.QuadLight((0, 0, 9), (1, 0, 0), (0, 1, 0), (1, 0, 0))]), 3),
-        (pl.Scene([square()], [pl.lights.SphereLight((0, 0, 9), 1.0, (1, 0, 0))]), 3),
-        (pl.Scene([square()], [pl.lights.PointLight((0, 0, 9), (1, 0, 0))]), 3),
-        (pl.Scene([square()], [pl.lights.SpotLight((0, 0, 9), (0, 0, -1), (1, 0, 0))]), 3),
-        (pl.Scene([square()], [pl.SunLight((0, 0, -1), (1, 0, 0))]), 3),
-        (pl.Scene([square(pl.Lambertian(pl.Texture(np.array([[[0, 0, 0.1]]]))), uv=UV)]), 3),
-        (pl.Scene([square(pl.materials.RoughDiffuse((0.5, 0.5, 0.4)))]), 3),
-        (pl.Scene([square(pl.Conductor((0.5, 0.5, 0.4)))]), 3),
-        (pl.Scene([square(pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 2j)))]), 3),
-        (pl.Scene([square(pl.Dielectric(absorption=(0, 0, 1)))]), 3),
-        (pl.Scene([square(pl.materials.ThinGlass(transmittance=(1, 1, 0.5)))]), 3),
-        (pl.Scene([layered(emission=(0, 0, 1))]), 3),
-        (pl.Scene([pl.scene.Instances(square(pl.Lambertian((0.5, 0.5, 0.4))), PLACES)]), 3),
-    ],
-)
-def test_three_channels_only_where_something_is_coloured(scene, channels):
-    tables = scene.tables()
-    found = arrays(tables)
-    assert tables.channels == channels
-    for name in (
-        *("bsdf.base_color", "absorption", "emission.radiance"),
-        *("lights.point_colors", "lights.sky.sun_colors", "lights.sky.background"),
-    ):
-        assert name not in found or found[name].shape[-1] == channels
-    if "lights.sky.environment.texels" in found:
-        assert found["lights.sky.environment.texels"].shape[2] == channels
-    if "bsdf.metal_index" in found:
-        assert found["bsdf.metal_index"].shape[1] == channels
+def with_material(material):
+    return pl.Scene([square(material, uv=UV)])
+
+
+def with_light(light):
+    return pl.Scene([square()], [light])
+
+
+GREY_SCENES = [
+    pl.Scene([square(pl.Lambertian((0.5, 0.5, 0.5)))], background=(1, 1, 1)),
+    with_material(pl.Lambertian(pl.Texture(np.full((2, 2, 3), 0.25)))),
+    with_material(pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 1j))),
+    with_material(pl.MetallicRoughness(normal_map=pl.Texture(np.array([[[0.5, 0.5, 1.0]]])))),
+    pl.Scene([square()], background=pl.EnvironmentMap(np.full((1, 2, 3), 0.5))),
+]
+COLOURED_SCENES = [
+    pl.Scene([square()], background=(1, 1, 0.9)),
+    pl.Scene([square()], background=pl.EnvironmentMap(np.array([[[0.5, 0.5, 0.4]]]))),
+    with_light(pl.QuadLight((0, 0, 9), (1, 0, 0), (0, 1, 0), (1, 0, 0))),
+    with_light(pl.lights.SphereLight((0, 0, 9), 1.0, (1, 0, 0))),
+    with_light(pl.lights.PointLight((0, 0, 9), (1, 0, 0))),
+    with_light(pl.lights.SpotLight((0, 0, 9), (0, 0, -1), (1, 0, 0))),
+    with_light(pl.SunLight((0, 0, -1), (1, 0, 0))),
+    with_material(pl.Emissive((1, 2, 3))),
+    with_material(pl.Lambertian(pl.Texture(np.array([[[0, 0, 0.1]]])))),
+    with_material(pl.materials.RoughDiffuse((0.5, 0.5, 0.4))),
+    with_material(pl.Conductor((0.5, 0.5, 0.4))),
+    with_material(pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 2j))),
+    with_material(pl.Dielectric(absorption=(0, 0, 1))),
+    with_material(pl.materials.ThinGlass(transmittance=(1, 1, 0.5))),
+    with_material(pl.MetallicRoughness(emission=(0, 0, 1))),
+    pl.Scene([pl.scene.Instances(square(pl.Lambertian((0.5, 0.5, 0.4))), PLACES)]),
+]
+
+
+def test_three_channels_only_where_something_is_coloured():
+    last = ("bsdf.base_color", "absorption", "emission.radiance", "lights.point_colors", "lights.sky.sun_colors")
+    axes = dict.fromkeys([*last, "lights.sky.background"], -1) | {
+        "lights.sky.environment.texels": 2,
+        "bsdf.metal_index": 1,
+    }
+    for scenes, channels in ((GREY_SCENES, 1), (COLOURED_SCENES, 3)):
+        for scene in scenes:
+            tables = scene.tables()
+            assert tables.channels == channels, scene
+            for name, table in arrays(tables).items():
+                assert name not in axes or table.shape[axes[name]] == channels, (scene, name)
 
 
 # ---- size ----

@@ -65,12 +65,12 @@ CAMERAS = {
 }
 
 
-def assert_lit_pixels_have_truth(name, samples=1024):
+def assert_lit_pixels_have_truth(name):
     # Up to 100 % of lit pixels had none: no light reaches their centres.
     camera = CAMERAS[name]
     for region in (CORNER, MIDDLE):
         # Of a pixel that one path in 100 reaches, 1024 miss the light once in 3e4.
-        white = pl.render_white(camera, samples=samples, replicates=2, region=region, progress=False).image[..., 0]
+        white = pl.render_white(camera, samples=1024, replicates=2, region=region, progress=False).image[..., 0]
         truth = pl.ground_truth(pl.shapes.white_plane(), camera, region=region)
         lit = white > 0.01 * white.max()
         assert lit.any()
@@ -86,7 +86,7 @@ QUICK = ["2.0 0.1", "1.7 2.3", "star", "ring", "tilted", "irregular", "multi-foc
 
 def test_every_lit_pixel_has_truth():
     for name in QUICK:
-        assert_lit_pixels_have_truth(name, samples=256)
+        assert_lit_pixels_have_truth(name)
 
 
 @pytest.mark.slow
