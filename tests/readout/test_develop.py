@@ -62,9 +62,6 @@ def near(found, expected, variance, n=PIXELS):
     return abs(found - expected) < FIVE_SIGMA * math.sqrt(variance / n)
 
 
-# What belongs together: bits, seeds, regions, threads
-
-
 def test_same_seed_same_bits_and_another_seed_others():
     shot = pl.Exposure(picture())
     one = develop(shot, EVERYTHING, seed=3)
@@ -103,9 +100,6 @@ def test_the_fixed_pattern_stays_and_the_noise_does_not():
     # The standard error of a correlation coefficient r of n pairs is (1 - r^2) / sqrt(n). Patterns of columns and
     # rows have only 300 numbers each: their share of the variance, 0.4 and 0.2 %, is known to a twelfth.
     assert abs(fixed - share) < FIVE_SIGMA * ((1 - share**2) / SIDE + 0.006 * math.sqrt(2 / SIDE))
-
-
-# One effect at a time
 
 
 def test_without_effects_light_comes_out_as_it_went_in():
@@ -262,9 +256,6 @@ def test_hot_pixels_collect_their_current_and_dead_ones_win():
     assert np.all(numbers(with_(hot=1.0, dead=1.0, hot_current=30.0)) == 0.0)
 
 
-# Each effect alone off
-
-
 def test_every_effect_can_be_left_out_alone():
     shot, everything = pl.Exposure(4 * picture(3, (60, 60))), with_(EVERYTHING, full_well=3000)
     data = develop(shot, everything, seed=1).data
@@ -281,9 +272,6 @@ def test_draws_of_one_effect_do_not_move_those_of_another():
     quiet = with_(shot_noise=ShotNoise.POISSON)
     difference = numbers(with_(quiet, read_noise=2.0)) - numbers(quiet)
     np.testing.assert_allclose(difference, numbers(with_(read_noise=2.0)) - 100.0, atol=1e-12)
-
-
-# Extremes and refusals
 
 
 def test_extreme_light():

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 import plenoptic as pl
 
@@ -20,9 +19,6 @@ def square(material=GREY, **more):
 
 def layered(**fields):
     return square(pl.MetallicRoughness(**fields), uv=UV)
-
-
-# ---- what is there ----
 
 
 def arrays(tables, before=""):
@@ -115,9 +111,6 @@ def test_what_is_absent_is_none_and_tables_are_read_only_and_contiguous():
         assert all(table.flags.c_contiguous and not table.flags.writeable for table in found.values()), name
 
 
-# ---- triangles ----
-
-
 def test_indices_are_global_and_lights_come_last():
     first, second = square(), square(pl.Lambertian(0.1)).translated(z=5)
     tables = pl.Scene([first, second], [LAMP]).tables()
@@ -158,9 +151,6 @@ def test_instanced_triangles_come_after_lights_once_each():
 def test_a_mesh_without_normals_has_rows_of_zeros():
     tables = pl.Scene([square(), square(normals=UP)]).tables()
     np.testing.assert_array_equal(tables.geometry.normals, np.concatenate([np.zeros((4, 3)), UP]))
-
-
-# ---- materials ----
 
 
 def test_equal_materials_are_one_row():
@@ -229,9 +219,6 @@ def test_each_use_of_a_texture_names_its_row_and_equal_ones_share_it():
     assert tables.emission.radiance.tolist() == [[0, 0, 0], [1, 2, 6]]
 
 
-# ---- colours ----
-
-
 def with_material(material):
     return pl.Scene([square(material, uv=UV)])
 
@@ -279,9 +266,6 @@ def test_three_channels_only_where_something_is_coloured():
             assert tables.channels == channels, scene
             for name, table in arrays(tables).items():
                 assert name not in axes or table.shape[axes[name]] == channels, (scene, name)
-
-
-# ---- size ----
 
 
 def test_a_large_mesh_compiles_without_a_loop_per_triangle():

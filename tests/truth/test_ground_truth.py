@@ -40,8 +40,6 @@ def thin_image(lens, z):
     return points.rear_principal + 1.0 / (1.0 / points.efl - 1.0 / s)
 
 
-# ---- geometry ----
-
 SOME = np.s_[100:116, 300:316]
 POSE = {"position": (30.0, -20.0, 50.0), "look_at": (10.0, 5.0, -350.0), "up": (0.2, 1.0, 0.1)}
 
@@ -111,9 +109,6 @@ def test_objects_and_materials_have_the_numbers_of_the_scene():
     assert (truth.object[~met] == -1).all() and (truth.material[~met] == -1).all()
 
 
-# ---- microlenses ----
-
-
 ARRAYS = [
     {"focal_lengths": (1.7, 2.0, 2.4)},
     {"lattice": pl.Lattice.SQUARE},
@@ -171,9 +166,6 @@ def test_free_microlenses_have_their_numbers():
     np.testing.assert_array_equal(there.microlens_type[lit], types[number])
 
 
-# ---- at the sensor ----
-
-
 def test_angles_of_incidence_without_microlenses_are_those_from_the_exit_pupil():
     # Without aberrations the centroid of the light is the middle of the exit pupil. Each of the 16 probes that find it
     # stands for a square of 0.44 radii along a side: single pixels are off by less than half a radius, their mean by a
@@ -224,9 +216,6 @@ def test_angles_of_incidence_turn_with_the_sensor():
         # The middle of the pupil is that of what linear views leave of it: to some 1e-9 of the distance.
         assert abs(angle - tilt) <= straight + 1e-8
     assert straight < 0.02
-
-
-# ---- images of points ----
 
 
 def test_virtual_depth_and_disparity_of_a_thin_lens_are_closed_forms():
@@ -304,9 +293,6 @@ def test_disparity_of_the_real_lens_is_that_of_neighbouring_projections():
     np.testing.assert_allclose(np.mean(found), truth.disparity[0, 0], rtol=2e-3)
 
 
-# ---- projecting back ----
-
-
 def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre():
     # Its ray passes the microlens's centre: it is the chief ray itself. 1e-9 mm behind the lens is 1e-7 pixels. Where
     # the pixel's centre is dark, the ray starts elsewhere on the pixel.
@@ -347,9 +333,6 @@ def test_what_a_pixel_sees_sharply_is_projected_onto_it():
     for k, (row, column, index) in enumerate(zip(rows[met], columns[met], truth.microlens[met], strict=True)):
         here = (seen.point == k) & (seen.index == index).all(axis=1)
         np.testing.assert_allclose(seen.pixel[here][0], [row, column], rtol=0, atol=0.5)
-
-
-# ---- arguments, bits and renderings ----
 
 
 def test_regions_and_threads_have_the_same_bits_as_the_whole():

@@ -157,8 +157,6 @@ def test_shares_are_those_of_rendered_light(stop):
     assert np.isnan(truth.object_share[truth.object < 0]).all()
 
 
-# ---- beside dense rays, traced here ----
-
 DENSE = [
     camera_of(5.0),
     camera_of(5.0, 2.0),

@@ -75,9 +75,6 @@ def quad_file(tmp_path, **more):
     return writer.save(tmp_path / "quad.gltf", **more)
 
 
-# Triangles
-
-
 def test_a_file_in_one_text(tmp_path):
     (mesh,) = pl.load_meshes(quad_file(tmp_path), unit="mm")
     assert corners(mesh).tolist() == np.array(POINTS, dtype=float)[[[0, 1, 2], [0, 2, 3]]].tolist()
@@ -179,9 +176,6 @@ def test_parts_keep_only_the_vertices_that_they_use(tmp_path):
     assert corners(meshes[1]).tolist() == [[[0, 0, 0], [1, 1, 0], [0, 1, 0]]]
 
 
-# The scene graph
-
-
 def turned(quarter):
     """A quaternion, x y z w: a quarter turn about z, so many times."""
     return [0.0, 0.0, float(np.sin(quarter * np.pi / 4)), float(np.cos(quarter * np.pi / 4))]
@@ -215,9 +209,6 @@ def test_a_skinned_mesh_is_shown_unbent_with_a_warning(tmp_path):
     writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]), skin=0, name="arm")
     with pytest.warns(UserWarning, match=r"'arm' bends its mesh"):
         pl.load_meshes(writer.save(tmp_path / "a.gltf"))
-
-
-# Instances
 
 
 def many(writer, triangles, **more):
@@ -266,9 +257,6 @@ def test_one_node_may_have_many_places(tmp_path):
     # The lower right corner (1, 0) goes to (1, 0), (0, 1) and (-1, 0); float32 holds the quaternion to 6e-8.
     expected = [[1, 0, 7], [10, 1, 7], [19, 0, 7]]
     np.testing.assert_allclose([corners(mesh)[0, 1] for mesh in found], expected, atol=1e-6)
-
-
-# Lights
 
 
 def lit(tmp_path, light, **node):
@@ -320,9 +308,6 @@ def test_dark_lights_are_left_out_and_lights_alone_are_contents(tmp_path):
     assert load_file(path).meshes == ()
     with pytest.raises(pl.errors.FileError, match=r"a\.gltf holds no triangles"):
         pl.load_meshes(path)
-
-
-# Cameras
 
 
 def test_a_view_puts_a_camera_where_the_node_of_the_file_stands(tmp_path):

@@ -158,9 +158,6 @@ def test_a_grey_normal_texture_is_refused(tmp_path):
         material_of(tmp_path, {"normalTexture": IMAGE}, codes=np.zeros((2, 2), dtype=np.uint8))
 
 
-# Transparency
-
-
 @pytest.mark.parametrize(
     ("told", "opacity", "cutoff"),
     [
@@ -195,9 +192,6 @@ def test_an_image_without_alpha_is_opaque_at_no_cost(tmp_path):
 def test_a_cutoff_above_1_hides_all(tmp_path):
     told = {"alphaMode": "MASK", "alphaCutoff": 1.5, "pbrMetallicRoughness": {"baseColorTexture": IMAGE}}
     assert material_of(tmp_path, told).opacity == 0.0
-
-
-# How textures lie
 
 
 def test_wrap_and_filter_of_the_sampler(tmp_path):
@@ -251,9 +245,6 @@ def test_textures_that_lie_in_several_ways_are_refused_unless_they_are_not_used(
     assert quad(tmp_path, told | {"emissiveTexture": {"index": 1}}).material.emission == 0.0
 
 
-# Clear coats
-
-
 def coated(**coat):
     return {"extensions": {"KHR_materials_clearcoat": coat}}
 
@@ -271,9 +262,6 @@ def test_a_clear_coat_is_red_and_its_roughness_green_both_linear(tmp_path):
 def test_a_clear_coat_of_factor_0_is_none(tmp_path):
     told = coated(clearcoatTexture=IMAGE, clearcoatRoughnessTexture=IMAGE, clearcoatRoughnessFactor=0.5)
     assert material_of(tmp_path, told) == pl.MetallicRoughness(1.0, 1.0, 1.0)
-
-
-# Glass
 
 
 def transmitting(share=1.0, base=(1, 1, 1, 1), **more):
@@ -330,9 +318,6 @@ def test_transmission_by_a_texture_is_left_out_with_a_warning(tmp_path):
     with pytest.warns(UserWarning, match="'skin' are replaced by their means"):
         found = material_of(tmp_path, told)
     np.testing.assert_allclose(found.transmittance, DECODED.mean(axis=(0, 1)), rtol=1e-6)
-
-
-# Other models
 
 
 def test_unlit_materials_shine(tmp_path):

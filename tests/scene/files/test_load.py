@@ -223,8 +223,6 @@ def test_normals_only_where_the_file_has_them(tmp_path, with_normals):
         assert mesh.normals is None
 
 
-# Bad files
-
 BAD = {
     "empty.obj": b"",
     "words.obj": b"this is not a mesh",
@@ -390,8 +388,6 @@ def test_what_would_be_read_wrongly_from_a_glb_is_refused(tmp_path, edit, said):
     with pytest.raises(pl.errors.FileError, match=rf"quad\.glb.*{said}"):
         pl.load_meshes(glb)
 
-
-# What trimesh would read wrongly
 
 CORNER = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n"
 

@@ -26,9 +26,6 @@ def volume(mesh):
     return (np.cross(a, b) * c).sum() / 6
 
 
-# What instances are
-
-
 def test_instances_are_a_read_only_copy_that_compares_hashes_and_pickles():
     matrices = turned(np.random.default_rng(1), 3)
     some = Instances(pl.box(2), matrices)
@@ -62,9 +59,6 @@ def test_impossible_places_are_named(matrices, kind, said):
 def test_only_meshes_are_repeated():
     with pytest.raises(pl.errors.InvalidValueError, match="mesh is a tuple; give a Mesh"):
         Instances((pl.box(2),), [np.eye(4)])
-
-
-# Where they are
 
 
 def test_bounds_are_those_of_the_copies():
@@ -110,9 +104,6 @@ def test_moving_instances_moves_every_copy():
 def test_a_material_belongs_to_all_copies():
     lit = Instances(pl.box(2), turned(np.random.default_rng(5), 2)).with_material(pl.Emissive(2.0))
     assert {copy.material for copy in lit.meshes()} == {pl.Emissive(2.0)}
-
-
-# As a record
 
 
 def test_a_record_names_the_triangles_of_each_place():

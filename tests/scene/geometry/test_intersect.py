@@ -120,9 +120,6 @@ def crowd(rng):
     return records_of([pl.box(4), pl.box(2, center=(8, 0, 0))], groups)
 
 
-# The nearest triangle
-
-
 @BOTH
 def test_finds_what_float64_finds(build):
     rng = np.random.default_rng(1)
@@ -277,9 +274,6 @@ def test_neighbours_and_threads_change_nothing():
     np.testing.assert_array_equal(np.concatenate(parts, axis=1), [hits, placed])
 
 
-# Triangles are not copied, and do not leak
-
-
 def test_a_thousand_million_triangles_in_one_mesh():
     ball = pl.sphere(1, segments=(500, 100))
     side = np.arange(22) * 3.0
@@ -308,9 +302,6 @@ def test_no_ray_leaves_a_closed_instance(scale):
         rays = np.concatenate([np.broadcast_to(place[:3, 3], aims.shape), aims - place[:3, 3]], axis=1)
         hits, _ = ask(build_intersector(*records), np.concatenate([rays, np.concatenate([inside, aims - inside], 1)]))
         assert (hits >= 0).all()
-
-
-# Numbers that float32 cannot hold
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e6, -3e7])
@@ -390,9 +381,6 @@ def test_huge_degenerate_and_double_triangles_give_answers(build):
     np.testing.assert_allclose(reached, [3, 0.5, 99, 400, 2, 499.5, 0.5, 99, 401], rtol=0, atol=1)
     degenerate = {0, 1, 2} | {9, 10, 11}
     assert not degenerate & set(hits.tolist())
-
-
-# Rays that start on an instance
 
 
 @pytest.mark.parametrize("detail", [False, True])

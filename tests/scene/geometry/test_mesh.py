@@ -26,9 +26,6 @@ def volume(mesh):
     return (np.cross(a, b) * c).sum() / 6
 
 
-# What a mesh is
-
-
 def test_a_mesh_is_a_read_only_copy_that_compares_hashes_and_pickles():
     corners = CORNERS.copy()
     mesh = pl.Mesh(corners, FACES, normals=CORNERS, uv=CORNERS[:, :2], name="corner")
@@ -101,9 +98,6 @@ def test_normals_come_to_unit_length_and_stay(given_normals):
     np.testing.assert_allclose(length[some], 1, atol=1e-15)
     assert not mesh.normals[~some].any()
     assert np.array_equal(tetrahedron(normals=mesh.normals).normals, mesh.normals)
-
-
-# Moving it
 
 
 angles = st.floats(-7, 7)

@@ -80,9 +80,6 @@ LARGE = some_map(99, shape=(1024, 2048))
 SINGLE = EnvironmentMap(np.full((1, 1, 1), 2.0))
 
 
-# Which way it lies
-
-
 @pytest.mark.parametrize(
     ("direction", "row", "column"),
     [
@@ -144,9 +141,6 @@ def test_turning_the_map_turns_what_is_seen_and_drawn(world):
     np.testing.assert_array_equal(cells, turned_cells)
     # Nine products of numbers up to 1.
     np.testing.assert_allclose(found, straight @ rotation.T, atol=1e-15)
-
-
-# The distribution
 
 
 @pytest.mark.parametrize("world", [*MAPS, LARGE, SINGLE], ids=name)
@@ -263,9 +257,6 @@ def test_lookups_on_axes_and_borders_stay_inside(direction):
         np.testing.assert_array_equal(world.radiance([direction])[0], world.texels[row, column])
 
 
-# Tables
-
-
 def test_tables_have_the_channels_of_the_scene_and_nothing_they_need_not():
     grey = EnvironmentMap(np.ones((2, 4, 3)))
     assert grey.is_grey and not MAPS[0].is_grey
@@ -287,9 +278,6 @@ def test_brightness_changes_nothing_but_the_total(brightness):
     # 1e-38 is next to float32's denormals, which have fewer digits.
     np.testing.assert_allclose(scaled.pdf, plain.pdf, rtol=1e-5)
     assert scaled.total == pytest.approx(plain.total * brightness, rel=1e-5)
-
-
-# Values
 
 
 def test_environments_compare_pickle_and_are_read_only():

@@ -104,9 +104,6 @@ def test_two_sided_is_yes_or_no(two_sided):
     assert pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=np.bool_(True)).two_sided is True
 
 
-# Spheres
-
-
 @settings(max_examples=25)
 @given(POINT, st.floats(1e-3, 1e3))
 def test_the_body_of_a_sphere_is_closed_convex_faces_outwards_and_has_its_area(center, radius):
@@ -145,9 +142,6 @@ def test_the_body_of_a_sphere_has_no_holes_and_no_preferred_direction():
     views /= np.linalg.norm(views, axis=1, keepdims=True)
     projected = 0.25 * np.abs(np.cross(b - a, c - a) @ views.T).sum(axis=0)
     np.testing.assert_allclose(projected, math.pi, rtol=1e-3)
-
-
-# Points and spots
 
 
 @settings(max_examples=50)
@@ -202,9 +196,6 @@ def test_directions_of_any_length_are_kept_as_unit_vectors(length):
         assert type(light)(**{name: getattr(light, name) for name in light.__dataclass_fields__}) == light
 
 
-# Suns
-
-
 @pytest.mark.parametrize("angular_radius", [1e-6, 0.00465, 0.3, 1.5])
 def test_the_disc_of_a_sun_gives_its_irradiance(angular_radius):
     sun = SunLight((0, -1, 0), (1.0, 2.0, 4.0), angular_radius)
@@ -241,9 +232,6 @@ def test_a_sun_stands_where_its_angles_say(azimuth, elevation, stands):
 def test_the_sun_has_the_size_of_the_sun():
     # IAU 2015 Resolution B3: 695700 km; 1 au = 149597870.7 km. The default has three digits.
     assert SunLight((0, -1, 0)).angular_radius == pytest.approx(math.asin(695700 / 149597870.7), abs=5e-6)
-
-
-# Power
 
 
 def test_power_is_radiance_area_and_solid_angle():

@@ -33,8 +33,6 @@ def shares(lights):
     return np.diff(lights.cdf, prepend=0.0)
 
 
-# ---- by power ----
-
 # Far from where a power that is computed by hand underflows.
 radiance = st.just(0.0) | st.floats(1e-100, 1e3)
 emitters = st.lists(
@@ -124,9 +122,6 @@ def test_faint_lights_are_drawn_if_there_are_no_others():
     assert drawn[lights.items["kind"] == POINT].tolist() == [0.0]
 
 
-# ---- near and distant ----
-
-
 @pytest.mark.parametrize("irradiance", [1e-9, 1e9])
 def test_neither_near_nor_distant_lights_go_without_draws(irradiance):
     lights = lights_of(lights=[pl.lights.PointLight((0, 0, 5), 7.0), pl.SunLight((0, 0, -1), irradiance)])
@@ -172,9 +167,6 @@ def test_a_constant_world_is_not_drawn():
     assert lights.cdf.tolist() == [1.0] and lights.sky.environment is None
 
 
-# ---- nothing ----
-
-
 NOTHING = [
     pl.lights.PointLight((0, 0, 5), 0.0),
     pl.lights.SpotLight((0, 0, 5), (0, 0, -1), 0.0),
@@ -197,9 +189,6 @@ def test_where_nothing_reflects_lights_are_only_seen(light):
     lights = lights_of(lights=[light], floor=pl.Lambertian(0.0))
     assert lights.cdf is None and lights.points is None
     assert (lights.sky.suns is not None) == isinstance(light, pl.SunLight)
-
-
-# ---- instances ----
 
 
 def test_instanced_emitters_are_lights_at_every_place():
@@ -239,9 +228,6 @@ def test_places_of_what_does_not_shine_cost_nothing_for_each_triangle():
     lights = scene.tables().lights
     assert time.process_time() - begin < 1.0
     assert (lights.items["instance"] == -1).all()
-
-
-# ---- very many ----
 
 
 def test_ten_thousand_lights_keep_their_shares():

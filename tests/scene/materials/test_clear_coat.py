@@ -6,7 +6,6 @@ That it is reciprocal and drawn as its density says is tested for all materials 
 import math
 
 import numpy as np
-import pytest
 
 import plenoptic as pl
 
@@ -20,7 +19,6 @@ COATED = {
     "mixture": pl.MetallicRoughness(0.7, 0.4, 0.6, clearcoat=0.8, clearcoat_roughness=0.4),
     "black": pl.MetallicRoughness(0.0, 0.0, 0.5, clearcoat=1.0, clearcoat_roughness=0.25),
 }
-ANGLES_DEG = (0.0, 30.0, 60.0, 80.0, 88.0)
 
 
 def towards(angle_deg):
@@ -102,18 +100,18 @@ def by_formula(material, o, i):
     return fraction * lobe(0.04, coat_roughness) + below + matt
 
 
-@pytest.mark.parametrize("name", COATED)
-def test_it_is_what_its_formula_says(name):
+def test_it_is_what_its_formula_says():
     rng = np.random.default_rng(5)
     o, i = rng.normal(size=(2, 60, 3))
-    o, i = (np.abs(v) * [1, 1, 1] / np.linalg.norm(v, axis=1, keepdims=True) for v in (o, i))
+    o, i = (np.abs(v) / np.linalg.norm(v, axis=1, keepdims=True) for v in (o, i))
     # Half of the pairs near the mirror's direction, where lobes are.
     i[::2] = o[::2] * [-1, -1, 1] + 0.03 * i[::2]
     i /= np.linalg.norm(i, axis=1, keepdims=True)
-    found = pl.bsdf.evaluate(COATED[name], o, i).value[:, 0]
     # Tables are linear between their nodes, and their quadrature has as many points: 1 % at cosines above 0.05.
     kept = (o[:, 2] > 0.05) & (i[:, 2] > 0.05)
-    np.testing.assert_allclose(found[kept], by_formula(COATED[name], o[kept], i[kept]), rtol=0.01)
+    for name, material in COATED.items():
+        found = pl.bsdf.evaluate(material, o, i).value[:, 0]
+        np.testing.assert_allclose(found[kept], by_formula(material, o[kept], i[kept]), rtol=0.01, err_msg=name)
 
 
 def given_back(material, o):
@@ -127,52 +125,14 @@ def given_back(material, o):
     return pl.bsdf.draw(material, o, u).weight.mean(axis=0)
 
 
-@pytest.mark.parametrize("name", COATED)
-def test_no_light_is_made(name):
-    for angle_deg in ANGLES_DEG:
-        assert given_back(COATED[name], towards(angle_deg)).max() <= 1 + 1e-3, angle_deg
-
-
-@pytest.mark.parametrize("coat_roughness", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("roughness", [0.05, 0.5, 1.0])
-def test_white_stays_white_under_a_coat(roughness, coat_roughness):
-    white = pl.MetallicRoughness(1.0, 0.0, roughness, clearcoat=1.0, clearcoat_roughness=coat_roughness)
-    for angle_deg in ANGLES_DEG:
-        assert 0.99 <= given_back(white, towards(angle_deg))[0] <= 1 + 1e-3, angle_deg
-
-
-def followed(material, o, n=1 << 15):
-    """Share that is given back where light is followed from layer to layer, to and fro, until it leaves or is gone."""
-    rng = np.random.default_rng(2)
-    bare = pl.MetallicRoughness(material.base, material.metallic, material.roughness)
-    direction, weight = np.tile(o, (n, 1)), np.ones(n)
-    _, share = reflected(direction, material.clearcoat_roughness, rng.random((n, 2)))
-    total = (material.clearcoat * share).mean()
-    weight *= 1 - material.clearcoat * share
-    for _ in range(12):
-        drawn = pl.bsdf.draw(bare, direction, rng.random((n, 3)))
-        scattered = drawn.weight[:, 0]
-        direction, weight = drawn.to_light, weight * scattered
-        alive = (weight > 0) & (direction[:, 2] > 1e-6)
-        direction, weight = np.where(alive[:, None], direction, [0.0, 0.0, 1.0]), np.where(alive, weight, 0.0)
-        _, share = reflected(direction, material.clearcoat_roughness, rng.random((n, 2)))
-        total += (weight * (1 - material.clearcoat * share)).mean()
-        # What the coat throws back meets the base again, at the same angle.
-        weight *= material.clearcoat * share
-    return total
-
-
-@pytest.mark.parametrize("name", COATED)
-def test_it_gives_back_what_layers_do(name):
-    material = COATED[name]
-    n = 1 << 11
-    matt = (1 - material.metallic) * material.base
-    for angle_deg in (0.0, 45.0, 75.0):
-        found, expected = given_back(material, towards(angle_deg))[0], followed(material, towards(angle_deg), n)
-        # Light to and fro below the coat is counted as a white base has it: at most 9 % (1 - base) of the matt part
-        # too much; between coat and metal it is lost, 6 % at most. 4 standard errors of 2048 paths are below 0.02.
-        assert expected * (1 - 0.06 * material.metallic) - 0.02 <= found, angle_deg
-        assert found <= expected + 0.09 * matt * (1 - material.base) + 0.02, angle_deg
+def test_white_stays_white_under_a_coat_and_no_light_is_made():
+    whites = [
+        pl.MetallicRoughness(1.0, 0.0, roughness, clearcoat=1.0, clearcoat_roughness=coat)
+        for roughness, coat in ((0.05, 0.3), (0.5, 0.0), (1.0, 0.3), (1.0, 1.0), (0.05, 1.0))
+    ]
+    for material, least in (*((white, 0.99) for white in whites), *((coated, 0.0) for coated in COATED.values())):
+        for angle_deg in (0.0, 60.0, 80.0, 88.0):
+            assert least <= given_back(material, towards(angle_deg)).max() <= 1 + 1e-3, (material, angle_deg)
 
 
 def test_without_a_coat_nothing_changes():

@@ -40,9 +40,6 @@ def volume(mesh):
     return (middles(mesh) * crosses(mesh)).sum() / 6
 
 
-# Bodies
-
-
 @given(LENGTH, LENGTH)
 def test_a_quad_has_its_area_and_front(width, height):
     mesh = quad((1, 2, 3), (width, 0, 0), (0, height, 0))
@@ -96,9 +93,6 @@ def test_a_turned_outline_fronts_outside(up):
     np.testing.assert_allclose(mesh.bounds[:, 1], outline[[0, 2], 1])
 
 
-# Boards
-
-
 @given(st.floats(2, 9), st.floats(2, 9), st.floats(0.5, 1.5), st.floats(-3, 3), st.floats(-3, 3))
 def test_squares_are_where_floor_says(width, height, square, x, y):
     even, odd = checkerboard((width, height), square, offset=(x, y))
@@ -109,9 +103,6 @@ def test_squares_are_where_floor_says(width, height, square, x, y):
         place = (middles(mesh)[whole, :2] - [x, y]) / square
         assert (np.floor(place).sum(axis=1) % 2 == parity).all()
         assert (crosses(mesh)[:, 2] > 0).all() and not mesh.vertices[:, 2].any()
-
-
-# Scenes
 
 
 def test_white_is_a_plane_of_radiance_1():
@@ -169,9 +160,6 @@ def test_objects_are_those_of_the_reference():
     (light,) = scene.lights
     assert light.two_sided and light.radiance == 10.0 and light.area == pytest.approx(1600)
     np.testing.assert_allclose(light.normal, np.array([0, -60, -44]) / np.hypot(60, 44), atol=1e-15)
-
-
-# Refusals
 
 
 @pytest.mark.parametrize(

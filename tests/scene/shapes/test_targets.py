@@ -83,9 +83,6 @@ def is_dark(target, points):
     return dark
 
 
-# Tilings
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_dark_and_bright_have_their_areas(name):
     target, whole, dark = CASES[name]
@@ -142,9 +139,6 @@ def test_free_rectangles_fill_what_is_left():
     assert (np.sum(inside, axis=0) == 1).all()
     # Strips of the same stretch are one rectangle: the column on the right goes from below to above.
     assert [5.0, 0.0, 6.0, 4.0] in free.tolist()
-
-
-# What is known
 
 
 def test_corners_are_where_four_squares_meet():
@@ -281,9 +275,6 @@ def test_random_dots_stay_the_same():
     assert targets.random_dots(8, 2, dot=1.0).index.tolist() == expected
 
 
-# Moving
-
-
 @pytest.mark.parametrize("name", ["board with margin", "star with a hole", "edge", "USAF"])
 @pytest.mark.parametrize(
     "move",
@@ -329,9 +320,6 @@ def test_frequencies_follow_the_scale_and_nothing_else():
     assert TARGETS["board"].transformed(np.diag([1, 2, 1, 1])).points[0, 1] == 2 * TARGETS["board"].points[0, 1]
 
 
-# Values
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_targets_are_values(name):
     target = TARGETS[name]
@@ -354,9 +342,6 @@ def test_materials_are_those_given():
         assert [mesh.material for mesh in target.meshes] == [lamp, black]
     assert {mesh.material for mesh in TARGETS["board"].meshes} == {Lambertian(0.05), Lambertian(0.8)}
     assert Scene([*TARGETS["board"].meshes, *TARGETS["star"].translated(z=-3).meshes]).bounds[0, 2] == -3
-
-
-# Refusals
 
 
 @pytest.mark.parametrize(

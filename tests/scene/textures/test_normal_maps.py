@@ -76,9 +76,6 @@ def test_radiances_tell_normals():
         assert np.abs(shaded(unit(other)) / shaded(LEAN) - 1).max() > 5e-3
 
 
-# ---- which way ----
-
-
 @pytest.mark.parametrize("n", [[0, 0, 1], [0.5, 0, 1], [0, 0.5, 1], [-0.5, 0.25, 1], LEAN, 0.5 * LEAN])
 def test_red_goes_along_u_green_up_and_blue_outwards(n):
     # u grows along +x and v along +y, so the texture's frame is the world's. What is shorter than 1 is stretched.
@@ -172,9 +169,6 @@ def test_instances_bend_as_copies_do():
     for k, copy in enumerate(group.meshes()):
         options = {"view": UP, "target": matrices[k, :3, 3]}
         np.testing.assert_allclose(radiances([group], **options), radiances([copy], **options), rtol=3e-5)
-
-
-# ---- energy ----
 
 
 def test_bumpy_white_plastic_makes_no_light():

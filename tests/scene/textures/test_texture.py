@@ -157,9 +157,6 @@ def test_a_lazily_opened_damaged_image_is_refused():
         pl.Texture.from_image(noise)
 
 
-# ----------------------------------------------------------------------------- encodings and single channels
-
-
 def test_data_are_not_decoded(tmp_path):
     image = PIL.Image.new("RGB", (2, 3), (255, 128, 51))
     image.save(tmp_path / "data.png")
@@ -274,9 +271,6 @@ def test_wrap_and_filter_come_along(tmp_path):
         assert (made.wrap, made.filter) == (Wrap.MIRROR, TextureFilter.NEAREST)
 
 
-# ----------------------------------------------------------------------------------------------- the size limit
-
-
 def png_header(width, height):
     """A PNG file that ends after saying how large it is."""
     head = b"IHDR" + width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([8, 0, 0, 0, 0])
@@ -311,9 +305,6 @@ def test_the_limit_holds_for_all_that_texels_come_from(tmp_path, monkeypatch, co
         else:
             with pytest.raises(pl.PlenopticError, match=r"2 x 4 .* at most 6.* scale it down"):
                 make()
-
-
-# -------------------------------------------------------------------------------------------------- halved
 
 
 def overlaps(n):
