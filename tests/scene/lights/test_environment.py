@@ -70,19 +70,15 @@ def some_map(seed, *, shape=None, rotated=True):
     return EnvironmentMap(texels, some_rotation(rng) if rotated else None)
 
 
-def name(world):
-    rows, columns, _ = world.texels.shape
-    return f"{rows}x{columns}{'' if world.rotation is None else ' turned'}"
-
-
-MAPS = [some_map(seed, rotated=seed % 2 == 0) for seed in range(12)]
+MAPS = [some_map(seed, rotated=seed % 2 == 0) for seed in range(6)]
 LARGE = some_map(99, shape=(1024, 2048))
 SINGLE = EnvironmentMap(np.full((1, 1, 1), 2.0))
 
 
-@pytest.mark.parametrize(
-    ("direction", "row", "column"),
-    [
+def test_the_middle_lies_ahead_and_columns_run_to_the_right():
+    texels = np.arange(1.0, 33).reshape(4, 8, 1)
+    world = EnvironmentMap(texels)
+    for direction, row, column in (
         ((0, 1, 0), 0, None),
         ((0, -1, 0), 3, None),
         # A little to the right and to the left of straight ahead, above and below the horizon.
@@ -94,21 +90,14 @@ SINGLE = EnvironmentMap(np.full((1, 1, 1), 2.0))
         # The borders of the image lie behind.
         ((0.1, 0.1, 1), 1, 7),
         ((-0.1, 0.1, 1), 1, 0),
-    ],
-)
-def test_the_middle_lies_ahead_and_columns_run_to_the_right(direction, row, column):
-    texels = np.arange(1.0, 33).reshape(4, 8, 1)
-    world = EnvironmentMap(texels)
-    cells, _ = lookups(environment_record(world, 1), [direction, 7.5 * np.array(direction)])
-    assert cells[:, 0].tolist() == [row, row]
-    if column is not None:
-        assert cells[:, 1].tolist() == [column, column]
-        assert world.radiance([direction]).tolist() == [[texels[row, column, 0]]]
-
-
-def test_an_odd_number_of_columns_has_one_in_the_middle():
-    world = EnvironmentMap(np.array([[[1.0], [2.0], [3.0]]]))
-    assert world.radiance([AHEAD, AHEAD + 1.7 * RIGHT, AHEAD + 1.8 * RIGHT]).tolist() == [[2], [2], [3]]
+    ):
+        cells, _ = lookups(environment_record(world, 1), [direction, 7.5 * np.array(direction)])
+        assert cells[:, 0].tolist() == [row, row], direction
+        if column is not None:
+            assert cells[:, 1].tolist() == [column, column], direction
+            assert world.radiance([direction]).tolist() == [[texels[row, column, 0]]]
+    odd = EnvironmentMap(np.array([[[1.0], [2.0], [3.0]]]))
+    assert odd.radiance([AHEAD, AHEAD + 1.7 * RIGHT, AHEAD + 1.8 * RIGHT]).tolist() == [[2], [2], [3]]
 
 
 def test_rotations_take_the_map_to_the_world():
@@ -126,111 +115,104 @@ def test_rotations_take_the_map_to_the_world():
     )
 
 
-@pytest.mark.parametrize("world", [*MAPS[1::2], LARGE], ids=name)
-def test_turning_the_map_turns_what_is_seen_and_drawn(world):
-    world = EnvironmentMap(world.texels)
-    rng = np.random.default_rng(1)
-    rotation = some_rotation(rng)
-    turned = EnvironmentMap(world.texels, rotation)
-    directions = rng.normal(size=(1000, 3))
-    np.testing.assert_array_equal(world.radiance(directions), turned.radiance(directions @ rotation.T))
-    tables, turned_tables = environment_record(world, 3), environment_record(turned, 3)
-    points = rng.random((1000, 2))
-    straight, cells = draws(tables, points)
-    found, turned_cells = draws(turned_tables, points)
-    np.testing.assert_array_equal(cells, turned_cells)
-    # Nine products of numbers up to 1.
-    np.testing.assert_allclose(found, straight @ rotation.T, atol=1e-15)
+def test_turning_the_map_turns_what_is_seen_and_drawn():
+    for texels in (MAPS[1].texels, MAPS[3].texels, LARGE.texels):
+        rng = np.random.default_rng(1)
+        world, rotation = EnvironmentMap(texels), some_rotation(rng)
+        turned = EnvironmentMap(texels, rotation)
+        directions = rng.normal(size=(1000, 3))
+        np.testing.assert_array_equal(world.radiance(directions), turned.radiance(directions @ rotation.T))
+        points = rng.random((1000, 2))
+        straight, cells = draws(environment_record(world, 3), points)
+        found, turned_cells = draws(environment_record(turned, 3), points)
+        np.testing.assert_array_equal(cells, turned_cells)
+        # Nine products of numbers up to 1.
+        np.testing.assert_allclose(found, straight @ rotation.T, atol=1e-15)
 
 
-@pytest.mark.parametrize("world", [*MAPS, LARGE, SINGLE], ids=name)
-def test_the_density_integrates_to_one_and_is_proportional_to_the_light(world):
-    rows, columns, channels = world.texels.shape
-    tables = environment_record(world, channels)
-    solid_angle = texel_solid_angles(rows, columns)[:, None]
-    share = tables.pdf * solid_angle
-    # Sums of up to 2e6 steps of cumulative sums: each is right to an eps of the sum, and they telescope.
-    assert share.sum() == pytest.approx(1.0, abs=1e-12)
-    light = world.texels.mean(axis=2, dtype=np.float64) * solid_angle
-    assert tables.total == pytest.approx(light.sum(), rel=1e-12)
-    np.testing.assert_allclose(share, light / light.sum(), atol=1e-13)
-    assert not share[light == 0].any()
-    # Mean over the draws of radiance / density, by the probability of each texel, is the integral of radiance.
-    drawn = share > 0
-    estimate = np.where(drawn, world.texels.mean(axis=2, dtype=np.float64), 0) / np.where(drawn, tables.pdf, 1)
-    assert (share * estimate).sum() == pytest.approx(light.sum(), rel=1e-12)
-    assert (solid_angle * np.ones(columns)).sum() == pytest.approx(4 * math.pi, rel=1e-13)
-
-
-def test_solid_angles_are_those_between_circles_of_latitude():
-    for rows, columns in ((1, 1), (2, 3), (7, 5)):
+def test_the_density_integrates_to_one_and_is_proportional_to_the_light():
+    for world in (*MAPS, LARGE, SINGLE):
+        rows, columns, channels = world.texels.shape
+        tables = environment_record(world, channels)
+        solid_angle = texel_solid_angles(rows, columns)[:, None]
         edges = np.cos(np.pi * np.arange(rows + 1) / rows)
-        np.testing.assert_allclose(texel_solid_angles(rows, columns), 2 * np.pi / columns * -np.diff(edges), rtol=1e-14)
+        # Cosines of neighbours cancel: to some eps.
+        np.testing.assert_allclose(solid_angle[:, 0], 2 * np.pi / columns * -np.diff(edges), rtol=1e-14, atol=1e-15)
+        share = tables.pdf * solid_angle
+        # Sums of up to 2e6 steps of cumulative sums: each is right to an eps of the sum, and they telescope.
+        assert share.sum() == pytest.approx(1.0, abs=1e-12)
+        mean = world.texels.mean(axis=2, dtype=np.float64)
+        light = mean * solid_angle
+        assert tables.total == pytest.approx(light.sum(), rel=1e-12)
+        np.testing.assert_allclose(share, light / light.sum(), atol=1e-13)
+        assert not share[light == 0].any()
+        assert (solid_angle * np.ones(columns)).sum() == pytest.approx(4 * math.pi, rel=1e-13)
 
 
-@pytest.mark.parametrize("world", [*MAPS, SINGLE], ids=name)
-def test_draws_follow_the_density_between_texels_and_within(world):
+def test_draws_follow_the_density_between_texels_and_within():
     n = 200_000
-    directions, _ = draws(environment_record(world, 3), np.random.default_rng(7).random((n, 2)))
-    x, y, z = (directions if world.rotation is None else directions @ world.rotation).T
-    rows, columns, _ = world.texels.shape
-    # Each texel in 2 x 2 parts of equal solid angle, by another formula than the kernel's.
-    edges = np.cos(np.pi * np.arange(rows + 1) / rows)
-    halves = np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
-    row = 2 * rows - np.searchsorted(halves, y).clip(1, 2 * rows)
-    column = np.floor((np.angle(-z + 1j * x) / (2 * np.pi) + 0.5) * 2 * columns).astype(int).clip(0, 2 * columns - 1)
-    counts = np.zeros((2 * rows, 2 * columns))
-    np.add.at(counts, (row, column), 1)
-    light = world.texels.mean(axis=2, dtype=np.float64) * -np.diff(edges)[:, None]
-    expected = np.kron(n * light / light.sum(), np.full((2, 2), 0.25))
-    assert not counts[expected == 0].any()
-    # Where few are expected, a count is not normal: these are counted together, as Poisson numbers are.
-    rare = expected < 20
-    total = expected[rare].sum()
-    assert abs(counts[rare].sum() - total) < 5 * math.sqrt(total) + 5
-    # The cube root of chi-square over its degrees of freedom k is normal, with mean 1 - 2/(9k) and variance 2/(9k)
-    # (E. B. Wilson and M. M. Hilferty, 1931): 5 standard deviations.
-    chi2 = ((counts - expected)[~rare] ** 2 / expected[~rare]).sum()
-    spread = 2 / (9 * ((~rare).sum() - 1))
-    assert ((~rare).sum() - 1) > 2 and (chi2 * 4.5 * spread) ** (1 / 3) < 1 - spread + 5 * math.sqrt(spread)
+    for world in (*MAPS, SINGLE):
+        directions, _ = draws(environment_record(world, 3), np.random.default_rng(7).random((n, 2)))
+        x, y, z = (directions if world.rotation is None else directions @ world.rotation).T
+        rows, columns, _ = world.texels.shape
+        # Each texel in 2 x 2 parts of equal solid angle, by another formula than the kernel's.
+        edges = np.cos(np.pi * np.arange(rows + 1) / rows)
+        halves = np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
+        row = 2 * rows - np.searchsorted(halves, y).clip(1, 2 * rows)
+        column = np.floor((np.angle(-z + 1j * x) / (2 * np.pi) + 0.5) * 2 * columns).astype(int)
+        counts = np.zeros((2 * rows, 2 * columns))
+        np.add.at(counts, (row, column.clip(0, 2 * columns - 1)), 1)
+        light = world.texels.mean(axis=2, dtype=np.float64) * -np.diff(edges)[:, None]
+        expected = np.kron(n * light / light.sum(), np.full((2, 2), 0.25))
+        assert not counts[expected == 0].any()
+        # Where few are expected, a count is not normal: these are counted together, as Poisson numbers are.
+        rare = expected < 20
+        total = expected[rare].sum()
+        assert abs(counts[rare].sum() - total) < 5 * math.sqrt(total) + 5
+        # The cube root of chi-square over its degrees of freedom k is normal, with mean 1 - 2/(9k) and variance 2/(9k)
+        # (E. B. Wilson and M. M. Hilferty, 1931): 5 standard deviations.
+        chi2 = ((counts - expected)[~rare] ** 2 / expected[~rare]).sum()
+        freedom = (~rare).sum() - 1
+        spread = 2 / (9 * freedom)
+        assert freedom > 2 and (chi2 / freedom) ** (1 / 3) < 1 - spread + 5 * math.sqrt(spread), world
 
 
-@pytest.mark.parametrize("entries", [1, 2, 3, 5, 17, 300, 4096])
-@pytest.mark.parametrize("power", [0, 1, 30])
-def test_both_ways_to_search_a_table_find_the_same(entries, power):
-    rng = np.random.default_rng(entries)
-    # From all alike to a few that hold nearly everything; a third is 0, and both ends are at times.
-    share = rng.random(entries) ** power * (rng.random(entries) < 0.67)
-    share[rng.integers(entries)] = 1.0
-    cdf = np.cumsum(share) / share.sum()
-    cdf[np.flatnonzero(share)[-1] :] = 1.0
-    # Random numbers, all borders, and what lies just beside them.
-    u = np.concatenate([rng.random(20_000), cdf, np.nextafter(cdf, 0), np.nextafter(cdf, 1), [0.0, LAST]])
-    assert count_differences(cdf, u[u < 1]) == 0
+def test_both_ways_to_search_a_table_find_the_same():
+    for entries in (1, 2, 3, 5, 17, 300, 4096):
+        for power in (0, 1, 30):
+            rng = np.random.default_rng(entries)
+            # From all alike to a few that hold nearly everything; a third is 0, and both ends are at times.
+            share = rng.random(entries) ** power * (rng.random(entries) < 0.67)
+            share[rng.integers(entries)] = 1.0
+            cdf = np.cumsum(share) / share.sum()
+            cdf[np.flatnonzero(share)[-1] :] = 1.0
+            # Random numbers, all borders, and what lies just beside them.
+            u = np.concatenate([rng.random(20_000), cdf, np.nextafter(cdf, 0), np.nextafter(cdf, 1), [0.0, LAST]])
+            assert count_differences(cdf, u[u < 1]) == 0, (entries, power)
 
 
-@pytest.mark.parametrize("world", [*MAPS, LARGE, SINGLE], ids=name)
-def test_lookups_find_the_texels_that_were_drawn(world):
-    tables = environment_record(world, 3)
-    points = np.random.default_rng(3).random((20_000, 2))
-    # All combinations of the ends of both intervals, where rounding counts.
-    ends = np.array([0.0, 2.0**-32, 0.25, 0.5, LAST])
-    points[:25] = np.stack(np.meshgrid(ends, ends), axis=-1).reshape(-1, 2)
-    directions, cells = draws(tables, points)
-    found, densities = lookups(tables, directions)
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=2e-15)
-    np.testing.assert_array_equal(found[:, 0], cells[:, 0])
-    if world.rotation is not None:
-        # An azimuth has an error of some 2 eps / sine there, and must be right to 2^-30 of a column at its borders,
-        # 3e-12 for 2048 columns. Only draws from the ends come so near to a pole.
-        local = directions @ world.rotation
-        sure = np.hypot(local[:, 0], local[:, 2]) > 5e-4
-        assert sure[25:].all()
-        directions, cells, found, densities = directions[sure], cells[sure], found[sure], densities[sure]
-    np.testing.assert_array_equal(found, cells)
-    np.testing.assert_array_equal(densities, tables.pdf[cells[:, 0], cells[:, 1]])
-    assert (densities > 0).all()
-    np.testing.assert_array_equal(world.radiance(directions), world.texels[cells[:, 0], cells[:, 1]])
+def test_lookups_find_the_texels_that_were_drawn():
+    for world in (*MAPS, LARGE, SINGLE):
+        tables = environment_record(world, 3)
+        points = np.random.default_rng(3).random((20_000, 2))
+        # All combinations of the ends of both intervals, where rounding counts.
+        ends = np.array([0.0, 2.0**-32, 0.25, 0.5, LAST])
+        points[:25] = np.stack(np.meshgrid(ends, ends), axis=-1).reshape(-1, 2)
+        directions, cells = draws(tables, points)
+        found, densities = lookups(tables, directions)
+        np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=2e-15)
+        np.testing.assert_array_equal(found[:, 0], cells[:, 0])
+        if world.rotation is not None:
+            # An azimuth has an error of some 2 eps / sine there, and must be right to 2^-30 of a column at its borders,
+            # 3e-12 for 2048 columns. Only draws from the ends come so near to a pole.
+            local = directions @ world.rotation
+            sure = np.hypot(local[:, 0], local[:, 2]) > 5e-4
+            assert sure[25:].all()
+            directions, cells, found, densities = directions[sure], cells[sure], found[sure], densities[sure]
+        np.testing.assert_array_equal(found, cells)
+        np.testing.assert_array_equal(densities, tables.pdf[cells[:, 0], cells[:, 1]])
+        assert (densities > 0).all()
+        np.testing.assert_array_equal(world.radiance(directions), world.texels[cells[:, 0], cells[:, 1]])
 
 
 def test_a_texel_at_the_pole_keeps_its_digits():
@@ -246,15 +228,14 @@ def test_a_texel_at_the_pole_keeps_its_digits():
     assert part.mean() == pytest.approx(0.5, abs=5 / math.sqrt(12 * 1000))
 
 
-@pytest.mark.parametrize(
-    "direction", [UP, -UP, AHEAD, -AHEAD, RIGHT, -RIGHT, [0, 0, 1.0], [-0.0, 0, 1.0], [0, 1, -0.0]]
-)
-def test_lookups_on_axes_and_borders_stay_inside(direction):
+def test_lookups_on_axes_and_borders_stay_inside():
+    directions = [UP, -UP, AHEAD, -AHEAD, RIGHT, -RIGHT, [0, 0, 1.0], [-0.0, 0, 1.0], [0, 1, -0.0]]
     for world in (*MAPS[1::2], SINGLE):
         rows, columns, _ = world.texels.shape
-        (row, column), _ = (a[0] for a in lookups(environment_record(EnvironmentMap(world.texels), 3), [direction]))
-        assert 0 <= row < rows and 0 <= column < columns
-        np.testing.assert_array_equal(world.radiance([direction])[0], world.texels[row, column])
+        plain = EnvironmentMap(world.texels)
+        (row, column), _ = (part.T for part in lookups(environment_record(plain, 3), directions))
+        assert (row >= 0).all() and (row < rows).all() and (column >= 0).all() and (column < columns).all()
+        np.testing.assert_array_equal(plain.radiance(directions), world.texels[row, column])
 
 
 def test_tables_have_the_channels_of_the_scene_and_nothing_they_need_not():
@@ -269,15 +250,13 @@ def test_tables_have_the_channels_of_the_scene_and_nothing_they_need_not():
     for array in turned[:-2]:
         assert array.flags.c_contiguous and not array.flags.writeable
     assert environment_record(EnvironmentMap(np.zeros((3, 4, 3))), 3) is None
-
-
-@pytest.mark.parametrize("brightness", [1e-38, 1e38])
-def test_brightness_changes_nothing_but_the_total(brightness):
+    # Brightness changes nothing but the total.
     texels = np.random.default_rng(4).random((3, 5, 1)).astype(np.float32)
-    plain, scaled = (environment_record(EnvironmentMap(texels * np.float32(f)), 1) for f in (1, brightness))
-    # 1e-38 is next to float32's denormals, which have fewer digits.
-    np.testing.assert_allclose(scaled.pdf, plain.pdf, rtol=1e-5)
-    assert scaled.total == pytest.approx(plain.total * brightness, rel=1e-5)
+    for brightness in (1e-38, 1e38):
+        plain, scaled = (environment_record(EnvironmentMap(texels * np.float32(f)), 1) for f in (1, brightness))
+        # 1e-38 is next to float32's denormals, which have fewer digits.
+        np.testing.assert_allclose(scaled.pdf, plain.pdf, rtol=1e-5)
+        assert scaled.total == pytest.approx(plain.total * brightness, rel=1e-5)
 
 
 def test_environments_compare_pickle_and_are_read_only():
@@ -288,39 +267,37 @@ def test_environments_compare_pickle_and_are_read_only():
     assert world != world.rotated((1, 0, 0), 0.1)
 
 
-@pytest.mark.parametrize(
-    ("texels", "rotation", "kind", "said"),
-    [
-        (np.zeros((2, 2)), None, pl.errors.InvalidValueError, "shape"),
-        (np.zeros((2, 2, 4)), None, pl.errors.InvalidValueError, "drop alpha"),
-        (np.zeros((2, 2, 3), dtype=np.uint8), None, pl.errors.InvalidValueError, "EnvironmentMap.load"),
-        (np.zeros((0, 2, 3)), None, pl.errors.SceneError, "0 x 2 texels"),
-        (np.broadcast_to(np.float32(0), (MAX_TEXELS // 2 + 1, 2, 1)), None, pl.errors.SceneError, "texels"),
-        (np.full((1, 1, 1), -0.1), None, pl.errors.SceneError, "0 or more"),
-        (np.full((1, 2, 1), np.nan), None, pl.errors.SceneError, "finite"),
-        (np.full((1, 1, 3), 1e39), None, pl.errors.SceneError, "finite"),
-        (np.ones((1, 1, 3)), np.eye(4), pl.errors.InvalidValueError, "shape"),
-        (np.ones((1, 1, 3)), 2 * np.eye(3), pl.errors.InvalidValueError, "orthonormal"),
-        (np.ones((1, 1, 3)), np.diag([1.0, 1, -1]), pl.errors.InvalidValueError, "right-handed"),
-        (np.ones((1, 1, 3)), np.full((3, 3), np.nan), pl.errors.InvalidValueError, "orthonormal"),
-        (np.ones((1, 1, 3)), np.full((3, 3), np.inf), pl.errors.InvalidValueError, "orthonormal"),
-    ],
-)
-def test_impossible_environments_are_refused(texels, rotation, kind, said):
-    with pytest.raises(kind, match=said):
-        EnvironmentMap(texels, rotation)
-
-
-def test_directions_and_axes_have_a_length():
+def test_impossible_environments_are_refused():
+    one = np.ones((1, 1, 3))
+    for texels, rotation, said in (
+        (np.zeros((2, 2)), None, "shape"),
+        (np.zeros((2, 2, 4)), None, "drop alpha"),
+        (np.zeros((2, 2, 3), dtype=np.uint8), None, "EnvironmentMap.load"),
+        (one, np.eye(4), "shape"),
+        (one, 2 * np.eye(3), "orthonormal"),
+        (one, np.diag([1.0, 1, -1]), "right-handed"),
+        (one, np.full((3, 3), np.nan), "orthonormal"),
+        (one, np.full((3, 3), np.inf), "orthonormal"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=said):
+            EnvironmentMap(texels, rotation)
+    for texels, said in (
+        (np.zeros((0, 2, 3)), "0 x 2 texels"),
+        (np.broadcast_to(np.float32(0), (MAX_TEXELS // 2 + 1, 2, 1)), "texels"),
+        (-0.1 * one, "0 or more"),
+        (np.nan * one, "finite"),
+        (1e39 * one, "finite"),
+    ):
+        with pytest.raises(pl.errors.SceneError, match=said):
+            EnvironmentMap(texels)
     for directions in ([[0, 0, 0]], [[np.nan, 0, 1]], [[np.inf, 0, 1]]):
         with pytest.raises(pl.errors.SceneError, match="directions"):
             SINGLE.radiance(directions)
     with pytest.raises(pl.errors.InvalidValueError, match="shape"):
         SINGLE.radiance([0, 0, 1])
-    with pytest.raises(pl.errors.InvalidValueError, match="axis"):
-        SINGLE.rotated((0, 0, 0), 1.0)
-    with pytest.raises(pl.errors.InvalidValueError, match="angle"):
-        SINGLE.rotated((0, 0, 1), np.nan)
+    for axis, angle, said in (((0, 0, 0), 1.0, "axis"), ((0, 0, 1), np.nan, "angle")):
+        with pytest.raises(pl.errors.InvalidValueError, match=said):
+            SINGLE.rotated(axis, angle)
 
 
 def test_environments_come_from_image_files(tmp_path):
