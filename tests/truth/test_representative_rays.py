@@ -81,7 +81,7 @@ def assert_lit_pixels_have_truth(name):
         assert not white[truth.state == PixelState.DARK].any(), name
 
 
-QUICK = ["2.0 0.1", "1.7 2.3", "star", "ring", "tilted", "irregular", "multi-focus", "two rims", "wide open", "thick"]
+QUICK = ["2.0 0.1", "1.7 2.3", "star", "tilted", "irregular", "multi-focus", "wide open", "thick"]
 
 
 def test_every_lit_pixel_has_truth():
@@ -142,7 +142,7 @@ def test_shares_are_those_of_rendered_light(stop):
     # are within 0.06 or so of 4096; the plane is out of focus, so that its edge is many pixels wide.
     bright = pl.quad((0, -400, -500), (400, 0, 0), (0, 800, 0), material=pl.Emissive(1.0))
     dark = pl.quad((-400, -400, -500), (400, 0, 0), (0, 800, 0), material=pl.Lambertian(0.5))
-    camera, region = camera_of(stop), np.s_[240:272, 240:272]
+    camera, region = camera_of(stop), np.s_[248:264, 240:272]
     truth = pl.ground_truth(pl.Scene([bright, dark]), camera, region=region, truth=Truth.OBJECT | Truth.OBJECT_SHARE)
     shot = pl.render(pl.Scene([bright, dark]), camera, samples=4096, region=region, truth=Truth.NONE, progress=False)
     white = pl.render_white(camera, samples=4096, region=region, progress=False)
@@ -202,7 +202,7 @@ def test_rays_pass_the_lit_centroid(stop):
     rays = rays_of(record, pixel_centres(record, (100, 228), (0, 512)))
     grid = np.stack(np.meshgrid(*2 * [np.linspace(-0.127, 0.127, 255)]), axis=-1).reshape(-1, 2)
     off, strips = [], []
-    for k in np.random.default_rng(3).permutation(np.flatnonzero(~rays.lost))[:60]:
+    for k in np.random.default_rng(3).permutation(np.flatnonzero(~rays.lost))[:24]:
         cell = rays.cells[k, :2]
         bundle, index = traced(camera, rays.starts[k], cell + grid)
         own = (index == np.rint(cell @ np.linalg.inv(camera.microlenses.basis))).all(axis=1)
@@ -216,7 +216,7 @@ def test_rays_pass_the_lit_centroid(stop):
         # width where the lit part is a rectangle, and by less than all of it at its tips.
         half, aside = 0.5 * np.ptp(lit, axis=0).max(), 6.1 * 0.01 * np.sqrt(0.5)
         strips.append(0.01 / 3 * (half + aside) + 2 * 0.002 * (half + 4 * aside))
-    assert len(off) > 40
+    assert len(off) > 16
     assert np.sqrt(np.mean(np.square(off))) < np.sqrt(np.mean(np.square(strips)))
 
 

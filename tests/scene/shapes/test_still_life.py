@@ -34,9 +34,7 @@ def test_it_has_surfaces_of_every_kind_where_the_camera_sees_them(scene):
         # 15.6 mm are seen at z = -404, in proportion elsewhere.
         assert (np.abs([low[:2], high[:2]]).max(axis=1) < 7.8 * high[2] / -404 + 0.5).all()
         assert -420 < low[2] < high[2] < -385
-
-
-def test_it_tells_left_from_right_and_up_from_down(scene):
+    # It tells left from right and up from down.
     place = {name: mesh.bounds.mean(axis=0) for name, mesh in things(scene).items()}
     assert place["vase"][0] < -1 < 1 < place["red"][0] and place["red"][1] < place["vase"][1]
     assert place["glass"][0] < place["gold"][0] < place["mirror"][0] and place["block"][1] < place["gold"][1]
