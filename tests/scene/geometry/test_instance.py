@@ -6,9 +6,6 @@ import pytest
 import plenoptic as pl
 from plenoptic.scene.geometry.instance import Instances, instance_record
 
-LAST = np.diag([0, 0, 0, 1])
-BEYOND = pl.errors.SceneError, "within .*1e15 mm"
-
 
 def turned(rng, count, *, reach=100.0, mirrored=False):
     """Random rotations after scalings along the axes of the mesh, (count, 4, 4)."""
@@ -37,28 +34,27 @@ def test_instances_are_a_read_only_copy_that_compares_hashes_and_pickles():
     assert len(some) == 3 and repr(some) == f"Instances(3 of {pl.box(2)!r})"
 
 
-@pytest.mark.parametrize(
-    ("matrices", "kind", "said"),
-    [
-        (np.eye(4), pl.errors.InvalidValueError, r"matrices has shape \(4, 4\)"),
-        (np.zeros((0, 4, 4)), pl.errors.SceneError, "at least one place"),
-        (np.tile(np.eye(3), (2, 1, 1)), pl.errors.InvalidValueError, "shape"),
-        ([np.eye(4), np.diag([1, 1, np.nan, 1])], pl.errors.SceneError, "matrix 1 .*finite"),
-        ([np.eye(4), np.eye(4)[[0, 1, 2, 2]]], pl.errors.SceneError, "matrix 1 .*0, 0, 0, 1"),
-        ([np.eye(4), np.diag([1, 0, 1, 1])], pl.errors.SceneError, "matrix 1 .*flattens"),
-        ([np.diag([1e16, 1, 1, 1])], *BEYOND),
-        ([np.pad([[1e308, -1e308, 1e308], [1e308, 1e308, -1e308], [-1e308, 1e308, 1e308]], (0, 1)) + LAST], *BEYOND),
-        ([np.diag([1e308, 1e308, 1e-300, 1])], *BEYOND),
-    ],
-)
-def test_impossible_places_are_named(matrices, kind, said):
-    with pytest.raises(kind, match=said):
-        Instances(pl.box(2), matrices)
-
-
-def test_only_meshes_are_repeated():
-    with pytest.raises(pl.errors.InvalidValueError, match="mesh is a tuple; give a Mesh"):
-        Instances((pl.box(2),), [np.eye(4)])
+def test_impossible_places_are_named():
+    inner, good = np.array([[1e308, -1e308, 1e308], [1e308, 1e308, -1e308], [-1e308, 1e308, 1e308]]), np.eye(4)
+    beyond = "within .*1e15 mm"
+    for matrices, said in (
+        (np.zeros((0, 4, 4)), "at least one place"),
+        ([good, np.diag([1, 1, np.nan, 1])], "matrix 1 .*finite"),
+        ([good, good[[0, 1, 2, 2]]], "matrix 1 .*0, 0, 0, 1"),
+        ([good, np.diag([1, 0, 1, 1])], "matrix 1 .*flattens"),
+        ([np.diag([1e16, 1, 1, 1])], beyond),
+        ([np.block([[inner, np.zeros((3, 1))], [np.zeros((1, 3)), 1]])], beyond),
+        ([np.diag([1e308, 1e308, 1e-300, 1])], beyond),
+    ):
+        with pytest.raises(pl.errors.SceneError, match=said):
+            Instances(pl.box(2), matrices)
+    for mesh, matrices, said in (
+        (pl.box(2), good, r"matrices has shape \(4, 4\)"),
+        (pl.box(2), np.tile(np.eye(3), (2, 1, 1)), "shape"),
+        ((pl.box(2),), [good], "mesh is a tuple; give a Mesh"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=said):
+            Instances(mesh, matrices)
 
 
 def test_bounds_are_those_of_the_copies():
