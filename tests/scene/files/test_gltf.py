@@ -69,14 +69,10 @@ def area_vectors(mesh):
     return 0.5 * np.cross(b - a, c - a)
 
 
-def quad_file(tmp_path, **more):
+def test_a_file_in_one_text(tmp_path):
     writer = Writer()
     writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2], [0, 2, 3]]))
-    return writer.save(tmp_path / "quad.gltf", **more)
-
-
-def test_a_file_in_one_text(tmp_path):
-    (mesh,) = pl.load_meshes(quad_file(tmp_path), unit="mm")
+    (mesh,) = pl.load_meshes(writer.save(tmp_path / "quad.gltf"), unit="mm")
     assert corners(mesh).tolist() == np.array(POINTS, dtype=float)[[[0, 1, 2], [0, 2, 3]]].tolist()
     assert mesh.normals is None and mesh.uv is None and mesh.material == pl.Lambertian(0.5)
     assert mesh.name == "quad.gltf"
@@ -96,30 +92,22 @@ def test_arrays_beside_the_file(tmp_path):
         pl.load_meshes(path)
 
 
-@pytest.mark.parametrize("indices", ["<u1", "<u2", "<u4", None])
-def test_every_kind_of_index(tmp_path, indices):
-    writer = Writer()
-    number = writer.mesh([*POINTS[:3], POINTS[0], *POINTS[2:]])
-    if indices is not None:
-        writer.header["meshes"][0]["primitives"][0]["indices"] = writer.array(range(6), indices)
-    writer.node(mesh=number)
-    (mesh,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
-    assert area_vectors(mesh).sum(axis=0).tolist() == [0, 0, 1]
-
-
-@pytest.mark.parametrize(("mode", "order"), [(5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])])
-def test_strips_and_fans_have_the_area_and_front_of_their_triangles(tmp_path, mode, order):
-    writer = Writer()
-    writer.node(mesh=writer.mesh(POINTS, order, mode=mode))
-    (mesh,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
-    assert area_vectors(mesh).tolist() == [[0, 0, 0.5]] * 2
-
-
-def test_points_and_lines_are_left_out(tmp_path):
-    writer = Writer()
-    for mode in (0, 1, 2, 3, 4):
-        writer.node(mesh=writer.mesh(POINTS, [0, 1, 2], mode=mode))
-    assert len(pl.load_meshes(writer.save(tmp_path / "a.gltf"))) == 1
+def test_every_kind_of_index_strips_and_fans(tmp_path):
+    for indices in ("<u1", "<u2", "<u4", None):
+        writer = Writer()
+        number = writer.mesh([*POINTS[:3], POINTS[0], *POINTS[2:]])
+        if indices is not None:
+            writer.header["meshes"][0]["primitives"][0]["indices"] = writer.array(range(6), indices)
+        writer.node(mesh=number)
+        (mesh,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+        assert area_vectors(mesh).sum(axis=0).tolist() == [0, 0, 1]
+    for mode, order in ((5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])):
+        writer = Writer()
+        writer.node(mesh=writer.mesh(POINTS, order, mode=mode))
+        for other in (0, 1, 2, 3):  # points and lines are left out
+            writer.node(mesh=writer.mesh(POINTS, [0, 1, 2], mode=other))
+        (mesh,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+        assert area_vectors(mesh).tolist() == [[0, 0, 0.5]] * 2
 
 
 def test_quantised_positions_normals_and_uv(tmp_path):
@@ -265,16 +253,14 @@ def lit(tmp_path, light, **node):
     return writer.save(tmp_path / "a.gltf", extensions={"KHR_lights_punctual": {"lights": [light]}})
 
 
-@pytest.mark.parametrize(("unit", "mm"), [(None, 1000.0), ("mm", 1.0), ("inch", 25.4)])
-def test_the_irradiance_of_a_point_light_is_intensity_over_distance_squared_in_the_units_of_the_file(
-    tmp_path, unit, mm
-):
+def test_the_irradiance_of_a_point_light_is_intensity_over_distance_squared_in_the_units_of_the_file(tmp_path):
     path = lit(tmp_path, {"type": "point", "intensity": 8.0, "color": [1.0, 0.5, 0.25]}, translation=[1, 2, 3])
-    (light,) = load_file(path, unit=unit).lights
-    assert isinstance(light, PointLight)
-    distance = 2.0 * mm
-    np.testing.assert_allclose(np.array(light.intensity) / distance**2, [2.0, 1.0, 0.5], rtol=1e-15)
-    np.testing.assert_allclose(light.position, [mm, 2 * mm, 3 * mm], rtol=1e-15)
+    for unit, mm in ((None, 1000.0), ("mm", 1.0), ("inch", 25.4)):
+        (light,) = load_file(path, unit=unit).lights
+        assert isinstance(light, PointLight)
+        distance = 2.0 * mm
+        np.testing.assert_allclose(np.array(light.intensity) / distance**2, [2.0, 1.0, 0.5], rtol=1e-15)
+        np.testing.assert_allclose(light.position, [mm, 2 * mm, 3 * mm], rtol=1e-15)
 
 
 def test_a_spot_shines_along_the_minus_z_of_its_node_whatever_its_scale(tmp_path):
@@ -285,20 +271,16 @@ def test_a_spot_shines_along_the_minus_z_of_its_node_whatever_its_scale(tmp_path
     assert isinstance(light, SpotLight)
     np.testing.assert_allclose(light.direction, [-1, 0, 0], atol=1e-15)
     assert (light.intensity, light.inner_angle, light.outer_angle) == (1.0, 0.1, 0.3)
-
-
-def test_a_spot_without_angles_has_those_of_the_standard_and_a_sharp_one_is_read(tmp_path):
+    # One without angles has those of the standard, and a sharp one is read.
     (light,) = load_file(lit(tmp_path, {"type": "spot"})).lights
     assert (light.inner_angle, light.outer_angle) == (0.0, np.pi / 4)
     cone = {"innerConeAngle": 0.5, "outerConeAngle": 0.5}
     (light,) = load_file(lit(tmp_path, {"type": "spot", "spot": cone})).lights
     assert light.outer_angle == 0.5 and light.inner_angle == pytest.approx(0.5, rel=2e-4)
-
-
-def test_a_directional_light_is_parallel_and_the_same_in_all_units(tmp_path):
+    # A directional light is parallel and the same in all units.
     path = lit(tmp_path, {"type": "directional", "intensity": 3.0})
-    assert load_file(path).lights == (SunLight((0, 0, -1), 3.0, 0.0),)
-    assert load_file(path, unit="mm").lights == load_file(path).lights
+    for unit in (None, "mm"):
+        assert load_file(path, unit=unit).lights == (SunLight((0, 0, -1), 3.0, 0.0),)
 
 
 def test_dark_lights_are_left_out_and_lights_alone_are_contents(tmp_path):
@@ -337,11 +319,9 @@ def test_an_orthographic_view_has_no_angle(tmp_path):
     writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]))
     writer.node(camera=0, name="map")
     described = [{"type": "orthographic", "orthographic": {"xmag": 3.0, "ymag": 2.0, "znear": 0, "zfar": 1}}]
-    (view,) = load_file(writer.save(tmp_path / "a.gltf", cameras=described)).views
+    path = writer.save(tmp_path / "a.gltf", cameras=described)
+    (view,) = load_file(path).views
     assert (view.name, view.vertical_field_of_view, view.aspect_ratio) == ("map", None, 1.5)
-
-
-def test_contents_are_a_value(tmp_path):
-    path = quad_file(tmp_path)
+    # Contents are a value.
     assert load_file(path) == load_file(path) and hash(load_file(path)) == hash(load_file(path))
     assert load_file(path) != FileContents() and load_file(path).meshes == pl.load_meshes(path)

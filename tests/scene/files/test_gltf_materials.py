@@ -66,27 +66,20 @@ DECODED = texture().texels
 DATA = CODES[..., :3] / 255
 
 
-def test_a_material_that_says_nothing_is_a_rough_white_metal(tmp_path):
-    assert material_of(tmp_path, {}) == pl.MetallicRoughness(1.0, 1.0, 1.0)
-
-
 def test_plain_numbers(tmp_path):
+    assert material_of(tmp_path, {}) == pl.MetallicRoughness(1.0, 1.0, 1.0)
     pbr = {"baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.25, "roughnessFactor": 0.75}
     expected = pl.MetallicRoughness((0.1, 0.2, 0.3), 0.25, 0.75)
     assert material_of(tmp_path, {"pbrMetallicRoughness": pbr}) == expected
 
 
-def test_base_colour_is_srgb_times_its_factor(tmp_path):
+def test_base_colour_is_srgb_times_its_factor_and_its_image_stands_upright(tmp_path):
     pbr = {"baseColorTexture": IMAGE, "baseColorFactor": [0.5, 1.0, 0.25, 1.0]}
-    found = material_of(tmp_path, {"pbrMetallicRoughness": pbr})
-    np.testing.assert_allclose(found.base.texels, DECODED * [0.5, 1.0, 0.25], rtol=1e-7)
-    assert found.opacity == 1.0
-
-
-def test_the_image_stands_upright(tmp_path):
-    mesh = quad(tmp_path, {"pbrMetallicRoughness": {"baseColorTexture": IMAGE}})
+    mesh = quad(tmp_path, {"pbrMetallicRoughness": pbr})
+    np.testing.assert_allclose(mesh.material.base.texels, DECODED * [0.5, 1.0, 0.25], rtol=1e-7)
+    assert mesh.material.opacity == 1.0
     np.testing.assert_array_equal(mesh.uv, mesh.vertices[:, :2])
-    assert mesh.material.base.texels[0, 0].tolist() == [1, 0, 0]  # (0, 1), the upper left corner, is red
+    assert mesh.material.base.texels[0, 0].tolist() == [0.5, 0, 0]  # (0, 1), the upper left corner, is red
 
 
 def test_metallic_is_blue_and_roughness_green_both_linear(tmp_path):
@@ -116,82 +109,61 @@ def test_emission_is_srgb_times_factor_times_strength_and_two_sided_where_the_fi
     assert not material_of(tmp_path, {"emissiveFactor": [1, 1, 1]}).two_sided
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.25, 3.0, 0.0, -1.0])
-def test_the_slopes_of_normals_are_multiplied_by_their_scale(tmp_path, scale):
+def test_the_slopes_of_normals_are_multiplied_by_their_scale(tmp_path):
     tilted = np.array([[[128, 128, 255], [200, 90, 220]]], dtype=np.uint8)
-    found = material_of(tmp_path, {"normalTexture": IMAGE | {"scale": scale}}, codes=tilted)
     before = 2 * texture(tilted, encoding=Encoding.LINEAR).texels.astype(float) - 1
-    after = 2 * found.normal_map.texels.astype(float) - 1
-    # Texels are float32 within 0 and 1: 2^-25 each, doubled twice.
-    slopes = scale * before[..., :2] / before[..., 2:]
-    np.testing.assert_allclose(after[..., :2] / after[..., 2:], slopes, atol=1e-6)
-    if scale != 1:
-        np.testing.assert_allclose(np.linalg.norm(after, axis=2), 1.0, atol=3e-7)
-
-
-@pytest.mark.parametrize(
-    ("turn", "hand", "share"), [(0, 1, None), (8, 1, None), (-8, 1, None), (12, 1, 100), (90, 1, 100), (0, -1, 100)]
-)
-def test_tangents_that_differ_from_the_texture_are_spoken_of(tmp_path, turn, hand, share):
-    told = {"normalTexture": IMAGE}
-    one = [np.cos(np.radians(turn)), np.sin(np.radians(turn)), 0, hand]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        plain = quad(tmp_path, told)
-        if share is None:
-            assert quad(tmp_path, told, tangents=[one] * 4) == plain
-        assert quad(tmp_path, {}, tangents=[one] * 4).material.normal_map is None
-    if share is not None:
-        with pytest.warns(pl.errors.FileWarning, match=f"on {share} % of its triangles they differ .* 10 degrees"):
-            assert quad(tmp_path, told, tangents=[one] * 4) == plain
-
-
-def test_tangents_that_differ_on_one_of_two_triangles(tmp_path):
-    along, across = [1, 0, 0, 1], [0, 1, 0, 1]
-    with pytest.warns(pl.errors.FileWarning, match="on 50 % of its triangles"):
-        # Only the second triangle has the last corner.
-        quad(tmp_path, {"normalTexture": IMAGE}, tangents=[along, along, along, across])
-
-
-def test_a_grey_normal_texture_is_refused(tmp_path):
+    for scale in (1.0, 0.25, 3.0, 0.0, -1.0):
+        found = material_of(tmp_path, {"normalTexture": IMAGE | {"scale": scale}}, codes=tilted)
+        after = 2 * found.normal_map.texels.astype(float) - 1
+        # Texels are float32 within 0 and 1: 2^-25 each, doubled twice.
+        slopes = scale * before[..., :2] / before[..., 2:]
+        np.testing.assert_allclose(after[..., :2] / after[..., 2:], slopes, atol=1e-6)
+        if scale != 1:
+            np.testing.assert_allclose(np.linalg.norm(after, axis=2), 1.0, atol=3e-7)
     with pytest.raises(pl.errors.FileError, match=r"quad\.gltf.*normal texture of material 'skin' is grey"):
         material_of(tmp_path, {"normalTexture": IMAGE}, codes=np.zeros((2, 2), dtype=np.uint8))
 
 
-@pytest.mark.parametrize(
-    ("told", "opacity", "cutoff"),
-    [
+def test_tangents_that_differ_from_the_texture_are_spoken_of(tmp_path):
+    told, plain = {"normalTexture": IMAGE}, quad(tmp_path, {"normalTexture": IMAGE})
+    for turn, hand, share in ((0, 1, 0), (8, 1, 0), (-8, 1, 0), (12, 1, 100), (90, 1, 100), (0, -1, 100)):
+        tangents = [[np.cos(np.radians(turn)), np.sin(np.radians(turn)), 0, hand]] * 4
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert quad(tmp_path, {}, tangents=tangents).material.normal_map is None
+            if not share:
+                assert quad(tmp_path, told, tangents=tangents) == plain
+        if share:
+            with pytest.warns(pl.errors.FileWarning, match=f"on {share} % of its triangles they differ .* 10 degrees"):
+                assert quad(tmp_path, told, tangents=tangents) == plain
+    along, across = [1, 0, 0, 1], [0, 1, 0, 1]
+    with pytest.warns(pl.errors.FileWarning, match="on 50 % of its triangles"):
+        # Only the second triangle has the last corner.
+        quad(tmp_path, told, tangents=[along, along, along, across])
+
+
+def test_opacity_by_a_number(tmp_path):
+    for told, opacity, cutoff in (
         ({}, 1.0, None),
         ({"alphaMode": "OPAQUE"}, 1.0, None),
         ({"alphaMode": "BLEND"}, 0.4, None),
         ({"alphaMode": "MASK"}, 0.0, None),  # 0.4 is below 0.5, the cutoff of the standard
         ({"alphaMode": "MASK", "alphaCutoff": 0.4}, 1.0, None),
-    ],
-)
-def test_opacity_by_a_number(tmp_path, told, opacity, cutoff):
-    found = material_of(tmp_path, told | {"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.4]}})
-    assert (found.opacity, found.cutoff) == (opacity, cutoff)
+    ):
+        found = material_of(tmp_path, told | {"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.4]}})
+        assert (found.opacity, found.cutoff) == (opacity, cutoff), told
 
 
-@pytest.mark.parametrize(
-    ("told", "cutoff"), [({"alphaMode": "BLEND"}, None), ({"alphaMode": "MASK", "alphaCutoff": 0.3}, 0.3)]
-)
-def test_opacity_is_the_linear_alpha_of_the_base_colour_times_its_factor(tmp_path, told, cutoff):
+def test_opacity_is_the_linear_alpha_of_the_base_colour_times_its_factor(tmp_path):
     pbr = {"baseColorTexture": IMAGE, "baseColorFactor": [1, 1, 1, 0.5]}
-    found = material_of(tmp_path, told | {"pbrMetallicRoughness": pbr})
-    np.testing.assert_allclose(found.opacity.texels[..., 0], 0.5 * CODES[..., 3] / 255, rtol=1e-6)
-    assert found.cutoff == cutoff
-
-
-def test_an_image_without_alpha_is_opaque_at_no_cost(tmp_path):
-    pbr = {"baseColorTexture": IMAGE}
-    told = {"alphaMode": "BLEND", "pbrMetallicRoughness": pbr}
+    for told, cutoff in (({"alphaMode": "BLEND"}, None), ({"alphaMode": "MASK", "alphaCutoff": 0.3}, 0.3)):
+        found = material_of(tmp_path, told | {"pbrMetallicRoughness": pbr})
+        np.testing.assert_allclose(found.opacity.texels[..., 0], 0.5 * CODES[..., 3] / 255, rtol=1e-6)
+        assert found.cutoff == cutoff
+    # An image without alpha is opaque at no cost, and a cutoff above 1 hides all.
+    told = {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorTexture": IMAGE}}
     assert material_of(tmp_path, told, codes=CODES[..., :3]).opacity == 1.0
-
-
-def test_a_cutoff_above_1_hides_all(tmp_path):
-    told = {"alphaMode": "MASK", "alphaCutoff": 1.5, "pbrMetallicRoughness": {"baseColorTexture": IMAGE}}
-    assert material_of(tmp_path, told).opacity == 0.0
+    assert material_of(tmp_path, told | {"alphaMode": "MASK", "alphaCutoff": 1.5}).opacity == 0.0
 
 
 def test_wrap_and_filter_of_the_sampler(tmp_path):
@@ -207,9 +179,8 @@ def moved(**transform):
     return {"pbrMetallicRoughness": {"baseColorTexture": IMAGE | {"extensions": {"KHR_texture_transform": transform}}}}
 
 
-@pytest.mark.parametrize(
-    ("transform", "expected"),
-    [
+def test_texture_transforms_are_baked_into_uv(tmp_path):
+    for transform, expected in (
         ({}, [(0, 0), (1, 0), (1, 1), (0, 1)]),
         # The upper left quarter: v down, so it begins at 0.5 upwards.
         ({"scale": [0.5, 0.5]}, [(0, 0.5), (0.5, 0.5), (0.5, 1), (0, 1)]),
@@ -218,10 +189,8 @@ def moved(**transform):
         # degrees; and the image upside down.
         ({"offset": [0, 1], "rotation": np.pi / 2, "scale": [0.5, 0.5]}, [(0.5, 0), (0.5, 0.5), (0, 0.5), (0, 0)]),
         ({"offset": [0, 1], "scale": [1, -1]}, [(0, 1), (1, 1), (1, 0), (0, 0)]),
-    ],
-)
-def test_texture_transforms_are_baked_into_uv(tmp_path, transform, expected):
-    np.testing.assert_allclose(quad(tmp_path, moved(**transform)).uv, expected, atol=1e-15)
+    ):
+        np.testing.assert_allclose(quad(tmp_path, moved(**transform)).uv, expected, atol=1e-15)
 
 
 def test_the_second_set_of_uv(tmp_path):
@@ -253,14 +222,13 @@ def test_a_clear_coat_is_red_and_its_roughness_green_both_linear(tmp_path):
     told = coated(clearcoatFactor=0.5, clearcoatRoughnessFactor=0.25)
     expected = pl.MetallicRoughness(1.0, 1.0, 1.0, clearcoat=0.5, clearcoat_roughness=0.25)
     assert material_of(tmp_path, told) == expected
-    told["extensions"]["KHR_materials_clearcoat"] |= {"clearcoatTexture": IMAGE, "clearcoatRoughnessTexture": IMAGE}
+    images = {"clearcoatTexture": IMAGE, "clearcoatRoughnessTexture": IMAGE}
+    told["extensions"]["KHR_materials_clearcoat"] |= images
     found = material_of(tmp_path, told)
     np.testing.assert_allclose(found.clearcoat.texels[..., 0], 0.5 * DATA[..., 0], rtol=1e-6)
     np.testing.assert_allclose(found.clearcoat_roughness.texels[..., 0], 0.25 * DATA[..., 1], rtol=1e-6)
-
-
-def test_a_clear_coat_of_factor_0_is_none(tmp_path):
-    told = coated(clearcoatTexture=IMAGE, clearcoatRoughnessTexture=IMAGE, clearcoatRoughnessFactor=0.5)
+    # One of factor 0 is none.
+    told = coated(**images, clearcoatRoughnessFactor=0.5)
     assert material_of(tmp_path, told) == pl.MetallicRoughness(1.0, 1.0, 1.0)
 
 
@@ -284,20 +252,16 @@ def test_a_volume_transmits_its_attenuation_colour_after_the_attenuation_distanc
     np.testing.assert_allclose(np.exp(-np.array(found.absorption) * 5.0), [0.5, 0.25, 1.0], rtol=1e-15)
     inches = load_file(tmp_path / "quad.gltf", unit="inch").meshes[0].material
     np.testing.assert_allclose(inches.absorption, np.array(found.absorption) / 25.4, rtol=1e-14)
-
-
-def test_a_volume_has_the_tint_of_both_surfaces_over_its_thickness_and_the_roughness_of_them(tmp_path):
-    told = transmitting(base=(0.9, 0.6, 1, 1), KHR_materials_volume={"thicknessFactor": 2.0})
+    # The tint of both surfaces over its thickness, and their roughness.
+    volume = {"KHR_materials_volume": {"thicknessFactor": 2.0}}
+    told = transmitting(base=(0.9, 0.6, 1, 1), **volume)
     told["pbrMetallicRoughness"]["roughnessFactor"] = 0.5
     found = material_of(tmp_path, told)
     assert found.alpha == 0.25
     np.testing.assert_allclose(np.exp(-np.array(found.absorption) * 2.0), np.square([0.9, 0.6, 1]), rtol=1e-14)
-
-
-def test_clear_glass_absorbs_nothing_and_black_glass_a_finite_amount(tmp_path):
-    volume = {"KHR_materials_volume": {"thicknessFactor": 1.0}}
+    # Clear glass absorbs nothing, and black glass a finite amount.
     assert material_of(tmp_path, transmitting(**volume)) == pl.Dielectric(1.5)
-    assert 10 < material_of(tmp_path, transmitting(base=(0, 0, 0, 1), **volume)).absorption < 100
+    assert 5 < material_of(tmp_path, transmitting(base=(0, 0, 0, 1), **volume)).absorption < 50
 
 
 def test_partly_transmitting_surfaces_are_partly_there_and_metals_entirely(tmp_path):
@@ -350,6 +314,12 @@ def test_an_image_is_one_texture_in_all_materials_that_use_it_alike(tmp_path):
     (tmp_path / "quad.gltf").write_text(json.dumps(header))
     one, other = load_file(tmp_path / "quad.gltf").meshes
     assert one.material.base is other.material.base
+    if PIL.features.check("webp"):
+        PIL.Image.fromarray(CODES[..., :3]).save(tmp_path / "skin.webp", lossless=True)
+        header["images"].append({"uri": "skin.webp"})
+        header["textures"][0] = {"extensions": {"EXT_texture_webp": {"source": 2}}}
+        (tmp_path / "quad.gltf").write_text(json.dumps(header))
+        assert load_file(tmp_path / "quad.gltf").meshes[0].material.base == texture(CODES[..., :3])
 
 
 def test_a_material_of_ones_own_needs_none_of_the_files(tmp_path):
@@ -360,15 +330,3 @@ def test_a_material_of_ones_own_needs_none_of_the_files(tmp_path):
     (mesh,) = load_file(tmp_path / "quad.gltf", material=pl.Conductor(0.5), unit="mm").meshes
     assert mesh.material == pl.Conductor(0.5)
     np.testing.assert_array_equal(mesh.uv, mesh.vertices[:, :2])
-
-
-def test_webp_images_are_read(tmp_path):
-    if not PIL.features.check("webp"):
-        pytest.skip("this Pillow reads no WebP")
-    quad(tmp_path, {"pbrMetallicRoughness": {"baseColorTexture": IMAGE}})
-    PIL.Image.fromarray(CODES[..., :3]).save(tmp_path / "skin.webp", lossless=True)
-    header = json.loads((tmp_path / "quad.gltf").read_text())
-    header["images"].append({"uri": "skin.webp"})
-    header["textures"][0] = {"extensions": {"EXT_texture_webp": {"source": 2}}}
-    (tmp_path / "quad.gltf").write_text(json.dumps(header))
-    assert load_file(tmp_path / "quad.gltf").meshes[0].material.base == texture(CODES[..., :3])
