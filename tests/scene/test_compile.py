@@ -266,16 +266,3 @@ def test_three_channels_only_where_something_is_coloured():
             assert tables.channels == channels, scene
             for name, table in arrays(tables).items():
                 assert name not in axes or table.shape[axes[name]] == channels, (scene, name)
-
-
-def test_a_large_mesh_compiles_without_a_loop_per_triangle():
-    # 500 000 triangles, far below a second; a Python loop over them is not.
-    side = 501
-    x, y = np.meshgrid(np.arange(side, dtype=float), np.arange(side, dtype=float))
-    vertices = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
-    a = (side * np.arange(side - 1)[:, None] + np.arange(side - 1)).ravel()
-    faces = np.concatenate([np.column_stack([a, a + 1, a + side]), np.column_stack([a + 1, a + side + 1, a + side])])
-    record = pl.Scene([pl.Mesh(vertices, faces, pl.Emissive(1.0)), square()]).tables()
-    lights = record.lights
-    assert len(lights.items) == 500_000 and lights.cdf[-1] == 1.0
-    np.testing.assert_allclose(record.emission.pdf, [1 / 250_000, 0.0])

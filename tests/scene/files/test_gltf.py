@@ -226,10 +226,11 @@ def test_small_meshes_are_copied(tmp_path):
     writer = Writer()
     number = many(writer, INSTANCED_FROM - 1, material=0)
     writer.node(mesh=number)
-    writer.node(mesh=number, translation=[0, 0, 3])
+    writer.node(mesh=number, scale=[1, 1, -1], translation=[0, 0, 3])
     found = pl.load_meshes(writer.save(tmp_path / "a.gltf", materials=[{}]), unit="mm")
     assert [type(one) for one in found] == [pl.Mesh] * 2
-    assert [one.bounds[0, 2] for one in found] == [0, 3]
+    np.testing.assert_allclose([one.bounds[:, 2] for one in found], [[0, 0.2], [2.8, 3]], atol=1e-6)
+    assert (area_vectors(found[0])[:, 2] > 0).all() and (area_vectors(found[1])[:, 2] < 0).all()
     assert found[0].material is found[1].material
 
 

@@ -166,25 +166,6 @@ def test_units(tmp_path):
             pl.load_meshes(path, **options)
 
 
-def test_the_scene_graph_is_applied_and_winding_survives_a_mirror(tmp_path):
-    import trimesh
-
-    box = trimesh.creation.box((1, 1, 1))
-    box.vertex_normals  # noqa: B018  makes trimesh export them
-    scene = trimesh.Scene()
-    shifted = trimesh.transformations.translation_matrix([5, 0, 0])
-    for transform in (shifted, np.diag([-2.0, 1, 1, 1]), np.diag([1.0, 1, 0, 1])):
-        scene.add_geometry(box, transform=transform)
-    (tmp_path / "two.glb").write_bytes(scene.export(file_type="glb"))
-    meshes = pl.load_meshes(tmp_path / "two.glb", unit="cm")
-    assert len(meshes) == 2  # the flattened one cannot be seen
-    mirrored, moved = sorted(meshes, key=lambda m: m.bounds[0, 0])
-    np.testing.assert_allclose([mirrored.bounds[:, 0], moved.bounds[:, 0]], [[-10, 10], [45, 55]])
-    assert volume(mirrored) == pytest.approx(2000)
-    for mesh in meshes:
-        assert (((mesh.vertices - mesh.bounds.mean(axis=0)) * mesh.normals).sum(axis=1) > 0).all()
-
-
 def test_every_kind_is_read_closed_and_outside_out(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     # glTF is in metres, and other files in millimetres, unless said otherwise.
@@ -205,31 +186,19 @@ def test_normals_only_where_the_file_has_them(tmp_path):
 
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
-SHORT = (
-    b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nproperty float y\nproperty float z\n"
-)
 BAD = {
     "empty.obj": (b"", "no triangles"),
-    "words.obj": (b"this is not a mesh", "; "),
     "broken.obj": (b"v 0 0 0\nv 1 0 0\nv 0 one 0\nf 1 2 3\n", "; "),
     "beyond.obj": (TRIANGLE + b"f 1 2 9\n", "index 8 is out of bounds"),
     "nan.obj": (b"v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "nan.*finite.*repair the mesh"),
     "flat.obj": (b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangles that have an area"),
-    "points.obj": (b"v 0 0 0\nv 1 0 0\n", "; "),
     "backwards.obj": (TRIANGLE + b"f -3 -2 -1\nv 5 5 5\nv 6 5 5\nv 5 6 5\nf -3 -2 -1\n", "absolute indices"),
     "absent.obj": (b"mtllib absent.mtl\n" + TRIANGLE + b"f 1 2 3\n", r"absent\.mtl.*missing.*material="),
-    "empty.ply": (b"", "; "),
     "cut.ply": (b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n", "; "),
-    "short.ply": (SHORT + b"element face 1\nproperty list uchar int vertex_indices\nend_header\n1234", "; "),
-    "empty.stl": (b"", "; "),
     "words.stl": (b"solid nothing\nendsolid", "no triangles"),
     "short_text.stl": (b"solid cube\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0", "it has no 'endsolid'"),
     "short.stl": (bytes(80) + (1000).to_bytes(4, "little") + bytes(50), "cut off.* 134 bytes instead of 50084"),
-    "empty.glb": (b"", "; "),
     "words.glb": (b"certainly no glTF file, but long enough to look at", "no binary glTF"),
-    "cut.glb": (b"glTF\x02\0\0\0\xff\0\0\0\xff\0\0\0JSON{", "; "),
-    "words.gltf": (b"{", "; "),
-    "list.gltf": (b"[1, 2]", "; "),
     "nothing.gltf": (b'{"asset": {"version": "2.0"}}', "; "),
     "old.gltf": (b'{"asset": {"version": "1.0"}}', "only glTF 2"),
 }
@@ -241,27 +210,6 @@ def test_a_bad_file_is_a_file_error_that_names_it(tmp_path):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(pl.errors.FileError, match=name.replace(".", r"\.") + ".*" + said):
             pl.load_meshes(tmp_path / name)
-
-
-@settings(max_examples=25)
-@given(st.sampled_from(["obj", "ply", "stl", "glb", "gltf"]), st.binary(max_size=300))
-@pytest.mark.filterwarnings("ignore")
-def test_noise_is_a_file_error(tmp_path_factory, kind, noise):
-    path = tmp_path_factory.mktemp("noise") / f"noise.{kind}"
-    path.write_bytes(noise)
-    with pytest.raises(pl.errors.FileError):
-        pl.load_meshes(path)
-
-
-@pytest.mark.filterwarnings("ignore")
-@settings(max_examples=25)
-@given(st.integers(0, 2000))
-def test_a_glb_that_was_cut_off_is_a_file_error(tmp_path_factory, cut):
-    whole = write_glb(tmp_path_factory.mktemp("cut") / "quad.glb", baseColorTexture=four_colours())
-    content = whole.read_bytes()
-    whole.write_bytes(content[: min(cut, len(content) - 1)])
-    with pytest.raises(pl.errors.FileError):
-        pl.load_meshes(whole)
 
 
 def test_missing_files_folders_and_other_endings(tmp_path):
@@ -297,10 +245,6 @@ def test_what_an_obj_lacks_is_a_file_error(tmp_path):
         assert mesh.material == pl.Lambertian(0.3) and mesh.uv is not None
 
 
-def position(header):
-    return header["accessors"][header["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
-
-
 def shine_in_another_way(header):
     header["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "laser"}]}}
     header["nodes"][0]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
@@ -309,17 +253,12 @@ def shine_in_another_way(header):
 @pytest.mark.filterwarnings("ignore")
 def test_what_would_be_read_wrongly_from_a_glb_is_refused(tmp_path):
     glb = write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours())
-    content, first = glb.read_bytes(), [{"nodes": [0]}]
-    circle = [{"children": [1], "mesh": 0}, {"children": [0]}]
+    content = glb.read_bytes()
     for edit, said in (
         # The image's bytes are now those of the first buffer view: numbers, not an image.
         (lambda header: header["images"][0].update(bufferView=0), "'skin' is missing or not an image"),
         (lambda header: header.update(images=[{"uri": "absent.png"}]), "'skin' is missing or not an image"),
         (lambda header: header.update(extensionsRequired=["EXT_meshopt_compression"]), "EXT_meshopt_compression"),
-        (lambda header: header.update(nodes=circle, scenes=first), "node 0 hangs on itself"),
-        (lambda header: header.update(nodes=[{"mesh": -1}], scenes=first), "number -1 of its 1 meshes"),
-        (lambda header: position(header).update(count=10**12), "accessors 1 ends beyond its bufferViews 1"),
-        (lambda header: position(header).update(count=2), "out of bounds for 2 vertices"),
         (shine_in_another_way, "'laser'"),
     ):
         glb.write_bytes(content)
@@ -404,18 +343,6 @@ def test_an_obj_may_name_several_material_files(tmp_path):
     for named in ("mtllib one.mtl\nmtllib two.mtl\n", "mtllib one.mtl two.mtl\n"):
         path = write(tmp_path / "t.obj", named + CORNER + "usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n")
         assert {mesh.material for mesh in pl.load_meshes(path)} == {pl.Lambertian(0.1), pl.Lambertian(0.2)}
-
-
-def hang_on_a_camera(header):
-    header["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 1.0}}]
-    header["nodes"] = [{"camera": 0, "translation": [5, 0, 0], "children": [1]}, {"mesh": 0, "scale": [2, 2, 2]}]
-    header["scenes"] = [{"nodes": [0]}]
-
-
-def test_what_hangs_on_a_camera_stays_in_its_place(tmp_path):
-    glb = edit_glb(write_glb(tmp_path / "quad.glb", baseColorTexture=four_colours()), hang_on_a_camera)
-    (mesh,) = pl.load_meshes(glb, unit="m")
-    assert mesh.bounds.tolist() == [[5000, 0, 0], [7000, 2000, 0]]
 
 
 def test_a_file_that_may_not_be_read_is_a_file_error(tmp_path):

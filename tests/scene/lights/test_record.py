@@ -209,17 +209,6 @@ def mesh_areas(mesh):
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
-def test_places_of_what_does_not_shine_cost_nothing_for_each_triangle():
-    # 10^4 places of 16 128 triangles that do not emit are 1.6e8 to look at one by one: more than a second.
-    matrices = np.tile(np.eye(4), (10_000, 1, 1))
-    matrices[:, 0, 3] = np.arange(10_000)
-    scene = pl.Scene([pl.scene.Instances(pl.sphere(0.4), matrices)], ONE_OF_EACH)
-    begin = time.process_time()
-    lights = scene.tables().lights
-    assert time.process_time() - begin < 1.0
-    assert (lights.items["instance"] == -1).all()
-
-
 def test_ten_thousand_lights_keep_their_shares():
     rng = np.random.default_rng(4)
     power = rng.random(10_000) ** 8

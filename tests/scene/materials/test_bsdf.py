@@ -194,7 +194,8 @@ def test_directions_are_drawn_as_often_as_their_density_says_from_all_views():
 
 
 def test_weights_are_values_over_densities():
-    for name, material in ROUGH.items():
+    polished = {"polished mirror": pl.Conductor(0.9, alpha=1e-3)}
+    for name, material in (ROUGH | polished).items():
         for angle_deg in (3.0, 75.0, 140.0):
             viewer = towards(angle_deg, 20.0)
             direction, weight, density = drawn(material, viewer, np.random.default_rng(3).random((2000, 3)))
@@ -206,27 +207,6 @@ def test_weights_are_values_over_densities():
             # worst.
             np.testing.assert_allclose(again, density[alive], rtol=1e-6, err_msg=name)
             np.testing.assert_allclose(weight[alive] * density[alive, None], value, rtol=1e-6, atol=1e-12, err_msg=name)
-
-
-def test_narrow_lobes_have_the_slopes_of_the_distribution():
-    # At normal incidence visible normals are those of D cos: tan^2 / alpha^2 = u / (1 - u) with uniform u. 16 classes
-    # of u are equally full.
-    for alpha in (1e-3, 0.1):
-        u = np.random.default_rng(5).random((16_000, 3))
-        direction, _, density = drawn(pl.Conductor(alpha=alpha), towards(0), u)
-        # Facets steeper than 45 degrees lead nowhere.
-        alive = density > 0
-        direction, density, most = direction[alive], density[alive], 1 / (1 + alpha**2)
-        half = direction + np.array([0.0, 0.0, 1.0])
-        slope2 = (half[:, 0] ** 2 + half[:, 1] ** 2) / half[:, 2] ** 2 / alpha**2
-        assert alive.mean() == pytest.approx(most, abs=4 * math.sqrt(most * (1 - most) / 16_000) + 1e-9)
-        found, expected = np.histogram(slope2 / (1 + slope2), 16, (0, most))[0], len(density) / 16
-        assert chance_of_at_least(((found - expected) ** 2 / expected).sum(), 15) > 1e-4, alpha
-        # p = D cos / (4 cos) in solid angle of the reflected direction, D after Walter et al. 2007, eq. 33. cos^2 is
-        # 1 within alpha^2, so that rounding of the half vector, eps / alpha of the slope, is what limits.
-        cosine = half[:, 2] / np.linalg.norm(half, axis=1)
-        expected = alpha**2 / (math.pi * cosine**4 * (alpha**2 + 1 / cosine**2 - 1) ** 2) / 4
-        np.testing.assert_allclose(density, expected, rtol=1e-7)
 
 
 def test_no_surface_gives_back_more_than_it_gets():
@@ -361,17 +341,8 @@ def test_normal_incidence():
             assert share == pytest.approx(((index - 1) / (index + 1)) ** 2, abs=2**-13), (index, angle_deg)
 
 
-def test_at_brewsters_angle_only_one_polarisation_is_reflected():
-    # tan = n: R_p = 0, R_s = ((n^2 - 1) / (n^2 + 1))^2, and unpolarised light has half of it.
-    for index in (1.33, 2.42):
-        viewer = towards(math.degrees(math.atan(index)))
-        expected = 0.5 * ((index**2 - 1) / (index**2 + 1)) ** 2
-        assert fresnel(viewer[0, 2], index)[1] < 1e-30
-        assert reflected_share(pl.Dielectric(index), viewer) == pytest.approx(expected, abs=2**-13)
-
-
 def test_any_incidence_on_glass_panes_and_metals():
-    for angle_deg in (20.0, 50.0, 70.0, 85.0, 89.9):
+    for angle_deg in (20.0, 50.0, math.degrees(math.atan(1.5)), 70.0, 85.0, 89.9):  # the third one is Brewster's
         viewer = towards(angle_deg)
         one = sum(fresnel(viewer[0, 2], 1.5)) / 2
         # An absolute index does not matter, only the ratio. Both surfaces of a pane, to and fro: R + T^2 R / (1 - R^2)
@@ -390,11 +361,11 @@ def test_any_incidence_on_glass_panes_and_metals():
 
 def test_light_inside_glass_is_reflected_totally_beyond_the_critical_angle():
     critical = math.degrees(math.asin(1 / 1.5))
-    for angle_deg in (critical + 0.01, 60.0, 89.0):
-        assert reflected_share(pl.Dielectric(1.5), -towards(angle_deg)) == pytest.approx(1, abs=1e-12)
-    for angle_deg in (critical - 0.1, 30.0):
+    for angle_deg in (critical + 0.01, 60.0, 89.0, critical - 0.1, 30.0):
         expected = sum(fresnel(math.cos(math.radians(angle_deg)), 1 / 1.5)) / 2
-        assert reflected_share(pl.Dielectric(1.5), -towards(angle_deg)) == pytest.approx(expected, abs=2**-13)
+        assert (expected > 1 - 1e-12) == (angle_deg > critical)
+        share = reflected_share(pl.Dielectric(1.5), -towards(angle_deg))
+        assert share == pytest.approx(expected, abs=1e-12 if angle_deg > critical else 2**-13)
 
 
 def test_snell_and_mirrors():
@@ -429,20 +400,15 @@ def test_exact_directions_have_no_value_that_could_be_hit_by_chance():
         assert not values.any() and not density.any()
 
 
-def test_rough_diffuse_without_roughness_is_lambertian():
-    light = np.concatenate([towards(t, p) for t in (5.0, 50.0, 85.0, 120.0) for p in (0.0, 70.0, 180.0)])
-    for angle_deg in (0.0, 60.0, 110.0):
-        smooth = evaluated(pl.materials.RoughDiffuse((0.9, 0.5, 0.1), roughness=0.0), towards(angle_deg), light)
-        plain = evaluated(pl.Lambertian((0.9, 0.5, 0.1)), towards(angle_deg), light)
-        np.testing.assert_allclose(smooth[0], plain[0], rtol=1e-12)
-
-
 def test_lambertian_is_albedo_cosine_over_pi_on_the_viewers_side():
-    light = np.concatenate([towards(t) for t in (0.0, 60.0, 89.0, 91.0, 180.0)])
-    values, density = evaluated(pl.Lambertian((0.8, 0.5, 0.2)), towards(20.0), light)
-    cosine = np.maximum(light[:, 2:], 0.0)
-    np.testing.assert_allclose(values, cosine * [0.8, 0.5, 0.2] / math.pi, rtol=1e-12)
-    np.testing.assert_allclose(density, cosine[:, 0] / math.pi, rtol=1e-12)
+    light = np.concatenate([towards(t, p) for t in (0.0, 60.0, 89.0, 91.0, 180.0) for p in (0.0, 70.0)])
+    for angle_deg in (20.0, 70.0):
+        cosine = np.maximum(light[:, 2:], 0.0)
+        for material in (pl.Lambertian((0.8, 0.5, 0.2)), pl.materials.RoughDiffuse((0.8, 0.5, 0.2), roughness=0.0)):
+            values, density = evaluated(material, towards(angle_deg), light)
+            np.testing.assert_allclose(values, cosine * [0.8, 0.5, 0.2] / math.pi, rtol=1e-12, atol=1e-17)
+        values, density = evaluated(pl.Lambertian(0.8), towards(angle_deg), light)
+        np.testing.assert_allclose(density, cosine[:, 0] / math.pi, rtol=1e-12, atol=1e-17)
 
 
 def microfacet(viewer, light, alpha):
@@ -457,7 +423,7 @@ def microfacet(viewer, light, alpha):
 def test_rough_metals_are_what_the_formula_says():
     light = np.concatenate([towards(t, p) for t in (5.0, 40.0, 46.0, 85.0) for p in (90.0, 175.0, 180.0)])
     viewer, base = np.tile(towards(45.0), (len(light), 1)), np.array([1.0, 0.8, 0.3])
-    for alpha in (0.01, 0.1, 0.64):
+    for alpha in (1e-3, 0.01, 0.1, 0.64):
         lobe, cosine = microfacet(viewer, light, alpha)
         values, _ = evaluated(pl.Conductor(0.9, alpha=alpha, index=COPPER), viewer, light)
         expected = [[0.45 * sum(fresnel(c, n)) * part for n in COPPER] for c, part in zip(cosine, lobe, strict=True)]

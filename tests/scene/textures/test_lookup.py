@@ -112,17 +112,6 @@ def test_borders_belong_to_the_texel_above_and_to_the_right(s, t, wrap, shape):
     check_nearest(s, t, wrap, shape)
 
 
-def test_a_texel_is_itself_at_its_centre():
-    rows, columns = 16, 32
-    row, column = np.mgrid[:rows, :columns]
-    centres = np.stack([(column + 0.5) / columns, 1 - (row + 0.5) / rows], axis=-1)
-    for wrap in WRAPS:
-        for between in TextureFilter:
-            texture = random_texture(3, (rows, columns, 3), wrap=wrap, filter=between)
-            # Sizes that are powers of two: no rounding.
-            np.testing.assert_array_equal(looked_up(texture, centres), texture.texels.reshape(-1, 3))
-
-
 WILD = [math.nan, math.inf, -math.inf, 1e15, -1e15, 1e300, -1e300, 5e-324, -5e-324, -1e-20, 0.0, -0.0, 1.0]
 WILD += [np.nextafter(1.0, 0.0), np.nextafter(1.0, 2.0), 2.0**31, -(2.0**63), 2.0**64 + 1e5, 0.1 - 1e15]
 
