@@ -223,10 +223,7 @@ def with_material(material):
     return pl.Scene([square(material, uv=UV)])
 
 
-def with_light(light):
-    return pl.Scene([square()], [light])
-
-
+RED, TINT = (1, 0, 0), (0.5, 0.5, 0.4)
 GREY_SCENES = [
     pl.Scene([square(pl.Lambertian((0.5, 0.5, 0.5)))], background=(1, 1, 1)),
     with_material(pl.Lambertian(pl.Texture(np.full((2, 2, 3), 0.25)))),
@@ -234,23 +231,19 @@ GREY_SCENES = [
     with_material(pl.MetallicRoughness(normal_map=pl.Texture(np.array([[[0.5, 0.5, 1.0]]])))),
     pl.Scene([square()], background=pl.EnvironmentMap(np.full((1, 2, 3), 0.5))),
 ]
+COLOURED = [pl.Emissive((1, 2, 3)), pl.Lambertian(pl.Texture(np.array([[[0, 0, 0.1]]]))), pl.Conductor(TINT)]
+COLOURED += [pl.materials.RoughDiffuse(TINT), pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 2j)), pl.MetallicRoughness(TINT)]
+COLOURED += [pl.Dielectric(absorption=(0, 0, 1)), pl.materials.ThinGlass(transmittance=TINT)]
+COLOURED += [pl.MetallicRoughness(emission=(0, 0, 1))]
+COLOURED_LIGHTS = [pl.QuadLight((0, 0, 9), (1, 0, 0), (0, 1, 0), RED), pl.lights.SphereLight((0, 0, 9), 1.0, RED)]
+COLOURED_LIGHTS += [pl.lights.PointLight((0, 0, 9), RED), pl.SunLight((0, 0, -1), RED)]
+COLOURED_LIGHTS += [pl.lights.SpotLight((0, 0, 9), (0, 0, -1), RED)]
 COLOURED_SCENES = [
+    *map(with_material, COLOURED),
+    *(pl.Scene([square()], [light]) for light in COLOURED_LIGHTS),
     pl.Scene([square()], background=(1, 1, 0.9)),
     pl.Scene([square()], background=pl.EnvironmentMap(np.array([[[0.5, 0.5, 0.4]]]))),
-    with_light(pl.QuadLight((0, 0, 9), (1, 0, 0), (0, 1, 0), (1, 0, 0))),
-    with_light(pl.lights.SphereLight((0, 0, 9), 1.0, (1, 0, 0))),
-    with_light(pl.lights.PointLight((0, 0, 9), (1, 0, 0))),
-    with_light(pl.lights.SpotLight((0, 0, 9), (0, 0, -1), (1, 0, 0))),
-    with_light(pl.SunLight((0, 0, -1), (1, 0, 0))),
-    with_material(pl.Emissive((1, 2, 3))),
-    with_material(pl.Lambertian(pl.Texture(np.array([[[0, 0, 0.1]]])))),
-    with_material(pl.materials.RoughDiffuse((0.5, 0.5, 0.4))),
-    with_material(pl.Conductor((0.5, 0.5, 0.4))),
-    with_material(pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 2j))),
-    with_material(pl.Dielectric(absorption=(0, 0, 1))),
-    with_material(pl.materials.ThinGlass(transmittance=(1, 1, 0.5))),
-    with_material(pl.MetallicRoughness(emission=(0, 0, 1))),
-    pl.Scene([pl.scene.Instances(square(pl.Lambertian((0.5, 0.5, 0.4))), PLACES)]),
+    pl.Scene([pl.scene.Instances(square(pl.Lambertian(TINT)), PLACES)]),
 ]
 
 

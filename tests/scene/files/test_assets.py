@@ -19,47 +19,6 @@ def asset(name):
     return path
 
 
-def texels_at(texture, uv):
-    """The nearest texels, (n, 3): row 0 is at v = 1, and the image repeats."""
-    rows, columns = texture.texels.shape[:2]
-    place = np.floor(np.mod(uv, 1.0) * (columns, rows)).astype(int)
-    return texture.texels[rows - 1 - np.clip(place[:, 1], 0, rows - 1), np.clip(place[:, 0], 0, columns - 1)]
-
-
-def painted(mesh, texture, count=60000):
-    """Points evenly over the surface, as shares of the bounds, and their colours."""
-    random = np.random.default_rng(1)
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    triangle = random.choice(len(area), count, p=area / area.sum())
-    weights = random.dirichlet((1, 1, 1), count)[..., None]
-    points = (weights * mesh.vertices[mesh.faces[triangle]]).sum(axis=1)
-    low, high = mesh.bounds
-    return (points - low) / (high - low), texels_at(texture, (weights * mesh.uv[mesh.faces[triangle]]).sum(axis=1))
-
-
-def test_the_duck_has_eyes_in_its_head_and_an_orange_beak_in_front():
-    contents = load_file(asset("Duck.glb"))
-    (mesh,) = contents.meshes
-    assert len(mesh.faces) == 4212 and mesh.normals is not None
-    material = mesh.material
-    assert material == pl.MetallicRoughness(material.base, 0.0, 1.0) and material.base.texels.shape == (512, 512, 3)
-    points, colours = painted(mesh, material.base)
-    beak = points[(colours[:, 0] > 0.9) & (colours[:, 1] < 0.3) & (colours[:, 2] < 0.1)]
-    pupils = points[colours.max(axis=1) < 0.02]
-    glints = points[colours.min(axis=1) > 0.95]
-    assert min(len(beak), len(pupils), len(glints)) > 20
-    # The beak is what reaches farthest to +x, in the upper half.
-    assert beak[:, 0].min() > 0.75 and beak[:, 0].max() > 0.98 and beak[:, 1].min() > 0.5
-    middle = beak[:, 2].mean()
-    # One eye on each side, behind the beak and above its middle; most of its white lies above the pupil.
-    for side in (-1, 1):
-        eye, white = (part[side * (part[:, 2] - middle) > 0] for part in (pupils, glints))
-        assert len(eye) > 10 and np.abs(eye[:, 2] - middle).min() > 0.05
-        assert eye[:, 0].min() > 0.5 and eye[:, 0].max() < beak[:, 0].max()
-        assert eye[:, 1].mean() > beak[:, 1].mean() and white[:, 1].mean() > eye[:, 1].mean()
-
-
 def test_the_duck_stands_where_the_file_says_and_its_camera_looks_at_it():
     contents = load_file(asset("Duck.glb"), unit="cm")
     # What the file says of its positions, in cm: the node scales by a float32 of 0.01, whose eps is 6e-8.

@@ -1,5 +1,4 @@
 import json
-import os
 import struct
 
 import numpy as np
@@ -343,15 +342,6 @@ def test_an_obj_may_name_several_material_files(tmp_path):
     for named in ("mtllib one.mtl\nmtllib two.mtl\n", "mtllib one.mtl two.mtl\n"):
         path = write(tmp_path / "t.obj", named + CORNER + "usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n")
         assert {mesh.material for mesh in pl.load_meshes(path)} == {pl.Lambertian(0.1), pl.Lambertian(0.2)}
-
-
-def test_a_file_that_may_not_be_read_is_a_file_error(tmp_path):
-    path = write_obj(tmp_path)
-    path.chmod(0)
-    if os.access(path, os.R_OK):
-        pytest.skip("this user may read everything")
-    with pytest.raises(pl.errors.FileError, match=r"quad\.obj.*rights"):
-        pl.load_meshes(path)
 
 
 def test_scene_load_invents_no_light(tmp_path):

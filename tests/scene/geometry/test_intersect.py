@@ -236,19 +236,6 @@ def test_threads_change_nothing():
     np.testing.assert_array_equal(np.concatenate(parts, axis=1), ask(intersector, rays))
 
 
-def test_a_thousand_million_triangles_in_one_mesh():
-    ball = pl.sphere(1, segments=(500, 100))
-    side = np.arange(22) * 3.0
-    places = np.tile(np.eye(4), (22**3, 1, 1))
-    places[:, :3, 3] = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
-    records = records_of([], [Instances(ball, places)])
-    assert len(places) * len(ball.faces) > 1e9
-    start = places[:, :3, 3] + [0, 0, 1.25]
-    rays = np.concatenate([start, np.broadcast_to([0.0, 0.0, -1.0], start.shape)], axis=1)
-    _, placed = ask(build_intersector(*records), rays)
-    np.testing.assert_array_equal(placed, np.arange(len(places)))
-
-
 def test_no_ray_leaves_a_closed_instance():
     for scale in (1e-3, 1.0, 1e6):
         ball = pl.sphere(scale, segments=(16, 8))

@@ -73,15 +73,6 @@ def test_meshes_alone_may_be_stretched_and_mirrored():
             SCENE.transformed(matrix)
 
 
-def test_a_scene_out_of_sight_is_said_to_be():
-    camera = pl.PlenopticCamera(
-        lens=pl.no_lens(1e-4), sensor=pl.Sensor(shape=(2, 2), pixel_pitch=0.1), stop_to_microlenses=1.0
-    )
-    behind = pl.Scene([pl.box(2.0, center=(0, 0, 50))], background=1.0)
-    with pytest.warns(UserWarning, match="no path met the scene.*49"):
-        pl.render(behind, camera, samples=8, progress=False)
-
-
 def test_points_seen_through_holes_are_visible():
     there = np.ones((4, 4, 1))
     there[1:3, 1:3] = 0.0

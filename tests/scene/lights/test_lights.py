@@ -99,14 +99,8 @@ def test_the_body_of_a_sphere_has_no_holes_and_no_preferred_direction():
     edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
     forwards, backwards = ({tuple(edge) for edge in some.tolist()} for some in (edges, edges[:, ::-1]))
     assert len(forwards) == 3840 and forwards == backwards
-    # The symmetry of an icosahedron: second moments alike, projected area nearly pi from everywhere (Cauchy: on average
-    # a quarter of the surface, exactly).
+    # The symmetry of an icosahedron: second moments alike.
     np.testing.assert_allclose(mesh.vertices.T @ mesh.vertices, np.eye(3) * 642 * 1.002391**2 / 3, atol=1e-3)
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    views = np.random.default_rng(2).normal(size=(100, 3))
-    views /= np.linalg.norm(views, axis=1, keepdims=True)
-    projected = 0.25 * np.abs(np.cross(b - a, c - a) @ views.T).sum(axis=0)
-    np.testing.assert_allclose(projected, math.pi, rtol=1e-3)
 
 
 @settings(max_examples=50)
