@@ -1,7 +1,6 @@
 """Tables and trees are kept for the scene that was compiled last, and for no other."""
 
 import dataclasses
-import gc
 import threading
 import weakref
 
@@ -67,13 +66,11 @@ def test_it_goes_when_its_scene_goes():
     tree = weakref.ref(kept().intersector)
     assert prepared_scene(one) is kept()
     del one
-    gc.collect()
     assert kept() is None and tree() is None
     # And when another one comes.
     one, other = scene(), scene()
     kept = weakref.ref(prepared_scene(one))
     prepared_scene(other)
-    gc.collect()
     assert kept() is None
 
 

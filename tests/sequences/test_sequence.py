@@ -1,7 +1,6 @@
 """Frames of a sequence: things are where motions say, what stands still is built once, and bits know no history."""
 
 import dataclasses
-import gc
 
 import numpy as np
 import pytest
@@ -91,7 +90,6 @@ def test_what_stands_still_is_built_once(sequence, monkeypatch):
         assert prepared.intersector is not None
         records.append(prepared.record.geometry)
         del frame
-        gc.collect()
     # The floor, the wall and the lamp; the die and the ball: each once, for all frames.
     assert sorted(numbers) == sorted([2 + 2 + 2, *(len(again.scene.meshes[k].faces) for k in (0, 2))])
     for record in records[1:]:
@@ -113,7 +111,6 @@ def test_nothing_is_kept_when_the_sequence_goes():
     assert cache.prepared_scene(here[0].scene).intersector is not None
     assert cache._kept._last is not None
     del here
-    gc.collect()
     assert cache._last._last is None and cache._kept._last is None
 
 
