@@ -126,9 +126,6 @@ def test_the_falloff_is_that_of_gltf():
     expected = np.clip(np.cos(angle) * scale - math.cos(0.9) * scale, 0, 1) ** 2
     np.testing.assert_allclose(light.falloff(angle), expected, atol=1e-14)
     assert light.falloff(0.2) == light.falloff(0.3) == 1 and light.falloff(0.9) == light.falloff(3.0) == 0
-
-
-def test_the_power_of_a_point_is_its_intensity_over_all_directions():
     assert PointLight((0, 0, 0), (1, 2, 3)).power == pytest.approx(8 * math.pi)
 
 
@@ -177,36 +174,28 @@ REFUSED = {
         (lambda: pl.QuadLight(ORIGIN, X, Y, -1), "0 or more"),
         (lambda: SphereLight((0, 0, 1e6), 1e-4), "at least 0.001 mm"),
         (lambda: SphereLight((0, 0, 9.9e14), 1e13), "within"),
-        (lambda: SphereLight((0, np.nan, 0), 1.0), "finite"),
         (lambda: SphereLight(ORIGIN, 1.0, -1), "0 or more"),
         (lambda: PointLight((0, 0, 2e15)), "within"),
         (lambda: PointLight(ORIGIN, -1.0), "intensity"),
         (lambda: SpotLight(ORIGIN, ORIGIN), "direction"),
-        (lambda: SpotLight(ORIGIN, (0, np.nan, 1)), "direction"),
         (lambda: SpotLight((0, 0, np.inf), UP), "position"),
         (lambda: SpotLight.facing((1, 2, 3), (1, 2, 3)), "above 0"),
         (lambda: SunLight(ORIGIN), "direction"),
         (lambda: SunLight(UP, 1e308, 1e-6), "infinite"),
     ],
     pl.errors.InvalidValueError: [
-        (lambda: pl.QuadLight((0, 0), X, Y), "shape"),
         (lambda: pl.QuadLight.facing(ORIGIN, ORIGIN, (1, 1)), "above 0"),
         (lambda: pl.QuadLight.facing(ORIGIN, UP, (0, 1)), "width"),
         (lambda: pl.QuadLight.facing(ORIGIN, UP, 3.0), "size"),
-        (lambda: pl.QuadLight.facing(ORIGIN, (0, 0), (1, 1)), "shape"),
         (lambda: pl.QuadLight.facing(ORIGIN, UP, (4, 2), two_sided=1), "two_sided is .*; it must be True or False"),
         (lambda: pl.QuadLight(ORIGIN, X, Y, two_sided="no"), "two_sided is .*; it must be True or False"),
         (lambda: SphereLight(ORIGIN, 0.0), "radius"),
-        (lambda: SphereLight(ORIGIN, np.inf), "radius"),
         (lambda: SphereLight((0, 0), 1.0), "shape"),
-        (lambda: PointLight(ORIGIN, (1, 2)), "intensity"),
         (lambda: SpotLight(ORIGIN, UP, outer_angle=0.0), "outer_angle"),
         (lambda: SpotLight(ORIGIN, UP, outer_angle=3.2), "outer_angle"),
-        (lambda: SpotLight(ORIGIN, UP, outer_angle=np.nan), "outer_angle"),
         (lambda: SpotLight(ORIGIN, UP, outer_angle=1e-8), "cosine"),
         (lambda: SpotLight(ORIGIN, UP, inner_angle=-0.1), "inner_angle"),
         (lambda: SpotLight(ORIGIN, UP, 1.0, 0.5, 0.5), "reduce inner_angle"),
-        (lambda: SunLight((0, 0, 1, 0)), "shape"),
         (lambda: SunLight(UP, np.inf), "irradiance"),
         (lambda: SunLight(UP, 1.0, -0.1), "angular_radius"),
         (lambda: SunLight(UP, 1.0, 1e-7), "parallel"),

@@ -34,40 +34,30 @@ def shares(lights):
 
 # Far from where a power that is computed by hand underflows.
 radiance = st.just(0.0) | st.floats(1e-100, 1e3)
-emitters = st.lists(
-    st.tuples(radiance | st.tuples(*[radiance] * 3), st.booleans(), st.floats(0.1, 10)), min_size=1, max_size=5
-)
+emitter = st.tuples(radiance | st.tuples(*[radiance] * 3), st.booleans(), st.floats(0.1, 10))
 
 
 @settings(max_examples=50)
-@given(emitters)
+@given(st.lists(emitter, min_size=1, max_size=5))
 def test_triangles_are_drawn_by_the_power_they_emit(kinds):
-    meshes = [
-        square(pl.Emissive(radiance, two_sided)).scaled(size).translated(z=k)
-        for k, (radiance, two_sided, size) in enumerate(kinds)
-    ]
-    record = record_of(meshes)
-    lights = record.lights
+    meshes = [square(pl.Emissive(r, both)).scaled(size).translated(z=k) for k, (r, both, size) in enumerate(kinds)]
+    tables = record_of(meshes)
+    lights = tables.lights
     # By hand: two triangles of area 2 size^2 each; the floor has rows 0 and 1.
     power = np.array([np.mean(r) * 2 * s**2 * (2 if both else 1) for r, both, s in kinds for _ in range(2)])
     if not any(power):
-        assert lights.cdf is None and (record.emission is None or record.emission.pdf is None)
+        assert lights.cdf is None and (tables.emission is None or tables.emission.pdf is None)
         return
     lit = np.flatnonzero(power)
-    assert (
-        lights.items["row"].tolist() == (lit + 2).tolist()
-        and not lights.items["kind"].any()
-        and (lights.items["instance"] < 0).all()
-    )
+    assert lights.items["row"].tolist() == (lit + 2).tolist()
+    assert not lights.items["kind"].any() and (lights.items["instance"] < 0).all()
     expected = power[lit] / power.sum()
     # A sum of some ten terms, a few eps each.
     np.testing.assert_allclose(shares(lights), expected, atol=1e-14)
     assert lights.cdf[-1] == 1.0
-    tables = pl.Scene([square(), *meshes]).tables()
     areas = np.array([2 * s**2 for _, _, s in kinds for _ in range(2)])[lit]
-    np.testing.assert_allclose(
-        tables.emission.pdf[tables.geometry.triangle_material[lit + 2]] * areas, expected, rtol=1e-13
-    )
+    density = tables.emission.pdf[tables.geometry.triangle_material[lit + 2]]
+    np.testing.assert_allclose(density * areas, expected, rtol=1e-13)
 
 
 ONE_OF_EACH = [
@@ -89,9 +79,7 @@ def test_near_lights_of_all_kinds_are_drawn_by_their_power():
     assert lights.items["kind"].tolist() == [TRIANGLE] * 1282 + [POINT] * 2
     # The mesh of a sphere has the sphere's area to rounding: 1280 triangles.
     np.testing.assert_allclose(found, np.array(expected) / np.sum(expected), rtol=1e-11)
-
-
-def test_points_and_spots_keep_their_places_axes_and_colours():
+    # Places, axes and colours of points and spots.
     lights = lights_of(lights=ONE_OF_EACH[:2])
     np.testing.assert_allclose(lights.points[0].tolist(), [0, 0, 5, 0, 0, 0, -2, -2])
     np.testing.assert_allclose(lights.points[1].tolist(), [0, 0, 5, 0, 0, -1, math.cos(0.9), math.cos(0.3)], rtol=1e-15)
@@ -182,31 +170,27 @@ def test_lights_without_light_and_constant_worlds_are_not_drawn():
 
 
 def test_instanced_emitters_are_lights_at_every_place():
+    def areas(mesh):
+        a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+        return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
     rng = np.random.default_rng(3)
     matrices = np.tile(np.eye(4), (3, 1, 1))
     matrices[:, :3, :3] = rng.normal(size=(3, 3, 3))
     matrices[:, :3, 3] = rng.uniform(-9, 9, (3, 3))
-    bulb = pl.sphere(1.0, segments=(6, 4), material=pl.Emissive(2.0))
-    plain = square(pl.Emissive(2.0))
+    bulb, plain = pl.sphere(1.0, segments=(6, 4), material=pl.Emissive(2.0)), square(pl.Emissive(2.0))
     group = pl.scene.Instances(bulb, matrices)
     tables = pl.Scene([square(), pl.scene.Instances(square(), matrices[:2]), group, plain]).tables()
     lights = tables.lights
-    copies = [copy for copy in group.meshes()]
-    areas = [mesh_areas(mesh) for mesh in (plain, *copies)]
-    expected = np.concatenate(areas) / np.concatenate(areas).sum()
-    np.testing.assert_allclose(shares(lights), expected, rtol=0, atol=1e-14)
+    expected = np.concatenate([areas(mesh) for mesh in (plain, *group.meshes())])
+    density = tables.emission.pdf[tables.geometry.triangle_material[lights.items["row"]]]
+    np.testing.assert_allclose(shares(lights), expected / expected.sum(), rtol=0, atol=1e-14)
+    # One density for one material, at all places.
+    np.testing.assert_allclose(density, 1 / expected.sum(), rtol=1e-12)
     # Floor, plain emitter, then the two meshes that are repeated; places 0 and 1 are those of the grey square.
     n = len(bulb.faces)
     assert lights.items["row"].tolist() == [2, 3, *3 * list(range(6, 6 + n))]
     assert lights.items["instance"].tolist() == [-1, -1, *[2] * n, *[3] * n, *[4] * n]
-    # One density for one material, at all places.
-    density = tables.emission.pdf[tables.geometry.triangle_material[lights.items["row"]]]
-    np.testing.assert_allclose(density * np.concatenate(areas), expected, rtol=1e-12)
-
-
-def mesh_areas(mesh):
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def test_ten_thousand_lights_keep_their_shares():
