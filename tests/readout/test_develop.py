@@ -214,18 +214,10 @@ def test_any_pattern_repeats():
     shot = pl.Exposure(np.broadcast_to([0.0, 1.0, 2.0], (5, 7, 3)))
     data = develop(shot, with_(colour_filters=pattern)).data
     assert all(data[i, j] == pattern[i % 2][j % 3] for i in range(5) for j in range(7))
-
-
-def test_a_grey_exposure_stands_for_three_equal_channels():
+    # A grey exposure stands for three equal channels.
     assert develop(even(0.5, 1, (8, 8)), EVERYTHING) == develop(even(0.5, 3, (8, 8)), EVERYTHING)
     assert develop(even(0.5, 1, (8, 8)), with_(photon_rate=(1.0, 2.0, 3.0))).data.shape == (8, 8, 3)
     assert develop(even(0.5, 1, (8, 8)), NOISELESS).data.shape == (8, 8)
-
-
-def test_layers_have_noise_of_their_own():
-    data = develop(even(100.0, 3), with_(read_noise=1.0)).data.reshape(-1, 3)
-    # Correlation coefficients of independent numbers scatter by 1 / sqrt(n).
-    assert np.abs(np.corrcoef(data.T)[np.triu_indices(3, 1)]).max() < FIVE_SIGMA / math.sqrt(PIXELS)
 
 
 BROKEN = (("dead", 0.0), ("hot", 250.0))
@@ -247,9 +239,7 @@ def test_a_fraction_fails_and_always_the_same():
         assert np.array_equal(data, numbers(model, seed=5))
         assert not np.array_equal(data, numbers(with_(model, pattern_seed=1)))
         assert np.all(numbers(with_(model, **{name: 1.0})) == level)
-
-
-def test_hot_pixels_collect_their_current_and_dead_ones_win():
+    # Hot pixels collect their current, and dead ones win.
     assert np.all(numbers(with_(hot=1.0, hot_current=30.0, exposure_time=2.0)) == 2 * 130.0)
     assert np.all(numbers(with_(hot=1.0, dead=1.0, hot_current=30.0)) == 0.0)
 
@@ -259,6 +249,10 @@ def test_draws_of_one_effect_do_not_move_those_of_another():
     quiet = with_(shot_noise=ShotNoise.POISSON)
     difference = numbers(with_(quiet, read_noise=2.0)) - numbers(quiet)
     np.testing.assert_allclose(difference, numbers(with_(read_noise=2.0)) - 100.0, atol=1e-12)
+    # Layers have noise of their own.
+    data = develop(even(100.0, 3), with_(read_noise=1.0)).data.reshape(-1, 3)
+    # Correlation coefficients of independent numbers scatter by 1 / sqrt(n).
+    assert np.abs(np.corrcoef(data.T)[np.triu_indices(3, 1)]).max() < FIVE_SIGMA / math.sqrt(PIXELS)
 
 
 def test_extreme_light():

@@ -93,13 +93,7 @@ def test_a_full_well_ends_variance_and_mean():
     assert curve.expected_mean[1] > curve.white_level
 
 
-def test_the_same_seed_gives_the_same_curve():
-    levels = [0.1, 0.2]
-    assert photon_transfer(SENSOR, levels, seed=3) == photon_transfer(SENSOR, levels, seed=3)
-    assert photon_transfer(SENSOR, levels, seed=3) != photon_transfer(SENSOR, levels, seed=4)
-
-
-def test_impossible_requests_are_refused():
+def test_impossible_requests_are_refused_and_seeds_kept():
     for model, levels, more, text in (
         (SENSOR, [1.0], {"channel": 3}, "channel is 3"),
         (SENSOR, [1.0], {"shape": (1, 4)}, "rows is 1; it must be at least 2"),
@@ -109,6 +103,10 @@ def test_impossible_requests_are_refused():
         with pytest.raises(InvalidValueError, match=text):
             photon_transfer(model, levels, **more)
     assert np.isnan(photon_transfer(SENSOR, [0.5]).gain)
+    # The same seed gives the same curve.
+    levels = [0.1, 0.2]
+    assert photon_transfer(SENSOR, levels, seed=3) == photon_transfer(SENSOR, levels, seed=3)
+    assert photon_transfer(SENSOR, levels, seed=3) != photon_transfer(SENSOR, levels, seed=4)
 
 
 def test_the_figure_shows_what_there_is():

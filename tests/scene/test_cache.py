@@ -41,6 +41,11 @@ def test_a_scene_is_compiled_once(built):
     pl.replay(again, one, pixel=(1, 2), sample=3)
     assert built == [12]
     assert first.image.any() and first.image.tobytes() == again.image.tobytes()
+    # What is not asked for is not built.
+    one = scene()
+    assert pl.plan(one, CAMERA).runs(pl.rendering.Stage.INTERSECTION)
+    assert prepared_scene(one).record.geometry is not None
+    assert built == []
 
 
 def test_another_scene_is_compiled_even_if_it_is_equal(built):
@@ -51,13 +56,6 @@ def test_another_scene_is_compiled_even_if_it_is_equal(built):
     # A scene that is changed is another one.
     brighter = dataclasses.replace(one, background=2.0)
     assert np.all(pl.render(brighter, CAMERA, samples=8, progress=False).image >= images[0])
-
-
-def test_what_is_not_asked_for_is_not_built(built):
-    one = scene()
-    assert pl.plan(one, CAMERA).runs(pl.rendering.Stage.INTERSECTION)
-    assert prepared_scene(one).record.geometry is not None
-    assert built == []
 
 
 def test_it_goes_when_its_scene_goes():

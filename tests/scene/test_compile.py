@@ -123,6 +123,9 @@ def test_indices_are_global_and_lights_come_last():
     )
     assert tables.triangle_mesh.tolist() == [0, 0, 1, 1, 2, 2]
     assert tables.geometry.triangle_material.tolist() == [0, 0, 1, 1, 2, 2]
+    # A mesh without normals has rows of zeros.
+    tables = pl.Scene([square(), square(normals=UP)]).tables()
+    np.testing.assert_array_equal(tables.geometry.normals, np.concatenate([np.zeros((4, 3)), UP]))
 
 
 def test_instanced_triangles_come_after_lights_once_each():
@@ -146,11 +149,6 @@ def test_instanced_triangles_come_after_lights_once_each():
     np.testing.assert_array_equal(
         tables.bsdf.base_color[tables.geometry.triangle_material[-4:]], [[1, 0, 0]] * 2 + [[0, 0, 1]] * 2
     )
-
-
-def test_a_mesh_without_normals_has_rows_of_zeros():
-    tables = pl.Scene([square(), square(normals=UP)]).tables()
-    np.testing.assert_array_equal(tables.geometry.normals, np.concatenate([np.zeros((4, 3)), UP]))
 
 
 def test_equal_materials_are_one_row():

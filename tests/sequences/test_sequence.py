@@ -97,15 +97,6 @@ def test_what_stands_still_is_built_once(sequence, monkeypatch):
         assert np.array_equal(record.middle, records[0].middle)
 
 
-def test_lights_change_and_trees_stay(sequence, monkeypatch):
-    lights = [[dataclasses.replace(LAMP, radiance=r)] for r in (10.0, 20.0)]
-    changing = pl.Sequence(scene(), sequence.camera, (0, 1), motions={"die": TURN}, lights=lights)
-    assert [frame.scene.lights[0].radiance for frame in changing] == [10.0, 20.0]
-    first = cache.prepared_scene(changing[0].scene).intersector
-    second = cache.prepared_scene(changing[1].scene).intersector
-    assert first._still is second._still and first.meshes[0].tree is second.meshes[0].tree
-
-
 def test_nothing_is_kept_when_the_sequence_goes():
     here = pl.Sequence(scene(), reference_camera(), (0, 1), motions={"die": TURN})
     assert cache.prepared_scene(here[0].scene).intersector is not None
@@ -114,13 +105,20 @@ def test_nothing_is_kept_when_the_sequence_goes():
     assert cache._last._last is None and cache._kept._last is None
 
 
-def test_only_the_camera_moves(sequence):
+def test_only_the_camera_moves(sequence, monkeypatch):
     still = dataclasses.replace(sequence, motions={})
     assert all(frame.scene is still.scene for frame in still)
     posed = dataclasses.replace(still, camera=still.camera.posed((0, 0, 9), look_at=(9, 0, 9)))
     first = posed[0].camera.pose
     expected = still[0].camera.pose.to_world(posed.camera.pose.to_world([1.0, 2.0, 3.0]))
     np.testing.assert_allclose(first.to_world([1.0, 2.0, 3.0]), expected, atol=1e-12)
+    # Lights change and trees stay.
+    lights = [[dataclasses.replace(LAMP, radiance=r)] for r in (10.0, 20.0)]
+    changing = pl.Sequence(scene(), sequence.camera, (0, 1), motions={"die": TURN}, lights=lights)
+    assert [frame.scene.lights[0].radiance for frame in changing] == [10.0, 20.0]
+    first = cache.prepared_scene(changing[0].scene).intersector
+    second = cache.prepared_scene(changing[1].scene).intersector
+    assert first._still is second._still and first.meshes[0].tree is second.meshes[0].tree
 
 
 def test_the_fallback_for_embree_finds_the_same(sequence, monkeypatch):

@@ -35,9 +35,7 @@ def test_all_is_everything_and_each_array_has_a_kind_of_it():
     for given in (True, 1, "DEPTH", None):
         with pytest.raises(pl.errors.InvalidValueError, match=r"truth is .* give a Truth, such as pl.Truth.DEPTH"):
             checked_truth(given)
-
-
-def test_what_is_wanted_is_what_is_made():
+    # What is wanted is what is made.
     wanted = Truth.NORMAL | Truth.MICROLENS
     made = empty_truth(wanted, (4, 5))
     assert {name: (a.shape, a.dtype) for name, a in made.items()} == {
@@ -48,9 +46,6 @@ def test_what_is_wanted_is_what_is_made():
     assert np.isnan(made["normal"]).all() and (made["microlens"] == NO_MICROLENS).all()
     assert GroundTruth(**made).kinds == wanted
     assert empty_truth(Truth.NONE, (4, 5)) == {}
-
-
-def test_a_scene_without_meshes_and_a_camera_without_microlenses_have_less():
     bare = Truth.INCIDENCE_ANGLE | Truth.STATE
     assert available_truth(Truth.ALL, meshes=True, microlenses=True) == Truth.ALL
     assert available_truth(Truth.ALL, meshes=False, microlenses=True) == bare | Truth.MICROLENS
@@ -74,9 +69,7 @@ def test_it_is_a_value():
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=sentence):
             GroundTruth(**arrays)
-
-
-def test_disparity_of_views_is_that_of_microlenses_upside_down():
+    # Disparity of views is that of microlenses upside down.
     truth = GroundTruth(disparity=[[2.0, -0.5, np.inf, np.nan]])
     np.testing.assert_array_equal(truth.view_disparity, [[0.5, -2.0, 0.0, np.nan]])
     assert GroundTruth(depth=[[1.0]]).view_disparity is None

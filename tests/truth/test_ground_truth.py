@@ -315,37 +315,20 @@ def test_a_rendering_has_the_same_truth_and_only_what_is_asked_for():
     np.testing.assert_array_equal(without.image, shot.image)
 
 
-def test_a_scene_without_meshes_shows_microlenses_only():
+def test_what_is_not_there_is_not_found():
     camera, region = reference_camera(), np.s_[250:254, 250:254]
     shot = pl.render(pl.Scene(background=1.0), camera, samples=1, region=region, truth=Truth.ALL, progress=False)
     assert shot.truth == ground_truth(None, camera, region=region)
     with pytest.raises(pl.errors.InvalidValueError, match="nothing of .*DEPTH.* can be found"):
         ground_truth(None, camera, truth=Truth.DEPTH)
-
-
-def test_a_conventional_camera_has_no_microlenses():
+    # A conventional camera has no microlenses.
     camera = pl.PlenopticCamera(lens=the_lens(), sensor=pl.Sensor((32, 32), 0.1), stop_to_microlenses=134.6)
     truth = ground_truth(plane(-404.0), camera)
     assert truth.kinds == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     np.testing.assert_allclose(truth.depth, 404.0, rtol=1e-14)
     with pytest.raises(pl.errors.InvalidValueError, match="no meshes and the camera no microlenses"):
         ground_truth(None, camera, truth=Truth.ALL & ~(Truth.INCIDENCE_ANGLE | Truth.STATE))
-
-
-def test_impossible_arguments():
-    for change, sentence in (
-        ({"truth": True}, "truth is a bool; give a Truth"),
-        ({"region": np.s_[0:0, :]}, "region has rows"),
-        ({"threads": 0}, "threads"),
-        ({"scene": 3}, "scene is a int; it must be a Scene"),
-        ({"camera": 3}, "camera is a int; it must be a PlenopticCamera"),
-    ):
-        given = {"scene": pl.shapes.white_plane(), "camera": reference_camera(shape=(4, 4)), **change}
-        with pytest.raises(pl.errors.InvalidValueError, match=sentence):
-            ground_truth(**given)
-
-
-def test_the_plan_names_what_is_found():
+    # The plan says so.
     camera, white = reference_camera(), pl.shapes.white_plane()
     bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
     for scene, made, truth, runs, reason in (
@@ -356,3 +339,13 @@ def test_the_plan_names_what_is_found():
     ):
         decision = next(d for d in pl.plan(scene, made, truth=truth).decisions if d.stage is pl.rendering.Stage.TRUTH)
         assert (decision.runs, decision.reason) == (runs, reason)
+    for change, sentence in (
+        ({"truth": True}, "truth is a bool; give a Truth"),
+        ({"region": np.s_[0:0, :]}, "region has rows"),
+        ({"threads": 0}, "threads"),
+        ({"scene": 3}, "scene is a int; it must be a Scene"),
+        ({"camera": 3}, "camera is a int; it must be a PlenopticCamera"),
+    ):
+        given = {"scene": pl.shapes.white_plane(), "camera": reference_camera(shape=(4, 4)), **change}
+        with pytest.raises(pl.errors.InvalidValueError, match=sentence):
+            ground_truth(**given)

@@ -69,16 +69,14 @@ def area_vectors(mesh):
     return 0.5 * np.cross(b - a, c - a)
 
 
-def test_a_file_in_one_text(tmp_path):
+def test_a_file_in_one_text_or_with_arrays_beside_it(tmp_path):
     writer = Writer()
     writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2], [0, 2, 3]]))
     (mesh,) = pl.load_meshes(writer.save(tmp_path / "quad.gltf"), unit="mm")
     assert corners(mesh).tolist() == np.array(POINTS, dtype=float)[[[0, 1, 2], [0, 2, 3]]].tolist()
     assert mesh.normals is None and mesh.uv is None and mesh.material == pl.Lambertian(0.5)
     assert mesh.name == "quad.gltf"
-
-
-def test_arrays_beside_the_file(tmp_path):
+    # Arrays beside the file.
     writer = Writer()
     writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]], name="corner"))
     (tmp_path / "the arrays.bin").write_bytes(writer.bytes)
@@ -190,9 +188,7 @@ def test_the_scene_to_show_is_shown(tmp_path):
     found = pl.load_meshes(writer.save(tmp_path / "a.gltf", **scenes), unit="mm")
     assert [mesh.bounds[0, 0] for mesh in found] == [10, 20]
     assert len(pl.load_meshes(writer.save(tmp_path / "all.gltf"))) == 3
-
-
-def test_a_skinned_mesh_is_shown_unbent_with_a_warning(tmp_path):
+    # A skinned mesh is shown unbent.
     writer = Writer()
     writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]), skin=0, name="arm")
     with pytest.warns(UserWarning, match=r"'arm' bends its mesh"):
@@ -313,9 +309,7 @@ def test_a_view_puts_a_camera_where_the_node_of_the_file_stands(tmp_path):
     np.testing.assert_allclose(pose.rotation, expected, atol=2e-15)
     np.testing.assert_allclose(pose.position, [10, 20, 30], rtol=1e-15)
     assert np.linalg.norm(view.look_at - view.position) == pytest.approx(10, rel=1e-14)
-
-
-def test_an_orthographic_view_has_no_angle(tmp_path):
+    # An orthographic view has no angle.
     writer = Writer()
     writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]))
     writer.node(camera=0, name="map")

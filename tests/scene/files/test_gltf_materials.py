@@ -87,9 +87,7 @@ def test_metallic_is_blue_and_roughness_green_both_linear(tmp_path):
     found = material_of(tmp_path, {"pbrMetallicRoughness": pbr})
     np.testing.assert_allclose(found.metallic.texels[..., 0], 0.5 * DATA[..., 2], rtol=1e-6)
     np.testing.assert_allclose(found.roughness.texels[..., 0], 0.8 * DATA[..., 1], rtol=1e-6)
-
-
-def test_what_is_multiplied_by_zero_or_constant_is_a_number(tmp_path):
+    # What is multiplied by zero or constant is a number.
     pbr = {"metallicRoughnessTexture": IMAGE, "metallicFactor": 0.0, "baseColorTexture": IMAGE}
     pbr["baseColorFactor"] = [0, 0, 0, 1]
     flat = np.full((2, 2, 3), 51, dtype=np.uint8)
@@ -191,9 +189,7 @@ def test_texture_transforms_are_baked_into_uv(tmp_path):
         ({"offset": [0, 1], "scale": [1, -1]}, [(0, 1), (1, 1), (1, 0), (0, 0)]),
     ):
         np.testing.assert_allclose(quad(tmp_path, moved(**transform)).uv, expected, atol=1e-15)
-
-
-def test_the_second_set_of_uv(tmp_path):
+    # The second set of uv.
     other = [(0.5, 0.5), (0.6, 0.5), (0.6, 0.4), (0.5, 0.4)]
     told = {"pbrMetallicRoughness": {"baseColorTexture": IMAGE | {"texCoord": 1}}}
     expected = np.array(other) * (1, -1) + (0, 1)
@@ -242,6 +238,12 @@ def test_a_surface_that_transmits_all_light_without_a_volume_is_a_pane(tmp_path)
     assert material_of(tmp_path, transmitting()) == pl.materials.ThinGlass(1.5)
     tinted = transmitting(base=(0.5, 1, 0.5, 1), KHR_materials_ior={"ior": 1.4})
     assert material_of(tmp_path, tinted) == pl.materials.ThinGlass(1.4, (0.5, 1.0, 0.5))
+    # What transmits a part is there in part, and metal entirely.
+    found = material_of(tmp_path, transmitting(0.25))
+    assert isinstance(found, pl.MetallicRoughness) and found.opacity == 0.75
+    metal = transmitting(1.0)
+    metal["pbrMetallicRoughness"]["metallicFactor"] = 1.0
+    assert material_of(tmp_path, metal).opacity == 1.0
 
 
 def test_a_volume_transmits_its_attenuation_colour_after_the_attenuation_distance(tmp_path):
@@ -264,14 +266,6 @@ def test_a_volume_transmits_its_attenuation_colour_after_the_attenuation_distanc
     assert 5 < material_of(tmp_path, transmitting(base=(0, 0, 0, 1), **volume)).absorption < 50
 
 
-def test_partly_transmitting_surfaces_are_partly_there_and_metals_entirely(tmp_path):
-    found = material_of(tmp_path, transmitting(0.25))
-    assert isinstance(found, pl.MetallicRoughness) and found.opacity == 0.75
-    metal = transmitting(1.0)
-    metal["pbrMetallicRoughness"]["metallicFactor"] = 1.0
-    assert material_of(tmp_path, metal).opacity == 1.0
-
-
 def test_transmission_by_a_texture_is_left_out_with_a_warning(tmp_path):
     told = transmitting()
     told["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = IMAGE
@@ -284,14 +278,11 @@ def test_transmission_by_a_texture_is_left_out_with_a_warning(tmp_path):
     np.testing.assert_allclose(found.transmittance, DECODED.mean(axis=(0, 1)), rtol=1e-6)
 
 
-def test_unlit_materials_shine(tmp_path):
+def test_unlit_materials_shine_and_specular_glossiness_becomes_plastic(tmp_path):
     told = {"extensions": {"KHR_materials_unlit": {}}, "pbrMetallicRoughness": {"baseColorTexture": IMAGE}}
     assert material_of(tmp_path, told) == pl.Emissive(texture())
     found = material_of(tmp_path, told | {"alphaMode": "MASK", "doubleSided": True})
     assert found.emission == texture() and found.cutoff == 0.5 and found.two_sided and found.base == 0.0
-
-
-def test_specular_glossiness_becomes_the_nearest_plastic(tmp_path):
     older = {"diffuseFactor": [0.5, 0.5, 0.25, 1], "glossinessFactor": 0.75}
     told = {"extensions": {"KHR_materials_pbrSpecularGlossiness": older}}
     assert material_of(tmp_path, told) == pl.MetallicRoughness((0.5, 0.5, 0.25), 0.0, 0.25)

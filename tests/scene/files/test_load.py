@@ -163,6 +163,10 @@ def test_units(tmp_path):
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=said):
             pl.load_meshes(path, **options)
+    # A scene has no light that the file has not.
+    scene = pl.Scene.load(write_obj(tmp_path), unit="cm")
+    assert scene.lights == () and scene.background is None and scene.tables().emission is None
+    assert pl.Scene.load(write_obj(tmp_path), material=pl.Emissive(), background=0.5).background.radiance == 0.5
 
 
 def test_every_kind_is_read_closed_and_outside_out(tmp_path):
@@ -175,13 +179,6 @@ def test_every_kind_is_read_closed_and_outside_out(tmp_path):
         assert len(mesh.faces) == 320 and volume(mesh) == pytest.approx(4.05, abs=0.03), kind
         assert mesh.material == pl.Lambertian(0.5), kind
         np.testing.assert_allclose(pl.load_meshes(path)[0].bounds, scale * mesh.bounds, rtol=1e-6)
-
-
-def test_normals_only_where_the_file_has_them(tmp_path):
-    (mesh,) = pl.load_meshes(write(tmp_path / "t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0.6 0.8\nf 1//1 2//1 3//1\n"))
-    np.testing.assert_allclose(mesh.normals, np.tile([0, 0.6, 0.8], (3, 1)), atol=1e-15)
-    (mesh,) = pl.load_meshes(write(tmp_path / "t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0.6 0.8\nf 1 2 3\n"))
-    assert mesh.normals is None
 
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
@@ -209,9 +206,6 @@ def test_a_bad_file_is_a_file_error_that_names_it(tmp_path):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(pl.errors.FileError, match=name.replace(".", r"\.") + ".*" + said):
             pl.load_meshes(tmp_path / name)
-
-
-def test_missing_files_folders_and_other_endings(tmp_path):
     (tmp_path / "folder.obj").mkdir()
     (tmp_path / "mesh.blend").write_bytes(b"")
     for name, said in (
@@ -300,6 +294,15 @@ def test_polygons_keep_uv_and_order(tmp_path):
     # A seam splits vertices.
     (mesh,) = pl.load_meshes(write(tmp_path / "t.obj", CORNER + "f 1/1 2/2 3/3\nf 1/4 3/1 4/2\n"))
     assert mesh.uv[mesh.faces].tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 1], [0, 0], [1, 0]]]
+    # Faces with uv only and normals only cannot be told apart.
+    path = write(tmp_path / "t.obj", CORNER + "f 1/1 2/2 3/3\nf 1//1 3//1 4//1\n")
+    with pytest.raises(pl.errors.FileError, match=r"t\.obj.*alike"):
+        pl.load_meshes(path)
+    # Normals only where the file has them.
+    (mesh,) = pl.load_meshes(write(tmp_path / "t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0.6 0.8\nf 1//1 2//1 3//1\n"))
+    np.testing.assert_allclose(mesh.normals, np.tile([0, 0.6, 0.8], (3, 1)), atol=1e-15)
+    (mesh,) = pl.load_meshes(write(tmp_path / "t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0.6 0.8\nf 1 2 3\n"))
+    assert mesh.normals is None
 
 
 def test_every_way_to_write_an_obj_is_read(tmp_path):
@@ -318,12 +321,6 @@ def test_every_way_to_write_an_obj_is_read(tmp_path):
         assert mesh.vertices[mesh.faces].tolist() == [[[0, 0, 0], [1, 0, 0], [1, 1, 0]]], text
 
 
-def test_faces_with_uv_only_and_normals_only_cannot_be_told_apart(tmp_path):
-    path = write(tmp_path / "t.obj", CORNER + "f 1/1 2/2 3/3\nf 1//1 3//1 4//1\n")
-    with pytest.raises(pl.errors.FileError, match=r"t\.obj.*alike"):
-        pl.load_meshes(path)
-
-
 def test_each_part_of_an_obj_has_its_material(tmp_path):
     write(tmp_path / "two.mtl", "newmtl red one\nKd 1 0 0\nnewmtl lamp\nKe 5 5 5\n")
     text = "mtllib two.mtl\n" + CORNER + "usemtl red one\nf 1 2 3\nusemtl lamp\nf 1 3 4\nusemtl (null)\nf 2 3 4\n"
@@ -334,17 +331,9 @@ def test_each_part_of_an_obj_has_its_material(tmp_path):
         (0, 0, 0, 1, 1, 0, 0, 1, 0): pl.Emissive(5.0),
         (1, 0, 0, 1, 1, 0, 0, 1, 0): pl.Lambertian(0.5),
     }
-
-
-def test_an_obj_may_name_several_material_files(tmp_path):
+    # Several files of materials.
     write(tmp_path / "one.mtl", "newmtl a\nKd 0.1 0.1 0.1\n")
     write(tmp_path / "two.mtl", "newmtl b\nKd 0.2 0.2 0.2\n")
     for named in ("mtllib one.mtl\nmtllib two.mtl\n", "mtllib one.mtl two.mtl\n"):
         path = write(tmp_path / "t.obj", named + CORNER + "usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n")
         assert {mesh.material for mesh in pl.load_meshes(path)} == {pl.Lambertian(0.1), pl.Lambertian(0.2)}
-
-
-def test_scene_load_invents_no_light(tmp_path):
-    scene = pl.Scene.load(write_obj(tmp_path), unit="cm")
-    assert scene.lights == () and scene.background is None and scene.tables().emission is None
-    assert pl.Scene.load(write_obj(tmp_path), material=pl.Emissive(), background=0.5).background.radiance == 0.5

@@ -96,23 +96,19 @@ def test_colours_are_srgb_images_times_their_colour(tmp_path):
     assert found.metallic == 0.5
 
 
-def test_roughness_metal_and_normals_are_linear(tmp_path):
+def test_roughness_metal_normals_and_opacity_are_linear(tmp_path):
     found = read(tmp_path, "Pr 0.5", "map_Pr a b.png", "map_Pm grey.png", "norm a b.png")
     np.testing.assert_allclose(found.roughness.texels[..., 0], 0.5 * CODES[..., 0] / 255, rtol=1e-6)
     np.testing.assert_allclose(found.metallic.texels[..., 0], CODES[..., 0] / 255, rtol=1e-6)
     assert_is_image(found.normal_map, encoding=Encoding.LINEAR)
-
-
-def test_opacity_is_alpha_or_grey(tmp_path):
+    # Opacity is alpha or grey.
     found = read(tmp_path, "map_Kd a b.png", "map_d a b.png", "d 0.5")
     np.testing.assert_allclose(found.opacity.texels[..., 0], 0.5 * CODES[..., 3] / 255, rtol=1e-6)
     found = read(tmp_path, "map_Kd a b.png", "map_d grey.png")
     np.testing.assert_allclose(found.opacity.texels[..., 0], CODES[..., 0] / 255, rtol=1e-6)
     # An image that is its own mask and has no alpha hides nothing.
     assert read(tmp_path, "map_Kd grey.png", "map_d grey.png").albedo.texels.shape == (2, 2, 1)
-
-
-def test_clamped_images_backslashes_comments_and_indents(tmp_path):
+    # Clamped images, backslashes, comments and indents.
     (tmp_path / "images").mkdir()
     PIL.Image.fromarray(CODES).save(tmp_path / "images" / "a.png")
     assert_is_image(read(tmp_path, r"  map_Kd -clamp on images\a.png   # skin").albedo, wrap=Wrap.CLAMP)

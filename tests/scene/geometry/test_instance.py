@@ -71,7 +71,7 @@ def test_bounds_are_those_of_the_copies():
             np.testing.assert_allclose(some.bounds, whole, rtol=0, atol=2e-13)
 
 
-def test_mirrored_copies_keep_their_front():
+def test_mirrored_copies_keep_their_front_and_all_their_material():
     mesh = pl.sphere(3, segments=(16, 8))
     matrices = turned(np.random.default_rng(3), 5, mirrored=True)
     for copy, matrix in zip(Instances(mesh, matrices).meshes(), matrices, strict=True):
@@ -79,6 +79,8 @@ def test_mirrored_copies_keep_their_front():
         assert volume(copy) == pytest.approx(volume(mesh) * abs(np.linalg.det(matrix)), rel=1e-10)
         middle = matrix[:3, 3]
         assert (((copy.vertices - middle) * copy.normals).sum(axis=1) > 0).all()
+    lit = Instances(pl.box(2), turned(np.random.default_rng(5), 2)).with_material(pl.Emissive(2.0))
+    assert {copy.material for copy in lit.meshes()} == {pl.Emissive(2.0)}
 
 
 def test_moving_instances_moves_every_copy():
@@ -95,11 +97,6 @@ def test_moving_instances_moves_every_copy():
         some.transformed(np.diag([1, 1, 0, 1]))
     with pytest.raises(pl.errors.InvalidValueError, match="z is nan"):
         some.translated(z=np.nan)
-
-
-def test_a_material_belongs_to_all_copies():
-    lit = Instances(pl.box(2), turned(np.random.default_rng(5), 2)).with_material(pl.Emissive(2.0))
-    assert {copy.material for copy in lit.meshes()} == {pl.Emissive(2.0)}
 
 
 def test_a_record_names_the_triangles_of_each_place():

@@ -148,6 +148,13 @@ def test_what_is_not_asked_for_or_not_there():
         hits, placed = ask(build(*bare), rays)
         assert set(placed.tolist()) == {-1} and (hits >= 0).any() and bare[0].instance_to_world is None
         assert ask(build(*records), rays[:0])[0].size == 0
+    # Threads change nothing.
+    rng = np.random.default_rng(6)
+    records, rays = crowd(rng), random_rays(rng, 20000, reach=20)
+    intersector = build_intersector(*records)
+    with ThreadPoolExecutor(2) as pool:
+        parts = list(pool.map(lambda part: ask(intersector, part), np.array_split(rays, 40)))
+    np.testing.assert_array_equal(np.concatenate(parts, axis=1), ask(intersector, rays))
 
 
 def test_blocked_where_the_nearest_hit_is_before_the_end():
@@ -225,15 +232,6 @@ def test_tiny_components_of_directions_lose_no_ray():
                 hits, placed = np.empty((2, len(rays)), np.int32)
                 intersector.fill_closest(Hits(hits, placed if instanced else None, None), rays)
                 assert (hits >= 0).all(), (instanced, axis, sign)
-
-
-def test_threads_change_nothing():
-    rng = np.random.default_rng(6)
-    records, rays = crowd(rng), random_rays(rng, 20000, reach=20)
-    intersector = build_intersector(*records)
-    with ThreadPoolExecutor(2) as pool:
-        parts = list(pool.map(lambda part: ask(intersector, part), np.array_split(rays, 40)))
-    np.testing.assert_array_equal(np.concatenate(parts, axis=1), ask(intersector, rays))
 
 
 def test_no_ray_leaves_a_closed_instance():

@@ -57,9 +57,7 @@ def test_moving_there_and_back_is_the_identity():
         for field in dataclasses.fields(one):
             np.testing.assert_allclose(getattr(one, field.name), getattr(other, field.name), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(back.background.rotation, SCENE.background.rotation, atol=1e-14)
-
-
-def test_meshes_alone_may_be_stretched_and_mirrored():
+    # Meshes alone may be stretched and mirrored.
     stretched = pl.Scene([pl.box(2.0)], background=1.0).transformed(np.diag([1, 2, -3, 1]))
     assert stretched.bounds[1].tolist() == [1, 2, 3] and stretched.background.radiance == 1.0
     for matrix, sentence in (

@@ -33,13 +33,6 @@ def test_a_light_that_faces_a_point_does(center, target, width, height):
     assert spot == SpotLight(center, spot.direction, (1, 2, 3), 0.1, 0.2)
 
 
-def test_the_width_is_horizontal_and_straight_up_and_down_work():
-    for target in ((0, 0, 5), (5, 0, 0), (3, 4, 5)):
-        assert pl.QuadLight.facing((0, 0, 0), target, (4, 2)).edge_u[1] == 0
-    for down in (-1, 1):
-        np.testing.assert_allclose(pl.QuadLight.facing((0, 0, 0), (0, down, 0), (4, 2)).normal, [0, down, 0])
-
-
 def test_the_mesh_winds_counter_clockwise_from_the_emitting_side():
     light = pl.QuadLight((1, 2, 3), (4, 0, 1), (0, 2, 0), radiance=(1, 2, 3), two_sided=True)
     mesh = light.mesh()
@@ -52,6 +45,11 @@ def test_the_mesh_winds_counter_clockwise_from_the_emitting_side():
     # pi for each side of a Lambertian emitter, area 6, mean of the channels 2.
     one, both = (pl.QuadLight((0, 0, 0), (2, 0, 0), (1, 3, 0), (1, 2, 3), two_sided=two) for two in (False, True))
     assert one.power == pytest.approx(12 * math.pi) and both.power == pytest.approx(24 * math.pi)
+    # The width is horizontal, and straight up and down work.
+    for target in ((0, 0, 5), (5, 0, 0), (3, 4, 5)):
+        assert pl.QuadLight.facing((0, 0, 0), target, (4, 2)).edge_u[1] == 0
+    for down in (-1, 1):
+        np.testing.assert_allclose(pl.QuadLight.facing((0, 0, 0), (0, down, 0), (4, 2)).normal, [0, down, 0])
 
 
 def test_lights_compare_and_pickle():

@@ -87,13 +87,6 @@ def test_near_lights_of_all_kinds_are_drawn_by_their_power():
     assert lights.items["row"].tolist() == [0, 1]
 
 
-def test_triangles_without_area_can_be_met_but_are_no_lights():
-    mesh = pl.Mesh(CORNERS, [[0, 1, 1], [0, 1, 2], [3, 3, 3]], pl.Emissive(1.0))
-    tables = pl.Scene([square(), mesh]).tables()
-    assert len(tables.geometry.triangles) == 5
-    assert tables.lights.items["row"].tolist() == [3] and tables.lights.cdf.tolist() == [1.0]
-
-
 def test_extreme_radiances_give_finite_probabilities():
     for brightest in (1e300, 1e308):
         back = square(pl.Emissive(brightest, two_sided=True)).translated(z=-1)
@@ -105,6 +98,11 @@ def test_extreme_radiances_give_finite_probabilities():
     drawn = shares(lights)
     np.testing.assert_allclose(drawn[lights.items["kind"] == TRIANGLE], 0.5)
     assert drawn[lights.items["kind"] == POINT].tolist() == [0.0]
+    # Triangles without area can be met but are no lights.
+    mesh = pl.Mesh(CORNERS, [[0, 1, 1], [0, 1, 2], [3, 3, 3]], pl.Emissive(1.0))
+    tables = pl.Scene([square(), mesh]).tables()
+    assert len(tables.geometry.triangles) == 5
+    assert tables.lights.items["row"].tolist() == [3] and tables.lights.cdf.tolist() == [1.0]
 
 
 def test_neither_near_nor_distant_lights_go_without_draws():

@@ -77,14 +77,12 @@ def test_different_materials_are_different():
     for i, one in enumerate(DIFFERENT):
         assert [one == other for other in DIFFERENT] == [i == j for j in range(len(DIFFERENT))]
     assert len(set(DIFFERENT)) == len(DIFFERENT)
-
-
-def test_only_what_differs_from_the_defaults_is_shown():
-    assert repr(pl.Conductor()) == "Conductor()"
-    assert repr(pl.Conductor(index=[1 + 2j, 2, 3])) == "Conductor(index=((1+2j), (2+0j), (3+0j)))"
-    plastic = pl.MetallicRoughness(1, roughness=GREY_MAP, cutoff=0.5, two_sided=True)
-    shown = "base=1.0, roughness=Texture(texels=<2 x 3 x 1 float32>), two_sided=True, cutoff=0.5"
-    assert repr(plastic) == f"MetallicRoughness({shown})"
+    # A texture that reflects too much is refused.
+    assert pl.Lambertian(pl.Texture(np.ones((2, 2, 3)))).albedo.is_grey
+    for make in (pl.Lambertian, pl.materials.RoughDiffuse, pl.MetallicRoughness):
+        with pytest.raises(pl.errors.SceneError, match=r"1\.5.*scale"):
+            make(pl.Texture(np.full((2, 2, 3), 1.5)))
+    assert pl.MetallicRoughness(emission=pl.Texture(np.full((2, 2, 3), 1.5))).emission.texels.max() == 1.5
 
 
 ALBEDOS = [
@@ -151,14 +149,6 @@ def test_indices_of_what_is_transparent_are_above_0_and_those_of_metals_absorb()
                 make(**{name: index})
 
 
-def test_a_texture_that_reflects_too_much_is_refused():
-    assert pl.Lambertian(pl.Texture(np.ones((2, 2, 3)))).albedo.is_grey
-    for make in (pl.Lambertian, pl.materials.RoughDiffuse, pl.MetallicRoughness):
-        with pytest.raises(pl.errors.SceneError, match=r"1\.5.*scale"):
-            make(pl.Texture(np.full((2, 2, 3), 1.5)))
-    assert pl.MetallicRoughness(emission=pl.Texture(np.full((2, 2, 3), 1.5))).emission.texels.max() == 1.5
-
-
 def test_textures_of_numbers_have_one_channel_and_normal_maps_three():
     for name in ("metallic", "roughness", "opacity"):
         assert getattr(pl.MetallicRoughness(**{name: GREY_MAP}), name) == GREY_MAP
@@ -182,11 +172,13 @@ def test_arrays_and_lists_become_plain_numbers():
     assert pl.Conductor(np.float64(1), index=np.array([1 + 1j, 2, 3])) == pl.Conductor(index=(1 + 1j, 2 + 0j, 3 + 0j))
     assert type(pl.Conductor(index=np.complex64(1 + 1j)).index) is complex
     assert type(pl.Dielectric(np.float32(1.5)).index) is float
-
-
-def test_two_sided_is_yes_or_no():
     for make in (pl.Emissive, pl.MetallicRoughness):
         for two_sided in ("no", 1, None, [True], np.array([True, False])):
             with pytest.raises(pl.errors.InvalidValueError, match="two_sided is .*; it must be True or False"):
                 make(two_sided=two_sided)
         assert make(two_sided=np.bool_(True)).two_sided is True
+    assert repr(pl.Conductor()) == "Conductor()"
+    assert repr(pl.Conductor(index=[1 + 2j, 2, 3])) == "Conductor(index=((1+2j), (2+0j), (3+0j)))"
+    plastic = pl.MetallicRoughness(1, roughness=GREY_MAP, cutoff=0.5, two_sided=True)
+    shown = "base=1.0, roughness=Texture(texels=<2 x 3 x 1 float32>), two_sided=True, cutoff=0.5"
+    assert repr(plastic) == f"MetallicRoughness({shown})"

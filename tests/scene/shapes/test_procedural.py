@@ -1,4 +1,3 @@
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -62,7 +61,7 @@ def test_a_sphere_has_its_corners_and_normals_on_it(radius, around, along):
     assert mesh.uv.min() == 0 and mesh.uv.max() == 1
 
 
-def test_the_normals_of_a_sphere_are_radial():
+def test_a_sphere_has_radial_normals():
     mesh = sphere(2.5)
     assert len(mesh.faces) == 16128
     # Normals may come from differences of the outline, exact for evenly spaced points to rounding, except at the poles.
@@ -72,9 +71,7 @@ def test_the_normals_of_a_sphere_are_radial():
     # Facets come closer with the square of their number.
     lacks = [4 / 3 * np.pi - volume(sphere(1.0, segments=(2 * n, n))) for n in (32, 64)]
     assert lacks[0] / lacks[1] == pytest.approx(4, rel=0.01)
-
-
-def test_a_turned_outline_fronts_outside():
+    # A turned outline fronts outside.
     for up in (0.0, 1.0):
         outline = np.array([[0.5, -1.0], [2.0, 0.0], [0.5, 1.0 + up]])
         mesh = turned(outline, segments=24)
@@ -95,13 +92,6 @@ def test_squares_are_where_floor_says(width, height, square, x, y):
         assert (crosses(mesh)[:, 2] > 0).all() and not mesh.vertices[:, 2].any()
 
 
-def test_white_is_a_plane_of_radiance_1():
-    (mesh,) = white_plane().meshes
-    assert mesh.material == Emissive(1.0) and area(mesh) == 160_000
-    assert mesh.bounds.tolist() == [[-200, -200, -404], [200, 200, -404]]
-    assert (crosses(mesh)[:, 2] > 0).all()
-
-
 def test_check_follows_its_formula_with_exact_edges():
     scene = check_scene()
     assert scene.tables().bsdf is None and scene.background is None
@@ -120,6 +110,11 @@ def test_check_follows_its_formula_with_exact_edges():
             np.testing.assert_allclose(inner, offset + np.round(inner - offset), rtol=0, atol=200 * np.finfo(float).eps)
     assert total == pytest.approx(160_000, rel=1e-12)
     np.testing.assert_array_equal(scene.bounds, [[-200, -200, -404], [200, 200, -404]])
+    # White is a plane of radiance 1.
+    (mesh,) = white_plane().meshes
+    assert mesh.material == Emissive(1.0) and area(mesh) == 160_000
+    assert mesh.bounds.tolist() == [[-200, -200, -404], [200, 200, -404]]
+    assert (crosses(mesh)[:, 2] > 0).all()
 
 
 def test_impossible_bodies_are_refused():

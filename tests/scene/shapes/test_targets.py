@@ -153,15 +153,6 @@ def test_an_edge_is_straight_from_end_to_end():
         assert is_dark(edge, along - beside).all() and not is_dark(edge, along + beside).any(), angle
 
 
-def test_frequencies_are_those_of_the_standard():
-    # From tables of the chart, rounded.
-    for group, element, frequency in ((-2, 1, 0.250), (-1, 2, 0.561), (0, 4, 1.41), (1, 6, 3.56), (7, 6, 228.1)):
-        chart = targets.usaf_1951([group])
-        (row,) = np.flatnonzero((chart.index == [group, element]).all(axis=1))
-        assert chart.frequencies[row] == pytest.approx(frequency, rel=3e-3), group
-        assert targets.usaf_1951([group], scale=4.0).frequencies[row] == chart.frequencies[row] / 4
-
-
 def test_bars_are_as_wide_as_their_frequency_says():
     assert USAF.frequencies[0] == 0.25
     for (x, y, _), frequency in zip(USAF.points, USAF.frequencies, strict=True):
@@ -177,6 +168,12 @@ def test_bars_are_as_wide_as_their_frequency_says():
             for offset in (-2.2, 0.3, 2.1):
                 ends = middle + along[:, None] * turn[1] + offset * w * turn[0]
                 assert is_dark(USAF, ends).tolist() == [False, True, True, False]
+    # From tables of the chart, rounded.
+    for group, element, frequency in ((-2, 1, 0.250), (-1, 2, 0.561), (0, 4, 1.41), (1, 6, 3.56), (7, 6, 228.1)):
+        chart = targets.usaf_1951([group])
+        (row,) = np.flatnonzero((chart.index == [group, element]).all(axis=1))
+        assert chart.frequencies[row] == pytest.approx(frequency, rel=3e-3), group
+        assert targets.usaf_1951([group], scale=4.0).frequencies[row] == chart.frequencies[row] / 4
 
 
 def test_groups_lie_in_pairs_inside_each_other():
@@ -274,9 +271,7 @@ def test_targets_are_values():
         assert target.translated(x=1.0) != target and repr(target).startswith("Target(")
         with pytest.raises(ValueError, match="read-only"):
             target.points[0] = 0.0
-
-
-def test_materials_are_those_given():
+    # Materials are those given.
     lamp, black = Emissive(3.0), Emissive(0.0)
     for target in (
         targets.checkerboard(3, 3, square=1.0, dark=lamp, bright=black),

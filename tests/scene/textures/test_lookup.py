@@ -144,12 +144,6 @@ def test_grey_among_colours():
     np.testing.assert_array_equal(looked_up(texture, points, channels=1), looked_up(texture, points)[:, :1])
 
 
-def test_the_kernels_numbers_are_those_of_the_enums():
-    assert list(Wrap) == [record.REPEAT, record.CLAMP, record.MIRROR]
-    assert record.NEAREST == TextureFilter.NEAREST
-    assert atlas([]) == (None, None)
-
-
 def test_an_atlas_holds_every_texel_once():
     random = np.random.default_rng(15)
     textures = [
@@ -164,3 +158,7 @@ def test_an_atlas_holds_every_texel_once():
     assert not texels.flags.writeable and not rows.flags.writeable
     joined = [textures[0].texels.ravel(), textures[1].texels.ravel(), textures[2].texels[..., 0].ravel()]
     np.testing.assert_array_equal(texels, np.concatenate(joined))
+    # The kernels' numbers are those of the enums.
+    assert list(Wrap) == [record.REPEAT, record.CLAMP, record.MIRROR]
+    assert record.NEAREST == TextureFilter.NEAREST
+    assert atlas([]) == (None, None)

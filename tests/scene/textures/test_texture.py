@@ -88,7 +88,7 @@ def decoded(code, white=255):
     return s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4
 
 
-def test_every_mode_of_pillow_is_decoded():
+def test_every_mode_of_pillow_is_decoded(tmp_path):
     for mode, colour, expected in (
         ("RGB", (255, 128, 0), [1.0, decoded(128), 0.0]),
         ("RGBA", (255, 128, 0, 3), [1.0, decoded(128), 0.0]),
@@ -105,9 +105,7 @@ def test_every_mode_of_pillow_is_decoded():
         np.testing.assert_allclose(texels[1, 2], expected, rtol=EPS, err_msg=mode)
     palette = PIL.Image.new("RGB", (2, 1), (0, 255, 0)).convert("P")
     np.testing.assert_allclose(pl.Texture.from_image(palette).texels[0, 1], [0, 1, 0])
-
-
-def test_row_0_is_the_top_of_the_image(tmp_path):
+    # Row 0 is the top of the image.
     image = PIL.Image.new("RGB", (2, 2))
     image.putpixel((1, 0), (255, 0, 0))
     image.save(tmp_path / "corner.png")
@@ -168,9 +166,7 @@ def test_a_transparent_colour_is_alpha(tmp_path):
             pl.Texture.load(tmp_path / "a.png", channel=3),
         ):
             assert texture.texels[0, :, 0].tolist() == [1, 0], mode
-
-
-def test_alpha_that_an_image_lacks_is_1_and_what_is_multiplied_by_it_is_divided():
+    # Alpha that an image lacks is 1.
     for mode, colour in (("I;16", 30000), ("F", 2.5), ("1", 0), ("CMYK", (0, 0, 0, 9))):
         texels = pl.Texture.from_image(PIL.Image.new(mode, (3, 2), colour), channel=3).texels
         assert texels.shape == (2, 3, 1) and (texels == 1).all(), mode
@@ -182,16 +178,14 @@ def test_alpha_that_an_image_lacks_is_1_and_what_is_multiplied_by_it_is_divided(
         assert alpha[0, 0, 0] == pytest.approx(colour[-1] / 255, rel=EPS)
 
 
-def test_16_bits_keep_all_of_them(tmp_path):
+def test_16_bits_keep_all_of_them_and_floats_are_linear(tmp_path):
     codes = np.random.default_rng(4).integers(0, 65536, (3, 4, 3)).astype(np.uint16)
     for path in (tmp_path / "a.png", tmp_path / "a.tif"):
         images.write_16bit(path, codes)
         data = pl.Texture.load(path, encoding=Encoding.LINEAR)
         np.testing.assert_array_equal(np.rint(data.texels * 65535), codes)
         np.testing.assert_allclose(pl.Texture.load(path).texels, srgb_to_linear(codes / 65535), rtol=4 * EPS)
-
-
-def test_floats_are_linear_whatever_the_encoding(tmp_path):
+    # Floats are linear whatever the encoding.
     written = np.random.default_rng(5).uniform(0, 50, (2, 3, 4)).astype(np.float32)
     images.write_channels(tmp_path / "a.exr", dict(zip("RGBA", np.moveaxis(written, 2, 0), strict=True)))
     grey = PIL.Image.fromarray(written[:, :, 0], "F")
@@ -228,7 +222,7 @@ def png_header(width, height):
     return b"\x89PNG\r\n\x1a\n\x00\x00\x00\r" + head + zlib.crc32(head).to_bytes(4, "big") + b"\x00\x00\x00\x00IDAT"
 
 
-def test_a_file_that_is_too_large_is_refused_by_its_header(tmp_path):
+def test_a_file_that_is_too_large_is_refused_by_its_header(tmp_path, monkeypatch):
     (tmp_path / "huge.png").write_bytes(png_header(2**14, 2**14 + 1))
     said = r"huge.png' has 16385 x 16384 pixels; .* at most 268435456 .* scale it down"
     with pytest.raises(pl.errors.FileError, match=said):
@@ -237,9 +231,7 @@ def test_a_file_that_is_too_large_is_refused_by_its_header(tmp_path):
     (tmp_path / "empty.png").write_bytes(png_header(64, 64))
     with pytest.raises(pl.errors.FileError, match="damaged"):
         pl.Texture.load(tmp_path / "empty.png")
-
-
-def test_the_limit_holds_for_all_that_texels_come_from(tmp_path, monkeypatch):
+    # The limit holds for all that texels come from.
     monkeypatch.setattr(module, "MAX_TEXELS", 6)
     for columns in (3, 4):
         image, texels = PIL.Image.new("RGB", (columns, 2)), np.ones((2, columns, 1))
