@@ -209,7 +209,7 @@ def test_a_bad_file_is_a_file_error_that_names_it(tmp_path):
     (tmp_path / "folder.obj").mkdir()
     (tmp_path / "mesh.blend").write_bytes(b"")
     for name, said in (
-        ("absent.obj", r"absent\.obj' does not exist"),
+        ("none.obj", r"none\.obj' does not exist"),
         ("folder.obj", "is a folder"),
         ("mesh.blend", r"'\.blend'.*\.glb, \.gltf, \.obj"),
     ):

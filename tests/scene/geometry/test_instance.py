@@ -35,22 +35,19 @@ def test_instances_are_a_read_only_copy_that_compares_hashes_and_pickles():
 
 
 def test_impossible_places_are_named():
-    inner, good = np.array([[1e308, -1e308, 1e308], [1e308, 1e308, -1e308], [-1e308, 1e308, 1e308]]), np.eye(4)
-    beyond = "within .*1e15 mm"
+    good = np.eye(4)
     for matrices, said in (
         (np.zeros((0, 4, 4)), "at least one place"),
         ([good, np.diag([1, 1, np.nan, 1])], "matrix 1 .*finite"),
         ([good, good[[0, 1, 2, 2]]], "matrix 1 .*0, 0, 0, 1"),
         ([good, np.diag([1, 0, 1, 1])], "matrix 1 .*flattens"),
-        ([np.diag([1e16, 1, 1, 1])], beyond),
-        ([np.block([[inner, np.zeros((3, 1))], [np.zeros((1, 3)), 1]])], beyond),
-        ([np.diag([1e308, 1e308, 1e-300, 1])], beyond),
+        ([np.diag([1e16, 1, 1, 1])], "within .*1e15 mm"),
+        ([np.diag([1e308, 1e308, 1e-300, 1])], "within .*1e15 mm"),
     ):
         with pytest.raises(pl.errors.SceneError, match=said):
             Instances(pl.box(2), matrices)
     for mesh, matrices, said in (
         (pl.box(2), good, r"matrices has shape \(4, 4\)"),
-        (pl.box(2), np.tile(np.eye(3), (2, 1, 1)), "shape"),
         ((pl.box(2),), [good], "mesh is a tuple; give a Mesh"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=said):

@@ -105,14 +105,13 @@ def test_rotations_take_the_map_to_the_world():
     rotation = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     texels = np.ones((4, 8, 3))
     texels[0] = 5.0
-    world = EnvironmentMap(texels, rotation)
-    assert world.radiance([rotation @ UP, UP])[:, 0].tolist() == [5.0, 1.0]
+    assert EnvironmentMap(texels, rotation).radiance([rotation @ UP, UP])[:, 0].tolist() == [5.0, 1.0]
     # And the other way to turn there: about -z, then as by hand.
-    turned = EnvironmentMap(texels).rotated(UP, math.pi / 2)
+    plain = EnvironmentMap(texels)
+    turned = plain.rotated(UP, math.pi / 2)
     assert turned.rotation @ AHEAD == pytest.approx(-RIGHT)
-    assert turned.rotated(AHEAD, 0.3).rotation == pytest.approx(
-        EnvironmentMap(texels).rotated_deg(AHEAD, math.degrees(0.3)).rotation @ turned.rotation
-    )
+    expected = plain.rotated_deg(AHEAD, math.degrees(0.3)).rotation @ turned.rotation
+    assert turned.rotated(AHEAD, 0.3).rotation == pytest.approx(expected)
 
 
 def test_turning_the_map_turns_what_is_seen_and_drawn():
