@@ -287,6 +287,11 @@ def test_dark_lights_are_left_out_and_lights_alone_are_contents(tmp_path):
     assert load_file(path).meshes == ()
     with pytest.raises(pl.errors.FileError, match=r"a\.gltf holds no triangles"):
         pl.load_meshes(path)
+    # What would be read wrongly is refused.
+    with pytest.raises(pl.errors.FileError, match=r"a\.gltf.*'laser'"):
+        load_file(lit(tmp_path, {"type": "laser"}))
+    with pytest.raises(pl.errors.FileError, match=r"b\.gltf.*EXT_meshopt_compression"):
+        load_file(Writer().save(tmp_path / "b.gltf", extensionsRequired=["EXT_meshopt_compression"]))
 
 
 def test_a_view_puts_a_camera_where_the_node_of_the_file_stands(tmp_path):
