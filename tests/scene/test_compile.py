@@ -1,20 +1,13 @@
 import numpy as np
+from scene_helpers import UV, square
 
 import plenoptic as pl
 
-CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]])
-FACES = np.array([[0, 1, 2], [1, 3, 2]])
-UV = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
 UP = np.tile([0.0, 0.0, 1.0], (4, 1))
 LAMP = pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=2.0)
-GREY = pl.Lambertian()
 GREY_MAP = pl.Texture(np.full((2, 2, 1), 0.5))
 SKY = pl.EnvironmentMap(np.ones((2, 4, 1)))
 PLACES = np.array([np.eye(4), np.diag([-1.0, 1.0, 1.0, 1.0])])
-
-
-def square(material=GREY, **more):
-    return pl.Mesh(CORNERS, FACES, material, **more)
 
 
 def layered(**fields):

@@ -3,20 +3,13 @@ import pickle
 
 import numpy as np
 import pytest
+from scene_helpers import square
 
 import plenoptic as pl
 from plenoptic.scene.file_cameras import View
 
-CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]])
-FACES = np.array([[0, 1, 2], [1, 3, 2]])
-UV = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
 LAMP = pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=2.0)
-GREY = pl.Lambertian()
 SKY = pl.EnvironmentMap(np.ones((2, 4, 1)))
-
-
-def square(material=GREY, **more):
-    return pl.Mesh(CORNERS, FACES, material, **more)
 
 
 PLACES = np.tile(np.eye(4), (3, 1, 1))

@@ -1,10 +1,10 @@
 """glTF: triangles, the scene graph, instances, lights and cameras. Files are written here, number by number."""
 
-import base64
 import json
 
 import numpy as np
 import pytest
+from scene_helpers import POINTS, Writer, area_vectors
 
 import plenoptic as pl
 from plenoptic.scene.files.gltf.meshes import INSTANCED_FROM
@@ -14,59 +14,9 @@ from plenoptic.scene.lights.point import PointLight
 from plenoptic.scene.lights.spot import SpotLight
 from plenoptic.scene.lights.sun import SunLight
 
-COMPONENTS = {"<i1": 5120, "<u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
-TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-
-
-class Writer:
-    """A glTF file in one text, with its arrays as accessors."""
-
-    def __init__(self):
-        self.header = {"asset": {"version": "2.0"}, "bufferViews": [], "accessors": [], "meshes": [], "nodes": []}
-        self.bytes = b""
-
-    def view(self, content, **more):
-        self.header["bufferViews"].append(
-            {"buffer": 0, "byteOffset": len(self.bytes), "byteLength": len(content), **more}
-        )
-        self.bytes += content + bytes(-len(content) % 4)
-        return len(self.header["bufferViews"]) - 1
-
-    def array(self, numbers, kind="<f4", **more):
-        array = np.asarray(numbers, dtype=kind)
-        width = 1 if array.ndim == 1 else array.shape[1]
-        entry = {"componentType": COMPONENTS[kind], "count": len(array), "type": TYPES[width]}
-        self.header["accessors"].append({**entry, "bufferView": self.view(array.tobytes()), **more})
-        return len(self.header["accessors"]) - 1
-
-    def mesh(self, points, indices=None, material=None, mode=None, name=None, **attributes):
-        primitive = {"attributes": {"POSITION": self.array(points), **attributes}}
-        if indices is not None:
-            primitive["indices"] = self.array(np.ravel(indices), "<u2")
-        primitive |= {} if material is None else {"material": material}
-        primitive |= {} if mode is None else {"mode": mode}
-        self.header["meshes"].append({"primitives": [primitive]} | ({} if name is None else {"name": name}))
-        return len(self.header["meshes"]) - 1
-
-    def node(self, **described):
-        self.header["nodes"].append(described)
-        return len(self.header["nodes"]) - 1
-
-    def save(self, path, **more):
-        uri = "data:application/octet-stream;base64," + base64.b64encode(self.bytes).decode()
-        buffers = [{"uri": uri, "byteLength": len(self.bytes)}]
-        path.write_text(json.dumps(self.header | {"buffers": buffers} | more))
-        return path
-
 
 def corners(mesh):
     return mesh.vertices[mesh.faces]
-
-
-def area_vectors(mesh):
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return 0.5 * np.cross(b - a, c - a)
 
 
 def test_a_file_in_one_text_or_with_arrays_beside_it(tmp_path):

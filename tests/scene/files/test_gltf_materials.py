@@ -7,49 +7,31 @@ import numpy as np
 import PIL.features
 import PIL.Image
 import pytest
+from scene_helpers import POINTS, Writer
 
 import plenoptic as pl
 from plenoptic.core.color.srgb import Encoding
 from plenoptic.scene.files.load import load_file
 from plenoptic.scene.textures.texture import TextureFilter, Wrap
 
-POINTS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], dtype="<f4")
-UV = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], dtype="<f4")  # v down, so that the image stands upright
+UV = [(0, 1), (1, 1), (1, 0), (0, 0)]  # v down, so that the image stands upright
 CODES = np.array([[[255, 0, 0, 255], [0, 255, 0, 128]], [[0, 0, 255, 51], [188, 100, 20, 0]]], dtype=np.uint8)
 
 
 def quad(tmp_path, material, *, codes=CODES, sampler=None, more_uv=None, colours=None, tangents=None):
     """The mesh of a square of this material, whose textures 0 and 1 are images of `codes`."""
-    name, colours = ("COLOR_0", colours) if tangents is None else ("TANGENT", tangents)
-    uv = [UV] + ([] if more_uv is None else [np.asarray(more_uv, dtype="<f4")])
-    arrays = [POINTS, *uv] + ([] if colours is None else [np.asarray(colours, dtype="<f4")])
-    content = b"".join(array.tobytes() for array in arrays) + np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes()
-    lengths = [array.nbytes for array in arrays] + [12]
-    starts = np.cumsum([0, *lengths]).tolist()
-    types = ["VEC3", *["VEC2"] * len(uv), "VEC4"][: len(arrays)]
-    attributes = {"POSITION": 0} | {f"TEXCOORD_{k}": k + 1 for k in range(len(uv))}
-    attributes |= {} if colours is None else {name: len(arrays) - 1}
-    accessors = [{"bufferView": k, "componentType": 5126, "count": 4, "type": kind} for k, kind in enumerate(types)]
-    accessors.append({"bufferView": len(arrays), "componentType": 5123, "count": 6, "type": "SCALAR"})
-    views = [{"buffer": 0, "byteOffset": a, "byteLength": n} for a, n in zip(starts, lengths, strict=False)]
-    primitive = {"attributes": attributes, "indices": len(arrays), "material": 0}
-    header = {
-        "asset": {"version": "2.0"},
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [primitive]}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"uri": "a.bin", "byteLength": len(content)}],
+    writer, attributes = Writer(), {"TEXCOORD_0": UV, "TEXCOORD_1": more_uv, "COLOR_0": colours, "TANGENT": tangents}
+    given = {name: writer.array(numbers) for name, numbers in attributes.items() if numbers is not None}
+    writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2], [0, 2, 3]], material=0, **given))
+    described = {
         "materials": [{"name": "skin"} | material],
         "textures": [{"source": 0} | ({} if sampler is None else {"sampler": 0}), {"source": 1}],
         "images": [{"uri": "skin%20a.png"}, {"uri": "skin b.png"}],
         "samplers": [sampler or {}],
     }
-    (tmp_path / "a.bin").write_bytes(content)
     for name in ("skin a.png", "skin b.png"):
         PIL.Image.fromarray(codes).save(tmp_path / name)
-    (tmp_path / "quad.gltf").write_text(json.dumps(header))
-    (mesh,) = load_file(tmp_path / "quad.gltf", unit="mm").meshes
+    (mesh,) = load_file(writer.save(tmp_path / "quad.gltf", **described), unit="mm").meshes
     return mesh
 
 

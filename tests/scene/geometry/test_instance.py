@@ -2,25 +2,10 @@ import pickle
 
 import numpy as np
 import pytest
+from scene_helpers import turned, volume
 
 import plenoptic as pl
 from plenoptic.scene.geometry.instance import Instances, instance_record
-
-
-def turned(rng, count, *, reach=100.0, mirrored=False):
-    """Random rotations after scalings along the axes of the mesh, (count, 4, 4)."""
-    matrices = np.tile(np.eye(4), (count, 1, 1))
-    rotation = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
-    rotation[:, :, 0] *= np.sign(np.linalg.det(rotation) * (-1 if mirrored else 1))[:, None]
-    matrices[:, :3, :3] = rotation * rng.uniform(0.3, 2, (count, 1, 3))
-    matrices[:, :3, 3] = rng.uniform(-reach, reach, (count, 3))
-    return matrices
-
-
-def volume(mesh):
-    """Positive where the fronts are outside."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return (np.cross(a, b) * c).sum() / 6
 
 
 def test_instances_are_a_read_only_copy_that_compares_hashes_and_pickles():

@@ -3,6 +3,7 @@
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from scene_helpers import turned
 
 import plenoptic as pl
 from plenoptic.scene.geometry.accel import build_intersector
@@ -13,16 +14,6 @@ from plenoptic.scene.geometry.kernels.embree import EmbreeTriangles
 from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, RAY_OFFSET, Hits
 
 BUILDS = EmbreeTriangles, SceneRunTriangles
-
-
-def turned(rng, count, *, reach=100.0, mirrored=False):
-    """Random rotations after scalings along the axes of the mesh, (count, 4, 4)."""
-    matrices = np.tile(np.eye(4), (count, 1, 1))
-    rotation = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
-    rotation[:, :, 0] *= np.sign(np.linalg.det(rotation) * (-1 if mirrored else 1))[:, None]
-    matrices[:, :3, :3] = rotation * rng.uniform(0.3, 2, (count, 1, 3))
-    matrices[:, :3, 3] = rng.uniform(-reach, reach, (count, 3))
-    return matrices
 
 
 def geometry_of(vertices, triangles, instances):

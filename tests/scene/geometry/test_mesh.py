@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scene_helpers import volume
 
 import plenoptic as pl
 
@@ -14,12 +15,6 @@ FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 def tetrahedron(**more):
     return pl.Mesh(CORNERS, FACES, **more)
-
-
-def volume(mesh):
-    """Positive where the fronts are outside."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return (np.cross(a, b) * c).sum() / 6
 
 
 def test_a_mesh_is_a_read_only_copy_that_compares_hashes_and_pickles():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scene_helpers import area_vectors
 
 import plenoptic as pl
 from plenoptic.scene.lights.point import PointLight
@@ -36,10 +37,9 @@ def test_a_light_that_faces_a_point_does(center, target, width, height):
 def test_the_mesh_winds_counter_clockwise_from_the_emitting_side():
     light = pl.QuadLight((1, 2, 3), (4, 0, 1), (0, 2, 0), radiance=(1, 2, 3), two_sided=True)
     mesh = light.mesh()
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    assert (cross @ light.normal > 0).all()
-    assert 0.5 * np.linalg.norm(cross, axis=1).sum() == pytest.approx(light.area)
+    areas = area_vectors(mesh)
+    assert (areas @ light.normal > 0).all()
+    assert np.linalg.norm(areas, axis=1).sum() == pytest.approx(light.area)
     np.testing.assert_allclose(mesh.vertices.mean(axis=0), light.center)
     assert mesh.material == pl.Emissive((1, 2, 3), two_sided=True)
     # pi for each side of a Lambertian emitter, area 6, mean of the channels 2.

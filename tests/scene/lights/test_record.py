@@ -6,17 +6,10 @@ import time
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scene_helpers import CORNERS, GREY, area_vectors, square
 
 import plenoptic as pl
 from plenoptic.scene.lights.record import ENVIRONMENT, POINT, SUN, TRIANGLE
-
-CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]])
-FACES = np.array([[0, 1, 2], [1, 3, 2]])
-GREY = pl.Lambertian(0.5)
-
-
-def square(material=GREY):
-    return pl.Mesh(CORNERS, FACES, material)
 
 
 def record_of(meshes=(), lights=(), background=None, floor=GREY):
@@ -168,10 +161,6 @@ def test_lights_without_light_and_constant_worlds_are_not_drawn():
 
 
 def test_instanced_emitters_are_lights_at_every_place():
-    def areas(mesh):
-        a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-        return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-
     rng = np.random.default_rng(3)
     matrices = np.tile(np.eye(4), (3, 1, 1))
     matrices[:, :3, :3] = rng.normal(size=(3, 3, 3))
@@ -180,7 +169,7 @@ def test_instanced_emitters_are_lights_at_every_place():
     group = pl.scene.Instances(bulb, matrices)
     tables = pl.Scene([square(), pl.scene.Instances(square(), matrices[:2]), group, plain]).tables()
     lights = tables.lights
-    expected = np.concatenate([areas(mesh) for mesh in (plain, *group.meshes())])
+    expected = np.concatenate([np.linalg.norm(area_vectors(mesh), axis=1) for mesh in (plain, *group.meshes())])
     density = tables.emission.pdf[tables.geometry.triangle_material[lights.items["row"]]]
     np.testing.assert_allclose(shares(lights), expected / expected.sum(), rtol=0, atol=1e-14)
     # One density for one material, at all places.

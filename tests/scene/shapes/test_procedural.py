@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scene_helpers import area_vectors, volume
 
+import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.shapes.procedural import box, check_scene, checkerboard, quad, sphere, turned, white_plane
@@ -10,22 +12,12 @@ from plenoptic.scene.shapes.procedural import box, check_scene, checkerboard, qu
 LENGTH = st.floats(1e-3, 1e3)
 
 
-def crosses(mesh):
-    """Twice the area of each triangle, along its front's normal."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
-
-
 def middles(mesh):
     return mesh.vertices[mesh.faces].mean(axis=1)
 
 
 def area(mesh):
-    return 0.5 * np.linalg.norm(crosses(mesh), axis=1).sum()
-
-
-def volume(mesh):
-    return (middles(mesh) * crosses(mesh)).sum() / 6
+    return np.linalg.norm(area_vectors(mesh), axis=1).sum()
 
 
 @settings(max_examples=30)
@@ -33,7 +25,7 @@ def volume(mesh):
 def test_a_quad_has_its_area_and_front(width, height):
     mesh = quad((1, 2, 3), (width, 0, 0), (0, height, 0))
     assert area(mesh) == pytest.approx(width * height, rel=1e-9)
-    assert (crosses(mesh)[:, 2] > 0).all()
+    assert (area_vectors(mesh)[:, 2] > 0).all()
     np.testing.assert_array_equal(mesh.vertices[np.flatnonzero((mesh.uv == 0).all(axis=1))], [[1, 2, 3]])
 
 
@@ -44,7 +36,7 @@ def test_a_box_has_its_volume_and_its_front_outside(x, y, z):
     # Sums of twelve products.
     assert volume(mesh) == pytest.approx(x * y * z, rel=1e-13)
     assert area(mesh) == pytest.approx(2 * (x * y + y * z + z * x), rel=1e-13)
-    assert ((middles(mesh) * crosses(mesh)).sum(axis=1) > 0).all()
+    assert ((middles(mesh) * area_vectors(mesh)).sum(axis=1) > 0).all()
     assert sorted(np.unique(mesh.uv)) == [0, 1]
 
 
@@ -55,8 +47,8 @@ def test_a_sphere_has_its_corners_and_normals_on_it(radius, around, along):
     # Two roundings of cosine and sine each.
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), radius, rtol=1e-14)
     assert len(mesh.faces) == 2 * around * (along - 1)
-    assert (np.linalg.norm(crosses(mesh), axis=1) > 0).all()
-    assert ((middles(mesh) * crosses(mesh)).sum(axis=1) > 0).all()
+    assert (np.linalg.norm(area_vectors(mesh), axis=1) > 0).all()
+    assert ((middles(mesh) * area_vectors(mesh)).sum(axis=1) > 0).all()
     assert ((middles(mesh)[:, None] * mesh.normals[mesh.faces]).sum(axis=-1) > 0).all()
     assert mesh.uv.min() == 0 and mesh.uv.max() == 1
 
@@ -75,7 +67,7 @@ def test_a_sphere_has_radial_normals():
     for up in (0.0, 1.0):
         outline = np.array([[0.5, -1.0], [2.0, 0.0], [0.5, 1.0 + up]])
         mesh = turned(outline, segments=24)
-        assert ((crosses(mesh) * middles(mesh) * [1, 0, 1]).sum(axis=1) > 0).all()
+        assert ((area_vectors(mesh) * middles(mesh) * [1, 0, 1]).sum(axis=1) > 0).all()
         np.testing.assert_allclose(mesh.bounds[:, 1], outline[[0, 2], 1])
 
 
@@ -86,10 +78,10 @@ def test_squares_are_where_floor_says(width, height, square, x, y):
     assert area(even) + area(odd) == pytest.approx(width * height, rel=1e-12)
     for mesh, parity in ((even, 0), (odd, 1)):
         # Slivers at the border are thinner than rounding lets floor decide.
-        whole = np.linalg.norm(crosses(mesh), axis=1) > 1e-9
+        whole = np.linalg.norm(area_vectors(mesh), axis=1) > 5e-10
         place = (middles(mesh)[whole, :2] - [x, y]) / square
         assert (np.floor(place).sum(axis=1) % 2 == parity).all()
-        assert (crosses(mesh)[:, 2] > 0).all() and not mesh.vertices[:, 2].any()
+        assert (area_vectors(mesh)[:, 2] > 0).all() and not mesh.vertices[:, 2].any()
 
 
 def test_check_follows_its_formula_with_exact_edges():
@@ -101,7 +93,7 @@ def test_check_follows_its_formula_with_exact_edges():
         bright = (np.floor(x + 0.05) + np.floor(0.1 - y)) % 2 == 1
         radiance = mesh.material.radiance if isinstance(mesh.material, Emissive) else 0.0
         assert (bright == (radiance == 1.0)).all()
-        assert (crosses(mesh)[:, 2] > 0).all()
+        assert (area_vectors(mesh)[:, 2] > 0).all()
         total += area(mesh)
         for axis, offset in ((0, -0.05), (1, 0.1)):
             lines = np.unique(mesh.vertices[:, axis])
@@ -114,7 +106,7 @@ def test_check_follows_its_formula_with_exact_edges():
     (mesh,) = white_plane().meshes
     assert mesh.material == Emissive(1.0) and area(mesh) == 160_000
     assert mesh.bounds.tolist() == [[-200, -200, -404], [200, 200, -404]]
-    assert (crosses(mesh)[:, 2] > 0).all()
+    assert (area_vectors(mesh)[:, 2] > 0).all()
 
 
 def test_impossible_bodies_are_refused():
@@ -138,3 +130,16 @@ def test_impossible_bodies_are_refused():
     ):
         with pytest.raises(InvalidValueError, match=sentence):
             make()
+
+
+def test_nothing_is_hidden_in_the_still_life():
+    scene = pl.still_life()
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+        sensor=pl.Sensor(shape=(48, 48), pixel_pitch=5.12 / 48),
+        stop_to_microlenses=134.6,
+    ).focused_at(z=-404)
+    truth = pl.ground_truth(scene, camera, truth=pl.Truth.OBJECT)
+    assert set(range(len(scene.meshes))) <= set(np.unique(truth.object).tolist())
+    kinds = {type(mesh.material) for mesh in scene.meshes}
+    assert kinds >= {pl.MetallicRoughness, pl.materials.RoughDiffuse, pl.Conductor, pl.Dielectric, pl.Lambertian}

@@ -18,29 +18,12 @@ from plenoptic.scene.textures import texture as module
 from plenoptic.scene.textures.texture import TextureFilter, Wrap
 
 EPS = float(np.finfo(np.float32).eps)
-TEXELS = hnp.arrays(
-    np.float32,
-    st.tuples(st.integers(1, 5), st.integers(1, 5), st.sampled_from([1, 3])),
-    elements=st.floats(0, 1e6, width=32),
-)
-
-
-@settings(max_examples=50)
-@given(TEXELS)
-def test_a_texture_is_a_read_only_copy_that_compares_hashes_and_pickles(texels):
-    texture = pl.Texture(texels)
-    again = pickle.loads(pickle.dumps(texture))
-    assert again == texture and hash(again) == hash(texture)
-    assert not texture.texels.flags.writeable and not again.texels.flags.writeable
-    texels[...] = 7
-    assert texture == again
-    assert texture.is_grey == (texture.texels == texture.texels[..., :1]).all()
 
 
 def test_wrap_and_filter_belong_to_the_value(monkeypatch):
     for name in ("Wrap", "TextureFilter"):
         monkeypatch.setattr(pl, name, getattr(module, name), raising=False)
-    texels = np.ones((2, 1, 1))
+    texels = np.random.default_rng(1).uniform(0, 9, (2, 1, 1))
     for wrap in (Wrap.REPEAT, Wrap.CLAMP, (Wrap.MIRROR, Wrap.CLAMP)):
         for between in TextureFilter:
             texture = pl.Texture(texels, wrap=wrap, filter=between)
@@ -53,33 +36,31 @@ def test_wrap_and_filter_belong_to_the_value(monkeypatch):
             assert restore(describe(texture)) == texture
     assert pl.Texture(texels, wrap=(Wrap.CLAMP, Wrap.CLAMP)) == pl.Texture(texels, wrap=Wrap.CLAMP)
     assert pl.Texture(texels, wrap=[1, 2]).wraps == (Wrap.CLAMP, Wrap.MIRROR)
+    # Texels are a copy that cannot be written to.
+    texels[...] = 7
+    assert texture == again and not texture.texels.flags.writeable and not again.texels.flags.writeable
+    assert texture.is_grey and not pl.Texture([[[1.0, 1.0, 2.0]]]).is_grey and pl.Texture(np.ones((1, 2, 3))).is_grey
 
 
 def test_impossible_textures_are_refused():
-    one = np.ones((1, 1, 1))
-    for texels, options, said in (
-        (one, {"wrap": "repeat"}, "Wrap.REPEAT or Wrap.CLAMP or Wrap.MIRROR"),
-        (one, {"wrap": 3}, "wrap is 3"),
-        (one, {"wrap": (Wrap.CLAMP,)}, "has 1 entries; it must be one Wrap, or a pair"),
-        (one, {"wrap": (Wrap.CLAMP, None)}, "wrap is None"),
-        (one, {"filter": 2}, "TextureFilter.NEAREST or TextureFilter.BILINEAR"),
-        (np.zeros((2, 2)), {}, "shape"),
-        (np.zeros((2, 2, 4)), {}, "drop alpha"),
-        (np.zeros((2, 2, 3), dtype=np.uint8), {}, "from_image"),
+    one, invalid, beyond = np.ones((1, 1, 1)), pl.errors.InvalidValueError, pl.errors.SceneError
+    # A view that repeats one number: 268 451 840 texels without their memory.
+    vast = np.broadcast_to(np.float32(0), (2**14 + 1, 2**14, 1))
+    for texels, options, kind, said in (
+        (one, {"wrap": "repeat"}, invalid, "Wrap.REPEAT or Wrap.CLAMP or Wrap.MIRROR"),
+        (one, {"wrap": (Wrap.CLAMP,)}, invalid, "has 1 entries; it must be one Wrap, or a pair"),
+        (one, {"wrap": (Wrap.CLAMP, None)}, invalid, "wrap is None"),
+        (one, {"filter": 2}, invalid, "TextureFilter.NEAREST or TextureFilter.BILINEAR"),
+        (np.zeros((2, 2, 4)), {}, invalid, "drop alpha"),
+        (np.zeros((2, 2, 3), dtype=np.uint8), {}, invalid, "from_image"),
+        (np.zeros((0, 2, 3)), {}, beyond, "at least 1 row"),
+        (-0.1 * one, {}, beyond, "0 or more"),
+        (np.nan * one, {}, beyond, "finite"),
+        (1e39 * one, {}, beyond, "finite"),
+        (vast, {}, beyond, "16385 x 16384 .* at most 268435456, so"),
     ):
-        with pytest.raises(pl.errors.InvalidValueError, match=said):
+        with pytest.raises(kind, match=said):
             pl.Texture(texels, **options)
-    for texels, said in (
-        (np.zeros((0, 2, 3)), "at least 1 row"),
-        (-0.1 * one, "0 or more"),
-        (np.nan * one, "finite"),
-        (np.inf * one, "finite"),
-        (1e39 * one, "finite"),
-        # A view that repeats one number: 268 451 840 texels without their memory.
-        (np.broadcast_to(np.float32(0), (2**14 + 1, 2**14, 1)), "16385 x 16384 .* at most 268435456, so"),
-    ):
-        with pytest.raises(pl.errors.SceneError, match=said):
-            pl.Texture(texels)
 
 
 def decoded(code, white=255):
