@@ -124,33 +124,3 @@ def test_frames_that_have_nothing_in_common_are_refused():
             pl.sequences.motion_truth(first, dataclasses.replace(first, **change))
     with pytest.raises(InvalidValueError, match="now is a Scene"):
         pl.sequences.motion_truth(first.scene, first)
-
-
-PINHOLE = pl.PlenopticCamera(
-    lens=pl.optics.no_lens(0.05), sensor=pl.Sensor(shape=(33, 41), pixel_pitch=0.05), stop_to_microlenses=60.0
-)
-SHIFTED = pl.Motion((0, 1), [pl.Pose(np.eye(3), (0, 0, 0)), pl.Pose(np.eye(3), (1, -2, 15))])
-TURNED = pl.Motion.screw((0, 1), axis=(1, 1, 0.3), through=(0, 0, 0), angle_deg=0.4)
-
-
-def test_shifts_before_a_pinhole_are_those_of_similar_triangles():
-    """A point (x, y, z) is seen at 60 mm (x, y) / z behind the pinhole: columns run along -x, rows along y."""
-    wall = dataclasses.replace(pl.quad((-80, -80, -420), (160, 0, 0), (0, 160, 0)), name="wall")
-    near = pl.quad((-5, -5, -200), (4, 0, 0), (0, 20, 0))
-    # A plane is shifted, and the camera turns about its pinhole.
-    for motions, camera_motion in (({"wall": SHIFTED}, None), ({}, TURNED)):
-        frames = pl.Sequence(
-            pl.Scene([wall, near], background=0.2), PINHOLE, (0, 1), motions=motions, camera_motion=camera_motion
-        )
-        now, following = frames
-        truth = pl.ground_truth(now.scene, now.camera, truth=pl.Truth.POSITION | pl.Truth.OBJECT, progress=False)
-        found, met = pl.sequences.motion_truth(now, following, progress=False), truth.object >= 0
-        here = truth.position[met]
-        if camera_motion is None:
-            there = here + np.where(truth.object[met] == 0, 1.0, 0.0)[:, None] * (1, -2, 15)
-        else:
-            there = here @ following.camera.pose.rotation
-        images = [60 / 0.05 * points[:, :2] / points[:, 2:] for points in (here, there)]
-        # Some 100 roundings of places up to 500 pixels from the middle.
-        np.testing.assert_allclose(found.shift[met], (images[1] - images[0]) * (-1, 1), atol=1e-11)
-        assert np.abs(found.shift[met]).max() > 5
