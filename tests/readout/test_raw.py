@@ -67,14 +67,6 @@ def test_it_knows_its_levels_and_filters_and_is_a_value():
     assert dataclasses.replace(made, seed=8) != made
 
 
-@pytest.fixture
-def _public(monkeypatch):
-    # Files name public values only.
-    for kind in (SensorModel, BayerPattern, ShotNoise):
-        monkeypatch.setattr(pl, kind.__name__, kind, raising=False)
-
-
-@pytest.mark.usefixtures("_public")
 def test_files_give_back_every_bit(tmp_path):
     whole = RawImage(np.arange(65536).reshape(256, 256), SensorModel(1.0, bits=16))
     filtered = [raw(dataclasses.replace(SENSOR, colour_filters=f)) for f in (None, BayerPattern.GBRG, [[0, 1, 2]])]
@@ -85,7 +77,6 @@ def test_files_give_back_every_bit(tmp_path):
     assert np.array_equal(np.asarray(Image.open(tmp_path / "raw.png")), whole.data)
 
 
-@pytest.mark.usefixtures("_public")
 def test_files_that_are_no_raw_images_are_refused(tmp_path):
     images.write_16bit(tmp_path / "other.png", np.zeros((2, 2, 1), np.uint16))
     made = RawImage([[4095]], SensorModel(1.0))

@@ -7,6 +7,7 @@ from scene_helpers import square
 
 import plenoptic as pl
 from plenoptic.scene.file_cameras import View
+from plenoptic.scene.lights.registry import LIGHTS
 
 LAMP = pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=2.0)
 SKY = pl.EnvironmentMap(np.ones((2, 4, 1)))
@@ -31,6 +32,7 @@ def test_scenes_hold_all_kinds_of_lights_worlds_and_instances():
     scene = pl.Scene([square(), ROW], lights, SKY)
     again = pickle.loads(pickle.dumps(scene))
     assert again == scene and hash(again) == hash(scene)
+    assert all(isinstance(light, LIGHTS) and light == other for light, other in zip(lights, again.lights, strict=True))
     sky = "EnvironmentMap(texels=<2 x 4 x 1 float32>)"
     assert repr(scene) == f"Scene(2 meshes, 4 triangles, 3 instances, 5 lights, {sky})"
     assert scene != pl.Scene([square(), ROW], lights, SKY.rotated((0, 1, 0), 1.0))

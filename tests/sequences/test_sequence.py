@@ -9,7 +9,6 @@ import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene import cache
 from plenoptic.scene.geometry import moving
-from plenoptic.scene.geometry.embree_run import SceneRunTriangles
 from plenoptic.study.cameras import reference_camera
 
 REGION = np.s_[244:268, 244:268]
@@ -119,23 +118,6 @@ def test_only_the_camera_moves(sequence, monkeypatch):
     first = cache.prepared_scene(changing[0].scene).intersector
     second = cache.prepared_scene(changing[1].scene).intersector
     assert first._still is second._still and first.meshes[0].tree is second.meshes[0].tree
-
-
-def test_the_fallback_for_embree_finds_the_same(sequence, monkeypatch):
-    rng, frame = np.random.default_rng(3), sequence[1]
-    start = rng.uniform((-30, -5, -420), (30, 30, -380), (4000, 3))
-    rays = np.concatenate([start, rng.uniform((-8, -4, -410), (8, 4, -400), (4000, 3)) - start], axis=1)
-    prepared = cache.prepared_scene(frame.scene)
-    monkeypatch.setattr(moving, "build_intersector", SceneRunTriangles)
-    record, both = prepared.record, []
-    for found in (prepared.intersector, moving.MovingTriangles(record.geometry, record.instances)):
-        hits = moving.Hits(np.empty(len(rays), np.int32), np.empty(len(rays), np.int32), None)
-        blocked = np.empty(len(rays), np.uint8)
-        found.fill_closest(hits, rays)
-        found.fill_blocked(blocked, rays)
-        both.append(np.column_stack([hits.triangle, hits.instance, blocked]))
-    assert np.mean((both[0] == both[1]).all(axis=1)) > 0.999
-    assert {0, 1, -1} == set(both[0][:, 1])
 
 
 def test_a_sequence_is_a_value_and_says_what_it_is(sequence):

@@ -225,23 +225,6 @@ def test_tiny_components_of_directions_lose_no_ray():
                 assert (hits >= 0).all(), (instanced, axis, sign)
 
 
-def test_no_ray_leaves_a_closed_instance():
-    for scale in (1e-3, 1.0, 1e6):
-        ball = pl.sphere(scale, segments=(16, 8))
-        places = turned(np.random.default_rng(7), 3, reach=20 * scale)
-        build = build_intersector(*records_of([pl.box(scale)], [Instances(ball, places)]))
-        rng = np.random.default_rng(8)
-        for place, copy in zip(places, Instances(ball, places).meshes(), strict=True):
-            # Towards corners, points of edges and anywhere.
-            pairs = copy.vertices[copy.faces[:, [0, 1]]].repeat(20, axis=0)
-            share = rng.random((len(pairs), 1))
-            aims = np.concatenate([copy.vertices, pairs[:, 0] * share + pairs[:, 1] * (1 - share)])
-            inside = place[:3, 3] + rng.uniform(-0.1, 0.1, (len(aims), 3)) * scale * np.abs(np.linalg.det(place))
-            starts = np.concatenate([np.broadcast_to(place[:3, 3], aims.shape), inside])
-            hits, _ = ask(build, np.concatenate([starts, np.concatenate([aims, aims]) - starts], axis=1))
-            assert (hits >= 0).all(), scale
-
-
 def test_a_scene_far_from_the_origin_loses_nothing():
     rng = np.random.default_rng(9)
     records, rays = crowd(rng), random_rays(rng, 2000, reach=20)

@@ -1,6 +1,5 @@
 import itertools
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from scene_helpers import area_vectors
 
 import plenoptic as pl
 from plenoptic.scene.lights.point import PointLight
-from plenoptic.scene.lights.registry import LIGHTS
 from plenoptic.scene.lights.sphere import SphereLight
 from plenoptic.scene.lights.spot import SpotLight
 from plenoptic.scene.lights.sun import SunLight
@@ -50,21 +48,6 @@ def test_the_mesh_winds_counter_clockwise_from_the_emitting_side():
         assert pl.QuadLight.facing((0, 0, 0), target, (4, 2)).edge_u[1] == 0
     for down in (-1, 1):
         np.testing.assert_allclose(pl.QuadLight.facing((0, 0, 0), (0, down, 0), (4, 2)).normal, [0, down, 0])
-
-
-def test_lights_compare_and_pickle():
-    for light, other in (
-        (pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0)), pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 2, 0))),
-        (SphereLight((0, 0, 0), 2.0), SphereLight((0, 0, 0), 3.0)),
-        (PointLight((0, 0, 1), (1, 2, 3)), PointLight((0, 0, 1), (1, 2, 4))),
-        (SpotLight((0, 0, 1), (0, 0, -5)), SpotLight((0, 0, 1), (0, 1, 0))),
-        (SunLight((0, -1, 0)), SunLight((0, -1, 0), angular_radius=0)),
-    ):
-        again = pickle.loads(pickle.dumps(light))
-        assert again == light and hash(again) == hash(light)
-        assert light != other
-        assert isinstance(light, LIGHTS)
-        assert "=<" not in repr(light)  # arrays of three are shown in full
 
 
 @settings(max_examples=25)

@@ -4,7 +4,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scene_helpers import area_vectors, volume
 
-import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.shapes.procedural import box, check_scene, checkerboard, quad, sphere, turned, white_plane
@@ -130,16 +129,3 @@ def test_impossible_bodies_are_refused():
     ):
         with pytest.raises(InvalidValueError, match=sentence):
             make()
-
-
-def test_nothing_is_hidden_in_the_still_life():
-    scene = pl.still_life()
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-        sensor=pl.Sensor(shape=(48, 48), pixel_pitch=5.12 / 48),
-        stop_to_microlenses=134.6,
-    ).focused_at(z=-404)
-    truth = pl.ground_truth(scene, camera, truth=pl.Truth.OBJECT)
-    assert set(range(len(scene.meshes))) <= set(np.unique(truth.object).tolist())
-    kinds = {type(mesh.material) for mesh in scene.meshes}
-    assert kinds >= {pl.MetallicRoughness, pl.materials.RoughDiffuse, pl.Conductor, pl.Dielectric, pl.Lambertian}
