@@ -33,7 +33,7 @@ def scene(side=50.0):
     return pl.Scene([pl.box(side, material=pl.Emissive(1.0)).translated(z=-404)])
 
 
-def test_a_scene_is_compiled_once(built):
+def test_a_scene_is_compiled_once_and_another_one_anew(built):
     one = scene()
     first = pl.render(one, CAMERA, samples=8, progress=False)
     again = pl.render(one, CAMERA, samples=8, progress=False)
@@ -46,12 +46,10 @@ def test_a_scene_is_compiled_once(built):
     assert pl.plan(one, CAMERA).runs(pl.rendering.Stage.INTERSECTION)
     assert prepared_scene(one).record.geometry is not None
     assert built == [12]
-
-
-def test_another_scene_is_compiled_even_if_it_is_equal(built):
+    # Another one is compiled even if it is equal.
     one = scene()
     images = [pl.render(each, CAMERA, samples=8, progress=False).image for each in (one, scene(), one, scene(20.0))]
-    assert built == [12] * 4
+    assert built == [12] * 5
     assert images[0].tobytes() == images[1].tobytes() == images[2].tobytes() != images[3].tobytes()
     # A scene that is changed is another one.
     brighter = dataclasses.replace(one, background=2.0)

@@ -38,12 +38,16 @@ DRAWN = {"lights.cdf", "lights.items"}
 LAMPS = {"lights.areas", "emission.pdf"}
 KINDS = {"bsdf.kind", "bsdf.roughness"}
 LAYERED = KINDS | {"bsdf.coupling", "bsdf.metallic"}
-TEXTURED = {"geometry.uv"}
+MAPPED = {"geometry.uv"}
 INSTANCES = {"geometry.instance_to_world"} | {f"instances.{name}" for name in ("matrices", "first", "faces")}
 WORLD = {f"lights.sky.environment.{name}" for name in ("texels", "rows_cdf", "columns_cdf", "pdf")}
 POINTS = {"lights.points", "lights.point_colors"}
 SUNS = {"lights.sky.suns", "lights.sky.sun_colors"}
 PLAIN = MESHES | REFLECTING
+
+GLASS = PLAIN | KINDS | {"bsdf.glass_index"}
+OPACITY = {"alpha.opacity", "alpha.cutoff"}
+BUMP = pl.Texture(np.ones((1, 1, 3)))
 
 SCENES = {
     "black world": (pl.Scene(background=0.0), set()),
@@ -67,32 +71,20 @@ SCENES = {
     "instances": (pl.Scene([pl.scene.Instances(square(), PLACES)]), PLAIN | INSTANCES),
     "rough": (pl.Scene([square(pl.materials.RoughDiffuse())]), PLAIN | KINDS),
     "metal": (pl.Scene([square(pl.Conductor())]), PLAIN | KINDS | {"bsdf.metal_index"}),
-    "glass": (pl.Scene([square(pl.Dielectric())]), PLAIN | KINDS | {"bsdf.glass_index"}),
-    "dark glass": (
-        pl.Scene([square(pl.Dielectric(absorption=0.1))]),
-        PLAIN | KINDS | {"bsdf.glass_index", "absorption"},
-    ),
+    "glass": (pl.Scene([square(pl.Dielectric())]), GLASS),
+    "dark glass": (pl.Scene([square(pl.Dielectric(absorption=0.1))]), GLASS | {"absorption"}),
     "pane": (pl.Scene([square(pl.materials.ThinGlass())]), PLAIN | KINDS | {"bsdf.pane_index"}),
     "layered": (pl.Scene([layered()]), PLAIN | LAYERED),
-    "alpha.opacity": (pl.Scene([layered(opacity=0.5)]), PLAIN | LAYERED | {"alpha.opacity", "alpha.cutoff"}),
+    "alpha.opacity": (pl.Scene([layered(opacity=0.5)]), PLAIN | LAYERED | OPACITY),
     "cutoff without opacity": (pl.Scene([layered(cutoff=0.5)]), PLAIN | LAYERED),
-    "texture": (pl.Scene([square(pl.Lambertian(GREY_MAP), uv=UV)]), PLAIN | TEXTURED | column("textures.base_color")),
-    "roughness map": (
-        pl.Scene([layered(roughness=GREY_MAP)]),
-        PLAIN | LAYERED | TEXTURED | column("textures.roughness"),
-    ),
-    "metallic map": (pl.Scene([layered(metallic=GREY_MAP)]), PLAIN | LAYERED | TEXTURED | column("textures.metallic")),
-    "normal map": (
-        pl.Scene([layered(normal_map=pl.Texture(np.ones((1, 1, 3))))]),
-        PLAIN | LAYERED | TEXTURED | column("textures.normal"),
-    ),
-    "opacity map": (
-        pl.Scene([layered(opacity=GREY_MAP)]),
-        PLAIN | LAYERED | TEXTURED | {"alpha.opacity", "alpha.cutoff"} | column("alpha.texture"),
-    ),
-    "emission map": (
+    "texture": (pl.Scene([square(pl.Lambertian(GREY_MAP), uv=UV)]), PLAIN | MAPPED | column("textures.base_color")),
+    "roughness": (pl.Scene([layered(roughness=GREY_MAP)]), PLAIN | LAYERED | MAPPED | column("textures.roughness")),
+    "metallic": (pl.Scene([layered(metallic=GREY_MAP)]), PLAIN | LAYERED | MAPPED | column("textures.metallic")),
+    "normal map": (pl.Scene([layered(normal_map=BUMP)]), PLAIN | LAYERED | MAPPED | column("textures.normal")),
+    "opacity": (pl.Scene([layered(opacity=GREY_MAP)]), PLAIN | LAYERED | MAPPED | OPACITY | column("alpha.texture")),
+    "emission": (
         pl.Scene([square(pl.Emissive(GREY_MAP), uv=UV)]),
-        MESHES | EMITTING | TEXTURED | column("emission.texture"),
+        MESHES | EMITTING | MAPPED | column("emission.texture"),
     ),
 }
 
@@ -194,9 +186,7 @@ def test_textures_lie_one_after_the_other_row_by_row():
     assert where.tolist() == [(0, 2, 3, 1), (6, 2, 2, 3)]
     np.testing.assert_array_equal(tables.textures.base_color.texels, np.concatenate([one.ravel(), two.ravel()]))
     np.testing.assert_array_equal(tables.geometry.uv, np.concatenate([UV, UV, np.zeros((4, 2))]))
-
-
-def test_each_use_of_a_texture_names_its_row_and_equal_ones_share_it():
+    # Each use of a texture names its row, and equal ones share it.
     bump, shine = pl.Texture(np.full((1, 1, 3), 0.75)), pl.Texture(np.full((2, 2, 3), [1.0, 2.0, 6.0]))
     material = pl.MetallicRoughness(GREY_MAP, GREY_MAP, GREY_MAP, normal_map=bump, emission=shine, opacity=GREY_MAP)
     tables = pl.Scene([square(), square(material, uv=UV)]).tables()

@@ -18,15 +18,13 @@ PLACES[:, 0, 3] = 0, 10, 20
 ROW = pl.scene.Instances(square(), PLACES)
 
 
-def test_scenes_compare_pickle_and_take_bare_backgrounds():
+def test_scenes_compare_pickle_and_hold_all_kinds():
     scene = pl.Scene([square()], [LAMP], 0.5)
     assert scene.background == pl.lights.ConstantBackground(0.5)
     assert pl.Scene([square()], [LAMP], pl.lights.ConstantBackground(0.5)) == scene == pickle.loads(pickle.dumps(scene))
     assert repr(scene) == "Scene(1 mesh, 2 triangles, 1 light, background 0.5)"
     assert pl.Scene(mesh for mesh in [square()]).meshes == (square(),)
-
-
-def test_scenes_hold_all_kinds_of_lights_worlds_and_instances():
+    # All kinds of lights, worlds and instances.
     lights = [LAMP, pl.lights.SphereLight((0, 0, 9), 1.0), pl.lights.PointLight((0, 0, 9)), pl.SunLight((0, 0, -1))]
     lights.append(pl.lights.SpotLight((0, 0, 9), (0, 0, -1)))
     scene = pl.Scene([square(), ROW], lights, SKY)

@@ -58,7 +58,7 @@ def test_every_kind_of_index_strips_and_fans(tmp_path):
         assert area_vectors(mesh).tolist() == [[0, 0, 0.5]] * 2
 
 
-def test_quantised_positions_normals_and_uv(tmp_path):
+def test_quantised_and_sparse_arrays(tmp_path):
     writer = Writer()
     more = {
         "NORMAL": writer.array([(0, 0, 127, 0)] * 4, "<i1", normalized=True, type="VEC3"),
@@ -77,9 +77,7 @@ def test_quantised_positions_normals_and_uv(tmp_path):
     np.testing.assert_allclose(mesh.bounds, [[0, 0, 0], [1, 1, 0]], atol=3e-16)
     np.testing.assert_array_equal(mesh.normals, [[0, 0, 1]] * 4)
     np.testing.assert_array_equal(mesh.uv, np.array(POINTS)[:, :2])
-
-
-def test_arrays_that_lie_between_others_and_sparse_ones(tmp_path):
+    # Arrays that lie between others, and sparse ones.
     writer = Writer()
     mixed = np.concatenate([np.array(POINTS), np.tile([0, 0, 1], (4, 1))], axis=1)
     number = writer.mesh(POINTS, [[0, 1, 2], [0, 2, 3]])
@@ -127,6 +125,18 @@ def test_scale_then_rotation_then_translation_then_the_parent(tmp_path):
     (mesh,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
     # (1, 1, 0) is stretched to (2, 1, 0), turned to (-1, 2, 0), lifted to z = 5, doubled and shifted.
     np.testing.assert_allclose(corners(mesh)[0], [[10, 0, 10], [10, 4, 10], [8, 4, 10]], atol=1e-14)
+    # One node may have many places.
+    writer = Writer()
+    places = {
+        "TRANSLATION": writer.array([(0, 0, 0), (10, 0, 0), (20, 0, 0)]),
+        "ROTATION": writer.array([turned(0), turned(1), turned(2)]),
+    }
+    instancing = {"EXT_mesh_gpu_instancing": {"attributes": places}}
+    writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]), extensions=instancing, translation=[0, 0, 7])
+    found = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+    # The lower right corner (1, 0) goes to (1, 0), (0, 1) and (-1, 0); float32 holds the quaternion to 6e-8.
+    expected = [[1, 0, 7], [10, 1, 7], [19, 0, 7]]
+    np.testing.assert_allclose([corners(mesh)[0, 1] for mesh in found], expected, atol=1e-6)
 
 
 def test_the_scene_to_show_is_shown(tmp_path):
@@ -151,7 +161,7 @@ def many(writer, triangles, **more):
     return writer.mesh(points, mode=5, **more)
 
 
-def test_a_large_mesh_in_several_places_is_kept_once(tmp_path):
+def test_several_places_of_a_large_mesh_are_kept_and_of_small_ones_copied(tmp_path):
     writer = Writer()
     number = many(writer, INSTANCED_FROM)
     writer.node(mesh=number)
@@ -166,9 +176,7 @@ def test_a_large_mesh_in_several_places_is_kept_once(tmp_path):
     np.testing.assert_allclose(other.bounds, [[0, 0, 496], [x, 10, 500]], atol=1e-4)
     # The front stays the front: what faced +z faces -z in the mirror.
     assert (area_vectors(one)[:, 2] > 0).all() and (area_vectors(other)[:, 2] < 0).all()
-
-
-def test_small_meshes_are_copied(tmp_path):
+    # Small meshes are copied.
     writer = Writer()
     number = many(writer, INSTANCED_FROM - 1, material=0)
     writer.node(mesh=number)
@@ -178,20 +186,6 @@ def test_small_meshes_are_copied(tmp_path):
     np.testing.assert_allclose([one.bounds[:, 2] for one in found], [[0, 0.2], [2.8, 3]], atol=1e-6)
     assert (area_vectors(found[0])[:, 2] > 0).all() and (area_vectors(found[1])[:, 2] < 0).all()
     assert found[0].material is found[1].material
-
-
-def test_one_node_may_have_many_places(tmp_path):
-    writer = Writer()
-    places = {
-        "TRANSLATION": writer.array([(0, 0, 0), (10, 0, 0), (20, 0, 0)]),
-        "ROTATION": writer.array([turned(0), turned(1), turned(2)]),
-    }
-    instancing = {"EXT_mesh_gpu_instancing": {"attributes": places}}
-    writer.node(mesh=writer.mesh(POINTS, [[0, 1, 2]]), extensions=instancing, translation=[0, 0, 7])
-    found = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
-    # The lower right corner (1, 0) goes to (1, 0), (0, 1) and (-1, 0); float32 holds the quaternion to 6e-8.
-    expected = [[1, 0, 7], [10, 1, 7], [19, 0, 7]]
-    np.testing.assert_allclose([corners(mesh)[0, 1] for mesh in found], expected, atol=1e-6)
 
 
 def lit(tmp_path, light, **node):

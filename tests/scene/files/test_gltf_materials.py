@@ -122,7 +122,7 @@ def test_tangents_that_differ_from_the_texture_are_spoken_of(tmp_path):
         quad(tmp_path, told, tangents=[along, along, along, across])
 
 
-def test_opacity_by_a_number(tmp_path):
+def test_opacity_by_a_number_and_by_an_image(tmp_path):
     for told, opacity, cutoff in (
         ({}, 1.0, None),
         ({"alphaMode": "OPAQUE"}, 1.0, None),
@@ -132,9 +132,7 @@ def test_opacity_by_a_number(tmp_path):
     ):
         found = material_of(tmp_path, told | {"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.4]}})
         assert (found.opacity, found.cutoff) == (opacity, cutoff), told
-
-
-def test_opacity_is_the_linear_alpha_of_the_base_colour_times_its_factor(tmp_path):
+    # That of an image is linear alpha times the factor.
     pbr = {"baseColorTexture": IMAGE, "baseColorFactor": [1, 1, 1, 0.5]}
     for told, cutoff in (({"alphaMode": "BLEND"}, None), ({"alphaMode": "MASK", "alphaCutoff": 0.3}, 0.3)):
         found = material_of(tmp_path, told | {"pbrMetallicRoughness": pbr})
@@ -153,6 +151,14 @@ def test_wrap_and_filter_of_the_sampler(tmp_path):
     found = material_of(tmp_path, told, sampler=sampler).base
     assert found.wraps == (Wrap.CLAMP, Wrap.MIRROR) and found.filter is TextureFilter.NEAREST
     assert material_of(tmp_path, told, sampler={"magFilter": 9729}).base.filter is TextureFilter.BILINEAR
+    # Textures that lie in several ways are refused.
+    told = moved(scale=[2, 2])
+    shifted = {"index": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
+    assert material_of(tmp_path, told | {"normalTexture": shifted}).normal_map is not None
+    with pytest.raises(pl.errors.FileError, match=r"quad\.gltf.*'skin' moves its textures in 2 ways.*bake"):
+        quad(tmp_path, told | {"normalTexture": {"index": 1}})
+    # Without emissiveFactor this one is black.
+    assert quad(tmp_path, told | {"emissiveTexture": {"index": 1}}).material.emission == 0.0
 
 
 def moved(**transform):
@@ -180,16 +186,6 @@ def test_texture_transforms_are_baked_into_uv(tmp_path):
     np.testing.assert_allclose(quad(tmp_path, moved(texCoord=1), more_uv=other).uv, expected, atol=1e-7)
     with pytest.raises(pl.errors.FileError, match=r"quad\.gltf.*uv is None"):
         quad(tmp_path, told)
-
-
-def test_textures_that_lie_in_several_ways_are_refused_unless_they_are_not_used(tmp_path):
-    told = moved(scale=[2, 2])
-    shifted = {"index": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
-    assert material_of(tmp_path, told | {"normalTexture": shifted}).normal_map is not None
-    with pytest.raises(pl.errors.FileError, match=r"quad\.gltf.*'skin' moves its textures in 2 ways.*bake"):
-        quad(tmp_path, told | {"normalTexture": {"index": 1}})
-    # Without emissiveFactor this one is black.
-    assert quad(tmp_path, told | {"emissiveTexture": {"index": 1}}).material.emission == 0.0
 
 
 def coated(**coat):
@@ -226,6 +222,16 @@ def test_a_surface_that_transmits_all_light_without_a_volume_is_a_pane(tmp_path)
     metal = transmitting(1.0)
     metal["pbrMetallicRoughness"]["metallicFactor"] = 1.0
     assert material_of(tmp_path, metal).opacity == 1.0
+    # By a texture it is left out.
+    told = transmitting()
+    told["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = IMAGE
+    with pytest.warns(UserWarning, match="'skin' transmits light through parts"):
+        assert material_of(tmp_path, told).opacity == 1.0
+    told = transmitting()
+    told["pbrMetallicRoughness"]["baseColorTexture"] = IMAGE
+    with pytest.warns(UserWarning, match="'skin' are replaced by their means"):
+        found = material_of(tmp_path, told)
+    np.testing.assert_allclose(found.transmittance, DECODED.mean(axis=(0, 1)), rtol=1e-6)
 
 
 def test_a_volume_transmits_its_attenuation_colour_after_the_attenuation_distance(tmp_path):
@@ -246,18 +252,6 @@ def test_a_volume_transmits_its_attenuation_colour_after_the_attenuation_distanc
     # Clear glass absorbs nothing, and black glass a finite amount.
     assert material_of(tmp_path, transmitting(**volume)) == pl.Dielectric(1.5)
     assert 5 < material_of(tmp_path, transmitting(base=(0, 0, 0, 1), **volume)).absorption < 50
-
-
-def test_transmission_by_a_texture_is_left_out_with_a_warning(tmp_path):
-    told = transmitting()
-    told["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = IMAGE
-    with pytest.warns(UserWarning, match="'skin' transmits light through parts"):
-        assert material_of(tmp_path, told).opacity == 1.0
-    told = transmitting()
-    told["pbrMetallicRoughness"]["baseColorTexture"] = IMAGE
-    with pytest.warns(UserWarning, match="'skin' are replaced by their means"):
-        found = material_of(tmp_path, told)
-    np.testing.assert_allclose(found.transmittance, DECODED.mean(axis=(0, 1)), rtol=1e-6)
 
 
 def test_unlit_materials_shine_and_specular_glossiness_becomes_plastic(tmp_path):
@@ -293,9 +287,7 @@ def test_an_image_is_one_texture_in_all_materials_that_use_it_alike(tmp_path):
         header["textures"][0] = {"extensions": {"EXT_texture_webp": {"source": 2}}}
         (tmp_path / "quad.gltf").write_text(json.dumps(header))
         assert load_file(tmp_path / "quad.gltf").meshes[0].material.base == texture(CODES[..., :3])
-
-
-def test_a_material_of_ones_own_needs_none_of_the_files(tmp_path):
+    # A material of one's own needs none of the files.
     quad(tmp_path, moved(scale=[2, 2]))
     (tmp_path / "skin a.png").unlink()
     with pytest.raises(pl.errors.FileError, match=r"'skin' is missing or not an image.*'skin a\.png'.*material="):

@@ -128,9 +128,7 @@ def test_any_number_gives_a_value_of_the_texture():
     # A constant is constant to the last bit.
     points = np.random.default_rng(10).normal(size=(1000, 2)) * 10
     assert (looked_up(pl.Texture(np.full((3, 7, 3), 0.3)), points) == np.float32(0.3)).all()
-
-
-def test_grey_among_colours():
+    # Grey among colours.
     points = np.random.default_rng(11).uniform(-2, 2, (50, 2))
     for between in TextureFilter:
         grey = random_texture(12, (4, 3, 1), filter=between)

@@ -107,6 +107,17 @@ def test_files_that_are_no_images_are_named(tmp_path):
         pl.Texture.from_image(damaged)
     with pytest.raises(pl.errors.InvalidValueError, match="Pillow"):
         pl.Texture.from_image(noise)
+    # Options are kept or refused.
+    image = PIL.Image.new("RGB", (1, 1))
+    image.save(tmp_path / "a.png")
+    for make in (lambda **k: pl.Texture.load(tmp_path / "a.png", **k), lambda **k: pl.Texture.from_image(image, **k)):
+        for channel in (-1, 4, 1.0, "R", True):
+            with pytest.raises(pl.errors.InvalidValueError, match="channel is"):
+                make(channel=channel)
+        with pytest.raises(pl.errors.InvalidValueError, match="Encoding.SRGB or Encoding.LINEAR"):
+            make(encoding="sRGB")
+        made = make(wrap=Wrap.MIRROR, filter=TextureFilter.NEAREST)
+        assert (made.wrap, made.filter) == (Wrap.MIRROR, TextureFilter.NEAREST)
 
 
 CODES = np.random.default_rng(3).integers(0, 256, (4, 5, 4), dtype=np.uint8)
@@ -180,19 +191,6 @@ def test_16_bits_keep_all_of_them_and_floats_are_linear(tmp_path):
     # The middle of a step of mantissa may be meant, too: half a step of 1 / 256 x 2.
     np.testing.assert_allclose(pl.Texture.load(tmp_path / "a.hdr").texels[0, 0], [1, 0.5, 0.25], atol=1 / 256)
     assert (pl.Texture.load(tmp_path / "a.hdr").texels[0, 1] == 0).all()
-
-
-def test_options_of_images_are_kept_or_refused(tmp_path):
-    image = PIL.Image.new("RGB", (1, 1))
-    image.save(tmp_path / "a.png")
-    for make in (lambda **k: pl.Texture.load(tmp_path / "a.png", **k), lambda **k: pl.Texture.from_image(image, **k)):
-        for channel in (-1, 4, 1.0, "R", True):
-            with pytest.raises(pl.errors.InvalidValueError, match="channel is"):
-                make(channel=channel)
-        with pytest.raises(pl.errors.InvalidValueError, match="Encoding.SRGB or Encoding.LINEAR"):
-            make(encoding="sRGB")
-        made = make(wrap=Wrap.MIRROR, filter=TextureFilter.NEAREST)
-        assert (made.wrap, made.filter) == (Wrap.MIRROR, TextureFilter.NEAREST)
 
 
 def png_header(width, height):
