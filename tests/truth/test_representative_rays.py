@@ -1,6 +1,7 @@
 """The ray that stands for a pixel: it is there wherever light is, starts on the pixel, and sees what dense rays see."""
 
 import dataclasses
+import itertools
 import signal
 
 import numpy as np
@@ -65,10 +66,14 @@ CAMERAS = {
 }
 
 
-def assert_lit_pixels_have_truth(name):
+QUICK = ["2.0 0.1", "1.7 2.3", "star", "tilted", "irregular", "multi-focus", "wide open", "thick"]
+
+
+@pytest.mark.parametrize("names", [QUICK, pytest.param(list(CAMERAS), marks=pytest.mark.slow)], ids=["some", "all"])
+def test_every_lit_pixel_has_truth(names):
     # Up to 100 % of lit pixels had none: no light reaches their centres.
-    camera = CAMERAS[name]
-    for region in (CORNER, MIDDLE):
+    for name, region in itertools.product(names, (CORNER, MIDDLE)):
+        camera = CAMERAS[name]
         # Of a pixel that one path in 100 reaches, 1024 miss the light once in 3e4.
         white = pl.render_white(camera, samples=1024, replicates=2, region=region, progress=False).image[..., 0]
         truth = pl.ground_truth(pl.shapes.white_plane(), camera, region=region)
@@ -79,20 +84,6 @@ def assert_lit_pixels_have_truth(name):
         assert (truth.state[lit] == PixelState.SEEN).all(), name
         # What bounds call dark is.
         assert not white[truth.state == PixelState.DARK].any(), name
-
-
-QUICK = ["2.0 0.1", "1.7 2.3", "star", "tilted", "irregular", "multi-focus", "wide open", "thick"]
-
-
-def test_every_lit_pixel_has_truth():
-    for name in QUICK:
-        assert_lit_pixels_have_truth(name)
-
-
-@pytest.mark.slow
-def test_every_lit_pixel_of_every_camera_has_truth():
-    for name in CAMERAS:
-        assert_lit_pixels_have_truth(name)
 
 
 def test_rays_start_at_the_centre_or_inside_the_sensitive_area():

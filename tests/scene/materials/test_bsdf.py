@@ -4,6 +4,7 @@ Directions are in the frame of the front here, z < 0 behind it; `bsdf` has z on 
 """
 
 import cmath
+import itertools
 import math
 
 import mpmath
@@ -55,8 +56,7 @@ def towards(angle_deg, azimuth_deg=0.0):
 
 def points(n):
     """(n, 3): a lattice (Korobov's, odd generator, so that each column holds every k / n once), shifted by half."""
-    steps = 1 << (n.bit_length() - 1)
-    assert n == steps, "a power of two, prime to odd generators"
+    assert n & (n - 1) == 0, "a power of two, prime to odd generators"
     generator = [1, 1_540_483_477 % n | 1, 1_013_904_223 % n | 1]
     return (np.arange(n)[:, None] * np.array(generator) % n + 0.5) / n
 
@@ -86,13 +86,12 @@ def index_at(material, direction):
     return np.where(direction[:, 2] > 0, material.exterior, material.index)
 
 
-def returned(material, viewer, n=1 << 13, seed=None):
+def returned(material, viewer, n=1 << 13):
     """(C,), (C,): share of the power that a surface gives back, and its standard error over 16 batches.
 
     Transmitted radiance has changed with the square of the index, which is taken back.
     """
-    u = points(n) if seed is None else np.random.default_rng(seed).random((n, 3))
-    direction, weight, _ = drawn(material, viewer, u)
+    direction, weight, _ = drawn(material, viewer, points(n))
     ratio = np.where(np.isfinite(direction[:, 2]), index_at(material, direction) / index_at(material, viewer), 0.0)
     batches = (weight * ratio[:, None] ** 2).reshape(16, n // 16, -1).mean(axis=1)
     return batches.mean(axis=0), batches.std(axis=0, ddof=1) / 4
@@ -148,49 +147,37 @@ def expected_in_bins(material, viewer, z_edges, azimuth_edges, order=6):
     return np.einsum("ij,ijkl,kl->ik", wz, density, waz)
 
 
-def chance_of_at_least(chi_square, freedom):
-    return float(mpmath.gammainc(freedom / 2, chi_square / 2, mpmath.inf, regularized=True))
-
-
 VIEWS_DEG = (3.0, 40.0, 75.0, 88.0, 140.0, 100.0)
+EVERY = pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
 
 
-def assert_drawn_by_density(name, angle_deg):
+@EVERY
+def test_directions_are_drawn_as_often_as_their_density_says(every):
     # Pearson's chi-square over some 1100 bins, those with fewer than 10 expected draws taken together. What is
     # drawn and leads nowhere (weight 0 below a horizon) counts in a bin of its own, where the density is 0. All tests
     # of this kind together fail by chance once in 1000 seeds.
-    material, viewer, n = ROUGH[name], towards(angle_deg), 20_000
-    direction, weight, _ = drawn(material, viewer, np.random.default_rng(11).random((n, 3)))
-    z_edges, azimuth_edges = bins_about(material, viewer)
-    expected = n * expected_in_bins(material, viewer, z_edges, azimuth_edges).ravel()
-    alive = (weight > 0).any(axis=1)
-    azimuth = np.arctan2(direction[:, 1], direction[:, 0]) % (2 * math.pi)
-    found = np.histogram2d(direction[alive, 2], azimuth[alive], [z_edges, azimuth_edges])[0].ravel()
-    expected, found = np.append(expected, n - expected.sum()), np.append(found, n - found.sum())
-    assert expected.min() > -1e-3 * n  # the density integrates to 1 at most: what quadrature leaves is below 1e-3
-    large = expected >= 10
-    expected = np.append(expected[large], max(expected[~large].sum(), 1e-9))
-    found = np.append(found[large], found[~large].sum())
-    if expected[-1] < 10:
-        assert found[-1] < 40
-        expected, found = expected[:-1], found[:-1]
-    chi_square = float(((found - expected) ** 2 / expected).sum())
-    assert len(expected) > 20
-    chance = chance_of_at_least(chi_square, len(expected) - 1)
-    assert chance > 1e-3 / (len(ROUGH) * len(VIEWS_DEG)), (name, angle_deg)
-
-
-def test_directions_are_drawn_as_often_as_their_density_says():
-    for k, name in enumerate(ROUGH):
-        assert_drawn_by_density(name, VIEWS_DEG[:4][k % 4])
-        assert_drawn_by_density(name, VIEWS_DEG[4:][k % 2])
-
-
-@pytest.mark.slow
-def test_directions_are_drawn_as_often_as_their_density_says_from_all_views():
-    for name in ROUGH:
-        for angle_deg in VIEWS_DEG:
-            assert_drawn_by_density(name, angle_deg)
+    some = [(name, VIEWS_DEG[k]) for i, name in enumerate(ROUGH) for k in (i % 4, 4 + i % 2)]
+    for name, angle_deg in itertools.product(ROUGH, VIEWS_DEG) if every else some:
+        material, viewer, n = ROUGH[name], towards(angle_deg), 20_000
+        direction, weight, _ = drawn(material, viewer, np.random.default_rng(11).random((n, 3)))
+        z_edges, azimuth_edges = bins_about(material, viewer)
+        expected = n * expected_in_bins(material, viewer, z_edges, azimuth_edges).ravel()
+        alive = (weight > 0).any(axis=1)
+        azimuth = np.arctan2(direction[:, 1], direction[:, 0]) % (2 * math.pi)
+        found = np.histogram2d(direction[alive, 2], azimuth[alive], [z_edges, azimuth_edges])[0].ravel()
+        expected, found = np.append(expected, n - expected.sum()), np.append(found, n - found.sum())
+        assert expected.min() > -1e-3 * n  # the density integrates to 1 at most: what quadrature leaves is below 1e-3
+        large = expected >= 10
+        expected = np.append(expected[large], max(expected[~large].sum(), 1e-9))
+        found = np.append(found[large], found[~large].sum())
+        if expected[-1] < 10:
+            assert found[-1] < 40
+            expected, found = expected[:-1], found[:-1]
+        chi_square, freedom = float(((found - expected) ** 2 / expected).sum()), len(expected) - 1
+        assert freedom > 19
+        # The chance of at least this.
+        chance = float(mpmath.gammainc(freedom / 2, chi_square / 2, mpmath.inf, regularized=True))
+        assert chance > 1e-3 / (len(ROUGH) * len(VIEWS_DEG)), (name, angle_deg)
 
 
 def test_weights_are_values_over_densities():
@@ -256,25 +243,16 @@ def test_white_matt_surfaces_reflect_all_by_quadrature():
             assert drawn_at_all == pytest.approx(1, abs=1e-6), (material, angle_deg)
 
 
-def assert_white_plastic(roughness, angle_deg):
+@EVERY
+def test_white_plastic_reflects_all_by_quadrature(every):
     # What base and layer share is balanced by a table, and what lies between its rows by a straight line. Of the
     # directions drawn for the highlight some would lead below the horizon.
-    plastic = pl.MetallicRoughness(1.0, 0.0, roughness)
-    reflected, drawn_at_all = reflected_by_quadrature(plastic, towards(angle_deg), max(roughness**2, 1e-3))
-    assert reflected == pytest.approx(1, abs=2e-3), (roughness, angle_deg)
-    assert 0.5 < drawn_at_all < 1 + 2e-3, (roughness, angle_deg)
-
-
-def test_white_plastic_reflects_all_by_quadrature():
-    for roughness, angle_deg in ((0.0, 55.0), (0.05, 85.0), (0.12, 0.0), (0.33, 75.0), (0.5, 89.5), (1.0, 88.0)):
-        assert_white_plastic(roughness, angle_deg)
-
-
-@pytest.mark.slow
-def test_white_plastic_reflects_all_by_quadrature_at_every_angle():
-    for roughness in (0.0, 0.05, 0.12, 0.33, 0.5, 1.0):
-        for angle_deg in (0.0, 55.0, 75.0, 85.0, 88.0, 89.5):
-            assert_white_plastic(roughness, angle_deg)
+    rough, angles = (0.0, 0.05, 0.12, 0.33, 0.5, 1.0), (55.0, 85.0, 0.0, 75.0, 89.5, 88.0)
+    for roughness, angle_deg in itertools.product(rough, angles) if every else zip(rough, angles, strict=True):
+        plastic = pl.MetallicRoughness(1.0, 0.0, roughness)
+        reflected, drawn_at_all = reflected_by_quadrature(plastic, towards(angle_deg), max(roughness**2, 1e-3))
+        assert reflected == pytest.approx(1, abs=2e-3), (roughness, angle_deg)
+        assert 0.5 < drawn_at_all < 1 + 2e-3, (roughness, angle_deg)
 
 
 def smith(z, alpha):
