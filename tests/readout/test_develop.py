@@ -62,6 +62,12 @@ def near(found, expected, variance, n=PIXELS):
     return abs(found - expected) < FIVE_SIGMA * math.sqrt(variance / n)
 
 
+def assert_poisson(found, mean):
+    assert near(found.mean(), mean, mean), mean
+    # The fourth central moment of Poisson is m + 3 m^2, so the variance of the sample variance is (m + 2 m^2) / n.
+    assert near(found.var(), mean, mean + 2 * mean**2), mean
+
+
 def test_same_seed_same_bits_and_another_seed_others():
     shot = pl.Exposure(picture())
     one = develop(shot, EVERYTHING, seed=3)
@@ -114,9 +120,7 @@ def test_shot_noise_has_the_mean_as_variance():
     for electrons in (0.1, 1.0, 10.0, 1000.0):
         found = numbers(with_(shot_noise=ShotNoise.POISSON, photon_rate=electrons), 1.0)
         assert np.array_equal(found, np.rint(found))
-        assert near(found.mean(), electrons, electrons), electrons
-        # The fourth central moment of Poisson is m + 3 m^2, so the variance of the sample variance is (m + 2 m^2) / n.
-        assert near(found.var(), electrons, electrons + 2 * electrons**2), electrons
+        assert_poisson(found, electrons)
         # exp(-m) of the pixels stay empty.
         empty = math.exp(-electrons)
         assert near(np.mean(found == 0), empty, max(empty * (1 - empty), 1 / PIXELS)), electrons
@@ -154,15 +158,11 @@ def test_prnu_scales_with_the_light_and_leaves_the_dark_alone():
 
 def test_dark_current_collects_with_time_and_has_shot_noise():
     assert np.all(numbers(with_(dark_current=6.0, exposure_time=0.5), 0.0) == 3.0)
-    found = numbers(with_(dark_current=6.0, exposure_time=0.5, shot_noise=ShotNoise.POISSON), 0.0)
-    assert near(found.mean(), 3, 3)
-    assert near(found.var(), 3, 3 + 2 * 9)
+    assert_poisson(numbers(with_(dark_current=6.0, exposure_time=0.5, shot_noise=ShotNoise.POISSON), 0.0), 3.0)
 
 
 def test_light_and_dark_current_together_are_one_poisson_variable():
-    found = numbers(with_(dark_current=4.0, shot_noise=ShotNoise.POISSON), 5.0)
-    assert near(found.mean(), 9, 9)
-    assert near(found.var(), 9, 9 + 2 * 81)
+    assert_poisson(numbers(with_(dark_current=4.0, shot_noise=ShotNoise.POISSON), 5.0), 9.0)
 
 
 def test_full_well_in_closed_form():

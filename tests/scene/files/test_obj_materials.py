@@ -37,35 +37,28 @@ SMOOTH = math.sqrt(math.sqrt(2 / 200))  # roughness for Ns 198: alpha is 0.1
 
 
 TABLE = [
-    # Plain surfaces
     ([], pl.Lambertian(1.0)),
     (["Kd 0.1 0.2 0.3"], pl.Lambertian((0.1, 0.2, 0.3))),
     (["Kd 0.5"], pl.Lambertian(0.5)),
     (["Kd 0.5 0.5 0.5", "Ks 0 0 0", "illum 2"], pl.Lambertian(0.5)),
     (["Kd 0.5 0.5 0.5", "Ks 1 1 1", "Ns 198", "illum 1"], pl.Lambertian(0.5)),
-    # Gloss
     (["Kd 0.5 0.5 0.5", "Ks 1 1 1", "Ns 198", "illum 2"], pl.MetallicRoughness(0.5, 0.0, SMOOTH)),
     (["Kd 0.5 0.5 0.5", "Ks 1 1 1", "Ns 198"], pl.MetallicRoughness(0.5, 0.0, SMOOTH)),
     (["Kd 0.5 0.5 0.5", "Ks 1 1 1"], pl.MetallicRoughness(0.5, 0.0, 1.0)),
-    # Mirrors
     (["Kd 0 0 0", "Ks 0.9 0.8 0.7", "Ns 198", "illum 3"], pl.Conductor((0.9, 0.8, 0.7), 0.1)),
     (["Kd 0.3 0.3 0.3", "Ks 0.1 0.1 0.1", "Ns 198", "illum 3"], pl.MetallicRoughness(0.4, 0.25, SMOOTH)),
     (["Kd 0.9 0.9 0.9", "Ks 0.9 0.9 0.9", "Ns 198", "illum 5"], pl.MetallicRoughness(1.0, 0.5, SMOOTH)),
-    # Physically based numbers
     (["Kd 0.5 0.5 0.5", "Pr 0.25", "Pm 0.75"], pl.MetallicRoughness(0.5, 0.75, 0.25)),
     (["Kd 0.5 0.5 0.5", "Pm 1", "Ns 198"], pl.MetallicRoughness(0.5, 1.0, SMOOTH)),
-    # Glass
     (["illum 6", "d 0.5", "Ni 1.3"], pl.Dielectric(1.3)),
     (["illum 7", "Tf 1 1 1"], pl.Dielectric(1.5)),
     (["illum 4", "Tf 0.5 1 0.5", "Ni 1.4"], pl.materials.ThinGlass(1.4, (0.5, 1.0, 0.5))),
     (["illum 7", "Kd 0.5 0.5 0.5"], pl.Lambertian(0.5)),
-    # Opacity
     (["Kd 0.5 0.5 0.5", "d 0.25"], pl.MetallicRoughness(0.5, 0.0, 1.0, opacity=0.25)),
     (["Kd 0.5 0.5 0.5", "Tr 0.25"], pl.MetallicRoughness(0.5, 0.0, 1.0, opacity=0.75)),
     (["Kd 0.5 0.5 0.5", "d 1", "Tr 1"], pl.Lambertian(0.5)),
     (["Kd 0.5", "illum 9", "d 0.25"], pl.MetallicRoughness(0.5, 0.0, 1.0, opacity=0.25)),
     (["Kd 0 0 0", "Ks 1 1 1", "d 0.25"], pl.MetallicRoughness(0.0, 0.0, 1.0, opacity=0.25)),
-    # Light
     (["Ke 3 2 1"], pl.Emissive((3.0, 2.0, 1.0))),
     (["Kd 0 0 0", "Ke 5 5 5"], pl.Emissive(5.0)),
     (["Kd 0.5 0.5 0.5", "Ke 5 5 5"], pl.MetallicRoughness(0.5, 0.0, 1.0, emission=5.0)),

@@ -116,16 +116,22 @@ def assert_found(intersector, rays, rows, places, clear):
     np.testing.assert_array_equal(placed[clear], places[clear])
 
 
-def test_finds_what_float64_finds():
+def test_finds_what_float64_finds_and_is_blocked_where_that_is_before_the_end():
     rng = np.random.default_rng(1)
     box = Instances(pl.box(2), turned(rng, 5, reach=5))
-    for records, reach in ((crowd(rng), 14), (records_of([], [box]), 8)):
+    for records, reach, some in ((crowd(rng), 14, 0.1), (records_of([], [box]), 8, 0.03)):
         rays = random_rays(rng, 2000, reach=reach)
-        rows, places, _, clear = nearest(records, rays)
+        rays[:, 3:] *= rng.uniform(1, 40, (2000, 1))
+        rows, places, reached, clear = nearest(records, rays)
         assert clear.mean() > 0.95 and (places >= 0).mean() > 0.05
         assert records[1].plain == 0 or ((rows >= 0) & (places < 0)).mean() > 0.01
+        sure = clear & (np.abs(reached - 1) > 1e-4)  # in units of the direction, which ends a shadow ray
         for build in BUILDS:
-            assert_found(build(*records), rays, rows, places, clear)
+            intersector, blocked = build(*records), np.full(2000, 7, np.uint8)
+            assert_found(intersector, rays, rows, places, clear)
+            intersector.fill_blocked(blocked, rays)
+            assert sure.mean() > 0.9 and some < blocked.mean() < 0.9
+            np.testing.assert_array_equal(blocked[sure], reached[sure] < 1)
 
 
 def test_what_is_not_asked_for_or_not_there():
@@ -146,19 +152,6 @@ def test_what_is_not_asked_for_or_not_there():
     with ThreadPoolExecutor(2) as pool:
         parts = list(pool.map(lambda part: ask(intersector, part), np.array_split(rays, 40)))
     np.testing.assert_array_equal(np.concatenate(parts, axis=1), ask(intersector, rays))
-
-
-def test_blocked_where_the_nearest_hit_is_before_the_end():
-    rng = np.random.default_rng(3)
-    records, rays = crowd(rng), random_rays(rng, 2000, reach=20)
-    rays[:, 3:] *= rng.uniform(1, 40, (2000, 1))
-    _, _, reached, clear = nearest(records, rays)
-    clear &= np.abs(reached - 1) > 1e-4  # in units of the direction, which ends a shadow ray
-    for build in BUILDS:
-        blocked = np.full(2000, 7, np.uint8)
-        build(*records).fill_blocked(blocked, rays)
-        assert clear.mean() > 0.9 and 0.1 < blocked.mean() < 0.9
-        np.testing.assert_array_equal(blocked[clear], reached[clear] < 1)
 
 
 def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them():

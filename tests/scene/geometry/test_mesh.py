@@ -56,9 +56,7 @@ def test_impossible_meshes_are_refused():
     many = np.zeros((70_000, 3), dtype=int)
     many[-1] = [0, 1, 2]
     assert len(pl.Mesh(CORNERS, many).faces) == 70_000
-
-
-def test_a_texture_needs_coordinates():
+    # A texture needs coordinates.
     textured = pl.Lambertian(pl.Texture(np.full((1, 1, 1), 0.5)))
     with pytest.raises(pl.errors.SceneError, match="uv is None"):
         tetrahedron(material=textured)

@@ -117,20 +117,7 @@ def test_directions_of_any_length_are_kept_as_unit_vectors():
             np.testing.assert_allclose(light.direction, direction, rtol=1e-15)
             # Unit vectors keep their bits, so that lights survive a round trip through their own fields.
             assert type(light)(**{name: getattr(light, name) for name in light.__dataclass_fields__}) == light
-
-
-def test_the_disc_of_a_sun_gives_its_irradiance():
-    for angular_radius in (1e-6, 0.00465, 0.3, 1.5):
-        sun = SunLight((0, -1, 0), (1.0, 2.0, 4.0), angular_radius)
-        # The integral of L cos over the disc, by the midpoint rule: error (step)^2 / 24.
-        edges = np.linspace(0, angular_radius, 10_001)
-        middle = 0.5 * (edges[1:] + edges[:-1])
-        projected = (2 * math.pi * np.cos(middle) * np.sin(middle) * np.diff(edges)).sum()
-        np.testing.assert_allclose(np.array(sun.radiance) * projected, (1, 2, 4), rtol=1e-7)
-    assert SunLight((0, -1, 0), angular_radius=0).radiance is None
-
-
-def test_a_sun_stands_where_its_angles_say_and_has_the_size_of_the_sun():
+    # A sun stands where its angles say.
     for azimuth, elevation, stands in (
         (0, 0, (0, 0, -1)),
         (math.pi / 2, 0, (1, 0, 0)),
@@ -143,6 +130,17 @@ def test_a_sun_stands_where_its_angles_say_and_has_the_size_of_the_sun():
         assert (sun.irradiance, sun.angular_radius) == (2.0, 0.1)
     # IAU 2015 Resolution B3: 695700 km; 1 au = 149597870.7 km. The default has three digits.
     assert SunLight((0, -1, 0)).angular_radius == pytest.approx(math.asin(695700 / 149597870.7), abs=5e-6)
+
+
+def test_the_disc_of_a_sun_gives_its_irradiance():
+    for angular_radius in (1e-6, 0.00465, 0.3, 1.5):
+        sun = SunLight((0, -1, 0), (1.0, 2.0, 4.0), angular_radius)
+        # The integral of L cos over the disc, by the midpoint rule: error (step)^2 / 24.
+        edges = np.linspace(0, angular_radius, 10_001)
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        projected = (2 * math.pi * np.cos(middle) * np.sin(middle) * np.diff(edges)).sum()
+        np.testing.assert_allclose(np.array(sun.radiance) * projected, (1, 2, 4), rtol=1e-7)
+    assert SunLight((0, -1, 0), angular_radius=0).radiance is None
 
 
 ORIGIN, X, Y, UP = (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)

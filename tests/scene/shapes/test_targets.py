@@ -189,9 +189,7 @@ def test_random_dots_lie_where_their_points_say():
     dark = np.zeros((30, 40), dtype=bool)
     dark[tuple(board.index.T)] = True
     np.testing.assert_array_equal(texels, np.where(dark[..., None], [0.1, 0, 0], 0.9).astype(np.float32))
-
-
-def test_random_dots_have_their_density():
+    # They have their density.
     n = 300
     dark = targets.random_dots(n, n, dot=0.1, density=0.3, seed=1).meshes[0].material.albedo.texels[..., 0] < 0.5
     # Four standard errors of n^2 draws, and of n (n - 1) products of neighbours.
@@ -224,9 +222,7 @@ def test_meshes_and_points_move_together():
             assert (moved.index is None and target.index is None) or (moved.index == target.index).all()
             there = np.concatenate([mesh.vertices for mesh in moved.meshes])
             np.testing.assert_allclose(moved.points, weights.T @ there[chosen], rtol=0, atol=404 * 100 * EPS)
-
-
-def test_frequencies_follow_the_scale_and_nothing_else():
+    # Frequencies follow the scale and nothing else.
     chart = TARGETS["USAF, one group"]
     turned = chart.rotated_deg((1, 1, 0), 40).translated(z=-300)
     np.testing.assert_array_equal(turned.frequencies, chart.frequencies)
