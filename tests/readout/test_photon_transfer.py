@@ -75,6 +75,9 @@ def test_quantisation_adds_a_twelfth():
     )
     assert np.all(np.abs(curve.variance - (2.25 + 1 / 12)) < 4 * math.sqrt(2 / PIXELS) * (2.25 + 1 / 12))
     assert curve.expected_variance == pytest.approx(2.25 + 1 / 12)
+    lines = SensorModel(1.0, shot_noise=ShotNoise.NONE, read_noise=1.5, row_noise=2.0, column_dsnu=3.0, bits=None)
+    curve = photon_transfer(lines, [0.5], shape=(4, 4))
+    assert (*curve.expected_variance, *curve.expected_pattern_variance) == pytest.approx((2.25 + 4.0, 9.0))
 
 
 def test_the_slope_is_the_gain():
