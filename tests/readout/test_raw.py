@@ -65,6 +65,10 @@ def test_it_knows_its_levels_and_filters_and_is_a_value():
     assert made == raw() == pickle.loads(pickle.dumps(made))
     assert not made.data.flags.writeable
     assert dataclasses.replace(made, seed=8) != made
+    # Notebooks see a picture and the facts.
+    html = raw()._repr_html_()
+    assert "6 x 9, GBRG, 16 bits" in html and "rows 10:16, columns 21:30" in html
+    assert len(html) < 200_000 and "data:image/png" in html
 
 
 def test_files_give_back_every_bit(tmp_path):
@@ -95,12 +99,6 @@ def test_files_that_are_no_raw_images_are_refused(tmp_path):
         made.save(tmp_path / "raw.exr")
     with pytest.raises(InvalidValueError, match="not quantised"):
         RawImage([[0.5]], SensorModel(1.0, bits=None)).save(tmp_path / "raw.png")
-
-
-def test_notebooks_see_a_picture_and_the_facts():
-    html = raw()._repr_html_()
-    assert "6 x 9, GBRG, 16 bits" in html and "rows 10:16, columns 21:30" in html
-    assert len(html) < 200_000 and "data:image/png" in html
 
 
 def test_impossible_data_are_refused():

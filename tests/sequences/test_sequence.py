@@ -74,7 +74,7 @@ def test_bits_do_not_depend_on_the_frames_before(sequence):
     assert rendered(fresh[2]).image.tobytes() == forwards[2]
 
 
-def test_what_stands_still_is_built_once(sequence, monkeypatch):
+def test_what_stands_still_is_built_once_and_nothing_is_kept(sequence, monkeypatch):
     build, numbers = moving.build_intersector, []
 
     def counted(geometry, *instances):
@@ -94,9 +94,7 @@ def test_what_stands_still_is_built_once(sequence, monkeypatch):
     for record in records[1:]:
         assert record.vertices is records[0].vertices and record.triangles is records[0].triangles
         assert np.array_equal(record.middle, records[0].middle)
-
-
-def test_nothing_is_kept_when_the_sequence_goes():
+    # Nothing is kept when the sequence goes.
     here = pl.Sequence(scene(), reference_camera(), (0, 1), motions={"die": TURN})
     assert cache.prepared_scene(here[0].scene).intersector is not None
     assert cache._kept._last is not None

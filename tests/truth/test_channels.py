@@ -96,7 +96,7 @@ def test_no_microlens_is_kept_by_single_precision():
     assert int(np.float32(NO_MICROLENS)) == NO_MICROLENS == np.iinfo(np.int32).min
 
 
-def test_every_channel_names_the_function_and_the_stage_that_fill_it():
+def test_every_channel_names_what_fills_it_and_is_in_the_documents():
     for name, channel in CHANNELS.items():
         fill, stage = filling(name)
         assert (
@@ -104,9 +104,6 @@ def test_every_channel_names_the_function_and_the_stage_that_fill_it():
             and stage == channel.source.stage
             and isinstance(getattr(PixelStages, stage), cached_property)
         )
-
-
-def test_the_table_in_the_documents_is_the_list():
     text = (Path(__file__).parents[2] / "docs" / "conventions.md").read_text(encoding="utf-8")
     for name, channel in CHANNELS.items():
         shape = ", ".join(["H", "W", *map(str, channel.shape)])

@@ -78,9 +78,7 @@ def test_without_aberrations_it_is_that_of_rays_near_the_pixels_own():
         seen = np.isfinite(found.disparity)
         assert seen.any() and np.array_equal(np.isfinite(found.chord_disparity), seen)
         assert np.abs(found.chord_disparity / found.disparity - 1)[seen].max() < 1e-7
-
-
-def test_lenses_without_a_lattice_have_no_neighbours():
+    # Lenses without a lattice have no neighbours.
     centres = camera().microlenses.lenses((-1.0, -1.0), (1.0, 1.0)).design
     array = pl.MicrolensArray(pitch=0.12, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=centres)
     free = dataclasses.replace(camera(), microlenses=array)

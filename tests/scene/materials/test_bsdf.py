@@ -374,9 +374,7 @@ def test_snell_and_mirrors():
         np.testing.assert_allclose(direction[~stays], np.tile(-viewer[0], ((~stays).sum(), 1)), atol=1e-15)
         one = sum(fresnel(abs(viewer[0, 2]), 1.5)) / 2
         assert weight[~stays].sum() / 256 == pytest.approx(0.5 * (1 - one) / (1 + one), abs=2**-7)
-
-
-def test_exact_directions_have_no_value_that_could_be_hit_by_chance():
+    # Exact directions have no value that could be hit by chance.
     light = towards(30.0, 180.0)
     for material in (pl.Conductor(), pl.Dielectric(1.5), pl.materials.ThinGlass()):
         values, density = evaluated(material, towards(30.0), np.concatenate([light, -light, towards(31.0, 180.0)]))

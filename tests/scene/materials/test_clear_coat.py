@@ -133,9 +133,7 @@ def test_white_stays_white_under_a_coat_and_no_light_is_made():
     for material, least in (*((white, 0.99) for white in whites), *((coated, 0.0) for coated in COATED.values())):
         for angle_deg in (0.0, 60.0, 80.0, 88.0):
             assert least <= given_back(material, towards(angle_deg)).max() <= 1 + 1e-3, (material, angle_deg)
-
-
-def test_without_a_coat_nothing_changes():
+    # Without a coat nothing changes.
     rng = np.random.default_rng(3)
     o, i = np.abs(rng.normal(size=(2, 100, 3)))
     bare = pl.MetallicRoughness(GOLD, 0.5, 0.4)

@@ -255,7 +255,7 @@ def test_halved_is_the_mean_over_areas_and_keeps_the_mean(texels):
     assert half.texels.mean(dtype=np.float64) == pytest.approx(mean, rel=EPS, abs=tiny)
 
 
-def test_halved_again_and_again_ends_with_the_mean():
+def test_halved_is_the_mean_over_areas_again_and_again():
     texture = pl.Texture(np.random.default_rng(6).uniform(size=(37, 100, 3)))
     mean = texture.texels.mean(axis=(0, 1), dtype=np.float64)
     for size in ((18, 50), (9, 25), (4, 12), (2, 6), (1, 3), (1, 1), (1, 1)):
