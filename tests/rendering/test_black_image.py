@@ -27,7 +27,7 @@ def lamp(towards, **more):
 
 
 LAMP, AWAY = lamp((0, 0, -404)), lamp((0, 0, 404))
-AHEAD, BACK = np.s_[20:44, 20:44], pl.quad((-100, -100, -404), (0, 200, 0), (200, 0, 0), material=pl.Emissive(5.0))
+BACK = pl.quad((-100, -100, -404), (0, 200, 0), (200, 0, 0), material=pl.Emissive(5.0))
 
 
 def said(scene, camera=CAMERA, **settings):
@@ -43,77 +43,41 @@ def said(scene, camera=CAMERA, **settings):
 HALF = pl.quad((-100, -100, -404), (0, 200, 0), (100, 0, 0), material=pl.Emissive(5.0))
 """It shines away from the camera, in the left half of the view."""
 
+WAY_BACK = np.eye(4) + np.outer([0, 0, -404.0, 0], [0, 0, 0, 1])
+ROOF = pl.Mesh([[-300, 30, -500], [300, 30, -500], [0, 30, 100]], [[0, 2, 1]], name="roof")
+DARK, BLUE = lamp((0, 0, -404), radiance=0.0), lamp((0, 0, -404), radiance=(0.0, 0.0, 9.0))
+RED, BEHIND = wall(material=pl.Lambertian((1.0, 0.0, 0.0))), pl.lights.PointLight((0, 0, -500), 1e5)
+SPOT, BELOW = pl.lights.SpotLight((0, 100, -300), (0, 1, 0), 1e5), LAMP.moved(np.diag([1, 1, -1.0, 1]), 1)
 BLACK = {
     "nothing shines": ((wall(),), (), {}, "nothing in the scene shines"),
-    "a lamp of radiance 0": ((wall(),), (lamp((0, 0, -404), radiance=0.0),), {}, "no light shines on anything"),
+    "a lamp of radiance 0": ((wall(),), (DARK,), {}, "no light shines on anything"),
     "a lamp that faces away": ((wall(),), (AWAY,), {}, "1 light, none reaches what is seen; QuadLight 0 faces away"),
-    "one lamp of two that shines": (
-        (wall(),),
-        (lamp((0, 0, -404), radiance=0.0), AWAY),
-        {},
-        "1 light, .* QuadLight 1 faces",
-    ),
+    "one lamp of two that shines": ((wall(),), (DARK, AWAY), {}, "1 light, .* QuadLight 1 faces"),
     "two lamps": ((wall(),), (AWAY, AWAY), {}, "2 lights, .* QuadLight 0 faces away.* QuadLight 1 faces away"),
-    "on a wall of instances": (
-        (pl.scene.Instances(wall(0.0), [np.eye(4) + np.outer([0, 0, -404.0, 0], [0, 0, 0, 1])]),),
-        (AWAY,),
-        {},
-        "QuadLight 0 faces away",
-    ),
+    "on a wall of instances": ((pl.scene.Instances(wall(0.0), [WAY_BACK]),), (AWAY,), {}, "QuadLight 0 faces away"),
     "one pixel of it": ((wall(),), (AWAY,), {"region": np.s_[30:31, 30:31]}, "QuadLight 0 faces away"),
     "a target": ((wall(),), (AWAY,), {"samples": None, "target_error": 0.1}, "QuadLight 0 faces away"),
-    "a lamp behind the wall": (
-        (wall(),),
-        (pl.lights.PointLight((0, 0, -500), 1e5),),
-        {},
-        "PointLight 0 shines from be",
-    ),
+    "a lamp behind the wall": ((wall(),), (BEHIND,), {}, "PointLight 0 shines from be"),
     "a sun the other way": ((wall(),), (pl.SunLight((0, 0, 1)),), {}, "SunLight 0 shines from behind: reverse its dir"),
-    "a spot that aims elsewhere": (
-        (wall(),),
-        (pl.lights.SpotLight((0, 100, -300), (0, 1, 0), 1e5),),
-        {},
-        "SpotLight 0 shines past it: aim it",
-    ),
-    "a roof": (
-        (wall(), pl.Mesh([[-300, 30, -500], [300, 30, -500], [0, 30, 100]], [[0, 2, 1]], name="roof")),
-        (LAMP,),
-        {},
-        "QuadLight 0 is hidden by roof: move one of them",
-    ),
-    "in a closed box": (
-        (pl.box(600), wall()),
-        (),
-        {"background": 1.0},
-        "camera is inside Mesh 0; .*the background is hi",
-    ),
+    "a spot that aims elsewhere": ((wall(),), (SPOT,), {}, "SpotLight 0 shines past it: aim it"),
+    "a roof": ((wall(), ROOF), (LAMP,), {}, "QuadLight 0 is hidden by roof: move one of them"),
+    "in a box": ((pl.box(600), wall()), (), {"background": 1.0}, "camera is inside Mesh 0; .*the background is hi"),
     "emission from behind": ((BACK,), (), {}, "Mesh 0 shines away from the camera; turn it round"),
     "emission beside a wall": ((HALF, pl.quad((0, -100, -403), (100, 0, 0), (0, 200, 0))), (), {}, "Mesh 0 faces away"),
     "a black wall": ((wall(material=pl.Lambertian(0.0)),), (LAMP,), {}, "what is seen is black, glass or a mirror"),
-    "colours": (
-        (wall(material=pl.Lambertian((1.0, 0.0, 0.0))),),
-        (lamp((0, 0, -404), radiance=(0.0, 0.0, 9.0)),),
-        {},
-        "colours of lights and materials",
-    ),
+    "colours": ((RED,), (BLUE,), {}, "colours of lights and materials"),
     "no bounces": ((wall(),), (LAMP,), {"max_bounces": 0}, "max_bounces is 0"),
-    "behind the camera": (
-        (wall(404.0),),
-        (LAMP.moved(np.diag([1, 1, -1.0, 1]), 1),),
-        {},
-        r"no path met the scene.* between \[.*move it, or",
-    ),
+    "behind the camera": ((wall(404.0),), (BELOW,), {}, r"no path met the scene.* between \[.*move it, or"),
     "a sun and no mesh": ((), (pl.SunLight((0, -1, 0)),), {}, "nothing is there for light to fall on"),
 }
 
 
-@pytest.mark.parametrize("case", BLACK)
-def test_a_black_image_names_its_cause_once(case):
-    meshes, lights, settings, words = BLACK[case]
-    settings = dict(settings)
-    found, black = said(pl.Scene(meshes, lights, settings.pop("background", None)), **settings)
-    assert black and [category for category, _ in found] == [BlackImageWarning]
-    assert re.search(words, found[0][1])
+def test_a_black_image_names_its_cause_once():
+    for case, (meshes, lights, settings, words) in BLACK.items():
+        scene = pl.Scene(meshes, lights, settings.get("background"))
+        found, black = said(scene, **{name: value for name, value in settings.items() if name != "background"})
+        assert black and [category for category, _ in found] == [BlackImageWarning], case
+        assert re.search(words, found[0][1]), case
 
 
 def test_a_camera_that_lets_nothing_pass():
@@ -122,40 +86,29 @@ def test_a_camera_that_lets_nothing_pass():
         pl.render_white(aside, samples=8, progress=False)
 
 
-def test_a_scene_before_a_bright_background_may_be_out_of_view():
-    found, black = said(pl.Scene([wall(404.0)], background=1.0))
-    assert not black and [category for category, _ in found] == [UnseenSceneWarning]
-
-
 SMALL = pl.Scene([pl.box(4, center=(0, 0, -404))], [LAMP])
 """In plain view, in the middle."""
 
 
-@pytest.mark.parametrize(
-    "scene, settings",
-    [
-        (SMALL, {}),
-        (pl.Scene([HALF, wall(-500.0)]), {}),
-        (pl.Scene([wall()], [LAMP, AWAY]), {}),
-        (pl.Scene([pl.box(600), wall(-299.0)], [pl.QuadLight.facing((0, 60, -200), (0, 0, -299), (9, 9))]), {}),
-        (pl.Scene([pl.box(0.1, center=(0, 0, -404))], background=1.0), {"region": np.s_[0:1, 0:1]}),
-        (pl.Scene([pl.box(0.1, center=(0, 0, -404))], background=1.0), {"region": np.s_[0:8, 20:44]}),
-        (pl.Scene(background=1.0), {}),
-    ],
-    ids=["lit", "one side of two", "one lamp of two", "lit box", "a pixel beside it", "pixels beside it", "no mesh"],
-)
-def test_nothing_is_said_where_nothing_is_wrong(scene, settings):
-    assert said(scene, **settings)[0] == []
+def test_nothing_is_said_where_nothing_is_wrong():
+    lamp, beside = pl.QuadLight.facing((0, 60, -200), (0, 0, -299), (9, 9)), pl.box(0.1, center=(0, 0, -404))
+    for name, scene, settings in (
+        ("lit", SMALL, {}),
+        ("one side of two", pl.Scene([HALF, wall(-500.0)]), {}),
+        ("one lamp of two", pl.Scene([wall()], [LAMP, AWAY]), {}),
+        ("lit box", pl.Scene([pl.box(600), wall(-299.0)], [lamp]), {}),
+        ("a pixel beside it", pl.Scene([beside], background=1.0), {"region": np.s_[0:1, 0:1]}),
+        ("pixels beside it", pl.Scene([beside], background=1.0), {"region": np.s_[0:8, 20:44]}),
+        ("no mesh", pl.Scene(background=1.0), {}),
+    ):
+        assert said(scene, **settings)[0] == [], name
 
 
 def test_dark_pixels_of_a_scene_in_plain_view_are_no_news():
     # Between microlens images, and beside the box before a black world: single pixels, some of them dark.
-    dark = 0
-    for k in range(0, 64, 2):
-        found, black = said(SMALL, region=np.s_[k : k + 1, k : k + 1])
-        assert found == []
-        dark += black
-    assert dark > 3
+    found = [said(SMALL, region=np.s_[k : k + 1, k : k + 1]) for k in range(0, 64, 2)]
+    assert all(warned == [] for warned, _ in found)
+    assert sum(black for _, black in found) > 3
 
 
 def test_a_whole_dark_region_is_told_from_a_dark_scene():
@@ -167,5 +120,7 @@ def test_a_whole_dark_region_is_told_from_a_dark_scene():
 
 
 def test_what_is_too_small_to_be_met_is_told_from_what_is_out_of_view():
+    found, black = said(pl.Scene([wall(404.0)], background=1.0))
+    assert not black and [category for category, _ in found] == [UnseenSceneWarning]
     found, _ = said(pl.Scene([pl.box(1e-6, center=(0, 0, -404))], background=1.0))
     assert len(found) == 1 and "in view and small: give more samples" in found[0][1]

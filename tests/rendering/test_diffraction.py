@@ -1,6 +1,7 @@
 """Renders of cameras whose light bends at microlenses and iris, against closed forms."""
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -50,14 +51,10 @@ def white(camera, samples, **more):
     return shot.image.squeeze().astype(float), shot.standard_error.squeeze().astype(float)
 
 
-@pytest.mark.parametrize(
-    ("name", "aperture", "share"),
-    [
-        *(("R12", ROUND, 0.767), ("README", ROUND, 0.648), ("Illum", ROUND, 0.479), ("microscope", ROUND, 0.252)),
-        *(("R12", FILLED, 0.778), ("README", FILLED, 0.664), ("Illum", FILLED, 0.503), ("microscope", FILLED, 0.291)),
-    ],
-)
-def test_the_share_of_light_that_stays_in_its_pixel(name, aperture, share):
+SHARES = [("R12", 0.767, 0.778), ("README", 0.648, 0.664), ("Illum", 0.479, 0.503), ("microscope", 0.252, 0.291)]
+
+
+def check_share(name, aperture, share):
     # The integral of the aperture's MTF times the pixel's squared; the image without bends is known in closed form.
     number, pitch = CAMERAS[name]
     camera, middle = lit_square(number, pitch, aperture), np.s_[PIXELS : PIXELS + 1, PIXELS : PIXELS + 1]
@@ -66,10 +63,22 @@ def test_the_share_of_light_that_stays_in_its_pixel(name, aperture, share):
     whole = (math.pi / 4 if aperture is ROUND else 1.0) / number**2
     whole *= 1 - 2 * (1 / 8 if aperture is ROUND else 1 / 6) / number**2
     assert float(error) < 0.003 * whole
-    assert float(image) / whole == pytest.approx(share, abs=0.01)
+    assert float(image) / whole == pytest.approx(share, abs=0.01), (name, aperture)
 
 
-@pytest.mark.parametrize("name", CAMERAS)
+def test_the_share_of_light_that_stays_in_its_pixel():
+    check_share("README", ROUND, 0.648)
+    check_share("microscope", FILLED, 0.291)
+
+
+@pytest.mark.slow
+def test_the_share_of_light_that_stays_in_its_pixel_of_all_cameras():
+    for name, of_round, of_filled in SHARES:
+        check_share(name, ROUND, of_round)
+        check_share(name, FILLED, of_filled)
+
+
+@pytest.mark.parametrize("name", ["README", *(pytest.param(name, marks=pytest.mark.slow) for name in ("R12", "Illum"))])
 def test_contrast_at_the_nyquist_frequency_of_pixels(name):
     # Sharp squares one pixel wide in a lattice of six, on pixels a quarter as wide: 24 of these are a period.
     number, pitch = CAMERAS[name]
@@ -90,7 +99,10 @@ def test_contrast_at_the_nyquist_frequency_of_pixels(name):
     )
 
 
-@pytest.mark.parametrize("aperture", [FILLED, ROUND, MicrolensAperture(CIRCLE, 0.5, Gaps.CLEAR)])
+@pytest.mark.parametrize(
+    "aperture",
+    [ROUND, *(pytest.param(a, marks=pytest.mark.slow) for a in (FILLED, MicrolensAperture(CIRCLE, 0.5, Gaps.CLEAR)))],
+)
 def test_no_light_is_lost_between_microlenses(aperture):
     # Over a period of the lattice as much comes in as goes out, but for what comes from beyond the sensor: by Airy's
     # tail and that of a square, no more than 2 lambda N / (pi^2 d) beyond a distance d.
@@ -146,7 +158,7 @@ def test_bits_do_not_depend_on_tiles_threads_and_regions():
     assert_array_equal(pl.render(scene, straight(camera), samples=8, progress=False).depth, whole.depth)
 
 
-@pytest.mark.parametrize(("samples", "replicates"), [(200, 16), (150, 3), (70, 1)])
+@pytest.mark.parametrize(("samples", "replicates"), [pytest.param(200, 16, marks=pytest.mark.slow), (70, 3)])
 def test_bits_do_not_depend_on_what_fits_into_a_batch(samples, replicates, monkeypatch):
     camera, found = small_camera(sensor=pl.Sensor((24, 24), 0.01)), []
     for room, side in ((1 << 24, 24), (1, 24), (1 << 16, 11)):
@@ -224,26 +236,18 @@ def test_paths_can_be_followed_again():
         assert_array_equal(bent.contribution, plain.contribution)
 
 
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
+def test_what_has_no_pattern_is_refused():
+    array = functools.partial(pl.MicrolensArray, 0.217, (2.0,))
+    for more, words in (
         ({"diffraction": True}, "must be a Diffraction or None"),
         ({"microlenses": None, "microlenses_to_sensor": 0.0}, "without microlenses"),
-        (
-            {"microlenses": pl.MicrolensArray(0.217, (2.0,), pl.Lattice.FREE, centres=[(0.0, 0.0)])},
-            "give the array an aperture",
-        ),
-        ({"microlenses": pl.MicrolensArray(0.217, (2.0,), model=pl.optics.MicrolensModel.PINHOLE)}, "take THIN ones"),
-        ({"microlenses": pl.MicrolensArray(0.217, (2.0,), walls=pl.optics.Walls.OPAQUE)}, "walls"),
-    ],
-)
-def test_what_has_no_pattern_is_refused(more, words):
-    with pytest.raises(InvalidValueError, match=words):
-        small_camera(**more)
-
-
-def test_points_through_openings_and_beside_them_are_refused():
-    aperture = MicrolensAperture(CIRCLE, 0.7, Gaps.CLEAR)
-    camera = small_camera(microlenses=pl.MicrolensArray(0.217, (2.0,), aperture=aperture))
+        ({"microlenses": array(pl.Lattice.FREE, centres=[(0.0, 0.0)])}, "give the array an aperture"),
+        ({"microlenses": array(model=pl.optics.MicrolensModel.PINHOLE)}, "take THIN ones"),
+        ({"microlenses": array(walls=pl.optics.Walls.OPAQUE)}, "walls"),
+    ):
+        with pytest.raises(InvalidValueError, match=words):
+            small_camera(**more)
+    # Points through openings and beside them.
+    camera = small_camera(microlenses=array(aperture=MicrolensAperture(CIRCLE, 0.7, Gaps.CLEAR)))
     with pytest.raises(InvalidValueError, match="render the point"):
         pl.point_spread(camera, (0.0, 0.0, -404.0), progress=False)

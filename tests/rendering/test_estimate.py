@@ -84,17 +84,17 @@ def test_no_place_is_preferred():
     assert chi < counts.size - 1 + 4 * np.sqrt(2 * (counts.size - 1))
 
 
-@pytest.mark.parametrize(("side", "shape"), [(64, (384, 512)), (64, (200, 328)), (16, (40, 72))])
-def test_the_rim_counts_as_much_as_it_is_large(side, shape):
+def test_the_rim_counts_as_much_as_it_is_large():
     """Squares side by side are met as often as they have pixels of their own: the last may reach into others."""
-    met, n, seeds = np.zeros([-(-length // side) for length in shape]), 8, 400
-    for seed in range(seeds):
-        places = [tile.places[0] for tile in pilot_tiles((0, shape[0], 0, shape[1]), n, 1, side, seed)]
-        np.add.at(met, tuple(-(-np.array(places).T // side)), 1)
-    parts = [np.minimum(side, length - side * np.arange(k)) for length, k in zip(shape, met.shape, strict=True)]
-    expected = n * seeds * np.multiply.outer(*parts) / math.prod(shape)
-    # Of strata: they scatter less than by Poisson's law, and the one that is left out of 9 at random by no more.
-    assert (np.abs(met - expected) < 4 * np.sqrt(expected)).all()
+    for side, shape in ((64, (200, 328)), (16, (40, 72))):
+        met, n, seeds = np.zeros([-(-length // side) for length in shape]), 8, 400
+        for seed in range(seeds):
+            places = [tile.places[0] for tile in pilot_tiles((0, shape[0], 0, shape[1]), n, 1, side, seed)]
+            np.add.at(met, tuple(-(-np.array(places).T // side)), 1)
+        parts = [np.minimum(side, length - side * np.arange(k)) for length, k in zip(shape, met.shape, strict=True)]
+        expected = n * seeds * np.multiply.outer(*parts) / math.prod(shape)
+        # Of strata: they scatter less than by Poisson's law, and the one that is left out of 9 at random by no more.
+        assert (np.abs(met - expected) < 4 * np.sqrt(expected)).all(), side
 
 
 def test_all_corners_are_seen():
@@ -107,31 +107,23 @@ def test_all_corners_are_seen():
 # ---- what is told ----
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"samples": 8},
-        {"samples": 8, "replicates": 1},
+def test_samples_that_are_given_are_given_back():
+    for wanted in (
         {"samples": 8, "replicates": 8, "truth": pl.Truth.ALL},
         {"samples": 3000},
-        {"samples": 1},
-        {"samples": 8, "threads": 1, "max_bounces": 1, "clamp": 4.0, "caustics": pl.rendering.Caustics.LEFT_OUT},
-    ],
-    ids=str,
-)
-def test_samples_that_are_given_are_given_back(given):
-    found = estimate(**given)
-    check(found)
-    assert set(found.samples) == {given["samples"]}
+        {"samples": 1, "threads": 1, "max_bounces": 1, "clamp": 4.0, "caustics": pl.rendering.Caustics.LEFT_OUT},
+    ):
+        found = estimate(**wanted)
+        check(found)
+        assert set(found.samples) == {wanted["samples"]}
 
 
-@pytest.mark.parametrize("region", [np.s_[3:4, 5:6], np.s_[3:6, 8:13], np.s_[8:16, 4:204]], ids=["1", "15", "1600"])
-@pytest.mark.parametrize("replicates", [1, 2])
-def test_regions_smaller_than_pilots(region, replicates):
-    found = estimate(samples=4, region=region, replicates=replicates)
-    check(found)
-    pixels = (region[0].stop - region[0].start) * (region[1].stop - region[1].start)
-    assert found.file_size.value < 20_000 + 20 * pixels  # what describes the camera, and three numbers a pixel
+def test_regions_smaller_than_pilots():
+    for region, replicates in ((np.s_[3:4, 5:6], 2), (np.s_[3:6, 8:13], 1), (np.s_[8:16, 4:204], 2)):
+        found = estimate(samples=4, region=region, replicates=replicates)
+        check(found)
+        pixels = (region[0].stop - region[0].start) * (region[1].stop - region[1].start)
+        assert found.file_size.value < 20_000 + 20 * pixels  # what describes the camera, and three numbers a pixel
 
 
 def test_white_images():
@@ -141,12 +133,10 @@ def test_white_images():
     check(estimate(None, samples=4, region=np.s_[3:6, 8:13]))
 
 
-@pytest.mark.parametrize("scene", [SCENE, None], ids=["scene", "white"])
-def test_a_target_ends_with_the_samples_that_are_given(scene):
-    check(found := estimate(scene, target_error=0.0005, samples=24))
+def test_a_target_ends_with_the_samples_that_are_given():
+    check(found := estimate(SCENE, target_error=0.0005, samples=24))
     assert found.samples.high <= 24 and found.samples.value == 24
-    free = estimate(scene, target_error=0.2, samples=1 << 20)
-    check(free)
+    check(free := estimate(None, target_error=0.2, samples=1 << 20))
     assert free.samples.value < 1000
 
 
@@ -167,13 +157,12 @@ def test_what_is_impossible_is_refused():
 @pytest.mark.parametrize(
     ("scene", "given"),
     [
-        (SCENE, {"samples": 64}),
-        (SCENE, {"samples": 64, "truth": pl.Truth.DEPTH | pl.Truth.NORMAL, "replicates": 8}),
+        (SCENE, {"samples": 16, "truth": pl.Truth.DEPTH | pl.Truth.NORMAL, "replicates": 8}),
         pytest.param(SCENE, {"samples": 300}, marks=pytest.mark.slow),
-        (None, {"samples": 64}),
+        pytest.param(None, {"samples": 64}, marks=pytest.mark.slow),
         (SCENE, {"samples": 64, "region": np.s_[3:6, 8:13]}),
     ],
-    ids=["depth", "normals", "passes", "white", "small"],
+    ids=["normals", "passes", "white", "small"],
 )
 def test_files_have_the_sizes_told(scene, given, tmp_path):
     """Within the intervals, which are meant to hold mostly: seeds are fixed, and sizes are no matter of time."""
@@ -212,11 +201,11 @@ def test_a_corner_that_is_noisy_counts_as_much_as_it_is_large():
 # ---- at the ends of what can be asked for ----
 
 
-@pytest.mark.parametrize("samples", [2, 3])
-def test_samples_too_few_to_decide_by_are_all_rendered(samples):
-    found = estimate(None, samples=samples, target_error=0.02, threads=1)
-    check(found)
-    assert found.samples == (samples, samples, samples)
+def test_samples_too_few_to_decide_by_are_all_rendered():
+    for samples in (2, 3):
+        found = estimate(None, samples=samples, target_error=0.02, threads=1)
+        check(found)
+        assert found.samples == (samples, samples, samples)
 
 
 def counted(monkeypatch):

@@ -12,6 +12,7 @@ from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.frame import samples_text
 from plenoptic.rendering.schedule import scheduler
+from plenoptic.study import cameras as study_cameras
 from plenoptic.truth.channels import NO_MICROLENS, GroundTruth
 
 STATS = {
@@ -53,23 +54,16 @@ def test_stats_add_up():
     )
 
 
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
+def test_impossible_exposures():
+    for change, sentence in (
         ({"seconds": -1}, "seconds is -1 s; it must be at least 0"),
         ({"paths": 10}, "paths_through_lens is 640; it must be at most paths, 10"),
         ({"threads": 0}, "threads is 0; it must be at least 1"),
         ({"lost": (("missed", None, -1),)}, "lost: count is -1"),
-    ],
-)
-def test_impossible_stats(change, sentence):
-    with pytest.raises(InvalidValueError, match=sentence):
-        pl.rendering.RenderStats(**{**STATS, **change})
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
+    ):
+        with pytest.raises(InvalidValueError, match=sentence):
+            pl.rendering.RenderStats(**{**STATS, **change})
+    for change, sentence in (
         ({"image": np.ones((4, 6))}, r"image has shape \(4, 6\); it must have shape \(rows, columns, channels\)"),
         ({"image": np.ones((4, 6, 2))}, r"it must be \(H, W, 1\) or \(H, W, 3\)"),
         ({"image": np.ones((0, 6, 1))}, "not empty"),
@@ -80,11 +74,9 @@ def test_impossible_stats(change, sentence):
         ({"region": (0, 4, 0, 5)}, "has 4 x 5 pixels; it must have the image's 4 x 6"),
         ({"region": (0, 4)}, "it must be .first row, end row"),
         ({"stats": 3}, "stats is an int; give a RenderStats, such as the `stats` of another exposure"),
-    ],
-)
-def test_impossible_exposures(change, sentence):
-    with pytest.raises(InvalidValueError, match=sentence):
-        exposure(**change)
+    ):
+        with pytest.raises(InvalidValueError, match=sentence):
+            exposure(**change)
 
 
 def test_relative_error_is_that_of_lit_pixels():
@@ -103,10 +95,10 @@ def test_relative_error_is_that_of_lit_pixels():
     assert pl.Exposure(black, standard_error=black + 1).relative_error == np.inf
 
 
-@pytest.mark.parametrize("image", [np.ones((3, 4)), 1.0, None, "abc", np.full((2, 2, 1), np.inf)])
-def test_lit_pixels_are_those_of_images(image):
-    with pytest.raises(pl.errors.InvalidValueError, match="image"):
-        pl.lit_pixels(image)
+def test_lit_pixels_are_those_of_images():
+    for image in (np.ones((3, 4)), 1.0, None, "abc", np.full((2, 2, 1), np.inf)):
+        with pytest.raises(InvalidValueError, match="image"):
+            pl.lit_pixels(image)
 
 
 def test_types_and_pickling():
@@ -116,20 +108,22 @@ def test_types_and_pickling():
     assert again == shot and not again.image.flags.writeable
 
 
-@pytest.mark.parametrize("channels", [1, 3])
-def test_exr_keeps_everything(tmp_path, channels):
-    shot = exposure(channels)
-    shot.save(tmp_path / "shot.exr")
-    again = pl.Exposure.load(tmp_path / "shot.exr")
-    # Depth is float32 in the file; everything else has every bit.
-    rounded = shot.depth.astype(np.float32).astype(np.float64)
-    assert again == exposure(channels, truth=GroundTruth(depth=rounded))
-    names, metadata = images.read_channels(tmp_path / "shot.exr")
-    assert set(names) == {*("Y" if channels == 1 else "RGB"), "depth.Z"} | {
-        f"error.{name}" for name in ("Y" if channels == 1 else "RGB")
-    }
-    assert metadata["Software"].startswith("plenoptic ")
-    assert "float32" in metadata["plenoptic:note"]
+def test_exr_keeps_everything(tmp_path):
+    camera = study_cameras.reference_camera().posed((1, 2, 900), (0, 0, 0))
+    for channels, names in ((1, "Y"), (3, "RGB")):
+        shot = exposure(channels, camera=camera)
+        shot.save(tmp_path / "shot.exr")
+        again = pl.Exposure.load(tmp_path / "shot.exr")
+        # Depth is float32 in the file; everything else has every bit.
+        rounded = shot.depth.astype(np.float32).astype(np.float64)
+        assert again == exposure(channels, truth=GroundTruth(depth=rounded), camera=camera)
+        found, metadata = images.read_channels(tmp_path / "shot.exr")
+        assert set(found) == {*names, "depth.Z", *(f"error.{name}" for name in names)}
+        assert metadata["Software"].startswith("plenoptic ")
+        assert "float32" in metadata["plenoptic:note"]
+    alone = pl.Exposure(np.ones((2, 3, 1)))
+    alone.save(tmp_path / "alone.exr")
+    assert pl.Exposure.load(tmp_path / "alone.exr") == alone
 
 
 def test_numbers_of_samples_beyond_those_of_float32_stay_within_all_samples(tmp_path):
@@ -192,31 +186,23 @@ def test_how_much_of_the_frame_has_what():
     assert samples_text(np.zeros(4, int)) == "no samples in 100 % of the pixels"
 
 
-def test_exr_keeps_the_camera(tmp_path):
-    shot = exposure(camera=pl.Sensor(shape=(24, 30), pixel_pitch=0.01))
-    shot.save(tmp_path / "shot.exr")
-    assert pl.Exposure.load(tmp_path / "shot.exr").camera == shot.camera
-
-
-def test_an_image_alone(tmp_path):
-    shot = pl.Exposure(np.ones((2, 3, 1)))
-    shot.save(tmp_path / "shot.exr")
-    assert pl.Exposure.load(tmp_path / "shot.exr") == shot
-
-
-@pytest.mark.parametrize("ending", [".tif", ".tiff", ".png"])
-@pytest.mark.parametrize("channels", [1, 3])
-@pytest.mark.parametrize("scale", [None, 5.0])
-def test_16_bits_keep_the_image_to_half_a_step(tmp_path, ending, channels, scale):
-    shot = exposure(channels)
-    shot.save(tmp_path / f"shot{ending}", scale=scale)
-    again = pl.Exposure.load(tmp_path / f"shot{ending}")
-    # Half a step of 65535, times the steepest slope of the decoding curve (2.4 / 1.055 for sRGB), and float32.
-    slope = 2.4 / 1.055 if ending == ".png" else 1.0
-    largest = shot.image.max() if scale is None else scale
-    np.testing.assert_allclose(again.image, shot.image, rtol=0, atol=largest * (slope * 0.5 / 65535 + 1e-6))
-    assert (again.samples, again.seed, again.region) == (64, 5, (10, 14, 20, 26))
-    assert again.standard_error is None and again.depth is None
+def test_16_bits_keep_the_image_to_half_a_step(tmp_path):
+    for ending, channels, scale in (
+        (".tif", 1, None),
+        (".tif", 3, 5.0),
+        (".tiff", 1, None),
+        (".png", 1, 5.0),
+        (".png", 3, None),
+    ):
+        shot = exposure(channels)
+        shot.save(tmp_path / f"shot{ending}", scale=scale)
+        again = pl.Exposure.load(tmp_path / f"shot{ending}")
+        # Half a step of 65535, times the steepest slope of the decoding curve (2.4 / 1.055 for sRGB), and float32.
+        slope = 2.4 / 1.055 if ending == ".png" else 1.0
+        largest = shot.image.max() if scale is None else scale
+        np.testing.assert_allclose(again.image, shot.image, rtol=0, atol=largest * (slope * 0.5 / 65535 + 1e-6))
+        assert (again.samples, again.seed, again.region) == (64, 5, (10, 14, 20, 26)), ending
+        assert again.standard_error is None and again.depth is None
 
 
 def test_16_bits_cut_what_does_not_fit(tmp_path):
@@ -226,27 +212,19 @@ def test_16_bits_cut_what_does_not_fit(tmp_path):
     np.testing.assert_allclose(again, [0, 0.5, 1, 1, 0], atol=1 / 65535)
     shot.save(tmp_path / "shot.tif")
     np.testing.assert_allclose(pl.Exposure.load(tmp_path / "shot.tif").image.max(), 2.0)
-
-
-def test_a_black_image_is_saved(tmp_path):
     pl.Exposure(np.zeros((2, 2, 3))).save(tmp_path / "black.png")
     assert pl.Exposure.load(tmp_path / "black.png").image.max() == 0
-
-
-def test_other_programs_see_an_srgb_picture(tmp_path):
+    # Other programs see an sRGB picture.
     pl.Exposure(np.full((2, 2, 3), 0.214)).save(tmp_path / "grey.png", scale=1.0)
     codes = np.asarray(Image.open(tmp_path / "grey.png").convert("RGB"))
     assert abs(int(codes[0, 0, 0]) - 128) <= 1
 
 
-@pytest.mark.parametrize("names", ["Y", "RGB", "RGBA"])
-def test_foreign_exr_files_load_with_what_they_have(tmp_path, names):
-    images.write_channels(tmp_path / "a.exr", {name: np.full((2, 3), 0.5) for name in names})
-    shot = pl.Exposure.load(tmp_path / "a.exr")
-    assert shot == pl.Exposure(np.full((2, 3, 1 if names == "Y" else 3), 0.5))
-
-
-def test_foreign_pictures_load_as_linear_images(tmp_path):
+def test_foreign_files_load_with_what_they_have(tmp_path):
+    for names in ("Y", "RGB", "RGBA"):
+        images.write_channels(tmp_path / "a.exr", {name: np.full((2, 3), 0.5) for name in names})
+        expected = pl.Exposure(np.full((2, 3, 1 if names == "Y" else 3), 0.5))
+        assert pl.Exposure.load(tmp_path / "a.exr") == expected, names
     Image.new("RGB", (3, 2), (255, 128, 0)).save(tmp_path / "a.jpg", quality=100, subsampling=0)
     shot = pl.Exposure.load(tmp_path / "a.jpg")
     assert shot.image.shape == (2, 3, 3)
@@ -256,33 +234,27 @@ def test_foreign_pictures_load_as_linear_images(tmp_path):
 
 def test_what_cannot_be_saved_or_loaded(tmp_path):
     shot = exposure()
-    with pytest.raises(FileError, match="must end in .exr, .zarr, .tif, .tiff or .png"):
-        shot.save(tmp_path / "shot.jpg")
-    with pytest.raises(FileError, match="does not exist; make it first"):
-        shot.save(tmp_path / "none" / "shot.exr")
-    with pytest.raises(InvalidValueError, match="leave it out"):
-        shot.save(tmp_path / "shot.exr", scale=1.0)
-    with pytest.raises(InvalidValueError, match="scale is 0; it must be above 0"):
-        shot.save(tmp_path / "shot.png", scale=0.0)
-    with pytest.raises(InvalidValueError, match="cannot be described in a file"):
-        exposure(camera=object()).save(tmp_path / "shot.exr")
-    with pytest.raises(FileError, match="does not exist"):
-        pl.Exposure.load(tmp_path / "shot.exr")
-
-
-@pytest.mark.parametrize(
-    ("texts", "sentence"),
-    [
+    for call, error, said in (
+        (lambda: shot.save(tmp_path / "shot.jpg"), FileError, "must end in .exr, .zarr, .tif, .tiff or .png"),
+        (lambda: shot.save(tmp_path / "none" / "shot.exr"), FileError, "does not exist; make it first"),
+        (lambda: shot.save(tmp_path / "shot.exr", scale=1.0), InvalidValueError, "leave it out"),
+        (lambda: shot.save(tmp_path / "a.png", scale=0.0), InvalidValueError, "scale is 0; it must be above 0"),
+        (lambda: exposure(camera=object()).save(tmp_path / "a.exr"), InvalidValueError, "cannot be described in a"),
+        (lambda: pl.Exposure.load(tmp_path / "shot.exr"), FileError, "does not exist"),
+        (lambda: pl.Exposure.load(None), FileError, "is not a path; give the name of a file"),
+        (lambda: shot.save(b"shot.exr"), FileError, "is not a path; give the name of a file"),
+    ):
+        with pytest.raises(error, match=said):
+            call()
+    for texts, said in (
         ({"plenoptic:samples": "-1"}, "holds no possible exposure: samples is -1"),
         ({"plenoptic:object_names": "7"}, "holds no possible exposure: object_names is 7; it must be texts"),
         ({"plenoptic:camera": "nonsense"}, "a description cannot be understood"),
         ({"plenoptic:scale": "0"}, "holds no possible exposure: scale is 0"),
-    ],
-)
-def test_damaged_texts(tmp_path, texts, sentence):
-    images.write_channels(tmp_path / "a.exr", {"Y": np.ones((2, 2))}, texts)
-    with pytest.raises(FileError, match=sentence):
-        pl.Exposure.load(tmp_path / "a.exr")
+    ):
+        images.write_channels(tmp_path / "a.exr", {"Y": np.ones((2, 2))}, texts)
+        with pytest.raises(FileError, match=said):
+            pl.Exposure.load(tmp_path / "a.exr")
 
 
 def test_repr_is_one_line_of_facts():
@@ -291,32 +263,16 @@ def test_repr_is_one_line_of_facts():
         r"rows 10:14, columns 20:26, 1.5 s\)",
         repr(exposure()),
     )
-
-
-def test_a_black_image_has_no_error_to_speak_of():
     black = np.zeros((2, 2, 1))
-    assert (
-        repr(pl.Exposure(black, standard_error=black, samples=4)) == "Exposure(2 x 2 x 1, 4 samples per pixel, black)"
-    )
+    said = "Exposure(2 x 2 x 1, 4 samples per pixel, black)"
+    assert repr(pl.Exposure(black, standard_error=black, samples=4)) == said
 
 
-@pytest.mark.parametrize("shape", [(4, 6, 3), (1500, 3000, 1), (2, 5000, 3)])
-def test_notebooks_show_a_picture_of_bounded_size(shape):
-    image = np.random.default_rng(4).uniform(0, 1, shape)
-    image[0, 0] = [np.nan] * shape[2]
-    image[0, 1] = [np.inf] * shape[2]
-    page = pl.Exposure(image)._repr_html_()
-    assert len(page) < 200_000 and "data:image/" in page
-    assert " x ".join(map(str, shape)) in page
-
-
-def test_notebooks_show_a_black_image():
+def test_notebooks_show_a_picture_of_bounded_size():
+    for shape in ((4, 6, 3), (1500, 3000, 1)):
+        image = np.random.default_rng(4).uniform(0, 1, shape)
+        image[0, :2] = [[np.nan] * shape[2], [np.inf] * shape[2]]
+        page = pl.Exposure(image)._repr_html_()
+        assert len(page) < 200_000 and "data:image/" in page
+        assert " x ".join(map(str, shape)) in page
     assert "base64" in pl.Exposure(np.zeros((2, 2, 1)))._repr_html_()
-
-
-@pytest.mark.parametrize("path", [None, 5, b"shot.exr"])
-def test_what_is_no_path(path):
-    with pytest.raises(FileError, match="is not a path; give the name of a file"):
-        pl.Exposure.load(path)
-    with pytest.raises(FileError, match="is not a path; give the name of a file"):
-        exposure().save(path)

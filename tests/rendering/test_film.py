@@ -22,7 +22,7 @@ def film_of(samples: list[np.ndarray]) -> pl.rendering.Film:
 
 @settings(max_examples=60)
 @given(counts=COUNTS, seed=st.integers(0, 10**6))
-def test_mean_and_squares_are_those_of_numpy(counts: list[int], seed: int) -> None:
+def test_mean_and_squares_are_those_of_numpy(counts: list[int], seed: int):
     rng = np.random.default_rng(seed)
     n = np.array(counts)
     sums = rng.normal(1.0, 3.0, (3, 4, len(counts), 2)) * n[:, None]
@@ -46,16 +46,7 @@ def test_mean_and_squares_are_those_of_numpy(counts: list[int], seed: int) -> No
     assert film.standard_error() == pytest.approx(error, rel=1e-6, abs=4 * EPS32 * scale)
 
 
-@settings(max_examples=30)
-@given(r=st.integers(2, 9), each=st.integers(1, 7), seed=st.integers(0, 10**6))
-def test_equal_counts_give_the_textbook_error(r: int, each: int, seed: int) -> None:
-    means = np.random.default_rng(seed).normal(size=r)
-    film = pl.rendering.Film((1, 1, 1), counts=np.full(r, each))
-    film.add(0, 0, (means * each).reshape(1, 1, r, 1))
-    assert film.standard_error()[0, 0, 0] == pytest.approx(means.std(ddof=1) / math.sqrt(r), rel=8 * EPS32)
-
-
-def test_the_error_is_unbiased_with_unequal_counts() -> None:
+def test_the_error_is_unbiased_with_unequal_counts():
     # Replicates of n_r independent samples of variance 1: the squared standard error must be 1 / n on average.
     counts = np.array([1, 2, 3, 7, 20])
     trials = 20000
@@ -72,7 +63,7 @@ def test_the_error_is_unbiased_with_unequal_counts() -> None:
 
 @settings(max_examples=40)
 @given(first=COUNTS, second=COUNTS, seed=st.integers(0, 10**6))
-def test_merged_films_are_one_film_of_all(first: list[int], second: list[int], seed: int) -> None:
+def test_merged_films_are_one_film_of_all(first: list[int], second: list[int], seed: int):
     rng = np.random.default_rng(seed)
     samples = [rng.normal(5.0, 1.0, n) for n in (*first, *second)]
     both = film_of(samples[: len(first)]).merged(film_of(samples[len(first) :]))
@@ -101,14 +92,14 @@ def drawn(rng: np.random.Generator, spread: np.ndarray, counts: list[int]) -> pl
     return film
 
 
-@pytest.mark.parametrize("counts", [[64, 64], [40, 24], [32] * 4])
-def test_few_replicates_are_pooled_over_a_block(counts: list[int]) -> None:
+@pytest.mark.parametrize("counts", [[40, 24], [32] * 4])
+def test_few_replicates_are_pooled_over_a_block(counts):
     rng = np.random.default_rng(2)
     spread = rng.uniform(0.1, 2.0, (64, 64))
     film = drawn(rng, spread, counts)
     squared = np.square(film.standard_error()[..., 0], dtype=float)
     true = np.square(spread) / 4 / sum(counts)
-    # Each block's ratio has 32 degrees of freedom or more, spread unevenly, the scatter of each pixel 126.
+    # Each block's ratio has 32 degrees of freedom or more, spread unevenly, the scatter of each pixel 62 or more.
     assert squared.sum() == pytest.approx(true.sum(), rel=4 * math.sqrt(2 * 1.8 / 4096))
     # A tenth of the mean of the block and colour, of 32 pixels, is shared.
     expected = (true + 0.1 * block_sums(true) / 32) / 1.1
@@ -122,7 +113,7 @@ def test_few_replicates_are_pooled_over_a_block(counts: list[int]) -> None:
             assert squared[block][part].sum() == pytest.approx(own[block][part].sum(), rel=1e-5)
 
 
-def test_what_one_colour_of_a_block_shows_changes_no_other_pixel() -> None:
+def test_what_one_colour_of_a_block_shows_changes_no_other_pixel():
     rng = np.random.default_rng(3)
     film = drawn(rng, np.ones((16, 20)), [8, 8])
     before = film.standard_error()[..., 0]
@@ -131,13 +122,13 @@ def test_what_one_colour_of_a_block_shows_changes_no_other_pixel() -> None:
     assert len(changed) == 32 and np.all(changed // 8 == (0, 1)) and np.all(changed.sum(axis=1) % 2 == 0)
 
 
-def test_with_eight_replicates_a_pixel_has_an_error_of_its_own() -> None:
+def test_with_eight_replicates_a_pixel_has_an_error_of_its_own():
     film = drawn(np.random.default_rng(4), np.ones((8, 8)), [4] * 8)
     own = film.between / math.sqrt(7 * 32)
     np.testing.assert_allclose(film.standard_error(), own, rtol=4 * EPS32)
 
 
-def test_the_scatter_of_merged_films_is_that_of_all_samples() -> None:
+def test_the_scatter_of_merged_films_is_that_of_all_samples():
     rng = np.random.default_rng(5)
     one, other = (drawn(rng, np.ones((4, 4)), counts) for counts in ([8, 8], [20]))
     both = one.merged(other)
@@ -154,7 +145,7 @@ def test_the_scatter_of_merged_films_is_that_of_all_samples() -> None:
 
 @settings(max_examples=40)
 @given(value=st.floats(1e-6, 1e6), n=st.integers(2, 5000))
-def test_sums_of_equal_samples_have_no_scatter(value: float, n: int) -> None:
+def test_sums_of_equal_samples_have_no_scatter(value: float, n: int):
     film = pl.rendering.Film((1, 1, 1), counts=np.array([n - n // 2, n // 2]))
     sums = [np.cumsum(np.full(k, value))[-1] for k in (n - n // 2, n // 2)]  # one after the other, as kernels add
     power = np.cumsum(np.full(n, value * value))[-1]
@@ -162,24 +153,19 @@ def test_sums_of_equal_samples_have_no_scatter(value: float, n: int) -> None:
     assert film.within[0, 0, 0] == 0.0 and film.agreeing().all()
 
 
-def test_merged_films_name_all_kinds_of_processors(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = film_of([np.ones(2), np.zeros(2)])
-    monkeypatch.setattr("plenoptic.core.numba.jit.processor", lambda: "another kind")
-    elsewhere = film_of([np.ones(2), np.zeros(2)])
-    assert here.merged(elsewhere).processors == (*here.processors, "another kind")
-    assert here.merged(here).processors == here.processors
-
-
-def test_merging_leaves_both_films_and_needs_one_shape() -> None:
-    a, b = film_of([np.ones(2), np.zeros(2)]), film_of([np.ones(4), np.zeros(1)])
+def test_merging_names_all_processors_leaves_both_films_and_needs_one_shape(monkeypatch):
+    a = film_of([np.ones(2), np.zeros(2)])
+    monkeypatch.setattr("plenoptic.core.jit.processor", lambda: "another kind")
+    b = film_of([np.ones(4), np.zeros(1)])
     before = a.mean.copy(), b.mean.copy()
-    a.merged(b)
+    assert a.merged(b).processors == (*a.processors, "another kind")
+    assert a.merged(a).processors == a.processors
     assert np.array_equal(a.mean, before[0]) and np.array_equal(b.mean, before[1])
     with pytest.raises(pl.errors.InvalidValueError, match=r"\(1, 1, 1\) and \(2, 1, 1\)"):
         a.merged(pl.rendering.Film((2, 1, 1), counts=np.array([1])))
 
 
-def test_tiles_go_where_they_belong() -> None:
+def test_tiles_go_where_they_belong():
     film = pl.rendering.Film((4, 5, 1), counts=np.array([2, 2]))
     film.add(1, 2, np.full((2, 3, 2, 1), 6.0))
     expected = np.zeros((4, 5))
@@ -188,23 +174,17 @@ def test_tiles_go_where_they_belong() -> None:
     assert film.mean.dtype == film.between.dtype == film.standard_error().dtype == np.float32
 
 
-def test_replicates_without_samples_do_not_count() -> None:
+def test_replicates_without_samples_do_not_count():
     film = pl.rendering.Film((1, 1, 1), counts=np.array([1, 1, 0, 0]))
     film.add(0, 0, np.array([2.0, 4.0, 0.0, 0.0]).reshape(1, 1, 4, 1))
-    assert film.replicates == 2
-    assert film.mean[0, 0, 0] == 3.0
-    assert film.standard_error()[0, 0, 0] == 1.0
-
-
-def test_one_replicate_has_no_error() -> None:
+    assert (film.replicates, film.mean[0, 0, 0], film.standard_error()[0, 0, 0]) == (2, 3.0, 1.0)
+    # One has no error, two such films have one.
     film = film_of([np.array([1.0, 2.0, 3.0])])
-    assert film.mean[0, 0, 0] == 2.0
-    assert film.standard_error() is None
-    # Two such films have one.
+    assert film.mean[0, 0, 0] == 2.0 and film.standard_error() is None
     assert film.merged(film_of([np.array([4.0, 4.0, 4.0])])).standard_error()[0, 0, 0] == 1.0
 
 
-def test_pixels_may_have_different_numbers_of_samples() -> None:
+def test_pixels_may_have_different_numbers_of_samples():
     film = pl.rendering.Film((1, 2, 1), counts=np.array([2, 2]))
     sums = np.array([2.0, 6.0]).reshape(1, 1, 2, 1)
     film.add(0, 0, np.tile(sums, (1, 2, 1, 1)), counts=np.array([2, 2]))
@@ -215,9 +195,7 @@ def test_pixels_may_have_different_numbers_of_samples() -> None:
     assert film.standard_error().ravel() == pytest.approx([1.0, 1.5])
     with pytest.raises(pl.errors.InvalidValueError, match="different numbers of samples"):
         film.merged(film)
-
-
-def test_pixels_without_samples_are_not_exact() -> None:
+    # Those without samples are not exact.
     film = pl.rendering.Film((1, 3, 1), counts=np.array([1, 1]))
     film.add(0, 0, np.ones((1, 1, 2, 1)), counts=np.array([1, 1]))
     film.add(0, 1, np.array([1.0, 0.0]).reshape(1, 1, 2, 1), counts=np.array([1, 0]))
@@ -226,7 +204,7 @@ def test_pixels_without_samples_are_not_exact() -> None:
 
 @settings(max_examples=40)
 @given(value=st.floats(-1e6, 1e6), counts=st.lists(st.integers(1, 9), min_size=2, max_size=8))
-def test_agreement_is_no_certainty(value: float, counts: list[int]) -> None:
+def test_agreement_is_no_certainty(value: float, counts: list[int]):
     film = pl.rendering.Film((1, 1, 1), counts=np.array(counts))
     film.add(0, 0, (value * np.array(counts)).reshape(1, 1, -1, 1))
     assert film.agreeing().all()
@@ -236,7 +214,7 @@ def test_agreement_is_no_certainty(value: float, counts: list[int]) -> None:
     assert film.standard_error(np.full((1, 1), 3.0))[0, 0, 0] == pytest.approx(brought / sum(counts))
 
 
-def test_what_one_sample_brings_is_known_from_pixels_around() -> None:
+def test_what_one_sample_brings_is_known_from_pixels_around():
     # Dark, but for one in eight samples of the four pixels beside its corners, which brings 16: with the mean m = 2 and
     # the variance of a sample 32, E[x^2] / E[x] is 18.
     film = pl.rendering.Film((9, 3, 1), counts=np.ones(8))

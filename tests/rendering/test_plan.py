@@ -24,31 +24,26 @@ def aspheric(lens: pl.LensStack) -> pl.LensStack:
     return dataclasses.replace(lens, elements=[first, *lens.elements[1:]])
 
 
-@pytest.mark.parametrize(
-    ("lens", "running"),
-    [
+def test_a_lens_runs_what_it_has():
+    choices = {Stage.ASPHERES, Stage.PLACEMENTS, Stage.SHAPED_STOPS}
+    for lens, running in (
         (CAMERA.lens, set()),
         (aspheric(CAMERA.lens), {Stage.ASPHERES}),
         (CAMERA.lens.moved(3, shift=(0.1, 0, 0)), {Stage.PLACEMENTS}),
         (aspheric(CAMERA.lens).moved(0, tilt=(0.1, 0, 0)), {Stage.ASPHERES, Stage.PLACEMENTS}),
         (aspheric(CAMERA.lens).with_model(pl.LensModel.THIN), set()),
         (CAMERA.lens.with_stop(pl.PolygonStop(6, 5.0)), {Stage.SHAPED_STOPS}),
-    ],
-)
-def test_a_lens_runs_what_it_has(lens, running):
-    plan = pl.plan(None, dataclasses.replace(CAMERA, lens=lens))
-    choices = {Stage.ASPHERES, Stage.PLACEMENTS, Stage.SHAPED_STOPS}
-    assert {stage for stage in choices if plan.runs(stage)} == running
-    assert plan.runs(Stage.LENS)
-
-
-@pytest.mark.parametrize("model", list(pl.optics.MicrolensModel))
-def test_plates_run_where_microlenses_have_surfaces(model):
-    index = 100.0 if model is pl.optics.MicrolensModel.FLAT_HIGH_INDEX else 1.5
-    array = dataclasses.replace(CAMERA.microlenses, model=model, index=index)
-    plan = pl.plan(None, dataclasses.replace(CAMERA, microlenses=array))
-    assert plan.runs(Stage.MICROLENS_PLATES) == (model >= pl.optics.MicrolensModel.FLAT_HIGH_INDEX)
-    assert "left out  aspheres" in repr(plan)
+    ):
+        plan = pl.plan(None, dataclasses.replace(CAMERA, lens=lens))
+        assert {stage for stage in choices if plan.runs(stage)} == running
+        assert plan.runs(Stage.LENS)
+    # Plates run where microlenses have surfaces.
+    for model in pl.optics.MicrolensModel:
+        index = 100.0 if model is pl.optics.MicrolensModel.FLAT_HIGH_INDEX else 1.5
+        array = dataclasses.replace(CAMERA.microlenses, model=model, index=index)
+        plan = pl.plan(None, dataclasses.replace(CAMERA, microlenses=array))
+        assert plan.runs(Stage.MICROLENS_PLATES) == (model >= pl.optics.MicrolensModel.FLAT_HIGH_INDEX), model
+        assert "left out  aspheres" in repr(plan)
 
 
 # ---- scenes ----
@@ -74,13 +69,13 @@ def running(scene, **options):
     return {stage for stage in SCENE_STAGES if plan.runs(stage)}
 
 
-@pytest.mark.parametrize(
-    ("scene", "stages"),
-    [
+def test_a_scene_runs_what_it_has():
+    mapped = pl.EnvironmentMap(np.ones((1, 2, 1)))
+    for scene, stages in (
         (None, set()),
         (pl.Scene(background=0.0), set()),
         (pl.Scene(background=1.0), {Stage.BACKGROUND}),
-        (pl.Scene(background=pl.EnvironmentMap(np.ones((1, 2, 1)))), {Stage.BACKGROUND}),
+        (pl.Scene(background=mapped), {Stage.BACKGROUND}),
         (pl.Scene(lights=[pl.SunLight((0, 0, -1))]), {Stage.BACKGROUND}),
         (pl.Scene(lights=[POINT]), set()),
         (pl.Scene(lights=[LAMP]), {Stage.INTERSECTION, Stage.EMISSION}),
@@ -89,52 +84,41 @@ def running(scene, **options):
         (pl.Scene([FLOOR], [LAMP]), LIT),
         (pl.Scene([FLOOR], [POINT]), LIT - {Stage.EMISSION}),
         (pl.Scene([FLOOR], [pl.SunLight((0, 0, -1))]), LIT - {Stage.EMISSION} | {Stage.BACKGROUND}),
-        (
-            pl.Scene([FLOOR], background=pl.EnvironmentMap(np.ones((1, 2, 1)))),
-            LIT - {Stage.EMISSION} | {Stage.BACKGROUND},
-        ),
+        (pl.Scene([FLOOR], background=mapped), LIT - {Stage.EMISSION} | {Stage.BACKGROUND}),
         (pl.Scene([floor(pl.Lambertian(0.0))], [LAMP]), {Stage.INTERSECTION, Stage.EMISSION}),
         (pl.Scene([pl.scene.Instances(FLOOR, PLACES)], [LAMP]), LIT | {Stage.INSTANCES}),
-        (pl.Scene([floor(pl.materials.RoughDiffuse())], [LAMP]), LIT | {Stage.MATERIALS}),
-        (pl.Scene([floor(pl.Conductor())], [LAMP]), LIT | {Stage.MATERIALS}),
-        (pl.Scene([floor(pl.materials.ThinGlass())], [LAMP]), LIT | {Stage.MATERIALS}),
-        (pl.Scene([floor(pl.Dielectric())], [LAMP]), LIT | {Stage.MATERIALS}),
-        (pl.Scene([floor(pl.Dielectric(absorption=0.1))], [LAMP]), LIT | {Stage.MATERIALS, Stage.ABSORPTION}),
-        (pl.Scene([floor(pl.MetallicRoughness())], [LAMP]), LIT | {Stage.MATERIALS}),
-        (pl.Scene([floor(pl.MetallicRoughness(opacity=0.5))], [LAMP]), LIT | {Stage.MATERIALS, Stage.OPACITY}),
-        (
-            pl.Scene([floor(pl.MetallicRoughness(opacity=GREY_MAP))], [LAMP]),
-            LIT | {Stage.MATERIALS, Stage.OPACITY, Stage.TEXTURES},
-        ),
-        (pl.Scene([floor(pl.Lambertian(GREY_MAP))], [LAMP]), LIT | {Stage.TEXTURES}),
-        (pl.Scene([floor(pl.Lambertian((0.5, 0.5, 0.4)))], [LAMP]), LIT | {Stage.COLOUR}),
         (pl.Scene([pl.sphere(4, center=(0, 0, -404))], [LAMP]), LIT | {Stage.VERTEX_NORMALS}),
-    ],
-)
-def test_a_scene_runs_what_it_has(scene, stages):
-    assert running(scene) == stages
-
-
-@pytest.mark.parametrize(
-    ("bounces", "lamp", "point", "world"),
-    [
-        # Without bounces, only what emits is seen.
-        (0, set(), set(), set()),
-        # A point light is never met: after the last light that is drawn no ray needs to go on.
-        (1, {Stage.SCATTERING, Stage.DIRECT_LIGHT, Stage.ONWARD_RAYS},
-            {Stage.SCATTERING, Stage.DIRECT_LIGHT}, {Stage.SCATTERING, Stage.ONWARD_RAYS}),
-        (3, LIT - {Stage.RUSSIAN_ROULETTE}, LIT - {Stage.RUSSIAN_ROULETTE}, PLAIN | {Stage.ONWARD_RAYS}),
-        (4, LIT, LIT, PLAIN | SEEN),
-    ],
-)  # fmt: skip
-def test_bounces_decide_what_follows_a_hit(bounces, lamp, point, world):
-    always = {Stage.INTERSECTION, Stage.EMISSION, Stage.BACKGROUND}
-    for scene, stages in (
-        (pl.Scene([FLOOR], [LAMP]), lamp),
-        (pl.Scene([FLOOR], [POINT]), point),
-        (pl.Scene([FLOOR], background=1.0), world),
     ):
-        assert running(scene, max_bounces=bounces) - always == stages - always
+        assert running(scene) == stages, scene
+    for material, more in (
+        (pl.materials.RoughDiffuse(), {Stage.MATERIALS}),
+        (pl.Conductor(), {Stage.MATERIALS}),
+        (pl.materials.ThinGlass(), {Stage.MATERIALS}),
+        (pl.Dielectric(), {Stage.MATERIALS}),
+        (pl.Dielectric(absorption=0.1), {Stage.MATERIALS, Stage.ABSORPTION}),
+        (pl.MetallicRoughness(), {Stage.MATERIALS}),
+        (pl.MetallicRoughness(opacity=0.5), {Stage.MATERIALS, Stage.OPACITY}),
+        (pl.MetallicRoughness(opacity=GREY_MAP), {Stage.MATERIALS, Stage.OPACITY, Stage.TEXTURES}),
+        (pl.Lambertian(GREY_MAP), {Stage.TEXTURES}),
+        (pl.Lambertian((0.5, 0.5, 0.4)), {Stage.COLOUR}),
+    ):
+        assert running(pl.Scene([floor(material)], [LAMP])) == LIT | more, material
+
+
+def test_bounces_decide_what_follows_a_hit():
+    always = {Stage.INTERSECTION, Stage.EMISSION, Stage.BACKGROUND}
+    seen, direct, onward = {Stage.SCATTERING}, {Stage.DIRECT_LIGHT}, {Stage.ONWARD_RAYS}
+    scenes = pl.Scene([FLOOR], [LAMP]), pl.Scene([FLOOR], [POINT]), pl.Scene([FLOOR], background=1.0)
+    for bounces, expected in (
+        # Without bounces, only what emits is seen.
+        (0, (set(), set(), set())),
+        # A point light is never met: after the last light that is drawn no ray needs to go on.
+        (1, (seen | direct | onward, seen | direct, seen | onward)),
+        (3, (LIT - {Stage.RUSSIAN_ROULETTE}, LIT - {Stage.RUSSIAN_ROULETTE}, PLAIN | onward)),
+        (4, (LIT, LIT, PLAIN | SEEN)),
+    ):
+        for scene, stages in zip(scenes, expected, strict=True):
+            assert running(scene, max_bounces=bounces) - always == stages - always, bounces
 
 
 def test_a_plan_says_why():
@@ -153,20 +137,16 @@ def test_a_plan_says_why():
     assert many[Stage.INSTANCES] == "meshes stand at 3 places"
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
+def test_impossible_plans_are_refused():
+    for options, said in (
         ({"max_bounces": -1}, "max_bounces is -1; it must be at least 0"),
         ({"max_bounces": 1.5}, "max_bounces is 1.5; it must be a whole number"),
         ({"samples": 0}, "samples is 0; it must be at least 1"),
         ({"replicates": True}, "replicates is True; it must be a whole number"),
-    ],
-)
-def test_impossible_plans_are_refused(options, said):
-    with pytest.raises(pl.errors.InvalidValueError, match=said):
-        pl.plan(pl.Scene([FLOOR], [LAMP]), CAMERA, **options)
-    with pytest.raises(pl.errors.InvalidValueError, match="scene is a Mesh; it must be a Scene"):
-        pl.plan(FLOOR, CAMERA)
+        ({"scene": FLOOR}, "scene is a Mesh; it must be a Scene"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=said):
+            pl.plan(**{"scene": pl.Scene([FLOOR], [LAMP]), "camera": CAMERA, **options})
 
 
 # What is left out is not even imported: neither compiled nor loaded from the cache.

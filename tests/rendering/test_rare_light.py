@@ -27,9 +27,7 @@ def bernoulli(rng, brightness, rate, light, samples=32):
     return film.mean, film.standard_error()
 
 
-@pytest.mark.parametrize(
-    "rate, light, most", [(0.0, 0.0, 1.1), (0.3, 3.0, 1.1), (0.01, 30.0, 1.1), (0.003, 30.0, 1.1), (0.001, 300.0, 1.4)]
-)
+@pytest.mark.parametrize("rate, light, most", [(0.0, 0.0, 1.1), (0.01, 30.0, 1.1), (0.001, 300.0, 1.4)])
 def test_the_error_of_an_image_is_that_of_its_pixels(rate, light, most):
     # A ramp of brightness, and what is rare. Where it is a quarter of all light and one pixel in thirty has it, most
     # pixels know nothing of it, are too dark, and the error is told too large.

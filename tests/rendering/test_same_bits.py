@@ -78,15 +78,9 @@ def held(number, tmp_path, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore::plenoptic.errors.PlenopticWarning")
-@pytest.mark.parametrize("number", [0, 1])
-def test_the_same_bits_however_it_is_rendered(number, tmp_path, monkeypatch):
-    held(number, tmp_path, monkeypatch)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::plenoptic.errors.PlenopticWarning")
-def test_the_same_bits_in_a_dozen_trials(tmp_path, monkeypatch):
-    for number in range(2, 14):
+@pytest.mark.parametrize("numbers", [range(1), pytest.param(range(1, 14), marks=pytest.mark.slow)])
+def test_the_same_bits_however_it_is_rendered(numbers, tmp_path, monkeypatch):
+    for number in numbers:
         held(number, tmp_path, monkeypatch)
 
 

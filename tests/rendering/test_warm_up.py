@@ -34,19 +34,13 @@ def test_then_nothing_is_compiled():
     assert compiling.names == before
 
 
-@pytest.mark.parametrize(
-    "camera",
-    [
+def test_cameras_of_all_kinds_and_no_scene():
+    for camera in (
         CAMERA.posed((0, 0, 100), (0, 0, 0)),
         pl.PlenopticCamera(lens=CAMERA.lens, sensor=CAMERA.sensor, stop_to_microlenses=134.6),
-    ],
-)
-def test_cameras_of_all_kinds_and_no_scene(camera):
-    pl.warm_up(None, camera, progress=False)
-    assert pl.warm_up(None, camera, progress=False).kernels == ()
-
-
-def test_something_else_is_refused():
+    ):
+        pl.warm_up(None, camera, progress=False)
+        assert pl.warm_up(None, camera, progress=False).kernels == ()
     with pytest.raises(pl.errors.InvalidValueError, match="scene is a PlenopticCamera"):
         pl.warm_up(CAMERA, CAMERA)
 

@@ -17,8 +17,11 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.camera.sampling.record import batch_record
 from plenoptic.rendering.film import replicate_counts
+from plenoptic.rendering.plan.stages import Subject
+from plenoptic.rendering.schedule import progress_bar
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
+from plenoptic.rendering.schedule.expected import ExpectedTimes
 from plenoptic.rendering.schedule.interrupts import Interrupts
 from plenoptic.rendering.schedule.progress import FilmRegion, Progress
 from plenoptic.rendering.tile import Tile, TileResult
@@ -39,7 +42,7 @@ REPLICATES = 8
 
 
 @given(replicates=st.integers(1, 64), steps=st.integers(1, 60))
-def test_steps_add_at_most_a_quarter_and_double_in_four(replicates: int, steps: int) -> None:
+def test_steps_add_at_most_a_quarter_and_double_in_four(replicates: int, steps: int):
     budget = Budget(None, None, 0.1, replicates)
     counts = [budget.following(0)]
     for _ in range(steps):
@@ -52,7 +55,7 @@ def test_steps_add_at_most_a_quarter_and_double_in_four(replicates: int, steps: 
 
 
 @given(replicates=st.integers(1, 64))
-def test_with_a_time_limit_all_pixels_have_something_soon(replicates: int) -> None:
+def test_with_a_time_limit_all_pixels_have_something_soon(replicates: int):
     budget, timed = Budget(None, None, 0.1, replicates), Budget(None, 1.0, 0.1, replicates)
     counts = list(itertools.accumulate(range(12), lambda done, _: timed.following(done), initial=0))
     first = counts.index(timed.enough)
@@ -64,7 +67,7 @@ def test_with_a_time_limit_all_pixels_have_something_soon(replicates: int) -> No
 
 
 @given(done=st.sampled_from([8, 32, 56, 1024]), affordable=st.floats(0.0, 1e6))
-def test_what_is_affordable_is_most_of_the_next_step(done: int, affordable: float) -> None:
+def test_what_is_affordable_is_most_of_the_next_step(done: int, affordable: float):
     budget = Budget(None, 1.0, None, REPLICATES)
     step = budget.within(done, affordable)
     assert step == budget.following(done) or step - done <= 0.6 * affordable < budget.following(step) - done
@@ -73,7 +76,7 @@ def test_what_is_affordable_is_most_of_the_next_step(done: int, affordable: floa
 
 
 @given(samples=st.integers(1, 10**6), replicates=st.integers(1, 64))
-def test_steps_end_with_the_samples(samples: int, replicates: int) -> None:
+def test_steps_end_with_the_samples(samples: int, replicates: int):
     budget, done = Budget(samples, 1.0, None, replicates), 0
     while (step := budget.following(done)) > done:
         done = step
@@ -81,7 +84,7 @@ def test_steps_end_with_the_samples(samples: int, replicates: int) -> None:
 
 
 @given(samples=st.integers(1, 10**6), replicates=st.integers(1, 64))
-def test_many_samples_are_rendered_in_two_passes(samples: int, replicates: int) -> None:
+def test_many_samples_are_rendered_in_two_passes(samples: int, replicates: int):
     budget = Budget(samples, None, None, min(replicates, samples))
     first = budget.following(0)
     assert budget.passes == (first < samples) == (samples >= max(256, 16 * replicates))
@@ -91,7 +94,7 @@ def test_many_samples_are_rendered_in_two_passes(samples: int, replicates: int) 
 
 
 @given(slope=st.floats(0.5, 0.9), target=st.floats(1e-3, 1.0), excess=st.floats(1.01, 30.0))
-def test_the_samples_that_are_needed_are_known_from_two_errors(slope: float, target: float, excess: float) -> None:
+def test_the_samples_that_are_needed_are_known_from_two_errors(slope: float, target: float, excess: float):
     # Errors fall like n^-slope: what is predicted reaches the target, and a step less would not.
     budget, done, error = Budget(None, None, target, REPLICATES), 128, target * excess
     aimed = budget.towards(done, error, (32.0, error * 4**slope))
@@ -105,17 +108,18 @@ def test_the_samples_that_are_needed_are_known_from_two_errors(slope: float, tar
     assert Budget(150, None, target, REPLICATES).towards(done, error, (0.0, 0.0)) <= 150
 
 
-@pytest.mark.parametrize(
-    ("limit", "target", "replicates", "side"),
-    [(None, 0.1, 2, 64), (None, 0.1, 64, 22), (1.0, 0.1, 2, 32), (1.0, None, 2, 32)],
-)
-def test_many_pixels_decide_where_time_is_not_short(limit, target, replicates: int, side: int) -> None:
-    assert cut_into_tiles((0, 512, 0, 512), Budget(None, limit, target, replicates), None, 1.0)[0] == side
+def test_many_pixels_decide_where_time_is_not_short():
+    for limit, target, replicates, side in (
+        (None, 0.1, 2, 64),
+        (None, 0.1, 64, 22),
+        (1.0, 0.1, 2, 32),
+        (1.0, None, 2, 32),
+    ):
+        assert cut_into_tiles((0, 512, 0, 512), Budget(None, limit, target, replicates), None, 1.0)[0] == side
 
 
-@pytest.mark.parametrize(
-    ("given_numbers", "said"),
-    [
+def test_impossible_budgets_are_refused():
+    for numbers, said in (
         ((None, None, None, 8), "all None"),
         ((0, None, None, 8), "samples is 0"),
         ((2**31, None, None, 8), "at most 2147483647"),
@@ -124,11 +128,9 @@ def test_many_pixels_decide_where_time_is_not_short(limit, target, replicates: i
         ((None, None, 0.0, 8), "target_error"),
         ((None, None, 0.02, 1), "at least 2"),
         ((None, None, 0.02, 0), "replicates is 0"),
-    ],
-)
-def test_impossible_budgets_are_refused(given_numbers: tuple, said: str) -> None:
-    with pytest.raises(pl.errors.InvalidValueError, match=said):
-        checked_budget(*given_numbers)
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=said):
+            checked_budget(*numbers)
 
 
 # ---- decisions ----
@@ -160,7 +162,7 @@ def noisy(colour: int, samples: int, value: float = 1.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("colour", [0, 1])
-def test_a_colour_ends_when_the_other_is_good(colour: int) -> None:
+def test_a_colour_ends_when_the_other_is_good(colour):
     # Errors: 0.5 / sqrt(7) = 0.19 of the noisy colour, 1e-6 of the other, whatever the samples.
     state = progress([TILE], (2, 2), target=0.1)
     state.take(0, result(TILE, noisy(colour, 32), 0, 32))
@@ -181,16 +183,23 @@ def test_a_colour_ends_when_the_other_is_good(colour: int) -> None:
     assert state.pending() == []
 
 
-def test_an_error_that_is_hardly_too_large_will_do() -> None:
+def test_an_error_that_is_hardly_too_large_will_do():
     # Both colours have 0.5 / sqrt(7) = 0.189.
-    for target, ends in ((0.19, True), (0.182, True), (0.178, False)):
-        state = progress([TILE], (2, 2), target)
-        state.take(0, result(TILE, noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES, 0, 32))
+    even, pixel = noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES, Tile(0, 0, 1, 1)
+    for tile, sums, target, ends in (
+        (TILE, even, 0.19, True),
+        (TILE, even, 0.182, True),
+        (TILE, even, 0.178, False),
+        (pixel, noisy(0, 32)[:1, :1], 0.1, False),  # a single lit pixel decides for itself
+        (TILE, np.zeros((2, 2, REPLICATES, 1)), 0.1, True),  # dark tiles end at once
+    ):
+        state = progress([tile], (tile.rows, tile.columns), target)
+        state.take(0, result(tile, sums, 0, 32))
         state.decide()
-        assert (state.pending() == []) == ends
+        assert (state.pending() == []) == ends, target
 
 
-def test_nothing_is_decided_before_all_have_begun() -> None:
+def test_nothing_is_decided_before_all_have_begun():
     tiles = [TILE, Tile(0, 2, 2, 2)]
     state = progress(tiles, (2, 4), target=10.0)
     state.take(0, result(tiles[0], noisy(0, 32), 0, 32))
@@ -201,22 +210,7 @@ def test_nothing_is_decided_before_all_have_begun() -> None:
     assert state.pending() == []
 
 
-def test_a_single_lit_pixel_decides_for_itself() -> None:
-    state = progress([Tile(0, 0, 1, 1)], (1, 1), target=0.1)
-    sums = noisy(0, 32)[:1, :1]
-    state.take(0, result(state.tiles[0], sums, 0, 32))
-    state.decide()
-    assert state.pending() == [0]
-
-
-def test_dark_tiles_end_at_once() -> None:
-    state = progress([TILE], (2, 2), target=0.1)
-    state.take(0, result(TILE, np.zeros((2, 2, REPLICATES, 1)), 0, 32))
-    state.decide()
-    assert state.pending() == []
-
-
-def test_a_few_bright_paths_do_not_make_all_other_pixels_dark() -> None:
+def test_a_few_bright_paths_do_not_make_all_other_pixels_dark():
     # A pixel of each colour has met something a million times as bright, in one replicate of eight.
     tiles = [Tile(row, column, 2, 2) for row in range(0, 8, 2) for column in range(0, 8, 2)]
     state = progress(tiles, (8, 8), target=0.1)
@@ -243,7 +237,7 @@ def rare_light(value: float) -> Progress:
     return state
 
 
-def test_where_the_error_rests_on_few_pixels_all_tiles_go_on() -> None:
+def test_where_the_error_rests_on_few_pixels_all_tiles_go_on():
     assert not rare_light(0.0).open.any()
     state = rare_light(1e4)
     assert state.open.all()
@@ -253,7 +247,7 @@ def test_where_the_error_rests_on_few_pixels_all_tiles_go_on() -> None:
     assert Budget(None, 1.0, 0.3, REPLICATES).enough_of_rare > 1 << 30
 
 
-def test_stopping_by_the_other_colour_does_not_bias() -> None:
+def test_stopping_by_the_other_colour_does_not_bias():
     # Rare bright samples: Bernoulli of probability 0.02 and value 50. Pixels that stopped by their own errors would
     # mostly do so when they had seen few of them.
     rng = np.random.default_rng(7)
@@ -281,21 +275,21 @@ def test_stopping_by_the_other_colour_does_not_bias() -> None:
 # ---- Ctrl-C ----
 
 
-def test_the_first_interrupt_is_noted_and_the_second_raised() -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with Interrupts() as interrupts:
-        assert not interrupts.asked
+def test_the_first_interrupt_is_noted_and_told_and_the_second_raised():
+    before, told = signal.getsignal(signal.SIGINT), []
+    with Interrupts(lambda: told.append(1)) as interrupts:
+        assert not interrupts.asked and not told
         signal.raise_signal(signal.SIGINT)
         assert interrupts.asked
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getsignal(signal.SIGINT) is before and told == [1]
 
 
-def test_other_threads_cannot_listen_and_do_not_fail() -> None:
-    found: list[bool] = []
+def test_other_threads_cannot_listen_and_do_not_fail():
+    found = []
 
-    def enter() -> None:
+    def enter():
         with Interrupts() as interrupts:
             found.append(interrupts.asked)
 
@@ -308,95 +302,88 @@ def test_other_threads_cannot_listen_and_do_not_fail() -> None:
 # ---- the bar ----
 
 
-def test_the_bar_ends_with_the_error(capsys: pytest.CaptureFixture[str]) -> None:
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2"),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
-    shot = pl.render_white(camera, target_error=0.5)
+def test_the_bar_ends_with_the_error(capsys):
+    shot = pl.render_white(small_camera(), target_error=0.5)
     said = capsys.readouterr().err
     assert "100%" in said and f"error {100 * shot.relative_error:.2g} %" in said
-    pl.render_white(camera, samples=8, progress=False)
+    pl.render_white(small_camera(), samples=8, progress=False)
     assert capsys.readouterr().err == ""
 
 
-def test_the_bar_shows_how_much_is_left(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from plenoptic.rendering.schedule import progress_bar
-
-    tiles = [Tile(0, 0, 2, 2), Tile(0, 2, 2, 2), Tile(0, 4, 2, 2), Tile(0, 6, 2, 2)]
-    state = progress(tiles, (2, 8), target=1e-9, samples=32)
+@pytest.fixture
+def bar(monkeypatch, capsys):
+    """What a bar with a limit shows of a state, `moved` by some seconds at a time."""
     now = [100.0]
     monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: now[0])
-    bar = progress_bar.ProgressBar(100.0, show=True)
-    bar.start(state)
+
+    def begin(state, seconds, *expected):
+        made = progress_bar.ProgressBar(seconds, show=True)
+        made.start(state, *expected)
+
+        def moved(by):
+            now[0] += by
+            made.update()
+            return capsys.readouterr().err
+
+        return made, moved
+
+    return begin
+
+
+def test_the_bar_shows_how_much_is_left(bar, capsys):
+    tiles = [Tile(0, 2 * k, 2, 2) for k in range(4)]
+    state = progress(tiles, (2, 8), target=1e-9, samples=32)
+    made, moved = bar(state, 100.0)
     state.take(0, result(tiles[0], noisy(0, 32), 0, 32))
-    now[0] += 1000.0  # compiling, mostly
-    bar.update()
     # One colour of a tile is good to 0.5 / sqrt(7), the other to 1e-6: 13 % together.
-    said = capsys.readouterr().err
+    said = moved(1000.0)  # compiling, mostly
     assert "25%" in said and "left" not in said and "error 13 %" in said
     state.take(1, result(tiles[1], noisy(0, 32), 0, 32))
-    now[0] += 300.0
-    bar.update()
-    said = capsys.readouterr().err
+    said = moved(300.0)
     assert "50%" in said and "10 min left" in said
-    bar.end()
+    made.end()
     said = capsys.readouterr().err
     assert "interrupted, ending" in said and "left" not in said
 
 
-def test_the_bar_knows_the_time_limit(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from plenoptic.rendering.schedule import progress_bar
-
+def test_the_bar_knows_the_time_limit(bar):
     budget, region = Budget(None, 50.0, None, 8), FilmRegion(0, 0, 1.0, 1.0)
     state = Progress([TILE], (2, 2, 1), budget, region, {}, 8, counted=True, begin=(0.0, 0.0))
-    now = [100.0]
-    monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: now[0])
-    bar = progress_bar.ProgressBar(80.0, show=True)  # 20 s were spent before
-    bar.start(state)
-    for _ in range(2):
-        now[0] += 5.0
-        bar.update()
-    said = capsys.readouterr().err
+    _, moved = bar(state, 80.0)  # 20 s were spent before
+    moved(5.0)
+    said = moved(5.0)
     assert "60%" in said and "20 s left" in said
 
 
-def test_the_bar_begins_with_what_was_expected_and_ends_with_the_pace(monkeypatch, capsys) -> None:
-    from plenoptic.rendering.schedule import progress_bar
-
+def test_the_bar_begins_with_what_was_expected_and_ends_with_the_pace(bar, capsys):
     tiles = [Tile(0, 2 * k, 2, 2) for k in range(4)]
     state = progress(tiles, (2, 8), target=1e-9, samples=32)
-    now = [100.0]
-    monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: now[0])
-    bar = progress_bar.ProgressBar(100.0, show=True)
-    bar.start(state, 400.0)
+    _, moved = bar(state, 100.0, 400.0)
     assert "0%" in (said := capsys.readouterr().err) and "7 min left" in said  # 400 s
     for i, wanted in ((0, "5 min"), (1, "9 min"), (2, "6 min")):
         state.take(i, result(tiles[i], noisy(0, 32), 0, 32))
-        now[0] += 430.0
-        bar.update()
         # The first tile may have had to be compiled: 3/4 of 400 s. Then the pace is 430 s for a quarter, 1720 s in all:
         # (1 - s) (s 1720 + (1 - s) 400) = 530 s at s = 1/2, and 347 s at 3/4.
-        assert f"{wanted} left" in capsys.readouterr().err.rpartition("|")[2]
+        assert f"{wanted} left" in moved(430.0).rpartition("|")[2]
+
+
+def small_camera():
+    return pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((8, 8), 0.1), 130.0)
 
 
 def bar_of(monkeypatch, shot):
     """What the bar of a render has been told to expect."""
-    from plenoptic.rendering.schedule.progress_bar import ProgressBar
-
-    told, start = [], ProgressBar.start
+    told, start = [], progress_bar.ProgressBar.start
     with monkeypatch.context() as listening:
-        listening.setattr(ProgressBar, "start", lambda bar, *given: (told.append(given[1]), start(bar, *given)))
+        listening.setattr(
+            progress_bar.ProgressBar, "start", lambda bar, *given: (told.append(given[1]), start(bar, *given))
+        )
         shot()
     return told[0]
 
 
-def test_a_render_begins_with_what_was_estimated_of_it(monkeypatch) -> None:
-    camera = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((8, 8), 0.1), 130.0)
-    scene, quiet = pl.shapes.white_plane(), {"progress": False}
+def test_a_render_begins_with_what_was_estimated_of_it(monkeypatch):
+    camera, scene, quiet = small_camera(), pl.shapes.white_plane(), {"progress": False}
     found = pl.estimate(scene, camera, samples=4, **quiet).seconds.value
     white = pl.estimate(None, camera, target_error=0.5, threads=1, **quiet).seconds.value
     for more, other in (({}, False), ({"seed": 1}, False), ({"samples": 5}, True), ({"truth": pl.Truth.NONE}, True)):
@@ -408,12 +395,8 @@ def test_a_render_begins_with_what_was_estimated_of_it(monkeypatch) -> None:
     assert bar_of(monkeypatch, lambda: pl.render_white(camera, target_error=0.5, threads=2, **quiet)) is None
 
 
-def test_estimates_keep_no_scene_alive() -> None:
-    from plenoptic.rendering.plan.stages import Subject
-    from plenoptic.rendering.schedule.expected import ExpectedTimes
-
-    times = ExpectedTimes()
-    camera = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((8, 8), 0.1), 130.0)
+def test_estimates_keep_no_scene_alive():
+    times, camera = ExpectedTimes(), small_camera()
     for n in range(40):
         scene = pl.Scene(background=1.0 + n)
         times.note(Subject(scene, camera), n, seconds=float(n))
@@ -425,16 +408,7 @@ def test_estimates_keep_no_scene_alive() -> None:
     assert times.of(Subject(pl.Scene(background=40.0), camera), 39) is None
 
 
-def test_the_first_interrupt_is_told() -> None:
-    told = []
-    with Interrupts(lambda: told.append(1)):
-        signal.raise_signal(signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-    assert told == [1]
-
-
-def test_batches_hold_as_many_samples_of_each_replicate() -> None:
+def test_batches_hold_as_many_samples_of_each_replicate():
     clock = Clock(0.0, None)
     room = clock.paths_per_batch()
     for pixels, replicates in ((1, 1), (100, 7), (65536, 16), (1 << 21, 8)):
@@ -444,7 +418,7 @@ def test_batches_hold_as_many_samples_of_each_replicate() -> None:
         assert (samples + replicates) * pixels > room
 
 
-def test_a_clock_leaves_time_to_finish_large_images() -> None:
+def test_a_clock_leaves_time_to_finish_large_images():
     now = time.perf_counter()
     assert Clock(now - 0.5, 1.0).has_time(1)
     assert not Clock(now - 0.5, 1.0, numbers=10**9).has_time(1)  # half of the limit at most

@@ -1,0 +1,56 @@
+"""What tests of light transport share: a pinhole, and radiance seen through it."""
+
+import functools
+import math
+
+import numpy as np
+
+import plenoptic as pl
+
+
+def pinhole(half=0.2, pixels=8, opening=1e-4):
+    """A camera without a lens, with a tiny opening, that looks along -z and sees tangents up to `half` to each side."""
+    return pl.PlenopticCamera(
+        lens=pl.no_lens(opening),
+        sensor=pl.Sensor(shape=(pixels, pixels), pixel_pitch=20.0 * half / pixels),
+        stop_to_microlenses=10.0,
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def sky(camera, samples, seed):
+    """(H, W, C): radiance 1 everywhere, seen by the paths of any scene."""
+    settings = {"replicates": 1, "truth": pl.Truth.NONE, "progress": False}
+    return pl.render(pl.Scene([], background=1.0), camera, samples=samples, seed=seed, **settings).image
+
+
+def radiance_once(scene, camera, samples=64, seed=0, **options):
+    """(H, W, C) radiance; the noise of the camera cancels, since a sky of radiance 1 has the same rays."""
+    settings = {"replicates": 1, "truth": pl.Truth.NONE, "progress": False, **options}
+    shot = pl.render(scene, camera, samples=samples, seed=seed, **settings)
+    assert shot.stats.nonfinite == 0 and np.isfinite(shot.image).all()
+    return shot.image.astype(np.float64) / sky(camera, samples, seed)
+
+
+def radiance(scene, camera, samples=256, seeds=16, **options):
+    """(H, W, C) mean radiance and its standard error, from independent renderings."""
+    shots = [radiance_once(scene, camera, samples, seed, **options) for seed in range(seeds)]
+    return np.mean(shots, axis=0), np.std(shots, axis=0, ddof=1) / math.sqrt(seeds)
+
+
+def flat(mesh):
+    """The mesh without smooth normals."""
+    return pl.Mesh(mesh.vertices, mesh.faces, mesh.material, uv=mesh.uv)
+
+
+def fresnel(cosine, index):
+    """Reflectance of unpolarised light at a surface to a medium of the index (M. Born and E. Wolf, section 1.5.2)."""
+    inner = np.sqrt(1 - (1 - cosine**2) / index**2)
+    s = (cosine - index * inner) / (cosine + index * inner)
+    p = (index * cosine - inner) / (index * cosine + inner)
+    return 0.5 * (s * s + p * p)
+
+
+def smith(z, alpha):
+    """Smith's Lambda for GGX: (sqrt(1 + alpha^2 tan^2) - 1) / 2."""
+    return 0.5 * (np.sqrt(1 + alpha**2 * (1 / z**2 - 1)) - 1)
