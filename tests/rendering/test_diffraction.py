@@ -12,13 +12,23 @@ import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import ApertureShape, Gaps, MicrolensAperture
 from plenoptic.rendering import Stage
+from plenoptic.study.cameras import reference_camera
 
 CIRCLE, SQUARE = ApertureShape.CIRCLE, ApertureShape.SQUARE
 ROUND, FILLED = MicrolensAperture(CIRCLE, math.pi / 4), MicrolensAperture(SQUARE, 1.0)
 PIXELS = 20
 """Pixels of a microlens along a side: whatever leaves a pixel lands between there and the neighbours' images."""
-CAMERAS = {"R12": (2.4, 5.5e-3), "README": (7.8, 10e-3), "Illum": (2.0, 1.4e-3), "microscope": (20.0, 7.4e-3)}
-"""f-numbers of microlenses, pixel pitches in mm."""
+CAMERAS = {
+    "R12": (2.4, 5.5e-3, 0.767, 0.778),
+    "README": (7.8, 10e-3, 0.648, 0.664),
+    "Illum": (2.0, 1.4e-3, 0.479, 0.503),
+    "microscope": (20.0, 7.4e-3, 0.252, 0.291),
+}
+"""f-numbers of microlenses, pixel pitches in mm, light that stays in its pixel by round and by square ones."""
+
+
+def slow(value):
+    return pytest.param(value, marks=pytest.mark.slow)
 
 
 def lit_square(number, pitch, aperture, *, part=1.0, across=PIXELS, size=2 * PIXELS + 1, **more):
@@ -51,37 +61,24 @@ def white(camera, samples, **more):
     return shot.image.squeeze().astype(float), shot.standard_error.squeeze().astype(float)
 
 
-SHARES = [("R12", 0.767, 0.778), ("README", 0.648, 0.664), ("Illum", 0.479, 0.503), ("microscope", 0.252, 0.291)]
-
-
-def check_share(name, aperture, share):
+@pytest.mark.parametrize("name", [slow("R12"), "README", slow("Illum"), slow("microscope")])
+def test_the_share_of_light_that_stays_in_its_pixel(name):
     # The integral of the aperture's MTF times the pixel's squared; the image without bends is known in closed form.
-    number, pitch = CAMERAS[name]
-    camera, middle = lit_square(number, pitch, aperture), np.s_[PIXELS : PIXELS + 1, PIXELS : PIXELS + 1]
-    image, error = white(camera, 1 << 13, replicates=16, region=middle)
-    # The integral of cos^4 over the lens: 1 - 2 <r^2> / f^2.
-    whole = (math.pi / 4 if aperture is ROUND else 1.0) / number**2
-    whole *= 1 - 2 * (1 / 8 if aperture is ROUND else 1 / 6) / number**2
-    assert float(error) < 0.003 * whole
-    assert float(image) / whole == pytest.approx(share, abs=0.01), (name, aperture)
+    number, pitch, *shares = CAMERAS[name]
+    for aperture, share in zip((ROUND, FILLED), shares, strict=True):
+        camera, middle = lit_square(number, pitch, aperture), np.s_[PIXELS : PIXELS + 1, PIXELS : PIXELS + 1]
+        image, error = white(camera, 1 << 13, replicates=16, region=middle)
+        # The integral of cos^4 over the lens: 1 - 2 <r^2> / f^2.
+        whole = (math.pi / 4 if aperture is ROUND else 1.0) / number**2
+        whole *= 1 - 2 * (1 / 8 if aperture is ROUND else 1 / 6) / number**2
+        assert float(error) < 0.003 * whole
+        assert float(image) / whole == pytest.approx(share, abs=0.01), aperture
 
 
-def test_the_share_of_light_that_stays_in_its_pixel():
-    check_share("README", ROUND, 0.648)
-    check_share("microscope", FILLED, 0.291)
-
-
-@pytest.mark.slow
-def test_the_share_of_light_that_stays_in_its_pixel_of_all_cameras():
-    for name, of_round, of_filled in SHARES:
-        check_share(name, ROUND, of_round)
-        check_share(name, FILLED, of_filled)
-
-
-@pytest.mark.parametrize("name", ["README", *(pytest.param(name, marks=pytest.mark.slow) for name in ("R12", "Illum"))])
+@pytest.mark.parametrize("name", [slow("R12"), "README", slow("Illum")])
 def test_contrast_at_the_nyquist_frequency_of_pixels(name):
     # Sharp squares one pixel wide in a lattice of six, on pixels a quarter as wide: 24 of these are a period.
-    number, pitch = CAMERAS[name]
+    number, pitch, *_ = CAMERAS[name]
     camera = lit_square(number, pitch / 4, ROUND, part=4.0, across=24, size=48)
     image, error = (a[12:36, 12:36] for a in white(camera, 4096, replicates=8))
     # Light from beyond the rim of the sensor is missing, evenly: what a period has without bends tells all of it.
@@ -99,10 +96,7 @@ def test_contrast_at_the_nyquist_frequency_of_pixels(name):
     )
 
 
-@pytest.mark.parametrize(
-    "aperture",
-    [ROUND, *(pytest.param(a, marks=pytest.mark.slow) for a in (FILLED, MicrolensAperture(CIRCLE, 0.5, Gaps.CLEAR)))],
-)
+@pytest.mark.parametrize("aperture", [ROUND, slow(FILLED), slow(MicrolensAperture(CIRCLE, 0.5, Gaps.CLEAR))])
 def test_no_light_is_lost_between_microlenses(aperture):
     # Over a period of the lattice as much comes in as goes out, but for what comes from beyond the sensor: by Airy's
     # tail and that of a square, no more than 2 lambda N / (pi^2 d) beyond a distance d.
@@ -136,15 +130,9 @@ def test_tails_reach_far_pixels():
 
 def small_camera(**more):
     """Three by three microlenses of the README's camera."""
-    given = {
-        "lens": pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(8.0)),
-        "microlenses": pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        "sensor": pl.Sensor(shape=(64, 64), pixel_pitch=0.01),
-        "stop_to_microlenses": 123.3,
-        "microlenses_to_sensor": 1.7,
-        "diffraction": pl.Diffraction(),
-    }
-    return pl.PlenopticCamera(**(given | more))
+    camera, sensor = reference_camera(), pl.Sensor(shape=(64, 64), pixel_pitch=0.01)
+    lens = camera.lens.with_stop(pl.CircularStop(8.0))
+    return dataclasses.replace(camera, **{"lens": lens, "sensor": sensor, "diffraction": pl.Diffraction(), **more})
 
 
 def test_bits_do_not_depend_on_tiles_threads_and_regions():

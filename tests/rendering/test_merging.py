@@ -12,14 +12,9 @@ import plenoptic as pl
 from plenoptic.rendering import RenderStats, StopReason
 from plenoptic.rendering.heads import head_of
 from plenoptic.rendering.merging.regions import left_out
+from plenoptic.study.cameras import reference_camera
 
-CAMERA = pl.PlenopticCamera(
-    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
-    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    sensor=pl.Sensor(shape=(29, 43), pixel_pitch=0.01),
-    stop_to_microlenses=123.3,
-    microlenses_to_sensor=1.7,
-)
+CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(29, 43), pixel_pitch=0.01))
 SCENE = pl.check_scene()
 merged = pl.Exposure.merged
 

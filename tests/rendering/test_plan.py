@@ -9,14 +9,9 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.rendering import Stage
+from plenoptic.study.cameras import reference_camera
 
-CAMERA = pl.PlenopticCamera(
-    lens=pl.load_lens("double-gauss-100mm-f2"),
-    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01),
-    stop_to_microlenses=123.3,
-    microlenses_to_sensor=1.7,
-)
+CAMERA = reference_camera()
 
 
 def aspheric(lens: pl.LensStack) -> pl.LensStack:

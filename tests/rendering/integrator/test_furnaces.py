@@ -188,9 +188,9 @@ def test_environment_maps_light_and_are_seen_as_they_say():
     mirror = plate.with_material(pl.Conductor())
     for x, y in ((0.2, -0.07), (-0.6, 0.3), (0.03, 0.5)):
         camera = pinhole(1e-4).posed((0, 0, 0), (x, y, -1))
-        seen = radiance(pl.Scene(background=world), camera, 4, seeds=2)[0]
+        seen = radiance(pl.Scene(background=world), camera, samples=4, seeds=2)[0]
         np.testing.assert_allclose(seen, world.radiance(np.array([[x, y, -1.0]]))[0, 0], rtol=1e-6)
-        seen = radiance(pl.Scene([mirror], background=world), camera, 4, seeds=2)[0]
+        seen = radiance(pl.Scene([mirror], background=world), camera, samples=4, seeds=2)[0]
         np.testing.assert_allclose(seen, world.radiance(np.array([[x, y, 1.0]]))[0, 0], rtol=1e-6)
 
 

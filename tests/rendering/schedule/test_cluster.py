@@ -196,8 +196,3 @@ def test_a_client_that_was_killed_goes_on_from_its_checkpoint(client, of_threads
     assert_same(of_threads["target_error"], objects(client, checkpoint=path, **OBJECTS["target_error"]))
 
 
-@pytest.mark.slow
-def test_real_workers_with_other_kernels_are_refused(client, monkeypatch):
-    monkeypatch.setattr("plenoptic.core.engines.dask_worker.sources_hash", lambda: "others")
-    with pytest.raises(pl.errors.InvalidValueError, match=r"the worker tcp://.* with other kernels; install there"):
-        objects(client, samples=16)
