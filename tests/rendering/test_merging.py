@@ -37,23 +37,23 @@ def cuts_of(rng, region, n, *, block=1):
     return regions
 
 
-def made_up(rng, region):
-    """An exposure of random numbers, with all that there may be."""
+def made_up(rng, region, **changes):
+    """An exposure of random numbers that EXR files hold too, with all that there may be."""
     shape = region[1] - region[0], region[3] - region[2]
-    counts = rng.integers(0, 9, shape)
-    return pl.Exposure(
-        rng.random((*shape, 3)),
-        standard_error=rng.random((*shape, 3)),
-        truth=pl.GroundTruth(depth=rng.random(shape), normal=rng.random((*shape, 3))),
-        samples=8,
-        replicates=2,
-        seed=5,
-        region=region,
-        sample_counts=counts,
-        settings=pl.rendering.RenderSettings(),
-        white=False,
-        object_names=("a", ""),
-    )
+    depth, normal = (rng.random(part, dtype=np.float32) for part in (shape, (*shape, 3)))
+    fields = {
+        "standard_error": rng.random((*shape, 3)),
+        "truth": pl.GroundTruth(depth=depth, normal=normal, object=rng.integers(-1, 9, shape)),
+        "samples": 8,
+        "replicates": 2,
+        "seed": 5,
+        "region": region,
+        "sample_counts": rng.integers(0, 9, shape),
+        "settings": pl.rendering.RenderSettings(),
+        "white": False,
+        "object_names": ("a", ""),
+    }
+    return pl.Exposure(rng.random((*shape, 3)), **{**fields, **changes})
 
 
 def part_of(whole, region):

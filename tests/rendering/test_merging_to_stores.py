@@ -1,10 +1,11 @@
 """`merge_to_store`: every byte of the store of `Exposure.merged`, with a band of it in memory."""
 
 import dataclasses
-import itertools
 import json
+import sys
 import tracemalloc
 import weakref
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,10 @@ from plenoptic.rendering.merging.merge import merge_to_store, merged_parts
 from plenoptic.rendering.merging.parts import FilePart, HeldPart, StorePart
 from plenoptic.rendering.stores import head_of_store
 
+sys.path.insert(0, str(Path(__file__).parent))
+import test_merging  # noqa: E402
+from test_merging import cuts_of, part_of  # noqa: E402
+
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 
 CAMERA = pl.PlenopticCamera(
@@ -28,46 +33,13 @@ REGION = (200, 200 + ROWS, 8, 8 + COLUMNS)
 
 
 def made_up(rng, seed, *, region=REGION, **changes):
-    """An exposure of random numbers that EXR files hold too, with all that there may be."""
-    shape = region[1] - region[0], region[3] - region[2]
+    """An exposure of random numbers with all that there may be."""
     fields = {
-        "standard_error": rng.random((*shape, 3)),
-        "truth": pl.GroundTruth(
-            depth=rng.random(shape, dtype=np.float32),
-            normal=rng.random((*shape, 3), dtype=np.float32),
-            object=rng.integers(-1, 9, shape),
-        ),
-        "samples": 8,
-        "replicates": 2,
         "seed": seed,
-        "region": region,
-        "sample_counts": rng.integers(0, 9, shape),
         "camera": dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(1400, 40), pixel_pitch=0.01)),
-        "settings": pl.rendering.RenderSettings(),
         "stats": RenderStats(1.0 + seed, 2.0, 90, 80, (("clipped", 0, 10),), clamped=0.1 * seed),
-        "white": False,
-        "object_names": ("a", ""),
     }
-    return pl.Exposure(rng.random((*shape, 3)), **{**fields, **changes})
-
-
-def part_of(whole, region):
-    """What of an exposure lies in a region."""
-    first_row, _, first_column, _ = head_of(whole).place
-    at = np.s_[region[0] - first_row : region[1] - first_row, region[2] - first_column : region[3] - first_column]
-    changes = {name: getattr(whole, name)[at] for name in ("image", "standard_error", "sample_counts")}
-    truth = {name: array[at] for name, array in whole.truth.arrays().items()}
-    return dataclasses.replace(whole, region=region, truth=pl.GroundTruth(**truth), **changes)
-
-
-def cuts_of(rng, n):
-    """The region, cut n times along rows, and each piece once or not along columns."""
-    rows = [200, *np.sort(rng.choice(np.arange(201, 200 + ROWS), n, replace=False)).tolist(), 200 + ROWS]
-    for row, end_row in itertools.pairwise(rows):
-        column = int(rng.integers(8, 8 + COLUMNS))
-        for first, end in ((8, column), (column, 8 + COLUMNS)):
-            if first < end:
-                yield row, end_row, first, end
+    return test_merging.made_up(rng, region, **{**fields, **changes})
 
 
 def content(path):
@@ -96,7 +68,9 @@ def test_a_store_has_every_byte_of_what_is_merged_in_memory(seed, tmp_path):
     rng = np.random.default_rng(seed)
     shots = [made_up(rng, number) for number in range(3)]
     parts = [
-        part_of(shot, region) for region in cuts_of(rng, 1 + 2 * seed) for shot in shots[: int(rng.integers(1, 4))]
+        part_of(shot, region)
+        for region in cuts_of(rng, REGION, 1 + 4 * seed)
+        for shot in shots[: int(rng.integers(1, 4))]
     ]
     parts = [parts[k] for k in rng.permutation(len(parts))]
     (tmp_path / "parts").mkdir()
@@ -245,24 +219,22 @@ def test_a_merge_that_fails_leaves_what_was_there(tmp_path):
 
 
 def test_what_does_not_fit_is_refused_before_any_pixel_is_read(tmp_path):
-    rng = np.random.default_rng(7)
-    whole = made_up(rng, 0)
+    whole = made_up(np.random.default_rng(7), 0)
 
     def never():
         raise AssertionError("read")
 
-    def heads(*regions, names="abc", **changes):
-        shots = [dataclasses.replace(part_of(whole, region), **changes) for region in regions]
-        return [FilePart(f"{name}.exr", head_of(shot), never) for name, shot in zip(names, shots, strict=False)]
+    def heads(*rows):
+        shots = [part_of(whole, (first, end, 8, 32)) for first, end in rows]
+        return [FilePart(f"{name}.exr", head_of(shot), never) for name, shot in zip("abc", shots, strict=False)]
 
-    top, below, across = (200, 300, 8, 32), (300, 400, 8, 32), (250, 350, 8, 32)
     for parts, said in (
-        (heads(top, across), r"a.exr \(rows 200:300, columns 8:32\) and b.exr \(rows 250:350, columns 8:32\) overlap"),
-        (heads(top, (310, 400, 8, 32)), "leave rows 300:310, columns 8:32 out"),
-        (heads(top, below, top), "2 parts of rows 200:300, columns 8:32 have the seed 0"),
-        (heads(top, top, seed=None), "one does not know its seed"),
-        (heads(top, samples=None), "a.exr does not know its samples"),
-        (heads(top) + heads(below, names="b", white=True), "b.exr has another subject than a.exr"),
+        (
+            heads((200, 300), (250, 350)),
+            r"a.exr \(rows 200:300, columns 8:32\) and b.exr \(rows 250:350, columns 8:32\) overlap",
+        ),
+        (heads((200, 300), (310, 400)), "leave rows 300:310, columns 8:32 out"),
+        (heads((200, 300), (300, 400), (200, 300)), "2 parts of rows 200:300, columns 8:32 have the seed 0"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=said) as raised:
             merge_to_store(parts, tmp_path / "a.zarr")

@@ -1,8 +1,6 @@
 """What runs for a camera, and what is left out."""
 
 import dataclasses
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -142,32 +140,3 @@ def test_impossible_plans_are_refused():
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=said):
             pl.plan(**{"scene": pl.Scene([FLOOR], [LAMP]), "camera": CAMERA, **options})
-
-
-# What is left out is not even imported: neither compiled nor loaded from the cache.
-SMALL = """
-import sys
-import plenoptic as pl
-camera = pl.PlenopticCamera(
-    lens=pl.no_lens(0.1), sensor=pl.Sensor(shape=(2, 2), pixel_pitch=1.0), stop_to_microlenses=10.0)
-meshes = [pl.quad((-50, -50, z), (100, 0, 0), (0, 100, 0), material=m) for z, m in {meshes}]
-pl.render(pl.Scene(meshes, [pl.lights.PointLight((9, 0, -20))]), camera, samples=8, progress=False)
-print(*sorted(name for name in sys.modules if ".kernels." in name))
-"""
-
-
-def kernels_of(meshes):
-    done = subprocess.run(
-        [sys.executable, "-c", SMALL.format(meshes=meshes)], capture_output=True, text=True, check=True
-    )
-    return {name.rpartition(".")[2] for name in done.stdout.split()}
-
-
-@pytest.mark.slow
-def test_scenes_load_no_kernels_of_features_they_lack():
-    loaded = kernels_of("[(-40, pl.Lambertian(0.5))]")
-    assert {"direct_light", "sample_emitters", "interaction"} <= loaded
-    assert not {"alpha", "absorption", "emission"} & loaded
-    # And those that they need, they load.
-    loaded = kernels_of("[(-40, pl.MetallicRoughness(opacity=0.5)), (-45, pl.Dielectric(absorption=0.1))]")
-    assert {"alpha", "absorption"} <= loaded

@@ -101,55 +101,6 @@ def test_white_stays_white() -> None:
     assert np.all(np.abs(ratio - 1) < 4 * error + 0.01)
 
 
-def test_lateral_colour_is_that_of_the_chief_rays() -> None:
-    # A small white emitter near the edge of the field of a conventional camera, stopped down so far that coma does not
-    # matter: the channels' centroids part as the chief rays of their wavelengths do.
-    wavelengths = (650.0, 540.0, 450.0)
-    singlet = pl.LensStack(
-        [
-            pl.CircularStop(0.6, thickness=8.0),
-            pl.Surface(radius=60.0, thickness=5.0, medium=pl.glass("N-SF6"), semi_diameter=12.0),
-            pl.Surface(radius=-400.0, semi_diameter=12.0),
-        ]
-    )
-    base = pl.PlenopticCamera(lens=singlet, sensor=pl.Sensor((400, 400), 0.004), stop_to_microlenses=100.0)
-    base = base.focused_at(z=-900.0)
-    side, x = 0.4, 90.0
-    emitter = pl.quad((x - side / 2, -side / 2, -900.0), (side, 0, 0), (0, side, 0), material=pl.Emissive(1.0))
-    middle = chief_height(singlet, base, x, 540.0)
-    moved = base.moved(pl.CameraPart.SENSOR, shift=(middle, 0.0, 0.0))
-    landed = [
-        float(pl.point_spread(dataclasses.replace(moved, wavelength=w), (x, 0.0, -900.0)).centroid[0]) + middle
-        for w in wavelengths
-    ]
-    seen = dataclasses.replace(moved, sensitivity=pl.sensor.Sensitivity.lines(wavelengths))
-    region = np.s_[160:240, 100:300]
-    settings = {"samples": 384, "region": region, "truth": pl.Truth.NONE, "progress": False}
-    shot = pl.render(pl.Scene(meshes=[emitter]), seen, **settings)
-    assert not shot.image[[0, -1]].any() and not shot.image[:, [0, -1]].any()  # all of the light is in it
-    rows, columns = np.mgrid[region]
-    along = base.sensor.centre_of(rows, columns)[..., 0] + middle
-    light = shot.image.astype(float)
-    total = light.sum(axis=(0, 1))
-    centroid = np.einsum("ijc,ij->c", light, along) / total
-    # Pixels that no path found bright have the error of one sample, which far from the light would outweigh all others.
-    leverage = np.square(shot.standard_error * (light > 0)) * np.square(along[..., None] - centroid)
-    error = np.sqrt(leverage.sum(axis=(0, 1))) / total
-    chief = [chief_height(singlet, base, x, wavelength) for wavelength in wavelengths]
-    # Differences between channels: coma moves all centroids alike to some 1e-4 mm.
-    assert np.all(np.abs(np.diff(centroid) - np.diff(chief)) < 3 * np.hypot(error[1:], error[:-1]) + 1e-4)
-    # Traced bundles and the render agree in absolute place, too.
-    assert np.all(np.abs(centroid - landed) < 4 * error + 2e-4)
-    assert abs(landed[0] - landed[2]) > 20 * error.max()
-
-
-def chief_height(lens: pl.LensStack, camera: pl.PlenopticCamera, x: float, wavelength: float) -> float:
-    """Where the chief ray from (x, 0, -900) meets the sensor's plane."""
-    out = lens.trace(pl.aiming.chief_ray(lens, field=(x, 0.0), z_object=-900.0, wavelength=wavelength))
-    t = (camera.z_sensor - out.origin[0, 2]) / out.direction[0, 2]
-    return float(out.origin[0, 0] + t * out.direction[0, 0])
-
-
 def test_the_same_bits_in_regions_and_on_threads() -> None:
     camera = dataclasses.replace(CAMERA, sensitivity=LINES)
     scene = coloured_scene()

@@ -147,9 +147,8 @@ def test_processes_give_the_bits_of_threads(client, of_threads):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turn", range(2))
-def test_two_workers_may_be_killed(client, of_threads, monkeypatch, turn):
-    way, chance, take, killed = ("samples", "target_error")[turn % 2], random.Random(turn), Progress.take, []
+def test_two_workers_may_be_killed(client, of_threads, monkeypatch):
+    chance, take, killed = random.Random(1), Progress.take, []
     client.wait_for_workers(4)
     moments = {chance.randrange(1, 12), chance.randrange(12, 24)}  # of 36 tiles and more
     taken = iter(range(1 << 20))
@@ -162,9 +161,9 @@ def test_two_workers_may_be_killed(client, of_threads, monkeypatch, turn):
             os.kill(killed[-1], signal.SIGKILL)
 
     monkeypatch.setattr(Progress, "take", killing)
-    shot = objects(client, **OBJECTS[way])
+    shot = objects(client, **OBJECTS["target_error"])
     assert len(killed) == 2
-    assert_same(of_threads[way], shot)
+    assert_same(of_threads["target_error"], shot)
 
 
 KILLED_CLIENT = """
@@ -194,5 +193,3 @@ def test_a_client_that_was_killed_goes_on_from_its_checkpoint(client, of_threads
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert Path(path).stat().st_size > 8 * 16 * 16 * 3 * 3 * 8  # eight tiles
     assert_same(of_threads["target_error"], objects(client, checkpoint=path, **OBJECTS["target_error"]))
-
-
