@@ -135,46 +135,22 @@ def reference():
     return pl.render(SCENE, CAMERA, samples=4096, **given)
 
 
-def true_and_told(together, reference):
-    """Errors of lit pixels against the reference, and those that are told, with the reference's own."""
-    lit = reference.image[..., 0] > 0.1 * np.percentile(reference.image, 99)
-    off = (together.image.astype(float) - reference.image)[lit]
-    return off, np.hypot(together.standard_error, reference.standard_error)[lit]
-
-
-@pytest.mark.parametrize(("replicates", "freedom"), [(2, 400), (8, 56)])
-def test_errors_of_merged_seeds_are_right(reference, replicates, freedom):
-    """z-scores have the standard deviation of Student's t: sqrt(f / (f - 2)), with f degrees of freedom.
-
-    Pooled errors, of 2 replicates, have many. The standard deviation of n numbers is known to about
-    sqrt((kurtosis - 1) / (4 n)), with a kurtosis of 3 + 6 / (f - 4); four times that is allowed, and beside it a tenth
-    where errors are pooled over pixels of different noise, and right on average over blocks only.
-    """
-    together = merged(seeds(8, samples=8 * replicates, replicates=replicates))
-    assert (together.samples, together.replicates, together.seed) == (64 * replicates, 8 * replicates, tuple(range(8)))
-    off, error = true_and_told(together, reference)
-    z = off / error
-    wanted = np.sqrt(freedom / (freedom - 2))
-    known = np.sqrt((2 + 6 / (freedom - 4)) / (4 * z.size))
-    assert z.size > 400
-    assert abs(z.mean()) < 4 * wanted / np.sqrt(z.size)
-    assert abs(z.std() / wanted - 1) < 4 * known + (0.1 if replicates == 2 else 0.0)
-
-
 def test_single_replicates_get_their_errors_from_each_other(reference):
     """Right on average: squares of true errors and of those told have sums within four standard errors of each other.
 
     That of a sum of independent differences is the root of the sum of their squares.
     """
+    lit = reference.image[..., 0] > 0.1 * np.percentile(reference.image, 99)
     for n in (2, 8):
         shots = seeds(n, samples=8, replicates=1)
         assert shots[0].standard_error is None
         together = merged(shots)
         assert (together.samples, together.replicates) == (8 * n, n)
-        off, error = true_and_told(together, reference)
-        gap = off**2 - error**2
+        off = (together.image.astype(float) - reference.image)[lit]
+        told = np.square(together.standard_error)[lit] + np.square(reference.standard_error)[lit]
+        gap = off**2 - told
         assert abs(gap.sum()) < 4 * np.sqrt((gap**2).sum()), n
-        assert gap.size > 400 and np.sqrt((gap**2).sum()) < 0.2 * (error**2).sum()  # sharp enough to tell
+        assert gap.size > 400 and np.sqrt((gap**2).sum()) < 0.2 * told.sum()  # sharp enough to tell
 
 
 def test_seeds_are_weighed_by_their_samples():
@@ -185,7 +161,16 @@ def test_seeds_are_weighed_by_their_samples():
     squares = np.square(8 * one.standard_error.astype(float)) + np.square(32 * two.standard_error)
     np.testing.assert_allclose(together.standard_error, np.sqrt(squares) / 40, rtol=2**-23)
     assert np.array_equal(merged([two, one]).image, together.image)
-    assert together.samples == 40 and together.sample_counts is None
+    assert together.samples == 40 and together.replicates == one.replicates + two.replicates
+    assert together.seed == (0, 1) and together.sample_counts is None
+    # In tiles, whatever their order.
+    tiles = (np.s_[0:24, 8:16], np.s_[0:24, 16:40])
+    parts = [part for tile in tiles for part in seeds(2, samples=8, region=tile)]
+    whole = merged(seeds(2, samples=8))
+    for order in ((3, 0, 2, 1), (1, 2, 0, 3)):
+        again = merged(parts[i] for i in order)
+        assert np.array_equal(again.image, whole.image) and again.region == whole.region
+        assert np.array_equal(again.standard_error, whole.standard_error)
 
 
 def test_pixels_without_samples_count_nothing():

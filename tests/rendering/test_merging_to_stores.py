@@ -83,24 +83,6 @@ def test_a_store_has_every_byte_of_what_is_merged_in_memory(seed, tmp_path):
     assert merged_parts(given) == together
 
 
-def test_tiles_and_seeds_that_were_rendered_have_the_bits_too(tmp_path):
-    for replicates in (1, 2):
-        given = {"samples": 4, "replicates": replicates, "truth": pl.Truth.DEPTH, "progress": False}
-        parts = [
-            pl.render(pl.check_scene(), CAMERA, seed=seed, region=region, **given)
-            for region in CAMERA.tiles(2, 2)
-            for seed in (0, 1)
-        ]
-        merge_to_store([HeldPart(str(k), part) for k, part in enumerate(parts)], tmp_path / "a.zarr")
-        together = pl.Exposure.merged(parts[::-1])  # whatever their order
-        assert pl.Exposure.load(tmp_path / "a.zarr") == together and together.region is None
-        whole = pl.Exposure.merged(pl.render(pl.check_scene(), CAMERA, seed=seed, **given) for seed in (0, 1))
-        assert np.array_equal(together.image, whole.image)
-        assert (together.samples, together.replicates) == (8, 2 * replicates)
-        if replicates == 2:
-            assert np.array_equal(together.standard_error, whole.standard_error)
-
-
 def test_what_one_part_lacks_the_store_lacks(tmp_path):
     rng = np.random.default_rng(2)
     top, bottom = (200, 600, *REGION[2:]), (600, *REGION[1:])
@@ -239,16 +221,3 @@ def test_what_does_not_fit_is_refused_before_any_pixel_is_read(tmp_path):
         with pytest.raises(pl.errors.InvalidValueError, match=said) as raised:
             merge_to_store(parts, tmp_path / "a.zarr")
         assert "\n" not in str(raised.value) and not (tmp_path / "a.zarr").exists()
-
-
-def test_a_store_whose_facts_cannot_be_is_refused(tmp_path):
-    path = tmp_path / "a.zarr"
-    pl.Exposure(np.ones((2, 3, 1)), samples=4).save(path)
-    described = (path / "zarr.json").read_text()
-    (path / "zarr.json").write_text(described.replace('"plenoptic:samples": "4"', '"plenoptic:samples": "-4"'))
-    with pytest.raises(pl.errors.FileError, match="holds no possible exposure: samples is -4"):
-        StorePart(path)
-    (path / "zarr.json").write_text(described)
-    (path / "image" / "zarr.json").unlink()
-    with pytest.raises(pl.errors.FileError, match="image has shape"):
-        StorePart(path)

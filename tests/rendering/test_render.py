@@ -446,28 +446,6 @@ def test_camera_and_scene_far_from_the_origin_see_the_same():
     np.testing.assert_allclose(there.depth, here.depth, atol=8 * far * np.finfo(float).eps)
 
 
-def test_surfaces_do_not_shadow_themselves():
-    # A Lambertian plane in a uniform world returns its albedo exactly, however large and tilted it is.
-    camera, settings = wide_view(), {"samples": 32, "progress": False}
-    sky = pl.render(pl.Scene(background=1.0), camera, **settings)
-    for half, tilt in ((50.0, 30), (1e4, 0), (1e4, 61), (1e7, 80)):
-        plane = pl.quad((-half, -half, 0), (2 * half, 0, 0), (0, 2 * half, 0), material=pl.Lambertian(0.7))
-        plane = plane.rotated_deg((0, 0, 1), 33).rotated_deg((1, 0, 0), tilt).rotated_deg((0, 0, 1), 20)
-        shot = pl.render(pl.Scene([plane.translated(z=-404)], background=1.0), camera, max_bounces=3, **settings)
-        met = np.isfinite(shot.depth)
-        assert met.mean() > 0.5
-        # Pixels in which some paths pass beside the small plane see the background too.
-        inside = met if half > 100 else met & (np.abs(shot.image[:, :, 0] / sky.image[:, :, 0] - 0.7) < 1e-3)
-        np.testing.assert_allclose((shot.image / sky.image)[inside], 0.7, rtol=1e-5, err_msg=f"{half} {tilt}")
-
-
-def test_closed_rooms_are_dark_inside():
-    for size in (1e3, 1e6):
-        room = pl.box(size, center=(0, 0, -0.3 * size), material=pl.Lambertian(0.9))
-        shell = pl.box(1.002 * size, center=(0, 0, -0.3 * size), material=pl.Emissive(1.0, two_sided=True))
-        assert not pl.render(pl.Scene([room, shell]), wide_view(), samples=32, progress=False).image.any(), size
-
-
 # ---- pupils far off the axis ----
 
 

@@ -49,8 +49,3 @@ def fresnel(cosine, index):
     s = (cosine - index * inner) / (cosine + index * inner)
     p = (index * cosine - inner) / (index * cosine + inner)
     return 0.5 * (s * s + p * p)
-
-
-def smith(z, alpha):
-    """Smith's Lambda for GGX: (sqrt(1 + alpha^2 tan^2) - 1) / 2."""
-    return 0.5 * (np.sqrt(1 + alpha**2 * (1 / z**2 - 1)) - 1)

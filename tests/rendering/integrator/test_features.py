@@ -141,13 +141,10 @@ def test_truth_goes_through_what_is_less_than_half_there():
         np.testing.assert_allclose(truth.depth, depth, rtol=1e-14)
         np.testing.assert_allclose(truth.distance[3, 3], depth * math.sqrt(1 + 2 * 0.025**2), rtol=1e-7)
         assert (truth.object == (0 if depth == 30 else 2)).all() and (truth.normal == (0, 0, 1)).all(), opacity
-
-
-def test_truth_follows_textures_of_opacity_and_cutoffs():
-    options = {"truth": Truth.DEPTH}
+    # It follows textures and cutoffs.
     for cutoff, there in ((None, QUARTERS >= 0.5), (0.25, QUARTERS >= 0.25), (0.75, QUARTERS >= 0.75)):
         front = plate(-30.0, dataclasses.replace(SHEET, opacity=nearest(QUARTERS), cutoff=cutoff), half=6.0)
-        depth = pl.ground_truth(pl.Scene([front, plate(-60.0, MATT)]), CAMERA, **options).depth
+        depth = pl.ground_truth(pl.Scene([front, plate(-60.0, MATT)]), CAMERA, truth=Truth.DEPTH).depth
         np.testing.assert_allclose(depth, np.where(opacity_of_pixels(there)[..., 0], 30.0, 60.0), rtol=1e-14)
 
 
@@ -240,7 +237,7 @@ def groups():
 def test_instances_look_as_copies_do():
     floor = plate(-42.0, MATT)
     copies = [copy for group in groups() for copy in group.meshes()]
-    truth = Truth.DEPTH | Truth.NORMAL | Truth.MATERIAL
+    truth = Truth.DEPTH | Truth.NORMAL | Truth.MATERIAL | Truth.OBJECT
     options = {"truth": truth, "samples": 2048, "max_bounces": 6}
     one = shoot(pl.Scene([floor, *groups()]), **options)
     other = shoot(pl.Scene([floor, *copies]), seed=1, **options)
@@ -249,13 +246,9 @@ def test_instances_look_as_copies_do():
     np.testing.assert_allclose(one.truth.depth, other.truth.depth, rtol=1e-12)
     np.testing.assert_allclose(one.truth.normal, other.truth.normal, rtol=0, atol=1e-12)
     assert np.array_equal(one.truth.material, other.truth.material) and len(np.unique(one.truth.material)) == 5
+    assert set(np.unique(one.truth.object)) == {0, 1, 2, 3, 4}  # instances of one mesh are one object
     # Each kind of them matters.
     assert one.image.max() > 3 * one.image.min() > 0
-
-
-def test_instances_of_one_mesh_are_one_object():
-    truth = pl.ground_truth(pl.Scene([plate(-42.0, MATT), *groups()]), CAMERA, truth=Truth.OBJECT).object
-    assert set(np.unique(truth)) == {0, 1, 2, 3, 4}
 
 
 # ---- textures that shine ----

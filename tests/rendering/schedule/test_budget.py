@@ -16,15 +16,6 @@ from plenoptic.rendering.schedule import orders
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.study.cameras import reference_camera
 
-
-@pytest.fixture(autouse=True)
-def ctrl_c_is_heard():
-    """Programs that a shell starts in the background ignore SIGINT."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 # ---- helpers ----
 
 CAMERA = reference_camera()

@@ -1,5 +1,6 @@
 """Renders on a cluster have the bits of threads, whatever is killed on the way."""
 
+import functools
 import os
 import random
 import signal
@@ -14,22 +15,11 @@ import plenoptic as pl
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.study.cameras import reference_camera
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "core" / "engines"))
-import fake_client
+sys.path[:0] = [str(Path(__file__).parents[2] / "core" / "engines"), str(Path(__file__).parent)]
+import fake_client  # noqa: E402
+from test_resuming import assert_same, render  # noqa: E402
 
 WAYS = ({"samples": 16}, {"target_error": 0.2}, {"samples": 512, "replicates": 8})
-BITS = ("image", "standard_error", "depth", "sample_counts")
-COUNTS = ("paths", "paths_through_lens", "lost", "nonfinite", "zero_variance", "stopped_by", "processors")
-
-
-def assert_same(one, other):
-    for name in BITS:
-        a, b = getattr(one, name), getattr(other, name)
-        assert (a is None) == (b is None), name
-        assert a is None or (a.dtype == b.dtype and a.tobytes() == b.tobytes()), f"bits of {name}"
-    for name in COUNTS:
-        assert getattr(one.stats, name) == getattr(other.stats, name), name
-    assert one.stats.clamped == pytest.approx(other.stats.clamped, rel=1e-12)
 
 
 @pytest.fixture
@@ -39,55 +29,47 @@ def fake():
     client.close()
 
 
-def board(radiance=1.0):
-    even, odd = pl.checkerboard((40, 40), 1.0, even=pl.Emissive(radiance), odd=pl.Emissive(0.0), offset=(-0.05, 0.1))
-    return pl.Scene([even.translated(z=-404), odd.translated(z=-404)])
-
-
-def small(client=None, scene=None, **arguments):
-    given = {"region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False, "client": client, **arguments}
-    return pl.render(scene or board(), reference_camera(), **given)
+small = functools.partial(render, threads=None)
 
 
 def test_any_order_of_results_gives_the_same_bits(fake):
     for way in WAYS:
         fake.calls.clear()
-        one, other = small(**way), small(fake, **way)
+        one, other = small(**way), small(client=fake, **way)
         assert_same(one, other)
         assert other.stats.threads == 2 and fake.calls.count("carry_out") >= 3, way
     given = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
     one, other = (pl.render_white(reference_camera(), client=client, **given) for client in (None, fake))
     assert one.image.tobytes() == other.image.tobytes()
+    with pytest.raises(pl.errors.InvalidValueError, match="threads is 2 and client is given"):
+        small(client=fake, samples=16, threads=2)
 
 
 def test_checkpoints_are_those_of_threads(fake, tmp_path):
-    small(fake, samples=16, checkpoint=tmp_path / "state")
+    small(client=fake, samples=16, checkpoint=tmp_path / "state")
     calls = len(fake.calls)
-    more = small(fake, samples=32, checkpoint=tmp_path / "state")
+    more = small(client=fake, samples=32, checkpoint=tmp_path / "state")
     assert len(fake.calls) > calls
     assert_same(small(samples=32), more)
     assert_same(small(samples=32, checkpoint=tmp_path / "state"), more)
 
 
 def test_a_time_limit_ends_it(fake):
-    shot = small(fake, time_limit=1.0)
+    shot = small(client=fake, time_limit=1.0)
     assert shot.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT and shot.samples >= 2
     assert shot.stats.seconds < 5  # roughly
 
 
 def test_an_interrupt_ends_it(fake, monkeypatch):
-    before, take = signal.signal(signal.SIGINT, signal.default_int_handler), Progress.take
+    take = Progress.take
 
     def interrupting(self, i, result):
         take(self, i, result)
         os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(Progress, "take", interrupting)
-    try:
-        with pytest.warns(pl.errors.BudgetWarning, match="interrupted"):
-            shot = small(fake, samples=16)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with pytest.warns(pl.errors.BudgetWarning, match="interrupted"):
+        shot = small(client=fake, samples=16)
     assert shot.stats.stopped_by is pl.rendering.StopReason.INTERRUPTED
     assert 0 < (shot.image[..., 0] > 0).sum() < shot.image[..., 0].size / 2
     assert fake.cancelled
@@ -102,11 +84,6 @@ def test_ground_truth_has_the_same_bits(fake, monkeypatch):
     for name in one.__dataclass_fields__:
         a, b = getattr(one, name), getattr(other, name)
         assert (a is None and b is None) or a.tobytes() == b.tobytes(), name
-
-
-def test_threads_are_those_of_workers(fake):
-    with pytest.raises(pl.errors.InvalidValueError, match="threads is 2 and client is given"):
-        small(fake, samples=16, threads=2)
 
 
 # ---- real workers ----

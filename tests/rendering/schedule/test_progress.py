@@ -27,15 +27,6 @@ from plenoptic.rendering.schedule.progress import FilmRegion, Progress
 from plenoptic.rendering.tile import Tile, TileResult
 from plenoptic.rendering.tiling import cut_into_tiles
 
-
-@pytest.fixture(autouse=True)
-def ctrl_c_is_heard():
-    """Programs that a shell starts in the background ignore SIGINT."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 REPLICATES = 8
 
 # ---- steps ----

@@ -26,18 +26,18 @@ from plenoptic.rendering.schedule import orders
 from plenoptic.rendering.schedule.checkpoint import KIND
 from plenoptic.study.cameras import reference_camera
 
-
-@pytest.fixture(autouse=True)
-def ctrl_c_is_heard():
-    """Programs that a shell starts in the background ignore SIGINT."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 CAMERA = reference_camera()
 BITS = ("image", "standard_error", "depth", "sample_counts")
-COUNTS = ("paths", "paths_through_lens", "lost", "nonfinite", "nonfinite_paths", "zero_variance", "stopped_by")
+COUNTS = (
+    "paths",
+    "paths_through_lens",
+    "lost",
+    "nonfinite",
+    "nonfinite_paths",
+    "zero_variance",
+    "stopped_by",
+    "processors",
+)
 
 
 @functools.cache
@@ -68,6 +68,7 @@ def assert_same(one, other):
     assert (one.samples, one.replicates, one.seed) == (other.samples, other.replicates, other.seed)
     for name in COUNTS:
         assert getattr(one.stats, name) == getattr(other.stats, name), name
+    assert one.stats.clamped == pytest.approx(other.stats.clamped, rel=1e-12)
 
 
 @pytest.fixture
@@ -90,16 +91,6 @@ def after_tiles(monkeypatch):
     return listen
 
 
-@pytest.fixture
-def rendering_nothing(monkeypatch):
-    """From the call on, to render a tile is an error."""
-
-    def refuse(*_, **__):
-        raise AssertionError("a tile has been rendered")
-
-    return lambda: monkeypatch.setattr(orders, "render_tile", refuse)
-
-
 BUDGETS = {
     "samples": {"samples": 24},
     "independent samples": {"samples": 17, "sampler": pl.rendering.Sampler.RANDOM},
@@ -107,7 +98,6 @@ BUDGETS = {
     "target": {"target_error": 0.03},
     "target and samples": {"target_error": 0.03, "samples": 60, "truth": pl.Truth.NONE},
 }
-SLOW = [pytest.param(name, marks=() if name == "target and samples" else pytest.mark.slow) for name in BUDGETS]
 
 
 @functools.cache
@@ -122,20 +112,13 @@ def entries_of(path):
     return [(entry.facts, entry.place + entry.length) for entry in log.entries]
 
 
-def header_of(content):
-    return content.index(b"\x93plenoptic rec\r\n")
-
-
-DAMAGED = pytest.mark.filterwarnings("ignore:.* bytes of .* are damaged:plenoptic.errors.FileWarning")
-
-
-@DAMAGED
-@pytest.mark.parametrize("budget", SLOW)
+@pytest.mark.filterwarnings("ignore:.* bytes of .* are damaged:plenoptic.errors.FileWarning")
+@pytest.mark.parametrize("budget", ["target and samples", *(pytest.param(n, marks=pytest.mark.slow) for n in BUDGETS if n != "target and samples")])
 def test_every_beginning_of_a_file_leads_to_the_same_bits(tmp_path, after_tiles, budget):
     path = tmp_path / "state"
     assert_same(render(checkpoint=path, **BUDGETS[budget]), unbroken(budget))
     content, found = path.read_bytes(), entries_of(path)
-    ends = [header_of(content), *(end for _, end in found)]
+    ends = [content.index(b"\x93plenoptic rec\r\n"), *(end for _, end in found)]
     assert len(found) >= 9 and ends[-1] == len(content)
     # All of the first round, after which tiles are decided upon for the first time, and some of the others.
     chosen = sorted({*range(11), *range(11, len(ends), max(1, len(ends) // 6))} & {*range(len(ends))})
@@ -208,6 +191,13 @@ def test_a_file_has_the_tiles_of_its_first_render(tmp_path, after_tiles):
     shot = render(samples=16, checkpoint=path, tile_side=None)
     assert {(tile.rows, tile.columns) for tile, *_ in numbers} == {(12, 12)} and {n[1:] for n in numbers} == {(8, 8)}
     assert_same(shot, render(samples=16, tile_side=12))
+
+
+def raising(error):
+    def fail(*_, **__):
+        raise error
+
+    return fail
 
 
 def test_a_damaged_record_is_rendered_again(tmp_path, after_tiles):
@@ -300,8 +290,7 @@ def test_a_first_pass_goes_over_all_tiles_and_leaves_the_bits(tmp_path, after_ti
 
 
 def test_an_interrupted_rendering_with_a_time_limit_gets_further_each_time(tmp_path):
-    path = tmp_path / "state"
-    first, second = (render(time_limit=limit, checkpoint=path) for limit in (0.3, 1.0))
+    first, second = (render(time_limit=limit, checkpoint=tmp_path / "state") for limit in (0.2, 0.6))
     assert second.stats.paths > first.stats.paths and second.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT
     assert second.stats.seconds > first.stats.seconds
 
@@ -317,10 +306,7 @@ def test_it_is_put_on_the_disk_at_the_interval_and_at_the_end(tmp_path, monkeypa
         render(samples=8, checkpoint=path, checkpoint_interval=interval)
         assert seen == expected
 
-    def failing(log):
-        raise pl.errors.FileError(os.strerror(errno.EIO))
-
-    monkeypatch.setattr(RecordLog, "flush", failing)
+    monkeypatch.setattr(RecordLog, "flush", raising(pl.errors.FileError(os.strerror(errno.EIO))))
     with pytest.warns(pl.errors.FileWarning, match="the checkpoint has not been written"):
         render(samples=8, checkpoint=path)
 
@@ -351,8 +337,8 @@ def finished(tmp_path_factory):
     return path.read_bytes()
 
 
-def test_checkpoints_that_cannot_be_used_are_refused_before_anything_is_rendered(tmp_path, finished, rendering_nothing):
-    rendering_nothing()
+def test_checkpoints_that_cannot_be_used_are_refused_before_anything_is_rendered(tmp_path, finished, monkeypatch):
+    monkeypatch.setattr(orders, "render_tile", raising(AssertionError("a tile has been rendered")))
     path = tmp_path / "state"
     for content, message, arguments in (
         *((finished, f"belongs to another render, with .*{message}", arguments) for arguments, message in OTHERS),
@@ -382,13 +368,6 @@ def files(monkeypatch):
 
     monkeypatch.setattr(RecordLog, "__init__", listening)
     return opened
-
-
-def raising(error):
-    def fail(*_, **__):
-        raise error
-
-    return fail
 
 
 def test_the_file_is_closed_on_every_way_out(tmp_path, finished, files, monkeypatch):
@@ -434,46 +413,14 @@ sys.stdout.flush()
 """
 
 
-class Child:
-    """A process that renders with a checkpoint."""
-
-    def __init__(self, path, arguments):
-        command = [sys.executable, "-c", RENDERING, str(path), *BITS, "stats", "samples", "replicates", "seed"]
-        self._path = path
-        # Files, not pipes: a child that has finished must not wait for somebody to read.
-        self._out, self._errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=self._out, stderr=self._errors, start_new_session=True
-        )
-        self._process.stdin.write(pickle.dumps((board(), reference_camera(), arguments)))
-        self._process.stdin.close()
-        self._process.stdin = None
-
-    def wait_for_progress(self):
-        """Wait until the file has grown, which it does while it renders; False if it ends before."""
-        begun = self._saved()
-        while self._saved() == begun:
-            if self._process.poll() is not None:
-                return False
-            time.sleep(0.002)
-        return True
-
-    def _saved(self):
-        return self._path.stat().st_size if self._path.exists() else None
-
-    def kill(self):
-        """Whether it was still at work."""
-        self._process.kill()
-        return self._process.wait() == -signal.SIGKILL and not contents(self._out)
-
-    def result(self):
-        assert self._process.wait(timeout=300) == 0, contents(self._errors).decode()
-        return pickle.loads(contents(self._out))
-
-
-def contents(file):
-    file.seek(0)
-    return file.read()
+def start(path, arguments):
+    """A process that renders with a checkpoint, and the file of what it has printed: nobody must wait for a reader."""
+    out = tempfile.TemporaryFile()  # noqa: SIM115
+    command = [sys.executable, "-c", RENDERING, str(path), *BITS, "stats", "samples", "replicates", "seed"]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=out, start_new_session=True)
+    process.stdin.write(pickle.dumps((board(), CAMERA, arguments)))
+    process.stdin.close()
+    return process, out
 
 
 @pytest.mark.slow
@@ -481,22 +428,31 @@ def contents(file):
 @pytest.mark.parametrize(("budget", "threads"), [("samples", 2), ("target", 1)])
 def test_a_rendering_that_is_killed_again_and_again_gives_the_same_bits(tmp_path, budget, threads):
     arguments = {"region": np.s_[224:320, 224:320], "tile_side": 16, "threads": threads, **LONG[budget]}
-    path, moments, hit = tmp_path / "state", random.Random(f"{budget}{threads}"), 0
-    paths = []
+    path, moments, hit, paths = tmp_path / "state", random.Random(f"{budget}{threads}"), 0, []
+
+    def size():
+        return path.stat().st_size if path.exists() else None
+
     while hit < KILLS:
-        child = Child(path, arguments)
-        assert child.wait_for_progress(), f"it ended after {hit} kills: {child.result()['stats']}"
+        begun = size()
+        process, out = start(path, arguments)
+        while size() == begun:  # the file grows while it renders
+            assert process.poll() is None, f"it ended after {hit} kills"
+            time.sleep(0.002)
         time.sleep(moments.uniform(0.0, 0.2))
-        hit += child.kill()
+        process.kill()
+        hit += process.wait() == -signal.SIGKILL and os.fstat(out.fileno()).st_size == 0  # it was still at work
         # Whatever it was doing: the file is not behind what it was.
         paths.append(sum(facts["paths"] for facts, _ in entries_of(path)))
         assert len(os.listdir(tmp_path)) <= 2 and paths == sorted(paths)
     assert paths[0] < paths[-1]
-    found = Child(path, arguments).result()
-    assert paths[-1] < found["stats"].paths, "it was finished before it was killed the last time"
+    process, out = start(path, arguments)
+    assert process.wait(timeout=300) == 0
+    out.seek(0)
+    found = types.SimpleNamespace(**pickle.load(out))
+    assert paths[-1] < found.stats.paths, "it was finished before it was killed the last time"
     assert os.listdir(tmp_path) == ["state"]
-    unbroken = pl.render(board(), reference_camera(), progress=False, **arguments)
-    assert_same(types.SimpleNamespace(**found), unbroken)
+    assert_same(found, pl.render(board(), CAMERA, progress=False, **arguments))
 
 
 def test_a_checkpoint_of_another_kind_of_processor_goes_on_with_a_warning(tmp_path, monkeypatch):
