@@ -113,7 +113,10 @@ def entries_of(path):
 
 
 @pytest.mark.filterwarnings("ignore:.* bytes of .* are damaged:plenoptic.errors.FileWarning")
-@pytest.mark.parametrize("budget", ["target and samples", *(pytest.param(n, marks=pytest.mark.slow) for n in BUDGETS if n != "target and samples")])
+@pytest.mark.parametrize(
+    "budget",
+    ["target and samples", *(pytest.param(n, marks=pytest.mark.slow) for n in BUDGETS if n != "target and samples")],
+)
 def test_every_beginning_of_a_file_leads_to_the_same_bits(tmp_path, after_tiles, budget):
     path = tmp_path / "state"
     assert_same(render(checkpoint=path, **BUDGETS[budget]), unbroken(budget))
