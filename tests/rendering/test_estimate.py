@@ -173,31 +173,18 @@ def test_a_corner_that_is_noisy_counts_as_much_as_it_is_large():
 # ---- at the ends of what can be asked for ----
 
 
-def counted(monkeypatch):
-    """The budget of each pilot, and how many pixels it had."""
+def test_decisions_are_tried_with_fewer_samples_where_a_sample_takes_long(monkeypatch):
     pilots, run = [], estimating.run_pilot
-
-    def listening(*arguments, **named):
-        pilots.append((arguments[2], sum(tile.pixels for tile in arguments[3])))
-        return run(*arguments, **named)
-
-    monkeypatch.setattr(estimating, "run_pilot", listening)
-    return pilots
-
-
-def test_pilots_with_few_samples_have_no_more_pixels(monkeypatch):
-    pilots = counted(monkeypatch)
+    monkeypatch.setattr(
+        estimating, "run_pilot", lambda *given, **named: (pilots.append(given), run(*given, **named))[1]
+    )
+    monkeypatch.setattr(estimating, "_DECIDED_SECONDS", 0.0)
+    check(estimate(None, region=np.s_[32:40, 96:112], target_error=1e-4, threads=1))
+    # Twice the 32 of the first decision are the least from which it is known how an error falls.
+    assert [budget.samples for _, _, budget, *_ in pilots if budget.target_error is not None] == [64, 64]
+    # With few samples there are no more pixels: 2^18 would take half a minute. At least two tiles, of one square each.
+    pilots.clear()
     monkeypatch.setattr(estimating, "_PATHS", 1 << 18)
     monkeypatch.setattr(estimating, "_MOST", 1 << 11)
     check(estimate(None, samples=1, threads=1))
-    # At least two tiles, of one square or more; 2^18 pixels would take half a minute.
-    assert max(pixels for _, pixels in pilots) <= 72 * 208
-
-
-def test_decisions_are_tried_with_fewer_samples_where_a_sample_takes_long(monkeypatch):
-    pilots = counted(monkeypatch)
-    monkeypatch.setattr(estimating, "_DECIDED_SECONDS", 0.0)
-    found = estimate(None, region=np.s_[32:40, 96:112], target_error=1e-4, threads=1)
-    check(found)
-    # Twice the 32 of the first decision are the least from which it is known how an error falls.
-    assert [budget.samples for budget, _ in pilots if budget.target_error is not None] == [64, 64]
+    assert pilots and max(sum(tile.pixels for tile in tiles) for _, _, _, tiles, *_ in pilots) <= 72 * 208

@@ -4,7 +4,6 @@ import dataclasses
 import json
 import sys
 import tracemalloc
-import weakref
 from pathlib import Path
 
 import numpy as np
@@ -142,26 +141,6 @@ def test_memory_does_not_grow_with_rows(tmp_path):
     peak_of(1024, tmp_path / "low")  # what is imported on the way
     low, high = peak_of(2048, tmp_path / "low"), peak_of(4096, tmp_path / "high")
     assert high < low + 2.5e6
-
-
-def test_files_are_let_go_of_once_the_band_is_below_them(tmp_path):
-    rng = np.random.default_rng(5)
-    whole, alive, most = made_up(rng, 0, stats=None), weakref.WeakValueDictionary(), []
-    parts = []
-    for first in range(0, ROWS, 100):
-        shot = part_of(whole, (200 + first, 300 + first, *REGION[2:]))
-
-        def load(shot=shot, first=first):
-            loaded = dataclasses.replace(shot, image=shot.image + 0)
-            most.append(len(alive))
-            alive[first] = loaded.image.base if loaded.image.base is not None else loaded.image
-            return loaded
-
-        parts.append(FilePart(str(first), head_of(shot), load))
-    merge_to_store(parts, tmp_path / "a.zarr")
-    assert pl.Exposure.load(tmp_path / "a.zarr") == pl.Exposure.merged([whole])
-    # Bands end at rows 512 and 1024, within files that are kept for the next band.
-    assert len(most) == len(parts) and max(most) <= 1 and len(alive) == 0
 
 
 def test_of_a_store_only_the_chunks_of_the_rows_are_read(tmp_path):

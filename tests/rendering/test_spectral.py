@@ -107,11 +107,3 @@ def test_the_same_bits_in_regions_and_on_threads() -> None:
     whole = pl.render(scene, camera, samples=16, region=REGION, progress=False, threads=1)
     part = pl.render(scene, camera, samples=16, region=np.s_[206:220, 240:250], progress=False, threads=2, tile_side=5)
     assert np.array_equal(whole.image[6:20, 10:20], part.image)
-
-
-def test_sensitivities_out_of_the_glass_s_range_are_refused():
-    first, *others = LENS.elements
-    lens = pl.LensStack([dataclasses.replace(first, medium=pl.glass("N-BK7")), *others])
-    lines = pl.sensor.Sensitivity.lines((9000.0, 550.0, 450.0))
-    with pytest.raises(pl.PlenopticError, match="nm"):
-        dataclasses.replace(CAMERA, lens=lens, sensitivity=lines)

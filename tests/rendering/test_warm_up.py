@@ -1,9 +1,6 @@
 """What is compiled ahead is what is needed then: nothing is compiled twice, and nothing is forgotten."""
 
 import dataclasses
-import os
-import subprocess
-import sys
 
 import pytest
 
@@ -39,21 +36,3 @@ def test_cameras_of_all_kinds_and_no_scene():
         assert pl.warm_up(None, camera, progress=False).kernels == ()
     with pytest.raises(pl.errors.InvalidValueError, match="scene is a PlenopticCamera"):
         pl.warm_up(CAMERA, CAMERA)
-
-
-@pytest.mark.slow
-def test_another_process_finds_it_compiled(tmp_path):
-    code = (
-        "import plenoptic as pl\nfrom plenoptic.core.waiting.compiling import compiling\n"
-        "from plenoptic.study.cameras import reference_camera\ncamera = reference_camera()\n"
-    )
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-
-    def run(what):
-        done = subprocess.run([sys.executable, "-c", code + what], capture_output=True, text=True, env=environment)
-        assert done.returncode == 0, done.stderr
-        return done.stdout.strip()
-
-    assert run("print(pl.warm_up(pl.check_scene(), camera, progress=False))").startswith("compiled in")
-    render = "pl.render(pl.check_scene(), camera, samples=4, region=(slice(48), slice(48)), progress=False)"
-    assert run(f"{render}; print(compiling.names)") == "[]"

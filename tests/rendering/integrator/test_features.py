@@ -344,15 +344,6 @@ def test_a_sun_is_a_disc_of_a_map():
     assert_same(drawn, shoot(pl.Scene(still(), background=world), samples=1024, max_bounces=3, seed=1))
 
 
-def test_small_suns_are_parallel_light():
-    # Shading of a floor changes by the square of the radius, but for directions that are drawn: the first order.
-    expected = 0.6 / math.pi * 3.0 * 0.8 * brightness(samples=64)
-    for radius in (0.0, 1e-6, 1e-4):
-        sun = pl.SunLight((-0.48, -0.36, -0.8), 3.0, radius)
-        image = shoot(pl.Scene([plate(-40.0, MATT)], [sun]), samples=64, max_bounces=1).image
-        np.testing.assert_allclose(image, expected, rtol=3e-6 + radius)
-
-
 # ---- everything at once ----
 
 
@@ -515,7 +506,7 @@ def test_the_caustic_of_a_glass_ball_lies_under_it():
     assert left_out.standard_error[at] < 0.5 * kept.standard_error[at]
 
 
-# ---- bodies within bodies, lights without light, faces that repeat each other ----
+# ---- bodies within bodies, faces that repeat each other ----
 
 
 def test_absorption_goes_on_behind_a_body_within_a_body():
@@ -539,18 +530,6 @@ def test_a_camera_in_a_body_knows_it_whatever_other_bodies_stand_in_the_way():
     camera = pinhole(half=0.002, pixels=2)
     seen = shoot(pl.Scene([pool, cube, lamp]), camera, samples=64, max_bounces=2).image / brightness(camera, 64)
     np.testing.assert_allclose(seen, 2.0 * math.exp(-3.0), rtol=1e-5)
-
-
-def test_lights_without_light_change_nothing():
-    quad = pl.QuadLight((0, 0, -30), (4, 0, 0), (0, -4, 0), radiance=5.0)
-    floor = plate(-40.0, MATT)
-    alone = shoot(pl.Scene([floor], [quad]), max_bounces=1)
-    for dark in (
-        pl.SunLight((0, 0, -1), 0.0),
-        pl.SunLight((0, 0, -1), 0.0, 0.0),
-        pl.lights.PointLight((5, 5, -30), 0.0),
-    ):
-        assert np.array_equal(shoot(pl.Scene([floor], [quad, dark]), max_bounces=1).image, alone.image)
 
 
 def test_emitters_that_repeat_each_other_shine_once():

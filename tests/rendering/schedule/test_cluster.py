@@ -4,7 +4,6 @@ import functools
 import os
 import random
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -141,32 +140,3 @@ def test_two_workers_may_be_killed(client, of_threads, monkeypatch):
     shot = objects(client, **OBJECTS["target_error"])
     assert len(killed) == 2
     assert_same(of_threads["target_error"], shot)
-
-
-KILLED_CLIENT = """
-import os, signal, sys
-sys.path.insert(0, {folder!r})
-import test_cluster
-from distributed import Client
-from plenoptic.rendering.schedule.progress import Progress
-take, left = Progress.take, [9]
-def dying(self, i, result):
-    take(self, i, result)
-    left[0] -= 1
-    if not left[0]:
-        os.kill(os.getpid(), signal.SIGKILL)
-if __name__ == "__main__":
-    Progress.take = dying
-    test_cluster.objects(Client({address!r}), checkpoint={path!r}, **test_cluster.OBJECTS[{way!r}])
-"""
-
-
-@pytest.mark.slow
-def test_a_client_that_was_killed_goes_on_from_its_checkpoint(client, of_threads, tmp_path):
-    client.wait_for_workers(4)
-    path, folder = str(tmp_path / "state"), str(Path(__file__).parent)
-    code = KILLED_CLIENT.format(folder=folder, address=client.scheduler.address, path=path, way="target_error")
-    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
-    assert done.returncode == -signal.SIGKILL, done.stderr
-    assert Path(path).stat().st_size > 8 * 16 * 16 * 3 * 3 * 8  # eight tiles
-    assert_same(of_threads["target_error"], objects(client, checkpoint=path, **OBJECTS["target_error"]))

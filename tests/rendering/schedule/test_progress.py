@@ -152,12 +152,22 @@ def noisy(colour: int, samples: int, value: float = 1.0) -> np.ndarray:
     return value * (1.0 + 0.5 * size[:, :, None] * spread)[..., None] * (samples / REPLICATES)
 
 
+EVEN = noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES  # both colours
+
+
+def decided(tiles, shape, target, sums):
+    """Progress after all tiles have brought 32 samples."""
+    state = progress(tiles, shape, target)
+    for i, tile in enumerate(tiles):
+        state.take(i, result(tile, sums[i], 0, 32))
+    state.decide()
+    return state
+
+
 @pytest.mark.parametrize("colour", [0, 1])
 def test_a_colour_ends_when_the_other_is_good(colour):
     # Errors: 0.5 / sqrt(7) = 0.19 of the noisy colour, 1e-6 of the other, whatever the samples.
-    state = progress([TILE], (2, 2), target=0.1)
-    state.take(0, result(TILE, noisy(colour, 32), 0, 32))
-    state.decide()
+    state = decided([TILE], (2, 2), 0.1, [noisy(colour, 32)])
     assert state.open[0].tolist() == [colour == 1 - c for c in range(2)]  # the noisy one ends, the good one goes on
     before = state.film.mean.copy()
     done = 32 + state.next_samples(0)
@@ -176,18 +186,14 @@ def test_a_colour_ends_when_the_other_is_good(colour):
 
 def test_an_error_that_is_hardly_too_large_will_do():
     # Both colours have 0.5 / sqrt(7) = 0.189.
-    even, pixel = noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES, Tile(0, 0, 1, 1)
     for tile, sums, target, ends in (
-        (TILE, even, 0.19, True),
-        (TILE, even, 0.182, True),
-        (TILE, even, 0.178, False),
-        (pixel, noisy(0, 32)[:1, :1], 0.1, False),  # a single lit pixel decides for itself
+        (TILE, EVEN, 0.19, True),
+        (TILE, EVEN, 0.182, True),
+        (TILE, EVEN, 0.178, False),
+        (Tile(0, 0, 1, 1), noisy(0, 32)[:1, :1], 0.1, False),  # a single lit pixel decides for itself
         (TILE, np.zeros((2, 2, REPLICATES, 1)), 0.1, True),  # dark tiles end at once
     ):
-        state = progress([tile], (tile.rows, tile.columns), target)
-        state.take(0, result(tile, sums, 0, 32))
-        state.decide()
-        assert (state.pending() == []) == ends, target
+        assert (decided([tile], (tile.rows, tile.columns), target, [sums]).pending() == []) == ends, target
 
 
 def test_nothing_is_decided_before_all_have_begun():
@@ -204,28 +210,18 @@ def test_nothing_is_decided_before_all_have_begun():
 def test_a_few_bright_paths_do_not_make_all_other_pixels_dark():
     # A pixel of each colour has met something a million times as bright, in one replicate of eight.
     tiles = [Tile(row, column, 2, 2) for row in range(0, 8, 2) for column in range(0, 8, 2)]
-    state = progress(tiles, (8, 8), target=0.1)
-    plain = noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES
-    rare = plain.copy()
+    rare = EVEN.copy()
     rare[0, :, 0] = 1e6
-    for i, tile in enumerate(tiles):
-        state.take(i, result(tile, rare if (tile.row, tile.column) == (4, 4) else plain, 0, 32))
-    state.decide()
-    assert state.open.all()
+    sums = [rare if (tile.row, tile.column) == (4, 4) else EVEN for tile in tiles]
+    assert decided(tiles, (8, 8), 0.1, sums).open.all()
 
 
-def rare_light(value: float) -> Progress:
+def rare_light(value):
     """Four tiles of 32 x 32 pixels, all as good as wanted but one of each colour, which has met a bright path."""
-    side = 32
-    tiles = [Tile(row, column, side, side) for row in (0, side) for column in (0, side)]
-    state = progress(tiles, (2 * side, 2 * side), target=0.3)
-    sums = np.tile(noisy(0, 32) + noisy(1, 32) - 32 / REPLICATES, (side // 2, side // 2, 1, 1))
-    for i, tile in enumerate(tiles):
-        met = sums.copy()
-        met[8, 8:10, 0] += value if i == 1 else 0.0
-        state.take(i, result(tile, met, 0, 32))
-    state.decide()
-    return state
+    tiles = [Tile(row, column, 32, 32) for row in (0, 32) for column in (0, 32)]
+    sums = [np.tile(EVEN, (16, 16, 1, 1)) for _ in tiles]
+    sums[1][8, 8:10, 0] += value
+    return decided(tiles, (64, 64), 0.3, sums)
 
 
 def test_where_the_error_rests_on_few_pixels_all_tiles_go_on():

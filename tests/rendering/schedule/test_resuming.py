@@ -98,6 +98,7 @@ BUDGETS = {
     "target": {"target_error": 0.03},
     "target and samples": {"target_error": 0.03, "samples": 60, "truth": pl.Truth.NONE},
 }
+QUICK = "target and samples"
 
 
 @functools.cache
@@ -113,10 +114,7 @@ def entries_of(path):
 
 
 @pytest.mark.filterwarnings("ignore:.* bytes of .* are damaged:plenoptic.errors.FileWarning")
-@pytest.mark.parametrize(
-    "budget",
-    ["target and samples", *(pytest.param(n, marks=pytest.mark.slow) for n in BUDGETS if n != "target and samples")],
-)
+@pytest.mark.parametrize("budget", [pytest.param(n, marks=() if n == QUICK else pytest.mark.slow) for n in BUDGETS])
 def test_every_beginning_of_a_file_leads_to_the_same_bits(tmp_path, after_tiles, budget):
     path = tmp_path / "state"
     assert_same(render(checkpoint=path, **BUDGETS[budget]), unbroken(budget))
@@ -267,15 +265,6 @@ def test_interrupted_renderings_go_on_to_the_same_bits(tmp_path, after_tiles):
     assert np.any(first) and np.count_nonzero(first) < np.count_nonzero(whole.image)
     assert_same(shots[-1], whole)
     assert [shot.stats.seconds for shot in shots] == sorted(shot.stats.seconds for shot in shots)
-
-
-def test_white_images_go_on_to_the_same_bits(tmp_path, after_tiles):
-    arguments = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
-    whole, path = pl.render_white(reference_camera(), **arguments), tmp_path / "state"
-    after_tiles(lambda number: signal.raise_signal(signal.SIGINT) if number == 4 else None)
-    with pytest.warns(pl.errors.BudgetWarning):
-        assert pl.render_white(reference_camera(), checkpoint=path, **arguments).interrupted
-    assert_same(pl.render_white(reference_camera(), checkpoint=path, **arguments), whole)
 
 
 def test_a_first_pass_goes_over_all_tiles_and_leaves_the_bits(tmp_path, after_tiles, monkeypatch):
