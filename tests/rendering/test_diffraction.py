@@ -75,27 +75,6 @@ def test_the_share_of_light_that_stays_in_its_pixel(name):
         assert float(image) / whole == pytest.approx(share, abs=0.01), aperture
 
 
-@pytest.mark.parametrize("name", [slow("R12"), "README", slow("Illum")])
-def test_contrast_at_the_nyquist_frequency_of_pixels(name):
-    # Sharp squares one pixel wide in a lattice of six, on pixels a quarter as wide: 24 of these are a period.
-    number, pitch, *_ = CAMERAS[name]
-    camera = lit_square(number, pitch / 4, ROUND, part=4.0, across=24, size=48)
-    image, error = (a[12:36, 12:36] for a in white(camera, 4096, replicates=8))
-    # Light from beyond the rim of the sensor is missing, evenly: what a period has without bends tells all of it.
-    total = white(straight(camera), 256)[0][12:36, 12:36].sum()
-    wave = np.cos(np.pi * (np.arange(24) - 11.5) / 4)
-    # What neighbours share, they err in together.
-    noise = 2 * float(np.linalg.norm(error)) / total
-    # Of the squares' spectrum what pixels fold onto this frequency, 1/8.
-    f = 1 / 8 + np.arange(-4, 5)
-    part = np.minimum(np.abs(f) * 550e-6 * number / (pitch / 4), 1.0)
-    aperture = 2 / math.pi * (np.arccos(part) - part * np.sqrt(1 - part**2))
-    assert noise < 0.006
-    assert image.sum(axis=0) @ wave / total == pytest.approx(
-        float(aperture @ (np.sinc(4 * f) * np.sinc(f))), abs=3 * noise
-    )
-
-
 @pytest.mark.parametrize("aperture", [ROUND, slow(FILLED), slow(MicrolensAperture(CIRCLE, 0.5, Gaps.CLEAR))])
 def test_no_light_is_lost_between_microlenses(aperture):
     # Over a period of the lattice as much comes in as goes out, but for what comes from beyond the sensor: by Airy's

@@ -93,19 +93,9 @@ def test_relative_error_is_that_of_lit_pixels():
     assert np.isnan(pl.Exposure(black, standard_error=black).relative_error)
     assert pl.Exposure(black + 1, standard_error=black).relative_error == 0
     assert pl.Exposure(black, standard_error=black + 1).relative_error == np.inf
-
-
-def test_lit_pixels_are_those_of_images():
     for image in (np.ones((3, 4)), 1.0, None, "abc", np.full((2, 2, 1), np.inf)):
         with pytest.raises(InvalidValueError, match="image"):
             pl.lit_pixels(image)
-
-
-def test_types_and_pickling():
-    shot = exposure(3)
-    assert (shot.image.dtype, shot.standard_error.dtype, shot.depth.dtype) == (np.float32, np.float32, np.float64)
-    again = pickle.loads(pickle.dumps(shot))
-    assert again == shot and not again.image.flags.writeable
 
 
 def test_exr_keeps_everything(tmp_path):
@@ -121,12 +111,13 @@ def test_exr_keeps_everything(tmp_path):
         assert set(found) == {*names, "depth.Z", *(f"error.{name}" for name in names)}
         assert metadata["Software"].startswith("plenoptic ")
         assert "float32" in metadata["plenoptic:note"]
+        assert (shot.image.dtype, shot.standard_error.dtype, shot.depth.dtype) == (np.float32, np.float32, np.float64)
+        again = pickle.loads(pickle.dumps(shot))
+        assert again == shot and not again.image.flags.writeable
     alone = pl.Exposure(np.ones((2, 3, 1)))
     alone.save(tmp_path / "alone.exr")
     assert pl.Exposure.load(tmp_path / "alone.exr") == alone
-
-
-def test_numbers_of_samples_beyond_those_of_float32_stay_within_all_samples(tmp_path):
+    # Numbers of samples beyond those of float32 stay within all samples.
     counts = [[16777219, 16777217]]
     shot = pl.Exposure(np.ones((1, 2, 1)), samples=16777219, sample_counts=counts, seed=0, replicates=1)
     shot.save(tmp_path / "a.exr")
@@ -134,19 +125,19 @@ def test_numbers_of_samples_beyond_those_of_float32_stay_within_all_samples(tmp_
 
 
 def test_exr_keeps_all_ground_truth(tmp_path):
-    random = np.random.default_rng(8)
-    largest = 2**24
+    random, shape, largest = np.random.default_rng(8), (4, 6), 2**24
+    microlens = random.integers(-largest, largest, (*shape, 2))
     truth = GroundTruth(
-        distance=np.full((4, 6), np.inf),
-        position=random.uniform(-1e3, 1e3, (4, 6, 3)).astype(np.float32),
-        normal=np.full((4, 6, 3), np.nan),
-        object=random.integers(-1, largest, (4, 6)),
-        material=np.full((4, 6), largest),
-        microlens=np.where(random.random((4, 6, 2)) < 0.2, NO_MICROLENS, random.integers(-largest, largest, (4, 6, 2))),
-        microlens_type=np.full((4, 6), -1),
-        virtual_depth=random.uniform(-9, 9, (4, 6)).astype(np.float32),
-        disparity=random.uniform(-9, 9, (4, 6)).astype(np.float32),
-        incidence_angle=random.uniform(0, 1, (4, 6)).astype(np.float32),
+        distance=np.full(shape, np.inf),
+        position=random.uniform(-1e3, 1e3, (*shape, 3)).astype(np.float32),
+        normal=np.full((*shape, 3), np.nan),
+        object=random.integers(-1, largest, shape),
+        material=np.full(shape, largest),
+        microlens=np.where(random.random((*shape, 2)) < 0.2, NO_MICROLENS, microlens),
+        microlens_type=np.full(shape, -1),
+        virtual_depth=random.uniform(-9, 9, shape).astype(np.float32),
+        disparity=random.uniform(-9, 9, shape).astype(np.float32),
+        incidence_angle=random.uniform(0, 1, shape).astype(np.float32),
     )
     shot = exposure(truth=truth)
     shot.save(tmp_path / "shot.exr")
@@ -155,10 +146,8 @@ def test_exr_keeps_all_ground_truth(tmp_path):
     names, metadata = images.read_channels(tmp_path / "shot.exr")
     assert {"truth.position.X", "truth.microlens.I", "truth.microlens.type"} < set(names)
     assert "depth.Z" not in names and "2^24" in metadata["plenoptic:note"]
-    assert (
-        "with distance, position, normal, object, material, microlens, virtual depth, disparity, incidence angle"
-        in repr(shot)
-    )
+    said = "distance, position, normal, object, material, microlens, virtual depth, disparity, incidence angle"
+    assert f"with {said}" in repr(shot)
 
 
 def test_exr_keeps_what_the_numbers_of_objects_mean(tmp_path, monkeypatch):
@@ -178,12 +167,6 @@ def test_exr_keeps_what_the_numbers_of_objects_mean(tmp_path, monkeypatch):
     assert long.object_names == ("w" * 100, "")
     monkeypatch.setattr(scheduler, "MOST_NAMES", 3)
     assert pl.render(scene, camera, **settings).object_names is None
-
-
-def test_how_much_of_the_frame_has_what():
-    assert samples_text(np.array([[64, 64], [8, 0]])) == "64 samples in 50 % of the pixels, 8 in 25 %, none in 25 %"
-    assert samples_text(np.array([[8, 8, 4, 2]])) == "8 samples in 50 % of the pixels, 2 to 4 in 50 %"
-    assert samples_text(np.zeros(4, int)) == "no samples in 100 % of the pixels"
 
 
 def test_16_bits_keep_the_image_to_half_a_step(tmp_path):
@@ -258,14 +241,15 @@ def test_what_cannot_be_saved_or_loaded(tmp_path):
 
 
 def test_repr_is_one_line_of_facts():
-    assert re.fullmatch(
-        r"Exposure\(4 x 6 x 1, 64 samples per pixel, relative error \S+ %, with depth, "
-        r"rows 10:14, columns 20:26, 1.5 s\)",
-        repr(exposure()),
-    )
+    said = r"64 samples per pixel, relative error \S+ %, with depth, rows 10:14, columns 20:26, 1.5 s"
+    assert re.fullmatch(rf"Exposure\(4 x 6 x 1, {said}\)", repr(exposure()))
     black = np.zeros((2, 2, 1))
     said = "Exposure(2 x 2 x 1, 4 samples per pixel, black)"
     assert repr(pl.Exposure(black, standard_error=black, samples=4)) == said
+    # How much of the frame has what.
+    assert samples_text(np.array([[64, 64], [8, 0]])) == "64 samples in 50 % of the pixels, 8 in 25 %, none in 25 %"
+    assert samples_text(np.array([[8, 8, 4, 2]])) == "8 samples in 50 % of the pixels, 2 to 4 in 50 %"
+    assert samples_text(np.zeros(4, int)) == "no samples in 100 % of the pixels"
 
 
 def test_notebooks_show_a_picture_of_bounded_size():

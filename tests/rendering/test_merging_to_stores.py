@@ -12,7 +12,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.rendering import RenderStats
 from plenoptic.rendering.exposure_files import head_of_image
-from plenoptic.rendering.heads import head_of, pixels_of
+from plenoptic.rendering.heads import head_of
 from plenoptic.rendering.merging.merge import merge_to_store, merged_parts
 from plenoptic.rendering.merging.parts import FilePart, HeldPart, StorePart
 from plenoptic.rendering.stores import head_of_store
@@ -141,19 +141,6 @@ def test_memory_does_not_grow_with_rows(tmp_path):
     peak_of(1024, tmp_path / "low")  # what is imported on the way
     low, high = peak_of(2048, tmp_path / "low"), peak_of(4096, tmp_path / "high")
     assert high < low + 2.5e6
-
-
-def test_of_a_store_only_the_chunks_of_the_rows_are_read(tmp_path):
-    whole = made_up(np.random.default_rng(8), 0)
-    part = saved(whole, tmp_path, ".zarr")
-    for chunk in (tmp_path / "0.zarr").glob("*/c/2/**/*"):  # those of rows from 1024 on
-        if chunk.is_file():
-            chunk.write_bytes(chunk.read_bytes()[:-1] + b"?")
-    found = part.rows(500, 1024)
-    for name, array in pixels_of(whole).items():
-        assert np.array_equal(found[name], array[500:1024])
-    with pytest.raises(pl.errors.FileError, match="should it be damaged"):
-        part.rows(1000, 1025)
 
 
 # ---- whole or not at all ----

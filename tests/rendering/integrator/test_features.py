@@ -12,7 +12,7 @@ import plenoptic as pl
 from plenoptic.truth.channels import Truth
 
 sys.path.insert(0, str(Path(__file__).parent))
-from pinholes import flat, pinhole  # noqa: E402
+from pinholes import flat, fresnel, pinhole  # noqa: E402
 
 # ---- helpers ----
 
@@ -510,16 +510,20 @@ def test_the_caustic_of_a_glass_ball_lies_under_it():
 
 
 def test_absorption_goes_on_behind_a_body_within_a_body():
-    # A lamp seen through a pool, from its front at z = -10: 1.5 mm to an inner body of 2 mm, which absorbs nothing, and
-    # 2 mm behind it.
-    pool = pl.box((60, 60, 40), center=(0, 0, -30), material=pl.Dielectric(1.33, absorption=0.3))
-    inner = pl.box((20, 20, 2), center=(0, 0, -12.5), material=pl.Dielectric(1.33, exterior=1.33))
-    scene = pl.Scene([pool, inner, plate(-15.5, pl.Emissive(2.0), half=15.0)])
-    camera = pinhole(half=0.002, pixels=2)
-    seen = (shoot(scene, camera, samples=1 << 14, max_bounces=8).image / brightness(camera, 1 << 14)).mean()
-    reflected = ((1.33 - 1.0) / 2.33) ** 2
-    # Radiance leaves the pool with 1 / n^2; the lamp is black, so that nothing is reflected to and fro.
-    np.testing.assert_allclose(seen, 2.0 * (1 - reflected) / 1.33**2 * math.exp(-0.3 * 3.5), rtol=5e-3)
+    # A lamp seen through a pool, 1.5 mm to an inner body of 2 mm, which absorbs nothing, and 2 mm behind it; straight
+    # on, and at 50 degrees. Radiance leaves the pool with T / n^2, as solid angles widen by n^2 and T passes; the lamp
+    # is black, so that nothing is reflected to and fro.
+    camera, n = pinhole(half=0.002, pixels=2), 1.33
+    pool = pl.box((600, 600, 40), center=(0, 0, -20), material=pl.Dielectric(n, absorption=0.3))
+    inner = pl.box((200, 200, 2), center=(0, 0, -2.5), material=pl.Dielectric(n, exterior=n))
+    bodies = pool, inner, plate(-5.5, pl.Emissive(2.0), half=250.0)
+    for tilt_deg in (0.0, 50.0):
+        scene = pl.Scene([body.rotated_deg((0, 1, 0), tilt_deg).translated(z=-100) for body in bodies])
+        seen = (shoot(scene, camera, samples=1 << 14, max_bounces=8).image / brightness(camera, 1 << 14)).mean()
+        cosine = math.cos(math.radians(tilt_deg))
+        way = 3.5 / math.sqrt(1 - (1 - cosine**2) / n**2)
+        expected = 2.0 * (1 - fresnel(cosine, n)) / n**2 * math.exp(-0.3 * way)
+        np.testing.assert_allclose(seen, expected, rtol=5e-3, err_msg=f"{tilt_deg}")
 
 
 def test_a_camera_in_a_body_knows_it_whatever_other_bodies_stand_in_the_way():

@@ -88,55 +88,32 @@ def test_ground_truth_has_the_same_bits(fake, monkeypatch):
 # ---- real workers ----
 
 
-@pytest.fixture(scope="module")
-def client():
+@pytest.mark.slow
+def test_two_workers_may_be_killed(monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` installs it")
     import dask
 
+    chance, take, killed, taken = random.Random(1), Progress.take, [], iter(range(1 << 20))
+    moments = {chance.randrange(1, 12), chance.randrange(12, 24)}  # of 36 tiles and more
+    given = {"region": np.s_[208:304, 208:304], "tile_side": 16, "target_error": 0.08, "progress": False}
+    scene, camera = pl.objects_scene(), reference_camera()
+    expected = pl.render(scene, camera, **given)
     with (
         # A LocalCluster does without a worker that is not back within 15 s, which a busy machine may need.
         dask.config.set({"distributed.deploy.lost-worker-timeout": "600s"}),
         distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=":0") as cluster,
-        distributed.Client(cluster) as made,
+        distributed.Client(cluster) as client,
     ):
-        yield made
+        client.wait_for_workers(4)
 
+        def killing(self, i, result):
+            take(self, i, result)
+            if next(taken) in moments:
+                there = sorted(set(client.run(os.getpid, on_error="ignore").values()) - set(killed))
+                killed.append(chance.choice(there))
+                os.kill(killed[-1], signal.SIGKILL)
 
-def objects(client=None, **arguments):
-    """96 x 96 pixels, 36 tiles."""
-    given = {"region": np.s_[208:304, 208:304], "tile_side": 16, "progress": False, "client": client, **arguments}
-    return pl.render(pl.objects_scene(), reference_camera(), **given)
-
-
-@pytest.fixture(scope="module")
-def of_threads():
-    return {name: objects(**way) for name, way in OBJECTS.items()}
-
-
-OBJECTS = {"samples": {"samples": 256}, "target_error": {"target_error": 0.08}}
-
-
-@pytest.mark.slow
-def test_processes_give_the_bits_of_threads(client, of_threads):
-    for name, way in OBJECTS.items():
-        assert_same(of_threads[name], objects(client, **way))
-
-
-@pytest.mark.slow
-def test_two_workers_may_be_killed(client, of_threads, monkeypatch):
-    chance, take, killed = random.Random(1), Progress.take, []
-    client.wait_for_workers(4)
-    moments = {chance.randrange(1, 12), chance.randrange(12, 24)}  # of 36 tiles and more
-    taken = iter(range(1 << 20))
-
-    def killing(self, i, result):
-        take(self, i, result)
-        if next(taken) in moments:
-            there = sorted(set(client.run(os.getpid, on_error="ignore").values()) - set(killed))
-            killed.append(chance.choice(there))
-            os.kill(killed[-1], signal.SIGKILL)
-
-    monkeypatch.setattr(Progress, "take", killing)
-    shot = objects(client, **OBJECTS["target_error"])
+        monkeypatch.setattr(Progress, "take", killing)
+        shot = pl.render(scene, camera, client=client, **given)
     assert len(killed) == 2
-    assert_same(of_threads["target_error"], shot)
+    assert_same(expected, shot)
