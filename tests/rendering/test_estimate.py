@@ -37,9 +37,6 @@ def check(found):
     assert found.seconds.low <= found.cpu_seconds.high  # several threads are no slower than one
 
 
-# ---- where pilots are ----
-
-
 @given(data=st.data(), seed=st.integers(0, 1000))
 @settings(max_examples=80)
 def test_squares_of_pilots_are_in_the_region_on_its_grid_of_8(data, seed):
@@ -78,9 +75,6 @@ def test_the_rim_counts_as_much_as_it_is_large():
         expected = n * seeds * np.multiply.outer(*parts) / math.prod(shape)
         # Of strata: they scatter less than by Poisson's law, and the one that is left out of 9 at random by no more.
         assert (np.abs(met - expected) < 4 * np.sqrt(expected)).all(), side
-
-
-# ---- what is told ----
 
 
 def test_samples_that_are_given_are_given_back():
@@ -146,9 +140,6 @@ def test_files_have_the_sizes_told(scene, given, tmp_path):
         assert number.low <= path.stat().st_size <= number.high, path.name
 
 
-# ---- corners that differ ----
-
-
 @pytest.mark.slow
 def test_a_corner_that_is_noisy_counts_as_much_as_it_is_large():
     """A matt plate under a lamp in a quarter of the picture; the rest shines by itself, and ends early."""
@@ -168,9 +159,6 @@ def test_a_corner_that_is_noisy_counts_as_much_as_it_is_large():
     assert least.value < whole.samples.value < most.value
     mean = np.mean([quarter.value for quarter in quarters])
     assert whole.samples.low <= mean <= whole.samples.high
-
-
-# ---- at the ends of what can be asked for ----
 
 
 def test_decisions_are_tried_with_fewer_samples_where_a_sample_takes_long(monkeypatch):

@@ -66,9 +66,6 @@ def part_of(whole, region):
     return dataclasses.replace(whole, region=region, truth=pl.GroundTruth(**truth), **changes)
 
 
-# ---- regions ----
-
-
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 12))
 @settings(max_examples=60)
 def test_any_cuts_come_together_and_what_is_left_out_is_named(seed, n):
@@ -115,9 +112,6 @@ def test_tiles_have_the_bits_of_the_whole():
     together = merged(pl.render_white(CAMERA, samples=4, region=r, progress=False) for r in CAMERA.tiles(2, 2))
     assert np.array_equal(together.image, white.image) and together.white
     assert np.array_equal(together.standard_error, white.standard_error)
-
-
-# ---- seeds ----
 
 
 REGION = np.s_[0:24, 8:40]
@@ -216,9 +210,6 @@ def test_seeds_are_kept_and_do_not_count_twice(tmp_path):
     assert merged([both, beside]).seed == both.seed
 
 
-# ---- what is known of the whole ----
-
-
 def alike(region=(0, 2, 0, 4), **changes):
     shape = region[1] - region[0], region[3] - region[2]
     return pl.Exposure(np.ones((*shape, 1)), **{"samples": 4, "seed": 0, "region": region, **changes})
@@ -278,9 +269,6 @@ def test_what_does_not_fit_is_refused():
         with pytest.raises(pl.errors.InvalidValueError, match=said if "|" in said else re.escape(said)):
             merged(parts)
     assert merged([alike(samples=(1 << 31) - 2), alike(seed=1, samples=1)]).samples == (1 << 31) - 1
-
-
-# ---- tiles of cameras ----
 
 
 @given(shape=st.tuples(st.integers(1, 90), st.integers(1, 90)), data=st.data())

@@ -58,9 +58,6 @@ def saved(shot, folder, ending):
     return FilePart(path.name, head_of_image(path), lambda: pl.Exposure.load(path))
 
 
-# ---- the bits of what is merged in memory ----
-
-
 @pytest.mark.parametrize("seed", [0, 2])
 def test_a_store_has_every_byte_of_what_is_merged_in_memory(seed, tmp_path):
     """Regions beside each other, with one to three replicates on each, in memory, in stores and in EXR files."""
@@ -115,9 +112,6 @@ def test_heads_are_those_of_what_is_loaded(tmp_path):
         assert head_of_store(tmp_path / "a.zarr") == head_of(pl.Exposure.load(tmp_path / "a.zarr")) == head_of(shot)
 
 
-# ---- memory ----
-
-
 def peak_of(rows, folder):
     """Bytes that are taken at most while two seeds of so many rows are merged, in two stores each."""
     rng, parts = np.random.default_rng(4), []
@@ -141,9 +135,6 @@ def test_memory_does_not_grow_with_rows(tmp_path):
     peak_of(1024, tmp_path / "low")  # what is imported on the way
     low, high = peak_of(2048, tmp_path / "low"), peak_of(4096, tmp_path / "high")
     assert high < low + 2.5e6
-
-
-# ---- whole or not at all ----
 
 
 def test_a_merge_that_fails_leaves_what_was_there(tmp_path):

@@ -38,7 +38,7 @@ def white() -> dict[str, np.ndarray]:
     }
 
 
-def test_microlenses_show_rings(white) -> None:
+def test_microlenses_show_rings(white):
     # Cells of 20 x 20 pixels, the middle one in the middle of the sensor: its radii are those of the exit pupil, f/6,
     # 1.2 mm behind the lens: 10 pixels, and 3.6 for the disc.
     y, x = np.mgrid[-9.5:10.0, -9.5:10.0]
@@ -51,7 +51,7 @@ def test_microlenses_show_rings(white) -> None:
     assert white["open"][20:40, 20:40][r < 8.0].min() > 0.8 * white["open"].max()
 
 
-def test_a_disc_takes_its_share_of_the_light(white) -> None:
+def test_a_disc_takes_its_share_of_the_light(white):
     # A classical Cassegrain unites light at angles with tan(a / 2) = y / (2 f), and a pixel takes up sin^2.
     sine2 = [math.sin(2.0 * math.atan(y / 1200.0)) ** 2 for y in (INNER, OUTER)]
     expected = 1.0 - sine2[0] / sine2[1]
@@ -65,13 +65,13 @@ def test_a_disc_takes_its_share_of_the_light(white) -> None:
     assert white["disc"].mean() == pytest.approx(white["ring"].mean(), rel=5e-3)
 
 
-def test_the_plan_looks_for_no_certain_light_behind_a_ring() -> None:
+def test_the_plan_looks_for_no_certain_light_behind_a_ring():
     assert "2 reflecting" in str(pl.plan(pl.check_scene(), camera(SHADED)))
     assert why_uncertain(camera(SHADED)) == "an opening is no circle and no polygon"
     assert "no circle" not in why_uncertain(camera(LENSES["open"]))
 
 
-def test_points_are_projected_to_where_their_light_lands() -> None:
+def test_points_are_projected_to_where_their_light_lands():
     # Towards the scene by the one, from it by the other.
     seen, point = camera(SHADED), (0.0, 20.0, -1e5)
     spread, found = pl.point_spread(seen, point), seen.project([point])
@@ -83,6 +83,6 @@ def test_points_are_projected_to_where_their_light_lands() -> None:
     assert min(around) > 0.1 * image.max()
 
 
-def test_centres_are_found_where_the_chief_ray_is_shaded() -> None:
+def test_centres_are_found_where_the_chief_ray_is_shaded():
     there, bare = (pl.microlens_centres(camera(LENSES[name])) for name in ("disc", "open"))
     assert np.abs(there.pixel - bare.pixel).max() < 1e-9

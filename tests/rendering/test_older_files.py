@@ -28,9 +28,6 @@ def test_an_exposure_opens_with_camera_settings_and_all_truth_of_its_time(writte
     assert shot.stats.paths_through_lens > 0 and shot.stats.lost_by_cause
     again = pl.replay(shot, written.scene(), pixel=(6, 8), sample=3)
     assert np.isfinite(again.contribution).all()
-
-
-def test_a_raw_image_opens_with_its_sensor():
     raw = pl.sensor.RawImage.load(FOLDER / "raw.tif")
     assert raw.model.photon_rate == 1e6 and raw.seed == 1 and raw.data.shape == (12, 16)
 

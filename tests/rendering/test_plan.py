@@ -38,8 +38,6 @@ def test_a_lens_runs_what_it_has():
         assert "left out  aspheres" in repr(plan)
 
 
-# ---- scenes ----
-
 FLOOR = pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))
 LAMP = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
 POINT = pl.lights.PointLight((0, 30, -360), 100.0)
@@ -114,16 +112,15 @@ def test_bounces_decide_what_follows_a_hit():
 
 
 def test_a_plan_says_why():
-    plan = pl.plan(pl.Scene([FLOOR], [LAMP]), CAMERA)
-    reasons = {decision.stage: decision.reason for decision in plan.decisions}
-    assert [decision.stage for decision in plan.decisions] == list(Stage)
-    assert reasons[Stage.MATERIALS] == "all surfaces are Lambertian"
-    assert reasons[Stage.ABSORPTION] == "nothing absorbs"
-    assert reasons[Stage.OPACITY] == "everything is opaque"
-    assert reasons[Stage.INSTANCES] == "no mesh is repeated"
-    assert reasons[Stage.TEXTURES] == "no textures" and reasons[Stage.COLOUR] == "all colours are grey"
-    assert reasons[Stage.RUSSIAN_ROULETTE] == "after 3 bounces"
-    dark = {d.stage: d.reason for d in pl.plan(pl.Scene([FLOOR]), CAMERA).decisions}
-    assert dark[Stage.EMISSION] == "nothing emits, and the image will be black"
-    many = {d.stage: d.reason for d in pl.plan(pl.Scene([pl.scene.Instances(FLOOR, PLACES)], [LAMP]), CAMERA).decisions}
-    assert many[Stage.INSTANCES] == "meshes stand at 3 places"
+    def reasons(scene):
+        decisions = pl.plan(scene, CAMERA).decisions
+        assert [decision.stage for decision in decisions] == list(Stage)
+        return {decision.stage: decision.reason for decision in decisions}
+
+    lit = reasons(pl.Scene([FLOOR], [LAMP]))
+    assert lit[Stage.MATERIALS] == "all surfaces are Lambertian" and lit[Stage.ABSORPTION] == "nothing absorbs"
+    assert lit[Stage.OPACITY] == "everything is opaque" and lit[Stage.INSTANCES] == "no mesh is repeated"
+    assert lit[Stage.TEXTURES] == "no textures" and lit[Stage.COLOUR] == "all colours are grey"
+    assert lit[Stage.RUSSIAN_ROULETTE] == "after 3 bounces"
+    assert reasons(pl.Scene([FLOOR]))[Stage.EMISSION] == "nothing emits, and the image will be black"
+    assert reasons(pl.Scene([pl.scene.Instances(FLOOR, PLACES)]))[Stage.INSTANCES] == "meshes stand at 3 places"

@@ -45,25 +45,19 @@ def rendered(frame, **settings):
     return pl.render(frame.scene, frame.camera, **{"progress": False, "truth": pl.Truth.NONE, **settings})
 
 
-def compare_with_frames(count, each, samples):
-    """z of pixels: a blurred exposure against the mean of still frames at the middles of equal intervals."""
-    duration = 0.4
-    (blurred,) = sequence([0.5], Shutter(duration))
-    shot = rendered(blurred, samples=samples, replicates=16)
-    times = 0.5 + duration * ((np.arange(count) + 0.5) / count - 0.5)
-    frames = [rendered(frame, samples=each, replicates=1, seed=k + 1).image for k, frame in enumerate(sequence(times))]
-    # The frames in 16 groups, each spread over the whole time: their spread is that of the mean, and a little more.
-    groups = np.array([np.mean(frames[k::16], axis=0) for k in range(16)])
-    error = np.hypot(groups.std(axis=0, ddof=1) / 4.0, shot.standard_error)
-    return shot.image, groups.mean(axis=0), error
-
-
 @pytest.mark.parametrize(
     ("count", "each", "samples"), [(64, 16, 1024), pytest.param(512, 32, 16384, marks=pytest.mark.slow)]
 )
 def test_motion_blur_is_the_mean_of_still_frames(count, each, samples):
-    blurred, mean, error = compare_with_frames(count, each, samples)
-    z = (blurred - mean) / error
+    # A blurred exposure against the mean of still frames at the middles of equal intervals.
+    duration = 0.4
+    shot = rendered(sequence([0.5], Shutter(duration))[0], samples=samples, replicates=16)
+    times = 0.5 + duration * ((np.arange(count) + 0.5) / count - 0.5)
+    frames = [rendered(frame, samples=each, replicates=1, seed=k + 1).image for k, frame in enumerate(sequence(times))]
+    # The frames in 16 groups, each spread over the whole time: their spread is that of the mean, and a little more.
+    groups = np.array([np.mean(frames[k::16], axis=0) for k in range(16)])
+    mean, error = groups.mean(axis=0), np.hypot(groups.std(axis=0, ddof=1) / 4.0, shot.standard_error)
+    z = (shot.image - mean) / error
     # Errors are known to a quarter from 16 groups: Student's t of some 20 degrees of freedom, whose variance is 1.1.
     # Pixels are independent; the mean square of 768 of them scatters by some 8 %.
     assert 0.6 < np.mean(z**2) < 1.5
@@ -109,9 +103,8 @@ def test_where_nothing_moves_bits_and_kernels_are_those_without_a_shutter():
     assert shut.camera.shutter is not None and shut.camera.shutter.motion is not None
     assert rendered(still, samples=4).image.tobytes() == rendered(shut, samples=4).image.tobytes()
     assert not pl.plan(shut.scene, shut.camera).runs(pl.rendering.Stage.SHUTTER)
-    assert pl.plan(*(lambda frame: (frame.scene, frame.camera))(sequence([0.5], Shutter(0.1))[0])).runs(
-        pl.rendering.Stage.SHUTTER
-    )
+    (moving,) = sequence([0.5], Shutter(0.1))
+    assert pl.plan(moving.scene, moving.camera).runs(pl.rendering.Stage.SHUTTER)
     record = prepared_scene(shut.scene).record
     assert open_shutter(shut.camera, record) is None and open_shutter(still.camera, record) is None
     plain = pl.Scene([pl.box(3).translated(z=-404)], background=1.0)

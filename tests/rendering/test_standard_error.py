@@ -5,7 +5,7 @@
 
 import dataclasses
 import math
-from typing import NamedTuple
+import types
 
 import numpy as np
 import pytest
@@ -66,20 +66,15 @@ def samples_of(shot):
     return np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts
 
 
-class Truth(NamedTuple):
-    """(lit pixels, channels) of a converged render."""
-
-    lit: np.ndarray
-    image: np.ndarray
-    variance: np.ndarray
-
-
 def converged(shoot, samples):
+    """Lit pixels, and their image and variance in a converged render, (lit pixels, channels)."""
     shot = shoot(samples=samples, replicates=REPLICATES, seed=1_000_003)
     image = shot.image.astype(np.float64)
     mean = image.mean(axis=2)
     lit = mean > LIT * np.percentile(mean, 99)
-    return Truth(lit, image[lit], np.square(shot.standard_error, dtype=np.float64)[lit])
+    return types.SimpleNamespace(
+        lit=lit, image=image[lit], variance=np.square(shot.standard_error, dtype=np.float64)[lit]
+    )
 
 
 class Errors:
@@ -124,9 +119,6 @@ class Errors:
             assert self.inside.mean() > 0.9
 
 
-# ---- a fixed number of samples ----
-
-
 @pytest.mark.parametrize("name", ["sky", pytest.param("check", marks=pytest.mark.slow)])
 def test_standard_error_is_right(name):
     shoot = shooting(name)
@@ -150,9 +142,6 @@ def test_standard_error_is_right_where_light_is_scattered(name):
     Errors(shoot, converged(shoot, 1 << 14), 16, samples=256).check()
 
 
-# ---- pixels whose replicates agree ----
-
-
 def test_no_pixel_is_exact_that_could_have_been_another():
     # Borders of squares: pixels that see black only, but for some paths in a hundred.
     shots = [shooting("check", side=32)(samples=64, replicates=REPLICATES, seed=seed) for seed in range(6)]
@@ -172,8 +161,6 @@ def test_no_pixel_is_exact_that_could_have_been_another():
     assert not white.image.any() and not white.standard_error.any()
     assert (white.stats.zero_variance, white.stats.paths) == (0, 0)
 
-
-# ---- as many samples as an error needs ----
 
 TARGET = 0.02
 

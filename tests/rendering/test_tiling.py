@@ -11,7 +11,7 @@ ONE = Budget(1, None, None, 1)
 
 
 @given(first=st.integers(0, 100), length=st.integers(1, 300), side=st.integers(2, 64), least=st.integers(1, 2))
-def test_tiles_cover_all_once_and_none_is_a_single_pixel(first: int, length: int, side: int, least: int) -> None:
+def test_tiles_cover_all_once_and_none_is_a_single_pixel(first: int, length: int, side: int, least: int):
     cuts = _cuts(first, first + length, side, least)
     steps = np.diff(cuts)
     assert cuts[0] == first and cuts[-1] == first + length
@@ -20,12 +20,13 @@ def test_tiles_cover_all_once_and_none_is_a_single_pixel(first: int, length: int
 
 @settings(max_examples=40)
 @given(
-    first=st.tuples(st.integers(0, 50), st.integers(0, 50)),
-    shape=st.tuples(st.integers(1, 70), st.integers(1, 70)),
+    row=st.integers(0, 50),
+    column=st.integers(0, 50),
+    shape=st.tuples(*2 * [st.integers(1, 70)]),
     side=st.integers(1, 9),
 )
-def test_tiles_in_their_order_are_all_of_a_region(first: tuple[int, int], shape: tuple[int, int], side: int) -> None:
-    (row, column), (rows, columns) = first, shape
+def test_tiles_in_their_order_are_all_of_a_region(row: int, column: int, shape: tuple[int, int], side: int):
+    rows, columns = shape
     _, tiles = cut_into_tiles((row, row + rows, column, column + columns), ONE, side, 1.0)
     times = np.zeros((row + rows, column + columns), dtype=int)
     for tile in tiles:
@@ -35,7 +36,7 @@ def test_tiles_in_their_order_are_all_of_a_region(first: tuple[int, int], shape:
 
 @settings(max_examples=40)
 @given(rows=st.integers(1, 24), columns=st.integers(1, 24), side=st.integers(1, 3))
-def test_the_first_tiles_of_any_number_cover_the_region(rows: int, columns: int, side: int) -> None:
+def test_the_first_tiles_of_any_number_cover_the_region(rows: int, columns: int, side: int):
     # Tiles whose row and column are multiples of s, a power of 2, come before all others: ceil(R / s) ceil(C / s) of
     # them. So the first k have all of these for the smallest s where that is k or less, and no tile is further than
     # s - 1 from one of them. With s / 2 they are more than k, and ceil(2 R / s) <= 4 R / s where s / 2 <= R: k is
@@ -50,7 +51,7 @@ def test_the_first_tiles_of_any_number_cover_the_region(rows: int, columns: int,
         assert distance.max() < max(4 * np.sqrt(rows * columns / k), 4 * max(rows, columns) / k)
 
 
-def test_the_first_tiles_of_a_square_are_a_coarser_square() -> None:
+def test_the_first_tiles_of_a_square_are_a_coarser_square():
     _, tiles = cut_into_tiles((0, 64, 0, 64), ONE, 4, 1.0)
     for level in range(5):
         apart = 64 >> level

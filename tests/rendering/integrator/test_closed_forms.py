@@ -12,8 +12,6 @@ import plenoptic as pl
 sys.path.insert(0, str(Path(__file__).parent))
 from pinholes import flat, fresnel, pinhole, radiance  # noqa: E402
 
-# ---- measuring radiance ----
-
 
 def directions(camera, parts):
     """(H, W, parts^2, 3) unit directions into the world from places spread over each pixel, and their weights cos^4.
@@ -58,9 +56,6 @@ def assert_agree(measured, expected, bias=1e-3, case=None):
 def where_met(origin, way, z):
     """Points of the plane at z; origin (3,) or one of each way."""
     return origin + ((z - origin[..., 2]) / way[:, 2])[:, None] * way
-
-
-# ---- light from small and large sources ----
 
 
 FLOOR_Z = -40.0
@@ -238,12 +233,6 @@ def test_integrating_sphere_sums_a_geometric_series():
         assert_agree(measured, np.full((8, 8), expected), 2e-3, bounces)
 
 
-# ---- mirrors and metals ----
-
-
-# ---- glass ----
-
-
 def slab(material, thickness=10.0, tilt_deg=0.0, z=-100.0, half=400.0):
     body = pl.box((2 * half, 2 * half, thickness), material=material)
     return body.rotated_deg((0, 1, 0), tilt_deg).translated(z=z)
@@ -372,6 +361,3 @@ def test_light_that_falls_through_glass_is_all_there():
         "pane, light": pl.Scene([pane, ground], [lamp]),
     }.items():
         assert_agree(radiance(scene, camera, 256, max_bounces=100), expected, 2e-3, name)
-
-
-# ---- layers and colours ----

@@ -14,9 +14,6 @@ from plenoptic.truth.channels import Truth
 sys.path.insert(0, str(Path(__file__).parent))
 from pinholes import flat, fresnel, pinhole  # noqa: E402
 
-# ---- helpers ----
-
-
 CAMERA = pinhole()
 
 
@@ -69,8 +66,6 @@ MATT = pl.Lambertian(0.6)
 BLACK = pl.Lambertian(0.0)
 POINT = pl.lights.PointLight((14.0, 3.0, -20.0), 500.0)
 
-
-# ---- opacity ----
 
 QUARTERS = np.array([[0.0, 0.3], [0.7, 1.0]])
 
@@ -148,9 +143,6 @@ def test_truth_goes_through_what_is_less_than_half_there():
         np.testing.assert_allclose(depth, np.where(opacity_of_pixels(there)[..., 0], 30.0, 60.0), rtol=1e-14)
 
 
-# ---- absorption ----
-
-
 def test_what_is_not_there_at_all_changes_nothing():
     # Sheets across all light, seen, drawn and met by chance, inside an absorbing body.
     pool = pl.box((80, 80, 35), center=(0, 0, -35), material=pl.Dielectric(1.0, absorption=0.05))
@@ -196,9 +188,6 @@ def shroud():
         np.cross(*(body.vertices[body.faces[:, k]] - body.vertices[body.faces[:, 0]] for k in (1, 2)))[:, 2]
     )
     return pl.Mesh(body.vertices, body.faces[facing == 0], BLACK)
-
-
-# ---- instances ----
 
 
 def places(*shifts, mirrored=()):
@@ -249,9 +238,6 @@ def test_instances_look_as_copies_do():
     assert set(np.unique(one.truth.object)) == {0, 1, 2, 3, 4}  # instances of one mesh are one object
     # Each kind of them matters.
     assert one.image.max() > 3 * one.image.min() > 0
-
-
-# ---- textures that shine ----
 
 
 CORNER, RIGHT, ABOVE = np.array([9.0, -8, -38]), np.array([6.0, 0, 14]), np.array([0.0, 16, 0])
@@ -319,9 +305,6 @@ def test_a_texture_of_one_value_is_that_value():
         np.testing.assert_allclose(images[1], images[0], rtol=1e-6, err_msg=name)
 
 
-# ---- worlds and suns ----
-
-
 def still(material=MATT):
     """A floor with a ball of another material and a wall on it."""
     ball = flat(pl.sphere(3.0, center=(-2, 1, -37), segments=(24, 12), material=pl.MetallicRoughness(0.8, 0.5, 0.3)))
@@ -342,9 +325,6 @@ def test_a_sun_is_a_disc_of_a_map():
     assert world.radiance(towards[None])[0, 0] == pytest.approx(sun.radiance)
     drawn = shoot(pl.Scene(still(), [sun]), samples=1024, max_bounces=3)
     assert_same(drawn, shoot(pl.Scene(still(), background=world), samples=1024, max_bounces=3, seed=1))
-
-
-# ---- everything at once ----
 
 
 def everything():
@@ -411,9 +391,6 @@ def test_wavelengths_see_what_channels_see():
     assert_same(one, shoot(everything(), samples=1024, seed=1), np.array([1e-5, 1e-5, 0.05]), most_error=0.05)
 
 
-# ---- taking light away on purpose ----
-
-
 def test_what_is_clamped_away_is_what_is_missing():
     scene = everything()
     free = shoot(scene, samples=256)
@@ -443,16 +420,14 @@ def test_without_mirrors_and_glass_there_are_no_caustics():
         scene, options = pl.Scene([plate(-40.0, MATT)], [POINT]), {"samples": 16, "max_bounces": bounces}
         kept, left_out = (shoot(scene, caustics=caustics, **options) for caustics in pl.rendering.Caustics)
         assert np.array_equal(kept.image, left_out.image), bounces
+    # What is seen in mirrors is none.
+    ball = pl.sphere(5.0, center=(0, 0, -35), segments=(256, 128), material=pl.Conductor(0.9))
+    scene, options = pl.Scene([plate(-40.0, BLACK, half=30.0), ball], background=1.0), {"samples": 64, "max_bounces": 2}
+    kept, left_out = (shoot(scene, caustics=caustics, **options) for caustics in pl.rendering.Caustics)
+    assert np.array_equal(kept.image, left_out.image) and kept.image.any()
     said = "caustics is 'none'; it must be Caustics.KEPT or Caustics.LEFT_OUT"
     with pytest.raises(pl.errors.InvalidValueError, match=said):
         shoot(lit, samples=64, caustics="none")
-
-
-def test_what_is_seen_in_mirrors_is_no_caustic():
-    ball = pl.sphere(5.0, center=(0, 0, -35), segments=(256, 128), material=pl.Conductor(0.9))
-    scene = pl.Scene([plate(-40.0, BLACK, half=30.0), ball], background=1.0)
-    kept, left_out = (shoot(scene, samples=64, max_bounces=2, caustics=caustics) for caustics in pl.rendering.Caustics)
-    assert np.array_equal(kept.image, left_out.image) and kept.image.any()
 
 
 def test_caustics_are_the_light_that_a_mirror_throws_onto_a_floor():
@@ -504,9 +479,6 @@ def test_the_caustic_of_a_glass_ball_lies_under_it():
     # The whole noise is that of the caustic.
     at = np.unravel_index(difference.argmax(), difference.shape)
     assert left_out.standard_error[at] < 0.5 * kept.standard_error[at]
-
-
-# ---- bodies within bodies, faces that repeat each other ----
 
 
 def test_absorption_goes_on_behind_a_body_within_a_body():

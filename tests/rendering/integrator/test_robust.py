@@ -32,9 +32,6 @@ BODIES = {
 }
 
 
-# ---- surfaces and themselves ----
-
-
 def test_convex_bodies_do_not_shadow_themselves():
     # Albedo 1 in a world of radiance 1: exactly 1 where a ray reflected off a convex body never meets it again.
     for size, (shape, made) in itertools.product(SCALES, BODIES.items()):
@@ -102,9 +99,6 @@ def past_the_foot_of_a_wall(size):
         assert lit.all()
 
 
-# ---- far and large ----
-
-
 def test_a_small_body_far_from_the_origin_on_a_huge_floor():
     # 1e-2 mm at 1e6 mm, and a black floor that is 1e6 mm large: the middle of the vertices, from which float32 counts,
     # lies at the detail. All is seen as beside the origin.
@@ -137,9 +131,6 @@ def test_huge_triangles(half):
         # 1e12 mm, and as far from its edge: one that meets the ground's diagonal beside the block may start inside it.
         np.testing.assert_allclose(seen, 1.0, rtol=1e-2 if half < 1e12 else 2.5 / 64)
         assert abs(seen.mean() - 1.0) < 1e-3
-
-
-# ---- broken meshes ----
 
 
 def broken(mesh, how):
@@ -178,22 +169,6 @@ def test_broken_opaque_meshes_reflect_as_whole_ones():
         np.testing.assert_allclose(seen.mean(), 1.0, rtol=1e-2, err_msg=how)
         if not isinstance(material, pl.MetallicRoughness):
             np.testing.assert_allclose(seen, 1.0, rtol=3e-6, err_msg=how)
-
-
-def test_lights_without_area_and_crossing_everything():
-    # Emissive triangles without area beside real ones are never drawn; a light that cuts through a wall shines on both
-    # sides of it, as each of its halves would.
-    wall = pl.quad((-20, -20, -40), (40, 0, 0), (0, 40, 0), material=pl.Lambertian(0.6))
-    through = pl.quad((9, -2, -44), (0, 0, 8), (0, 4, 0), material=pl.Emissive(5.0, two_sided=True))
-    before = pl.quad((9, -2, -40), (0, 0, 4), (0, 4, 0), material=pl.Emissive(5.0, two_sided=True))
-    useless = pl.Mesh(through.vertices, np.concatenate([through.faces, [[0, 0, 1], [2, 2, 2]]]), through.material)
-    # Half of the draws miss: 64 pixels of 4096 paths, some 1 %.
-    seen = [radiance(pl.Scene([wall, lamp]), pinhole(), 4096, max_bounces=1) for lamp in (through, before, useless)]
-    assert seen[0].mean() == pytest.approx(seen[1].mean(), rel=1e-2)
-    assert seen[2].mean() == pytest.approx(seen[1].mean(), rel=1e-2)
-
-
-# ---- lights: none, very many, very small ----
 
 
 def test_ten_thousand_lights():

@@ -16,8 +16,6 @@ from plenoptic.rendering.schedule import orders
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.study.cameras import reference_camera
 
-# ---- helpers ----
-
 CAMERA = reference_camera()
 MIDDLE = np.s_[240:264, 240:264]
 LONG = 1 << 22  # samples that would take minutes
@@ -42,9 +40,6 @@ def same_bits(a, b):
         and np.array_equal(a.standard_error, b.standard_error)
         and np.array_equal(counts_of(a), counts_of(b))
     )
-
-
-# ---- which comes first ----
 
 
 def test_budgets_that_cannot_end_a_render_are_refused():
@@ -112,9 +107,6 @@ def test_an_error_that_was_missed_is_announced():
     assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_MISSED
 
 
-# ---- bits ----
-
-
 def test_what_has_stopped_is_what_so_many_samples_give():
     region = np.s_[240:280, 240:280]
     shot = white(region, target_error=0.003, tile_side=16)
@@ -142,9 +134,6 @@ def test_independent_samples_stop_too():
     assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
     assert shot.relative_error < 0.022
     assert shot.samples > white(target_error=0.02).samples
-
-
-# ---- time ----
 
 
 def test_hardly_any_time():
@@ -205,9 +194,6 @@ def test_a_time_limit_is_kept(name, limit):
     assert statistics.median(took) == pytest.approx(statistics.median(told), abs=0.1)
     allowed = max(0.1 * limit, 0.5)
     assert limit - allowed < statistics.median(took) < limit + allowed, took
-
-
-# ---- interruptions ----
 
 
 @pytest.fixture

@@ -85,9 +85,6 @@ def test_ground_truth_has_the_same_bits(fake, monkeypatch):
         assert (a is None and b is None) or a.tobytes() == b.tobytes(), name
 
 
-# ---- real workers ----
-
-
 @pytest.mark.slow
 def test_two_workers_may_be_killed(monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` installs it")

@@ -34,41 +34,24 @@ def rich_scene(*, colour=0.25, radiance=2.0, texel=0.5, place=3.0, corner=0.0):
     return pl.Scene([quad, glass, many], lights, pl.EnvironmentMap(np.full((2, 4, 3), radiance))).tables()
 
 
-IN_ANOTHER_PROCESS = """
-import json, pickle, sys
-from plenoptic.rendering.schedule.identity import identity
-print(json.dumps(identity(*pickle.load(sys.stdin.buffer), seed=1)))
-"""
-
-
 def test_identities_are_the_same_in_every_process():
     rich = rich_scene(), camera(sensitivity=pl.sensitivities.colour_camera())
     one = identity(*rich, seed=1)
     assert all(isinstance(text, str) and len(text) <= 80 for text in one.values())
     assert one == identity(rich_scene(), rich[1], seed=1) == identity(*pickle.loads(pickle.dumps(rich)), seed=1)
-    # Sets and hashes have another order there.
-    done = subprocess.run(
-        [sys.executable, "-c", IN_ANOTHER_PROCESS],
-        input=pickle.dumps(rich),
-        env={**os.environ, "PYTHONHASHSEED": "1"},
-        capture_output=True,
-    )
+    code = "import json, pickle, sys; from plenoptic.rendering.schedule.identity import identity; "
+    code += "print(json.dumps(identity(*pickle.load(sys.stdin.buffer), seed=1)))"
+    there = {**os.environ, "PYTHONHASHSEED": "1"}  # sets and hashes have another order there
+    done = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(rich), env=there, capture_output=True)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == one
 
 
 def test_another_scene_is_another_identity():
-    one = identity(rich_scene(), camera())
-    for changes in (
-        {"colour": np.nextafter(0.25, 1)},
-        {"radiance": 2.5},
-        {"texel": 0.75},
-        {"place": np.nextafter(3.0, 4)},
-        {"corner": 1e-300},
-        {"corner": -0.0},
-    ):
-        assert list(differences(one, identity(rich_scene(**changes), camera()))) == ["another scene"], changes
-    none = identity(None, camera())
+    one, none = identity(rich_scene(), camera()), identity(None, camera())
+    changes = {"colour": np.nextafter(0.25, 1), "radiance": 2.5, "texel": 0.75, "place": np.nextafter(3.0, 4)}
+    for name, value in [*changes.items(), ("corner", 1e-300), ("corner", -0.0)]:
+        assert list(differences(one, identity(rich_scene(**{name: value}), camera()))) == ["another scene"], name
     assert list(differences(one, none)) == ["another scene"] == list(differences(none, one))
 
 

@@ -5,7 +5,6 @@ import gc
 import itertools
 import math
 import signal
-import threading
 import time
 import weakref
 
@@ -28,8 +27,6 @@ from plenoptic.rendering.tile import Tile, TileResult
 from plenoptic.rendering.tiling import cut_into_tiles
 
 REPLICATES = 8
-
-# ---- steps ----
 
 
 @given(replicates=st.integers(1, 64), steps=st.integers(1, 60))
@@ -67,15 +64,11 @@ def test_what_is_affordable_is_most_of_the_next_step(done: int, affordable: floa
 
 
 @given(samples=st.integers(1, 10**6), replicates=st.integers(1, 64))
-def test_steps_end_with_the_samples(samples: int, replicates: int):
+def test_steps_end_with_the_samples_and_many_are_rendered_in_two_passes(samples: int, replicates: int):
     budget, done = Budget(samples, 1.0, None, replicates), 0
     while (step := budget.following(done)) > done:
         done = step
     assert done == samples
-
-
-@given(samples=st.integers(1, 10**6), replicates=st.integers(1, 64))
-def test_many_samples_are_rendered_in_two_passes(samples: int, replicates: int):
     budget = Budget(samples, None, None, min(replicates, samples))
     first = budget.following(0)
     assert budget.passes == (first < samples) == (samples >= max(256, 16 * replicates))
@@ -123,8 +116,6 @@ def test_impossible_budgets_are_refused():
         with pytest.raises(pl.errors.InvalidValueError, match=said):
             checked_budget(*numbers)
 
-
-# ---- decisions ----
 
 TILE = Tile(0, 0, 2, 2)
 
@@ -259,9 +250,6 @@ def test_stopping_by_the_other_colour_does_not_bias():
     assert naive.mean() < 1.0 - 4 * naive.std() / math.sqrt(naive.size)
 
 
-# ---- Ctrl-C ----
-
-
 def test_the_first_interrupt_is_noted_and_told_and_the_second_raised():
     before, told = signal.getsignal(signal.SIGINT), []
     with Interrupts(lambda: told.append(1)) as interrupts:
@@ -273,22 +261,6 @@ def test_the_first_interrupt_is_noted_and_told_and_the_second_raised():
     assert signal.getsignal(signal.SIGINT) is before and told == [1]
 
 
-def test_other_threads_cannot_listen_and_do_not_fail():
-    found = []
-
-    def enter():
-        with Interrupts() as interrupts:
-            found.append(interrupts.asked)
-
-    thread = threading.Thread(target=enter)
-    thread.start()
-    thread.join()
-    assert found == [False]
-
-
-# ---- the bar ----
-
-
 def test_the_bar_ends_with_the_error(capsys):
     shot = pl.render_white(small_camera(), target_error=0.5)
     said = capsys.readouterr().err
@@ -297,61 +269,47 @@ def test_the_bar_ends_with_the_error(capsys):
     assert capsys.readouterr().err == ""
 
 
-@pytest.fixture
-def bar(monkeypatch, capsys):
-    """What a bar with a limit shows of a state, `moved` by some seconds at a time."""
-    now = [100.0]
+def test_the_bar_shows_how_much_is_left(monkeypatch, capsys):
+    now, tiles = [100.0], [Tile(0, 2 * k, 2, 2) for k in range(4)]
     monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: now[0])
 
-    def begin(state, seconds, *expected):
-        made = progress_bar.ProgressBar(seconds, show=True)
-        made.start(state, *expected)
+    def began(state, seconds, *expected):
+        bar = progress_bar.ProgressBar(seconds, show=True)
+        bar.start(state, *expected)
 
-        def moved(by):
+        def later(by, tile=None):
+            """What it says after some seconds, with another tile."""
+            if tile is not None:
+                state.take(tile, result(tiles[tile], noisy(0, 32), 0, 32))
             now[0] += by
-            made.update()
+            bar.update()
             return capsys.readouterr().err
 
-        return made, moved
+        return bar, later
 
-    return begin
-
-
-def test_the_bar_shows_how_much_is_left(bar, capsys):
-    tiles = [Tile(0, 2 * k, 2, 2) for k in range(4)]
-    state = progress(tiles, (2, 8), target=1e-9, samples=32)
-    made, moved = bar(state, 100.0)
-    state.take(0, result(tiles[0], noisy(0, 32), 0, 32))
+    bar, later = began(progress(tiles, (2, 8), target=1e-9, samples=32), 100.0)
     # One colour of a tile is good to 0.5 / sqrt(7), the other to 1e-6: 13 % together.
-    said = moved(1000.0)  # compiling, mostly
+    said = later(1000.0, 0)  # compiling, mostly
     assert "25%" in said and "left" not in said and "error 13 %" in said
-    state.take(1, result(tiles[1], noisy(0, 32), 0, 32))
-    said = moved(300.0)
+    said = later(300.0, 1)
     assert "50%" in said and "10 min left" in said
-    made.end()
+    bar.end()
     said = capsys.readouterr().err
     assert "interrupted, ending" in said and "left" not in said
-
-
-def test_the_bar_knows_the_time_limit(bar):
+    # With a time limit, 20 s of which were spent before.
     budget, region = Budget(None, 50.0, None, 8), FilmRegion(0, 0, 1.0, 1.0)
     state = Progress([TILE], (2, 2, 1), budget, region, {}, 8, counted=True, begin=(0.0, 0.0))
-    _, moved = bar(state, 80.0)  # 20 s were spent before
-    moved(5.0)
-    said = moved(5.0)
+    _, later = began(state, now[0] - 20.0)
+    later(5.0)
+    said = later(5.0)
     assert "60%" in said and "20 s left" in said
-
-
-def test_the_bar_begins_with_what_was_expected_and_ends_with_the_pace(bar, capsys):
-    tiles = [Tile(0, 2 * k, 2, 2) for k in range(4)]
-    state = progress(tiles, (2, 8), target=1e-9, samples=32)
-    _, moved = bar(state, 100.0, 400.0)
-    assert "0%" in (said := capsys.readouterr().err) and "7 min left" in said  # 400 s
+    # It begins with what was expected, 400 s, and ends with the pace.
+    _, later = began(progress(tiles, (2, 8), target=1e-9, samples=32), now[0], 400.0)
+    assert "0%" in (said := capsys.readouterr().err) and "7 min left" in said
     for i, wanted in ((0, "5 min"), (1, "9 min"), (2, "6 min")):
-        state.take(i, result(tiles[i], noisy(0, 32), 0, 32))
         # The first tile may have had to be compiled: 3/4 of 400 s. Then the pace is 430 s for a quarter, 1720 s in all:
         # (1 - s) (s 1720 + (1 - s) 400) = 530 s at s = 1/2, and 347 s at 3/4.
-        assert f"{wanted} left" in moved(430.0).rpartition("|")[2]
+        assert f"{wanted} left" in later(430.0, i).rpartition("|")[2]
 
 
 def small_camera():
