@@ -82,10 +82,11 @@ def test_uniform_scene_is_its_radiance_times_white():
 
 def test_the_same_seed_makes_light_of_all_radiances_alike():
     camera, settings = reference_camera(), {"samples": 16, "region": np.s_[250:260, 250:260], "progress": False}
-    one, four = (pl.render(pl.Scene(background=radiance), camera, **settings) for radiance in (1.0, 4.0))
-    np.testing.assert_array_equal(four.image, 4.0 * one.image)
+    one, four, little = (pl.render(pl.Scene(background=r), camera, **settings).image for r in (1.0, 4.0, 2.0**-20))
+    np.testing.assert_array_equal(four, 4.0 * one)
+    np.testing.assert_array_equal(little, 2.0**-20 * one)
     # An emissive plane that fills the view is a sky.
-    np.testing.assert_array_equal(pl.render(pl.shapes.white_plane(), camera, **settings).image, one.image)
+    np.testing.assert_array_equal(pl.render(pl.shapes.white_plane(), camera, **settings).image, one)
 
 
 def microlens_image_pitch(camera):

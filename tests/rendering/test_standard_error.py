@@ -21,16 +21,11 @@ LIT = 0.1  # of the 99th percentile of the channels' means
 
 def room():
     """Four matt walls under a ceiling that shines, open to the camera: three fifths of its light come by bounces."""
-    matt, shining = pl.Lambertian(0.7), pl.Emissive(1.0, two_sided=True)
-    left, low, back, side, deep = -7.0, -7.0, -411.0, 14.0, 24.0
-    walls = [
-        pl.quad((left, low, back), (side, 0, 0), (0, side, 0), material=matt),
-        pl.quad((left, low, back), (0, 0, deep), (side, 0, 0), material=matt),
-        pl.quad((left, low, back), (0, side, 0), (0, 0, deep), material=matt),
-        pl.quad((-left, low, back), (0, 0, deep), (0, side, 0), material=matt),
-        pl.quad((left, -low, back), (side, 0, 0), (0, 0, deep), material=shining),
-    ]
-    return pl.Scene(meshes=walls)
+    x, y, z = (14.0, 0, 0), (0, 14.0, 0), (0, 0, 24.0)
+    low = (-7.0, -7.0, -411.0)
+    walls = [(low, x, y), (low, z, x), (low, y, z), ((7.0, -7.0, -411.0), z, y)]
+    ceiling = pl.quad((-7.0, 7.0, -411.0), x, z, material=pl.Emissive(1.0, two_sided=True))
+    return pl.Scene(meshes=[*(pl.quad(*wall, material=pl.Lambertian(0.7)) for wall in walls), ceiling])
 
 
 def coloured():

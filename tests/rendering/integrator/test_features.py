@@ -44,12 +44,10 @@ def assert_same(one, other, rounding=3e-6, most_error=0.02):
     (a, va), (b, vb) = (x if isinstance(x, tuple) else mixed([x], [1.0]) for x in (one, other))
     error, allowed = np.sqrt(va + vb), rounding * np.abs(b).max()
     assert np.all(np.abs(a - b) < 12 * error + allowed), np.abs(a - b).max()
-    axes = (0, 1)
-    whole = np.sqrt(np.square(error).sum(axis=axes))
-    difference = (a - b).sum(axis=axes)
-    assert np.all(np.abs(difference) < 4.5 * whole + rounding * np.abs(b).sum()), (difference, whole, b.sum(axis=axes))
+    whole, difference = np.sqrt(np.square(error).sum(axis=(0, 1))), (a - b).sum(axis=(0, 1))
+    assert np.all(np.abs(difference) < 4.5 * whole + rounding * np.abs(b).sum()), (difference, whole)
     # An error bar so long that everything agrees would show nothing.
-    assert np.all(whole < most_error * np.abs(b).sum(axis=axes) + allowed)
+    assert np.all(whole < most_error * np.abs(b).sum(axis=(0, 1)) + allowed)
 
 
 def plate(z, material, half=100.0):

@@ -122,13 +122,6 @@ def test_what_has_stopped_is_what_so_many_samples_give():
         np.testing.assert_allclose(shot.standard_error[there], plain.standard_error[there], rtol=0.1)
 
 
-def test_stopping_does_not_depend_on_threads():
-    scene, region = pl.check_scene(), np.s_[240:272, 240:280]
-    one, two = (shoot(scene, region, target_error=0.06, threads=n, tile_side=16) for n in (1, 2))
-    assert len(np.unique(counts_of(one))) > 1
-    assert same_bits(one, two)
-
-
 def test_independent_samples_stop_too():
     shot = white(target_error=0.02, sampler=pl.rendering.Sampler.RANDOM)
     assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
