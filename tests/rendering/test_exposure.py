@@ -44,16 +44,6 @@ def exposure(channels=1, **changes):
     return pl.Exposure(**{**fields, **changes})
 
 
-def test_stats_add_up():
-    stats = pl.rendering.RenderStats(**STATS)
-    assert stats.fraction_through_lens == 0.64
-    assert stats.lost_by_cause == {"clipped": 350, "missed": 10}
-    assert np.isnan(pl.rendering.RenderStats().fraction_through_lens)
-    assert repr(stats) == (
-        "RenderStats(1.5 s, 2 threads, 1000 paths, 64 % through the lens, lost: 350 clipped, 10 missed, 1 not finite)"
-    )
-
-
 def test_impossible_exposures():
     for change, sentence in (
         ({"seconds": -1}, "seconds is -1 s; it must be at least 0"),
@@ -250,9 +240,15 @@ def test_repr_is_one_line_of_facts():
     assert samples_text(np.array([[64, 64], [8, 0]])) == "64 samples in 50 % of the pixels, 8 in 25 %, none in 25 %"
     assert samples_text(np.array([[8, 8, 4, 2]])) == "8 samples in 50 % of the pixels, 2 to 4 in 50 %"
     assert samples_text(np.zeros(4, int)) == "no samples in 100 % of the pixels"
-
-
-def test_notebooks_show_a_picture_of_bounded_size():
+    # Statistics add up.
+    stats = pl.rendering.RenderStats(**STATS)
+    assert stats.fraction_through_lens == 0.64
+    assert stats.lost_by_cause == {"clipped": 350, "missed": 10}
+    assert np.isnan(pl.rendering.RenderStats().fraction_through_lens)
+    assert repr(stats) == (
+        "RenderStats(1.5 s, 2 threads, 1000 paths, 64 % through the lens, lost: 350 clipped, 10 missed, 1 not finite)"
+    )
+    # Notebooks show a picture of bounded size.
     for shape in ((4, 6, 3), (1500, 3000, 1)):
         image = np.random.default_rng(4).uniform(0, 1, shape)
         image[0, :2] = [[np.nan] * shape[2], [np.inf] * shape[2]]

@@ -120,12 +120,9 @@ def test_what_one_colour_of_a_block_shows_changes_no_other_pixel():
     film.add(3, 9, np.array([80.0, 40.0]).reshape(1, 1, 2, 1), powers=np.full((1, 1, 1), 2000.0))
     changed = np.argwhere(film.standard_error()[..., 0] != before)
     assert len(changed) == 32 and np.all(changed // 8 == (0, 1)) and np.all(changed.sum(axis=1) % 2 == 0)
-
-
-def test_with_eight_replicates_a_pixel_has_an_error_of_its_own():
-    film = drawn(np.random.default_rng(4), np.ones((8, 8)), [4] * 8)
-    own = film.between / math.sqrt(7 * 32)
-    np.testing.assert_allclose(film.standard_error(), own, rtol=4 * EPS32)
+    # With eight replicates a pixel has an error of its own.
+    film = drawn(rng, np.ones((8, 8)), [4] * 8)
+    np.testing.assert_allclose(film.standard_error(), film.between / math.sqrt(7 * 32), rtol=4 * EPS32)
 
 
 def test_the_scatter_of_merged_films_is_that_of_all_samples():
@@ -165,15 +162,6 @@ def test_merging_names_all_processors_leaves_both_films_and_needs_one_shape(monk
         a.merged(pl.rendering.Film((2, 1, 1), counts=np.array([1])))
 
 
-def test_tiles_go_where_they_belong():
-    film = pl.rendering.Film((4, 5, 1), counts=np.array([2, 2]))
-    film.add(1, 2, np.full((2, 3, 2, 1), 6.0))
-    expected = np.zeros((4, 5))
-    expected[1:3, 2:5] = 3.0
-    assert np.array_equal(film.mean[:, :, 0], expected)
-    assert film.mean.dtype == film.between.dtype == film.standard_error().dtype == np.float32
-
-
 def test_replicates_without_samples_do_not_count():
     film = pl.rendering.Film((1, 1, 1), counts=np.array([1, 1, 0, 0]))
     film.add(0, 0, np.array([2.0, 4.0, 0.0, 0.0]).reshape(1, 1, 4, 1))
@@ -200,6 +188,13 @@ def test_pixels_may_have_different_numbers_of_samples():
     film.add(0, 0, np.ones((1, 1, 2, 1)), counts=np.array([1, 1]))
     film.add(0, 1, np.array([1.0, 0.0]).reshape(1, 1, 2, 1), counts=np.array([1, 0]))
     assert film.standard_error().ravel().tolist() == [0.0, math.inf, math.inf]
+    # Tiles go where they belong.
+    film = pl.rendering.Film((4, 5, 1), counts=np.array([2, 2]))
+    film.add(1, 2, np.full((2, 3, 2, 1), 6.0))
+    expected = np.zeros((4, 5))
+    expected[1:3, 2:5] = 3.0
+    assert np.array_equal(film.mean[:, :, 0], expected)
+    assert film.mean.dtype == film.between.dtype == film.standard_error().dtype == np.float32
 
 
 @settings(max_examples=40)

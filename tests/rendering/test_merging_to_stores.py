@@ -23,19 +23,16 @@ from test_merging import cuts_of, part_of  # noqa: E402
 
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 
-CAMERA = pl.PlenopticCamera(
-    pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor(shape=(29, 43), pixel_pitch=0.01), stop_to_microlenses=123.3
-)
-ROWS, COLUMNS = 1100, 24
-"""Three bands."""
-REGION = (200, 200 + ROWS, 8, 8 + COLUMNS)
+CAMERA = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((1400, 40), 0.01), 123.3)
+REGION = (200, 1300, 8, 32)
+"""Three bands of rows."""
 
 
 def made_up(rng, seed, *, region=REGION, **changes):
     """An exposure of random numbers with all that there may be."""
     fields = {
         "seed": seed,
-        "camera": dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(1400, 40), pixel_pitch=0.01)),
+        "camera": CAMERA,
         "stats": RenderStats(1.0 + seed, 2.0, 90, 80, (("clipped", 0, 10),), clamped=0.1 * seed),
     }
     return test_merging.made_up(rng, region, **{**fields, **changes})

@@ -69,6 +69,9 @@ def test_the_plan_looks_for_no_certain_light_behind_a_ring():
     assert "2 reflecting" in str(pl.plan(pl.check_scene(), camera(SHADED)))
     assert why_uncertain(camera(SHADED)) == "an opening is no circle and no polygon"
     assert "no circle" not in why_uncertain(camera(LENSES["open"]))
+    # Centres are found where the chief ray is shaded.
+    there, bare = (pl.microlens_centres(camera(LENSES[name])) for name in ("disc", "open"))
+    assert np.abs(there.pixel - bare.pixel).max() < 1e-9
 
 
 def test_points_are_projected_to_where_their_light_lands():
@@ -81,8 +84,3 @@ def test_points_are_projected_to_where_their_light_lands():
     assert np.count_nonzero(inside) >= 4
     around = [image[max(r - 1, 0) : r + 2, max(c - 1, 0) : c + 2].max() for r, c in at[inside]]
     assert min(around) > 0.1 * image.max()
-
-
-def test_centres_are_found_where_the_chief_ray_is_shaded():
-    there, bare = (pl.microlens_centres(camera(LENSES[name])) for name in ("disc", "open"))
-    assert np.abs(there.pixel - bare.pixel).max() < 1e-9

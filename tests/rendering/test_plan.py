@@ -50,10 +50,6 @@ SEEN = {Stage.ONWARD_RAYS, Stage.RUSSIAN_ROULETTE}
 LIT = PLAIN | SEEN | {Stage.EMISSION, Stage.DIRECT_LIGHT}
 
 
-def floor(material):
-    return FLOOR.with_material(material)
-
-
 def running(scene, **options):
     plan = pl.plan(scene, CAMERA, **options)
     return {stage for stage in SCENE_STAGES if plan.runs(stage)}
@@ -75,7 +71,7 @@ def test_a_scene_runs_what_it_has():
         (pl.Scene([FLOOR], [POINT]), LIT - {Stage.EMISSION}),
         (pl.Scene([FLOOR], [pl.SunLight((0, 0, -1))]), LIT - {Stage.EMISSION} | {Stage.BACKGROUND}),
         (pl.Scene([FLOOR], background=mapped), LIT - {Stage.EMISSION} | {Stage.BACKGROUND}),
-        (pl.Scene([floor(pl.Lambertian(0.0))], [LAMP]), {Stage.INTERSECTION, Stage.EMISSION}),
+        (pl.Scene([FLOOR.with_material(pl.Lambertian(0.0))], [LAMP]), {Stage.INTERSECTION, Stage.EMISSION}),
         (pl.Scene([pl.scene.Instances(FLOOR, PLACES)], [LAMP]), LIT | {Stage.INSTANCES}),
         (pl.Scene([pl.sphere(4, center=(0, 0, -404))], [LAMP]), LIT | {Stage.VERTEX_NORMALS}),
     ):
@@ -92,7 +88,7 @@ def test_a_scene_runs_what_it_has():
         (pl.Lambertian(GREY_MAP), {Stage.TEXTURES}),
         (pl.Lambertian((0.5, 0.5, 0.4)), {Stage.COLOUR}),
     ):
-        assert running(pl.Scene([floor(material)], [LAMP])) == LIT | more, material
+        assert running(pl.Scene([FLOOR.with_material(material)], [LAMP])) == LIT | more, material
 
 
 def test_bounces_decide_what_follows_a_hit():

@@ -10,12 +10,11 @@ import plenoptic as pl
 from plenoptic.study.cameras import reference_camera
 
 CAMERA = reference_camera()
-LENS = CAMERA.lens
 REGION = np.s_[200:224, 230:262]
 LINES = pl.sensor.Sensitivity.lines((640.0, 550.0, 450.0))
 
 
-def coloured_scene() -> pl.Scene:
+def coloured_scene():
     floor = pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian((0.8, 0.5, 0.1)))
     wall = pl.quad((-3, -3, -402), (3, 0, 1), (0, 6, 0), material=pl.Lambertian((0.1, 0.3, 0.9)))
     light = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=(3.0, 5.0, 9.0), two_sided=True)
@@ -23,9 +22,7 @@ def coloured_scene() -> pl.Scene:
     return pl.Scene(meshes=[floor, wall, lamp], lights=[light], background=(0.2, 0.1, 0.3))
 
 
-@pytest.mark.parametrize(
-    "bounces", [pytest.param(0, marks=pytest.mark.slow), pytest.param(1, marks=pytest.mark.slow), 3]
-)
+@pytest.mark.parametrize("bounces", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 1))])
 def test_lines_are_three_monochrome_renderings(bounces):
     scene = coloured_scene()
     lines = dataclasses.replace(CAMERA, sensitivity=LINES)

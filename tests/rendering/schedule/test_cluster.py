@@ -18,8 +18,6 @@ sys.path[:0] = [str(Path(__file__).parents[2] / "core" / "engines"), str(Path(__
 import fake_client  # noqa: E402
 from test_resuming import assert_same, render  # noqa: E402
 
-WAYS = ({"samples": 16}, {"target_error": 0.2}, {"samples": 512, "replicates": 8})
-
 
 @pytest.fixture
 def fake():
@@ -32,7 +30,7 @@ small = functools.partial(render, threads=None)
 
 
 def test_any_order_of_results_gives_the_same_bits(fake):
-    for way in WAYS:
+    for way in ({"samples": 16}, {"target_error": 0.2}, {"samples": 512, "replicates": 8}):
         fake.calls.clear()
         one, other = small(**way), small(client=fake, **way)
         assert_same(one, other)
