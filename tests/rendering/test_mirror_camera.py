@@ -31,11 +31,9 @@ def camera(lens: pl.LensStack, *, microlenses: bool = True) -> pl.PlenopticCamer
 
 
 @pytest.fixture(scope="module")
-def white() -> dict[str, np.ndarray]:
-    return {
-        name: pl.render_white(camera(lens), samples=64, progress=False).image.astype(float).squeeze()
-        for name, lens in LENSES.items()
-    }
+def white():
+    shots = {name: pl.render_white(camera(lens), samples=64, progress=False) for name, lens in LENSES.items()}
+    return {name: shot.image.astype(float).squeeze() for name, shot in shots.items()}
 
 
 def test_microlenses_show_rings(white):
