@@ -74,15 +74,6 @@ def test_whichever_comes_first_ends_it():
     assert same_bits(white(target_error=0.9), white(samples=32))
 
 
-def test_a_black_scene_ends():
-    # All that there is is black: no pixel is lit, and no error is left.
-    black = pl.Scene([pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.5))])
-    with pytest.warns(UserWarning, match="nothing in the scene shines"):
-        shot = shoot(black, target_error=0.02)
-    assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
-    assert not shot.image.any() and shot.samples == 32
-
-
 def test_few_samples_come_before_any_target():
     for samples in (1, 7, 9):
         shot = white(np.s_[240:244, 240:244], samples=samples, target_error=0.1)
@@ -90,14 +81,18 @@ def test_few_samples_come_before_any_target():
         assert np.array_equal(shot.image, white(np.s_[240:244, 240:244], samples=samples).image)
 
 
-def test_light_that_no_path_has_met_is_no_target_reached():
+def test_black_scenes_end_and_an_error_that_was_missed_is_announced():
+    # All that there is is black: no pixel is lit, and no error is left.
+    black = pl.Scene([pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.5))])
+    with pytest.warns(UserWarning, match="nothing in the scene shines"):
+        shot = shoot(black, target_error=0.02)
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
+    assert not shot.image.any() and shot.samples == 32
+    # Light that no path has met is no target reached.
     behind = pl.Scene(lights=[pl.QuadLight((0, 0, 500.0), (1, 0, 0), (0, 1, 0), radiance=5.0)])
     with pytest.warns(UserWarning, match="no path met the scene"):
         shot = shoot(behind, target_error=0.05)
     assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_MISSED and shot.relative_error == math.inf
-
-
-def test_an_error_that_was_missed_is_announced():
     # One lit pixel of a thousand: its neighbours of the other colour are black and have nothing to say.
     lamp = pl.Scene([pl.quad((-0.4, -0.4, -404), (0.8, 0, 0), (0, 0.8, 0), material=pl.Emissive(1e3))])
     bare = dataclasses.replace(CAMERA, microlenses=None, microlenses_to_sensor=0.0, stop_to_microlenses=CAMERA.z_sensor)
