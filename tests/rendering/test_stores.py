@@ -15,9 +15,7 @@ xarray = pytest.importorskip("xarray", reason="the extra `zarr` installs it")
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 
 SHAPE = (5, 7)
-CAMERA = pl.PlenopticCamera(
-    pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor(shape=(40, 60), pixel_pitch=0.01), stop_to_microlenses=123.3
-)
+CAMERA = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((40, 60), 0.01), 123.3)
 
 
 def truth():

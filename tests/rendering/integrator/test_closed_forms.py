@@ -58,7 +58,7 @@ def where_met(origin, way, z):
     return origin + ((z - origin[..., 2]) / way[:, 2])[:, None] * way
 
 
-FLOOR_Z = -40.0
+FLOOR_Z, UP = -40.0, (0.0, 0.0, 1.0)
 
 
 def floor(material, half=100.0):
@@ -159,14 +159,16 @@ def test_form_factors_of_quads():
         assert light.normal[2] < 0 or light.normal[0] < 0
         corners = center + 0.5 * np.array([-u - v, u - v, u + v, -u + v])
         camera = pinhole() if height == 0 else pinhole(0.5).posed((0, 0, height), (0, 0, FLOOR_Z))
-        met = lambda o, w: irradiance_of_polygon(where_met(o, w, FLOOR_Z), (0.0, 0.0, 1.0), corners)  # noqa: B023, E731
-        expected = 7.0 * 0.6 / math.pi * expected_image(camera, met, parts=8)
+
+        def seen(origin, way, corners=corners):
+            return 7.0 * 0.6 / math.pi * irradiance_of_polygon(where_met(origin, way, FLOOR_Z), UP, corners)
+
         scene = pl.Scene([floor(pl.Lambertian(0.6))], [light])
-        assert_agree(radiance(scene, camera, max_bounces=1), expected, 2e-3, place)
+        assert_agree(radiance(scene, camera, max_bounces=1), expected_image(camera, seen, parts=8), 2e-3, place)
     # The formula itself, for a square of side 2 a at height h above its middle: F = 4 / pi A atan(A),
     # A = a / sqrt(a^2 + h^2).
     corners = np.column_stack([np.array([(-1, -1), (-1, 1), (1, 1), (1, -1)]) * 10.0, np.full(4, 8.0)])
-    factor = irradiance_of_polygon(np.zeros((1, 3)), (0.0, 0.0, 1.0), corners)[0] / math.pi
+    factor = irradiance_of_polygon(np.zeros((1, 3)), UP, corners)[0] / math.pi
     ratio = 10.0 / math.hypot(10.0, 8.0)
     assert factor == pytest.approx(4 / math.pi * ratio * math.atan(ratio), rel=1e-12)
 
@@ -178,7 +180,7 @@ def test_all_that_glows_gives_light():
     base, shaded = floor(pl.Lambertian(0.6)), pinhole(0.05).posed((-10, 0, -39), (-2, 0, FLOOR_Z))
 
     def seen(origin, way):
-        return 2.0 * 0.6 / math.pi * irradiance_of_polygon(where_met(origin, way, FLOOR_Z), (0.0, 0.0, 1.0), corners)
+        return 2.0 * 0.6 / math.pi * irradiance_of_polygon(where_met(origin, way, FLOOR_Z), UP, corners)
 
     expected = expected_image(shaded, seen)
     for name, material in {

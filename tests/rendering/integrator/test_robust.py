@@ -156,13 +156,10 @@ def broken(mesh, how):
     return pl.Mesh(vertices, rng.permutation(faces), mesh.material)
 
 
-BREAKS = ["triangles without area", "slivers", "faces twice", "faces twice, both ways", "winding at random"]
-
-
 def test_broken_opaque_meshes_reflect_as_whole_ones():
-    for how, material in itertools.product(
-        BREAKS, (pl.Lambertian(1.0), pl.Conductor(), pl.MetallicRoughness(1.0, 0.0, 0.05))
-    ):
+    breaks = "triangles without area", "slivers", "faces twice", "faces twice, both ways", "winding at random"
+    materials = pl.Lambertian(1.0), pl.Conductor(), pl.MetallicRoughness(1.0, 0.0, 0.05)
+    for how, material in itertools.product(breaks, materials):
         ball = flat(pl.sphere(6.0, segments=(24, 12), material=material))
         seen = radiance(pl.Scene([broken(ball, how).translated(z=-40)], background=1.0), pinhole(), 128)
         # Plastic's weights vary: 64 x 128 paths, far below 1e-2.
