@@ -177,7 +177,7 @@ def test_image_stands_upright_and_is_not_mirrored():
         stop_to_microlenses=130.0,
     ).focused_at(z=-404.0)
     for camera in (conventional, reference_camera()):
-        shot = pl.render(small_light(5.0, 3.0, -404, 0.5), camera, samples=16, progress=False)
+        shot = pl.render(small_light(5.0, 3.0, -404, 0.5), camera, samples=4, progress=False)
         row, column = np.argwhere(shot.image[:, :, 0] > 0).mean(axis=0)
         height, width = camera.sensor.shape
         assert row < 0.4 * height and column > 0.6 * width

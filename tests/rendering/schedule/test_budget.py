@@ -207,7 +207,7 @@ def interrupt_after(monkeypatch, number):
 
 
 def test_ctrl_c_gives_what_is_there(handler, monkeypatch):
-    interrupt_after(monkeypatch, 6)
+    interrupt_after(monkeypatch, 4)
     begin = time.perf_counter()
     with pytest.warns(pl.errors.BudgetWarning, match="the render was interrupted with .* samples in "):
         shot = white(threads=2, target_error=1e-6)
