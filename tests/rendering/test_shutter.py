@@ -46,7 +46,7 @@ def rendered(frame, **settings):
 
 
 @pytest.mark.parametrize(
-    ("count", "each", "samples"), [(64, 16, 1024), pytest.param(512, 32, 16384, marks=pytest.mark.slow)]
+    ("count", "each", "samples"), [(64, 16, 1024), pytest.param(256, 32, 8192, marks=pytest.mark.slow)]
 )
 def test_motion_blur_is_the_mean_of_still_frames(count, each, samples):
     # A blurred exposure against the mean of still frames at the middles of equal intervals.

@@ -387,7 +387,7 @@ def test_the_file_is_closed_on_every_way_out(tmp_path, finished, files, monkeypa
     assert len(files) == 3 and all(file.closed for file in files)
 
 
-KILLS = 4  # of each of two renderings
+KILLS = 3  # of each of two renderings
 LONG = {"samples": {"samples": 4096}, "target": {"target_error": 0.008}}
 
 RENDERING = """
