@@ -388,7 +388,7 @@ def test_the_file_is_closed_on_every_way_out(tmp_path, finished, files, monkeypa
 
 
 KILLS = 3  # of each of two renderings
-LONG = {"samples": {"samples": 4096}, "target": {"target_error": 0.008}}
+LONG = {"samples": {"samples": 2048}, "target": {"target_error": 0.008}}
 
 RENDERING = """
 import pickle, sys
