@@ -9,24 +9,16 @@ from plenoptic import errors
 KINDS = [errors.InvalidValueError, errors.PrescriptionError, errors.SceneError, errors.FileError]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_error_is_caught_as_the_packages_own(kind):
-    assert issubclass(kind, errors.PlenopticError)
-
-
-def test_errors_are_also_what_python_calls_them():
-    assert issubclass(errors.PrescriptionError, ValueError)
-    assert issubclass(errors.SceneError, ValueError)
+def test_every_error_is_the_packages_own_and_pythons_and_survives_pickling():
+    sentence = "radius is 0 mm; it must not be 0"
+    for kind in KINDS:
+        assert issubclass(kind, errors.PlenopticError)
+        assert str(pickle.loads(pickle.dumps(kind(sentence)))) == sentence
+    assert issubclass(errors.PrescriptionError, ValueError) and issubclass(errors.SceneError, ValueError)
     assert issubclass(errors.FileError, OSError)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_sentence_survives_pickling(kind):
-    sentence = "radius is 0 mm; it must not be 0"
-    assert str(pickle.loads(pickle.dumps(kind(sentence)))) == sentence
-
-
-def test_what_is_no_path_no_flag_and_no_number_is_refused(tmp_path):
+def test_what_is_no_path_no_flag_and_no_number_is_refused():
     image = np.ones((2, 2, 1))
     for call, kind in (
         (lambda: pl.Exposure.load(None), pl.errors.FileError),
