@@ -11,7 +11,6 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-NOT_PACKED = {"__pycache__"}
 
 EVERYTHING = """
 import pathlib, plenoptic as pl, sys
@@ -24,41 +23,27 @@ pl.glass("N-BK7")
 """
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    """A folder with the source archive, and the wheel that was made from it."""
+@pytest.mark.slow
+def test_the_source_archive_makes_a_wheel_that_works_from_an_empty_folder(tmp_path):
     pytest.importorskip("build", reason='needs the extra "dev"')
-    folder = tmp_path_factory.mktemp("built")
-    subprocess.run([sys.executable, "-m", "build", "--outdir", folder, ROOT], check=True, capture_output=True)
-    return folder
-
-
-@pytest.mark.slow
-def test_the_wheel_holds_the_package(built):
-    (wheel,) = built.glob("*.whl")
-    package = ROOT / "plenoptic"
-    there = {f"plenoptic/{path.relative_to(package).as_posix()}" for path in package.rglob("*") if path.is_file()}
-    there = {path for path in there if not NOT_PACKED & set(path.split("/"))}
-    packed = {name for name in zipfile.ZipFile(wheel).namelist() if name.startswith("plenoptic/")}
-    assert packed == there
-    assert wheel.name.startswith(PROJECT["name"].replace("-", "_"))
-
-
-@pytest.mark.slow
-def test_the_source_archive_holds_licence_and_readme(built):
-    (archive,) = built.glob("*.tar.gz")
+    subprocess.run([sys.executable, "-m", "build", "--outdir", tmp_path, ROOT], check=True, capture_output=True)
+    (archive,) = tmp_path.glob("*.tar.gz")
     with tarfile.open(archive) as packed:
         names = {name.split("/", 1)[-1] for name in packed.getnames()}
     assert {"LICENSE", "README.md", "pyproject.toml", "plenoptic/py.typed"} <= names
 
+    (wheel,) = tmp_path.glob("*.whl")
+    package = ROOT / "plenoptic"
+    there = {f"plenoptic/{path.relative_to(package).as_posix()}" for path in package.rglob("*") if path.is_file()}
+    there = {path for path in there if "__pycache__" not in path.split("/")}
+    packed = {name for name in zipfile.ZipFile(wheel).namelist() if name.startswith("plenoptic/")}
+    assert packed == there and wheel.name.startswith(PROJECT["name"].replace("-", "_"))
 
-@pytest.mark.slow
-def test_the_wheel_works_from_an_empty_folder(built, tmp_path):
-    (wheel,) = built.glob("*.whl")
-    place = tmp_path / "installed"
+    place, empty = tmp_path / "installed", tmp_path / "empty"
+    empty.mkdir()
     command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", place, wheel]
     subprocess.run(command, check=True)
-    subprocess.run([sys.executable, "-c", EVERYTHING, place], check=True, cwd=tmp_path, env={"PYTHONPATH": str(place)})
+    subprocess.run([sys.executable, "-c", EVERYTHING, place], check=True, cwd=empty, env={"PYTHONPATH": str(place)})
 
 
 def test_the_citation_is_of_this_version():

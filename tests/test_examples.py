@@ -18,85 +18,69 @@ SLOW = pytest.mark.slow
 MAIN_LENSES = ("achromat-100mm-f4.4", "double-gauss-100mm-f2")
 
 FILES = {
-    "first_light": {"raw.exr", "white.exr", "first_light.jpg"},
-    "paper_camera": {
-        "check_2.0.exr",
-        "check_1.0.exr",
-        "objects_2.0.exr",
-        "objects_1.0.exr",
-        "check.png",
-        "objects.png",
-    },
-    "stop_shapes": {
-        *(
-            f"{stop}_{place}.exr"
-            for stop in ("circle_nothing_behind", "circle", "12_blades", "6_blades", "star")
-            for place in ("on_the_axis", "halfway", "upper_left_corner")
-        ),
-        "stop_shapes.png",
-    },
-    "textured_mesh": {
-        *("label.png", "tin.obj", "tin.mtl"),
-        *(f"{name}{ending}" for name in ("raw", "conventional") for ending in (".exr", ".png", "_overview.png")),
-    },
-    "diffraction": {"diffraction.png", "error_against_time.png"},
-    "disparity": {"disparity.exr", "disparity.png"},
-    "file_gallery": {"card.png", "card.gltf", "card.exr", "file_gallery.png"},
-    "targets": {"edge.exr", "star.exr", "bars.exr", "targets.png"},
-    "fine_structure": {"star_2.0.exr", "star_1.0.exr", "fine_structure.png"},
-    "focused_views": {"raw.exr", "focused_views.png"},
-    "sub_aperture": {"raw.exr", "white.exr", "sub_aperture.png", "views.png"},
-    "chromatic": {
-        *(
-            f"{kind}_{place}.exr"
-            for kind in ("one_wavelength", "spectral")
-            for place in ("on_the_axis", "at_the_left_border")
-        ),
-        "chromatic.png",
-    },
-    "sensor_noise": {"raw_layers.tif", "raw_bayer.tif", "raw_dim.tif", "sensor_noise.png"},
-    "imperfections": {
-        *("design.exr", "places_jitter_by_5_um.exr", "focal_lengths_scatter_by_10_percent.exr"),
-        *("10_percent_of_lenses_dark.exr", "dust_on_the_array.exr", "the_same_dust_on_the_pixels.exr"),
-        *("and_0_8_mm_above_them.exr", "scratches_on_the_array.exr", "array_tilted_by_0_5_degrees.exr"),
-        "imperfections.png",
-    },
-    "multi_focus": {"plane_345.exr", "plane_404.exr", "plane_470.exr", "multi_focus.png"},
-    "main_lenses": {
-        *(f"{lens}_{place}.exr" for lens in MAIN_LENSES for place in ("axis", "corner")),
-        "main_lenses.png",
-    },
-    "calibration_points": {"board.exr", "calibration_points.png"},
-    "enough_samples": {"samples.png", "error_against_samples.png"},
-    "lens_library": {"lens_library.png"},
-    "lens_report": {"contrast.png", "fans.png", "field.png", "layout.png", "spots.png", "third_order.png"},
+    "first_light": "raw.exr white.exr first_light.jpg",
+    "paper_camera": "check_2.0.exr check_1.0.exr objects_2.0.exr objects_1.0.exr check.png objects.png",
+    "stop_shapes": "stop_shapes.png "
+    + " ".join(
+        f"{stop}_{place}.exr"
+        for stop in ("circle_nothing_behind", "circle", "12_blades", "6_blades", "star")
+        for place in ("on_the_axis", "halfway", "upper_left_corner")
+    ),
+    "textured_mesh": "label.png tin.obj tin.mtl "
+    + " ".join(f"{name}{ending}" for name in ("raw", "conventional") for ending in (".exr", ".png", "_overview.png")),
+    "diffraction": "diffraction.png error_against_time.png",
+    "disparity": "disparity.exr disparity.png",
+    "file_gallery": "card.png card.gltf card.exr file_gallery.png",
+    "targets": "edge.exr star.exr bars.exr targets.png",
+    "fine_structure": "star_2.0.exr star_1.0.exr fine_structure.png",
+    "focused_views": "raw.exr focused_views.png",
+    "sub_aperture": "raw.exr white.exr sub_aperture.png views.png",
+    "chromatic": "one_wavelength_on_the_axis.exr one_wavelength_at_the_left_border.exr spectral_on_the_axis.exr "
+    "spectral_at_the_left_border.exr chromatic.png",
+    "sensor_noise": "raw_layers.tif raw_bayer.tif raw_dim.tif sensor_noise.png",
+    "imperfections": "design.exr places_jitter_by_5_um.exr focal_lengths_scatter_by_10_percent.exr "
+    "10_percent_of_lenses_dark.exr dust_on_the_array.exr the_same_dust_on_the_pixels.exr and_0_8_mm_above_them.exr "
+    "scratches_on_the_array.exr array_tilted_by_0_5_degrees.exr imperfections.png",
+    "multi_focus": "plane_345.exr plane_404.exr plane_470.exr multi_focus.png",
+    "main_lenses": "main_lenses.png "
+    + " ".join(f"{lens}_{at}.exr" for lens in MAIN_LENSES for at in ("axis", "corner")),
+    "calibration_points": "board.exr calibration_points.png",
+    "enough_samples": "samples.png error_against_samples.png",
+    "lens_library": "lens_library.png",
+    "lens_report": "contrast.png fans.png field.png layout.png spots.png third_order.png",
 }
+PLAIN = (
+    *("paper_camera", "textured_mesh", "disparity", "file_gallery", "targets", "focused_views", "enough_samples"),
+    *("lens_library", "lens_report"),
+)
+"""Those whose figures no test below looks at."""
 
 
 def _run(script, folder, *options):
     """Run a script, or a folder of them, in a folder; returns what it printed."""
     surroundings = {**os.environ, "PLENOPTIC_EXAMPLE_SIZE": "small", "MPLBACKEND": "Agg"}
-    process = subprocess.run(
-        [sys.executable, str(script), *options],
-        cwd=folder,
-        env=surroundings,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    command = [sys.executable, str(script), *options]
+    process = subprocess.run(command, cwd=folder, env=surroundings, capture_output=True, text=True, timeout=300)
     assert process.returncode == 0, process.stderr
     return process.stdout
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """Run an example once; returns its output folder and what it printed."""
+    """Run an example once, which leaves its files and says where; returns its output folder and what it printed."""
     done = {}
 
     def run(name):
         if name not in done:
             folder = tmp_path_factory.mktemp(name)
-            done[name] = folder / "output" / name, _run(EXAMPLES / f"{name}.py", folder)
+            said, folder = _run(EXAMPLES / f"{name}.py", folder), folder / "output" / name
+            assert {path.name for path in folder.iterdir()} == set(FILES[name].split())
+            for file in FILES[name].split():
+                assert file in said or file in ("label.png", "tin.obj", "tin.mtl")
+                if file.endswith((".exr", ".png", ".jpg")):
+                    image = pl.Exposure.load(folder / file).image
+                    assert np.isfinite(image).all() and image.max() > 0, file
+            done[name] = folder, said
         return done[name]
 
     return run
@@ -104,18 +88,14 @@ def ran(tmp_path_factory):
 
 def test_every_example_is_tested():
     assert {path.stem for path in EXAMPLES.glob("*.py")} == set(FILES)
+    text = Path(__file__).read_text(encoding="utf-8")
+    assert {name for name in FILES if f'ran("{name}")' not in text} == set(PLAIN)
 
 
-# Each takes some seconds: all but the first run with the slow tests.
-@pytest.mark.parametrize("name", [name if name == "first_light" else pytest.param(name, marks=SLOW) for name in FILES])
+@SLOW
+@pytest.mark.parametrize("name", PLAIN)
 def test_example_leaves_its_files_and_says_where(ran, name):
-    folder, said = ran(name)
-    assert {path.name for path in folder.iterdir()} == FILES[name]
-    for file in FILES[name] - {"label.png", "tin.obj", "tin.mtl"}:
-        assert file in said
-        if file.endswith((".exr", ".png", ".jpg")):
-            image = pl.Exposure.load(folder / file).image
-            assert np.isfinite(image).all() and image.max() > 0
+    ran(name)
 
 
 def test_readme_runs(tmp_path):
