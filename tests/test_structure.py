@@ -64,10 +64,6 @@ def test_more_than_eight_arguments_are_options_of_public_functions():
 # ---- files and folders ----
 
 
-LONG: set[str] = set()
-"""Files that will be shorter."""
-
-
 def test_folders_and_files_are_small():
     folders = Counter(path.parent for path in FILES)
     assert {str(folder.relative_to(ROOT.parent)): n for folder, n in folders.items() if n > MOST_FILES} == {}
@@ -150,21 +146,12 @@ def circles(edges):
     return groups
 
 
-def test_no_import_circles_when_modules_are_loaded():
+def test_no_import_circles_but_inside_functions_that_say_why():
     edges = {module: set() for module in MODULES}
     for path, tree in TREES.items():
-        later = inside_functions(tree)
-        edges[module_of(path)] |= {name for name, node in imports(path, tree) if id(node) not in later} - {
-            module_of(path)
-        }
-    assert circles(edges) == []
-
-
-def test_imports_inside_functions_that_close_a_circle_say_why():
-    edges = {module: set() for module in MODULES}
-    for path, tree in TREES.items():
-        later, justified = inside_functions(tree), commented_lines(path)
-        for name, node in imports(path, tree):
+        later, found = inside_functions(tree), list(imports(path, tree))
+        justified = commented_lines(path) if any(id(node) in later for _, node in found) else set()
+        for name, node in found:
             if name != module_of(path) and not (id(node) in later and node.lineno in justified):
                 edges[module_of(path)].add(name)
     assert circles(edges) == []

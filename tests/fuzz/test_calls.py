@@ -21,13 +21,13 @@ RENDERING = ("render", "render.target", "render_white", "ground_truth", "warm_up
 RENDERING += ("estimate", "point_spread", "landing_points", "microlens_centres", "design_camera", "decode", "report")
 
 
-def test_400_random_calls_end_or_are_refused():
+def test_200_random_calls_end_or_are_refused():
     quick = set(calls()) - set(RENDERING)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        wrong, ended = findings(0, 400, quick, used=False)
+        wrong, ended = findings(0, 200, quick, used=False)
     assert not wrong, "\n".join(wrong)
-    assert min(ended["accepted"], ended["refused"]) > 60  # both are looked at
+    assert min(ended["accepted"], ended["refused"]) > 30  # both are looked at
 
 
 @pytest.mark.slow
@@ -50,9 +50,8 @@ def test_functions_and_classes_of_the_top_are_called():
     assert made - called - left_out == set()
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
+def test_what_took_minutes_or_raised_what_it_should_not():
+    for call, message in (
         (lambda: pl.PolygonStop(blades=123456789, semi_diameter=5.0), "blades is 123456789; it must be at most 1024"),
         (lambda: pl.StarStop(123456789, 5.0, 1.0), "points is 123456789; it must be at most 1024"),
         (lambda: camera(microlenses_to_sensor=1e-30), "microlenses_to_sensor is 1e-30 mm; it must be above 1e-15"),
@@ -72,8 +71,6 @@ def test_functions_and_classes_of_the_top_are_called():
         (lambda: pl.sphere(1.0, segments=(1 << 15, 1 << 15)), "segments x .* is 32768 x 32768; it must be at most"),
         (lambda: pl.lightfield.decode(shot(), shot(), views=123456789), "views is 123456789; it must be at most 4095"),
         (lambda: pl.Surface(float("inf"), semi_diameter=9.0, aspheric=[1e3]), "gives slopes of 1.8e.04 .* at most 100"),
-    ],
-)
-def test_what_took_minutes_or_raised_what_it_should_not(call, message):
-    with pytest.raises(pl.PlenopticError, match=message):
-        call()
+    ):
+        with pytest.raises(pl.PlenopticError, match=message):
+            call()

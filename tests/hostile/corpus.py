@@ -1,7 +1,8 @@
 """Files made by hand to do harm: by what they name, by what they claim to hold, by how they are built.
 
-`python corpus.py FOLDER` writes and reads all of them and prints, as JSON, what came of each. A case is a function that
-writes its files into a folder and says what is to be done, and a pattern of what must be said; None: the file is read.
+`python corpus.py FOLDER EACH` writes and reads every EACH-th of each kind and prints, as JSON, what came of them. A
+case is a function that writes its files into a folder and says what is to be done, and a pattern of what must be said;
+None: the file is read.
 """
 
 import faulthandler
@@ -22,23 +23,25 @@ HANGS = 60
 """s: no case comes near it."""
 
 
-def secrets(folder):
-    """What lies beside the folder of a case and must stay unread."""
-    folder.mkdir()
-    for name, content in (
-        ("secret.bin", bytes(36)),
-        ("secret.mtl", b"newmtl a\nKd 1 0 0\n"),
-        ("secret.png", png(2, 2)),
-    ):
-        (folder / name).write_bytes(content)
+SECRETS = {"secret.bin": bytes(36), "secret.mtl": b"newmtl a\nKd 1 0 0\n", "secret.png": png(2, 2)}
+"""What lies beside the folder of a case and must stay unread."""
+
+
+def chosen(each):
+    """Names of every so-manieth case of each kind, beginning with the first."""
+    kinds = {}
+    for name in CASES:
+        kinds.setdefault(name.partition(":")[0], []).append(name)
+    return [name for names in kinds.values() for name in names[::each]]
 
 
 def outcome(make, folder):
     """What came of a case: what was said, CPU time without the system's, which counts memory, and what was opened."""
     import plenoptic as pl
 
-    secrets(folder.parent)
-    folder.mkdir()
+    folder.mkdir(parents=True)
+    for name, content in SECRETS.items():
+        (folder.parent / name).write_bytes(content)
     (folder / "secret.bin").symlink_to(folder.parent / "secret.bin")
     read = make(folder)
     opened.clear()
@@ -68,7 +71,7 @@ def note(event, arguments):
         opened.append(os.path.realpath(os.fsdecode(arguments[0])))
 
 
-def main(folder):
+def main(folder, each):
     import plenoptic as pl
 
     warnings.simplefilter("ignore")
@@ -80,12 +83,12 @@ def main(folder):
     resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
     sys.addaudithook(note)
     found = {}
-    for number, (name, (make, _)) in enumerate(CASES.items()):
+    for number, name in enumerate(chosen(each)):
         faulthandler.dump_traceback_later(HANGS, exit=True)
-        found[name] = outcome(make, folder / str(number) / "files")
+        found[name] = outcome(CASES[name][0], folder / str(number) / "files")
     faulthandler.cancel_dump_traceback_later()
     print(json.dumps({"start": start, "peak": peak(), "cases": found}))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), int(sys.argv[2]))

@@ -8,6 +8,7 @@ import json
 import random
 import re
 import resource
+import struct
 import sys
 import time
 import warnings
@@ -21,22 +22,8 @@ from hostile_gltf import INDICES, TRIANGLE, data, header  # noqa: E402
 from hostile_images import jpeg, png, tiff, webp  # noqa: E402
 from hostile_texts import CORNERS, PLY, PLY_FACES  # noqa: E402
 
-NUMBERS = (
-    "-1",
-    "0",
-    "2",
-    "65535",
-    "4294967296",
-    "1e300",
-    "-1e-300",
-    "NaN",
-    "1e999",
-    "9" * 400,
-    "null",
-    "true",
-    '"a"',
-    "[]",
-)
+NUMBERS = ("-1", "0", "2", "65535", "4294967296", "1e300", "-1e-300", "NaN", "1e999", "9" * 400)
+NUMBERS += ("null", "true", '"a"', "[]")
 """What takes the place of a number in a text."""
 SLOW = 5.0
 """s of CPU."""
@@ -99,10 +86,8 @@ def good_files(folder):
     described = {**header(), "buffers": [{"byteLength": 42}]}
     text = json.dumps(described).encode()
     text += b" " * (-len(text) % 4)
-    chunks = (
-        len(text).to_bytes(4, "little") + b"JSON" + text + (44).to_bytes(4, "little") + b"BIN\0" + TRIANGLE + INDICES
-    )
-    found["a.glb"] = b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
+    chunks = struct.pack("<I", len(text)) + b"JSON" + text + struct.pack("<I", 44) + b"BIN\0" + TRIANGLE + INDICES
+    found["a.glb"] = b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
     ply = PLY.format("binary_little_endian", "") + PLY_FACES.format(1).partition("0 0 0\n")[0]
     found["b.ply"] = ply.encode() + TRIANGLE + b"\3" + np.arange(3, dtype="<i4").tobytes()
     found["b.stl"] = bytes(80) + (1).to_bytes(4, "little") + bytes(12) + TRIANGLE + bytes(2)
@@ -133,9 +118,8 @@ def damaged(content, dice):
         elif kind == 1:
             content = content[:at] + bytes([dice.choice((dice.randrange(256), *EDGES))]) + content[at + 1 :]
         elif kind == 2:
-            content = (
-                content[:at] + dice.choice((b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", bytes(4))) + content[at + 4 :]
-            )
+            word = dice.choice((b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", bytes(4)))
+            content = content[:at] + word + content[at + 4 :]
         elif kind == 3:
             size = dice.randrange(1, 64)
             content = content[:at] + content[at : at + size] * dice.choice((0, 2, 50)) + content[at + size :]
@@ -158,15 +142,12 @@ def readers(name):
         return [pl.load_lens]
     if ending == ".agf":
         return [lambda path: [pl.optics.load_glasses(path)[name] for name in pl.optics.load_glasses(path).names]]
-    images = [
-        pl.Texture.load,
-        pl.Exposure.load,
-        lambda path: pl.optics.MaskStop.load(path, 2.0),
-        pl.EnvironmentMap.load,
-    ]
-    return {".mtl": [lambda path: pl.Scene.load(path.with_suffix(".obj"))], "raw.tif": [pl.sensor.RawImage.load]}.get(
-        name if name == "raw.tif" else ending, images
-    )
+    if ending == ".mtl":
+        return [lambda path: pl.Scene.load(path.with_suffix(".obj"))]
+    if name == "raw.tif":
+        return [pl.sensor.RawImage.load]
+    mask = lambda path: pl.optics.MaskStop.load(path, 2.0)  # noqa: E731
+    return [pl.Texture.load, pl.Exposure.load, mask, pl.EnvironmentMap.load]
 
 
 def main(folder, count, seed):

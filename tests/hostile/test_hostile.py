@@ -14,7 +14,7 @@ import plenoptic as pl
 from plenoptic.scene.files.gltf.nodes import composed
 
 sys.path.insert(0, str(Path(__file__).parent))
-from corpus import CASES  # noqa: E402
+from corpus import CASES, chosen  # noqa: E402
 from hostile_gltf import TRIANGLE, header  # noqa: E402
 from hostile_images import png  # noqa: E402
 
@@ -32,13 +32,8 @@ def run(script, *arguments):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.fixture(scope="module")
-def report(tmp_path_factory):
-    """What came of all cases."""
-    return run("corpus.py", tmp_path_factory.mktemp("hostile"))
-
-
-@pytest.mark.parametrize("count", [50, pytest.param(500, marks=pytest.mark.slow)])
+# What is damaged is read in some three of ten cases; of 19 x 10 that share has a standard deviation of 0.033.
+@pytest.mark.parametrize("count", [10, pytest.param(250, marks=pytest.mark.slow)])
 def test_damaged_files_are_read_or_refused(tmp_path, count):
     found = run("mutations.py", tmp_path, count, count)
     assert found["wrong"] == []
@@ -46,20 +41,19 @@ def test_damaged_files_are_read_or_refused(tmp_path, count):
     assert found["memory"] < MOST_MEMORY
 
 
-def test_there_are_enough():
-    assert len(CASES) >= 60
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_hostile_file(report, name):
-    found, said = report["cases"][name], CASES[name][1]
-    if said is None:
-        assert found["error"] is None
-    else:
-        assert re.search(said, found["error"] or "nothing"), found["error"]
-    assert not (found["error"] or "").startswith("FOREIGN")
-    assert found["strays"] == []
-    assert found["seconds"] < MOST_SECONDS
+@pytest.mark.parametrize("each", [7, pytest.param(1, marks=pytest.mark.slow)])
+def test_hostile_files(tmp_path, each):
+    report = run("corpus.py", tmp_path, each)
+    assert list(report["cases"]) == chosen(each) and len(chosen(1)) == len(CASES) >= 170
+    for name, found in report["cases"].items():
+        said, error = CASES[name][1], found["error"]
+        if said is None:
+            assert error is None, name
+        else:
+            assert re.search(said, error or "nothing"), (name, error)
+        assert not (error or "").startswith("FOREIGN"), (name, error)
+        assert found["strays"] == [] and found["seconds"] < MOST_SECONDS, name
+    assert report["peak"] - report["start"] < MOST_MEMORY
 
 
 def test_limits_can_be_raised(tmp_path):
@@ -94,7 +88,3 @@ def test_nodes_stand_where_each_alone_would():
     parts = [random.normal(size=(100, count)) for count in (3, 4, 3)]
     alone = [composed(*(part[k : k + 1] for part in parts))[0] for k in range(100)]
     np.testing.assert_array_equal(composed(*parts), alone)
-
-
-def test_all_of_them_take_little_memory(report):
-    assert report["peak"] - report["start"] < MOST_MEMORY
