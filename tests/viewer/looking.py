@@ -18,6 +18,17 @@ SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader")
 """WebGL2 without a graphics card."""
 
 
+def camera_of(rows, columns, **array):
+    """The double Gauss and hexagonal microlenses of plenoptic 2.0."""
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+        microlenses=pl.MicrolensArray(**{"pitch": 0.217, "focal_lengths": (1.9, 2.0, 2.1), **array}),
+        sensor=pl.Sensor(shape=(rows, columns), pixel_pitch=0.01),
+        stop_to_microlenses=123.3,
+        microlenses_to_sensor=1.7,
+    )
+
+
 def chromium_path():
     """The program, or None."""
     return os.environ.get("PLENOPTIC_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")

@@ -20,7 +20,7 @@ from plenoptic.viewer import Viewer
 from plenoptic.viewer.pictures import rgba, within
 
 sys.path.insert(0, str(Path(__file__).parent))
-from looking import facts_of, field_of, views_of
+from looking import camera_of, facts_of, field_of, views_of
 
 
 def depth_of(disparity, error=0.01):
@@ -38,22 +38,18 @@ def pages():
     return {"views": views_of(3, 3).viewer(), "raw": pl.Exposure(rng.uniform(0, 1, (12, 16, 3))).viewer()}
 
 
-@pytest.mark.parametrize("kind", ["views", "raw"])
-def test_pages_load_nothing_and_run_only_what_their_policy_names(pages, kind):
-    document = pages[kind].document
-    policy = re.search(r'http-equiv="Content-Security-Policy" content="(.*?)"', document)[1]
-    (script,) = re.findall(r'<script type="module">(.*?)</script>', document, re.DOTALL)
-    (style,) = re.findall(r"<style>(.*?)</style>", document, re.DOTALL)
-    assert policy.startswith("default-src 'none'; ") and "unsafe" not in policy and "http" not in policy
-    assert hashed(script) in policy and hashed(style) in policy
-    assert not re.search(r"^\s*(import|export)\b", script, re.MULTILINE)
-    assert not re.search(r"https?://|//cdn|fetch\(|XMLHttpRequest|WebSocket|innerHTML|eval\(", document)
-    assert "{{" not in document.replace(script, "")
-
-
-def test_names_that_joined_modules_declare_differ(pages):
+def test_pages_load_nothing_and_run_only_what_their_policy_names(pages):
     for page in pages.values():
-        (script,) = re.findall(r'<script type="module">(.*?)</script>', page.document, re.DOTALL)
+        document = page.document
+        policy = re.search(r'http-equiv="Content-Security-Policy" content="(.*?)"', document)[1]
+        (script,) = re.findall(r'<script type="module">(.*?)</script>', document, re.DOTALL)
+        (style,) = re.findall(r"<style>(.*?)</style>", document, re.DOTALL)
+        assert policy.startswith("default-src 'none'; ") and "unsafe" not in policy and "http" not in policy
+        assert hashed(script) in policy and hashed(style) in policy
+        assert not re.search(r"^\s*(import|export)\b", script, re.MULTILINE)
+        assert not re.search(r"https?://|//cdn|fetch\(|XMLHttpRequest|WebSocket|innerHTML|eval\(", document)
+        assert "{{" not in document.replace(script, "")
+        # Names that joined modules declare differ.
         names = re.findall(r"^(?:async )?(?:function|const|let|class) (\w+)", script, re.MULTILINE)
         assert len(names) > 20 and len(set(names)) == len(names)
 
@@ -113,13 +109,11 @@ def test_nine_by_nine_views_keep_within_their_size_by_the_quality():
     assert lossy < 100 and sum(map(len, smaller)) <= 0.5 * sum(map(len, files))
 
 
-@pytest.mark.parametrize(
-    ("across", "down", "channels"), [(1, 1, 3), (3, 1, 1), (1, 2, 3), (2, 4, 1), (3, 3, 5)], ids=str
-)
-def test_light_fields_of_all_shapes_have_pages(across, down, channels):
-    facts, _ = facts_of(views_of(across, down, 12, 14, channels).viewer())
-    assert len(facts["views"]) == across * down and facts["middle"] == [across // 2, down // 2]
-    assert (facts["focus"] is None) == (across * down == 1)
+def test_light_fields_of_all_shapes_have_pages():
+    for across, down, channels in ((1, 1, 3), (3, 1, 1), (1, 2, 3), (2, 4, 1), (3, 3, 5)):
+        facts, _ = facts_of(views_of(across, down, 12, 14, channels).viewer())
+        assert len(facts["views"]) == across * down and facts["middle"] == [across // 2, down // 2]
+        assert (facts["focus"] is None) == (across * down == 1)
 
 
 def test_distances_of_the_slider_are_those_of_the_light_field():
@@ -169,15 +163,12 @@ def test_light_fields_without_light_or_with_another_depth_are_refused():
 # ---- raw images ----
 
 
-@pytest.mark.parametrize("shape", [(1, 1, 1), (4, 4, 3), (3, 50, 1)], ids=str)
-def test_images_of_all_shapes_have_pages(shape):
-    for value in (0.0, 1e-20, 3.0, 1e12, -2.0):
-        facts, _ = facts_of(pl.Exposure(np.full(shape, value)).viewer())
-        assert facts["planes"] == {} and facts["lenses"] is None and facts["sight"] is None
-        assert len(facts["image"]) == shape[2]
-
-
-def test_values_that_are_none_stay_so():
+def test_images_of_all_shapes_and_values_have_pages():
+    for shape in ((1, 1, 1), (4, 4, 3), (3, 50, 1)):
+        for value in (0.0, 1e-20, 3.0, 1e12, -2.0):
+            facts, _ = facts_of(pl.Exposure(np.full(shape, value)).viewer())
+            assert facts["planes"] == {} and facts["lenses"] is None and facts["sight"] is None
+            assert len(facts["image"]) == shape[2]
     image = np.random.default_rng(1).normal(size=(5, 6, 3))
     image[0, 0], image[1, 1, 0] = np.nan, np.inf
     facts, _ = facts_of(pl.Exposure(image, standard_error=np.full((5, 6, 3), np.inf)).viewer())
@@ -193,29 +184,21 @@ def test_a_region_is_cut_and_must_lie_in_the_image():
             shot.viewer(region=wrong)
 
 
-def test_sides_that_no_texture_has_become_shorter():
+def test_large_images_become_smaller_copies():
+    # No texture has such a side.
     facts, _ = facts_of(pl.Exposure(np.ones((2, 20_000, 1)), standard_error=np.ones((2, 20_000, 1))).viewer())
     assert (facts["rows"], facts["columns"], facts["block"]) == (1, 6666, 3)
-
-
-def test_more_than_a_megapixel_becomes_a_smaller_copy():
+    # More than a megapixel.
     rng = np.random.default_rng(7)
     image = rng.uniform(0.5, 1, (1100, 1100, 1)).astype(np.float32)
-    depth = rng.uniform(300, 500, (1100, 1100))
-    shot = pl.Exposure(image, standard_error=0.1 * image, truth=pl.GroundTruth(depth=depth))
-    facts, _ = facts_of(shot.viewer())
+    truth = pl.GroundTruth(depth=rng.uniform(300, 500, (1100, 1100)))
+    facts, _ = facts_of(pl.Exposure(image, standard_error=0.1 * image, truth=truth).viewer())
     assert (facts["block"], facts["rows"], facts["columns"]) == (2, 550, 550)
 
 
 @pytest.fixture(scope="module")
 def camera():
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(1.9, 2.0, 2.1)),
-        sensor=pl.Sensor(shape=(90, 120), pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
+    return camera_of(90, 120)
 
 
 def test_what_is_left_out_is_said(camera, monkeypatch):
@@ -240,24 +223,13 @@ def test_the_cell_of_the_lattice_fits_the_centres(camera):
     assert len(corners) == 6 and np.linalg.norm(corners, axis=1) == pytest.approx(expected, rel=1e-3)
 
 
-def test_cameras_without_microlenses_have_no_lattice(camera):
+def test_cameras_without_a_lattice_have_no_cells(camera):
     bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
     facts, _ = facts_of(pl.Exposure(np.ones((90, 120, 1)), camera=bare).viewer())
     assert facts["lenses"] is None
-
-
-def test_a_free_array_has_centres_and_no_cells():
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
     places = np.random.default_rng(3).uniform(-0.5, 0.5, (12, 2))
-    array = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=places)
-    camera = pl.PlenopticCamera(
-        lens=lens,
-        microlenses=array,
-        sensor=pl.Sensor(shape=(80, 80), pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
-    facts, _ = facts_of(pl.Exposure(np.ones((80, 80, 1)), camera=camera).viewer())
+    free = camera_of(80, 80, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=places)
+    facts, _ = facts_of(pl.Exposure(np.ones((80, 80, 1)), camera=free).viewer())
     assert facts["lenses"]["cell"] is None and facts["lenses"]["free"] and facts["lenses"]["count"] > 3
 
 
