@@ -1,27 +1,17 @@
 """Figures of third-order aberrations and of colour; those of waves are in `test_wavefront.py`."""
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import plenoptic as pl
 from plenoptic.plots.aberrations import plot_chromatic_shift, plot_seidel
 
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt  # noqa: E402
-
 LENS = pl.load_lens("double-gauss-100mm-f2")
 SUMS = pl.aberrations.seidel_sums(LENS, field=0.2)
 
 
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
-
-
-def test_bars_are_the_sums_of_each_surface_and_of_the_lens() -> None:
+def test_bars_are_the_sums_of_each_surface_and_of_the_lens():
     ax = plot_seidel(SUMS)
     surfaces = [i for i, e in enumerate(LENS.elements) if isinstance(e, pl.Surface)]
     assert [label.get_text() for label in ax.get_xticklabels()] == [*map(str, surfaces), "sum"]
@@ -39,7 +29,7 @@ def test_bars_are_the_sums_of_each_surface_and_of_the_lens() -> None:
     assert "587.6 nm" in ax.get_title()
 
 
-def test_the_focus_is_drawn_against_the_reference() -> None:
+def test_the_focus_is_drawn_against_the_reference():
     lines = [656.3, 486.1, 587.6]
     shift = pl.aberrations.chromatic_shift(LENS, wavelengths=lines, reference=587.6)
     ax = plot_chromatic_shift(shift)
@@ -50,7 +40,7 @@ def test_the_focus_is_drawn_against_the_reference() -> None:
     assert ax.get_legend() is None
 
 
-def test_the_height_is_drawn_where_there_is_a_field() -> None:
+def test_the_height_is_drawn_where_there_is_a_field():
     shift = pl.aberrations.chromatic_shift(LENS, wavelengths=np.arange(440.0, 681.0, 40.0), field=0.2)
     ax = plot_chromatic_shift(shift)
     names = ["shift of the focus / mm", "shift of the height of the image / mm"]
@@ -60,15 +50,10 @@ def test_the_height_is_drawn_where_there_is_a_field() -> None:
     assert height.get_xdata() == pytest.approx(shift.height - shift.height[3])
 
 
-@pytest.mark.parametrize("draw", [plot_seidel, plot_chromatic_shift])
-def test_axes_that_are_given_are_used(draw) -> None:
-    result = SUMS if draw is plot_seidel else pl.aberrations.chromatic_shift(LENS)
-    _, ax = plt.subplots()
-    assert draw(result, ax) is ax
-    assert len(plt.get_fignums()) == 1
-
-
-@pytest.mark.parametrize(("draw", "wanted"), [(plot_seidel, "SeidelSums"), (plot_chromatic_shift, "ChromaticShift")])
-def test_something_else_is_refused(draw, wanted) -> None:
-    with pytest.raises(pl.errors.InvalidValueError, match=f"LensStack; give a {wanted}"):
-        draw(LENS)
+def test_axes_that_are_given_are_used_and_something_else_is_refused():
+    for draw, result in ((plot_seidel, SUMS), (plot_chromatic_shift, pl.aberrations.chromatic_shift(LENS))):
+        _, ax = plt.subplots()
+        assert draw(result, ax) is ax
+        with pytest.raises(pl.errors.InvalidValueError, match=f"LensStack; give a {type(result).__name__}"):
+            draw(LENS)
+    assert len(plt.get_fignums()) == 2

@@ -1,23 +1,14 @@
 """Figures of exposures: what is there is drawn, what is not is left out."""
 
+import itertools
 import sys
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import plenoptic as pl
 from plenoptic.truth.channels import GroundTruth
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt  # noqa: E402
-
-
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
 
 
 def _shot(channels=1, *, error=True, depth=True, region=None):
@@ -37,29 +28,20 @@ def _panels(figure):
     return {ax.get_title().split(" (")[0]: ax for ax in figure.axes if ax.get_title()}
 
 
-@pytest.mark.parametrize("channels", [1, 3])
-@pytest.mark.parametrize("error", [False, True])
-@pytest.mark.parametrize("depth", [False, True])
-def test_panels_are_those_that_exist(channels, error, depth):
-    panels = _panels(pl.plots.plot_exposure(_shot(channels, error=error, depth=depth)))
-    assert list(panels) == ["image"] + ["standard error"] * error + ["depth"] * depth
+def test_panels_are_those_that_exist():
+    for channels, error, depth in itertools.product((1, 3), (False, True), (False, True)):
+        panels = _panels(pl.plots.plot_exposure(_shot(channels, error=error, depth=depth)))
+        assert list(panels) == ["image"] + ["standard error"] * error + ["depth"] * depth
 
 
-def test_axes_count_pixels_of_the_sensor():
+def test_axes_count_pixels_of_the_sensor_and_depth_is_blank_where_nothing_is_met():
     panels = _panels(pl.plots.plot_exposure(_shot(region=(100, 106, 200, 208))))
     for ax in panels.values():
+        # Row 0 is at the top.
         assert ax.images[0].get_extent() == pytest.approx([199.5, 207.5, 105.5, 99.5])
-        assert ax.get_xlabel() == "column / pixel"
-
-
-def test_row_0_is_at_the_top():
-    ax = _panels(pl.plots.plot_exposure(_shot()))["image"]
-    bottom, top = ax.get_ylim()
-    assert bottom > top
-
-
-def test_depth_is_blank_where_nothing_is_met():
-    drawn = _panels(pl.plots.plot_exposure(_shot()))["depth"].images[0].get_array()
+        bottom, top = ax.get_ylim()
+        assert bottom > top and ax.get_xlabel() == "column / pixel"
+    drawn = panels["depth"].images[0].get_array()
     assert drawn.mask[0].all() and not drawn.mask[1:].any()
 
 
@@ -75,23 +57,23 @@ def test_the_scale_of_errors_is_that_of_lit_pixels():
     assert drawn.get_clim() == (0.0, pytest.approx(0.01))
 
 
-@pytest.mark.parametrize("channels", [1, 3])
-def test_what_was_not_rendered_is_neither_black_nor_grey(channels):
+def test_what_was_not_rendered_is_neither_black_nor_grey():
     counts = np.full((6, 8), 4)
     counts[2:] = 0
-    image = np.where(counts[..., None] > 0, np.ones((6, 8, channels)), 0.0)
-    error = np.where(counts[..., None] > 0, 0.1 * image, np.inf)
-    shot = pl.Exposure(image, standard_error=error, samples=4, sample_counts=counts)
-    panels = _panels(pl.plots.plot_exposure(shot))
-    drawn = panels["image"].images[0].get_array()
-    blue = panels["image"].get_facecolor()[:3]
-    if channels == 1:
-        assert np.array_equal(np.ma.getmaskarray(drawn), counts == 0)
-    else:
-        np.testing.assert_allclose(drawn[2:], np.broadcast_to(blue, (4, 8, 3)), atol=1e-6)
-    assert blue[2] > blue[0]
-    assert np.ma.getmaskarray(panels["standard error"].images[0].get_array())[2:].all()
-    assert [text.get_text() for text in panels["image"].texts] == ["pale blue: not rendered"]
+    for channels in (1, 3):
+        image = np.where(counts[..., None] > 0, np.ones((6, 8, channels)), 0.0)
+        error = np.where(counts[..., None] > 0, 0.1 * image, np.inf)
+        shot = pl.Exposure(image, standard_error=error, samples=4, sample_counts=counts)
+        panels = _panels(pl.plots.plot_exposure(shot))
+        drawn = panels["image"].images[0].get_array()
+        blue = panels["image"].get_facecolor()[:3]
+        if channels == 1:
+            assert np.array_equal(np.ma.getmaskarray(drawn), counts == 0)
+        else:
+            np.testing.assert_allclose(drawn[2:], np.broadcast_to(blue, (4, 8, 3)), atol=1e-6)
+        assert blue[2] > blue[0]
+        assert np.ma.getmaskarray(panels["standard error"].images[0].get_array())[2:].all()
+        assert [text.get_text() for text in panels["image"].texts] == ["pale blue: not rendered"]
 
 
 def test_a_bright_pixel_does_not_darken_the_others():
@@ -121,25 +103,16 @@ def test_draws_into_a_given_figure():
     given.canvas.draw()
 
 
-def test_what_is_no_exposure_is_named():
-    with pytest.raises(
-        pl.errors.InvalidValueError, match=r"exposure is an ndarray; give an Exposure, such as pl\.Exposure"
-    ):
+def test_what_is_no_exposure_or_lens_is_named():
+    with pytest.raises(pl.errors.InvalidValueError, match=r"is an ndarray; give an Exposure, such as pl\.Exposure"):
         pl.plots.plot_exposure(np.zeros((4, 4, 1)))
-
-
-def test_what_is_no_lens_is_named():
-    with pytest.raises(
-        pl.errors.InvalidValueError, match=r"lens is an Exposure; give a LensStack, such as camera\.lens"
-    ):
+    with pytest.raises(pl.errors.InvalidValueError, match=r"is an Exposure; give a LensStack, such as camera\.lens"):
         pl.plots.plot_lens(_shot())
 
 
-@pytest.mark.parametrize(
-    "draw", [lambda: pl.plots.plot_exposure(_shot()), lambda: pl.plots.plot_lens(pl.load_lens("singlet-100mm-f4"))]
-)
-def test_without_matplotlib_it_is_named(draw, monkeypatch):
+def test_without_matplotlib_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
-    with pytest.raises(pl.PlenopticError, match="pip install matplotlib") as caught:
-        draw()
-    assert isinstance(caught.value, ImportError)
+    for draw, given in ((pl.plots.plot_exposure, _shot()), (pl.plots.plot_lens, pl.load_lens("singlet-100mm-f4"))):
+        with pytest.raises(pl.PlenopticError, match="pip install matplotlib") as caught:
+            draw(given)
+        assert isinstance(caught.value, ImportError)

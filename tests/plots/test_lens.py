@@ -2,7 +2,7 @@
 
 import math
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -12,32 +12,23 @@ from plenoptic.optics.lens.pupil.iris_points import fan
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.plots.lens import plot_layout
 
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt  # noqa: E402
+LENS = pl.load_lens("double-gauss-100mm-f2")
 
 
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
-
-
-def lines_of(ax, label: str):
+def lines_of(ax, label):
     return next(line for line in ax.lines if line.get_label() == label)
 
 
-def test_paths_lie_on_the_elements_and_end_where_rays_do() -> None:
-    lens = pl.load_lens("double-gauss-100mm-f2")
-    rays = aimed_rays(lens, field=(0.0, 0.25), pupil=0.999 * fan(11))
-    out = lens.trace(rays)
-    paths = ray_paths(lens, rays, z_end=110.0)
-    assert paths.shape == (11, len(lens.elements) + 2, 3)
+def test_paths_lie_on_the_elements_and_end_where_rays_do():
+    rays = aimed_rays(LENS, field=(0.0, 0.25), pupil=0.999 * fan(11))
+    out = LENS.trace(rays)
+    paths = ray_paths(LENS, rays, z_end=110.0)
+    assert paths.shape == (11, len(LENS.elements) + 2, 3)
     for path, status, lost_at in zip(paths, out.status, out.lost_at, strict=True):
         reached = np.flatnonzero(np.isfinite(path[:, 0]))
         # The start, and the elements up to the one at which the ray was clipped, or all and the end.
-        assert reached.tolist() == list(range(lost_at + 2 if status else len(lens.elements) + 2))
-        for element, z, point in zip(lens.elements, lens.vertices, path[1:], strict=False):
+        assert reached.tolist() == list(range(lost_at + 2 if status else len(LENS.elements) + 2))
+        for element, z, point in zip(LENS.elements, LENS.vertices, path[1:], strict=False):
             if np.isfinite(point[0]) and isinstance(element, pl.Surface):
                 assert point[2] - z == pytest.approx(element.sag(np.hypot(*point[:2])), abs=1e-12)
     assert paths[:, 0].tolist() == rays.origin.tolist()
@@ -46,14 +37,14 @@ def test_paths_lie_on_the_elements_and_end_where_rays_do() -> None:
     assert paths[passed, -1] == pytest.approx(out.at_z(110.0)[passed], abs=1e-11)
 
 
-def test_a_tilted_lens_is_drawn_through_its_surfaces() -> None:
+def test_a_tilted_lens_is_drawn_through_its_surfaces():
     lens = pl.load_lens("singlet-100mm-f4").moved(slice(1, 3), tilt=(0.1, 0.0, 0.0))
     rays = pl.RayBundle([[0.0, 3.0, -10.0]], [[0.0, 0.0, 1.0]])
     path = ray_paths(lens, rays, z_end=50.0)[0]
     assert path[3] == pytest.approx(lens.trace(rays).origin[0], abs=1e-12)
 
 
-def test_fields_that_are_worth_drawing() -> None:
+def test_fields_that_are_worth_drawing():
     # The data sheets' fields within a few degrees: 42, 170 and 100 degrees in all.
     for name, half in (("double-gauss-100mm-f2", 21.8), ("fisheye-100mm-f8", 85.4), ("topogon-100mm-f6.3", 50.0)):
         found = np.degrees(layout_fields(pl.load_lens(name)))
@@ -61,68 +52,60 @@ def test_fields_that_are_worth_drawing() -> None:
         assert found[2] == pytest.approx(half, abs=4.0)
 
 
-@pytest.mark.parametrize("name", sorted(pl.lens_names()))
-def test_every_bundled_lens_has_a_layout(name: str) -> None:
-    ax = layout(pl.load_lens(name))
-    assert len(ax.get_legend().get_texts()) == 3
-    assert ax.get_aspect() == 1.0
+def test_bundled_lenses_have_layouts():
+    names = ("achromat-100mm-f4.4", "double-gauss-105mm-f1.4", "fisheye-100mm-f8", "telephoto-100mm-f2.8")
+    for name in (*names, "topogon-100mm-f6.3"):
+        ax = layout(pl.load_lens(name))
+        assert len(ax.get_legend().get_texts()) == 3 and ax.get_aspect() == 1.0, name
     ax.figure.canvas.draw()
 
 
-def test_one_colour_a_field_and_rays_up_to_the_image_plane() -> None:
-    lens = pl.load_lens("double-gauss-100mm-f2")
-    ax = layout(lens, fields=[0.0, 0.2], rays=5)
+def test_one_colour_a_field_and_rays_up_to_the_image_plane():
+    ax = layout(LENS, fields=[0.0, 0.2], rays=5)
     axis, tilted = lines_of(ax, "0°"), lines_of(ax, "11.5°")
     assert axis.get_color() != tilted.get_color()
     z = axis.get_xdata()
-    assert np.nanmax(z) == pytest.approx(pl.paraxial.image_position(lens, -math.inf))
+    assert np.nanmax(z) == pytest.approx(pl.paraxial.image_position(LENS, -math.inf))
     # Parallel rays start on a plane across them.
-    start = axis.get_xdata()[:: len(lens.elements) + 3]
+    start = axis.get_xdata()[:: len(LENS.elements) + 3]
     assert len(start) == 5 and np.ptp(start) < 1e-9
 
 
-def test_objects_near_and_far() -> None:
-    lens = pl.load_lens("double-gauss-100mm-f2")
+def test_objects_near_and_far():
     # The object is shown where it is near; of one farther away, only the last part of the way.
-    near = lines_of(layout(lens, fields=[5.0], z_object=-45.0), "5 mm")
+    near = lines_of(layout(LENS, fields=[5.0], z_object=-45.0), "5 mm")
     assert np.nanmin(near.get_xdata()) == -45.0
-    far = lines_of(layout(lens, fields=[50.0], z_object=-404.0), "50 mm")
-    assert -80.0 < np.nanmin(far.get_xdata()) < lens.vertices[0]
+    far = lines_of(layout(LENS, fields=[50.0], z_object=-404.0), "50 mm")
+    assert -80.0 < np.nanmin(far.get_xdata()) < LENS.vertices[0]
 
 
-def test_rays_that_pass_beside_the_lens_are_not_drawn() -> None:
-    lens = pl.load_lens("double-gauss-100mm-f2")
-    line = lines_of(layout(lens, fields=[0.45], rays=9), "25.8°")
-    points = len(lens.elements) + 3
+def test_rays_that_pass_beside_the_lens_are_not_drawn():
+    line = lines_of(layout(LENS, fields=[0.45], rays=9), "25.8°")
+    points = len(LENS.elements) + 3
     assert 0 < len(line.get_xdata()) // points < 9
 
 
-def test_lenses_without_an_image_plane_and_ideal_models() -> None:
-    lens = pl.load_lens("double-gauss-100mm-f2")
-    afocal = layout(lens, fields=[0.0], z_object=pl.paraxial.cardinal_points(lens).front_focus)
-    assert np.nanmax(lines_of(afocal, "0 mm").get_xdata()) == pytest.approx(lens.vertices[-1] + lens.length)
+def test_lenses_without_an_image_plane_and_ideal_models():
+    afocal = layout(LENS, fields=[0.0], z_object=pl.paraxial.cardinal_points(LENS).front_focus)
+    assert np.nanmax(lines_of(afocal, "0 mm").get_xdata()) == pytest.approx(LENS.vertices[-1] + LENS.length)
     # The drawing shows the glass, and so the rays through it.
-    layout(lens.with_model(pl.LensModel.PARAXIAL), fields=[0.1])
+    layout(LENS.with_model(pl.LensModel.PARAXIAL), fields=[0.1])
 
 
-def test_outlines_of_glass_are_closed() -> None:
-    lens = pl.load_lens("double-gauss-100mm-f2")
-    ax = plot_layout(lens, [])
+def test_outlines_of_glass_are_closed():
+    ax = plot_layout(LENS, [])
     outlines = [patch.get_path() for patch in ax.patches if patch.get_edgecolor()[3] > 0]
-    assert len(outlines) == len(lens.glasses)
-    for path, (i, j) in zip(outlines, lens.glasses, strict=True):
-        top = max(lens.elements[i].semi_diameter, lens.elements[j].semi_diameter)
+    assert len(outlines) == len(LENS.glasses)
+    for path, (i, j) in zip(outlines, LENS.glasses, strict=True):
+        top = max(LENS.elements[i].semi_diameter, LENS.elements[j].semi_diameter)
         assert path.vertices[:, 1].max() == top and path.vertices[:, 1].min() == -top
         assert path.vertices[0].tolist() == path.vertices[-1].tolist()
 
 
-def test_given_axes_are_used() -> None:
-    _, ax = plt.subplots()
-    assert layout(pl.load_lens("singlet-100mm-f4"), fields=[0.0], ax=ax) is ax
-
-
-def test_what_makes_no_sense_is_refused() -> None:
+def test_given_axes_are_used_and_what_makes_no_sense_is_refused():
     lens = pl.load_lens("singlet-100mm-f4")
+    _, ax = plt.subplots()
+    assert layout(lens, fields=[0.0], ax=ax) is ax
     with pytest.raises(pl.errors.InvalidValueError, match="2 labels for 1 fields"):
         plot_layout(lens, [np.zeros((1, 2, 3))], labels=["a", "b"])
     with pytest.raises(pl.errors.InvalidValueError, match="give a LensStack"):

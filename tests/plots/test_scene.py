@@ -19,28 +19,25 @@ def drawn(scene, camera=None):
     return figure
 
 
-@pytest.mark.parametrize("right,up,size", [(X, Y, (20, 40)), (-Z, Y, (20, 30)), (-Z, -X, (40, 30))])
-def test_silhouettes_have_the_area_of_what_they_show(right, up, size):
+BOX = np.array([[-50.0, 50.0], [-50.0, 50.0]])
+
+
+def test_silhouettes_have_the_area_of_what_they_show():
     shapes = shapes_of(pl.Scene([pl.box((40, 20, 30))]))
-    box = np.array([[-50.0, 50.0], [-50.0, 50.0]])
-    picture = painted(shapes, right, up, box, (400, 400))
-    # Four pixels are 1 mm; the rim is one pixel wide.
-    rows, columns = np.ptp(np.argwhere(picture[..., 3] > 0), axis=0) + 1
-    assert rows / 4 == pytest.approx(size[0], abs=0.6) and columns / 4 == pytest.approx(size[1], abs=0.6)
-
-
-def test_up_is_up_and_right_is_right():
-    shapes = shapes_of(pl.Scene([pl.box(10).translated(30, 20, 0)]))
-    picture = painted(shapes, X, Y, np.array([[-50.0, 50.0], [-50.0, 50.0]]), (100, 100))
-    row, column = np.argwhere(picture[..., 3] > 0).mean(axis=0)
-    assert row == pytest.approx(29.5, abs=1) and column == pytest.approx(79.5, abs=1)
-
-
-def test_fine_meshes_are_as_full_as_coarse_ones():
+    for right, up, size in ((X, Y, (20, 40)), (-Z, Y, (20, 30)), (-Z, -X, (40, 30))):
+        picture = painted(shapes, right, up, BOX, (400, 400))
+        # Four pixels are 1 mm; the rim is one pixel wide.
+        rows, columns = np.ptp(np.argwhere(picture[..., 3] > 0), axis=0) + 1
+        assert rows / 4 == pytest.approx(size[0], abs=0.6) and columns / 4 == pytest.approx(size[1], abs=0.6)
+    # Fine meshes are as full as coarse ones.
     ball = pl.sphere(40.0)
     assert len(ball.faces) > 6000
-    picture = painted(shapes_of(pl.Scene([ball])), X, Y, np.array([[-50.0, 50.0], [-50.0, 50.0]]), (300, 300))
+    picture = painted(shapes_of(pl.Scene([ball])), X, Y, BOX, (300, 300))
     assert (picture[..., 3] > 0).sum() == pytest.approx(np.pi * 120**2, rel=0.03)
+    # Up is up and right is right.
+    picture = painted(shapes_of(pl.Scene([pl.box(10).translated(30, 20, 0)])), X, Y, BOX, (100, 100))
+    row, column = np.argwhere(picture[..., 3] > 0).mean(axis=0)
+    assert row == pytest.approx(29.5, abs=1) and column == pytest.approx(79.5, abs=1)
 
 
 def test_instances_stand_in_their_places():
@@ -72,11 +69,6 @@ def test_grounds_are_cut_and_groups_are_not():
     assert np.ptp(drawn(pl.Scene([pl.sphere(1000), pl.box(10)])).axes[0].get_xlim()) > 2000
 
 
-def test_a_scene_with_nothing_in_it_still_has_axes():
-    assert len(drawn(pl.Scene(background=0.5)).axes) == 3
-    assert len(drawn(pl.Scene(background=0.5), CAMERA).axes) == 3
-
-
 def test_a_million_triangles_are_quick():
     n = 708
     i = np.arange(n * n).reshape(n, n)
@@ -90,7 +82,9 @@ def test_a_million_triangles_are_quick():
     assert time.thread_time() - before < 10.0
 
 
-def test_what_is_no_scene_or_camera():
+def test_a_scene_with_nothing_in_it_has_axes_and_what_is_none_is_refused():
+    assert len(drawn(pl.Scene(background=0.5)).axes) == 3
+    assert len(drawn(pl.Scene(background=0.5), CAMERA).axes) == 3
     with pytest.raises(pl.errors.InvalidValueError, match="scene"):
         pl.plots.plot_scene(CAMERA)
     with pytest.raises(pl.errors.InvalidValueError, match="camera"):

@@ -1,6 +1,5 @@
 """Figures of wavefronts, Zernike polynomials, point spreads and contrast with diffraction."""
 
-import matplotlib
 import numpy as np
 import pytest
 
@@ -9,22 +8,12 @@ from plenoptic.aberrations import mtf, wave_mtf, wave_spread, wavefront
 from plenoptic.plots.aberrations import plot_wavefront, plot_zernike
 from plenoptic.plots.contrast import plot_mtf, plot_point_spread
 
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt  # noqa: E402
-
 LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(6.0))
 FIELD = (0.0, 0.15)
 FOUND = wavefront(LENS, field=FIELD, pupil=pl.aiming.square_grid(32))
 
 
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
-
-
-def test_a_square_grid_is_drawn_as_its_squares() -> None:
+def test_a_square_grid_is_drawn_as_its_squares():
     ax = plot_wavefront(FOUND)
     (image,) = ax.images
     shown = image.get_array()
@@ -38,26 +27,26 @@ def test_a_square_grid_is_drawn_as_its_squares() -> None:
     assert ax.get_aspect() == 1
 
 
-@pytest.mark.parametrize("pupil", [pl.aiming.hexapolar(6), [[0.1, 0.2], [0.1, -0.3]]])
-def test_other_points_are_dots(pupil) -> None:
-    found = wavefront(LENS, field=FIELD, pupil=pupil)
-    ax = plot_wavefront(found)
-    assert not ax.images
-    np.testing.assert_array_equal(ax.collections[0].get_offsets(), found.pupil)
-    np.testing.assert_array_equal(ax.collections[0].get_array(), found.opd)
+def test_other_points_are_dots():
+    for pupil in (pl.aiming.hexapolar(6), [[0.1, 0.2], [0.1, -0.3]]):
+        found = wavefront(LENS, field=FIELD, pupil=pupil)
+        ax = plot_wavefront(found)
+        assert not ax.images
+        np.testing.assert_array_equal(ax.collections[0].get_offsets(), found.pupil)
+        np.testing.assert_array_equal(ax.collections[0].get_array(), found.opd)
 
 
-@pytest.mark.parametrize(("terms", "named"), [(15, True), (37, False)])
-def test_bars_are_coefficients_without_piston(terms, named) -> None:
-    fit = FOUND.zernike(terms)
-    ax = plot_zernike(fit)
-    (bars,) = ax.containers
-    assert [bar.get_height() for bar in bars] == fit.coefficients[1:].tolist()
-    names = [label.get_text() for label in ax.get_xticklabels()]
-    assert ("defocus  4" in names) == named and "NOLL" in ax.get_xlabel()
+def test_bars_are_coefficients_without_piston():
+    for terms, named in ((15, True), (37, False)):
+        fit = FOUND.zernike(terms)
+        ax = plot_zernike(fit)
+        (bars,) = ax.containers
+        assert [bar.get_height() for bar in bars] == fit.coefficients[1:].tolist()
+        names = [label.get_text() for label in ax.get_xticklabels()]
+        assert ("defocus  4" in names) == named and "NOLL" in ax.get_xlabel()
 
 
-def test_a_picture_with_diffraction_is_drawn_as_the_geometric_one() -> None:
+def test_a_picture_with_diffraction_is_drawn_as_the_geometric_one():
     spread = wave_spread(LENS, field=FIELD, shape=(21, 31))
     ax = plot_point_spread(spread)
     size = 1e3 * spread.pixel_size
@@ -65,7 +54,7 @@ def test_a_picture_with_diffraction_is_drawn_as_the_geometric_one() -> None:
     assert f"Strehl {spread.strehl:.3g}" in ax.get_title()
 
 
-def test_contrast_with_diffraction_stands_beside_the_geometric_one() -> None:
+def test_contrast_with_diffraction_stands_beside_the_geometric_one():
     frequencies = [0.0, 30.0, 60.0]
     curves = [make(LENS, frequencies, field=(0.0, y)) for y in (0.0, 0.15) for make in (mtf, wave_mtf)]
     ax = plot_mtf(curves)
@@ -82,12 +71,12 @@ def test_contrast_with_diffraction_stands_beside_the_geometric_one() -> None:
     assert plot_mtf(curves[0]).get_title() == "Geometric MTF, without diffraction"
 
 
-def test_results_show_in_notebooks() -> None:
+def test_results_show_in_notebooks():
     for shown in (FOUND, FOUND.zernike(15), wave_spread(LENS, shape=(9, 9))):
         assert "<img" in shown._repr_html_()
 
 
-@pytest.mark.parametrize(("draw", "wanted"), [(plot_wavefront, "Wavefront"), (plot_zernike, "ZernikeFit")])
-def test_something_else_is_refused(draw, wanted) -> None:
-    with pytest.raises(pl.errors.InvalidValueError, match=f"LensStack; give a {wanted}"):
-        draw(LENS)
+def test_something_else_is_refused():
+    for draw, wanted in ((plot_wavefront, "Wavefront"), (plot_zernike, "ZernikeFit")):
+        with pytest.raises(pl.errors.InvalidValueError, match=f"LensStack; give a {wanted}"):
+            draw(LENS)
