@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import hashlib
+import itertools
 import json
 import os
 import shutil
@@ -61,6 +62,17 @@ def assert_same(one, other):
     assert arrays.keys() == others.keys() and manifest == theirs
     for name, array in arrays.items():
         np.testing.assert_array_equal(array, others[name], err_msg=str(name))
+
+
+@pytest.fixture(scope="module")
+def moving(tmp_path_factory):
+    """Three frames and the motion between them."""
+    return pl.dataset.write(tmp_path_factory.mktemp("sets") / "moving", sequence(), **HOW, motion=True)
+
+
+@pytest.fixture(scope="module")
+def single(tmp_path_factory):
+    return pl.dataset.write(tmp_path_factory.mktemp("sets") / "single", sequence(2), **HOW)
 
 
 @pytest.fixture(scope="module")
@@ -164,29 +176,27 @@ class Killed(BaseException):
     pass
 
 
-@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
-@pytest.mark.parametrize("step", STEPS)
-def test_stopped_at_any_step_it_goes_on_with_the_same_bits(step, after, tmp_path, monkeypatch):
-    whole, broken = tmp_path / "whole", tmp_path / "broken"
+def test_stopped_at_any_step_it_goes_on_with_the_same_bits(moving, tmp_path, monkeypatch):
     how = {**HOW, "motion": True}
-    pl.dataset.write(whole, sequence(), **how)
-    owner = {"put": writing.Store, "flush": writing.Store, "note": writing.Journal}.get(step, writing)
-    real, calls = getattr(owner, step), [0]
+    for step, after in itertools.product(STEPS, (False, True)):
+        broken = tmp_path / f"{step} {after}"
+        owner = {"put": writing.Store, "flush": writing.Store, "note": writing.Journal}.get(step, writing)
+        real, calls = getattr(owner, step), itertools.count(1)
+        last = 1 if step.startswith("write") or step == "motion_truth" else 2
 
-    def killing(*given, **named):
-        calls[0] += 1
-        if calls[0] == (2 if not step.startswith("write") and step != "motion_truth" else 1):
-            if after:
-                real(*given, **named)
-            raise Killed
-        return real(*given, **named)
+        def killing(*given, real=real, calls=calls, last=last, after=after, **named):
+            if next(calls) == last:
+                if after:
+                    real(*given, **named)
+                raise Killed
+            return real(*given, **named)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(owner, step, killing)
-        with pytest.raises(Killed):
-            pl.dataset.write(broken, sequence(), **how)
-    assert pl.dataset.write(broken, sequence(), **how).complete
-    assert_same(whole, broken)
+        with monkeypatch.context() as patch:
+            patch.setattr(owner, step, killing)
+            with pytest.raises(Killed):
+                pl.dataset.write(broken, sequence(), **how)
+        assert pl.dataset.write(broken, sequence(), **how).complete, broken
+        assert_same(moving.path, broken)
 
 
 def test_killed_before_its_log_was_begun_it_goes_on(single, tmp_path):
@@ -197,16 +207,16 @@ def test_killed_before_its_log_was_begun_it_goes_on(single, tmp_path):
     assert_same(single.path, left.parent)
 
 
-@pytest.mark.parametrize("lost", ["camera.zarr", "camera.zarr/image/c/1", "camera.zarr/depth/c/0/0/0"])
-def test_what_has_been_removed_is_refused_and_rendered_again(lost, single, tmp_path):
-    folder = tmp_path / "set"
-    shutil.copytree(single.path, folder)
-    path, frame = folder / lost, int("c/1" in lost)
-    shutil.rmtree(path) if path.is_dir() else path.unlink()
-    with pytest.raises(FileError):
-        pl.dataset.read(folder).frame(frame)
-    pl.dataset.write(folder, sequence(2), **HOW)
-    assert_same(single.path, folder)
+def test_what_has_been_removed_is_refused_and_rendered_again(single, tmp_path):
+    for number, lost in enumerate(("camera.zarr", "camera.zarr/image/c/1", "camera.zarr/depth/c/0/0/0")):
+        folder = tmp_path / str(number)
+        shutil.copytree(single.path, folder)
+        path, frame = folder / lost, int("c/1" in lost)
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+        with pytest.raises(FileError):
+            pl.dataset.read(folder).frame(frame)
+        pl.dataset.write(folder, sequence(2), **HOW)
+        assert_same(single.path, folder)
 
 
 def test_a_sequence_may_not_become_shorter(single):
@@ -228,13 +238,12 @@ def test_numbers_of_numpy_are_numbers(single, tmp_path):
     assert_same(pl.dataset.write(tmp_path / "set", sequence(2), **how).path, single.path)
 
 
-def test_a_sequence_may_become_longer(tmp_path):
+def test_a_sequence_may_become_longer(moving, tmp_path):
     how = {**HOW, "motion": True}
     short = pl.dataset.write(tmp_path / "grown", sequence(2), **how)
     assert len(short) == 2
-    long = pl.dataset.write(tmp_path / "grown", sequence(4), **how)
-    pl.dataset.write(tmp_path / "whole", sequence(4), **how)
-    assert_same(tmp_path / "whole", long.path)
+    long = pl.dataset.write(tmp_path / "grown", sequence(3), **how)
+    assert_same(moving.path, long.path)
     assert np.isfinite(long.motion(1).shift).any()
 
 
@@ -350,31 +359,19 @@ def test_tiles_of_frames_may_be_rendered_elsewhere(single, tmp_path):
     assert_same(single.path, tmp_path / "set")
 
 
-REFUSED = {
-    "another seed": ({"seed": 1}, "holds another data set, with seed 0, not 1; give another folder"),
-    "more samples": ({"samples": 16}, "with samples 8, not 16"),
-    "other settings": ({"settings": pl.rendering.RenderSettings(max_bounces=1)}, "max_bounces 8, not 1"),
-    "other truth": ({"truth": pl.Truth.DEPTH}, "truth DEPTH|OBJECT, not DEPTH"),
-    "other cameras": ({"cameras": {"other": CAMERA}}, "cameras camera, not other"),
-}
-
-
-@pytest.fixture(scope="module")
-def single(tmp_path_factory):
-    return pl.dataset.write(tmp_path_factory.mktemp("sets") / "single", sequence(2), **HOW)
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_another_data_set_is_not_mixed_with_it(single, name):
-    changes, message = REFUSED[name]
+def test_another_data_set_is_not_mixed_with_it(single):
     before = contents(single.path)[1]
-    with pytest.raises(FileError) as error:
-        pl.dataset.write(single.path, sequence(2), **{**HOW, **changes})
-    assert message in str(error.value)
-    assert contents(single.path)[1] == before
-
-
-def test_other_inputs_are_refused(single):
+    for changes, message in (
+        ({"seed": 1}, "holds another data set, with seed 0, not 1; give another folder"),
+        ({"samples": 16}, "with samples 8, not 16"),
+        ({"settings": pl.rendering.RenderSettings(max_bounces=1)}, "max_bounces 8, not 1"),
+        ({"truth": pl.Truth.DEPTH}, "truth DEPTH|OBJECT, not DEPTH"),
+        ({"cameras": {"other": CAMERA}}, "cameras camera, not other"),
+    ):
+        with pytest.raises(FileError) as error:
+            pl.dataset.write(single.path, sequence(2), **{**HOW, **changes})
+        assert message in str(error.value)
+        assert contents(single.path)[1] == before
     scene = pl.Scene(SCENE.meshes, background=0.4)
     other = pl.Sequence(scene, CAMERA, (0.0, 0.25), motions={"die": TURN})
     with pytest.raises(FileError, match="frame 0 in .* was rendered with another scene, camera or time than frame 0"):
@@ -408,58 +405,42 @@ def test_one_program_at_a_time_writes(single):
         pl.dataset.write(single.path, sequence(2), **HOW)
 
 
-BAD_CALLS = {
-    "nothing ends it": (dict(samples=None), "samples and target_error are both None"),
-    "no sequence": (dict(sequence=SCENE), "sequence is a Scene"),
-    "no frames": (dict(sequence=[]), "sequence is empty"),
-    "cameras of a list": (
-        dict(sequence=list(sequence(2)), cameras={"a": CAMERA}),
-        "the frames of a list have their own",
-    ),
-    "a path as name": (dict(cameras={"../a": CAMERA}), "'../a' is no name of a camera"),
-    "no camera": (dict(cameras={"a": SCENE}), r"cameras\['a'\] is a Scene"),
-    "names alike": (dict(cameras={"a": CAMERA, "A": CAMERA}), "differ in capital letters only"),
-    "no settings": (dict(settings=3), "settings is"),
-    "no seed": (dict(seed=-1), "seed is -1"),
-    "no truth": (dict(truth="DEPTH"), "truth is a str; give a Truth"),
-    "no threads": (dict(threads=0), "threads is 0"),
-    "no client": (dict(client=3), "client is a int"),
-    "threads of a client": (dict(client=3, threads=1), "leave one of them out"),
-}
+def test_impossible_calls_make_no_folder(tmp_path):
+    for changes, message in (
+        (dict(samples=None), "samples and target_error are both None"),
+        (dict(sequence=SCENE), "sequence is a Scene"),
+        (dict(sequence=[]), "sequence is empty"),
+        (dict(sequence=list(sequence(2)), cameras={"a": CAMERA}), "the frames of a list have their own"),
+        (dict(cameras={"../a": CAMERA}), "'../a' is no name of a camera"),
+        (dict(cameras={"a": SCENE}), r"cameras\['a'\] is a Scene"),
+        (dict(cameras={"a": CAMERA, "A": CAMERA}), "differ in capital letters only"),
+        (dict(settings=3), "settings is"),
+        (dict(seed=-1), "seed is -1"),
+        (dict(truth="DEPTH"), "truth is a str; give a Truth"),
+        (dict(threads=0), "threads is 0"),
+        (dict(client=3), "client is a int"),
+        (dict(client=3, threads=1), "leave one of them out"),
+    ):
+        how = {"sequence": sequence(2), **HOW, **changes}
+        with pytest.raises(InvalidValueError, match=message):
+            pl.dataset.write(tmp_path / "set", **how)
+        assert not (tmp_path / "set").exists(), message
 
 
-@pytest.mark.parametrize("name", BAD_CALLS)
-def test_impossible_calls_make_no_folder(name, tmp_path):
-    changes, message = BAD_CALLS[name]
-    how = {"sequence": sequence(2), **HOW, **changes}
-    with pytest.raises(InvalidValueError, match=message):
-        pl.dataset.write(tmp_path / "set", **how)
-    assert not (tmp_path / "set").exists()
-
-
-def test_what_is_damaged_in_the_log_is_rendered_again(tmp_path):
-    folder = tmp_path / "set"
-    pl.dataset.write(folder, sequence(2), **HOW)
-    before = contents(folder)
-    log = folder / "frames.log"
-    log.write_bytes(log.read_bytes()[:-20])
-    with pytest.warns(FileWarning, match="are damaged; what they noted is rendered again"):
-        pl.dataset.write(folder, sequence(2), **HOW)
-    after = contents(folder)
-    assert before[1] == after[1] and all((before[0][name] == after[0][name]).all() for name in before[0])
-
-
-def test_what_a_damaged_record_kept_for_others_is_kept_again(single, tmp_path):
-    """The camera, which is noted once for all frames."""
-    folder = tmp_path / "set"
-    shutil.copytree(single.path, folder)
-    log = folder / "frames.log"
-    content = bytearray(log.read_bytes())
-    content[content.index(b"PlenopticCamera")] ^= 1
-    log.write_bytes(content)
-    with pytest.warns(FileWarning, match="are damaged; what they noted is rendered again"):
-        pl.dataset.write(folder, sequence(2), **HOW)
-    assert_same(single.path, folder)
+def test_what_is_damaged_in_the_log_is_rendered_again(single, tmp_path):
+    """Its end, or the camera, which is noted once for all frames."""
+    for name in ("end", "camera"):
+        shutil.copytree(single.path, tmp_path / name)
+        log = tmp_path / name / "frames.log"
+        content = bytearray(log.read_bytes())
+        if name == "end":
+            content = content[:-20]
+        else:
+            content[content.index(b"PlenopticCamera")] ^= 1
+        log.write_bytes(content)
+        with pytest.warns(FileWarning, match="are damaged; what they noted is rendered again"):
+            pl.dataset.write(tmp_path / name, sequence(2), **HOW)
+        assert_same(single.path, tmp_path / name)
 
 
 def test_stores_that_claim_to_be_huge_are_refused_at_once(single, tmp_path):
@@ -475,14 +456,14 @@ def test_stores_that_claim_to_be_huge_are_refused_at_once(single, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:Object at:UserWarning")
-@pytest.mark.parametrize("array", ["image", "depth"])
-def test_a_store_without_an_array_is_refused(array, single, tmp_path):
-    folder = tmp_path / "set"
-    shutil.copytree(single.path, folder)
-    (folder / "camera.zarr" / array / "zarr.json").unlink()
-    for use in (lambda: pl.dataset.read(folder).frame(0), lambda: pl.dataset.write(folder, sequence(2), **HOW)):
-        with pytest.raises((FileError, InvalidValueError), match=f"has no array {array}"):
-            use()
+def test_a_store_without_an_array_is_refused(single, tmp_path):
+    for array in ("image", "depth"):
+        folder = tmp_path / array
+        shutil.copytree(single.path, folder)
+        (folder / "camera.zarr" / array / "zarr.json").unlink()
+        for use in (lambda: pl.dataset.read(folder).frame(0), lambda: pl.dataset.write(folder, sequence(2), **HOW)):  # noqa: B023
+            with pytest.raises((FileError, InvalidValueError), match=f"has no array {array}"):
+                use()
 
 
 def test_a_damaged_chunk_is_an_error_that_names_its_store(single, tmp_path):
@@ -498,9 +479,8 @@ def test_a_damaged_chunk_is_an_error_that_names_its_store(single, tmp_path):
     assert_same(single.path, folder)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
+def test_made_up_manifests_are_refused(single, tmp_path):
+    for change in (
         lambda m: m.update(format="other-1"),
         lambda m: m.update(frames="3"),
         lambda m: m.update(frames=-1),
@@ -510,14 +490,12 @@ def test_a_damaged_chunk_is_an_error_that_names_its_store(single, tmp_path):
         lambda m: m["cameras"].update({"../x": []}),
         lambda m: m["images"][0].pop("pose"),
         lambda m: m["images"][0].update(camera_value=7),
-    ],
-)
-def test_made_up_manifests_are_refused(single, change, tmp_path):
-    manifest = json.loads((single.path / "manifest.json").read_text())
-    change(manifest)
-    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(FileError, match="is no manifest of a data set"):
-        pl.dataset.read(tmp_path)
+    ):
+        manifest = json.loads((single.path / "manifest.json").read_text())
+        change(manifest)
+        (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+        with pytest.raises(FileError, match="is no manifest of a data set"):
+            pl.dataset.read(tmp_path)
 
 
 def images_in(folder):

@@ -1,5 +1,7 @@
 """Raw images for exporters, and readers of other programs' files that know nothing of the package."""
 
+import functools
+
 import numpy as np
 
 import plenoptic as pl
@@ -35,6 +37,12 @@ def shots(taken_by, **settings):
     settings = {"progress": False, **settings}
     white = pl.render_white(taken_by, samples=16, seed=1, **settings)
     return pl.render(pl.check_scene(), taken_by, samples=8, **settings), white
+
+
+@functools.cache
+def plain_shots(lattice):
+    """Those of the camera of a lattice."""
+    return shots(camera(lattice))
 
 
 def nearest(points, known):

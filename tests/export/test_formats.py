@@ -14,7 +14,7 @@ import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError
 
 sys.path.insert(0, str(Path(__file__).parent))
-from raws import camera, shots  # noqa: E402
+from raws import camera, plain_shots, shots  # noqa: E402
 
 h5py = pytest.importorskip("h5py")
 
@@ -31,8 +31,7 @@ def hexagonal(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def square():
-    taken_by = camera(pl.Lattice.SQUARE)
-    return taken_by, *shots(taken_by)
+    return camera(pl.Lattice.SQUARE), *plain_shots(pl.Lattice.SQUARE)
 
 
 # ---- Light Field Toolbox ----
@@ -85,13 +84,7 @@ def test_the_grid_model_finds_our_centres(hexagonal):
 def test_the_matrix_holds_the_rays_of_the_views():
     """Points that pixels show lie on the rays that H has for their indices, if the lens is Gaussian."""
     taken_by = camera(pl.Lattice.SQUARE)
-    taken_by = pl.PlenopticCamera(
-        lens=taken_by.lens.with_model(pl.LensModel.PARAXIAL),
-        microlenses=taken_by.microlenses,
-        sensor=taken_by.sensor,
-        stop_to_microlenses=taken_by.stop_to_microlenses,
-        microlenses_to_sensor=taken_by.microlenses_to_sensor,
-    )
+    taken_by = dataclasses.replace(taken_by, lens=taken_by.lens.with_model(pl.LensModel.PARAXIAL))
     white = pl.render_white(taken_by, samples=16, progress=False)
     field = pl.lightfield.decode(white, white, views=5)
     matrix = pl.export.to_lftoolbox.intrinsics(field)

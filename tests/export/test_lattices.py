@@ -13,7 +13,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import lens_rows
 
 sys.path.insert(0, str(Path(__file__).parent))
-from raws import camera, focused, nearest, shots  # noqa: E402
+from raws import camera, focused, nearest, plain_shots  # noqa: E402
 
 HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
 
@@ -26,36 +26,39 @@ def blank(taken_by, region=None):
 # ---- rows ----
 
 
-@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE, RECTANGULAR])
-@pytest.mark.parametrize("degrees", [-170, -91, -60, -31, -3, 0, 2, 29, 44, 88, 121, 179])
-@pytest.mark.parametrize("turn", [True, False])
-def test_rows_run_along_rows(lattice, degrees, turn):
-    pitch = (0.147, 0.12) if lattice is RECTANGULAR else 0.147
-    found = lens_rows(blank(camera(lattice, turned=np.radians(degrees), pitch=pitch)), turn=turn)
-    # Neighbours in a row lie a pitch apart along the row; rows as far apart as the lattice has them.
-    order = np.lexsort((found.place, found.row))
-    same = np.diff(found.row[order]) == 0
-    step = np.diff(found.centre[order], axis=0)[same] / np.diff(found.place[order])[same, None]
-    np.testing.assert_allclose(np.hypot(*step.T), found.pitch[0], rtol=2e-3)
-    assert (step[:, 1] > 0).all() or abs(found.angle) > 0.6
-    if lattice is HEXAGONAL:
-        assert found.pitch[1] == pytest.approx(found.pitch[0] * np.sqrt(0.75), rel=2e-3)
-        assert abs(found.angle) <= np.radians(15.1 if turn else 30.1)
-    elif lattice is SQUARE:
-        assert found.pitch[1] == pytest.approx(found.pitch[0], rel=2e-3) and abs(found.angle) <= np.radians(45.1)
-    assert found.shifted.any() == (lattice is HEXAGONAL)
-    # The place of a lens follows from its row and number: what other programs assume.
-    down = np.array([np.cos(found.angle), np.sin(found.angle)])
-    across = np.array([-np.sin(found.angle), np.cos(found.angle)])
-    expected = np.outer(found.row * found.pitch[1], down) + np.outer(
-        (found.place + 0.5 * found.shifted) * found.pitch[0], across
-    )
-    rest = found.centre - expected
-    assert np.abs(rest - rest.mean(axis=0)).max() < 0.1
+def test_rows_run_along_rows():
+    angles = (-170, -91, -60, -31, -3, 0, 2, 29, 44, 88, 121, 179)
+    cases = [(HEXAGONAL, degrees, turn) for degrees in angles for turn in (True, False)]
+    cases += [
+        (lattice, degrees, turn) for lattice in (SQUARE, RECTANGULAR) for degrees in angles[::2] for turn in (0, 1)
+    ]
+    for case in cases:
+        lattice, degrees, turn = case
+        pitch = (0.147, 0.12) if lattice is RECTANGULAR else 0.147
+        found = lens_rows(blank(camera(lattice, turned=np.radians(degrees), pitch=pitch)), turn=bool(turn))
+        # Neighbours in a row lie a pitch apart along the row; rows as far apart as the lattice has them.
+        order = np.lexsort((found.place, found.row))
+        same = np.diff(found.row[order]) == 0
+        step = np.diff(found.centre[order], axis=0)[same] / np.diff(found.place[order])[same, None]
+        np.testing.assert_allclose(np.hypot(*step.T), found.pitch[0], rtol=2e-3, err_msg=str(case))
+        assert (step[:, 1] > 0).all() or abs(found.angle) > 0.6, case
+        if lattice is HEXAGONAL:
+            assert found.pitch[1] == pytest.approx(found.pitch[0] * np.sqrt(0.75), rel=2e-3), case
+            assert abs(found.angle) <= np.radians(15.1 if turn else 30.1), case
+        elif lattice is SQUARE:
+            assert found.pitch[1] == pytest.approx(found.pitch[0], rel=2e-3), case
+            assert abs(found.angle) <= np.radians(45.1), case
+        assert found.shifted.any() == (lattice is HEXAGONAL), case
+        # The place of a lens follows from its row and number: what other programs assume.
+        down = np.array([np.cos(found.angle), np.sin(found.angle)])
+        across = np.array([-np.sin(found.angle), np.cos(found.angle)])
+        along = (found.place + 0.5 * found.shifted) * found.pitch[0]
+        rest = found.centre - np.outer(found.row * found.pitch[1], down) - np.outer(along, across)
+        assert np.abs(rest - rest.mean(axis=0)).max() < 0.1, case
 
 
 def test_a_turned_centre_is_where_the_turned_image_shows_it():
-    shot, white = shots(camera())
+    shot, white = plain_shots(HEXAGONAL)
     found = lens_rows(shot, turn=True)
     assert found.turns == 1  # as rendered, neighbours lie along columns
     picture = found.turned(white.image)[:, :, 0]
@@ -105,54 +108,54 @@ def test_what_has_no_rows_is_refused():
 # ---- files ----
 
 
-@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
-def test_plenopticam_gets_what_it_reads(tmp_path, lattice):
-    shot, white = shots(camera(lattice))
-    pl.export.plenopticam(tmp_path / "a", shot, white, name="flat-1")
-    listed = json.loads((tmp_path / "a" / "flat-1_centres.json").read_text())
-    assert listed["pat_type"] == ("hex" if lattice is HEXAGONAL else "rec")
-    table = np.array(listed["mic_list"])
-    assert len(table) == (table[:, 2].max() + 1) * (table[:, 3].max() + 1)
-    turned = lattice is HEXAGONAL
-    known = pl.microlens_centres(shot.camera, pl.CentreMethod.CENTROID).pixel
-    # Back from the turned image: (row, column) was (column, columns - 1 - row).
-    back = np.column_stack([table[:, 1], shot.image.shape[1] - 1 - table[:, 0]]) if turned else table[:, :2]
-    assert nearest(back, known).max() < 1e-9
-    raw = pl.images.read_linear(tmp_path / "a" / "flat-1.tiff")[:, :, 0]
-    expected = np.rot90(shot.image[:, :, 0], int(turned)) / shot.image.max()
-    np.testing.assert_allclose(raw, expected, atol=2 / 65535)
-    lit = pl.images.read_channels(tmp_path / "a" / "flat-1_white.tiff")[0]["R"]
-    np.testing.assert_allclose(lit, np.rot90(white.image[:, :, 0], int(turned)) / white.image.max(), atol=1 / 65535)
+def test_plenopticam_gets_what_it_reads(tmp_path):
+    for lattice in (HEXAGONAL, SQUARE):
+        turned, folder = lattice is HEXAGONAL, tmp_path / lattice.name
+        shot, white = plain_shots(lattice)
+        pl.export.plenopticam(folder, shot, white, name="flat-1")
+        listed = json.loads((folder / "flat-1_centres.json").read_text())
+        assert listed["pat_type"] == ("hex" if turned else "rec")
+        table = np.array(listed["mic_list"])
+        assert len(table) == (table[:, 2].max() + 1) * (table[:, 3].max() + 1)
+        known = pl.microlens_centres(shot.camera, pl.CentreMethod.CENTROID).pixel
+        # Back from the turned image: (row, column) was (column, columns - 1 - row).
+        back = np.column_stack([table[:, 1], shot.image.shape[1] - 1 - table[:, 0]]) if turned else table[:, :2]
+        assert nearest(back, known).max() < 1e-9
+        raw = pl.images.read_linear(folder / "flat-1.tiff")[:, :, 0]
+        expected = np.rot90(shot.image[:, :, 0], int(turned)) / shot.image.max()
+        np.testing.assert_allclose(raw, expected, atol=2 / 65535)
+        lit = pl.images.read_channels(folder / "flat-1_white.tiff")[0]["R"]
+        np.testing.assert_allclose(lit, np.rot90(white.image[:, :, 0], int(turned)) / white.image.max(), atol=1 / 65535)
 
 
-@pytest.mark.parametrize("focal_lengths", [(1.7, 2.0, 2.4), (2.0,)])
-@pytest.mark.parametrize("degrees", [0, 17, 30, 100])
-def test_the_toolbox_gets_what_it_reads(tmp_path, focal_lengths, degrees):
-    taken_by = focused(focal_lengths=focal_lengths).moved(
-        pl.CameraPart.MICROLENSES, shift=(0.05, 0.02, 0.0), tilt=(0.0, 0.0, np.radians(degrees))
-    )
-    shot = pl.render(pl.check_scene(), taken_by, samples=2, truth=pl.Truth.ALL, progress=False)
-    pl.export.plenoptic_toolbox(tmp_path, shot)
-    root = ET.parse(tmp_path / "shot.xml").getroot()
-    number = {key: float(root.find(key).text) for key in ("diameter", "rotation")}
-    offset = complex(*(float(root.find(f"offset/{axis}").text) for axis in "xy"))
-    base = [complex(*(float(root.find(f"lens_base_{k}/{axis}").text) for axis in "xy")) for k in "xy"]
-    rows, columns = shot.image.shape[:2]
-    centres = pl.microlens_centres(taken_by)
-    measured = (centres.pixel[:, 1] - (columns - 1) / 2) + 1j * ((rows - 1) / 2 - centres.pixel[:, 0])
-    # Axial coordinates of each lens, then its place and its type as the format has them.
-    scaled = (measured - offset) / (number["diameter"] * np.exp(1j * number["rotation"]))
-    second = scaled.imag / base[1].imag
-    axial = np.rint(np.column_stack([scaled.real - second * base[1].real, second])).astype(int)
-    place = offset + number["diameter"] * np.exp(1j * number["rotation"]) * (axial @ np.array(base))
-    assert np.sqrt(np.mean(np.abs(place - measured) ** 2)) < 0.005
-    kind = ((-axial[:, 0]) % 3 + axial[:, 1]) % 3
-    assert [len(np.unique(centres.type[kind == k])) for k in range(3)] == [1, 1, 1]
-    assert len(root.findall("lens_type")) == 3
-    drawn = pl.images.read_channels(tmp_path / "shot_disp.png")[0]["R"] * number["diameter"]
-    known = np.abs(shot.truth.disparity)
-    seen = np.isfinite(known) & (known < number["diameter"])
-    np.testing.assert_allclose(drawn[seen], known[seen], atol=number["diameter"] / 65535)
+def test_the_toolbox_gets_what_it_reads(tmp_path):
+    for focal_lengths, degrees in (((1.7, 2.0, 2.4), 0), ((2.0,), 17), ((1.7, 2.0, 2.4), 30), ((1.7, 2.0, 2.4), 100)):
+        turn = (0.0, 0.0, np.radians(degrees))
+        taken_by = focused(focal_lengths=focal_lengths)
+        taken_by = taken_by.moved(pl.CameraPart.MICROLENSES, shift=(0.05, 0.02, 0.0), tilt=turn)
+        shot = pl.render(pl.check_scene(), taken_by, samples=2, truth=pl.Truth.DISPARITY, progress=False)
+        folder = tmp_path / str(degrees)
+        pl.export.plenoptic_toolbox(folder, shot)
+        root = ET.parse(folder / "shot.xml").getroot()
+        number = {key: float(root.find(key).text) for key in ("diameter", "rotation")}
+        offset = complex(*(float(root.find(f"offset/{axis}").text) for axis in "xy"))
+        base = [complex(*(float(root.find(f"lens_base_{k}/{axis}").text) for axis in "xy")) for k in "xy"]
+        rows, columns = shot.image.shape[:2]
+        centres = pl.microlens_centres(taken_by)
+        measured = (centres.pixel[:, 1] - (columns - 1) / 2) + 1j * ((rows - 1) / 2 - centres.pixel[:, 0])
+        # Axial coordinates of each lens, then its place and its type as the format has them.
+        scaled = (measured - offset) / (number["diameter"] * np.exp(1j * number["rotation"]))
+        second = scaled.imag / base[1].imag
+        axial = np.rint(np.column_stack([scaled.real - second * base[1].real, second])).astype(int)
+        place = offset + number["diameter"] * np.exp(1j * number["rotation"]) * (axial @ np.array(base))
+        assert np.sqrt(np.mean(np.abs(place - measured) ** 2)) < 0.005, degrees
+        kind = ((-axial[:, 0]) % 3 + axial[:, 1]) % 3
+        assert [len(np.unique(centres.type[kind == k])) for k in range(3)] == [1, 1, 1]
+        assert len(root.findall("lens_type")) == 3
+        drawn = pl.images.read_channels(folder / "shot_disp.png")[0]["R"] * number["diameter"]
+        known = np.abs(shot.truth.disparity)
+        seen = np.isfinite(known) & (known < number["diameter"])
+        np.testing.assert_allclose(drawn[seen], known[seen], atol=number["diameter"] / 65535)
 
 
 def test_the_toolbox_has_no_other_lattices(tmp_path):

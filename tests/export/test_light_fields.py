@@ -18,10 +18,10 @@ SLANTED = pl.quad((-30, -30, 0), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(
 SCENE = pl.Scene([SLANTED.translated(z=-404)], background=1)
 
 
-@pytest.fixture(scope="module", params=[pl.Lattice.SQUARE, pl.Lattice.HEXAGONAL], ids=lambda kind: kind.name)
-def field(request):
-    taken_by = camera(request.param).focused_at(z=-404.0)
-    return pl.lightfield.decode(*shots(taken_by), views=7)
+@pytest.fixture(scope="module")
+def fields():
+    cameras = [camera(lattice).focused_at(z=-404.0) for lattice in (pl.Lattice.SQUARE, pl.Lattice.HEXAGONAL)]
+    return [pl.lightfield.decode(*shots(taken_by), views=7) for taken_by in cameras]
 
 
 def hci_disparity(parameters, depth):
@@ -34,49 +34,56 @@ def hci_disparity(parameters, depth):
     return (beta * focus / (1000 * depth) - beta) / (focus * sensor)
 
 
-def test_the_benchmark_gets_what_it_reads(tmp_path, field):
-    pl.export.hci(tmp_path / "scene", field, scene=SCENE)
-    parameters = configparser.ConfigParser()
-    parameters.read(tmp_path / "scene" / "parameters.cfg")
-    assert parameters["extrinsics"]["num_cams_x"] == "7"
+def test_the_benchmark_gets_what_it_reads(tmp_path, fields):
+    for field in fields:
+        folder = tmp_path / field.camera.microlenses.lattice.name
+        pl.export.hci(folder, field, scene=SCENE)
+        parameters = configparser.ConfigParser()
+        parameters.read(folder / "parameters.cfg")
+        assert parameters["extrinsics"]["num_cams_x"] == "7"
 
-    def plane(name):
-        path = tmp_path / "scene" / f"{name}.pfm"
-        return read_pfm(path, path.read_bytes())
+        def plane(name, folder=folder):
+            path = folder / f"{name}.pfm"
+            return read_pfm(path, path.read_bytes())
 
-    for number in (0, 6, 24, 48):
-        u, v = number % 7 - 3, number // 7 - 3
-        depth, disparity = (plane(f"gt_{name}_lowres_Cam{number:03d}") for name in ("depth", "disp"))
-        np.testing.assert_allclose(disparity, hci_disparity(parameters, depth), atol=1e-3)
-        truth = field.truth(SCENE, u, v, truth=pl.Truth.DEPTH).depth
-        expected = np.array([[field.disparity_at(-z)[0] for z in row] for row in truth])
-        np.testing.assert_allclose(disparity, expected, atol=1e-4)
-        picture = pl.images.read_linear(tmp_path / "scene" / f"input_Cam{number:03d}.png")[:, :, :1]
-        view = np.clip(np.nan_to_num(field.view(u, v)) / np.nanpercentile(field.views, 99.9), 0.0, 1.0)
-        np.testing.assert_allclose(picture, view, atol=0.005)  # half a code of 8 bits where sRGB is steepest
-    np.testing.assert_array_equal(plane("gt_disp_lowres"), plane("gt_disp_lowres_Cam024"))
-    low, high = float(parameters["meta"]["disp_min"]), float(parameters["meta"]["disp_max"])
-    assert low <= plane("gt_disp_lowres").min() and plane("gt_disp_lowres").max() <= high
+        for number in (0, 6, 24, 48):
+            u, v = number % 7 - 3, number // 7 - 3
+            depth, disparity = (plane(f"gt_{name}_lowres_Cam{number:03d}") for name in ("depth", "disp"))
+            np.testing.assert_allclose(disparity, hci_disparity(parameters, depth), atol=1e-3)
+            truth = field.truth(SCENE, u, v, truth=pl.Truth.DEPTH).depth
+            expected = np.array([[field.disparity_at(-z)[0] for z in row] for row in truth])
+            np.testing.assert_allclose(disparity, expected, atol=1e-4)
+            picture = pl.images.read_linear(folder / f"input_Cam{number:03d}.png")[:, :, :1]
+            view = np.clip(np.nan_to_num(field.view(u, v)) / np.nanpercentile(field.views, 99.9), 0.0, 1.0)
+            np.testing.assert_allclose(picture, view, atol=0.005)  # half a code of 8 bits where sRGB is steepest
+        np.testing.assert_array_equal(plane("gt_disp_lowres"), plane("gt_disp_lowres_Cam024"))
+        low, high = float(parameters["meta"]["disp_min"]), float(parameters["meta"]["disp_max"])
+        assert low <= plane("gt_disp_lowres").min() and plane("gt_disp_lowres").max() <= high
 
 
-def test_points_move_from_view_to_view_as_the_disparity_says(field):
+def test_points_move_from_view_to_view_as_the_disparity_says(fields):
     """The same place of the scene lies `disparity` pixels further left in the next view to the right, and so on."""
-    truths = {step: field.truth(SCENE, *step, truth=pl.Truth.POSITION).position for step in ((-3, 0), (3, 0), (0, 3))}
-    middle = field.truth(SCENE, truth=pl.Truth.POSITION).position
-    for (u, v), positions in truths.items():
-        row, column = (n // 2 for n in middle.shape[:2])
-        line = positions[row, :, 0] if u else positions[:, column, 0 if v == 0 else 1]
-        place = middle[row, column, 0 if u else 1]
-        found = np.interp(place, *(part if line[0] < line[-1] else part[::-1] for part in (line, np.arange(len(line)))))
-        moved = found - (column if u else row)
-        steps = (field.u[1] - field.u[0]) * (u or v)
-        expected = -field.disparity_at(middle[row, column, 2])[0] * steps
-        assert moved == pytest.approx(expected, abs=0.02 * abs(steps))
+    for field in fields:
+        truths = {
+            step: field.truth(SCENE, *step, truth=pl.Truth.POSITION).position for step in ((-3, 0), (3, 0), (0, 3))
+        }
+        middle = field.truth(SCENE, truth=pl.Truth.POSITION).position
+        for (u, v), positions in truths.items():
+            row, column = (n // 2 for n in middle.shape[:2])
+            line = positions[row, :, 0] if u else positions[:, column, 0 if v == 0 else 1]
+            place = middle[row, column, 0 if u else 1]
+            found = np.interp(
+                place, *(part if line[0] < line[-1] else part[::-1] for part in (line, np.arange(len(line))))
+            )
+            moved = found - (column if u else row)
+            steps = (field.u[1] - field.u[0]) * (u or v)
+            expected = -field.disparity_at(middle[row, column, 2])[0] * steps
+            assert moved == pytest.approx(expected, abs=0.02 * abs(steps))
 
 
-def test_what_the_benchmark_does_not_know(tmp_path, field):
+def test_what_the_benchmark_does_not_know(tmp_path, fields):
     taken_by = camera(pl.Lattice.RECTANGULAR, pitch=(0.147, 0.16)).focused_at(z=-404.0)
     with pytest.raises(InvalidValueError, match="square pixels"):
         pl.export.hci(tmp_path, pl.lightfield.decode(*shots(taken_by), views=3))
     with pytest.raises(InvalidValueError, match="3 or more"):
-        pl.export.hci(tmp_path, pl.lightfield.decode(*shots(field.camera), views=1))
+        pl.export.hci(tmp_path, pl.lightfield.decode(*shots(fields[0].camera), views=1))
