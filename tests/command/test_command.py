@@ -39,9 +39,8 @@ def files(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("name", "kind", "said"),
-    [
+def test_info_says_what_a_file_is(files, capsys):
+    for name, kind, said in (
         ("camera.json", "PlenopticCamera", "focused plenoptic camera, Galilean"),
         ("lens.json", "a lens", "focal length 100.716 mm"),
         ("double-gauss-100mm-f2", "comes with the package", "f/2.03"),
@@ -49,12 +48,10 @@ def files(tmp_path, monkeypatch):
         ("shot.png", "an image", "Exposure(4 x 6 x 1"),
         ("raw.tif", "a raw image", "12 bits"),
         ("wall.obj", "a scene", "3 x 2 x 0 mm, from (0, 0, 0) to (3, 2, 0)\nmaterials: Lambertian"),
-    ],
-)
-def test_info_says_what_a_file_is(files, capsys, name, kind, said):
-    assert main(["info", name]) == 0
-    out, err = capsys.readouterr()
-    assert out.startswith(f"{name}: ") and kind in out.splitlines()[0] and said in out and err == ""
+    ):
+        assert main(["info", name]) == 0, name
+        out, err = capsys.readouterr()
+        assert out.startswith(f"{name}: ") and kind in out.splitlines()[0] and said in out and err == "", name
 
 
 def test_info_says_what_a_package_and_a_light_field_are(files, capsys):
@@ -95,9 +92,10 @@ def test_info_says_what_a_store_holds_and_view_opens_it(files, capsys):
     assert "holds a sequence; open it with xarray.open_zarr" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("typed", "said"),
-    [
+def test_what_is_refused_is_told_in_one_line(files, capsys):
+    # As Python has the byte ff of a Latin-1 file name.
+    latin = ("info ?.exr", "info ?.json", "view ?.png", "view shot.exr --output ?.html", "warm-up --scene ?.obj")
+    for typed, said in (
         ("info missing.exr", "plenoptic info: 'missing.exr' does not exist; check the path"),
         ("info notes.txt", "ends in '.txt'; what can be opened ends in .csv, .exr"),
         ("info broken.json", "is not JSON"),
@@ -106,30 +104,11 @@ def test_info_says_what_a_store_holds_and_view_opens_it(files, capsys):
         ("view shot.exr --output nowhere/page.html", "make it first"),
         ("warm-up --scene camera.json", "is a value of the kind PlenopticCamera; give a scene"),
         ("warm-up --camera wall.obj", "holds no camera"),
-    ],
-)
-def test_what_is_refused_is_told_in_one_line(files, capsys, typed, said):
-    assert main(typed.split()) == 1
-    out, err = capsys.readouterr()
-    assert out == "" and said in err and err.count("\n") == 1 and err.startswith("plenoptic ")
-
-
-@pytest.mark.parametrize(
-    "typed",
-    [
-        "info ?.exr",
-        "info ?.json",
-        "view ?.png",
-        "view shot.exr --output ?.html",
-        "warm-up --scene ?.obj",
-        "warm-up --camera ?.json",
-    ],
-)
-def test_names_that_are_not_utf_8_are_told_in_one_line(files, capsys, typed):
-    # As Python has the byte ff of a Latin-1 file name.
-    assert main(typed.replace("?", "\udcff").split()) == 1
-    out, err = capsys.readouterr()
-    assert out == "" and "is not UTF-8; rename" in err and err.count("\n") == 1
+        *((typed.replace("?", "\udcff"), "is not UTF-8; rename") for typed in (*latin, "warm-up --camera ?.json")),
+    ):
+        assert main(typed.split()) == 1, typed
+        out, err = capsys.readouterr()
+        assert out == "" and said in err and err.count("\n") == 1 and err.startswith("plenoptic "), (typed, err)
 
 
 def test_images_in_folders_that_are_not_utf_8_are_refused(files):
@@ -138,21 +117,16 @@ def test_images_in_folders_that_are_not_utf_8_are_refused(files):
             call("\udcff/shot.exr")
 
 
-@pytest.mark.parametrize("typed", ["", "frobnicate", "info a b", "view", "warm-up --samples 4"])
-def test_wrong_usage_ends_with_2(capsys, typed):
-    with pytest.raises(SystemExit) as ended:
-        main(typed.split())
-    assert ended.value.code == 2
-    assert "usage: plenoptic" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", [None, *COMMANDS])
-def test_help_is_there(capsys, name):
-    with pytest.raises(SystemExit) as ended:
-        main([*([] if name is None else [name]), "--help"])
-    assert ended.value.code == 0
-    out = capsys.readouterr().out
-    assert all(command in out for command in ([name] if name else COMMANDS))
+def test_wrong_usage_ends_with_2_and_help_is_there(capsys):
+    for typed in ("", "frobnicate", "info a b", "view", "warm-up --samples 4"):
+        with pytest.raises(SystemExit) as ended:
+            main(typed.split())
+        assert ended.value.code == 2 and "usage: plenoptic" in capsys.readouterr().err, typed
+    for name in (None, *COMMANDS):
+        with pytest.raises(SystemExit) as ended:
+            main([*([] if name is None else [name]), "--help"])
+        out = capsys.readouterr().out
+        assert ended.value.code == 0 and all(command in out for command in ([name] if name else COMMANDS))
 
 
 def test_view_writes_a_page_and_opens_it(files, capsys, monkeypatch):

@@ -143,41 +143,36 @@ def test_settings_come_from_files_and_options():
     assert pl.Exposure.load("white.exr").white and pl.Exposure.load("white.exr").camera == CAMERA
 
 
-@pytest.mark.parametrize(
-    ("typed", "said"),
-    [
+def test_what_is_refused_is_told_in_one_line_and_before(folder, capsys, nothing_rendered):
+    (folder / "folder.exr").mkdir()
+    usual = "wall.obj camera.json --samples 4 -o a.exr"
+    for typed, said in (
         ("wall.obj camera.json --samples 4 -o nowhere/a.exr", "does not exist; make it first"),
         ("wall.obj camera.json --samples 4 -o a.jpg", "it must end in .exr, .zarr"),
         ("wall.obj camera.json --samples 4 -o folder.exr", "is a folder; give the path of a file"),
-        ("wall.obj camera.json --samples 4 -o a.exr --tile 3/1000", "cannot be cut into 1000 equal rows and columns"),
-        ("wall.obj camera.json --samples 4 -o a.exr --region 30:40,0:8", "it must take at least one"),
-        ("wall.obj camera.json --samples 4 -o a.exr --truth depth,nrmal", "--truth has 'nrmal'; it must be one"),
-        ("wall.obj camera.json --samples 4 -o a.exr --settings camera.json", "give RenderSettings"),
-        ("wall.obj camera.json --samples 4 -o a.exr --checkpoint nowhere/c", "does not exist; make it first"),
-        ("wall.obj camera.json --samples 4 -o a.exr --clamp -1", "clamp is -1"),
+        (f"{usual} --tile 3/1000", "cannot be cut into 1000 equal rows and columns"),
+        (f"{usual} --region 30:40,0:8", "it must take at least one"),
+        (f"{usual} --truth depth,nrmal", "--truth has 'nrmal'; it must be one"),
+        (f"{usual} --settings camera.json", "give RenderSettings"),
+        (f"{usual} --checkpoint nowhere/c", "does not exist; make it first"),
+        (f"{usual} --clamp -1", "clamp is -1"),
         ("wall.obj camera.json -o a.exr", "give one of them, such as samples=64"),
         ("camera.json --samples 4 -o a.exr", "give SCENE and CAMERA, or --white and CAMERA"),
-        ("--white wall.obj camera.json --samples 4 -o a.exr", "'wall.obj' is one too many"),
+        (f"--white {usual}", "'wall.obj' is one too many"),
         ("--white camera.json --samples 4 -o a.exr --max-bounces 3", "--max-bounces is about a scene"),
         ("camera.json wall.obj --samples 4 -o a.exr", "holds no camera"),
-    ],
-)
-def test_what_is_refused_is_told_in_one_line_and_before(folder, capsys, nothing_rendered, typed, said):
-    (folder / "folder.exr").mkdir()
-    assert main(["render", *typed.split()]) == 1
-    out, err = capsys.readouterr()
-    assert out == "" and said in err and err.count("\n") == 1 and err.startswith("plenoptic render: ")
+    ):
+        assert main(["render", *typed.split()]) == 1, typed
+        out, err = capsys.readouterr()
+        assert out == "" and said in err and err.count("\n") == 1 and err.startswith("plenoptic render: "), (typed, err)
 
 
-@pytest.mark.parametrize(
-    "wrong", ["--tile 5/4", "--tile 0/4", "--tile a/b", "--tile 3", "--region 0:8", "--tile 1/2 --region 0:8,0:8", ""]
-)
-def test_wrong_usage_ends_with_2(capsys, nothing_rendered, wrong):
-    output = "-o a.exr" if wrong else ""
-    with pytest.raises(SystemExit) as ended:
-        main(f"render wall.obj camera.json --samples 4 {output} {wrong}".split())
-    assert ended.value.code == 2
-    assert "usage: plenoptic render" in capsys.readouterr().err
+def test_wrong_usage_ends_with_2(capsys, nothing_rendered):
+    tiles = [f"-o a.exr --tile {wrong}" for wrong in ("5/4", "0/4", "a/b", "3", "1/2 --region 0:8,0:8")]
+    for wrong in (*tiles, "-o a.exr --region 0:8", ""):
+        with pytest.raises(SystemExit) as ended:
+            main(f"render wall.obj camera.json --samples 4 {wrong}".split())
+        assert ended.value.code == 2 and "usage: plenoptic render" in capsys.readouterr().err, wrong
 
 
 def test_what_is_no_part_is_named(capsys):
@@ -253,23 +248,16 @@ def test_estimates_are_printed_for_people_and_for_programs(capsys):
     assert "samples and target_error are both None" in capsys.readouterr().err
 
 
-def test_tiles_are_as_square_as_can_be():
+def test_tiles_are_as_square_as_can_be_and_the_missing_ones_are_found():
     assert tile_grid((512, 512), 16) == (4, 4)
     assert tile_grid((512, 1024), 8) == (2, 4) and tile_grid((1024, 512), 8) == (4, 2)
     assert tile_grid((5368, 7716), 64) == (8, 8)
     assert tile_grid((512, 512), 7) in ((1, 7), (7, 1))
     assert tile_grid((16, 16), 5) is None and tile_grid((16, 16), 1 << 40) is None
-
-
-@pytest.mark.parametrize("n", [2, 6, 16, 64])
-def test_the_missing_tiles_are_found(n):
     shape = (517, 389)
-    regions = [
-        (r.start, r.stop, c.start, c.stop)
-        for r, c in dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=shape, pixel_pitch=0.01)).tiles(
-            *tile_grid(shape, n)
-        )
-    ]
-    assert missing_tiles(shape, regions[:-1]) == [(n, n)]
-    assert missing_tiles(shape, regions[1::2]) == [(k, n) for k in range(1, n + 1, 2)]
-    assert missing_tiles(shape, [(1, 9, 0, 16)]) == []
+    camera = dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=shape, pixel_pitch=0.01))
+    for n in (2, 6, 16, 64):
+        regions = [(r.start, r.stop, c.start, c.stop) for r, c in camera.tiles(*tile_grid(shape, n))]
+        assert missing_tiles(shape, regions[:-1]) == [(n, n)]
+        assert missing_tiles(shape, regions[1::2]) == [(k, n) for k in range(1, n + 1, 2)]
+        assert missing_tiles(shape, [(1, 9, 0, 16)]) == []

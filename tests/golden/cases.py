@@ -5,5 +5,5 @@ from golden_renderings import RENDERINGS
 
 CASES = {case.__name__: case for case in (*RENDERINGS, *CALCULATIONS)}
 
-QUICK = ("white_images", "objects", "traces")
-"""Those in the normal run: few kernels to compile."""
+QUICK = ("traces",)
+"""In the normal run."""
