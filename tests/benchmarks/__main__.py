@@ -1,7 +1,5 @@
 """Print timings as Markdown tables: ``python tests/benchmarks [--quick] [--only tracing,starting]``."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import importlib.metadata
@@ -18,7 +16,7 @@ BENCHMARKS = (
 PROGRAMS = ("plenoptic-camera", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba", "bpy")
 
 
-def main() -> None:
+def main():
     parser = argparse.ArgumentParser(prog="python tests/benchmarks", description="Print timings as Markdown tables.")
     parser.add_argument("--only", default=",".join(BENCHMARKS), help=f"some of {', '.join(BENCHMARKS)}")
     parser.add_argument("--quick", action="store_true", help="small sizes: shows that all works, not how fast")
@@ -35,14 +33,14 @@ def main() -> None:
         print(f"`{name}` took {time.perf_counter() - begin:.0f} s.\n", flush=True)
 
 
-def surroundings() -> str:
+def surroundings():
     """Versions, processors and how busy these are with other things."""
     versions = [f"Python {platform.python_version()}", *map(_version, PROGRAMS)]
     load = f", load average {os.getloadavg()[0]:.1f} at the start" if hasattr(os, "getloadavg") else ""
     return f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} processors{load}"
 
 
-def _version(program: str) -> str:
+def _version(program):
     try:
         return f"{program} {importlib.metadata.version(program)}"
     except importlib.metadata.PackageNotFoundError:

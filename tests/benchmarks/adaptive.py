@@ -1,10 +1,7 @@
 """What a target error costs beside the best fixed number of samples that has the same true error."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import reference
@@ -20,7 +17,7 @@ AIMED = (90, 180, 360)
 """Targets are what about so many samples leave: between those."""
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     side, seeds, converged = (16, 2, 256) if quick else (128, 5, 1 << 12)
     rows = [row for subject in subjects(side) for row in _rows(subject, range(seeds), converged)]
     columns = (
@@ -35,7 +32,7 @@ def tables(*, quick: bool) -> Iterator[Table]:
     yield Table("A target error beside a fixed number of samples", columns, rows, [remark])
 
 
-def subjects(side: int) -> list[Subject]:
+def subjects(side):
     camera, first = reference.camera(), 256 - side // 2
     region = np.s_[first : first + side, first : first + side]
     return [
@@ -46,30 +43,30 @@ def subjects(side: int) -> list[Subject]:
     ]
 
 
-def board() -> pl.Scene:
+def board():
     """A matt board under a lamp."""
     lamp = pl.QuadLight.facing((20, 30, -360), (0, 0, -404), (12, 12), radiance=20.0)
     return pl.Scene([_wall()], [lamp])
 
 
-def dim_and_bright() -> pl.Scene:
+def dim_and_bright():
     """A matt board beside a small lamp, half in the shadow of a plate: only the sky lights what is there."""
     lamp = pl.QuadLight.facing((-4, 0, -402), (0, 0, -404), (1, 1), radiance=40.0)
     plate = pl.quad((0.5, -0.5, -404), (0, 0, 0.5), (0, 9, 0), material=pl.Lambertian(0.3))
     return pl.Scene([_wall(), plate], [lamp], background=0.05)
 
 
-def _wall() -> pl.Mesh:
+def _wall():
     return pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.7))
 
 
-def _rows(subject: Subject, seeds: range, converged: int) -> Iterator[tuple[object, ...]]:
+def _rows(subject, seeds, converged):
     truth = Converged(subject, converged)
     said = [float(expose(subject, samples=n).relative_error or 0.0) for n in FIXED]
     targets = np.exp(np.interp(np.log(AIMED), np.log(FIXED), np.log(said))).tolist()
     budgets = {f"{n}": {"samples": n} for n in FIXED} | {f"{e}": {"target_error": e} for e in targets}
-    shots: dict[str, list[pl.Exposure]] = {name: [] for name in budgets}
-    costs: dict[str, list[float]] = {name: [] for name in budgets}
+    shots = {name: [] for name in budgets}
+    costs = {name: [] for name in budgets}
     for seed in (seeds[0], *seeds):
         for name, budget in budgets.items():
             # A camera of its own: nothing is known from the call before.
@@ -91,14 +88,14 @@ def _rows(subject: Subject, seeds: range, converged: int) -> Iterator[tuple[obje
         yield subject.name, *errors, *samples, float(np.median(cpu[name])), ratio, low, high
 
 
-def true_error(truth: Converged, shots: list[pl.Exposure]) -> float:
+def true_error(truth, shots):
     """RMS over lit pixels and images of the error over the brightness, less what the reference is off."""
     off = np.mean([np.square(shot.image - truth.image) for shot in shots], axis=0) - truth.variance
     relative = off.mean(axis=2) / np.square(truth.image.mean(axis=2))
     return math.sqrt(max(float(relative[truth.lit].mean()), 0.0))
 
 
-def _fixed_cost(known: list[tuple[float, float]], error: float) -> float:
+def _fixed_cost(known, error):
     """What a fixed number costs that leaves an error, from errors and costs of some."""
     errors, costs = np.log(known).T
     return float(np.exp(np.interp(-math.log(error), -errors, costs)))

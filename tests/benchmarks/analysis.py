@@ -1,9 +1,6 @@
 """Lens analysis: time of each answer beside its error."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import reference
@@ -15,7 +12,7 @@ import plenoptic as pl
 FIELD = (0.0, math.radians(10.0))
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     rounds = 1 if quick else 5
     yield spots((1000, 10_000) if quick else (1000, 10_000, 100_000, 1_000_000), rounds=rounds)
     yield aiming((100, 1000) if quick else (1, 1000, 10_000, 100_000), rounds=rounds)
@@ -23,36 +20,25 @@ def tables(*, quick: bool) -> Iterator[Table]:
     yield whole_camera((1 << 12,) if quick else (1 << 14, 1 << 17, 1 << 20), rounds=rounds)
 
 
-def spots(sizes: tuple[int, ...], *, rounds: int) -> Table:
+def spots(sizes, *, rounds):
     lens = pl.load_lens("double-gauss-100mm-f2")
-    found: dict[int, pl.aberrations.SpotDiagram] = {}
+    found = {}
 
-    def run(n: int) -> Task:
+    def run(n):
         return Task(lambda _: found.__setitem__(n, pl.aberrations.spot_diagram(lens, field=FIELD, rays=n)))
 
     costs = taking_turns({str(n): run(n) for n in sizes}, rounds=rounds)
     truth = pl.aberrations.spot_diagram(lens, field=FIELD, rays=4 * sizes[-1]).rms_radius
-    rows = [
-        (
-            f"{n:,}",
-            median(costs[str(n)]).wall,
-            median(costs[str(n)]).cpu,
-            1e3 * found[n].rms_radius,
-            1e6 * found[n].rms_radius_error,
-            1e6 * abs(found[n].rms_radius - truth),
-        )
-        for n in sizes
-    ]
+    rows = []
+    for n in sizes:
+        radius, error = found[n].rms_radius, found[n].rms_radius_error
+        rows.append((f"{n:,}", *median(costs[str(n)]), 1e3 * radius, 1e6 * error, 1e6 * abs(radius - truth)))
     columns = ("rays", "wall s", "CPU s", "RMS radius, um", "its standard error, nm", "its true error, nm")
-    return Table(
-        "Spot diagrams: double Gauss, field 10 degrees, all threads",
-        columns,
-        rows,
-        ["True errors against four times as many rays as in the last row. Aiming of the beam's outline included."],
-    )
+    remark = "True errors against four times as many rays as in the last row. Aiming of the beam's outline included."
+    return Table("Spot diagrams: double Gauss, field 10 degrees, all threads", columns, rows, [remark])
 
 
-def aiming(sizes: tuple[int, ...], *, rounds: int) -> Table:
+def aiming(sizes, *, rounds):
     rows = []
     for name, degrees in (("double-gauss-100mm-f2", 20.0), ("fisheye-100mm-f8", 80.0)):
         lens, random = pl.load_lens(name), np.random.default_rng(0)
@@ -67,7 +53,7 @@ def aiming(sizes: tuple[int, ...], *, rounds: int) -> Table:
     return Table("Ray aiming at given points of the real iris", columns, rows)
 
 
-def _miss(lens: pl.LensStack, field: tuple[float, float], pupil: np.ndarray) -> float:
+def _miss(lens, field, pupil):
     from plenoptic.optics.lens.trace import traced_part
 
     rays = pl.aiming.aimed_rays(lens, field=field, pupil=pupil)
@@ -75,7 +61,7 @@ def _miss(lens: pl.LensStack, field: tuple[float, float], pupil: np.ndarray) -> 
     return float(np.nanmax(np.abs(met.origin[:, :2] - pupil * lens.stop.semi_diameter)))
 
 
-def answers(*, rounds: int) -> Table:
+def answers(*, rounds):
     lens = pl.load_lens("double-gauss-100mm-f2")
     fields = np.linspace(0.0, math.radians(18), 10)
     frequencies = np.linspace(0.0, 100.0, 50)
@@ -99,11 +85,11 @@ def answers(*, rounds: int) -> Table:
     return Table("Other answers, with their default numbers of rays", ("answer", "wall ms", "CPU ms"), rows)
 
 
-def whole_camera(sizes: tuple[int, ...], *, rounds: int) -> Table:
+def whole_camera(sizes, *, rounds):
     camera = reference.camera()
-    found: dict[int, pl.camera.CameraSpread] = {}
+    found = {}
 
-    def run(n: int) -> Task:
+    def run(n):
         return Task(lambda _: found.__setitem__(n, pl.point_spread(camera, (3.0, -2.0, -404.0), rays=n)))
 
     costs = taking_turns({str(n): run(n) for n in sizes}, rounds=rounds)

@@ -1,12 +1,9 @@
 """Two processes of a dask cluster against two threads, what tasks take and move, and a model of larger clusters."""
 
-from __future__ import annotations
-
 import dataclasses
+import itertools
 import pickle
 import time
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import cluster_model
 import distributed
@@ -26,41 +23,36 @@ WORKERS = (1, 8, 64, 512)
 class Watched:
     """What the client does, while it is entered."""
 
-    def __init__(self) -> None:
-        self.tasks: list[float] = []
-        self.brought: list[int] = []
-        self.take = self.cpu = 0.0
-        self.pixels = 0
+    def __init__(self):
+        self.tasks, self.brought, self.take, self.cpu, self.pixels = [], [], 0.0, 0.0, 0
 
-    def __enter__(self) -> Watched:
+    def __enter__(self):
         self._taken, self._take = DaskEngine._taken, Progress.take
         watched = self
 
-        def taken(engine: Any, group: Any, reply: Any) -> Any:
+        def taken(engine, group, reply):
             watched.tasks.append(sum(reply.seconds))
             watched.cpu += reply.cpu_seconds
             arrays = [array for one in reply.results for array in (one.sums, one.weights, *(one.truth or {}).values())]
             watched.brought.append(sum(array.nbytes for array in arrays if array is not None))
             return watched._taken(engine, group, reply)
 
-        def take(progress: Any, i: int, result: Any) -> None:
+        def take(progress, i, result):
             begin = time.thread_time()
             watched._take(progress, i, result)
-            watched.take, watched.pixels = (
-                watched.take + time.thread_time() - begin,
-                watched.pixels + result.tile.pixels,
-            )
+            watched.take += time.thread_time() - begin
+            watched.pixels += result.tile.pixels
 
-        DaskEngine._taken, Progress.take = taken, take  # type: ignore[method-assign]
+        DaskEngine._taken, Progress.take = taken, take
         return self
 
-    def __exit__(self, *error: object) -> None:
-        DaskEngine._taken, Progress.take = self._taken, self._take  # type: ignore[method-assign]
+    def __exit__(self, *error):
+        DaskEngine._taken, Progress.take = self._taken, self._take
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     scene, camera = pl.objects_scene(), reference.camera()
-    given: dict[str, Any] = {"samples": 384, "progress": False}
+    given = {"samples": 384, "progress": False}
     if quick:
         given |= {"samples": 16, "region": np.s_[240:272, 240:272], "tile_side": 16}
     with (
@@ -68,10 +60,10 @@ def tables(*, quick: bool) -> Iterator[Table]:
         distributed.Client(cluster) as client,
     ):
 
-        def there() -> float:
+        def there():
             return float(sum(client.run(time.process_time).values()))
 
-        def render(**how: Any) -> pl.Exposure:
+        def render(**how):
             # A new camera: what feeds the pixels of one that was rendered before would be known to threads.
             anew = dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor))
             return pl.render(scene, anew, **how, **given)
@@ -90,74 +82,45 @@ def tables(*, quick: bool) -> Iterator[Table]:
             rows.append((turn + 1, *on_threads[:2], *on_cluster))
         a, b = np.array(rows).min(axis=0), pixels
         wall, cpu_ratio = a[1] / a[3], a[2] / (a[4] + a[5])
-    yield Table(
-        "Two processes of one thread against two threads, `objects`",
-        ("round", "wall s, threads", "CPU s, threads", "wall s, cluster", "CPU s, client", "CPU s, workers"),
-        rows,
-        [
-            f"{pixels} pixels, {given['samples']} samples. Efficiency of the best: {wall:.2f} by the clock, "
-            f"{cpu_ratio:.2f} by processors (wanted: {WANTED}). The scheduler is in the client's process. "
-            f"The first render of workers began after {started:.1f} s, {start_cpu:.1f} s of processors."
-        ],
+    remark = (
+        f"{pixels} pixels, {given['samples']} samples. Efficiency of the best: {wall:.2f} by the clock, "
+        f"{cpu_ratio:.2f} by processors (wanted: {WANTED}). The scheduler is in the client's process. "
+        f"The first render of workers began after {started:.1f} s, {start_cpu:.1f} s of processors."
     )
+    columns = "round | wall s, threads | CPU s, threads | wall s, cluster | CPU s, client | CPU s, workers"
+    yield Table("Two processes of one thread against two threads, `objects`", columns, rows, [remark])
     turns, moved = len(rows), float(sum(watched.brought)) / len(rows)
     tasks, brought = np.array(watched.tasks), np.array(watched.brought) / 1e6
-    columns = (
-        "tasks a render",
-        "s, median",
-        "s, longest",
-        "MB brought, median",
-        "MB in all",
-        "bytes a pixel",
-        "MB sent",
-    )
+    columns = "tasks a render | s, median | s, longest | MB brought, median | MB in all | bytes a pixel | MB sent"
     row = len(tasks) // turns, np.median(tasks), tasks.max(), np.median(brought), moved / 1e6, moved / b
     yield Table("Tasks", columns, [(*map(float, row), subject_bytes(scene, camera) / 1e6)])
     each, byte = of_empty_tasks(quick=quick)
     path = watched.cpu / turns / (b * given["samples"])
     measured = cluster_model.Measured(path, each, byte, watched.take / watched.pixels, started, started / 3)
+    row = (1e6 * path, 1e3 * each, 1e9 * byte, 1e9 * measured.take, started)
     yield Table(
-        "What the model is fed with",
-        ("us a path", "ms a task", "ns a byte", "ns a pixel taken", "s to start"),
-        [(1e6 * path, 1e3 * each, 1e9 * byte, 1e9 * measured.take, started)],
+        "What the model is fed with", "us a path | ms a task | ns a byte | ns a pixel taken | s to start", [row]
     )
     yield model(measured)
 
 
-def subject_bytes(scene: pl.Scene, camera: pl.PlenopticCamera) -> int:
+def subject_bytes(scene, camera):
     """Of what every worker gets once."""
     return len(pickle.dumps(Subject(scene, camera)))
 
 
-def model(measured: cluster_model.Measured) -> Table:
-    rows = []
-    for name, rounds in (
-        ("64 samples", cluster_model.FEW),
-        ("1024 samples", cluster_model.MANY),
-        ("target 2 %", cluster_model.ADAPTIVE),
-    ):
-        for megapixels in (16, 40):
-            for workers in WORKERS:
-                found = cluster_model.estimated(measured, megapixels, workers, rounds)
-                shares = (found.efficiency, found.client, found.setup, found.idle)
-                percent = [f"{100 * share:.0f}" for share in shares]
-                rows.append((name, megapixels, workers, found.seconds, *percent, found.task, found.bytes / 1e9))
-    columns = (
-        "render",
-        "Mpx",
-        "workers",
-        "s",
-        "efficiency %",
-        "client busy %",
-        "starting %",
-        "idle %",
-        "s a task",
-        "GB",
-    )
+def model(measured):
+    rows, renders = [], (("64 samples", "FEW"), ("1024 samples", "MANY"), ("target 2 %", "ADAPTIVE"))
+    for (name, rounds), megapixels, workers in itertools.product(renders, (16, 40), WORKERS):
+        found = cluster_model.estimated(measured, megapixels, workers, getattr(cluster_model, rounds))
+        shares = (found.efficiency, found.client, found.setup, found.idle)
+        percent = [f"{100 * share:.0f}" for share in shares]
+        rows.append((name, megapixels, workers, found.seconds, *percent, found.task, found.bytes / 1e9))
+    columns = "render | Mpx | workers | s | efficiency % | client busy % | starting % | idle % | s a task | GB"
     return Table("Model of larger clusters, cold, one thread a worker", columns, rows)
 
 
-def _cost(run: Callable[[], object], there: Callable[[], float]) -> tuple[float, float, float]:
+def _cost(run, there):
     """Wall, processor seconds here, and those of workers."""
     elsewhere, wall, cpu = there(), time.perf_counter(), time.process_time()
     run()
@@ -165,7 +128,7 @@ def _cost(run: Callable[[], object], there: Callable[[], float]) -> tuple[float,
     return *spent, there() - elsewhere
 
 
-def of_empty_tasks(*, quick: bool) -> tuple[float, float]:
+def of_empty_tasks(*, quick):
     """Seconds of this process, scheduler and all, for a task that does nothing, and for a byte that one brings."""
     count, size = (20, 1 << 20) if quick else (200, 1 << 23)
     with (

@@ -4,8 +4,6 @@ One worker is a thread. Tasks are grouped as `core/engines/dask_engine.py` does.
 time on every task, on every byte that comes or goes, and on every pixel; meanwhile workers have `_AHEAD` tasks each.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 from typing import NamedTuple
@@ -22,44 +20,32 @@ CHANNELS, REPLICATES = 3, 2
 class Measured(NamedTuple):
     """What a run has shown, in seconds."""
 
-    path: float
-    """Of one thread for a path."""
-    task: float
-    """Of the client for a task: submitting, and what the scheduler does in its process."""
-    byte: float
-    """Of the client for a byte that comes or goes."""
-    take: float
-    """Of the client for a pixel of a result."""
-    start: float
-    """Until the first worker of a host has compiled."""
-    load: float
-    """Until the others have loaded that from the disk."""
+    path: float  # of one thread for a path
+    task: float  # of the client for a task: submitting, and what the scheduler does in its process
+    byte: float  # of the client for a byte that comes or goes
+    take: float  # of the client for a pixel of a result
+    start: float  # until the first worker of a host has compiled
+    load: float  # until the others have loaded that from the disk
 
 
 class Estimated(NamedTuple):
     """How a render goes."""
 
     seconds: float
-    efficiency: float
-    """Of the workers: what they have computed over what they could have."""
-    client: float
-    """Share of the time that the client is busy."""
-    setup: float
-    """Share of the time until all have begun."""
-    idle: float
-    """Share of the time that workers wait for each other at the end of rounds, or for the client."""
-    task: float
-    """Seconds of a task, the mean."""
-    bytes: float
-    """Moved in all."""
+    efficiency: float  # of the workers: what they have computed over what they could have
+    client: float  # share of the time that the client is busy
+    setup: float  # share of the time until all have begun
+    idle: float  # share of the time that workers wait for each other at the end of rounds, or for the client
+    task: float  # seconds of a task, the mean
+    bytes: float  # moved in all
 
 
-def side_of(samples: int) -> int:
+def side_of(samples):
     """Of a tile: what `rendering/tiling.py` takes."""
     return min(max(int(math.sqrt((1 << 17) / samples)), 16), 256) if samples == FEW[0][0] else 64
 
 
-def estimated(measured: Measured, megapixels: float, workers: int, rounds: tuple[tuple[int, float], ...]) -> Estimated:
+def estimated(measured, megapixels, workers, rounds):
     """Of a colour frame with errors from two replicates and depth, on cold workers."""
     random, side = np.random.default_rng(1), side_of(rounds[0][0])
     pixels = side * side
@@ -75,7 +61,7 @@ def estimated(measured: Measured, megapixels: float, workers: int, rounds: tuple
         sent = sums if number else 0
         brought = sums + (0 if number else 12 * pixels)
         heapq.heapify(free)
-        done: list[tuple[float, int]] = []
+        done = []
         at = 0
         while left or done:
             known = number > 0 or at > len(done)  # how long orders take
@@ -104,7 +90,7 @@ def estimated(measured: Measured, megapixels: float, workers: int, rounds: tuple
     )
 
 
-def _together(left: int, workers: int, seconds: float, nbytes: float) -> int:
+def _together(left, workers, seconds, nbytes):
     """Orders of a task; see `DaskEngine._group`."""
     fitting = min(dask_engine._SECONDS / seconds, dask_engine._MOST_BYTES / nbytes, left)
     shared = max(-(-left // (dask_engine._SHARE * workers)), math.ceil(dask_engine._HANDLING * workers / seconds))

@@ -1,7 +1,5 @@
 """Data sets: what a frame costs beside its rendering, and a run that is killed again and again."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json
@@ -11,7 +9,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +22,7 @@ DIE = pl.Mesh(pl.box(2.4).vertices, pl.box(2.4).faces, name="die").translated(z=
 WALL = pl.quad((-80, -80, -420), (160, 0, 0), (0, 160, 0))
 
 
-def sequence(frames: int) -> pl.Sequence:
+def sequence(frames):
     turn = pl.Motion.screw((0, 1), axis=(1, 2, 0.5), through=(0, 0, -404), angle_deg=90, advance=1.5)
     camera = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.05))
     return pl.Sequence(pl.Scene([WALL, DIE], background=0.3), camera, np.linspace(0, 1, frames), motions={"die": turn})
@@ -60,45 +57,34 @@ print(json.dumps([*spent, size, peak, time.perf_counter() - begin]))
 HOW = {"samples": 16, "truth": pl.Truth.DEPTH | pl.Truth.OBJECT, "progress": False}
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     frames, kills = (4, 1) if quick else (200, 20)
     with tempfile.TemporaryDirectory() as folder:
-        yield Table(
-            f"{frames} frames of 64 x 64 pixels, 16 samples, with motion",
-            ("what", "wall s", "CPU-s", "CPU-ms a frame", "MB"),
-            list(costs(Path(folder), frames)),
-            ["In one process, kernels compiled, on all processors."],
-        )
+        remark, title = "In one process, kernels compiled, on all processors.", "frames of 64 x 64 pixels, 16 samples"
+        rows = list(costs(Path(folder), frames))
+        yield Table(f"{frames} {title}, with motion", "what | wall s | CPU-s | CPU-ms a frame | MB", rows, [remark])
         side = 600 if quick else 6400
-        yield Table(
-            "A frame of `objects` in colour, with error and depth, 2 samples, in bands of 16 megapixels",
-            (
-                "megapixels",
-                "wall s",
-                "CPU-s",
-                "MB on the disk",
-                "MB of memory beside what was there",
-                "a chunk read in s",
-            ),
-            [(side**2 / 1e6, *in_new_process(BANDS.replace("{folder!r}", repr(folder)).replace("{side}", str(side))))],
+        title = "A frame of `objects` in colour, with error and depth, 2 samples, in bands of 16 megapixels"
+        columns = (
+            "megapixels | wall s | CPU-s | MB on the disk | MB of memory beside what was there | a chunk read in s"
         )
-        yield Table(
-            "The sequence, killed by SIGKILL at random moments and called again",
-            ("kills", "frames there at each", "hashes of all arrays, and the manifest"),
-            [killed(Path(folder), frames, kills)],
-        )
+        code = BANDS.replace("{folder!r}", repr(folder)).replace("{side}", str(side))
+        yield Table(title, columns, [(side**2 / 1e6, *in_new_process(code))])
+        title = "The sequence, killed by SIGKILL at random moments and called again"
+        columns = "kills | frames there at each | hashes of all arrays, and the manifest"
+        yield Table(title, columns, [killed(Path(folder), frames, kills)])
 
 
-def costs(folder: Path, frames: int) -> Iterator[tuple[object, ...]]:
+def costs(folder, frames):
     pl.dataset.write(folder / "warm", sequence(2), motion=True, **HOW)
 
-    def timed(what: str, work: object) -> tuple[object, ...]:
+    def timed(what, work):
         begin, cpu = time.perf_counter(), time.process_time()
-        work()  # type: ignore[operator]
+        work()
         took, cpu = time.perf_counter() - begin, time.process_time() - cpu
         return what, took, cpu, 1e3 * cpu / frames
 
-    def rendered() -> None:
+    def rendered():
         found = list(sequence(frames))
         for k, frame in enumerate(found):
             pl.render(frame.scene, frame.camera, seed=k, **HOW)
@@ -112,7 +98,7 @@ def costs(folder: Path, frames: int) -> Iterator[tuple[object, ...]]:
     yield *timed("called again", lambda: pl.dataset.write(whole, sequence(frames), motion=True, **HOW)), None
 
 
-def killed(folder: Path, frames: int, kills: int) -> tuple[object, ...]:
+def killed(folder, frames, kills):
     program = "import sys, pathlib, data_sets, plenoptic as pl; pl.dataset.write(pathlib.Path(sys.argv[1]), "
     program += "data_sets.sequence(int(sys.argv[2])), motion=True, **data_sets.HOW)"
     broken, random, there = folder / "broken", np.random.default_rng(3), []
@@ -132,11 +118,11 @@ def killed(folder: Path, frames: int, kills: int) -> tuple[object, ...]:
     return kills, ", ".join(map(str, there)), "equal" if equal else "DIFFERENT"
 
 
-def images_in(log: Path) -> int:
+def images_in(log):
     return log.read_bytes().count(b'"image": true') if log.exists() else 0
 
 
-def digest(folder: Path) -> tuple[str, object]:
+def digest(folder):
     """Of all files of the stores, and the manifest."""
     sha = hashlib.sha256()
     for path in sorted(folder.glob("*.zarr/**/*")):

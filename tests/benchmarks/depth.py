@@ -1,9 +1,7 @@
 """Accuracy of depth: planes, edges, weak texture, noise and colour filters before several cameras, and views."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import depth_scenes as scenes
@@ -23,6 +21,7 @@ _REMARKS = (
     "1|; one thread, warm. The sensor collects some 4000 electrons at radiance 1, with 3 electrons of read "
     "noise.",
 )
+_RGGB = pl.BayerPattern.RGGB
 _SENSOR = {"photon_rate": 2.9e5, "exposure_time": 1.0, "gain": 0.25, "bits": 12, "read_noise": 3.0, "prnu": 0.005}
 
 
@@ -34,7 +33,7 @@ class Case(NamedTuple):
     sensor: pl.SensorModel | None = None
 
 
-def _plane(v: float, **more: object) -> Callable[[pl.PlenopticCamera], list[pl.Mesh]]:
+def _plane(v, **more):
     return lambda camera: [scenes.plane(camera, v, int(10 * abs(v)), **more)]
 
 
@@ -47,13 +46,11 @@ OTHERS = [
     Case("v = 4.5, contrast 0.04", _plane(4.5, contrast=0.02)),
     Case("v = 4.5, uniform", _plane(4.5, contrast=0.0)),
     Case("v = 4.5, sensor", _plane(4.5), pl.SensorModel(**_SENSOR)),
-    Case(
-        "v = 4.5, Bayer filter", _plane(4.5, colours=3), pl.SensorModel(colour_filters=pl.BayerPattern.RGGB, **_SENSOR)
-    ),
+    Case("v = 4.5, Bayer filter", _plane(4.5, colours=3), pl.SensorModel(colour_filters=_RGGB, **_SENSOR)),
 ]
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     one, three = scenes.focused(), scenes.three_types()
     listed = [("one type", one, PLANES[:1] if quick else [*PLANES, EDGE, *OTHERS])]
     if not quick:
@@ -67,20 +64,17 @@ def tables(*, quick: bool) -> Iterator[Table]:
     yield _views(quick)
 
 
-def _rows(name: str, camera: pl.PlenopticCamera, cases: list[Case], quick: bool) -> Iterator[tuple[object, ...]]:
+def _rows(name, camera, cases, quick):
     half, samples = (60, 32) if quick else (128, 128)
     region = np.s_[256 - half : 256 + half, 256 - half : 256 + half]
     white = pl.render_white(camera, samples=2 * samples, region=region, progress=False, seed=9)
     for case in cases:
-        shot = pl.render(
-            pl.Scene(case.meshes(camera)), camera, samples=samples, region=region, truth=_TRUTH, progress=False
-        )
+        scene, how = pl.Scene(case.meshes(camera)), {"samples": samples, "region": region, "progress": False}
+        shot = pl.render(scene, camera, truth=_TRUTH, **how)
         yield (name, case.name, *measured(camera, shot, white, case.sensor))
 
 
-def measured(
-    camera: pl.PlenopticCamera, shot: pl.Exposure, white: pl.Exposure, sensor: pl.SensorModel | None = None
-) -> tuple[float, ...]:
+def measured(camera, shot, white, sensor=None):
     """The numbers of a row."""
     pictures = (shot, white) if sensor is None else (shot.develop(sensor).demosaic(), white.develop(sensor).demosaic())
     found = pl.lightfield.depth(*pictures, camera=camera, threads=1)
@@ -99,17 +93,11 @@ def measured(
     return (*shares, honest, confidence, depth, 1e3 * seconds / found.disparity.size)
 
 
-def _views(quick: bool) -> Table:
+def _views(quick):
     """Slopes of epipolar lines in views of a 1.0 camera."""
     rows = []
     for lattice in (pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE):
-        camera = pl.PlenopticCamera(
-            lens=reference.camera(reference.Mode.UNFOCUSED).lens,
-            microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=lattice),
-            sensor=pl.Sensor(shape=(330, 330) if quick else (660, 660), pixel_pitch=0.010),
-            stop_to_microlenses=123.3,
-            microlenses_to_sensor=2.0,
-        )
+        camera = reference.built((330, 330) if quick else (660, 660), stop=4.25, b=2.0, lattice=lattice)
         white = pl.render_white(camera, samples=64, progress=False)
         for z in (-470.0,) if quick else (-420.0, -470.0, -560.0, -700.0):
             side = abs(0.217 / pl.paraxial.magnification(camera.lens, z)) * 256
@@ -128,10 +116,8 @@ def _views(quick: bool) -> Table:
             depth = 100 * np.nanmedian(np.abs(found.depth[inside] / -z - 1))
             cost = 1e3 * seconds / found.disparity.size
             rows.append((lattice.name, z, field.disparity_at(z)[0], *map(float, row), float(depth), cost))
-    columns = ("lattice", "z / mm", "disparity", "kept %", "bias", "RMS error", "error / stated", "depth error %")
-    return Table(
-        "Depth of views: textured planes, 21 x 21 views of a 1.0 camera",
-        (*columns, "ms a pixel"),
-        rows,
-        ("Disparity, bias and error in pixels of a view for each pixel of u, against `disparity_at`, without border.",),
+    columns = "lattice | z / mm | disparity | kept % | bias | RMS error | error / stated | depth error % | ms a pixel"
+    remark = (
+        "Disparity, bias and error in pixels of a view for each pixel of u, against `disparity_at`, without border."
     )
+    return Table("Depth of views: textured planes, 21 x 21 views of a 1.0 camera", columns, rows, [remark])

@@ -1,7 +1,6 @@
 """Scenes and cameras for depth: textured planes at known virtual depths before cameras of one and of three types."""
 
-from __future__ import annotations
-
+import dataclasses
 import math
 
 import numpy as np
@@ -15,49 +14,26 @@ SEEN_BY_THREE = (-345.0, -404.0, -470.0)
 _TEXELS = 512
 
 
-def focused(
-    *,
-    focal_lengths: tuple[float, ...] = (2.0,),
-    lattice: pl.Lattice = pl.Lattice.HEXAGONAL,
-    pitch: float = 0.217,
-    b: float = 1.7,
-    z: float = 123.3,
-    **more: object,
-) -> pl.PlenopticCamera:
+def focused(**changes):
     """The reference camera, changed."""
-    return pl.PlenopticCamera(
-        lens=reference.camera().lens,
-        microlenses=pl.MicrolensArray(pitch=pitch, focal_lengths=focal_lengths, lattice=lattice),
-        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-        stop_to_microlenses=z,
-        microlenses_to_sensor=b,
-        **more,
-    )
+    return reference.built((512, 512), **changes)
 
 
-def three_types() -> pl.PlenopticCamera:
+def three_types():
     """As in examples/multi_focus.py."""
     behind = [pl.paraxial.image_position(reference.camera().lens, z) - 123.3 for z in SEEN_BY_THREE]
     return focused(focal_lengths=tuple(1 / (1 / 1.7 - 1 / s) for s in behind))
 
 
-def turned() -> pl.PlenopticCamera:
+def turned():
     """A smaller pitch, turned by 13 degrees and out of place."""
     c, s = math.cos(math.radians(13.0)), math.sin(math.radians(13.0))
     placement = pl.optics.Placement(rotation=[[c, -s, 0], [s, c, 0], [0, 0, 1]], shift=(0.02, 0.03, 0.0))
-    return focused(focal_lengths=(1.4,), pitch=0.15, b=1.2, microlenses_placement=placement)
+    camera = focused(focal_lengths=(1.4,), pitch=0.15, b=1.2)
+    return dataclasses.replace(camera, microlenses_placement=placement)
 
 
-def plane(
-    camera: pl.PlenopticCamera,
-    v: float,
-    seed: int,
-    *,
-    contrast: float = 0.2,
-    tilt: float = 0.0,
-    right: bool = False,
-    colours: int = 1,
-) -> pl.Mesh:
+def plane(camera, v, seed, *, contrast=0.2, tilt=0.0, right=False, colours=1):
     """1/f noise that glows, of texels as large as pixels, on a plane whose image lies v b behind the array.
 
     `contrast` is the standard deviation, of a mean of 0.5; `tilt` is in degrees; `right` leaves its left half out.
@@ -66,17 +42,15 @@ def plane(
     scale = abs(v * camera.sensor.pixel_pitch / lateral_magnification(camera.lens, z, camera.wavelength))
     side, slope = scale * _TEXELS, math.tan(math.radians(tilt))
     common = reference.noise(seed, _TEXELS)
-    own = (
-        [0.5 * (common + reference.noise(seed + 100 * k, _TEXELS)) for k in range(colours)] if colours > 1 else [common]
-    )
-    picture = np.stack(own, -1)
+    own = [0.5 * (common + reference.noise(seed + 100 * k, _TEXELS)) for k in range(colours)]
+    picture = np.stack(own if colours > 1 else [common], -1)
     texture = pl.Texture(np.clip(0.5 + contrast * picture, 0.02, 1.0).astype(np.float32))
     left = 0.3 * scale if right else -0.5 * side
     corner = (left, -0.5 * side, z - 0.5 * slope * side)
     return pl.quad(corner, (side, 0.0, slope * side), (0.0, side, 0.0), material=pl.Emissive(texture))
 
 
-def near_centres(camera: pl.PlenopticCamera, shot: pl.Exposure, part: float = 7.0 / 22.0) -> np.ndarray:
+def near_centres(camera, shot, part=7.0 / 22.0):
     """Pixels of a shot within a part of the pitch of the centre of a microlens image, a pitch from its border."""
     centres = pl.microlens_centres(camera, pl.CentreMethod.CHIEF_RAY).pixel - np.array(shot.region)[[0, 2]]
     pitch = min(camera.microlenses.pitches) / camera.sensor.pixel_pitch

@@ -1,9 +1,6 @@
 """What diffraction costs: CPU time at equal noise, of a scene and of the white image, over that of rays alone."""
 
-from __future__ import annotations
-
 import dataclasses
-from collections.abc import Iterator, Sequence
 from unittest import mock
 
 import numpy as np
@@ -11,30 +8,23 @@ import reference
 from table import Table
 
 import plenoptic as pl
-from plenoptic.study import ErrorRow, ErrorTable, Variant
+from plenoptic.study import Variant
 
 RAYS, UNCUT = "rays alone", "rays alone, nothing certain"
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     samples, seeds, side = ((4, 16), 2, 16) if quick else ((16, 64, 256), 4, 128)
     camera = dataclasses.replace(reference.camera(), wavelength=550.0)
     bends = {"at microlenses": pl.Diffraction(), "and at the iris": pl.Diffraction(iris=True)}
     bent = {name: Variant(camera=dataclasses.replace(camera, diffraction=bend)) for name, bend in bends.items()}
     middle = slice(256 - side // 2, 256 + side // 2)
 
-    def study(scene: pl.Scene | None, variants: dict[str, Variant]) -> ErrorTable:
-        return pl.study.error_against_time(
-            scene,
-            camera,
-            variants,
-            samples=samples,
-            region=np.s_[middle, middle],
-            seeds=seeds,
-            reference=bent["at microlenses"],
-            reference_samples=4 * samples[-1],
-            progress=False,
-        )
+    how = {"samples": samples, "region": np.s_[middle, middle], "seeds": seeds, "progress": False}
+    how |= {"reference": bent["at microlenses"], "reference_samples": 4 * samples[-1]}
+
+    def study(scene, variants):
+        return pl.study.error_against_time(scene, camera, variants, **how)
 
     scene, white = (study(what, {RAYS: Variant()} | bent) for what in (pl.objects_scene(), None))
     # The sampler of scenes: what surely passes the lens is traced as the rest is.
@@ -54,7 +44,7 @@ def tables(*, quick: bool) -> Iterator[Table]:
     yield Table("What diffraction costs", columns, rows, [remark])
 
 
-def _rows(name: str, study: ErrorTable, over: dict[str, Sequence[ErrorRow]]) -> Iterator[tuple[object, ...]]:
+def _rows(name, study, over):
     for row in study.rows:
         each = 1e6 * _seconds(row) / (study.pixels * row.samples)
         bias = 100 * row.bias if row.bias_is_found else f"< {100 * row.bias_limit:.2g}"
@@ -62,12 +52,12 @@ def _rows(name: str, study: ErrorTable, over: dict[str, Sequence[ErrorRow]]) -> 
         yield name, row.variant, row.samples, each, 100 * row.noise, bias, *times, *[None] * (2 - len(times))
 
 
-def _seconds(row: ErrorRow) -> float:
+def _seconds(row):
     """Without setting up, which the noise of the clock can make seem longer than all of a short call."""
     return max(row.cpu_seconds - row.setup_cpu_seconds, 1e-3 * row.cpu_seconds)
 
 
-def seconds_at(rows: Sequence[ErrorRow], noise: float) -> float:
+def seconds_at(rows, noise):
     """CPU seconds that a noise takes, on the line through the two rows next to it, in logarithms."""
     last = next((k for k in range(1, len(rows)) if rows[k].noise <= noise), len(rows) - 1)
     (x0, y0), (x1, y1) = np.log([(row.noise, _seconds(row)) for row in rows[last - 1 : last + 1]])

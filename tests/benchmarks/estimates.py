@@ -1,9 +1,6 @@
 """Does the interval hold that `pl.estimate` gives where a target error ends a render? Ten renders, each asked about."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Iterator
 
 import numpy as np
 import reference
@@ -11,7 +8,6 @@ from honesty import Subject, caustic, expose, scenes
 from table import Table
 
 import plenoptic as pl
-from plenoptic.rendering.estimation.estimate import Estimated
 from plenoptic.truth.channels import Truth
 
 WARM = 4
@@ -20,24 +16,20 @@ TILE = 64
 """Side of tiles that end by themselves."""
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     side = TILE if quick else 512
-    rows = [
-        _row(subject, target)
-        for subject, targets in subjects(side)
-        for target in ((4 * targets[0],) if quick else targets)
-    ]
+    aims = [(subject, (4 * targets[0],) if quick else targets) for subject, targets in subjects(side)]
+    rows = [_row(subject, target) for subject, targets in aims for target in targets]
     held = [sum(row[i] == "yes" for row in rows) for i in (4, 8)]
-    columns = ("CPU s estimated", "from, to", "CPU s", "holds", "samples estimated", "from, to", "samples", "holds")
-    yield Table(
-        f"Estimates where a target error ends a render, {side} x {side} pixels",
-        ("scene, target", *columns, "CPU s of the estimate"),
-        rows,
-        [f"Of {len(rows)} intervals of CPU time {held[0]} hold, of those of samples {held[1]}; 8 of 10 are wanted."],
+    columns = (
+        "scene, target | CPU s estimated | from, to | CPU s | holds | samples estimated | from, to | samples | holds | "
+        "CPU s of the estimate"
     )
+    remark = f"Of {len(rows)} intervals of CPU time {held[0]} hold, of those of samples {held[1]}; 8 of 10 are wanted."
+    yield Table(f"Estimates where a target error ends a render, {side} x {side} pixels", columns, rows, [remark])
 
 
-def subjects(side: int) -> list[tuple[Subject, tuple[float, float]]]:
+def subjects(side):
     """Scenes, and the errors that are aimed at."""
     camera, first = reference.camera(), 256 - side // 2
     middle, thin = np.s_[first : first + side, first : first + side], scenes.camera(pixel_pitch=7.2 / side, pixels=side)
@@ -50,7 +42,7 @@ def subjects(side: int) -> list[tuple[Subject, tuple[float, float]]]:
     ]
 
 
-def _row(subject: Subject, target: float) -> tuple[object, ...]:
+def _row(subject, target):
     given = {"target_error": target, "region": subject.region}
     expose(subject, samples=WARM)
     begin = time.process_time()
@@ -62,7 +54,7 @@ def _row(subject: Subject, target: float) -> tuple[object, ...]:
     return f"{subject.name}, {100 * target:g} %", *asked, took
 
 
-def _paths_of_a_pixel(shot: pl.Exposure) -> float:
+def _paths_of_a_pixel(shot):
     """On average, with those that do not count in the image: of a tile all pixels have as many."""
     if shot.sample_counts is None:
         return float(shot.samples or 0)
@@ -70,6 +62,6 @@ def _paths_of_a_pixel(shot: pl.Exposure) -> float:
     return float(shot.sample_counts.reshape(rows, TILE, columns, TILE).max(axis=(1, 3)).mean())
 
 
-def _cells(found: Estimated, true: float) -> tuple[object, ...]:
+def _cells(found, true):
     between = f"{found.low:.3g}, {found.high:.3g}"
     return found.value, between, true, "yes" if found.low <= true <= found.high else "no"

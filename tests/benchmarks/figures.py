@@ -1,11 +1,8 @@
 """Figures of docs/validation.md that no test prints: those of the reference camera, and what rough surfaces lose."""
 
-from __future__ import annotations
-
 import dataclasses
 import sys
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +21,7 @@ ANGLES_DEG = (0.0, 60.0, 84.0)
 MEAN_OVER = 128
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     yield Table("The reference camera", ("figure", "unit", "reference", "found"), [*paraxial(), *traced(quick)])
     columns = ("alpha", *(f"metal, {a:.0f} degrees" for a in ANGLES_DEG), "mean")
     columns = (*columns, *(f"glass, {a:.0f} degrees" for a in ANGLES_DEG))
@@ -34,7 +31,7 @@ def tables(*, quick: bool) -> Iterator[Table]:
     yield Table("What rough surfaces lose", columns, rows, (remark,))
 
 
-def paraxial() -> Iterator[tuple[str, str, str, str]]:
+def paraxial():
     lens = pl.load_lens("double-gauss-100mm-f2")
     points = pl.paraxial.cardinal_points(lens)
     yield "effective focal length", "mm", "100.72", f"{points.efl:.3f}"
@@ -45,7 +42,7 @@ def paraxial() -> Iterator[tuple[str, str, str, str]]:
     yield "image of z = -404 mm", "mm", "134.624", f"{pl.paraxial.image_position(lens, -404.0):.4f}"
 
 
-def traced(quick: bool) -> Iterator[tuple[str, str, str, str]]:
+def traced(quick):
     for mode, expected in zip(reference.Mode, ("21.987", "22.038"), strict=True):
         camera = reference.camera(mode)
         if not quick:
@@ -74,7 +71,7 @@ def traced(quick: bool) -> Iterator[tuple[str, str, str, str]]:
         yield "RMS of true error over RMS of standard error, `check`", "", "1", f"{ratio:.2f}"
 
 
-def reported(report: pl.camera.CameraReport) -> Iterator[tuple[str, str, str, str]]:
+def reported(report):
     focus = report.focus[0]
     yield "virtual depth of the plane in focus by `report()`, 2.0", "", "6.667", f"{focus.virtual_depth:.3f}"
     yield "disparity of the same", "pixels", "3.255", f"{focus.disparity:.3f}"
@@ -82,7 +79,7 @@ def reported(report: pl.camera.CameraReport) -> Iterator[tuple[str, str, str, st
     yield "plane in focus, Gaussian optics, 2.0", "mm", "-404", f"{focus.z:.2f}"
 
 
-def losses(alpha: float, n: int) -> Iterator[float]:
+def losses(alpha, n):
     """Per cent: of metal by angles and on average, of glass by angles."""
     metal, glass = pl.Conductor(alpha=alpha), pl.Dielectric(1.5, alpha=alpha)
     yield from (lost(metal, angle, n) for angle in ANGLES_DEG)
@@ -91,5 +88,5 @@ def losses(alpha: float, n: int) -> Iterator[float]:
     yield from (lost(glass, angle, n) for angle in ANGLES_DEG)
 
 
-def lost(material: pl.Conductor | pl.Dielectric, angle_deg: float, n: int) -> float:
+def lost(material, angle_deg, n):
     return 100 * (1 - float(bsdf.returned(material, bsdf.towards(angle_deg), n)[0][0]))

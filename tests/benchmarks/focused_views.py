@@ -1,10 +1,7 @@
 """Views of focused cameras against exact pictures, beside those that take one patch of each microlens."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +16,6 @@ from plenoptic.truth.channels import Truth
 
 Floats = NDArray[np.float64]
 
-_LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
 _THREE = (1.85, 2.0, 2.3)
 """In focus at virtual depths of 12.3, 6.7 and 3.8."""
 _TEXELS, _SIDE = 1024, 0.05
@@ -35,14 +31,13 @@ class Card(NamedTuple):
 
     virtual_depth: float
     texels: int = _TEXELS
-    centre: tuple[float, float] = (0.0, 0.0)
-    """In its image, mm."""
+    centre: tuple[float, float] = (0.0, 0.0)  # in its image, mm
 
-    def texture(self) -> Floats:
+    def texture(self):
         noise = 0.5 + 0.2 * reference.noise(int(100 * self.virtual_depth), _TEXELS)
         return np.clip(noise, 0.02, 1.0)[: self.texels, : self.texels]
 
-    def placed(self, camera: pl.PlenopticCamera) -> tuple[float, float, float, float]:
+    def placed(self, camera):
         """Its lower left corner and side, mm."""
         image = camera.stop_to_microlenses + self.virtual_depth * camera.microlenses_to_sensor
         z = object_plane(camera.lens, image, camera.wavelength)
@@ -50,12 +45,12 @@ class Card(NamedTuple):
         side = self.texels * _SIDE * larger
         return self.centre[0] * larger - side / 2, self.centre[1] * larger - side / 2, z, side
 
-    def mesh(self, camera: pl.PlenopticCamera) -> pl.Mesh:
+    def mesh(self, camera):
         x, y, z, side = self.placed(camera)
         shine = pl.Emissive(pl.Texture(self.texture()[..., None].astype(np.float32)))
         return pl.quad((x, y, z), (side, 0, 0), (0, side, 0), material=shine)
 
-    def radiance(self, camera: pl.PlenopticCamera, position: Floats) -> Floats:
+    def radiance(self, camera, position):
         """At points (..., 3) of it, between the middles of texels."""
         x, y, _, side = self.placed(camera)
         texture = self.texture()
@@ -63,7 +58,7 @@ class Card(NamedTuple):
         low = np.floor(np.nan_to_num(at)).astype(np.int64)
         (row, column), (down, along) = np.moveaxis(low, -1, 0), np.moveaxis(at - low, -1, 0)
 
-        def texel(i: int, j: int) -> Floats:
+        def texel(i, j):
             return texture[np.clip(row + i, 0, self.texels - 1), np.clip(column + j, 0, self.texels - 1)]
 
         upper, lower = ((1 - along) * texel(i, 0) + along * texel(i, 1) for i in (0, 1))
@@ -86,34 +81,28 @@ CASES = (
 )
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     shape, samples = ((120, 120), 16) if quick else ((330, 330), 256)
     margin = 6 if quick else _MARGIN
     rows = [row for case in (CASES[-1:] if quick else CASES) for row in _rows(case, shape, samples, margin)]
+    remark = (
+        f"{shape[0]} x {shape[1]} pixels, {samples} samples. The exact picture is the mean of {_FINE} x {_FINE} "
+        f"lookups in each pixel along its rays; {margin} pixels at each border do not count. Patches have the "
+        "median disparity of their microlens's middle. One thread."
+    )
     yield Table(
         "Views of focused cameras: PSNR in dB over a peak of 1",
         ("scene", "depth", "viewpoint", "one patch a microlens", "render_view", "gain", "us per raw pixel"),
         rows,
-        [
-            f"{shape[0]} x {shape[1]} pixels, {samples} samples. The exact picture is the mean of {_FINE} x {_FINE} "
-            f"lookups in each pixel along its rays; {margin} pixels at each border do not count. Patches have the "
-            "median disparity of their microlens's middle. One thread."
-        ],
+        [remark],
     )
 
 
-def _rows(case: Case, shape: tuple[int, int], samples: int, margin: int) -> Iterator[tuple[object, ...]]:
-    camera = pl.PlenopticCamera(
-        lens=_LENS,
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=case.types),
-        sensor=pl.Sensor(shape=shape, pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
+def _rows(case, shape, samples, margin):
+    camera = reference.built(shape, focal_lengths=case.types)
     scene = pl.Scene([card.mesh(camera) for card in case.cards])
     shot = pl.render(scene, camera, samples=samples, max_bounces=0, truth=Truth.CHORD_DISPARITY, progress=False)
     white = pl.render_white(camera, samples=samples, seed=5, progress=False)
-    assert shot.truth is not None and shot.truth.chord_disparity is not None
     maps = {"true": shot.truth.chord_disparity, "estimated": pl.lightfield.depth(shot, white).disparity}
     for viewpoint in ((0.0, 0.0), (0.5, 0.0)):
         for name, disparity in maps.items():
@@ -122,38 +111,34 @@ def _rows(case: Case, shape: tuple[int, int], samples: int, margin: int) -> Iter
             view = pl.lightfield.render_view(shot, white, disparity, viewpoint=viewpoint, threads=1)
             spent = 1e6 * (time.perf_counter() - begin) / shot.image[..., 0].size
             exact = _exact(case, scene, view)
-            ours, patches = (
-                _psnr(picture - exact, margin)
-                for picture in (view.picture[..., 0], _patches(shot, white, disparity, view))
-            )
+            pictures = view.picture[..., 0], _patches(shot, white, disparity, view)
+            ours, patches = (_psnr(picture - exact, margin) for picture in pictures)
             yield case.title, name, str(viewpoint), f"{patches:.1f}", f"{ours:.1f}", f"{ours - patches:.1f}", spent
 
 
-def _exact(case: Case, scene: pl.Scene, view: pl.lightfield.View) -> Floats:
+def _exact(case, scene, view):
     """The mean radiance of a view's pixels."""
     steps = (np.arange(_FINE) - (_FINE - 1) / 2) / _FINE * view.spacing
     total = np.zeros(view.disparity.shape)
     for step in np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2):
         moved = dataclasses.replace(view, on_array=view.on_array + step)
         found = moved.truth(scene, truth=Truth.POSITION | Truth.OBJECT)
-        assert found.position is not None and found.object is not None
         for number, card in enumerate(case.cards):
             total += np.where(found.object == number, card.radiance(view.camera, found.position), 0.0)
     return total / len(steps) ** 2
 
 
-def _psnr(off: Floats, margin: int) -> float:
+def _psnr(off, margin):
     inner = off[margin:-margin, margin:-margin]
     return float(-10 * np.log10(np.nanmean(inner**2)))
 
 
-def _patches(shot: pl.Exposure, white: pl.Exposure, disparity: Floats, view: pl.lightfield.View) -> Floats:
+def _patches(shot, white, disparity, view):
     """A view of which each microlens fills its own cell, magnified by one disparity: T. Georgiev and A. Lumsdaine.
 
     For cameras without parts out of place: local axes are those of the array.
     """
     camera, planes = view.camera, raw_planes(shot, white, 0.1)
-    assert camera.microlenses is not None
     b, pixel = camera.microlenses_to_sensor, camera.sensor.pixel_pitch
     points = pl.paraxial.cardinal_points(camera.lens, wavelength=camera.wavelength)
     distance = camera.stop_to_microlenses - points.exit_pupil
@@ -167,9 +152,8 @@ def _patches(shot: pl.Exposure, white: pl.Exposure, disparity: Floats, view: pl.
     behind = b * min(camera.microlenses.pitches) / (np.nanmedian(found[usable], axis=1) * pixel)
     middles = centres.on_array[usable]
     places = view.on_array.reshape(-1, 2)
-    own = np.concatenate(
-        [((part[:, None] - middles) ** 2).sum(axis=-1).argmin(axis=1) for part in np.array_split(places, 64)]
-    )
+    parts = np.array_split(places, 64)
+    own = np.concatenate([((part[:, None] - middles) ** 2).sum(axis=-1).argmin(axis=1) for part in parts])
     # The image of the point that the ray from the pupil shows, seen through the microlens.
     image = places + (places - pupil) * (behind[own] / distance)[:, None]
     on_sensor = middles[own] + (image - middles[own]) * (b / behind[own])[:, None]

@@ -1,17 +1,13 @@
 """Is the standard error right? True errors of many seeds against a converged reference, beside what is stated."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import reference
-from numpy.typing import NDArray
 from table import Table
 
 import plenoptic as pl
@@ -28,11 +24,10 @@ FILM_TARGET = 0.1
 STUDENT = 2.13145  # 95 % of Student's t distribution with 15 degrees of freedom lie within
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     side, seeds, converged = (8, 2, 1 << 10) if quick else (24, 16, 1 << 15)
     numbers = (64,) if quick else (64, 256, 1024)
-    fixed: list[tuple[object, ...]] = []
-    adaptive: list[tuple[object, ...]] = []
+    fixed, adaptive = [], []
     for subject in subjects(side):
         truth = Converged(subject, converged)
         for samples in numbers:
@@ -44,35 +39,28 @@ def tables(*, quick: bool) -> Iterator[Table]:
             reached = (100 * target, 100 * found.stated, 100 * found.error, round(found.samples))
             adaptive.append((subject.name, *reached, *_cells(found)))
     shared = (
-        "true over standard error",
-        "mean error / its standard error",
-        "95 % intervals that hold: all lit pixels %",
-        "where one sample weighs less than the true error %",
-        "these pixels %",
+        "true over standard error | mean error / its standard error | 95 % intervals that hold: all lit pixels % | "
+        "where one sample weighs less than the true error % | these pixels %"
     )
     remark = (
         f"{side} x {side} pixels, {REPLICATES} replicates, {seeds} seeds a row, references of {converged} samples with "
         "another seed, whose own variance is subtracted. Errors are relative RMS over lit pixels. Of three channels "
         "the mean error is that of the one that is farthest off."
     )
-    yield Table(
-        "Is the standard error right? A fixed number of samples",
-        ("scene", "samples", "error %", *shared),
-        fixed,
-        [remark],
-    )
-    columns = ("scene", "target %", "stated error %", "true error %", "samples, mean", *shared)
+    columns = f"scene | samples | error % | {shared}"
+    yield Table("Is the standard error right? A fixed number of samples", columns, fixed, [remark])
+    columns = f"scene | target % | stated error % | true error % | samples, mean | {shared}"
     yield Table("The same with a target error", columns, adaptive, [remark])
     yield _reported(quick=quick)
 
 
-def _reported(*, quick: bool) -> Table:
+def _reported(*, quick):
     """What an exposure says of its own error, on films that show whole scenes."""
     side, seeds, converged = (16, 2, 256) if quick else (64, 24, 1 << 14)
-    rows: list[tuple[object, ...]] = []
+    rows = []
     for film in films(side):
         truth = Converged(film, converged)
-        budgets: list[dict[str, object]] = [{"samples": n} for n in ((32,) if quick else (32, 128))]
+        budgets = [{"samples": n} for n in ((32,) if quick else (32, 128))]
         budgets.append({"target_error": 0.5 if quick else FILM_TARGET})
         for budget in budgets:
             found = honesty(truth, range(seeds), replicates=2, **budget)
@@ -88,7 +76,7 @@ def _reported(*, quick: bool) -> Table:
     return Table("What exposures report", columns, rows, [remark])
 
 
-def _cells(found: Honesty) -> tuple[object, ...]:
+def _cells(found):
     ratio = f"{found.ratio:.3f} ± {found.ratio_error:.3f}"
     spread = None if math.isnan(found.covered_spread) else f"{100 * found.covered_spread:.1f}"
     return ratio, f"{found.mean_error:+.2f}", f"{100 * found.covered:.1f}", spread, f"{100 * found.spread:.0f}"
@@ -107,28 +95,19 @@ class Subject(NamedTuple):
 class Honesty(NamedTuple):
     """What stated errors are worth. Shares are of lit pixels and channels, over all seeds."""
 
-    error: float
-    """RMS over lit pixels of the true error over the brightness."""
-    stated: float
-    """`Exposure.relative_error`, RMS over the seeds."""
-    samples: float
-    """Mean over lit pixels."""
-    ratio: float
-    """RMS of the true error over RMS of the standard error."""
+    error: float  # RMS over lit pixels of the true error over the brightness
+    stated: float  # `Exposure.relative_error`, RMS over the seeds
+    samples: float  # mean over lit pixels
+    ratio: float  # RMS of the true error over RMS of the standard error
     ratio_error: float
-    mean_error: float
-    """The farthest of the channels, in its standard errors."""
-    covered: float
-    """Share of 95 % intervals that hold the truth."""
-    covered_spread: float
-    """The same where the true standard error is at least mean / n."""
-    spread: float
-    """Share of these pixels."""
-    rare: float
-    """Share of the exposures whose light is too rare."""
+    mean_error: float  # the farthest of the channels, in its standard errors
+    covered: float  # share of 95 % intervals that hold the truth
+    covered_spread: float  # the same where the true standard error is at least mean / n
+    spread: float  # share of these pixels
+    rare: float  # share of the exposures whose light is too rare
 
 
-def room() -> pl.Scene:
+def room():
     """Four matt walls under a ceiling that shines, open to the camera: three fifths of its light come by bounces."""
     matt, shining = pl.Lambertian(0.7), pl.Emissive(1.0, two_sided=True)
     left, low, back, side, deep = -7.0, -7.0, -411.0, 14.0, 24.0
@@ -142,7 +121,7 @@ def room() -> pl.Scene:
     return pl.Scene(meshes=walls)
 
 
-def coloured() -> pl.Scene:
+def coloured():
     """Matt plates of two colours under a lamp of a third."""
     floor = pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian((0.8, 0.5, 0.1)))
     plate = pl.quad((-3, -3, -402), (3, 0, 1), (0, 6, 0), material=pl.Lambertian((0.1, 0.3, 0.9)))
@@ -150,11 +129,11 @@ def coloured() -> pl.Scene:
     return pl.Scene(meshes=[floor, plate], lights=[lamp], background=(0.2, 0.1, 0.3))
 
 
-def subjects(side: int) -> list[Subject]:
+def subjects(side):
     camera = reference.camera()
     colour = dataclasses.replace(camera, sensitivity=pl.sensitivities.colour_camera())
 
-    def crop(row: int, column: int) -> tuple[slice, slice]:
+    def crop(row, column):
         return np.s_[row : row + side, column : column + side]
 
     objects, direct = pl.objects_scene(), {"max_bounces": 1}
@@ -172,7 +151,7 @@ def subjects(side: int) -> list[Subject]:
     ]
 
 
-def films(side: int) -> list[Subject]:
+def films(side):
     """Scenes by a thin lens, each on a whole small film, and parts of the reference camera's."""
     camera, whole = scenes.camera(pixel_pitch=7.2 / side), np.s_[:side, :side]
     camera = dataclasses.replace(camera, sensor=pl.Sensor((side, side), 7.2 / side))
@@ -190,7 +169,7 @@ def films(side: int) -> list[Subject]:
     ]
 
 
-def textures() -> pl.Scene:
+def textures():
     """Texels of two sizes under a sky with a bright spot."""
     rng = np.random.default_rng(4)
     coarse, fine = (pl.Texture(rng.uniform(0, 1, (n, n + 2, 3))) for n in (5, 40))
@@ -200,7 +179,7 @@ def textures() -> pl.Scene:
     return pl.Scene([picture, block, scenes.floor()], background=sky)
 
 
-def caustic(side: float, radiance: float) -> pl.Scene:
+def caustic(side, radiance):
     """A glass ball between a square lamp and matt planes: paths find the lamp through it by chance alone."""
     ball = pl.sphere(4.0, center=(0, -3, 0), segments=(128, 64), material=pl.Dielectric(1.5))
     lamp = pl.QuadLight.facing((-10, 30, 5), (0, -3, 0), (side, side), radiance=radiance)
@@ -210,23 +189,21 @@ def caustic(side: float, radiance: float) -> pl.Scene:
 class Converged:
     """The truth about a crop, as far as many samples of another seed tell."""
 
-    def __init__(self, subject: Subject, samples: int) -> None:
+    def __init__(self, subject, samples):
         shot = expose(subject, samples=samples, replicates=REPLICATES, seed=REFERENCE_SEED)
-        assert shot.standard_error is not None
         self.subject, self.samples = subject, samples
         self.image = shot.image.astype(np.float64)
         self.variance = np.square(shot.standard_error, dtype=np.float64)
         mean = self.image.mean(axis=2)
-        self.lit: NDArray[np.bool_] = mean > LIT * np.percentile(mean, 99)
+        self.lit = mean > LIT * np.percentile(mean, 99)
 
 
-def expose(subject: Subject, **settings: object) -> pl.Exposure:
-    return reference.exposed(
-        subject.scene, subject.camera, region=subject.region, truth=Truth.NONE, **subject.options, **settings
-    )
+def expose(subject, **settings):
+    settings = {"region": subject.region, "truth": Truth.NONE, **subject.options, **settings}
+    return reference.exposed(subject.scene, subject.camera, **settings)
 
 
-def honesty(truth: Converged, seeds: range, **budget: object) -> Honesty:
+def honesty(truth, seeds, **budget):
     """Errors of renderings with these seeds. Which pixels spread is judged by the other half of the seeds."""
     shots = [expose(truth.subject, seed=seed, **{"replicates": REPLICATES, **budget}) for seed in seeds]
     errors = np.array([(shot.image - truth.image)[truth.lit] for shot in shots])
@@ -244,12 +221,8 @@ def honesty(truth: Converged, seeds: range, **budget: object) -> Honesty:
 
     inside = np.square(errors) <= STUDENT**2 * stated + uncertain
     half = len(shots) // 2
-    others = np.concatenate(
-        [
-            np.broadcast_to(stated[half:].mean(axis=0), stated[:half].shape),
-            np.broadcast_to(stated[:half].mean(axis=0), stated[half:].shape),
-        ]
-    )
+    halves = (stated[half:], stated[:half]), (stated[:half], stated[half:])
+    others = np.concatenate([np.broadcast_to(of.mean(axis=0), to.shape) for of, to in halves])
     spread = others >= np.square(image / counts)
     return Honesty(
         error=math.sqrt(max(float(np.mean(true.mean(axis=1) / image.mean(axis=1) ** 2)), 0.0)),
@@ -265,6 +238,6 @@ def honesty(truth: Converged, seeds: range, **budget: object) -> Honesty:
     )
 
 
-def counts_of(shot: pl.Exposure) -> NDArray[np.int64]:
+def counts_of(shot):
     """(H, W) samples of each pixel."""
     return np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts

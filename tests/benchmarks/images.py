@@ -1,9 +1,5 @@
 """Paths per second of whole renderings with the reference camera."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import reference
 from reference import Mode
 from table import Table
@@ -15,13 +11,13 @@ from plenoptic.truth.channels import Truth
 WANTED = {"white": "5, aim 8", "check": "3.5, aim 5"}
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     samples, rounds = (1, 1) if quick else (64, 3)
     yield reference_scenes(samples, rounds=rounds)
     yield scenes_with_shading(samples, rounds=rounds)
 
 
-def reference_scenes(samples: int, *, rounds: int) -> Table:
+def reference_scenes(samples, *, rounds):
     """`white` and `check`, both modes, one and two threads."""
     cases = {
         (name, mode, threads): (scene, mode, threads)
@@ -29,10 +25,10 @@ def reference_scenes(samples: int, *, rounds: int) -> Table:
         for mode in Mode
         for threads in (1, 2)
     }
-    through: dict[object, tuple[float, float]] = {}
+    through = {}
 
-    def task(key: object, scene: pl.Scene | None, mode: Mode, threads: int) -> Task:
-        def run(camera: pl.PlenopticCamera) -> None:
+    def task(key, scene, mode, threads):
+        def run(camera):
             stats = reference.exposed(scene, camera, samples=samples, threads=threads).stats
             through[key] = (1e-6 * stats.paths_through_lens, stats.fraction_through_lens)
 
@@ -43,51 +39,28 @@ def reference_scenes(samples: int, *, rounds: int) -> Table:
     for key in cases:
         name, mode, threads = key
         (million, fraction), cost = through[key], median(costs[key])
-        rows.append(
-            (
-                name,
-                mode.title,
-                threads,
-                cost.wall,
-                cost.cpu,
-                100 * fraction,
-                million / cost.wall,
-                million / cost.cpu,
-                WANTED[name],
-            )
-        )
+        found = (100 * fraction, million / cost.wall, million / cost.cpu)
+        rows.append((name, mode.title, threads, *cost, *found, WANTED[name]))
     columns = (
-        "scene",
-        "mode",
-        "threads",
-        "wall s",
-        "CPU s",
-        "% of paths leave the lens",
-        "million of these per wall second",
-        "per CPU-second",
-        "wanted",
+        "scene | mode | threads | wall s | CPU s | % of paths leave the lens | million of these per wall second | "
+        "per CPU-second | wanted"
     )
-    return Table(
-        f"Rendering the reference camera, 512 x 512 pixels, {samples} samples",
-        columns,
-        rows,
-        ["At least 60 % of the paths are to leave the lens. Setting up, depth and standard error are included."],
-    )
+    remark = "At least 60 % of the paths are to leave the lens. Setting up, depth and standard error are included."
+    return Table(f"Rendering the reference camera, 512 x 512 pixels, {samples} samples", columns, rows, [remark])
 
 
-def scenes_with_shading(samples: int, *, rounds: int) -> Table:
+def scenes_with_shading(samples, *, rounds):
     """Scattering and shadow rays: with and without depth, 8 replicates and 1."""
     scenes = {"check": pl.check_scene(), "objects": pl.objects_scene(), "still life": pl.still_life()}
     camera = reference.camera()
-    through: dict[object, float] = {}
+    through = {}
 
-    def task(key: tuple[str, bool, int]) -> Task:
+    def task(key):
         name, depth, replicates = key
 
-        def run(_: None) -> None:
-            shot = reference.exposed(
-                scenes[name], camera, samples=samples, threads=1, truth=Truth(depth), replicates=replicates
-            )
+        def run(_):
+            how = {"samples": samples, "threads": 1, "truth": Truth(depth), "replicates": replicates}
+            shot = reference.exposed(scenes[name], camera, **how)
             through[key] = 1e-6 * shot.stats.paths_through_lens
 
         return Task(run)

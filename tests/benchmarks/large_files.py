@@ -1,9 +1,6 @@
 """A large exposure to the disk and back: zarr and EXR, one chunk of it by xarray, and made of 4 x 4 parts."""
 
-from __future__ import annotations
-
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 from starting import in_new_process
@@ -62,7 +59,7 @@ print(json.dumps([*spent, size, arrays, max(memory("VmHWM") - before, 0.0)]))
 """
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     shape = SMALL if quick else FULL
     rows = []
     with tempfile.TemporaryDirectory() as folder:
@@ -72,8 +69,6 @@ def tables(*, quick: bool) -> Iterator[Table]:
                 path = Path(folder) / f"shot.{ending}"
                 wall, cpu, size, arrays, peak = in_new_process(code.replace("sys.argv[2]", repr(str(path))))
                 rows.append((ending, step, wall, cpu, size, arrays, peak))
-    yield Table(
-        f"An exposure of {shape[0]} x {shape[1]} pixels, three channels, standard error and depth",
-        ("format", "step", "wall s", "CPU s", "on the disk MB", "arrays MB", "memory beside what was there before MB"),
-        rows,
-    )
+    title = f"An exposure of {shape[0]} x {shape[1]} pixels, three channels, standard error and depth"
+    columns = "format | step | wall s | CPU s | on the disk MB | arrays MB | memory beside what was there before MB"
+    yield Table(title, columns, rows)

@@ -1,17 +1,13 @@
 """Scenes of up to five million triangles, and of many more by instances: seconds and memory to build, rays a second."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from starting import in_new_process
 from table import Table
 
 import plenoptic as pl
-from plenoptic.scene.geometry.accel import Intersector, build_intersector
+from plenoptic.scene.geometry.accel import build_intersector
 from plenoptic.scene.geometry.compile import geometry_record
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.record import Hits
@@ -26,29 +22,26 @@ CODE = "import json, large_scenes; print(json.dumps(large_scenes.measured({name!
 BUNDLE = 4096
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
-    rows: list[tuple[object, ...]] = []
+def tables(*, quick):
+    rows = []
     for name, size in SMALL if quick else FULL:
         side = 64 if quick else 512
         met, stored, *costs = in_new_process(CODE.format(name=name, size=size, rays=side))
         rows.append((name, int(met), int(stored), *costs))
-    yield Table(
-        "Large scenes, each in a process of its own",
-        (
-            *("scene", "triangles", "stored", "tables: s", "MB", "Embree: wall s", "CPU s", "MB"),
-            *("peak MB", "million rays a CPU-second: first", "random", "shadow"),
-        ),
-        rows,
-        [
-            "MB are what the process holds more afterwards. Tables: `Scene.tables()`; Embree: float32 copies and the "
-            "tree. First rays come from one point, those of neighbouring pixels together; random ones go on from where "
-            "these end, in all directions above the surface; shadow rays go from there to a lamp of 40 x 40 mm. One "
-            f"thread, bundles of {BUNDLE}, the best of 5."
-        ],
+    remark = (
+        "MB are what the process holds more afterwards. Tables: `Scene.tables()`; Embree: float32 copies and the "
+        "tree. First rays come from one point, those of neighbouring pixels together; random ones go on from where "
+        "these end, in all directions above the surface; shadow rays go from there to a lamp of 40 x 40 mm. One "
+        f"thread, bundles of {BUNDLE}, the best of 5."
     )
+    columns = (
+        "scene | triangles | stored | tables: s | MB | Embree: wall s | CPU s | MB | peak MB | "
+        "million rays a CPU-second: first | random | shadow"
+    )
+    yield Table("Large scenes, each in a process of its own", columns, rows, [remark])
 
 
-def measured(name: str, size: int, side: int) -> list[float]:
+def measured(name, size, side):
     """Triangles met and stored, costs of tables and Embree scene, peak memory, rays a second of the three kinds."""
     triangle = geometry_record(np.eye(3), np.arange(3, dtype=np.int32)[None], np.zeros(1, np.int32))
     build_intersector(triangle)  # loads the library
@@ -56,7 +49,6 @@ def measured(name: str, size: int, side: int) -> list[float]:
     start, before = time.perf_counter(), memory()
     compiled = scene.tables()
     spent = [time.perf_counter() - start, memory() - before]
-    assert compiled.geometry is not None
     wall, cpu, before = time.perf_counter(), time.process_time(), memory()
     intersector = build_intersector(compiled.geometry, compiled.instances)
     spent += [time.perf_counter() - wall, time.process_time() - cpu, memory() - before, memory("VmHWM")]
@@ -68,7 +60,7 @@ def measured(name: str, size: int, side: int) -> list[float]:
     return [met, stored, *spent, *rates, speed(intersector, shadow, "shadow")]
 
 
-def terrain(side: int) -> pl.Scene:
+def terrain(side):
     """A rough ground of some 2 x side^2 triangles, 400 x 400 mm, across the axis at z = -404."""
     rng = np.random.default_rng(0)
     x = np.linspace(-200, 200, side + 1)
@@ -80,7 +72,7 @@ def terrain(side: int) -> pl.Scene:
     return pl.Scene([pl.Mesh(np.stack([across, up, z], axis=-1).reshape(-1, 3), faces)])
 
 
-def balls(count: int, *, copied: bool) -> pl.Scene:
+def balls(count, *, copied):
     """Balls of 4900 triangles, turned and scaled, whose volumes fill a tenth of a box of 200 mm about z = -404."""
     rng = np.random.default_rng(0)
     places = np.tile(np.eye(4), (count, 1, 1))
@@ -91,7 +83,7 @@ def balls(count: int, *, copied: bool) -> pl.Scene:
     return pl.Scene(some.meshes() if copied else [some])
 
 
-def from_a_point(side: int) -> NDArray[np.float64]:
+def from_a_point(side):
     """(side^2, 6): from the origin through a square of 160 mm at z = -404, in blocks of 4 x 4."""
     x = np.linspace(-80, 80, side)
     grid = np.stack(np.meshgrid(x, x), axis=-1).reshape(side // 4, 4, side // 4, 4, 2).swapaxes(1, 2).reshape(-1, 2)
@@ -100,7 +92,7 @@ def from_a_point(side: int) -> NDArray[np.float64]:
     return np.concatenate([np.zeros_like(direction), direction], axis=1)
 
 
-def onwards(intersector: Intersector, first: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def onwards(intersector, first):
     """As many rays from where those end that meet something: in random directions back, and to a lamp."""
     rng = np.random.default_rng(1)
     low, high = np.full(len(first), 200.0), np.full(len(first), 700.0)
@@ -119,7 +111,7 @@ def onwards(intersector: Intersector, first: NDArray[np.float64]) -> tuple[NDArr
     return np.concatenate([points, direction], axis=1), np.concatenate([points, lamp - points], axis=1)
 
 
-def speed(intersector: Intersector, rays: NDArray[np.float64], kind: str) -> float:
+def speed(intersector, rays, kind):
     """Million rays a CPU-second, the best of five rounds."""
     hits, placed, blocked = np.empty(BUNDLE, np.int32), np.empty(BUNDLE, np.int32), np.empty(BUNDLE, np.uint8)
     times = []
@@ -136,7 +128,7 @@ def speed(intersector: Intersector, rays: NDArray[np.float64], kind: str) -> flo
     return 1e-6 * len(rays) / min(times[1:])
 
 
-def memory(which: str = "VmRSS") -> float:
+def memory(which="VmRSS"):
     """MB that this process holds, or with VmHWM has held at most; 0 where the system does not tell."""
     try:
         with open("/proc/self/status") as status:

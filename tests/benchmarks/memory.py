@@ -1,9 +1,5 @@
 """Peak memory of a large white image."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 from starting import in_new_process
 from table import Table
 
@@ -27,14 +23,12 @@ print(json.dumps([peak / 2**30, *spent, shot.stats.threads]))
 """
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     shape = SMALL if quick else FULL
     code = CODE.format(shape=shape, pitch=PIXEL_PITCH)
     in_new_process(CODE.format(shape=(16, 16), pitch=PIXEL_PITCH))  # compiles
     peak, wall, cpu, threads = in_new_process(code)
-    yield Table(
-        "Memory: white image at 1 sample per pixel, in a process of its own",
-        ("rows x columns", "threads", "peak GiB", "wanted below", "wall s", "CPU s"),
-        [(f"{shape[0]} x {shape[1]}", int(threads), peak, 2, wall, cpu)],
-        ["Peak resident memory of the whole process, libraries included."],
-    )
+    remark = "Peak resident memory of the whole process, libraries included."
+    title = "Memory: white image at 1 sample per pixel, in a process of its own"
+    rows = [(f"{shape[0]} x {shape[1]}", int(threads), peak, 2, wall, cpu)]
+    yield Table(title, "rows x columns | threads | peak GiB | wanted below | wall s | CPU s", rows, [remark])

@@ -1,7 +1,5 @@
 """What each part of a camera, colour and ground truth costs, against the plain camera at as many samples."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import statistics
@@ -28,7 +26,7 @@ class Variant(NamedTuple):
     truth: Truth = Truth.NONE
 
 
-def part_costs(*, quick: bool) -> Table:
+def part_costs(*, quick):
     """CPU time of the reference camera with one part more, over that of the plain one."""
     samples, rounds, side = (1, 1, 32) if quick else (32, 9, 256)
     camera = reference.camera()
@@ -44,9 +42,10 @@ def part_costs(*, quick: bool) -> Table:
 TRUTHS = {"depth": Truth.DEPTH, "position and normal": Truth.POSITION | Truth.NORMAL, "all channels": Truth.ALL}
 
 
-def cameras(plain: pl.PlenopticCamera) -> dict[str, pl.PlenopticCamera]:
+def cameras(plain):
     """The plain camera with one thing more."""
     tilt = (math.radians(0.5), 0.0, 0.0)
+    lines = pl.sensor.Sensitivity.lines((610.0, 550.0, 465.0))
     circle, clear = pl.optics.ApertureShape.CIRCLE, pl.optics.Gaps.CLEAR
     shifted = pl.sensor.AngularResponse(well_depth=0.8, pupil_distance=130.0)
     return {
@@ -61,22 +60,20 @@ def cameras(plain: pl.PlenopticCamera) -> dict[str, pl.PlenopticCamera]:
         "angular response": _with_sensor(plain, angular_response=shifted),
         "dust: 1e2 grains over the sensor": _dusty(plain, 100),
         "dust: 1e5 grains over the sensor": _dusty(plain, 100_000),
-        "colour: three lines": dataclasses.replace(
-            plain, sensitivity=pl.sensor.Sensitivity.lines((610.0, 550.0, 465.0))
-        ),
+        "colour: three lines": dataclasses.replace(plain, sensitivity=lines),
         "colour: spectral": dataclasses.replace(plain, sensitivity=pl.sensitivities.colour_camera()),
     }
 
 
-def _with_array(plain: pl.PlenopticCamera, **changes: object) -> pl.PlenopticCamera:
+def _with_array(plain, **changes):
     return dataclasses.replace(plain, microlenses=dataclasses.replace(plain.microlenses, **changes))
 
 
-def _with_sensor(plain: pl.PlenopticCamera, **changes: object) -> pl.PlenopticCamera:
+def _with_sensor(plain, **changes):
     return dataclasses.replace(plain, sensor=dataclasses.replace(plain.sensor, **changes))
 
 
-def _dusty(plain: pl.PlenopticCamera, grains: int) -> pl.PlenopticCamera:
+def _dusty(plain, grains):
     """So many grains that cover 1 % of the sensor, 0.5 mm above it."""
     half = 0.5 * plain.sensor.size[0]
     radius = math.sqrt(0.01 * (2 * half) ** 2 / (math.pi * grains))
@@ -85,17 +82,16 @@ def _dusty(plain: pl.PlenopticCamera, grains: int) -> pl.PlenopticCamera:
     return dataclasses.replace(plain, blemishes=(dust,))
 
 
-def compared(variants: dict[str, Variant], *, samples: int, rounds: int, side: int) -> Table:
+def compared(variants, *, samples, rounds, side):
     """CPU time of each variant over that of the plain camera in the same round, before and after it."""
     middle = slice(256 - side // 2, 256 + side // 2)
     scene = pl.check_scene()
-    lit: dict[str, float] = {}
+    lit = {}
 
-    def task(name: str, variant: Variant) -> Task:
-        def run(_: None) -> None:
-            shot = reference.exposed(
-                scene, variant.camera, samples=samples, region=(middle, middle), truth=variant.truth, threads=1
-            )
+    def task(name, variant):
+        def run(_):
+            how = {"samples": samples, "region": (middle, middle), "truth": variant.truth, "threads": 1}
+            shot = reference.exposed(scene, variant.camera, **how)
             lit[name] = 100 * shot.stats.fraction_through_lens
 
         return Task(run)
@@ -115,7 +111,7 @@ def compared(variants: dict[str, Variant], *, samples: int, rounds: int, side: i
     return Table(title, columns, rows, remarks)
 
 
-def _more(costs: list[Cost], plain: list[float] | list[Cost]) -> tuple[float, float]:
+def _more(costs, plain):
     """Median over the rounds of the per cent by which a cost is above the plain one, and its standard error."""
     over = [100 * (cost.cpu / (p.cpu if isinstance(p, Cost) else p) - 1) for cost, p in zip(costs, plain, strict=True)]
     middle = statistics.median(over)

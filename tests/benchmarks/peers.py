@@ -1,20 +1,18 @@
 """Error against CPU time beside other renderers: the same scenes, thin lens and limit of depth."""
 
-from __future__ import annotations
-
 import functools
 import importlib.util
 import os
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from table import Table
-from timing import Cost, Task, cost_of, median
+from timing import Task, cost_of, median
 
 import plenoptic as pl
 
@@ -32,16 +30,16 @@ PARTS = 8
 SCENES = ("lambertian_bodies", "metals", "glass", "textured", "environment", "many_lights", "objects")
 OURS = "plenoptic"
 
-Image: TypeAlias = NDArray[np.float64]
-Renderer: TypeAlias = Callable[[int, int], Image]
+Image = NDArray[np.float64]
+Renderer = Callable[[int, int], Image]
 """Renders a number of samples with a seed: (H, W) radiance, the mean of the channels."""
-Maker: TypeAlias = Callable[[pl.Scene, pl.PlenopticCamera], Renderer]
-Row: TypeAlias = tuple[object, ...]
+Maker = Callable[[pl.Scene, pl.PlenopticCamera], Renderer]
+Row = tuple[object, ...]
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     programs, absent = installed()
-    rows: tuple[list[Row], list[Row], list[Row]] = ([], [], [])
+    rows = ([], [], [])
     for name in SCENES[-1:] if quick else SCENES:
         # Each scene is gone before the next: Mitsuba's calls take longer with others about.
         for found, more in zip(rows, _rows(name, programs, quick=quick), strict=True):
@@ -49,26 +47,20 @@ def tables(*, quick: bool) -> Iterator[Table]:
     for title, found in zip(("one number of samples", "several"), rows, strict=False):
         yield _errors_table(f"Other renderers: error against time, {title}", found, absent)
     if rows[2]:
-        columns = (
-            "scene",
-            "program",
-            "its mean over plenoptic's, less 1, %",
-            "standard error %",
-            "RMS z of lit pixels",
-        )
+        columns = "scene | program | its mean over plenoptic's, less 1, % | standard error % | RMS z of lit pixels"
         yield Table("Other renderers: their references beside plenoptic's", columns, rows[2])
 
 
-def _rows(name: str, programs: Mapping[str, Maker], *, quick: bool) -> tuple[list[Row], list[Row], list[Row]]:
+def _rows(name, programs, *, quick):
     seeds, converged = (1, 8) if quick else (3, 256)
     shown = Shown(name, programs, converged)
     several = ((1, 4) if quick else (4, 16, 64)) if name in (SCENES[0], SCENES[-1]) else ()
     return shown.errors((4 if quick else 256,), seeds), shown.errors(several, seeds), shown.compared()
 
 
-def installed() -> tuple[dict[str, Maker], str]:
+def installed():
     """Renderers that can be had here, and sentences on those that cannot."""
-    programs: dict[str, Maker] = {OURS: plenoptic}
+    programs = {OURS: plenoptic}
     absent, with_llvm = "", "DRJIT_LIBLLVM_PATH" in os.environ
     if importlib.util.find_spec("mitsuba") is None:
         absent += "Mitsuba is left out: it is not installed; the extra `validation` has it. "
@@ -85,10 +77,10 @@ def installed() -> tuple[dict[str, Maker], str]:
     return programs, absent
 
 
-def plenoptic(scene: pl.Scene, camera: pl.PlenopticCamera) -> Renderer:
+def plenoptic(scene, camera):
     white = projected_solid_angles(camera)
 
-    def render(samples: int, seed: int) -> Image:
+    def render(samples, seed):
         settings = {"max_bounces": BOUNCES, "replicates": 1, "threads": 1, "truth": pl.Truth.NONE, "progress": False}
         shot = pl.render(scene, camera, samples=samples, seed=seed, **settings)
         return np.asarray((shot.image / white).mean(axis=2, dtype=np.float64))
@@ -96,7 +88,7 @@ def plenoptic(scene: pl.Scene, camera: pl.PlenopticCamera) -> Renderer:
     return render
 
 
-def mitsuba(variant: str, sampler: str, scene: pl.Scene, camera: pl.PlenopticCamera) -> Renderer:
+def mitsuba(variant, sampler, scene, camera):
     import drjit
     import in_mitsuba
     import mitsuba as mi
@@ -108,14 +100,14 @@ def mitsuba(variant: str, sampler: str, scene: pl.Scene, camera: pl.PlenopticCam
     described["sensor"]["sampler"] = {"type": sampler}
     loaded = mi.load_dict(described)
 
-    def render(samples: int, seed: int) -> Image:
+    def render(samples, seed):
         shown = loaded.integrator().render(loaded, spp=samples, seed=seed)  # mi.render would switch variants, for 70 ms
         return np.array(shown, dtype=np.float64).mean(axis=2)
 
     return render
 
 
-def cycles(scene: pl.Scene, camera: pl.PlenopticCamera) -> Renderer:
+def cycles(scene, camera):
     import in_cycles
 
     render = in_cycles.renderer(scene, camera, max_bounces=BOUNCES, threads=1)
@@ -129,7 +121,7 @@ class Reference(NamedTuple):
     standard_error: Image
 
     @classmethod
-    def made(cls, render: Renderer, samples: int) -> Reference:
+    def made(cls, render, samples):
         parts = np.array([render(samples, REFERENCE_SEED + part) for part in range(PARTS)])
         return cls(parts.mean(axis=0), parts.std(axis=0, ddof=1) / np.sqrt(PARTS))
 
@@ -137,7 +129,7 @@ class Reference(NamedTuple):
 class Shown:
     """A scene in all renderers, with a reference of each family of them."""
 
-    def __init__(self, name: str, programs: Mapping[str, Maker], converged: int) -> None:
+    def __init__(self, name, programs, converged):
         width, place = (4.8, (0, 0, 404)) if name == "objects" else (7.2, mitsuba_scenes.VIEWED_FROM)
         camera = mitsuba_scenes.camera(semi_diameter=5.0, pixel_pitch=width / SIDE, position=place, pixels=SIDE)
         self.name, scene = name, getattr(mitsuba_scenes, name)()
@@ -147,13 +139,13 @@ class Shown:
         image = self.references[OURS].image
         self.lit = image > LIT * np.percentile(image, 99)
 
-    def costs_and_errors(self, samples: int, seeds: int) -> Iterator[tuple[str, float, float, float]]:
+    def costs_and_errors(self, samples, seeds):
         """Of each program: CPU ms per pixel, median and RMS of relative errors; all of them in turns, first unseen."""
-        costs: dict[str, list[Cost]] = defaultdict(list)
-        off: dict[str, list[Image]] = defaultdict(list)
+        costs = defaultdict(list)
+        off = defaultdict(list)
         for seed in range(seeds + 1):
             for program, render in self.renderers.items():
-                images: list[Image] = []
+                images = []
                 cost = cost_of(Task(lambda _, r=render, s=seed, to=images: to.append(r(samples, s))))
                 if seed:
                     costs[program].append(cost)
@@ -165,12 +157,12 @@ class Shown:
             rms = np.sqrt(max(np.mean(found**2) - own, 0.0))
             yield program, ms, float(np.median(np.abs(found))), float(rms)
 
-    def _reference(self, program: str) -> Reference:
+    def _reference(self, program):
         return self.references[program.split()[0]]
 
-    def errors(self, numbers: tuple[int, ...], seeds: int) -> list[Row]:
+    def errors(self, numbers, seeds):
         """What numbers of samples cost, and how far they are off."""
-        rows: list[Row] = []
+        rows = []
         for samples in numbers:
             first = None
             for program, ms, middle, rms in self.costs_and_errors(samples, seeds):
@@ -179,9 +171,9 @@ class Shown:
                 rows.append((self.name, samples, program, ms, 100 * middle, 100 * rms, 1e3 * worth, worth / first))
         return rows
 
-    def compared(self) -> list[Row]:
+    def compared(self):
         """Whether references show the same as this package's."""
-        rows: list[Row] = []
+        rows = []
         ours = self.references[OURS]
         for family, theirs in list(self.references.items())[1:]:
             error = np.hypot(ours.standard_error, theirs.standard_error)
@@ -192,7 +184,7 @@ class Shown:
         return rows
 
 
-def _errors_table(title: str, rows: list[Row], absent: str) -> Table:
+def _errors_table(title, rows, absent):
     columns = (
         *("scene", "samples", "program", "CPU ms per pixel", "median relative error %", "relative RMS error %"),
         *("RMS^2 x CPU, us per pixel", "over plenoptic's"),

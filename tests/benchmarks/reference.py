@@ -1,7 +1,5 @@
 """The reference camera: Tronnier's double Gauss, a hexagonal microlens array and 512 x 512 pixels."""
 
-from __future__ import annotations
-
 import enum
 
 import numpy as np
@@ -18,22 +16,23 @@ class Mode(enum.Enum):
     """Plenoptic 1.0: the sensor is in the microlenses' focal plane."""
 
     @property
-    def title(self) -> str:
+    def title(self):
         return "2.0" if self is Mode.FOCUSED else "1.0"
 
 
-def camera(mode: Mode = Mode.FOCUSED, *, sensor: pl.Sensor | None = None) -> pl.PlenopticCamera:
+def camera(mode=Mode.FOCUSED, *, sensor=None):
     to_sensor, semi_diameter = mode.value
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter)),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010) if sensor is None else sensor,
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=to_sensor,
-    )
+    return built(sensor or pl.Sensor(shape=(512, 512), pixel_pitch=0.010), b=to_sensor, stop=semi_diameter)
 
 
-def exposed(scene: pl.Scene | None, camera: pl.PlenopticCamera, **settings: object) -> pl.Exposure:
+def built(sensor, *, stop=5.0, z=123.3, b=1.7, pitch=0.217, focal_lengths=(2.0,), **array):
+    """The same with other parts; a shape in place of the sensor has pixels of 10 um."""
+    sensor = sensor if isinstance(sensor, pl.Sensor) else pl.Sensor(shape=sensor, pixel_pitch=0.010)
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop))
+    return pl.PlenopticCamera(lens, sensor, z, pl.MicrolensArray(pitch, focal_lengths, **array), b)
+
+
+def exposed(scene, camera, **settings):
     """`render`, or `render_white` where the scene is None, which knows no truth."""
     if scene is None:
         settings.pop("truth", None)
@@ -41,7 +40,7 @@ def exposed(scene: pl.Scene | None, camera: pl.PlenopticCamera, **settings: obje
     return pl.render(scene, camera, progress=False, **settings)
 
 
-def noise(seed: int, size: int, *, sides: tuple[float, float] = (1.0, 1.0), shortest: float = 0.0) -> np.ndarray:
+def noise(seed, size, *, sides=(1.0, 1.0), shortest=0.0):
     """(size, size): noise whose amplitudes fall as 1 / frequency, of mean 0 and standard deviation 1.
 
     On a rectangle of some height and width; waves shorter than `shortest` are left out.

@@ -1,9 +1,5 @@
 """How near views of plenoptic 1.0 cameras are to the truth, beside linear interpolation of the same samples."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import numpy as np
 import reference
 from matplotlib.tri import LinearTriInterpolator, Triangulation
@@ -20,38 +16,29 @@ RESOLVED = 6.0
 """Pitches of microlenses, as far as the plane in focus, that the shortest waves of the smooth texture are long."""
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     side, samples, kinds = (300, 16, 1) if quick else (900, 256, 2)
     rows = []
     for waves, shortest in (("6 pitches and longer", RESOLVED), ("all", 0.0))[:kinds]:
         for lattice in (Lattice.HEXAGONAL, Lattice.SQUARE)[:kinds]:
             for u, v, *found in scored(camera_of(lattice, side), shortest, samples):
                 rows.append((lattice.name, waves, f"{u}, {v}", *found))
-    yield Table(
-        f"Views of 1.0 cameras beside pinholes: {side} x {side} pixels, three planes with 1/f texture",
-        ("lattice", "waves", "u, v", "decode: dB", "linear: dB", "true over stated error"),
-        rows,
-        [
-            "PSNR against a conventional camera with a stop of 0.25 mm at the place of the view in the pupil. Planes "
-            "at 0.9, 1 and 1.12 times the distance in focus. Linear: matplotlib's triangulation of the same samples; "
-            "both lattices have as many microlenses per mm^2. What remains is at edges of planes, and waves "
-            "that are shorter than the lattice resolves. Square lattices need no interpolation."
-        ],
+    remark = (
+        "PSNR against a conventional camera with a stop of 0.25 mm at the place of the view in the pupil. Planes "
+        "at 0.9, 1 and 1.12 times the distance in focus. Linear: matplotlib's triangulation of the same samples; "
+        "both lattices have as many microlenses per mm^2. What remains is at edges of planes, and waves "
+        "that are shorter than the lattice resolves. Square lattices need no interpolation."
     )
+    title = f"Views of 1.0 cameras beside pinholes: {side} x {side} pixels, three planes with 1/f texture"
+    yield Table(title, "lattice | waves | u, v | decode: dB | linear: dB | true over stated error", rows, [remark])
 
 
-def camera_of(lattice: Lattice, side: int) -> pl.PlenopticCamera:
+def camera_of(lattice, side):
     pitch = PITCH if lattice is Lattice.HEXAGONAL else PITCH * 0.75**0.25
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=STOP)),
-        microlenses=pl.MicrolensArray(pitch=pitch, focal_lengths=(1.2,), lattice=lattice),
-        sensor=pl.Sensor(shape=(side, side), pixel_pitch=0.01),
-        stop_to_microlenses=134.6,
-        microlenses_to_sensor=1.2,
-    )
+    return reference.built((side, side), stop=STOP, z=134.6, b=1.2, pitch=pitch, focal_lengths=(1.2,), lattice=lattice)
 
 
-def scored(camera: pl.PlenopticCamera, shortest: float, samples: int) -> Iterator[tuple[float, ...]]:
+def scored(camera, shortest, samples):
     """u, v, PSNR of the view and of linear interpolation, true over stated error."""
     white = pl.render_white(camera, samples=64, seed=5, progress=False)
     field = pl.lightfield.decode(white, white, views=7)
@@ -67,11 +54,11 @@ def scored(camera: pl.PlenopticCamera, shortest: float, samples: int) -> Iterato
         yield u, v, psnr(off), psnr(plain), float(np.sqrt(np.nanmean(off**2) / np.nanmean(stated**2)))
 
 
-def psnr(off: np.ndarray) -> float:
+def psnr(off):
     return float(-10 * np.log10(np.nanmean(off**2)))
 
 
-def planes(z: float, shortest: float) -> pl.Scene:
+def planes(z, shortest):
     """Three planes that glow, across the axis, with waves of at least `shortest` mm."""
     places = ((-60, 120, 1.12), (-15, 12, 1.0), (2, 12, 0.9))
     quads = []
@@ -84,29 +71,21 @@ def planes(z: float, shortest: float) -> pl.Scene:
     return pl.Scene(quads)
 
 
-def through_pinhole(
-    scene: pl.Scene, camera: pl.PlenopticCamera, field: pl.lightfield.LightField, u: int, v: int, samples: int
-) -> np.ndarray:
+def through_pinhole(scene, camera, field, u, v, samples):
     """What a view would be of a conventional camera with a small stop, on the same pixels."""
     (rows, columns), pitch = field.views.shape[2:4], field.spacing[0]
     lens, place = camera.lens, field.pupil[u + 3, v + 3] * STOP
     iris = next(k for k, element in enumerate(lens.elements) if isinstance(element, pl.CircularStop))
     lens = lens.with_stop(pl.CircularStop(semi_diameter=0.25)).moved(iris, shift=(*place.tolist(), 0.0))
     middle = field.origin + np.array([0.5 - columns / 2, rows / 2 - 0.5]) * pitch
-    small = pl.PlenopticCamera(
-        lens=lens,
-        microlenses=None,
-        sensor=pl.Sensor(shape=(rows, columns), pixel_pitch=pitch),
-        stop_to_microlenses=camera.stop_to_microlenses,
-        microlenses_to_sensor=0.0,
-    ).moved(pl.CameraPart.SENSOR, shift=(*middle.tolist(), 0.0))
+    sensor = pl.Sensor(shape=(rows, columns), pixel_pitch=pitch)
+    small = pl.PlenopticCamera(lens, sensor, camera.stop_to_microlenses)
+    small = small.moved(pl.CameraPart.SENSOR, shift=(*middle.tolist(), 0.0))
     seen, sky = (pl.render(part, small, samples=samples, progress=False) for part in (scene, pl.Scene(background=1.0)))
     return np.asarray((seen.image / sky.image)[..., 0], dtype=np.float64)
 
 
-def linear(
-    camera: pl.PlenopticCamera, shot: pl.Exposure, white: pl.Exposure, field: pl.lightfield.LightField, u: int, v: int
-) -> np.ndarray:
+def linear(camera, shot, white, field, u, v):
     """A view by linear interpolation between microlenses."""
     centres = pl.microlens_centres(camera)
     value, _ = raw_planes(shot, white, 0.05).read(centres.pixel + np.array([v, u]))

@@ -1,15 +1,12 @@
 """Two threads against one, beside a loop that shows what the machine gives."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numba
 import reference
 from table import Table
-from timing import Cost, Task, best, cost_of
+from timing import Task, best, cost_of
 
 import plenoptic as pl
 
@@ -17,12 +14,12 @@ WANTED = 1.8
 LEAST_SECONDS = 10.0
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     yield two_against_one(LEAST_SECONDS * (0.02 if quick else 1.0), rounds=1 if quick else 5)
 
 
 @numba.njit(nogil=True)
-def _logistic(steps: int) -> float:
+def _logistic(steps):
     """Pure computation: one chain of multiplications, no memory."""
     x = 0.4
     for _ in range(steps):
@@ -30,24 +27,24 @@ def _logistic(steps: int) -> float:
     return x
 
 
-def control(amount: int, threads: int) -> None:
+def control(amount, threads):
     """The same amount of computing, divided among threads."""
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(_logistic, [amount // threads] * threads))
 
 
-def rendering(scene: pl.Scene | None, camera: pl.PlenopticCamera, samples: int, threads: int) -> None:
+def rendering(scene, camera, samples, threads):
     reference.exposed(scene, camera, samples=samples, threads=threads)
 
 
-def two_against_one(seconds: float, *, rounds: int) -> Table:
+def two_against_one(seconds, *, rounds):
     camera, check = reference.camera(), pl.check_scene()
-    works: dict[str, tuple[Callable[[int, int], None], int]] = {
+    works = {
         "white": (lambda samples, threads: rendering(None, camera, samples, threads), 1),
         "check": (lambda samples, threads: rendering(check, camera, samples, threads), 1),
         "control loop": (control, 10_000_000),
     }
-    tasks: dict[tuple[str, int], Task] = {}
+    tasks = {}
     for name, (work, least) in works.items():
         amount = _enough(work, least, seconds)
         for threads in (1, 2):
@@ -56,26 +53,16 @@ def two_against_one(seconds: float, *, rounds: int) -> Table:
     turns = [{key: cost_of(task) for key, task in tasks.items()} for _ in range(rounds)]
     rows = [_row(name, *(best([turn[name, threads] for turn in turns]) for threads in (1, 2))) for name in works]
     columns = (
-        "work",
-        "wall s, 1 thread",
-        "wall s, 2 threads",
-        "CPU s, 1 thread",
-        "CPU s, 2 threads",
-        "times as fast",
-        "wanted",
+        "work | wall s, 1 thread | wall s, 2 threads | CPU s, 1 thread | CPU s, 2 threads | times as fast | wanted"
     )
-    return Table(
-        f"Two threads against one, best of {rounds}",
-        columns,
-        rows,
-        [
-            f"Runs were sized to take at least {seconds:g} s with two threads. The control loop is pure computation "
-            "without the GIL: no program gains more than it does here."
-        ],
+    remark = (
+        f"Runs were sized to take at least {seconds:g} s with two threads. The control loop is pure computation "
+        "without the GIL: no program gains more than it does here."
     )
+    return Table(f"Two threads against one, best of {rounds}", columns, rows, [remark])
 
 
-def _enough(work: Callable[[int, int], None], least: int, seconds: float) -> int:
+def _enough(work, least, seconds):
     """How much work takes one thread at least twice that time: two threads then need at least that time."""
     work(least, 1)
     amount = least
@@ -84,6 +71,6 @@ def _enough(work: Callable[[int, int], None], least: int, seconds: float) -> int
     return amount
 
 
-def _row(name: str, one: Cost, two: Cost) -> tuple[object, ...]:
+def _row(name, one, two):
     wanted = WANTED if name != "control loop" else None
     return name, one.wall, two.wall, one.cpu, two.cpu, one.wall / two.wall, wanted

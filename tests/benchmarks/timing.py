@@ -1,10 +1,8 @@
 """Wall and processor time of functions that take turns."""
 
-from __future__ import annotations
-
 import statistics
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 
@@ -22,7 +20,7 @@ class Task(NamedTuple):
     prepare: Callable[[], Any] = lambda: None
 
 
-def cost_of(task: Task, *, calls: int = 1) -> Cost:
+def cost_of(task, *, calls=1):
     """Cost of one call, averaged over a number of calls with the same argument."""
     prepared = task.prepare()
     wall, cpu = time.perf_counter(), time.process_time()
@@ -31,12 +29,12 @@ def cost_of(task: Task, *, calls: int = 1) -> Cost:
     return Cost((time.perf_counter() - wall) / calls, (time.process_time() - cpu) / calls)
 
 
-def taking_turns(tasks: Mapping[str, Task], *, rounds: int) -> dict[str, list[Cost]]:
+def taking_turns(tasks, *, rounds):
     """Costs of tasks that run one after the other, round after round: what disturbs one disturbs all.
 
     A round that is not counted comes first; it compiles and warms up.
     """
-    costs: dict[str, list[Cost]] = {name: [] for name in tasks}
+    costs = {name: [] for name in tasks}
     for task in tasks.values():
         cost_of(task)
     for _ in range(rounds):
@@ -45,11 +43,11 @@ def taking_turns(tasks: Mapping[str, Task], *, rounds: int) -> dict[str, list[Co
     return costs
 
 
-def median(costs: list[Cost]) -> Cost:
+def median(costs):
     """Median of wall and of processor time, each by itself."""
     return Cost(statistics.median(c.wall for c in costs), statistics.median(c.cpu for c in costs))
 
 
-def best(costs: list[Cost]) -> Cost:
+def best(costs):
     """Least wall and least processor time, each by itself."""
     return Cost(min(c.wall for c in costs), min(c.cpu for c in costs))

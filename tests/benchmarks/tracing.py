@@ -1,16 +1,13 @@
 """Lens tracing in float64, arrays in and arrays out, beside batoid."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.util
 import os
-from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 from table import Table
-from timing import Cost, Task, cost_of, median, taking_turns
+from timing import Task, cost_of, median, taking_turns
 
 import plenoptic as pl
 
@@ -23,13 +20,13 @@ SPHERES = "spheres"
 OURS, BARE, CLIPPING = "plenoptic", "batoid", "batoid, with semi-diameters and stop"
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     yield beside_batoid(10_000 if quick else 1_000_000, rounds=2 if quick else 7)
     yield shapes(10_000 if quick else 1_000_000, rounds=2 if quick else 9)
     yield directions_and_sizes(10_000 if quick else 1_000_000, rounds=2 if quick else 7)
 
 
-def rays_towards(lens: pl.LensStack, n: int, *, z: float = -404.0, field: float = 5.0) -> pl.RayBundle:
+def rays_towards(lens, n, *, z=-404.0, field=5.0):
     """Random rays from a square in front of the lens that fill its first surface's middle half."""
     random = np.random.default_rng(0)
     origin = np.column_stack([random.uniform(-field, field, (n, 2)), np.full(n, z)])
@@ -39,13 +36,13 @@ def rays_towards(lens: pl.LensStack, n: int, *, z: float = -404.0, field: float 
     return pl.RayBundle(origin, along / np.linalg.norm(along, axis=1, keepdims=True))
 
 
-def refracting(lens: pl.LensStack) -> int:
+def refracting(lens):
     return sum(isinstance(element, pl.Surface) for element in lens.elements)
 
 
-def beside_batoid(n: int, *, rounds: int) -> Table:
+def beside_batoid(n, *, rounds):
     installed = importlib.util.find_spec("batoid") is not None
-    rows: list[tuple[object, ...]] = []
+    rows = []
     for name in LENSES:
         lens = pl.load_lens(name)
         rays = rays_towards(lens, n)
@@ -58,34 +55,24 @@ def beside_batoid(n: int, *, rounds: int) -> Table:
             tasks[CLIPPING] = Task(clipping.trace, partial(batoid_rays, rays))
         costs = {program: median(cost) for program, cost in taking_turns(tasks, rounds=rounds).items()}
         work = 1e-6 * n * refracting(lens)
-        rows += [
-            (name, refracting(lens), program, cost.wall, cost.cpu, work / cost.cpu, cost.cpu / costs[OURS].cpu)
-            for program, cost in costs.items()
-        ]
+        for program, cost in costs.items():
+            rows.append((name, refracting(lens), program, *cost, work / cost.cpu, cost.cpu / costs[OURS].cpu))
     columns = (
-        "lens",
-        "refracting surfaces",
-        "program",
-        "wall s",
-        "CPU s",
-        "million ray-surfaces per CPU-second",
-        "times plenoptic's CPU time",
+        "lens | refracting surfaces | program | wall s | CPU s | million ray-surfaces per CPU-second | times "
+        "plenoptic's CPU time"
     )
     agreement = f"Both programs' rays end within {TOLERANCE:g} mm of each other, and the same ones are clipped."
-    return Table(
-        f"Lens tracing, {n:,} rays, float64, one thread",
-        columns,
-        rows,
-        [
-            f"Wanted: {WANTED} times batoid, {FEW} with few surfaces. Only refracting surfaces count; the stop comes "
-            f"on top in `{OURS}` and in `{CLIPPING}`, while `{BARE}` clips nothing and is timed without the copy of "
-            "its rays, which it overwrites. Medians of alternating runs.",
-            agreement if installed else "batoid is not installed: pip install '.[validation]' adds it to this table.",
-        ],
+    wanted = (
+        f"Wanted: {WANTED} times batoid, {FEW} with few surfaces. Only refracting surfaces count; the stop comes "
+        f"on top in `{OURS}` and in `{CLIPPING}`, while `{BARE}` clips nothing and is timed without the copy of "
+        "its rays, which it overwrites. Medians of alternating runs."
     )
+    absent = "batoid is not installed: pip install '.[validation]' adds it to this table."
+    title = f"Lens tracing, {n:,} rays, float64, one thread"
+    return Table(title, columns, rows, [wanted, agreement if installed else absent])
 
 
-def shapes(n: int, *, rounds: int) -> Table:
+def shapes(n, *, rounds):
     """What conics, aspheres and places out of the axis cost a lens of which one surface has them."""
     lens = pl.load_lens(LENSES[0])
     rays = rays_towards(lens, n)
@@ -100,31 +87,20 @@ def shapes(n: int, *, rounds: int) -> Table:
     }
     tasks = {name: Task(lambda _, lens=lens: lens.trace(rays, threads=1)) for name, lens in variants.items()}
     costs = {name: median(cost) for name, cost in taking_turns(tasks, rounds=rounds).items()}
-    rows = [
-        (
-            name,
-            float(np.mean(variants[name].trace(rays).status == 0)),
-            cost.wall,
-            cost.cpu,
-            cost.cpu / costs[SPHERES].cpu,
-        )
-        for name, cost in costs.items()
-    ]
-    return Table(
-        f"Lens tracing: shapes and places, {n:,} rays, one thread",
-        ("lens", "share of rays that pass", "wall s", "CPU s", "times the CPU time of spheres alone"),
-        rows,
-        ["Wanted: one asphere at most 1.5 times the time of spheres alone. Medians of alternating runs."],
-    )
+    pass_ = {name: float(np.mean(variants[name].trace(rays).status == 0)) for name in costs}
+    rows = [(name, pass_[name], *cost, cost.cpu / costs[SPHERES].cpu) for name, cost in costs.items()]
+    remark = "Wanted: one asphere at most 1.5 times the time of spheres alone. Medians of alternating runs."
+    columns = "lens | share of rays that pass | wall s | CPU s | times the CPU time of spheres alone"
+    return Table(f"Lens tracing: shapes and places, {n:,} rays, one thread", columns, rows, [remark])
 
 
-def _shaped(lens: pl.LensStack, **fields: object) -> pl.LensStack:
+def _shaped(lens, **fields):
     """The lens with another shape for its first surface."""
-    changed = dataclasses.replace(lens.elements[0], **fields)  # type: ignore[arg-type]
+    changed = dataclasses.replace(lens.elements[0], **fields)
     return dataclasses.replace(lens, elements=[changed, *lens.elements[1:]])
 
 
-def batoid_lens(lens: pl.LensStack, *, clips: bool):  # type: ignore[no-untyped-def]
+def batoid_lens(lens, *, clips):
     """The same surfaces for batoid, in mm; with `clips` their semi-diameters and the stop too."""
     import batoid
 
@@ -133,10 +109,8 @@ def batoid_lens(lens: pl.LensStack, *, clips: bool):  # type: ignore[no-untyped-
     for i, (z, element) in enumerate(zip(lens.vertices, lens.elements, strict=True)):
         place = batoid.CoordSys([0.0, 0.0, float(z)])
         opening = batoid.ObscNegation(batoid.ObscCircle(element.semi_diameter)) if clips else None
-        media = {
-            "inMedium": batoid.ConstMedium(float(indices[i])),
-            "outMedium": batoid.ConstMedium(float(indices[i + 1])),
-        }
+        before, behind = (batoid.ConstMedium(float(index)) for index in indices[i : i + 2])
+        media = {"inMedium": before, "outMedium": behind}
         if isinstance(element, pl.Surface):
             shape = batoid.Plane() if np.isinf(element.radius) else batoid.Sphere(element.radius)
             items.append(batoid.RefractiveInterface(shape, obscuration=opening, name=str(i), coordSys=place, **media))
@@ -145,14 +119,14 @@ def batoid_lens(lens: pl.LensStack, *, clips: bool):  # type: ignore[no-untyped-
     return batoid.CompoundOptic(items, name="lens")
 
 
-def batoid_rays(rays: pl.RayBundle):  # type: ignore[no-untyped-def]
+def batoid_rays(rays):
     import batoid
 
     wavelength = 1e-9 * rays.wavelength
     return batoid.RayVector(*rays.origin.T.copy(), *rays.direction.T.copy(), wavelength=wavelength)
 
 
-def _check_agreement(lens: pl.LensStack, rays: pl.RayBundle, optic) -> None:  # type: ignore[no-untyped-def]
+def _check_agreement(lens, rays, optic):
     ours, theirs = lens.trace(rays), optic.trace(batoid_rays(rays))
     arrived = ours.status == pl.RayStatus.OK
     assert arrived.mean() > 0.5, "most rays are to pass the lens"
@@ -163,7 +137,7 @@ def _check_agreement(lens: pl.LensStack, rays: pl.RayBundle, optic) -> None:  # 
     np.testing.assert_allclose(ours.direction[arrived], theirs.v[arrived], rtol=0, atol=TOLERANCE)
 
 
-def directions_and_sizes(most: int, *, rounds: int) -> Table:
+def directions_and_sizes(most, *, rounds):
     """Both ways through the lens, small bundles and large ones, on one thread and on two."""
     lens = pl.load_lens(LENSES[0])
     rows = []
@@ -178,17 +152,10 @@ def directions_and_sizes(most: int, *, rounds: int) -> Table:
                 cost_of(task)
                 cost = median([cost_of(task, calls=calls) for _ in range(rounds)])
                 rows.append((f"{n:,}", way, threads, *_rates(cost, n, lens)))
-    columns = (
-        "rays",
-        "way",
-        "threads",
-        "microseconds per call",
-        "million ray-surfaces per wall second",
-        "per CPU-second",
-    )
+    columns = "rays | way | threads | microseconds per call | million ray-surfaces per wall second | per CPU-second"
     return Table(f"Lens tracing: {lens.name}, both ways, small bundles and two threads", columns, rows)
 
 
-def _rates(cost: Cost, n: int, lens: pl.LensStack) -> tuple[float, float, float]:
+def _rates(cost, n, lens):
     work = 1e-6 * n * refracting(lens)
     return 1e6 * cost.wall, work / cost.wall, work / cost.cpu

@@ -1,11 +1,6 @@
 """Paths through real scenes: how many, how far off, and what each part of them costs."""
 
-from __future__ import annotations
-
 from collections import defaultdict
-from collections.abc import Iterator
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 import reference
@@ -23,55 +18,36 @@ BLENDER = ((64, 0.21, 1.21, 0.30), (256, 0.83, 0.58, 0.18))
 """Paths per pixel, CPU ms per pixel, relative RMS error and median relative error of `objects` in Blender 3.4."""
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     yield rates(samples=8 if quick else 256, rounds=1 if quick else 5)
     yield stages(samples=8 if quick else 128)
     yield errors(converged=32 if quick else 8192, seeds=1 if quick else 5)
 
 
-def render(samples: int, **settings: Any) -> pl.Exposure:
-    shot = pl.render(
-        pl.objects_scene(),
-        reference.camera(),
-        samples=samples,
-        region=CROP,
-        max_bounces=8,
-        truth=pl.Truth.NONE,
-        progress=False,
-        **settings,
-    )
-    assert shot.stats is not None
-    return shot
+def render(samples, **settings):
+    settings |= {"samples": samples, "region": CROP, "max_bounces": 8, "truth": pl.Truth.NONE, "progress": False}
+    return pl.render(pl.objects_scene(), reference.camera(), **settings)
 
 
-def rates(*, samples: int, rounds: int) -> Table:
+def rates(*, samples, rounds):
     """Paths that reach the scene, in all of a call and without what sets it up."""
-    through = render(8).stats.paths_through_lens / 8  # type: ignore[union-attr]
+    through = render(8).stats.paths_through_lens / 8
     tasks = {
         (threads, amount): Task(lambda _, t=threads, n=amount: render(n, threads=t))
         for threads in (1, 2)
         for amount in (samples, 2 * samples)
     }
-    costs = taking_turns(tasks, rounds=rounds)  # type: ignore[arg-type]
+    costs = taking_turns(tasks, rounds=rounds)
     rows = []
     for threads in (1, 2):
-        less, more = (median(costs[threads, amount]) for amount in (samples, 2 * samples))  # type: ignore[index]
+        less, more = (median(costs[threads, amount]) for amount in (samples, 2 * samples))
         added = Cost(more.wall - less.wall, more.cpu - less.cpu)
-        rows.append(
-            (
-                threads,
-                2e-6 * samples * through / more.cpu,
-                1e-6 * samples * through / added.cpu,
-                1e-6 * samples * through / added.wall,
-                f"{WANTED}, aim {AIM}",
-            )
-        )
+        million = 1e-6 * samples * through
+        rates = (2 * million / more.cpu, million / added.cpu, million / added.wall)
+        rows.append((threads, *rates, f"{WANTED}, aim {AIM}"))
     columns = (
-        "threads",
-        "million paths per CPU-second, whole call",
-        "million paths per CPU-second, without setting up",
-        "million paths per second of wall time",
-        "wanted, per CPU-second",
+        "threads | million paths per CPU-second, whole call | million paths per CPU-second, without setting up | "
+        "million paths per second of wall time | wanted, per CPU-second"
     )
     remark = (
         f"Paths that leave the lens, depth limit 8, rows 256-383 and columns 192-319, {2 * samples} samples; without "
@@ -80,7 +56,7 @@ def rates(*, samples: int, rounds: int) -> Table:
     return Table("Paths through `objects`", columns, rows, [remark])
 
 
-def stages(*, samples: int) -> Table:
+def stages(*, samples):
     """Processor time by stage, one thread."""
     from plenoptic.camera import paths
     from plenoptic.camera.sampling.kernels import paths as camera_paths
@@ -91,7 +67,7 @@ def stages(*, samples: int) -> Table:
     from plenoptic.scene.materials.kernels import parameters
 
     # Each function where its caller finds it.
-    parts: tuple[tuple[Any, str, str], ...] = (
+    parts = (
         (camera_paths, "fill_camera_samples", "points on pixels and microlenses"),
         (paths, "fill_through_array", "microlenses"),
         (paths, "fill_traced", "lens"),
@@ -112,7 +88,7 @@ def stages(*, samples: int) -> Table:
     for (where, name, _), original in zip(parts, originals, strict=True):
         setattr(where, name, original)
     paths = clock.kept.stats.paths_through_lens
-    rows: list[tuple[object, ...]] = [(what, 1e9 * clock.seconds[name] / paths) for _, name, what in parts]
+    rows = [(what, 1e9 * clock.seconds[name] / paths) for _, name, what in parts]
     rest = begin.cpu - sum(clock.seconds[name] for _, name, _ in parts)
     rows += [("all else", 1e9 * rest / paths), ("together", 1e9 * begin.cpu / paths)]
     remark = f"One thread, {samples} samples, for each path that leaves the lens."
@@ -122,18 +98,18 @@ def stages(*, samples: int) -> Table:
 class _Clock:
     """Adds up what functions take."""
 
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = defaultdict(float)
-        self.kept: Any = None
+    def __init__(self):
+        self.seconds = defaultdict(float)
+        self.kept = None
 
-    def keep(self, result: object) -> None:
+    def keep(self, result):
         self.kept = result
 
-    def attach(self, where: ModuleType | type, name: str) -> Any:
+    def attach(self, where, name):
         original = getattr(where, name)
 
-        def timed(*arguments: Any, **settings: Any) -> Any:
-            answers: list[Any] = []
+        def timed(*arguments, **settings):
+            answers = []
             task = Task(lambda _: answers.append(original(*arguments, **settings)))
             self.seconds[name] += cost_of(task).cpu
             return answers[0]
@@ -142,7 +118,7 @@ class _Clock:
         return original
 
 
-def errors(*, converged: int, seeds: int) -> Table:
+def errors(*, converged, seeds):
     """Median and RMS relative error on lit pixels against CPU time, setting up included."""
     reference_shot = render(converged, seed=REFERENCE_SEED)
     image = reference_shot.image.mean(axis=2, dtype=np.float64)
@@ -162,12 +138,8 @@ def errors(*, converged: int, seeds: int) -> Table:
             middle, rms = float(np.median(medians)), float(np.sqrt(np.mean(squares)))
             rows.append((replicates, samples, ms, 100 * middle, 100 * rms, _blender_over(ms, middle)))
     columns = (
-        "replicates",
-        "samples",
-        "CPU ms per pixel",
-        "median relative error %",
-        "relative RMS error %",
-        "Blender's time over it at its median of 30 and 18 %",
+        "replicates | samples | CPU ms per pixel | median relative error % | relative RMS error % | Blender's time "
+        "over it at its median of 30 and 18 %"
     )
     remarks = [
         f"{np.count_nonzero(lit)} lit pixels, mean of the channels, {seeds} seeds a row, reference of {converged} "
@@ -179,7 +151,7 @@ def errors(*, converged: int, seeds: int) -> Table:
     return Table("Error against time: `objects`, mode 2.0", columns, rows, remarks)
 
 
-def _blender_over(ms: float, middle: float) -> float | None:
+def _blender_over(ms, middle):
     """Blender's time over ours where ours has no more than its median error; None where it has more than both."""
     reached = [blender_ms for _, blender_ms, _, blender_middle in BLENDER if middle <= blender_middle]
     return max(reached) / ms if reached else None

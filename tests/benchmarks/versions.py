@@ -4,8 +4,6 @@ Both run in processes of their own that take turns, call after call. Where it is
 itself, which shows what the machine's other work does to the ratios.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os
@@ -14,7 +12,7 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -67,7 +65,7 @@ AT_ERROR = (
 )
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     here = Path(sys.executable)
     other = Path(os.environ.get("PLENOPTIC_BEFORE", here))
     before, now, rounds = _Version(other, own=other == here), _Version(here, own=True), 1 if quick else 7
@@ -88,29 +86,28 @@ def tables(*, quick: bool) -> Iterator[Table]:
 class _Version:
     """A process that renders what it is told to."""
 
-    def __init__(self, python: Path, *, own: bool) -> None:
+    def __init__(self, python, *, own):
         here = Path(__file__).resolve()
         paths = [str(here.parent), *([str(here.parents[2])] if own else [])]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONSAFEPATH": "1"}
         pipe = subprocess.PIPE
         self._process = subprocess.Popen([python, str(here)], env=environment, stdin=pipe, stdout=pipe)
 
-    def __call__(self, case: Case, **settings: Any) -> tuple[float, Any, Any]:
+    def __call__(self, case, **settings):
         """CPU seconds, the image and its standard error."""
-        assert self._process.stdin is not None and self._process.stdout is not None
         name = next(name for name, one in CASES.items() if one is case)
         pickle.dump((name, settings), self._process.stdin)
         self._process.stdin.flush()
-        answer: tuple[float, Any, Any] = pickle.load(self._process.stdout)
+        answer = pickle.load(self._process.stdout)
         return answer
 
 
 _Pair = tuple[_Version, _Version]
 
 
-def serve() -> None:
+def serve():
     """Render one case after the other; scenes are held, cameras are not."""
-    known: dict[str, tuple[Any, Any]] = {}
+    known = {}
     while True:
         try:
             name, settings = pickle.load(sys.stdin.buffer)
@@ -134,26 +131,24 @@ def serve() -> None:
 class _Truth:
     """A converged image, and the errors of others."""
 
-    def __init__(self, now: _Version, case: Case, samples: int) -> None:
+    def __init__(self, now, case, samples):
         _, self.image, error = now(case, samples=samples, replicates=8, seed=1000)
         self.case, self.variance = case, np.square(error)
         grey = self.image.mean(axis=2)
         self.lit = grey > case.lit * np.percentile(grey, 99)
 
-    def relative(self, image: Any) -> Any:
+    def relative(self, image):
         """Squared errors of lit pixels, relative, with the reference's own variance taken off."""
         off = (np.square(image - self.image) - self.variance).mean(axis=2)
         return off[self.lit] / np.square(self.image.mean(axis=2)[self.lit])
 
-    def pixels(self) -> int:
+    def pixels(self):
         return int(self.lit.size)
 
 
-def _measured(
-    truth: _Truth, versions: tuple[_Version, ...], tasks: list[dict[str, int]], rounds: int
-) -> list[tuple[float, Any]]:
+def _measured(truth, versions, tasks, rounds):
     """Median CPU ms a pixel and squared errors (rounds, pixels) of each task; the first round only warms up."""
-    found: list[list[tuple[float, Any]]] = [[] for _ in tasks]
+    found = [[] for _ in tasks]
     for seed in range(rounds + 1):
         for of_task, version, task in zip(found, versions, tasks, strict=True):
             cpu, image, _ = version(truth.case, seed=seed, **task)
@@ -164,10 +159,10 @@ def _measured(
     ]
 
 
-def _at_error(wanted: Wanted, truth: _Truth, versions: _Pair, rounds: int) -> tuple[object, ...]:
+def _at_error(wanted, truth, versions, rounds):
     name, error, before, now = wanted
     middle = np.median if truth.case.scene() is not None else np.mean
-    row: list[float] = []
+    row = []
     of = (versions[0],) * len(before) + (versions[1],) * len(now)
     tasks = [{"samples": n, "replicates": k} for numbers, k in ((before, 8), (now, 2)) for n in numbers]
     measured = _measured(truth, of, tasks, rounds)
@@ -178,7 +173,7 @@ def _at_error(wanted: Wanted, truth: _Truth, versions: _Pair, rounds: int) -> tu
     return name, error, *row, row[0] / row[2]
 
 
-def _variance_times_cpu(name: str, truth: _Truth, versions: _Pair, rounds: int) -> tuple[object, ...]:
+def _variance_times_cpu(name, truth, versions, rounds):
     before, now = versions
     tasks = [{"samples": 64, "replicates": n} for n in (8, 2, 1, 1)]
     products = [cpu * 1e4 * float(e.mean()) for cpu, e in _measured(truth, (before, now, before, now), tasks, rounds)]

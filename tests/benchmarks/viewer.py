@@ -1,19 +1,16 @@
 """Pages of the viewer: how large they are, how soon they show something, and how many pictures a second they make."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import reference
 from table import Table
 
 import plenoptic as pl
 from plenoptic.lightfield.depth_map import DepthMap
-from plenoptic.viewer import Viewer
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "viewer"))
 from looking import FLAGS, SOFTWARE, chromium_path, field_of
@@ -39,7 +36,7 @@ FRAMES = """async (count) => {
 }"""
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     views, side, pixels = (3, 64, 64) if quick else (9, 512, 1024)
     field, depth = light_field(views, side)
     shot, rows, missing = raw_image(pixels), [], None
@@ -52,20 +49,16 @@ def tables(*, quick: bool) -> Iterator[Table]:
         took = time.perf_counter() - begin
         seen, missing = looked_at(page, frames=(3 if quick else 12) if "views" in name else 0)
         rows.append((name, len(page.document.encode()) / 1e6, took, *seen))
-    yield Table(
-        "Pages of the viewer",
-        ("page", "size: MB", "made in: s", "first picture: s", "all there: s", "pictures / s"),
-        rows,
-        [
-            "In Chromium, WebGL2 in software: from opening the file to the first picture on the canvas and to all data "
-            "unpacked, and pictures of all views summed, each at a new focus. Views are 1/f texture, 0.25 e^N(0, 0.6), "
-            "a hard case for their size; the raw image is rendered with 4 samples a pixel, and noise hardly shrinks."
-            + (f" {missing}." if missing else "")
-        ],
+    columns = "page | size: MB | made in: s | first picture: s | all there: s | pictures / s"
+    remark = (
+        "In Chromium, WebGL2 in software: from opening the file to the first picture on the canvas and to all data "
+        "unpacked, and pictures of all views summed, each at a new focus. Views are 1/f texture, 0.25 e^N(0, 0.6), "
+        "a hard case for their size; the raw image is rendered with 4 samples a pixel, and noise hardly shrinks."
     )
+    yield Table("Pages of the viewer", columns, rows, [remark + (f" {missing}." if missing else "")])
 
 
-def looked_at(page: Viewer, *, frames: int) -> tuple[tuple[float | None, ...], str | None]:
+def looked_at(page, *, frames):
     """Seconds to the first picture and to all, pictures a second; why there are none."""
     program = chromium_path()
     try:
@@ -90,7 +83,7 @@ def looked_at(page: Viewer, *, frames: int) -> tuple[tuple[float | None, ...], s
     return (first, ready, rate), None
 
 
-def texture(rng: np.random.Generator, side: int) -> np.ndarray:
+def texture(rng, side):
     """(side, side, 3): amplitudes fall with the frequency; channels resemble each other."""
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(side), np.fft.rfftfreq(side), indexing="ij"))
     frequency[0, 0] = 1.0
@@ -102,7 +95,7 @@ def texture(rng: np.random.Generator, side: int) -> np.ndarray:
     return 0.25 * np.exp(0.6 * np.stack(planes, axis=-1))
 
 
-def light_field(count: int, side: int) -> tuple[pl.lightfield.LightField, DepthMap]:
+def light_field(count, side):
     """Textured discs at several depths before a textured wall, and their depth."""
     rng = np.random.default_rng(3)
     y, x = np.mgrid[:side, :side]
@@ -128,12 +121,6 @@ def light_field(count: int, side: int) -> tuple[pl.lightfield.LightField, DepthM
     return field, DepthMap(disparity, 0.01 * sure, sure, unknown, unknown)
 
 
-def raw_image(side: int) -> pl.Exposure:
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(1.9, 2.0, 2.1)),
-        sensor=pl.Sensor(shape=(side, side), pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
+def raw_image(side):
+    camera = reference.built((side, side), focal_lengths=(1.9, 2.0, 2.1))
     return pl.render(pl.still_life(), camera, samples=4, truth=pl.Truth.ALL, progress=False)

@@ -1,9 +1,5 @@
 """Images of points as waves: what they cost, how sure they are, and how far they are from rays."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import numpy as np
 from starting import in_new_process
 from table import Table
@@ -36,38 +32,27 @@ CASES = (
 )
 
 
-def tables(*, quick: bool) -> Iterator[Table]:
+def tables(*, quick):
     rows = []
     for name, numbers, point in CASES[:1] if quick else CASES:
-        made: dict[str, pl.PlenopticCamera] = {}
+        made = {}
         exec(CAMERA.format(**numbers), made)
         camera = made["camera"]
         cpu, peak = in_new_process(CAMERA.format(**numbers) + COST.format(point=point, **numbers))
         parts = [_of_wavelength(camera, np.array(point), denser) for denser in (DENSER, 2 * DENSER)]
-        once, twice = (
-            _added(camera, np.array(point), np.array([camera.wavelength]), np.ones(1), [part]) for part in parts
-        )
+        given = camera, np.array(point), np.array([camera.wavelength]), np.ones(1)
+        once, twice = (_added(*given, [part]) for part in parts)
         rays = pl.point_spread(camera, point, progress=False).whole()
-        told = once.samplings[0]
-        rows.append(
-            (
-                name,
-                "{} x {}".format(*told.shape.tolist()),
-                cpu,
-                int(peak),
-                *(100 * value for value in (told.error, off(once.whole(), twice.whole()), off(once.whole(), rays))),
-            )
-        )
-    yield Table(
-        "Images of points as waves, 587.6 nm, pixels of 10 um",
-        ("camera", "samples", "CPU s", "peak MiB", "stated error, %", "twice as dense, %", "rays, %"),
-        rows,
-        [
-            "Light in other places, over all light, against twice as dense samples and against rays. The peak is that "
-            "of a process of its own, some 200 MiB of which are libraries."
-        ],
+        told, whole = once.samplings[0], once.whole()
+        errors = [100 * value for value in (told.error, off(whole, twice.whole()), off(whole, rays))]
+        rows.append((name, "{} x {}".format(*told.shape.tolist()), cpu, int(peak), *errors))
+    remark = (
+        "Light in other places, over all light, against twice as dense samples and against rays. The peak is that "
+        "of a process of its own, some 200 MiB of which are libraries."
     )
+    columns = "camera | samples | CPU s | peak MiB | stated error, % | twice as dense, % | rays, %"
+    yield Table("Images of points as waves, 587.6 nm, pixels of 10 um", columns, rows, [remark])
 
 
-def off(image: np.ndarray, other: np.ndarray) -> float:
+def off(image, other):
     return float(np.abs(image - other).sum() / other.sum())
