@@ -6,38 +6,28 @@ import numpy as np
 
 import plenoptic as pl
 
+SMALL = pl.Sensor((40, 40), 0.02)
+GAUSS = pl.load_lens("double-gauss-100mm-f2")
+
 
 def reference(*, to_sensor=1.7, semi_diameter=5.0, shape=(512, 512), **more):
     """Plenoptic 2.0 as it is; with to_sensor=2.0, semi_diameter=4.25 plenoptic 1.0."""
-    array = {"lattice": more.pop("lattice")} if "lattice" in more else {}
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter)),
-        microlenses=pl.MicrolensArray(0.217, (2.0,), **array),
-        sensor=pl.Sensor(shape, 0.010),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=to_sensor,
-        **more,
-    )
+    array = pl.MicrolensArray(0.217, (2.0,), more.pop("lattice", pl.Lattice.HEXAGONAL))
+    lens = GAUSS.with_stop(pl.CircularStop(semi_diameter))
+    return pl.PlenopticCamera(lens, pl.Sensor(shape, 0.010), 123.3, array, to_sensor, **more)
 
 
 def out_of_place():
     """Every part decentred, turned and tilted; imperfect microlenses of three types, dust, pixels that see angles."""
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.PolygonStop(6, 5.0, rotation=0.2, blade_radius=7.0))
-    lens = lens.moved(slice(0, 2), shift=(0.05, -0.03, 0.02), tilt=(0.004, -0.003, 0.1)).moved(
-        8, tilt=(0.0, 0.002, 0.0)
-    )
+    lens = GAUSS.with_stop(pl.PolygonStop(6, 5.0, rotation=0.2, blade_radius=7.0))
+    lens = lens.moved(slice(0, 2), shift=(0.05, -0.03, 0.02), tilt=(0.004, -0.003, 0.1))
+    lens = lens.moved(8, tilt=(0.0, 0.002, 0.0))
     imperfect = pl.MicrolensImperfections(0.003, 0.002, 0.03, missing=0.05, dark=0.05, seed=3)
     round_ones = pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.8, pl.optics.Gaps.OPAQUE)
-    camera = pl.PlenopticCamera(
-        lens=lens,
-        microlenses=pl.MicrolensArray(0.217, (1.8, 2.0, 2.3), aperture=round_ones, imperfections=imperfect),
-        sensor=pl.Sensor(
-            (48, 40), 0.02, (0.9, 0.8), pl.sensor.AngularResponse(0.002, 1.5, pupil_distance=60.0, exponent=1.2)
-        ),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-        blemishes=some_blemishes(),
-    )
+    array = pl.MicrolensArray(0.217, (1.8, 2.0, 2.3), aperture=round_ones, imperfections=imperfect)
+    angular = pl.sensor.AngularResponse(0.002, 1.5, pupil_distance=60.0, exponent=1.2)
+    sensor = pl.Sensor((48, 40), 0.02, (0.9, 0.8), angular)
+    camera = pl.PlenopticCamera(lens, sensor, 123.3, array, 1.7, blemishes=some_blemishes())
     camera = camera.moved(pl.CameraPart.LENS, shift=(0.1, -0.05, 0.03), tilt=(0.002, 0.001, 0.02))
     camera = camera.moved(pl.CameraPart.MICROLENSES, shift=(0.02, 0.01, -0.02), tilt=(0.006, -0.004, 0.03))
     camera = camera.moved(pl.CameraPart.SENSOR, shift=(-0.03, 0.02, 0.01), tilt=(-0.02, 0.03, -0.05))
@@ -46,20 +36,12 @@ def out_of_place():
 
 def some_blemishes():
     """On each site there is."""
-    scattered = pl.Blemishes.scattered
+    scattered, site, near = pl.Blemishes.scattered, pl.BlemishSite, {"half_size": (0.5, 0.5), "dust_radius": 0.02}
     return (
-        scattered(pl.BlemishSite.SENSOR, half_size=(0.5, 0.5), dust_per_mm2=30.0, dust_radius=0.02, height=0.4, seed=1),
-        scattered(
-            pl.BlemishSite.ARRAY,
-            half_size=(0.5, 0.5),
-            dust_per_mm2=20.0,
-            dust_radius=0.02,
-            scratches=2,
-            transmission=0.3,
-            seed=2,
-        ),
-        scattered(pl.BlemishSite.LENS_REAR, half_size=(8.0, 8.0), dust_per_mm2=0.1, dust_radius=0.5, seed=3),
-        pl.Blemishes(pl.BlemishSite.LENS_FRONT, [(-3.0, 1.0)], [(4.0, 2.0)], 0.4, 0.5),
+        scattered(site.SENSOR, **near, dust_per_mm2=30.0, height=0.4, seed=1),
+        scattered(site.ARRAY, **near, dust_per_mm2=20.0, scratches=2, transmission=0.3, seed=2),
+        scattered(site.LENS_REAR, half_size=(8.0, 8.0), dust_per_mm2=0.1, dust_radius=0.5, seed=3),
+        pl.Blemishes(site.LENS_FRONT, [(-3.0, 1.0)], [(4.0, 2.0)], 0.4, 0.5),
     )
 
 
@@ -75,84 +57,44 @@ def free():
         focal_length_factor=[1.1, math.inf, 0.9],
         transmission=[0.5, 1.0, 0.7],
     )
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.StarStop(5, 6.0, 3.0, rotation=0.3))
-    return pl.PlenopticCamera(
-        lens=lens.with_model(pl.LensModel.THIN),
-        microlenses=pl.MicrolensArray(
-            0.4, (2.0, 1.7, -4.0), pl.Lattice.FREE, centres=centres, types=np.arange(49) % 3, imperfections=wrong
-        ),
-        sensor=pl.Sensor((40, 40), 0.02),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
+    lens = GAUSS.with_stop(pl.StarStop(5, 6.0, 3.0, rotation=0.3)).with_model(pl.LensModel.THIN)
+    listed = {"centres": centres, "types": np.arange(49) % 3, "imperfections": wrong}
+    array = pl.MicrolensArray(0.4, (2.0, 1.7, -4.0), pl.Lattice.FREE, **listed)
+    return pl.PlenopticCamera(lens, SMALL, 123.3, array, 1.7)
 
 
 def spherical():
     """Exact plano-convex microlenses on squares, behind a paraxial lens with a mask."""
     rows, columns = np.mgrid[0:5, 0:6]
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.optics.MaskStop(((rows + 2 * columns) % 4) / 3.0, 6.0))
-    return pl.PlenopticCamera(
-        lens=lens.with_model(pl.LensModel.PARAXIAL),
-        microlenses=pl.MicrolensArray(
-            0.217,
-            (2.0, 1.8),
-            pl.Lattice.SQUARE,
-            pl.optics.MicrolensModel.SPHERICAL,
-            thickness=0.15,
-            convex_side=pl.optics.ConvexSide.SENSOR,
-            pattern=[[0, 1], [1, 0]],
-        ),
-        sensor=pl.Sensor((40, 40), 0.02),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.75,
-    )
+    lens = GAUSS.with_stop(pl.optics.MaskStop(((rows + 2 * columns) % 4) / 3.0, 6.0))
+    plates = {"model": pl.optics.MicrolensModel.SPHERICAL, "thickness": 0.15, "pattern": [[0, 1], [1, 0]]}
+    plates |= {"convex_side": pl.optics.ConvexSide.SENSOR}
+    array = pl.MicrolensArray(0.217, (2.0, 1.8), pl.Lattice.SQUARE, **plates)
+    return pl.PlenopticCamera(lens.with_model(pl.LensModel.PARAXIAL), SMALL, 123.3, array, 1.75)
 
 
 def flat_high_index():
     """Flat microlenses of high index with clear gaps, behind an exact lens with aspheres."""
     square = pl.optics.MicrolensAperture(pl.optics.ApertureShape.SQUARE, 0.6, pl.optics.Gaps.CLEAR)
-    return pl.PlenopticCamera(
-        lens=aspheric_lens(),
-        microlenses=pl.MicrolensArray(
-            0.217, (2.0,), model=pl.optics.MicrolensModel.FLAT_HIGH_INDEX, index=1000.0, thickness=0.1, aperture=square
-        ),
-        sensor=pl.Sensor((40, 40), 0.02),
-        stop_to_microlenses=82.0,
-        microlenses_to_sensor=1.8,
-    )
+    flat = {"model": pl.optics.MicrolensModel.FLAT_HIGH_INDEX, "index": 1000.0, "thickness": 0.1, "aperture": square}
+    return pl.PlenopticCamera(aspheric_lens(), SMALL, 82.0, pl.MicrolensArray(0.217, (2.0,), **flat), 1.8)
 
 
 def pinholes():
     """Pinholes on rectangles."""
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("achromat-100mm-f4.4"),
-        microlenses=pl.MicrolensArray((0.2, 0.3), (2.0,), pl.Lattice.RECTANGULAR, pl.optics.MicrolensModel.PINHOLE),
-        sensor=pl.Sensor((40, 40), 0.02),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-        wavelength=546.1,
-    )
+    array = pl.MicrolensArray((0.2, 0.3), (2.0,), pl.Lattice.RECTANGULAR, pl.optics.MicrolensModel.PINHOLE)
+    return pl.PlenopticCamera(pl.load_lens("achromat-100mm-f4.4"), SMALL, 123.3, array, 1.7, wavelength=546.1)
 
 
 def walled():
     """An array of cameras: microlenses between walls and no main lens."""
-    return pl.PlenopticCamera(
-        lens=pl.no_lens(20.0),
-        microlenses=pl.MicrolensArray(0.217, (1.7,), pl.Lattice.SQUARE, walls=pl.optics.Walls.OPAQUE),
-        sensor=pl.Sensor((40, 40), 0.02),
-        stop_to_microlenses=5.0,
-        microlenses_to_sensor=1.72,
-    )
+    array = pl.MicrolensArray(0.217, (1.7,), pl.Lattice.SQUARE, walls=pl.optics.Walls.OPAQUE)
+    return pl.PlenopticCamera(pl.no_lens(20.0), SMALL, 5.0, array, 1.72)
 
 
 def conventional(sensitivity=None):
     """No microlenses, and a tilted sensor."""
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2"),
-        sensor=pl.Sensor((40, 48), 0.2),
-        stop_to_microlenses=134.624,
-        sensitivity=sensitivity,
-    )
+    camera = pl.PlenopticCamera(GAUSS, pl.Sensor((40, 48), 0.2), 134.624, sensitivity=sensitivity)
     return camera.moved(pl.CameraPart.SENSOR, tilt=(0.02, -0.01, 0.1))
 
 

@@ -12,13 +12,12 @@ def white_images():
     """The reference camera in both modes."""
     region = np.s_[240:272, 230:262]
     unfocused = golden_cameras.reference(to_sensor=2.0, semi_diameter=4.25)
+    plain, small = golden_cameras.reference(), np.s_[250:258, 250:258]
     return merged(
-        white(golden_cameras.reference(), "2.0", region=region, samples=32),
+        white(plain, "2.0", region=region, samples=32),
         white(unfocused, "1.0", region=region, samples=32),
-        white(golden_cameras.reference(), "corner", region=np.s_[:16, :16], seed=3, replicates=4),
-        white(
-            golden_cameras.reference(), "random", region=np.s_[250:258, 250:258], sampler=pl.rendering.Sampler.RANDOM
-        ),
+        white(plain, "corner", region=np.s_[:16, :16], seed=3, replicates=4),
+        white(plain, "random", region=small, sampler=pl.rendering.Sampler.RANDOM),
     )
 
 
@@ -134,9 +133,8 @@ def repeated():
 def target_error():
     """Tiles that end by themselves, and the conditioning of some paths."""
     camera = golden_cameras.conventional()
-    exposure = pl.render(
-        golden_scenes.metals(), camera, samples=256, target_error=0.1, tile_side=8, conditioning=64, progress=False
-    )
+    how = {"samples": 256, "target_error": 0.1, "tile_side": 8, "conditioning": 64, "progress": False}
+    exposure = pl.render(golden_scenes.metals(), camera, **how)
     return merged(
         shot(exposure),
         {"sample_counts": exposure.sample_counts, "relative_error": np.array(exposure.relative_error)},
@@ -148,26 +146,13 @@ def sensing():
     """Noise by seed, filters, saturation; demosaicing."""
     image = pl.render(golden_scenes.metals(), golden_cameras.conventional(), samples=8, progress=False)
     plain = {"exposure_time": 0.5, "read_noise": 3.0, "full_well": 15000}
+    patterns = {"quantum_efficiency": (0.4, 0.55, 0.45), "gain": 0.25, "black_level": 64, "row_noise": 1.0}
+    patterns |= {"colour_filters": pl.BayerPattern.GRBG, "dark_current": 20.0, "prnu": 0.01, "dsnu": 2.0}
+    patterns |= {"column_dsnu": 1.0, "dead": 0.01, "hot": 0.01, "hot_current": 5e4, "pattern_seed": 4}
     models = {
         "plain": pl.SensorModel(2e4, **plain),
         "unquantised": pl.SensorModel(2e4, bits=None, shot_noise=pl.ShotNoise.NONE, read_noise=2.0),
-        "bayer": pl.SensorModel(
-            (2e4, 3e4, 2.5e4),
-            **plain,
-            quantum_efficiency=(0.4, 0.55, 0.45),
-            gain=0.25,
-            black_level=64,
-            colour_filters=pl.BayerPattern.GRBG,
-            row_noise=1.0,
-            dark_current=20.0,
-            prnu=0.01,
-            dsnu=2.0,
-            column_dsnu=1.0,
-            dead=0.01,
-            hot=0.01,
-            hot_current=5e4,
-            pattern_seed=4,
-        ),
+        "bayer": pl.SensorModel((2e4, 3e4, 2.5e4), **plain, **patterns),
     }
     raws = {name: image.develop(model, seed=7) for name, model in models.items()}
     found = {f"{name}.data": raw.data for name, raw in raws.items()}
@@ -193,20 +178,6 @@ def light_fields():
 
 
 RENDERINGS = (
-    white_images,
-    objects,
-    out_of_place,
-    truth,
-    other_arrays,
-    spectral,
-    still_life,
-    textured,
-    glasses,
-    metals,
-    sky,
-    all_lights,
-    repeated,
-    target_error,
-    sensing,
-    light_fields,
+    *(white_images, objects, out_of_place, truth, other_arrays, spectral, still_life, textured, glasses, metals, sky),
+    *(all_lights, repeated, target_error, sensing, light_fields),
 )

@@ -26,10 +26,8 @@ def lamp(radiance=6.0):
 
 def textured():
     """glTF's material with all of its textures: base, metallic, roughness, normals, emission and opacity."""
-    mirrored, clamped = (
-        {"wrap": pl.materials.Wrap.MIRROR},
-        {"wrap": (pl.materials.Wrap.CLAMP, pl.materials.Wrap.REPEAT)},
-    )
+    wrap = pl.materials.Wrap
+    mirrored, clamped = {"wrap": wrap.MIRROR}, {"wrap": (wrap.CLAMP, wrap.REPEAT)}
     painted = pl.MetallicRoughness(
         texture(3, seed=1, **mirrored),
         texture(1, seed=2, filter=pl.materials.TextureFilter.NEAREST),
