@@ -48,16 +48,21 @@ def installed(folder, *wanted):
     return folder / "bin"
 
 
+def camera_of(shape, **array):
+    return pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=3.5)),
+        microlenses=pl.MicrolensArray(pitch=0.147, focal_lengths=(1.2,), **array),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=0.01),
+        stop_to_microlenses=134.6,
+        microlenses_to_sensor=1.2,
+    )
+
+
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     """A plenoptic 1.0 camera, and folders for both programs."""
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=3.5)),
-        microlenses=pl.MicrolensArray(pitch=0.147, focal_lengths=(1.2,)),
-        sensor=pl.Sensor(shape=(604, 604), pixel_pitch=0.01),
-        stop_to_microlenses=134.6,
-        microlenses_to_sensor=1.2,
-    ).moved(pl.CameraPart.MICROLENSES, shift=(0.03, -0.05, 0.0), tilt=(0.0, 0.0, 0.002))
+    camera = camera_of((604, 604))
+    camera = camera.moved(pl.CameraPart.MICROLENSES, shift=(0.03, -0.05, 0.0), tilt=(0.0, 0.0, 0.002))
     white = pl.render_white(camera, samples=16, seed=1, progress=False)
     shot = pl.render(pl.check_scene(), camera, samples=16, progress=False)
     folder = tmp_path_factory.mktemp("exported")
@@ -131,13 +136,7 @@ print("FOUND", json.dumps([list(camera.get_decoded_image(0).shape), points.tolis
 
 
 def test_pyolaf_loads_our_microscope_and_finds_its_lenses(tmp_path):
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=3.5)),
-        microlenses=pl.MicrolensArray(pitch=0.147, focal_lengths=(1.2,), lattice=pl.Lattice.SQUARE),
-        sensor=pl.Sensor(shape=(500, 600), pixel_pitch=0.01),
-        stop_to_microlenses=134.6,
-        microlenses_to_sensor=1.2,
-    )
+    camera = camera_of((500, 600), lattice=pl.Lattice.SQUARE)
     white = pl.render_white(camera, samples=16, progress=False)
     pl.export.pyolaf(tmp_path, white, white)
     script = """

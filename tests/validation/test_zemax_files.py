@@ -8,11 +8,13 @@ import pytest
 import plenoptic as pl
 from plenoptic.errors import PrescriptionError
 
-pytestmark = [pytest.mark.validation, pytest.mark.filterwarnings("ignore::plenoptic.errors.FileWarning")]
-
 SPEC = importlib.util.find_spec("rayoptics")
 FOLDERS = [] if SPEC is None else [Path(folder) for folder in SPEC.submodule_search_locations or ()]
 FILES = {path.stem: path for folder in FOLDERS for path in folder.rglob("*.[zZ][mM][xX]")}
+pytestmark = [
+    *(pytest.mark.validation, pytest.mark.skipif(not FILES, reason="needs the package rayoptics")),
+    pytest.mark.filterwarnings("ignore::plenoptic.errors.FileWarning"),
+]
 
 # mm, at the primary wavelength; for the two before the last the index of fused silica differs by 1.4e-9, and that of
 # BK7, here the glass of 1992 and there N-BK7, by 1e-5; of the last one that of a glass known by n_d and V_d by 4e-7.
@@ -45,37 +47,23 @@ REFUSED = {
 GIVEN = {"354710-C-Zemax(ZMX)": "D-ZK3M", "US08427765-1": "L-TIM28_MOLD"}
 
 
-@pytest.mark.skipif(not FILES, reason="needs the package rayoptics")
-@pytest.mark.parametrize("name", FOCAL_LENGTHS)
-def test_focal_lengths_are_those_of_another_program(name: str) -> None:
-    lens = pl.load_lens(FILES[name])
-    assert lens.specification is not None
-    expected, error = FOCAL_LENGTHS[name]
-    efl = pl.paraxial.cardinal_points(lens, lens.specification.wavelengths[0]).efl
-    assert efl == pytest.approx(expected, rel=error)
+def test_focal_lengths_and_rays_are_those_of_another_program():
+    for name, (expected, error) in FOCAL_LENGTHS.items():
+        lens = pl.load_lens(FILES[name])
+        efl = pl.paraxial.cardinal_points(lens, lens.specification.wavelengths[0]).efl
+        assert efl == pytest.approx(expected, rel=error), name
+    for name, start, expected in REAL_RAYS:
+        lens = pl.load_lens(FILES[name])
+        ray = pl.RayBundle([[*start, -500.0]], [[0.0, 0.0, 1.0]], lens.specification.wavelengths[0])
+        # Some ten surfaces, each with roundings of 500 mm.
+        found = lens.trace(ray).at_z(lens.specification.z_image)[0, :2]
+        assert found == pytest.approx(expected, abs=1e-12), name
 
 
-@pytest.mark.skipif(not FILES, reason="needs the package rayoptics")
-@pytest.mark.parametrize(("name", "start", "expected"), REAL_RAYS)
-def test_rays_through_mirrors_are_those_of_another_program(
-    name: str, start: tuple[float, float], expected: tuple[float, float]
-) -> None:
-    lens = pl.load_lens(FILES[name])
-    assert lens.specification is not None
-    ray = pl.RayBundle([[*start, -500.0]], [[0.0, 0.0, 1.0]], lens.specification.wavelengths[0])
-    # Some ten surfaces, each with roundings of 500 mm.
-    assert lens.trace(ray).at_z(lens.specification.z_image)[0, :2] == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.skipif(not FILES, reason="needs the package rayoptics")
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_lens_is_refused_with_the_reason(name: str) -> None:
-    with pytest.raises(PrescriptionError, match=rf"line \d+: .*{REFUSED[name]}"):
-        pl.load_lens(FILES[name])
-
-
-@pytest.mark.skipif(not FILES, reason="needs the package rayoptics")
-@pytest.mark.parametrize("name", GIVEN)
-def test_a_glass_that_is_missing_may_be_given(name: str) -> None:
-    lens = pl.load_lens(FILES[name], glasses={GIVEN[name]: pl.ConstantMedium(1.6), "BK7": pl.glass("N-BK7")})
-    assert pl.paraxial.cardinal_points(lens, 587.6).efl > 0
+def test_what_is_no_lens_is_refused_with_the_reason_and_a_glass_that_is_missing_may_be_given():
+    for name, said in REFUSED.items():
+        with pytest.raises(PrescriptionError, match=rf"line \d+: .*{said}"):
+            pl.load_lens(FILES[name])
+    for name, missing in GIVEN.items():
+        lens = pl.load_lens(FILES[name], glasses={missing: pl.ConstantMedium(1.6), "BK7": pl.glass("N-BK7")})
+        assert pl.paraxial.cardinal_points(lens, 587.6).efl > 0, name
