@@ -98,6 +98,7 @@ def test_example_leaves_its_files_and_says_where(ran, name):
     ran(name)
 
 
+@SLOW
 def test_readme_runs(tmp_path):
     code, _ = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
     script = tmp_path / "readme.py"

@@ -9,7 +9,7 @@ import plenoptic as pl
 LENS = pl.load_lens("double-gauss-100mm-f2")
 
 
-def camera(lattice=pl.Lattice.HEXAGONAL, shape=(180, 240), turned=0.0, **array):
+def camera(lattice=pl.Lattice.HEXAGONAL, shape=(140, 180), turned=0.0, **array):
     """Of plenoptic 1.0, microlens images of 14.8 pixels; the array turned by so many radians."""
     made = pl.PlenopticCamera(
         lens=LENS.with_stop(pl.CircularStop(semi_diameter=5.3)),

@@ -1,5 +1,6 @@
 """Raw images for programs that look for microlenses: rows as they count them, pictures turned as they need."""
 
+import itertools
 import json
 import sys
 import xml.etree.ElementTree as ET
@@ -28,14 +29,16 @@ def blank(taken_by, region=None):
 
 def test_rows_run_along_rows():
     angles = (-170, -91, -60, -31, -3, 0, 2, 29, 44, 88, 121, 179)
-    cases = [(HEXAGONAL, degrees, turn) for degrees in angles for turn in (True, False)]
+    cases = [(HEXAGONAL, degrees, True) for degrees in angles] + [
+        (HEXAGONAL, degrees, False) for degrees in angles[::3]
+    ]
     cases += [
-        (lattice, degrees, turn) for lattice in (SQUARE, RECTANGULAR) for degrees in angles[::2] for turn in (0, 1)
+        (lattice, angles[k], k % 2 == 0) for lattice, k in itertools.product((SQUARE, RECTANGULAR), range(0, 12, 3))
     ]
     for case in cases:
         lattice, degrees, turn = case
         pitch = (0.147, 0.12) if lattice is RECTANGULAR else 0.147
-        found = lens_rows(blank(camera(lattice, turned=np.radians(degrees), pitch=pitch)), turn=bool(turn))
+        found = lens_rows(blank(camera(lattice, turned=np.radians(degrees), pitch=pitch)), turn=turn)
         # Neighbours in a row lie a pitch apart along the row; rows as far apart as the lattice has them.
         order = np.lexsort((found.place, found.row))
         same = np.diff(found.row[order]) == 0
@@ -75,8 +78,8 @@ def test_a_turned_centre_is_where_the_turned_image_shows_it():
 
 def test_a_region_has_the_lenses_that_the_whole_has_there():
     taken_by = camera()
-    whole, part = lens_rows(blank(taken_by), turn=False), lens_rows(blank(taken_by, (40, 160, 30, 130)), turn=False)
-    assert nearest(part.centre + np.array([40, 30]), whole.centre).max() == 0
+    whole, part = lens_rows(blank(taken_by), turn=False), lens_rows(blank(taken_by, (30, 120, 30, 130)), turn=False)
+    assert nearest(part.centre + np.array([30, 30]), whole.centre).max() == 0
 
 
 def test_rectangles_have_no_gaps():
@@ -170,4 +173,4 @@ def test_names_and_white_images_are_checked(tmp_path):
     with pytest.raises(InvalidValueError, match="name is '../a'"):
         pl.export.plenopticam(tmp_path, shot, white, name="../a")
     with pytest.raises(InvalidValueError, match="render it of the same region"):
-        pl.export.plenpy(tmp_path, shot, blank(camera(), (0, 90, 0, 240)))
+        pl.export.plenpy(tmp_path, shot, blank(camera(), (0, 90, 0, 180)))
