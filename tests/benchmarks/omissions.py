@@ -30,7 +30,7 @@ def omitted(case, *, quick):
         name = row.stage.name.lower().replace("_", " ")
         rows.append((name, row.instead, *costs, row.picture_change, len(row.also)))
     columns = (
-        "stage | without it | CPU s per million paths with it | without | % of the CPU time | standard error | set- "
+        "stage | without it | CPU s per million paths with it | without | % of the CPU time | standard error | set-"
         "up, ms | picture changes by % | stages that stop too"
     )
     title = f"What leaving out saves: `{case}`, {side} x {side} pixels, {samples} samples, one thread, {rounds} rounds"
