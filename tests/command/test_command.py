@@ -1,5 +1,6 @@
 """The command `plenoptic`: what it prints, its exit codes, and one line for whatever it refuses."""
 
+import dataclasses
 import subprocess
 import sys
 import webbrowser
@@ -11,15 +12,10 @@ import plenoptic as pl
 from plenoptic.command.main import COMMANDS, main
 from plenoptic.rendering import warm_up as warming
 from plenoptic.rendering.stores import Layout, create_store
+from plenoptic.study.cameras import reference_camera
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
-CAMERA = pl.PlenopticCamera(
-    lens=LENS,
-    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    sensor=pl.Sensor(shape=(4, 6), pixel_pitch=0.01),
-    stop_to_microlenses=123.3,
-    microlenses_to_sensor=1.7,
-)
+CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(4, 6), pixel_pitch=0.01))
 SHOT = pl.Exposure(np.linspace(0.0, 1.0, 24).reshape(4, 6, 1), camera=CAMERA)
 
 

@@ -15,14 +15,9 @@ import plenoptic as pl
 from plenoptic.command.main import main
 from plenoptic.command.tiles import missing_tiles, tile_grid
 from plenoptic.rendering.schedule import orders
+from plenoptic.study.cameras import reference_camera
 
-CAMERA = pl.PlenopticCamera(
-    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
-    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    sensor=pl.Sensor(shape=(21, 27), pixel_pitch=0.01),
-    stop_to_microlenses=123.3,
-    microlenses_to_sensor=1.7,
-)
+CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(21, 27), pixel_pitch=0.01))
 SETTINGS = pl.rendering.RenderSettings(max_bounces=2, sampler=pl.rendering.Sampler.RANDOM)
 WALL = "o wall\nv -300 -300 -900\nv 300 -300 -900\nv 0 300 -900\nf 1 2 3\n"
 

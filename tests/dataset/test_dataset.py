@@ -23,19 +23,14 @@ from plenoptic.core.files.atomic_file import held_folder
 from plenoptic.dataset import tables, task, writing
 from plenoptic.errors import FileError, FileWarning, InvalidValueError
 from plenoptic.scene.geometry.instance import Instances
+from plenoptic.study.cameras import reference_camera
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "core" / "engines"))
 import fake_client
 
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 
-CAMERA = pl.PlenopticCamera(
-    lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-    microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    sensor=pl.Sensor(shape=(12, 16), pixel_pitch=0.2),
-    stop_to_microlenses=123.3,
-    microlenses_to_sensor=1.7,
-)
+CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(12, 16), pixel_pitch=0.2))
 RIGHT = dataclasses.replace(CAMERA, pose=pl.Pose.look_at((10, 0, 0), target=(0, 0, -404)))
 DIE = dataclasses.replace(pl.box(2.4).translated(z=-404), name="die")
 SCENE = pl.Scene([pl.quad((-80, -80, -420), (160, 0, 0), (0, 160, 0)), DIE], background=0.3)

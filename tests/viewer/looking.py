@@ -1,6 +1,7 @@
 """Light fields to look at, the browser that shows them, and what pages say."""
 
 import base64
+import dataclasses
 import json
 import os
 import re
@@ -9,6 +10,7 @@ import shutil
 import numpy as np
 
 import plenoptic as pl
+from plenoptic.study.cameras import reference_camera
 
 FLAGS = (
     *("--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking"),
@@ -20,13 +22,9 @@ SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader")
 
 def camera_of(rows, columns, **array):
     """The double Gauss and hexagonal microlenses of plenoptic 2.0."""
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-        microlenses=pl.MicrolensArray(**{"pitch": 0.217, "focal_lengths": (1.9, 2.0, 2.1), **array}),
-        sensor=pl.Sensor(shape=(rows, columns), pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
+    array = pl.MicrolensArray(**{"pitch": 0.217, "focal_lengths": (1.9, 2.0, 2.1), **array})
+    sensor = pl.Sensor(shape=(rows, columns), pixel_pitch=0.01)
+    return dataclasses.replace(reference_camera(), microlenses=array, sensor=sensor)
 
 
 def chromium_path():
@@ -85,18 +83,7 @@ def field_of(views, error=None):
     u, v = (np.arange(count) - float(count // 2) for count in (across, down))
     places = np.stack(np.meshgrid(u, -v, indexing="ij"), axis=-1)
     nowhere = np.full((*views.shape[2:4], 2), np.nan)
-    return pl.lightfield.LightField(
-        views=np.asarray(views, np.float32),
-        standard_error=error,
-        u=u,
-        v=v,
-        pixel=nowhere,
-        on_array=nowhere,
-        exit_pupil=places,
-        pupil=np.full((across, down, 2), np.nan),
-        origin=np.full(2, np.nan),
-        spacing=(np.nan, np.nan),
-        object_spacing=(1.0, 1.0),
-        z_focus=-400.0,
-        camera=None,
-    )
+    nothing, apart = {"origin": np.full(2, np.nan), "camera": None}, {"spacing": (np.nan, np.nan), "u": u, "v": v}
+    nothing |= {"pixel": nowhere, "on_array": nowhere, "pupil": np.full((across, down, 2), np.nan)}
+    known = {"exit_pupil": places, "object_spacing": (1.0, 1.0), "z_focus": -400.0, "standard_error": error}
+    return pl.lightfield.LightField(views=np.asarray(views, np.float32), **known, **nothing, **apart)
