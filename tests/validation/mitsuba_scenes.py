@@ -62,33 +62,23 @@ def mirrors():
     Where small mirrors hide each other, Mitsuba takes light and view as independent of each other. At the angles to the
     normals seen here, up to 60 degrees, and alpha up to 0.2 that makes no more than 1e-3.
     """
-    return pl.Scene(
-        [
-            tilted_box((7, 7, 3), (-6, 4, 0), pl.Conductor(0.9), turn=(20, -25)),
-            tilted_box((8, 7, 3), (6, 4, 0), pl.Conductor((0.9, 0.6, 0.3), alpha=0.2), turn=(-25, -20)),
-            pl.sphere(4.0, center=(0, -5, 1), material=pl.Conductor(0.8, alpha=0.1)),
-            wall((0.3, 0.5, 0.7)),
-            floor(0.7),
-        ],
-        [lamp(3.0)],
-        background=0.2,
-    )
+    bodies = [
+        tilted_box((7, 7, 3), (-6, 4, 0), pl.Conductor(0.9), turn=(20, -25)),
+        tilted_box((8, 7, 3), (6, 4, 0), pl.Conductor((0.9, 0.6, 0.3), alpha=0.2), turn=(-25, -20)),
+        pl.sphere(4.0, center=(0, -5, 1), material=pl.Conductor(0.8, alpha=0.1)),
+    ]
+    return pl.Scene([*bodies, wall((0.3, 0.5, 0.7)), floor(0.7)], [lamp(3.0)], background=0.2)
 
 
 GOLD = (0.18 + 3.42j, 0.42 + 2.35j, 1.37 + 1.77j)
 
 
 def metals():
-    return pl.Scene(
-        [
-            tilted_box((8, 8, 3), (-6, 2, 0), pl.Conductor(index=GOLD, alpha=0.15), turn=(40, -30)),
-            tilted_box((8, 8, 3), (6, 2, 0), pl.Conductor(0.9, index=1.2 + 7.0j), turn=(-50, -10)),
-            wall((0.7, 0.5, 0.3)),
-            floor(),
-        ],
-        [lamp()],
-        background=0.3,
-    )
+    bodies = [
+        tilted_box((8, 8, 3), (-6, 2, 0), pl.Conductor(index=GOLD, alpha=0.15), turn=(40, -30)),
+        tilted_box((8, 8, 3), (6, 2, 0), pl.Conductor(0.9, index=1.2 + 7.0j), turn=(-50, -10)),
+    ]
+    return pl.Scene([*bodies, wall((0.7, 0.5, 0.3)), floor()], [lamp()], background=0.3)
 
 
 def large_lamp():
@@ -98,43 +88,28 @@ def large_lamp():
 
 def glass():
     """A ball and a slab, and the light that they gather below and behind them."""
-    return pl.Scene(
-        [
-            pl.sphere(4.0, center=(-5, -2, 0), segments=(256, 128), material=pl.Dielectric(1.5)),
-            tilted_box((7, 9, 3), (5, -2, 0), pl.Dielectric(1.7), turn=(35, 10)),
-            wall((0.7, 0.4, 0.3)),
-            floor(0.7),
-        ],
-        [large_lamp()],
-        background=0.1,
-    )
+    bodies = [
+        pl.sphere(4.0, center=(-5, -2, 0), segments=(256, 128), material=pl.Dielectric(1.5)),
+        tilted_box((7, 9, 3), (5, -2, 0), pl.Dielectric(1.7), turn=(35, 10)),
+    ]
+    return pl.Scene([*bodies, wall((0.7, 0.4, 0.3)), floor(0.7)], [large_lamp()], background=0.1)
 
 
 def coloured_glass():
     """Absorbing bodies; Mitsuba has a medium in them that scatters nothing."""
-    return pl.Scene(
-        [
-            tilted_box(7, (-5, -3, 2), pl.Dielectric(1.3, absorption=(0.05, 0.2, 0.01))),
-            tilted_box((6, 6, 3), (6, -1, 2), pl.Dielectric(1.5, absorption=0.15), turn=(-20, 20)),
-            wall(0.7),
-            floor(0.7),
-        ],
-        [large_lamp()],
-        background=0.5,
-    )
+    bodies = [
+        tilted_box(7, (-5, -3, 2), pl.Dielectric(1.3, absorption=(0.05, 0.2, 0.01))),
+        tilted_box((6, 6, 3), (6, -1, 2), pl.Dielectric(1.5, absorption=0.15), turn=(-20, 20)),
+    ]
+    return pl.Scene([*bodies, wall(0.7), floor(0.7)], [large_lamp()], background=0.5)
 
 
 def frosted_glass():
-    return pl.Scene(
-        [
-            tilted_box((10, 10, 2), (-5, 0, 3), pl.Dielectric(1.5, alpha=0.15), turn=(20, 15)),
-            tilted_box((7, 7, 4), (7, -2, 3), pl.Dielectric(1.33, alpha=0.3), turn=(-30, 10)),
-            wall((0.8, 0.4, 0.2)),
-            floor(0.7),
-        ],
-        [large_lamp()],
-        background=0.3,
-    )
+    bodies = [
+        tilted_box((10, 10, 2), (-5, 0, 3), pl.Dielectric(1.5, alpha=0.15), turn=(20, 15)),
+        tilted_box((7, 7, 4), (7, -2, 3), pl.Dielectric(1.33, alpha=0.3), turn=(-30, 10)),
+    ]
+    return pl.Scene([*bodies, wall((0.8, 0.4, 0.2)), floor(0.7)], [large_lamp()], background=0.3)
 
 
 def small_lights():
