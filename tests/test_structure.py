@@ -6,6 +6,7 @@ import inspect
 import re
 import tokenize
 from collections import Counter
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import plenoptic as pl
@@ -99,32 +100,6 @@ def commented_lines(path):
     }
 
 
-def circles(edges):
-    """Groups of modules that import each other (R. Tarjan, SIAM J. Comput. 1(2), 1972)."""
-    order, low, stack, groups = {}, {}, [], []
-
-    def visit(module):
-        order[module] = low[module] = len(order)
-        stack.append(module)
-        for other in edges[module]:
-            if other not in order:
-                visit(other)
-                low[module] = min(low[module], low[other])
-            elif other in stack:
-                low[module] = min(low[module], order[other])
-        if low[module] == order[module]:
-            group = []
-            while not group or group[-1] != module:
-                group.append(stack.pop())
-            if len(group) > 1:
-                groups.append(sorted(group))
-
-    for module in edges:
-        if module not in order:
-            visit(module)
-    return groups
-
-
 def test_no_import_circles_but_inside_functions_that_say_why():
     edges = {module: set() for module in MODULES}
     for path, tree in TREES.items():
@@ -134,7 +109,7 @@ def test_no_import_circles_but_inside_functions_that_say_why():
             if name != module_of(path) and not (later and node.lineno in justified):
                 edges[module_of(path)].add(name)
     assert sum(map(len, edges.values())) > len(MODULES)
-    assert circles(edges) == []
+    TopologicalSorter(edges).prepare()  # names a circle
 
 
 # ---- kernels and private names ----
