@@ -6,15 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 import reference
-from numpy.typing import NDArray
 from table import Table
 
 import plenoptic as pl
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.lightfield.planes import raw_planes
 from plenoptic.truth.channels import Truth
-
-Floats = NDArray[np.float64]
 
 _THREE = (1.85, 2.0, 2.3)
 """In focus at virtual depths of 12.3, 6.7 and 3.8."""

@@ -5,12 +5,10 @@ import importlib.util
 import os
 import sys
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from table import Table
 from timing import Task, cost_of, median
 
@@ -30,11 +28,8 @@ PARTS = 8
 SCENES = ("lambertian_bodies", "metals", "glass", "textured", "environment", "many_lights", "objects")
 OURS = "plenoptic"
 
-Image = NDArray[np.float64]
-Renderer = Callable[[int, int], Image]
-"""Renders a number of samples with a seed: (H, W) radiance, the mean of the channels."""
-Maker = Callable[[pl.Scene, pl.PlenopticCamera], Renderer]
-Row = tuple[object, ...]
+# Makers of renderers take a scene and a camera; renderers a number of samples and a seed, and return (H, W) radiance, the
+# mean of the channels.
 
 
 def tables(*, quick):
@@ -117,8 +112,8 @@ def cycles(scene, camera):
 class Reference(NamedTuple):
     """A converged picture and its standard error."""
 
-    image: Image
-    standard_error: Image
+    image: np.ndarray
+    standard_error: np.ndarray
 
     @classmethod
     def made(cls, render, samples):

@@ -102,9 +102,6 @@ class _Version:
         return answer
 
 
-_Pair = tuple[_Version, _Version]
-
-
 def serve():
     """Render one case after the other; scenes are held, cameras are not."""
     known = {}
