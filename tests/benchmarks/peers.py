@@ -28,7 +28,7 @@ PARTS = 8
 SCENES = ("lambertian_bodies", "metals", "glass", "textured", "environment", "many_lights", "objects")
 OURS = "plenoptic"
 
-# Makers of renderers take a scene and a camera; renderers a number of samples and a seed, and return (H, W) radiance, the
+# Makers of renderers take a scene and a camera; renderers a number of samples and a seed, and give (H, W) radiance, the
 # mean of the channels.
 
 
