@@ -171,16 +171,16 @@ class Killed(BaseException):
     pass
 
 
-def test_stopped_at_any_step_it_goes_on_with_the_same_bits(moving, tmp_path, monkeypatch):
+@pytest.mark.parametrize("after", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["before", "after"])
+def test_stopped_at_any_step_it_goes_on_with_the_same_bits(after, moving, tmp_path, monkeypatch):
     how = {**HOW, "motion": True}
-    # After the others stands the same as before the next one.
-    for step, after in [*((step, False) for step in STEPS), *((step, True) for step in ("put", "flush", "note"))]:
-        broken = tmp_path / f"{step} {after}"
+    for step in STEPS:
+        broken = tmp_path / step
         owner = {"put": writing.Store, "flush": writing.Store, "note": writing.Journal}.get(step, writing)
         real, calls = getattr(owner, step), itertools.count(1)
         last = 1 if step.startswith("write") or step == "motion_truth" else 2
 
-        def killing(*given, real=real, calls=calls, last=last, after=after, **named):
+        def killing(*given, real=real, calls=calls, last=last, **named):
             if next(calls) == last:
                 if after:
                     real(*given, **named)

@@ -41,7 +41,7 @@ def test_damaged_files_are_read_or_refused(tmp_path, count):
     assert found["memory"] < MOST_MEMORY
 
 
-@pytest.mark.parametrize("each", [7, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("each", [11, pytest.param(1, marks=pytest.mark.slow)])
 def test_hostile_files(tmp_path, each):
     report = run("corpus.py", tmp_path, each)
     assert list(report["cases"]) == chosen(each) and len(chosen(1)) == len(CASES) >= 170

@@ -22,7 +22,7 @@ def a_camera(stop=5.0, **changes):
     camera = pl.PlenopticCamera(
         lens=LENS.with_stop(pl.CircularStop(semi_diameter=stop)),
         microlenses=array,
-        sensor=pl.Sensor(shape=(96, 128), pixel_pitch=0.01),
+        sensor=pl.Sensor(shape=(72, 96), pixel_pitch=0.01),
         stop_to_microlenses=123.3,
         microlenses_to_sensor=1.7,
         **changes,
