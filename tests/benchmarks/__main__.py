@@ -11,7 +11,7 @@ BENCHMARKS = (
     *("tracing", "analysis", "fidelity", "images", "threads", "error_time", "starting", "memory", "omissions"),
     *("transport", "large_scenes", "peers", "honesty", "budgets", "adaptive", "figures"),
     *("sub_aperture", "depth", "focused_views", "versions", "viewer", "large_files", "checkpoints", "sequences"),
-    *("cluster", "data_sets", "estimates", "waves", "diffraction"),
+    *("cluster", "data_sets", "estimates", "waves", "diffraction", "compilation"),
 )
 PROGRAMS = ("plenoptic-camera", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba", "bpy")
 

@@ -152,7 +152,7 @@ def test_sums_of_equal_samples_have_no_scatter(value: float, n: int):
 
 def test_merging_names_all_processors_leaves_both_films_and_needs_one_shape(monkeypatch):
     a = film_of([np.ones(2), np.zeros(2)])
-    monkeypatch.setattr("plenoptic.core.jit.processor", lambda: "another kind")
+    monkeypatch.setattr("plenoptic.core.numba.jit.processor", lambda: "another kind")
     b = film_of([np.ones(4), np.zeros(1)])
     before = a.mean.copy(), b.mean.copy()
     assert a.merged(b).processors == (*a.processors, "another kind")
