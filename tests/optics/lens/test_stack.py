@@ -22,22 +22,20 @@ GLASS = ConstantMedium(1.5)
 FRONT = Surface(50.0, 4.0, GLASS, semi_diameter=10.0)
 BACK = Surface(-50.0, 3.0, semi_diameter=10.0)
 STOP = CircularStop(5.0, 2.0)
+REFERENCE = load_lens("double-gauss-100mm-f2")
 
 
 def two_lenses() -> LensStack:
     return LensStack([FRONT, BACK, STOP, FRONT, BACK], name="pair")
 
 
-def test_vertices_are_counted_from_the_iris() -> None:
+def test_vertices_are_counted_from_the_iris():
     assert two_lenses().vertices.tolist() == [-7.0, -3.0, 0.0, 2.0, 6.0]
     assert two_lenses().length == 13.0
-
-
-def test_vertices_of_the_reference() -> None:
     # The table of the reference camera; sums of up to six gaps, each good to half an eps of 34.
     expected = [-33.77, -26.25, -26.01, -17.96, -11.41, 0.0, 9.00, 11.36, 23.49, 23.87, 30.31]
-    assert load_lens("double-gauss-100mm-f2").vertices == pytest.approx(expected, abs=6 * 34 * EPS)
-    assert load_lens("double-gauss-100mm-f2").vertices[5] == 0.0
+    assert REFERENCE.vertices == pytest.approx(expected, abs=6 * 34 * EPS)
+    assert REFERENCE.vertices[5] == 0.0
 
 
 @given(gaps=st.lists(st.floats(0.0, 1e3), min_size=3, max_size=8), iris=st.integers(0, 7))
@@ -51,12 +49,14 @@ def test_gaps_are_what_lies_between_vertices(gaps: list[float], iris: int) -> No
     assert vertices[iris] == 0.0
 
 
-def test_indices_follow_the_gaps() -> None:
+def test_indices_follow_the_gaps():
     inside = LensStack([FRONT, CircularStop(3.0, 1.0), BACK])
     assert inside.indices().tolist() == [1.0, 1.5, 1.5, 1.0]
     assert two_lenses().indices().tolist() == [1.0, 1.5, 1.0, 1.0, 1.5, 1.0]
     assert two_lenses().glasses == ((0, 1), (3, 4))
     assert inside.glasses == ((0, 2),)
+    # Air is recognised whatever made it.
+    assert LensStack([STOP, FRONT, dataclasses.replace(BACK, medium=ConstantMedium(1))]).gap_media[-1] == AIR
 
 
 def test_an_index_that_no_medium_has_is_refused() -> None:
@@ -71,17 +71,14 @@ def test_an_index_that_no_medium_has_is_refused() -> None:
         LensStack([STOP, Surface(50.0, 1.0, ModelGlass(1.5, 60), semi_diameter=5.0), BACK]).indices(200.0)
 
 
-def test_the_first_stop_is_the_iris() -> None:
+def test_the_first_stop_is_the_iris():
     lens = LensStack([STOP, FRONT, BACK, CircularStop(4.0)])
     assert (lens.iris_index, lens.stop) == (0, STOP)
     assert lens == dataclasses.replace(lens, iris=0)
     behind = dataclasses.replace(lens, iris=3)
-    assert behind.stop == CircularStop(4.0)
-    assert behind.vertices[-1] == 0.0
+    assert behind.stop == CircularStop(4.0) and behind.vertices[-1] == 0.0
     assert lens != behind
-
-
-def test_the_gap_behind_the_lens_is_not_part_of_it() -> None:
+    # The gap behind the lens is not part of it.
     assert LensStack([STOP, FRONT, BACK]) == LensStack([STOP, FRONT, dataclasses.replace(BACK, thickness=99.0)])
 
 
@@ -92,33 +89,20 @@ def test_a_new_iris_stands_in_the_same_place() -> None:
     assert lens.with_stop(STOP) == two_lenses()
 
 
-@pytest.mark.parametrize("z", [-20.0, -7.0, -3.0, -1.5, 0.0, 1.0, 2.0, 6.0, 30.0])
-def test_an_inserted_stop_moves_nothing(z: float) -> None:
+def test_an_inserted_stop_moves_nothing():
     before = two_lenses()
-    after = before.inserted(CircularStop(3.0, 55.0), z)
-    place = [i for i, e in enumerate(after.elements) if e.semi_diameter == 3.0]
-    assert after.stop == dataclasses.replace(STOP, thickness=after.stop.thickness)
-    assert after.vertices[place].tolist() == [z]
-    assert np.delete(after.vertices, place).tolist() == before.vertices.tolist()
-    # It always stands in air.
-    assert after.indices()[place[0]] == after.indices()[place[0] + 1] == 1.0
+    for z in (-20.0, -7.0, -3.0, -1.5, 0.0, 1.0, 2.0, 6.0, 30.0):
+        after = before.inserted(CircularStop(3.0, 55.0), z)
+        place = [i for i, e in enumerate(after.elements) if e.semi_diameter == 3.0]
+        assert after.stop == dataclasses.replace(STOP, thickness=after.stop.thickness), z
+        assert after.vertices[place].tolist() == [z]
+        assert np.delete(after.vertices, place).tolist() == before.vertices.tolist(), z
+        # It always stands in air.
+        assert after.indices()[place[0]] == after.indices()[place[0] + 1] == 1.0, z
 
 
-@pytest.mark.parametrize("z", [-6.99, -5.0, 3.0])
-def test_a_stop_inside_glass_is_refused(z: float) -> None:
-    with pytest.raises(PrescriptionError, match=r"lies in glass, which reaches from .* mm"):
-        two_lenses().inserted(CircularStop(3.0), z)
-
-
-@pytest.mark.parametrize("z", [math.nan, math.inf])
-def test_a_stop_needs_a_place(z: float) -> None:
-    with pytest.raises(InvalidValueError, match="z is"):
-        two_lenses().inserted(CircularStop(3.0), z)
-
-
-@pytest.mark.parametrize(
-    ("elements", "message"),
-    [
+def test_what_is_impossible_says_why():
+    lists = (
         ([], "no surface"),
         ([STOP], "no surface"),
         ([FRONT, BACK], "2 surfaces and no stop"),
@@ -126,40 +110,38 @@ def test_a_stop_needs_a_place(z: float) -> None:
         ([STOP, FRONT], "element 1, the last surface, .* must be pl.optics.AIR"),
         ([FRONT, STOP], "element 0, the last surface"),
         (7, "elements is 7"),
-    ],
-)
-def test_an_impossible_lens_says_why(elements: list[Element], message: str) -> None:
-    with pytest.raises(PrescriptionError, match=message):
-        LensStack(elements)
-
-
-@pytest.mark.parametrize("iris", [0, -1, 17, 2.0, True])
-def test_the_iris_must_be_a_stop(iris: int) -> None:
-    with pytest.raises(InvalidValueError, match="iris is"):
-        LensStack([FRONT, BACK, STOP], iris)
-
-
-def test_only_a_stop_can_be_a_stop() -> None:
+    )
+    for elements, message in lists:
+        with pytest.raises(PrescriptionError, match=message):
+            LensStack(elements)
+    for iris in (0, -1, 17, 2.0, True):
+        with pytest.raises(InvalidValueError, match="iris is"):
+            LensStack([FRONT, BACK, STOP], iris)
+    lens = two_lenses()
+    for z in (-6.99, -5.0, 3.0):
+        with pytest.raises(PrescriptionError, match=r"lies in glass, which reaches from .* mm"):
+            lens.inserted(CircularStop(3.0), z)
+    for z in (math.nan, math.inf):
+        with pytest.raises(InvalidValueError, match="z is"):
+            lens.inserted(CircularStop(3.0), z)
     for wrong in (FRONT, 5.0):
         with pytest.raises(PrescriptionError, match="stop is"):
-            two_lenses().with_stop(wrong)  # type: ignore[arg-type]
+            lens.with_stop(wrong)
         with pytest.raises(PrescriptionError, match="stop is"):
-            two_lenses().inserted(wrong, 0.0)  # type: ignore[arg-type]
+            lens.inserted(wrong, 0.0)
+    for trace in (lens.trace, lens.trace_reverse):
+        with pytest.raises(InvalidValueError, match=r"rays is a list; give a RayBundle, such as pl\.RayBundle"):
+            trace([[0, 0, -1]])
 
 
-def test_a_lens_is_a_value() -> None:
-    lens = load_lens("double-gauss-100mm-f2")
-    again = pickle.loads(pickle.dumps(lens))
-    assert again == lens
-    assert hash(again) == hash(lens)
-    assert lens != lens.with_stop(CircularStop(5.0))
+def test_a_lens_is_a_value():
+    again = pickle.loads(pickle.dumps(REFERENCE))
+    assert again == REFERENCE and hash(again) == hash(REFERENCE)
+    assert REFERENCE.with_stop(CircularStop(5.0)) != REFERENCE
     assert isinstance(LensStack([STOP, FRONT, BACK]).elements, tuple)
     with pytest.raises(dataclasses.FrozenInstanceError):
-        lens.name = "other"  # type: ignore[misc]
-    assert not lens.vertices.flags.writeable
-
-
-def test_the_repr_is_short() -> None:
+        REFERENCE.name = "other"
+    assert not REFERENCE.vertices.flags.writeable
     assert repr(two_lenses()) == "<LensStack 'pair': 4 surfaces, 1 stop, 13 mm long>"
     assert "2 stops" in repr(two_lenses().inserted(STOP, 9.0))
 
@@ -173,8 +155,8 @@ def test_profiles_end_at_the_semi_diameter() -> None:
     assert lens.profiles(5)[2][:, 0].tolist() == [0.0] * 5
 
 
-def test_the_drawing_is_to_scale() -> None:
-    lens = dataclasses.replace(load_lens("double-gauss-100mm-f2"), name="<a & b>")
+def test_drawing_and_plot_are_to_scale():
+    lens = dataclasses.replace(REFERENCE, name="<a & b>")
     drawing = ElementTree.fromstring(lens._repr_svg_())
     _, _, width, height = map(float, drawing.attrib["viewBox"].split())
     # Pixels are whole.
@@ -182,9 +164,6 @@ def test_the_drawing_is_to_scale() -> None:
     assert width > lens.length
     fills = [e for e in drawing if e.get("fill")]
     assert len(fills) == len(lens.glasses) == 6
-
-
-def test_the_plot_is_to_scale() -> None:
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
@@ -192,17 +171,6 @@ def test_the_plot_is_to_scale() -> None:
     from plenoptic.plots.lens import plot_lens
 
     ax = plot_lens(two_lenses().inserted(CircularStop(3.0), 9.0))
-    assert ax.get_aspect() == 1.0
-    assert ax.get_title() == "pair"
+    assert ax.get_aspect() == 1.0 and ax.get_title() == "pair"
     assert plot_lens(two_lenses(), ax) is ax
     plt.close("all")
-
-
-def test_air_is_recognised_whatever_made_it() -> None:
-    assert LensStack([STOP, FRONT, dataclasses.replace(BACK, medium=ConstantMedium(1))]).gap_media[-1] == AIR
-
-
-def test_only_rays_are_traced() -> None:
-    for trace in (two_lenses().trace, two_lenses().trace_reverse):
-        with pytest.raises(InvalidValueError, match=r"rays is a list; give a RayBundle, such as pl\.RayBundle"):
-            trace([[0, 0, -1]])  # type: ignore[arg-type]
