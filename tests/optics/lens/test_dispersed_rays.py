@@ -43,7 +43,7 @@ LENSES = {
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "moved")) for name in LENSES])
 @pytest.mark.parametrize("reverse", [True, False])
-def test_dispersed_rays_are_monochrome_rays_together(name: str, reverse: bool) -> None:
+def test_dispersed_rays_are_monochrome_rays_together(name: str, reverse: bool):
     lens, rng = LENSES[name], np.random.default_rng(3)
     n = 4 * BLOCK
     z = float(lens.vertices[-1]) + 60.0 if reverse else float(lens.vertices[0]) - 400.0
@@ -77,7 +77,7 @@ def test_dispersed_rays_are_monochrome_rays_together(name: str, reverse: bool) -
     assert passed > n // 10
 
 
-def test_red_and_blue_part() -> None:
+def test_red_and_blue_part():
     # The index of a singlet changes by 1.5 % between the lines: rays at its rim end up apart.
     glass = pl.glass("N-BK7")
     lens = pl.LensStack(

@@ -68,7 +68,7 @@ def parallel(n: int = 9, width: float = 48.0) -> pl.RayBundle:
 # ---- laws ----
 
 
-def test_a_paraboloid_unites_parallel_rays_after_ways_of_equal_length() -> None:
+def test_a_paraboloid_unites_parallel_rays_after_ways_of_equal_length():
     newton = pl.LensStack([pl.CircularStop(50.0), pl.Surface(-400.0, medium=MIRROR, semi_diameter=52.0, conic=-1.0)])
     rays = parallel()
     out = newton.trace(rays)
@@ -80,7 +80,7 @@ def test_a_paraboloid_unites_parallel_rays_after_ways_of_equal_length() -> None:
     assert np.ptp(way) < 1e-12
 
 
-def test_an_ellipsoid_images_one_focus_into_the_other() -> None:
+def test_an_ellipsoid_images_one_focus_into_the_other():
     # Semi-axes: e = 0.5, R = a (1 - e^2); from the vertex the foci lie at a (1 - e) and a (1 + e).
     a, e = 100.0, 0.5
     mirror = pl.Surface(-a * (1 - e * e), medium=MIRROR, semi_diameter=40.0, conic=-e * e)
@@ -96,7 +96,7 @@ def test_an_ellipsoid_images_one_focus_into_the_other() -> None:
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_rays_turned_back_go_the_way_they_came(name: str) -> None:
+def test_rays_turned_back_go_the_way_they_came(name: str):
     lens, rays = LENSES[name], beam(600, 7.0)
     out = lens.trace(rays)
     assert (out.status == 0).mean() > 0.5
@@ -109,7 +109,7 @@ def test_rays_turned_back_go_the_way_they_came(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_lengths_of_directions_and_determinants_are_one(name: str) -> None:
+def test_lengths_of_directions_and_determinants_are_one(name: str):
     lens = LENSES[name]
     out = lens.trace(beam(50, 5.0))
     assert np.abs(np.linalg.norm(out.direction[out.status == 0], axis=1) - 1.0).max() < 1e-14
@@ -117,7 +117,7 @@ def test_lengths_of_directions_and_determinants_are_one(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["cassegrain", "mangin"])
-def test_rays_near_the_axis_are_paraxial(name: str) -> None:
+def test_rays_near_the_axis_are_paraxial(name: str):
     lens, h = LENSES[name], 1e-4
     points = pl.paraxial.cardinal_points(lens)
     out = lens.trace(pl.RayBundle([[0.0, h, -300.0]], [[0.0, 0.0, 1.0]]))
@@ -125,7 +125,7 @@ def test_rays_near_the_axis_are_paraxial(name: str) -> None:
     assert abs(out.at_z(points.rear_focus)[0, 1]) < 1e-9 * h
 
 
-def test_a_turned_mirror_turns_light_by_twice_its_angle() -> None:
+def test_a_turned_mirror_turns_light_by_twice_its_angle():
     flat = pl.LensStack([pl.CircularStop(5.0, thickness=20.0), pl.Surface(math.inf, medium=MIRROR, semi_diameter=20.0)])
     ray = pl.RayBundle([[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
     assert flat.trace(ray).direction[0].tolist() == [0.0, 0.0, 1.0]
@@ -139,7 +139,7 @@ def test_a_turned_mirror_turns_light_by_twice_its_angle() -> None:
 # ---- closed forms ----
 
 
-def test_two_mirrors_have_the_focal_length_of_the_textbook() -> None:
+def test_two_mirrors_have_the_focal_length_of_the_textbook():
     lens = cassegrain()
     f1, f2, d = 200.0, -0.5 * lens.elements[2].radius, 140.0
     points = pl.paraxial.cardinal_points(lens)
@@ -147,7 +147,7 @@ def test_two_mirrors_have_the_focal_length_of_the_textbook() -> None:
     assert points.rear_focus == pytest.approx(140.0 + 180.0, rel=1e-13)
 
 
-def test_a_cassegrain_has_no_spherical_aberration_and_the_coma_of_a_paraboloid() -> None:
+def test_a_cassegrain_has_no_spherical_aberration_and_the_coma_of_a_paraboloid():
     lens = cassegrain()
     assert np.abs(lens.trace(parallel()).at_z(320.0)[:, :2]).max() < 1e-12
     sums = pl.aberrations.seidel_sums(lens, field=0.005)
@@ -165,7 +165,7 @@ def test_a_cassegrain_has_no_spherical_aberration_and_the_coma_of_a_paraboloid()
     assert found.tangential[0] == pytest.approx(-(3 * astigmatism + petzval) / n_u2, rel=1e-3)
 
 
-def test_a_mangin_mirror_is_its_front_twice_and_the_mirror_in_glass() -> None:
+def test_a_mangin_mirror_is_its_front_twice_and_the_mirror_in_glass():
     n, c1, c2, t = 1.5, 1 / -120.0, 1 / -180.0, 8.0
     front, silver = (n - 1.0) * c1, -2.0 * n * c2
     refract = lambda power: np.array([[1.0, 0.0], [-power, 1.0]])  # noqa: E731
@@ -174,7 +174,7 @@ def test_a_mangin_mirror_is_its_front_twice_and_the_mirror_in_glass() -> None:
     assert pl.paraxial.cardinal_points(mangin()).efl == pytest.approx(-1.0 / matrix[1, 0], rel=1e-14)
 
 
-def test_foci_of_narrow_beams_are_the_same_in_reverse() -> None:
+def test_foci_of_narrow_beams_are_the_same_in_reverse():
     # From the focus back, the beam of a paraboloid leaves parallel, and from infinity it comes to the focus.
     newton = pl.LensStack([pl.CircularStop(50.0), pl.Surface(-400.0, medium=MIRROR, semi_diameter=52.0, conic=-1.0)])
     ray = pl.RayBundle([[0.0, 40.0, -300.0]], [[0.0, 0.0, 1.0]])
@@ -190,7 +190,7 @@ def test_foci_of_narrow_beams_are_the_same_in_reverse() -> None:
 # ---- what blocks light ----
 
 
-def test_a_ring_stops_the_middle_and_passes_its_edges() -> None:
+def test_a_ring_stops_the_middle_and_passes_its_edges():
     lens = cassegrain(ring=18.0)
     y = np.array([0.0, 17.99, 18.0, 49.9, 50.0, 50.1])
     out = lens.trace(pl.RayBundle(np.stack([0 * y, y, 0 * y - 100.0], 1), [[0.0, 0.0, 1.0]] * 6))
@@ -198,7 +198,7 @@ def test_a_ring_stops_the_middle_and_passes_its_edges() -> None:
     assert out.lost_at.tolist() == [0, 0, -1, -1, -1, 0]
 
 
-def test_a_ring_is_a_stop_like_others(tmp_path) -> None:
+def test_a_ring_is_a_stop_like_others(tmp_path):
     ring = pl.optics.RingStop(5.0, 2.0, thickness=1.0)
     assert ring.area == pytest.approx(math.pi * 21.0)
     assert ring.image(-2.0) == pl.optics.RingStop(10.0, 4.0)
@@ -210,7 +210,7 @@ def test_a_ring_is_a_stop_like_others(tmp_path) -> None:
 # ---- descriptions ----
 
 
-def test_files_keep_mirrors_and_rings(tmp_path) -> None:
+def test_files_keep_mirrors_and_rings(tmp_path):
     askew = Mirror((0.0, 0.1, 1.0))
     lens = cassegrain(ring=18.0)
     bent = pl.LensStack([*lens.elements[:2], pl.Surface(90.0, medium=askew, semi_diameter=9.0)], name="bent")
@@ -227,7 +227,7 @@ def test_files_keep_mirrors_and_rings(tmp_path) -> None:
     assert [getattr(e, "medium", None) for e in read.elements] == [None, MIRROR, MIRROR]
 
 
-def test_mirrors_say_what_they_are_not() -> None:
+def test_mirrors_say_what_they_are_not():
     with pytest.raises(PrescriptionError, match="a mirror has no refractive index at 500 nm"):
         MIRROR.index(500.0)
     with pytest.raises(PrescriptionError, match="fold is .*; it must be the normal of a plane"):
@@ -237,7 +237,7 @@ def test_mirrors_say_what_they_are_not() -> None:
     assert mangin().glasses == ((1, 2), (2, 3))
 
 
-def test_a_group_does_not_reach_through_a_mirror() -> None:
+def test_a_group_does_not_reach_through_a_mirror():
     with pytest.raises(PrescriptionError, match="stand before and behind the mirror 1"):
         cassegrain().moved(slice(0, 3), shift=(0.1, 0.0, 0.0))
     assert cassegrain().moved(slice(0, 2), shift=(0.1, 0.0, 0.0)).elements[1].placement is not None

@@ -39,7 +39,7 @@ def test_vertices_are_counted_from_the_iris():
 
 
 @given(gaps=st.lists(st.floats(0.0, 1e3), min_size=3, max_size=8), iris=st.integers(0, 7))
-def test_gaps_are_what_lies_between_vertices(gaps: list[float], iris: int) -> None:
+def test_gaps_are_what_lies_between_vertices(gaps: list[float], iris: int):
     iris %= len(gaps)
     elements: list[Element] = [Surface(5e3, gap, semi_diameter=10.0) for gap in gaps]
     elements[iris] = CircularStop(1.0, gaps[iris])
@@ -59,7 +59,7 @@ def test_indices_follow_the_gaps():
     assert LensStack([STOP, FRONT, dataclasses.replace(BACK, medium=ConstantMedium(1))]).gap_media[-1] == AIR
 
 
-def test_an_index_that_no_medium_has_is_refused() -> None:
+def test_an_index_that_no_medium_has_is_refused():
     class Odd:
         def index(self, wavelength: float) -> float:
             return math.nan
@@ -82,7 +82,7 @@ def test_the_first_stop_is_the_iris():
     assert LensStack([STOP, FRONT, BACK]) == LensStack([STOP, FRONT, dataclasses.replace(BACK, thickness=99.0)])
 
 
-def test_a_new_iris_stands_in_the_same_place() -> None:
+def test_a_new_iris_stands_in_the_same_place():
     lens = two_lenses().with_stop(PolygonStop(6, 4.0, thickness=77.0))
     assert lens.stop == PolygonStop(6, 4.0, thickness=2.0)
     assert lens.vertices.tolist() == two_lenses().vertices.tolist()
@@ -146,7 +146,7 @@ def test_a_lens_is_a_value():
     assert "2 stops" in repr(two_lenses().inserted(STOP, 9.0))
 
 
-def test_profiles_end_at_the_semi_diameter() -> None:
+def test_profiles_end_at_the_semi_diameter():
     lens = two_lenses()
     for z, element, profile in zip(lens.vertices, lens.elements, lens.profiles(5), strict=True):
         assert profile.shape == (5, 2)

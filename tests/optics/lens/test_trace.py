@@ -61,7 +61,7 @@ def random_directions(rng, n, widest):
     s=st.sampled_from([1.0, -1.0]),
     seed=st.integers(0, 1000),
 )
-def test_snell_at_a_surface(curvature: float, mu: float, s: float, seed: int) -> None:
+def test_snell_at_a_surface(curvature: float, mu: float, s: float, seed: int):
     rng = np.random.default_rng(seed)
     size = min(4.0, 0.8 / abs(curvature) if curvature else 4.0)
     target = np.column_stack([rng.uniform(-size, size, (256, 2)), np.zeros(256)])
@@ -89,7 +89,7 @@ def test_snell_at_a_surface(curvature: float, mu: float, s: float, seed: int) ->
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
-def test_a_ball_turns_every_ray_by_twice_i_minus_r(s: float) -> None:
+def test_a_ball_turns_every_ray_by_twice_i_minus_r(s: float):
     # Rays from all sides, also across and against the axis: which root is right depends on the direction of travel
     # along the stack, not on the sign of N.
     radius, n = 10.0, 1.5
@@ -108,7 +108,7 @@ def test_a_ball_turns_every_ray_by_twice_i_minus_r(s: float) -> None:
     assert np.all(np.abs(turned - expected) <= 2 * 48 * EPS / np.sqrt(1 - sine**2))
 
 
-def test_a_ray_through_the_centre_of_a_ball_goes_straight_on() -> None:
+def test_a_ray_through_the_centre_of_a_ball_goes_straight_on():
     glass = pl.ConstantMedium(1.7)
     ball = [pl.Surface(10.0, 20.0, glass, semi_diameter=10.0), pl.Surface(-10.0, semi_diameter=10.0)]
     lens = pl.LensStack([pl.CircularStop(100.0), *ball])
@@ -122,7 +122,7 @@ def test_a_ray_through_the_centre_of_a_ball_goes_straight_on() -> None:
 
 @settings(max_examples=30)
 @given(angle=st.floats(-1.3, 1.3), thickness=st.floats(0.01, 50.0), n=st.floats(1.0, 3.0))
-def test_a_plate_shifts_rays_sideways(angle: float, thickness: float, n: float) -> None:
+def test_a_plate_shifts_rays_sideways(angle: float, thickness: float, n: float):
     plate = [
         pl.Surface(math.inf, thickness, pl.ConstantMedium(n), semi_diameter=1e6),
         pl.Surface(math.inf, semi_diameter=1e6),
@@ -141,7 +141,7 @@ def test_a_plate_shifts_rays_sideways(angle: float, thickness: float, n: float) 
 
 
 @pytest.mark.parametrize("name", pl.lens_names())
-def test_the_way_back_is_the_way_there(name: str) -> None:
+def test_the_way_back_is_the_way_there(name: str):
     lens = pl.load_lens(name)
     rng = np.random.default_rng(7)
     points = pl.paraxial.cardinal_points(lens)
@@ -184,7 +184,7 @@ def status_of(rays: pl.RayBundle) -> list[tuple[pl.RayStatus, int]]:
     return [(pl.RayStatus(s), int(k)) for s, k in zip(rays.status, rays.lost_at, strict=True)]
 
 
-def test_clips_name_the_element() -> None:
+def test_clips_name_the_element():
     rays = pl.RayBundle(
         # Through the lens; beside the stop; through the stop and beside the first surface; beside the last one.
         [[0, 0, -10], [5.1, 0, -10], [0, -4.9, 0], [0, 4.9, 0]],
@@ -197,14 +197,14 @@ def test_clips_name_the_element() -> None:
     assert np.isnan(out.origin[1:]).all() and np.isnan(out.direction[1:]).all()
 
 
-def test_the_reference_is_clipped_by_its_stop() -> None:
+def test_the_reference_is_clipped_by_its_stop():
     lens = DOUBLE_GAUSS.with_stop(pl.CircularStop(5.0))
     heights = [0.0, 10.0, 24.0, 25.3]
     out = lens.trace(pl.RayBundle([[0, h, -404.0] for h in heights], [[0, 0, 1.0]] * 4))
     assert status_of(out) == [(OK, -1), (CLIPPED, 5), (CLIPPED, 5), (CLIPPED, 0)]
 
 
-def test_a_ray_beside_the_sphere_misses() -> None:
+def test_a_ray_beside_the_sphere_misses():
     lens = pl.LensStack(
         [
             pl.CircularStop(30.0, 2.0),
@@ -218,7 +218,7 @@ def test_a_ray_beside_the_sphere_misses() -> None:
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
 @pytest.mark.parametrize("n", [1.3, 1.5, 2.4])
-def test_total_reflection_begins_at_the_critical_angle(n: float, s: float) -> None:
+def test_total_reflection_begins_at_the_critical_angle(n: float, s: float):
     critical = math.asin(1 / n)
     # cos^2 t = 1 - n^2 sin^2 i has the slope 2 n cos(i) in the angle, and is good to a few eps n^2.
     step = 16 * EPS * n * n / math.cos(critical)
@@ -231,7 +231,7 @@ def test_total_reflection_begins_at_the_critical_angle(n: float, s: float) -> No
     assert np.all(s * out[:3, 2] >= 0) and out[1, 2] * s < 1e-3
 
 
-def test_the_first_cause_stays() -> None:
+def test_the_first_cause_stays():
     # Clipped by the stop; later beside everything, or totally reflected.
     lens = pair(stop=1.0)
     out = lens.trace(pl.RayBundle([[3.0, 0, -10], [300.0, 0, -10]], [[0, 0, 1.0], [0.9, 0, 0.1]]))
@@ -252,7 +252,7 @@ WILD = st.sampled_from(
 
 @settings(max_examples=150)
 @given(rows=st.lists(st.tuples(*[WILD] * 6), min_size=1, max_size=8), reverse=st.booleans())
-def test_no_numbers_break_a_trace(rows: list[tuple[float, ...]], reverse: bool) -> None:
+def test_no_numbers_break_a_trace(rows: list[tuple[float, ...]], reverse: bool):
     numbers = np.array(rows)
     with np.errstate(all="ignore"):
         rays = pl.RayBundle(numbers[:, :3], numbers[:, 3:])
@@ -265,7 +265,7 @@ def test_no_numbers_break_a_trace(rows: list[tuple[float, ...]], reverse: bool) 
     assert np.all(out.status[impossible] == NOT_FINITE)
 
 
-def test_1e300_mm_beside_the_axis_is_no_ray() -> None:
+def test_1e300_mm_beside_the_axis_is_no_ray():
     for reverse in (False, True):
         d = [[0, 0, -1.0 if reverse else 1.0]] * 3
         rays = pl.RayBundle([[1e300, 0, 0], [0, -1e300, 0], [1e155, 1e155, 0]], d)
@@ -273,7 +273,7 @@ def test_1e300_mm_beside_the_axis_is_no_ray() -> None:
         assert np.all(out.status != OK)
 
 
-def test_a_ray_along_a_stop_is_lost() -> None:
+def test_a_ray_along_a_stop_is_lost():
     out = pair().trace(pl.RayBundle([[0, 0, 0.0], [0, 0, -1.0]], [[1.0, 0, 0], [0, 1.0, 0]]))
     assert np.all(out.status != OK)
 
@@ -283,7 +283,7 @@ def test_a_ray_along_a_stop_is_lost() -> None:
 
 @settings(max_examples=20)
 @given(blades=st.integers(3, 12), rotation=st.floats(-4, 4), seed=st.integers(0, 100))
-def test_polygon_stops_pass_what_they_contain(blades: int, rotation: float, seed: int) -> None:
+def test_polygon_stops_pass_what_they_contain(blades: int, rotation: float, seed: int):
     stop = pl.PolygonStop(blades=blades, semi_diameter=4.0, rotation=rotation)
     lens = pl.LensStack([stop, pl.Surface(math.inf, semi_diameter=20.0)])
     xy = np.random.default_rng(seed).uniform(-5, 5, (1000, 2))
@@ -297,7 +297,7 @@ def test_polygon_stops_pass_what_they_contain(blades: int, rotation: float, seed
     assert np.array_equal(back.status[clear], out.status[clear])
 
 
-def test_two_stops_both_clip() -> None:
+def test_two_stops_both_clip():
     iris = pl.PolygonStop(blades=6, semi_diameter=8.0)
     one = DOUBLE_GAUSS.with_stop(iris)
     two = one.inserted(pl.CircularStop(6.0), z=31.0)
@@ -317,7 +317,7 @@ def test_two_stops_both_clip() -> None:
 # The same bits
 
 
-def test_threads_and_neighbours_do_not_change_a_bit() -> None:
+def test_threads_and_neighbours_do_not_change_a_bit():
     rng = np.random.default_rng(3)
     n = (1 << 16) + 77
     start = np.column_stack([rng.uniform(-80, 80, (n, 2)), np.full(n, -404.0)])
@@ -338,7 +338,7 @@ def test_threads_and_neighbours_do_not_change_a_bit() -> None:
 
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize("name", pl.lens_names())
-def test_the_focus_tends_to_the_paraxial_one_with_order_2(name: str, reverse: bool) -> None:
+def test_the_focus_tends_to_the_paraxial_one_with_order_2(name: str, reverse: bool):
     lens = pl.load_lens(name)
     lens = dataclasses.replace(lens, elements=opened(lens.elements))  # a secondary mirror shades the middle
     points = pl.paraxial.cardinal_points(lens)
@@ -354,7 +354,7 @@ def test_the_focus_tends_to_the_paraxial_one_with_order_2(name: str, reverse: bo
     assert order == pytest.approx(2.0, abs=0.05)
 
 
-def test_the_image_tends_to_the_paraxial_one_with_order_2() -> None:
+def test_the_image_tends_to_the_paraxial_one_with_order_2():
     slopes = np.geomspace(0.001, 0.005, 6)
     rays = pl.RayBundle([[0, 0, -404.0]] * 6, np.column_stack([slopes, 0 * slopes, np.ones(6)]))
     out = DOUBLE_GAUSS.trace(rays)
@@ -365,7 +365,7 @@ def test_the_image_tends_to_the_paraxial_one_with_order_2() -> None:
 
 
 @pytest.mark.parametrize("defocus", [-300.0, -100.0, 100.0, 300.0])
-def test_the_blur_of_a_thin_lens(defocus: float) -> None:
+def test_the_blur_of_a_thin_lens(defocus: float):
     # n = 1.5 and radii of 1000 mm: f = 1000 mm; an object at 3000 mm has its image at 1500 mm.
     glass = pl.ConstantMedium(1.5)
     glasses = [pl.Surface(1000.0, 1e-3, glass, semi_diameter=20.0), pl.Surface(-1000.0, semi_diameter=20.0)]
@@ -382,7 +382,7 @@ def test_the_blur_of_a_thin_lens(defocus: float) -> None:
     assert diameter == pytest.approx(10.0 * abs(defocus) / image, rel=0.1 / abs(defocus))
 
 
-def test_rows_of_a_lens_are_in_the_order_of_travel() -> None:
+def test_rows_of_a_lens_are_in_the_order_of_travel():
     there, back = (lens_record(DOUBLE_GAUSS, 587.6, reverse=reverse) for reverse in (False, True))
     for name in ("z", "curvature", "surface_index"):
         assert np.array_equal(there.rows[name][::-1], back.rows[name])

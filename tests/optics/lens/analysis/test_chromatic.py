@@ -18,7 +18,7 @@ PLATE = pl.LensStack(
 )
 
 
-def test_a_singlet_spreads_the_focus_by_f_over_v() -> None:
+def test_a_singlet_spreads_the_focus_by_f_over_v():
     singlet = pl.load_lens("singlet-100mm-f4")
     medium = singlet.elements[1].medium
     blue, yellow, red = (medium.index(w) for w in (486.1327, 587.5618, 656.2725))
@@ -31,7 +31,7 @@ def test_a_singlet_spreads_the_focus_by_f_over_v() -> None:
     assert shift.focus[1] == points.rear_focus
 
 
-def test_the_achromat_has_the_colour_of_its_glasses() -> None:
+def test_the_achromat_has_the_colour_of_its_glasses():
     """Thorlabs AC254-100-A, designed for F, d and C; the secondary spectrum is f (P1 - P2) / (V1 - V2)."""
     lens = pl.load_lens("achromat-100mm-f4.4")
     single = pl.aberrations.chromatic_shift(pl.load_lens("singlet-100mm-f4")).axial
@@ -57,7 +57,7 @@ def test_the_achromat_has_the_colour_of_its_glasses() -> None:
 
 @pytest.mark.parametrize(("z_object", "field"), [(-math.inf, 0.1), (-400.0, 40.0)])
 @pytest.mark.parametrize("lens", [GAUSS, pl.load_lens("topogon-100mm-f6.3")], ids=lambda lens: lens.name)
-def test_sums_of_colour_are_the_first_order_of_the_shifts(lens, z_object, field) -> None:
+def test_sums_of_colour_are_the_first_order_of_the_shifts(lens, z_object, field):
     left = []
     for half in (4.0, 2.0):
         lines = (587.6 - half, 587.6, 587.6 + half)
@@ -71,7 +71,7 @@ def test_sums_of_colour_are_the_first_order_of_the_shifts(lens, z_object, field)
     assert np.divide(*left) == pytest.approx(8.0, rel=0.1)
 
 
-def test_lateral_colour_vanishes_on_the_axis_and_at_a_thin_stop() -> None:
+def test_lateral_colour_vanishes_on_the_axis_and_at_a_thin_stop():
     assert not pl.aberrations.chromatic_shift(GAUSS).height.any()
     medium = pl.ModelGlass(1.5, 60.0)
     surfaces = [pl.Surface(50.0, 0.0, medium, semi_diameter=9.0), pl.Surface(-150.0, semi_diameter=9.0)]
@@ -81,7 +81,7 @@ def test_lateral_colour_vanishes_on_the_axis_and_at_a_thin_stop() -> None:
     assert pl.aberrations.chromatic_shift(before, field=0.2).lateral < -1e-3
 
 
-def test_a_shift_keeps_the_order_and_the_reference() -> None:
+def test_a_shift_keeps_the_order_and_the_reference():
     lines = [656.0, 500.0, 587.6]
     shift = pl.aberrations.chromatic_shift(GAUSS, wavelengths=lines, reference=656.0, field=0.2)
     assert shift.wavelengths.tolist() == lines
@@ -105,6 +105,6 @@ def test_a_shift_keeps_the_order_and_the_reference() -> None:
         (lambda: pl.aberrations.chromatic_shift(PLATE, field=0.1), "light leaves the lens parallel"),
     ],
 )
-def test_impossible_questions_of_colour_are_refused(call, message) -> None:
+def test_impossible_questions_of_colour_are_refused(call, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         call()

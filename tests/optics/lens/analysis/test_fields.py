@@ -36,7 +36,7 @@ THIRD_ORDER = [IN_GLASS, *map(pl.load_lens, ["double-gauss-100mm-f2", "topogon-1
     *((lens, -math.inf) for lens in THIRD_ORDER), (ASPHERIC, -math.inf), (ASPHERIC, -300.0),
     (THIRD_ORDER[1], -400.0), (THIRD_ORDER[2], -60.0),
 ], ids=lambda item: getattr(item, "name", str(item)))  # fmt: skip
-def test_field_curvature_and_distortion_converge_to_third_order(lens: pl.LensStack, z_object: float) -> None:
+def test_field_curvature_and_distortion_converge_to_third_order(lens: pl.LensStack, z_object: float):
     fields = np.array([0.08, 0.04, 0.02]) * (1.0 if z_object == -math.inf else -z_object)
     shifts, heights = field_curvature(lens, fields, z_object=z_object), distortion(lens, fields, z_object=z_object)
     left = []
@@ -52,7 +52,7 @@ def test_field_curvature_and_distortion_converge_to_third_order(lens: pl.LensSta
 
 
 @pytest.mark.parametrize("lens", THIRD_ORDER, ids=lambda lens: lens.name)
-def test_coma_converges_to_third_order(lens: pl.LensStack) -> None:
+def test_coma_converges_to_third_order(lens: pl.LensStack):
     zone = 0.05
     found = coma(lens, [0.01], zone=zone)
     sums = seidel_sums(lens, field=0.01)
@@ -73,7 +73,7 @@ def close_foci(lens: pl.LensStack, angle: float, step: float) -> tuple[np.ndarra
 
 @pytest.mark.parametrize("lens", [*map(pl.load_lens, BUNDLED), ASPHERIC], ids=lambda lens: lens.name)
 @pytest.mark.parametrize("angle", [0.0, 0.1, 0.3])
-def test_coddington_is_the_limit_of_close_rays(lens: pl.LensStack, angle: float) -> None:
+def test_coddington_is_the_limit_of_close_rays(lens: pl.LensStack, angle: float):
     found = field_curvature(lens, [angle])
     exact = np.array([found.sagittal[0], found.tangential[0]]) + found.z_image
     if angle > largest_field(lens):
@@ -84,13 +84,13 @@ def test_coddington_is_the_limit_of_close_rays(lens: pl.LensStack, angle: float)
     assert (4 * fine - coarse) / 3 == pytest.approx(exact, abs=1e-7 * abs(exact[0]) + 1e-3 * abs(fine - coarse).max())
 
 
-def test_an_aspheric_vertex_has_its_own_curvature() -> None:
+def test_an_aspheric_vertex_has_its_own_curvature():
     found = field_curvature(ASPHERIC, [0.0, 1e-9])
     # On the axis both foci are the paraxial one, which the r^2 term bends too.
     assert np.abs([found.sagittal, found.tangential]).max() < 1e-11
 
 
-def test_a_sphere_around_its_stop_has_no_astigmatism() -> None:
+def test_a_sphere_around_its_stop_has_no_astigmatism():
     # All chief rays go through the centre: the image of the horizon is a sphere around it.
     lens = pl.LensStack([pl.Surface(30.0, 30.0, GLASS, semi_diameter=30.0), pl.CircularStop(2.0, thickness=30.0),
                          pl.Surface(-30.0, semi_diameter=30.0)])  # fmt: skip
@@ -101,7 +101,7 @@ def test_a_sphere_around_its_stop_has_no_astigmatism() -> None:
 
 
 @pytest.mark.parametrize("function", [distortion, coma])
-def test_a_symmetric_lens_at_unit_magnification(function: object) -> None:
+def test_a_symmetric_lens_at_unit_magnification(function: object):
     # The second half undoes what the first does to chief rays, and to each other's upper and lower rays.
     lens = pl.load_lens("topogon-100mm-f6.3")
     points = pl.paraxial.cardinal_points(lens)
@@ -116,7 +116,7 @@ def test_a_symmetric_lens_at_unit_magnification(function: object) -> None:
         assert np.abs([found.sagittal[0], found.tangential[0]]).max() < 1e-12
 
 
-def test_ideal_models_have_no_aberrations() -> None:
+def test_ideal_models_have_no_aberrations():
     lens = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.PARAXIAL)
     assert np.abs(distortion(lens, [0.0, 0.2, 0.4]).relative).max() < 1e-13
     assert np.abs(coma(lens, [0.1, 0.3], zone=0.5).tangential).max() < 1e-12
@@ -124,7 +124,7 @@ def test_ideal_models_have_no_aberrations() -> None:
         field_curvature(lens, [0.1])
 
 
-def test_the_fisheye_images_angles_not_tangents() -> None:
+def test_the_fisheye_images_angles_not_tangents():
     lens = pl.load_lens("fisheye-100mm-f8")
     angles = np.radians([0.0, 30.0, 60.0, 85.4, 91.0])
     by_angle = distortion(lens, angles, projection=Projection.EQUIDISTANT)
@@ -135,7 +135,7 @@ def test_the_fisheye_images_angles_not_tangents() -> None:
         distortion(lens, angles)
 
 
-def test_projections_agree_in_the_middle() -> None:
+def test_projections_agree_in_the_middle():
     theta = 1e-4
     # Third order: theta^3 / 3 at most.
     for projection in Projection:
@@ -146,7 +146,7 @@ def test_projections_agree_in_the_middle() -> None:
     assert Projection.ORTHOGRAPHIC.height(1.0, math.pi / 2) == pytest.approx(1.0)
 
 
-def test_finite_distances_converge_to_infinite_ones() -> None:
+def test_finite_distances_converge_to_infinite_ones():
     lens, angles, distance = pl.load_lens("double-gauss-100mm-f2"), np.array([0.1, 0.3]), 1e7
     # The entrance pupil lies some 30 mm from the origin: 3e-6 of the distance.
     z, heights = -distance, distance * np.tan(angles)
@@ -159,7 +159,7 @@ def test_finite_distances_converge_to_infinite_ones() -> None:
 
 
 @pytest.mark.parametrize("name", ["double-gauss-100mm-f2", "singlet-100mm-f4", "topogon-100mm-f6.3"])
-def test_depth_distortion_is_the_conjugate_of_field_curvature(name: str) -> None:
+def test_depth_distortion_is_the_conjugate_of_field_curvature(name: str):
     lens = pl.load_lens(name)
     plane = 1.3 * pl.paraxial.cardinal_points(lens).rear_focus
     found = depth_distortion(lens, [0.0, 5.0, 15.0], z_image=plane)
@@ -181,7 +181,7 @@ def _to_iris(lens: pl.LensStack, j: int, found: object, plane: float) -> np.ndar
     return aimed_rays_reverse(lens, image_point=(0.0, found.heights[j]), z_image=plane, pupil=[[0, 0]]).direction[0]
 
 
-def test_depth_distortion_grows_with_the_square_of_the_height() -> None:
+def test_depth_distortion_grows_with_the_square_of_the_height():
     lens = pl.load_lens("double-gauss-100mm-f2")
     found = depth_distortion(lens, [2.0, 1.0, 0.5], z_image=[110.0, 134.6])
     left = found.medial - found.z_object[:, None]
@@ -191,7 +191,7 @@ def test_depth_distortion_grows_with_the_square_of_the_height() -> None:
     assert abs(left[0, 0]) > abs(left[1, 0])
 
 
-def test_a_field_without_a_chief_ray_is_nan() -> None:
+def test_a_field_without_a_chief_ray_is_nan():
     lens = pl.load_lens("double-gauss-100mm-f2")
     angles = [0.1, 1.5]
     assert np.isnan(distortion(lens, angles).height).tolist() == [False, True]
@@ -200,7 +200,7 @@ def test_a_field_without_a_chief_ray_is_nan() -> None:
     assert np.isnan(coma(lens, angles).tangential).tolist() == [False, True]
 
 
-def test_results_are_values() -> None:
+def test_results_are_values():
     lens = pl.load_lens("singlet-100mm-f4")
     found = field_curvature(lens, [0.0, 0.1])
     assert found == field_curvature(lens, [0.0, 0.1]) and found != field_curvature(lens, [0.0, 0.11])
@@ -220,6 +220,6 @@ def test_results_are_values() -> None:
     (lambda lens: depth_distortion(lens, [1.0], z_image=0.0), "behind the last element"),
     (lambda lens: field_curvature(lens, [0.0], z_object=pl.paraxial.cardinal_points(lens).front_focus), "infinity"),
 ])  # fmt: skip
-def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:
+def test_what_makes_no_sense_is_refused(call: object, message: str):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         call(pl.load_lens("double-gauss-100mm-f2"))

@@ -36,7 +36,7 @@ RMS, GEOMETRIC = FocusCriterion.RMS_SPOT, FocusCriterion.GEOMETRIC_SPOT
 
 
 @pytest.fixture
-def rays_of_spots(monkeypatch) -> None:
+def rays_of_spots(monkeypatch):
     """The rays that spots are of: those are drawn in more sets, so that their errors are known."""
     monkeypatch.setattr("plenoptic.optics.lens.analysis.focus._REPLICATES", REPLICATES)
 
@@ -44,14 +44,14 @@ def rays_of_spots(monkeypatch) -> None:
 @pytest.mark.parametrize("z", [-math.inf, -1e6, -404.0])
 @pytest.mark.parametrize("lens", [PARAXIAL, THIN])
 @pytest.mark.parametrize("criterion", list(FocusCriterion))
-def test_a_perfect_lens_is_sharp_at_its_paraxial_image(lens, z, criterion) -> None:
+def test_a_perfect_lens_is_sharp_at_its_paraxial_image(lens, z, criterion):
     found = best_focus(lens, z_object=z, criterion=criterion)
     # Positions of 1e-13 mm over slopes of 1/4; an object 1e6 mm away has the digits of its distance.
     assert found == pytest.approx(paraxial_focus(lens, z), abs=1e-8 if z == -1e6 else 1e-11)
 
 
 @pytest.mark.parametrize("field", [(0.0, 0.0), (0.0, 0.15)])
-def test_the_square_of_the_rms_radius_is_a_parabola(field, rays_of_spots) -> None:
+def test_the_square_of_the_rms_radius_is_a_parabola(field, rays_of_spots):
     best = best_focus(GAUSS, field=field, rays=4096)
     at = [spot_diagram(GAUSS, field=field, z_image=best + dz, rays=4096).rms_radius ** 2 for dz in (-0.2, 0.0, 0.2)]
     # The same rays, so it is exact: rounding of 1e-4 mm^2 in squares of some 10 mm^2 before centring.
@@ -60,14 +60,14 @@ def test_the_square_of_the_rms_radius_is_a_parabola(field, rays_of_spots) -> Non
 
 
 @pytest.mark.parametrize("field", [(0.0, 0.0), (0.0, 0.15)])
-def test_the_circle_of_least_confusion_is_the_smallest(field, rays_of_spots) -> None:
+def test_the_circle_of_least_confusion_is_the_smallest(field, rays_of_spots):
     best = best_focus(GAUSS, field=field, criterion=GEOMETRIC, rays=4096)
     radius = spot_diagram(GAUSS, field=field, z_image=best, rays=4096).geometric_radius
     for dz in (-1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0):
         assert spot_diagram(GAUSS, field=field, z_image=best + dz, rays=4096).geometric_radius >= radius
 
 
-def test_colours_compromise() -> None:
+def test_colours_compromise():
     lines = (486.1, 656.3)
     alone = [best_focus(SINGLET, wavelength=line) for line in lines]
     together = best_focus(SINGLET, wavelength=lines)
@@ -79,7 +79,7 @@ def test_colours_compromise() -> None:
 # ---- limits ----
 
 
-def test_third_order_spherical_aberration() -> None:
+def test_third_order_spherical_aberration():
     """2/3 of the way to the marginal focus for the RMS radius, 3/4 for the largest."""
     glass = ConstantMedium(1.5)
     lens = LensStack(
@@ -100,7 +100,7 @@ def test_third_order_spherical_aberration() -> None:
         assert (found - gaussian) / (marginal - gaussian) == pytest.approx(share, abs=5e-3)
 
 
-def test_a_small_stop_focuses_paraxially() -> None:
+def test_a_small_stop_focuses_paraxially():
     offsets = []
     for stop in (4.0, 2.0, 1.0):
         lens = GAUSS.with_stop(CircularStop(stop))
@@ -113,7 +113,7 @@ def test_a_small_stop_focuses_paraxially() -> None:
 # ---- models ----
 
 
-def test_models_image_by_their_own_planes() -> None:
+def test_models_image_by_their_own_planes():
     points = paraxial.cardinal_points(GAUSS)
     assert paraxial_focus(PARAXIAL, -404.0) == paraxial_focus(GAUSS, -404.0) == paraxial.image_position(GAUSS, -404.0)
     # 1 / image - 1 / object = 1 / f about the rear principal point.
@@ -127,13 +127,13 @@ def test_models_image_by_their_own_planes() -> None:
 
 @pytest.mark.parametrize("lens", [GAUSS.with_stop(CircularStop(0.01)), PARAXIAL, THIN])
 @pytest.mark.parametrize("z", [-math.inf, -404.0])
-def test_the_working_f_number_is_the_slope_of_the_marginal_ray(lens, z) -> None:
+def test_the_working_f_number_is_the_slope_of_the_marginal_ray(lens, z):
     spot = spot_diagram(lens, z_object=z, z_image=paraxial_focus(lens, z) + 1.0, rays=1 << 13)
     # Rays at 1 mm from the focus: the outermost of 8000 lies within 1e-3 of the rim.
     assert spot.geometric_radius == pytest.approx(1.0 / (2 * working_f_number(lens, z)), rel=2e-3)
 
 
-def test_the_working_f_number_of_a_telecentric_lens() -> None:
+def test_the_working_f_number_of_a_telecentric_lens():
     glass = ConstantMedium(1.5)
     single = LensStack(
         [
@@ -151,7 +151,7 @@ def test_the_working_f_number_of_a_telecentric_lens() -> None:
     assert working_f_number(lens) == pytest.approx(points.efl / 10.0, rel=1e-12)
 
 
-def test_nothing_is_focused_without_a_lens() -> None:
+def test_nothing_is_focused_without_a_lens():
     for call in (lambda: best_focus(NONE), lambda: paraxial_focus(NONE, -404.0), lambda: front_focus(NONE)):
         with pytest.raises(InvalidValueError, match=r"LensModel\.NONE, which bends no ray, so no plane is its image"):
             call()
@@ -162,29 +162,29 @@ def test_nothing_is_focused_without_a_lens() -> None:
 
 
 @pytest.mark.parametrize("criterion", [FocusCriterion.PARAXIAL, RMS])
-def test_an_object_in_the_front_focus_is_imaged_at_infinity(criterion) -> None:
+def test_an_object_in_the_front_focus_is_imaged_at_infinity(criterion):
     z = paraxial.cardinal_points(PARAXIAL).front_focus
     assert paraxial_focus(PARAXIAL, z) == math.inf
     assert best_focus(PARAXIAL, z_object=z, criterion=criterion) == math.inf
 
 
-def test_a_virtual_image_lies_before_the_lens() -> None:
+def test_a_virtual_image_lies_before_the_lens():
     z = 0.5 * (paraxial.cardinal_points(PARAXIAL).front_focus + float(PARAXIAL.vertices[0]))
     assert best_focus(PARAXIAL, z_object=z) == pytest.approx(paraxial_focus(PARAXIAL, z), rel=1e-12)
     assert paraxial_focus(PARAXIAL, z) < z
 
 
-def test_no_light_has_no_focus() -> None:
+def test_no_light_has_no_focus():
     with pytest.raises(InvalidValueError, match=r"0 of 0 rays from the field \(0.0, 1.3\) pass the lens"):
         best_focus(GAUSS, field=(0.0, 1.3))
 
 
-def test_what_is_no_criterion() -> None:
+def test_what_is_no_criterion():
     with pytest.raises(InvalidValueError, match=r"criterion is 'rms'; it must be FocusCriterion\.PARAXIAL or"):
         best_focus(GAUSS, criterion="rms")
 
 
-def test_field_curvature_moves_the_focus() -> None:
+def test_field_curvature_moves_the_focus():
     axis, edge = best_focus(GAUSS), best_focus(GAUSS, field=(0.0, 0.2))
     assert abs(edge - axis) > 0.05
 

@@ -31,7 +31,7 @@ def overlap(a: float, b: float, apart: float) -> float:
     return a * a * (u - math.sin(2 * u) / 2) + b * b * (v - math.sin(2 * v) / 2)
 
 
-def test_two_stops_leave_the_overlap_of_two_circles() -> None:
+def test_two_stops_leave_the_overlap_of_two_circles():
     angles = np.array([0.0, 0.05, 0.2, 0.3, 0.4, 0.6])
     found = vignetting(two_stops(), angles, grid=128)
     shift = APART * np.tan(angles)
@@ -44,7 +44,7 @@ def test_two_stops_leave_the_overlap_of_two_circles() -> None:
     assert found.lower == pytest.approx(np.where(np.isnan(upper), np.nan, -1.0), abs=2e-6, nan_ok=True)
 
 
-def test_the_error_of_the_fraction_is_that_of_other_grids() -> None:
+def test_the_error_of_the_fraction_is_that_of_other_grids():
     angles = np.linspace(0.15, 0.4, 12)
     expected = np.array([overlap(RADIUS, RIM, s) for s in APART * np.tan(angles)]) / (math.pi * RADIUS**2)
     off = []
@@ -55,12 +55,12 @@ def test_the_error_of_the_fraction_is_that_of_other_grids() -> None:
     assert 0.5 < np.sqrt(np.mean(np.square(off))) < 2.0
 
 
-def test_a_polygonal_iris_counts_its_own_area() -> None:
+def test_a_polygonal_iris_counts_its_own_area():
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.PolygonStop(blades=6, semi_diameter=5.0))
     assert vignetting(lens, [0.0]).fraction.tolist() == [1.0]
 
 
-def test_vignetting_is_symmetric_and_falls() -> None:
+def test_vignetting_is_symmetric_and_falls():
     lens = pl.load_lens("double-gauss-100mm-f2")
     found = vignetting(lens, [-0.3, 0.0, 0.2, 0.3, 0.4])
     # The grid of points is not symmetric, so that what is symmetric is counted twice.
@@ -69,7 +69,7 @@ def test_vignetting_is_symmetric_and_falls() -> None:
     assert np.all(np.diff(found.fraction[1:]) < 0)
 
 
-def test_the_largest_field_of_two_stops() -> None:
+def test_the_largest_field_of_two_stops():
     assert largest_field(two_stops()) == pytest.approx(math.atan(RIM / APART), rel=2e-6)
     # From a point at a finite distance, through the centre of the iris.
     z = -200.0
@@ -78,7 +78,7 @@ def test_the_largest_field_of_two_stops() -> None:
 
 # Beyond their largest fields, of 33 and 67 degrees, which nobody uses, these two pass some rays again.
 @pytest.mark.parametrize("name", sorted({*pl.lens_names()} - {"tessar-102mm-f4.5", "asphere-15mm-f0.9"}))
-def test_chief_rays_pass_up_to_the_largest_field(name: str) -> None:
+def test_chief_rays_pass_up_to_the_largest_field(name: str):
     lens = pl.load_lens(name)
     # A secondary mirror shades the middle of the pupil, where chief rays pass.
     lens = dataclasses.replace(lens, elements=opened(lens.elements))
@@ -87,7 +87,7 @@ def test_chief_rays_pass_up_to_the_largest_field(name: str) -> None:
         assert (lens.trace(chief_ray(lens, field=(0.0, share * limit))).status[0] == 0) == passes
 
 
-def test_a_small_hole_gives_the_fourth_power_of_the_cosine() -> None:
+def test_a_small_hole_gives_the_fourth_power_of_the_cosine():
     # Without glass, the iris alone: its projected solid angle from the plane of the image.
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(0.5)).with_model(pl.LensModel.NONE)
     angles = np.array([0.0, 0.2, 0.5, 0.7])
@@ -100,7 +100,7 @@ def test_a_small_hole_gives_the_fourth_power_of_the_cosine() -> None:
 
 
 @pytest.mark.parametrize("name", ["topogon-100mm-f6.3", "fisheye-100mm-f8", "achromat-100mm-f4.4"])
-def test_on_the_axis_the_aperture_angle_decides(name: str) -> None:
+def test_on_the_axis_the_aperture_angle_decides(name: str):
     lens = pl.load_lens(name)
     found = relative_illumination(lens, [0.0, 0.1])
     rim = aimed_rays_reverse(lens, image_point=(0, 0), z_image=found.z_image, pupil=[[0.0, 1.0]])
@@ -110,7 +110,7 @@ def test_on_the_axis_the_aperture_angle_decides(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["double-gauss-100mm-f2", "singlet-100mm-f4"])
-def test_the_renderer_sees_the_same_illumination(name: str) -> None:
+def test_the_renderer_sees_the_same_illumination(name: str):
     lens = pl.load_lens(name)
     pitch, rows = 0.05, 801
     angles = np.array([0.0, 0.08, 0.16])
@@ -127,7 +127,7 @@ def test_the_renderer_sees_the_same_illumination(name: str) -> None:
         assert abs(white.image[0, 0, 0] - solid) < error + 1.5e-3 * solid
 
 
-def test_what_no_ray_reaches_is_dark() -> None:
+def test_what_no_ray_reaches_is_dark():
     lens = pl.load_lens("double-gauss-100mm-f2")
     found = relative_illumination(lens, [0.1, 0.7])
     assert 0.5 < found.relative[0] < 1 and found.relative[1] == 0.0
@@ -135,7 +135,7 @@ def test_what_no_ray_reaches_is_dark() -> None:
     assert none.fraction[0] == 0.0 and math.isnan(none.upper[0])
 
 
-def test_what_makes_no_sense_is_refused() -> None:
+def test_what_makes_no_sense_is_refused():
     lens = pl.load_lens("double-gauss-100mm-f2")
     with pytest.raises(pl.errors.InvalidValueError, match="at least 8"):
         relative_illumination(lens, [0.1], grid=2)

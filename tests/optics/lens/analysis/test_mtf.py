@@ -37,7 +37,7 @@ def disc_mtf(frequencies: np.ndarray) -> np.ndarray:
 # ---- modulation ----
 
 
-def test_a_uniform_disc() -> None:
+def test_a_uniform_disc():
     frequencies = np.linspace(0.0, 8.0 / DIAMETER, 41)
     found = mtf(DISC, frequencies, z_image=Z_DISC)
     expected = disc_mtf(frequencies)
@@ -48,7 +48,7 @@ def test_a_uniform_disc() -> None:
     assert found.tangential[0] == 1.0 and found.tangential_error[0] < 1e-15
 
 
-def test_the_error_is_honest() -> None:
+def test_the_error_is_honest():
     frequency = np.array([0.6 / DIAMETER])
     expected = disc_mtf(frequency)[0]
     runs = [mtf(DISC, frequency, z_image=Z_DISC, rays=512, seed=seed) for seed in range(60)]
@@ -61,7 +61,7 @@ def test_the_error_is_honest() -> None:
 
 
 @pytest.mark.parametrize("field", [(0.0, 0.0), (0.0, 0.1), (-0.1, 0.05)])
-def test_at_low_frequencies_only_the_variance_counts(field) -> None:
+def test_at_low_frequencies_only_the_variance_counts(field):
     spot = spot_diagram(GAUSS, field=field, rays=1 << 14)
     along = np.array(field) / math.hypot(*field) if any(field) else np.array([0.0, 1.0])
     along_field = along[0] * spot.x + along[1] * spot.y
@@ -75,14 +75,14 @@ def test_at_low_frequencies_only_the_variance_counts(field) -> None:
         assert math.log(modulus[0]) == pytest.approx(-2 * (math.pi * frequency) ** 2 * variance, abs=2 * limit)
 
 
-def test_a_perfect_image_has_full_contrast() -> None:
+def test_a_perfect_image_has_full_contrast():
     found = mtf(DISC, [0.0, 100.0, 1000.0], field=(0.0, 0.1))
     # A spot of 1e-13 mm at 1000 cycles per mm.
     assert found.tangential == pytest.approx(1.0, abs=1e-9)
     assert found.sagittal == pytest.approx(1.0, abs=1e-9)
 
 
-def test_values_lie_between_0_and_1() -> None:
+def test_values_lie_between_0_and_1():
     found = mtf(GAUSS, np.linspace(0.0, 100.0, 21), field=(0.05, 0.12), wavelength=(486.1, 587.6, 656.3), rays=2048)
     for values in (found.tangential, found.sagittal, found.diffraction):
         assert np.all((values >= 0) & (values <= 1))
@@ -91,14 +91,14 @@ def test_values_lie_between_0_and_1() -> None:
     assert pickle.loads(pickle.dumps(found)) == found
 
 
-def test_a_single_frequency_may_be_a_number() -> None:
+def test_a_single_frequency_may_be_a_number():
     assert mtf(GAUSS, 10.0, rays=64).tangential.shape == (1,)
 
 
 # ---- diffraction ----
 
 
-def test_the_limit_by_diffraction_is_the_overlap_of_two_pupils() -> None:
+def test_the_limit_by_diffraction_is_the_overlap_of_two_pupils():
     f_number, wavelength = 2.8, 550.0
     cutoff = 1.0 / (f_number * wavelength * 1e-6)
     frequencies = np.array([0.0, 0.2, 0.5, 0.9, 1.0, 1.5]) * cutoff
@@ -112,7 +112,7 @@ def test_the_limit_by_diffraction_is_the_overlap_of_two_pupils() -> None:
         assert value == pytest.approx(overlap, abs=1e-7)
 
 
-def test_the_limit_that_comes_with_an_mtf() -> None:
+def test_the_limit_that_comes_with_an_mtf():
     found = mtf(GAUSS, [50.0], z_object=-404.0, rays=64)
     f_number = working_f_number(GAUSS, -404.0)
     assert np.array_equal(found.diffraction, diffraction_mtf([50.0], f_number=f_number))
@@ -123,7 +123,7 @@ def test_the_limit_that_comes_with_an_mtf() -> None:
 # ---- point spread ----
 
 
-def test_all_light_is_accounted_for() -> None:
+def test_all_light_is_accounted_for():
     whole = point_spread(GAUSS, field=(0.0, 0.1), rays=1 << 14)
     assert whole.image.sum() == pytest.approx(1.0, rel=1e-12) and whole.outside < 1e-12
     part = point_spread(GAUSS, field=(0.0, 0.1), rays=1 << 14, pixel_size=0.001, shape=(20, 40))
@@ -132,7 +132,7 @@ def test_all_light_is_accounted_for() -> None:
     assert part.image.sum() + part.outside == pytest.approx(1.0, rel=1e-12)
 
 
-def test_a_disc_is_flat() -> None:
+def test_a_disc_is_flat():
     spread = point_spread(DISC, z_image=Z_DISC, shape=(40, 40), pixel_size=DIAMETER / 32)
     step = (np.arange(40) - 19.5) * DIAMETER / 32
     radius = np.hypot(*np.meshgrid(step, step))
@@ -147,7 +147,7 @@ def test_a_disc_is_flat() -> None:
     assert 0.7 < ratio < 1.4
 
 
-def test_the_picture_is_seen_with_y_up() -> None:
+def test_the_picture_is_seen_with_y_up():
     spot = spot_diagram(GAUSS, field=(0.05, 0.1), rays=1 << 14)
     corner = spot.centroid + np.array([0.05, -0.02])
     spread = point_spread(GAUSS, field=(0.05, 0.1), rays=1 << 14, centre=corner, pixel_size=0.005, shape=(100, 120))
@@ -159,7 +159,7 @@ def test_the_picture_is_seen_with_y_up() -> None:
     assert found == pytest.approx(spot.centroid, abs=0.0025 / 5)
 
 
-def test_a_perfect_image_falls_on_one_pixel() -> None:
+def test_a_perfect_image_falls_on_one_pixel():
     spread = point_spread(DISC, shape=(5, 5), pixel_size=0.001)
     assert spread.image[2, 2] == pytest.approx(1.0, rel=1e-12)
     assert point_spread(DISC).image.sum() == pytest.approx(1.0, rel=1e-12)
@@ -180,6 +180,6 @@ def test_a_perfect_image_falls_on_one_pixel() -> None:
         (lambda: diffraction_mtf([1.0], f_number=0.0), "f_number is 0; it must be above 0"),
     ],
 )
-def test_what_cannot_be_computed(call, message) -> None:
+def test_what_cannot_be_computed(call, message):
     with pytest.raises(InvalidValueError, match=message):
         call()

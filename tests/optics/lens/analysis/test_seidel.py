@@ -103,7 +103,7 @@ def miss_and_third_order(lens: pl.LensStack, z_object: float, scale: float) -> t
 @pytest.mark.parametrize(
     "lens", [lens for lens in LENSES if lens.name[:7] not in ("fisheye", "mirror-")], ids=lambda lens: lens.name
 )  # the sixth element of the fisheye meets objects at 300 mm; what its mirror lens leaves is of the seventh order here
-def test_exact_rays_tend_to_the_third_order(lens, z_object) -> None:
+def test_exact_rays_tend_to_the_third_order(lens, z_object):
     found = [miss_and_third_order(lens, z_object, scale) for scale in (0.1, 0.05)]
     remainders = [np.abs(exact - third).max() for exact, third in found]
     # All signs and factors are right if what is left is of the fifth order: half the aperture and field, a 32nd. The
@@ -112,7 +112,7 @@ def test_exact_rays_tend_to_the_third_order(lens, z_object) -> None:
     assert remainders[1] < 0.1 * np.abs(found[1][1]).max()
 
 
-def test_transverse_aberrations_are_those_of_the_rim() -> None:
+def test_transverse_aberrations_are_those_of_the_rim():
     exact, third = miss_and_third_order(ASPHERIC, -300.0, 0.05)
     small = ASPHERIC.with_stop(pl.CircularStop(ASPHERIC.stop.semi_diameter * 0.05))
     spherical, coma, tangential, sagittal, distortion = seidel_sums(small, field=4.5, z_object=-300.0).transverse
@@ -128,7 +128,7 @@ def test_transverse_aberrations_are_those_of_the_rim() -> None:
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
 @pytest.mark.parametrize("z_object", [-math.inf, -4000.0])
-def test_each_sum_has_its_power_of_aperture_and_field(lens, z_object) -> None:
+def test_each_sum_has_its_power_of_aperture_and_field(lens, z_object):
     large, small = (0.3, math.atan(0.25 * math.tan(0.3))) if math.isinf(z_object) else (40.0, 10.0)
     before = seidel_sums(lens, field=large, z_object=z_object)
     half = lens.with_stop(pl.CircularStop(lens.stop.semi_diameter / 2))
@@ -138,14 +138,14 @@ def test_each_sum_has_its_power_of_aperture_and_field(lens, z_object) -> None:
     assert after.aperture == pytest.approx(before.aperture / 2, rel=1e-14)
 
 
-def test_an_object_on_the_other_side_of_the_axis() -> None:
+def test_an_object_on_the_other_side_of_the_axis():
     up, down = seidel_sums(GAUSS, field=0.2), seidel_sums(GAUSS, field=-0.2)
     assert np.array_equal(up.table * [1, -1, 1, 1, -1], down.table)
 
 
 @settings(max_examples=30)
 @given(shift=st.floats(-6.0, 8.0), field=st.floats(0.01, 0.4), far=st.booleans())
-def test_stop_shift(shift, field, far) -> None:
+def test_stop_shift(shift, field, far):
     """Welford, chapter 8: with chief' = chief + E marginal for a stop that passes the same axial beam elsewhere."""
     z_object = -math.inf if far else -700.0
     size = field if far else 700.0 * field
@@ -169,7 +169,7 @@ def test_stop_shift(shift, field, far) -> None:
     assert np.all(np.abs(seidel_sums(moved, field=size, z_object=moved_object).table - expected) <= 1e-12 * scale)
 
 
-def test_the_way_back_has_the_same_aberrations() -> None:
+def test_the_way_back_has_the_same_aberrations():
     z_object, field = -300.0, 20.0
     there = seidel_sums(ASPHERIC, field=field, z_object=z_object)
     gaps = [*(e.thickness for e in ASPHERIC.elements[-2::-1]), 0.0]
@@ -186,7 +186,7 @@ def test_the_way_back_has_the_same_aberrations() -> None:
     assert close(back.table[::-1], there.table, there.table)
 
 
-def test_a_lens_that_is_symmetric_about_its_stop_at_unit_magnification() -> None:
+def test_a_lens_that_is_symmetric_about_its_stop_at_unit_magnification():
     half = [
         pl.Surface(40.0, 6.0, GLASS, semi_diameter=12.0, conic=-0.5),
         pl.Surface(90.0, 7.0, semi_diameter=12.0, aspheric=(0.0, 1e-6)),
@@ -203,7 +203,7 @@ def test_a_lens_that_is_symmetric_about_its_stop_at_unit_magnification() -> None
     assert np.all(np.abs(expected[[0, 2, 3]]) > 1e-4 * np.abs(sums.table).max(axis=0)[[0, 2, 3]])
 
 
-def test_only_ratios_of_indices_bend_light() -> None:
+def test_only_ratios_of_indices_bend_light():
     """All indices n0 times as large: the same rays, and wavefronts n0 times as large."""
     before = pl.LensStack(
         [pl.CircularStop(4.0, 3.0), pl.Surface(50.0, 6.0, pl.ConstantMedium(1.5), semi_diameter=12.0, conic=-0.4),
@@ -223,7 +223,7 @@ def test_only_ratios_of_indices_bend_light() -> None:
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
-def test_the_petzval_sum(lens) -> None:
+def test_the_petzval_sum(lens):
     sums = seidel_sums(lens, field=0.1)
     invariant = pl.paraxial.lagrange_invariant(pl.paraxial.marginal_ray(lens), pl.paraxial.chief_ray(lens, 0.1))
     curvature = np.array([getattr(e, "vertex_curvature", 0.0) for e in lens.elements])
@@ -236,7 +236,7 @@ def test_the_petzval_sum(lens) -> None:
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
-def test_distortion_is_what_the_other_sums_say(lens) -> None:
+def test_distortion_is_what_the_other_sums_say(lens):
     """Welford's first form: S_V = (S_III + S_IV) Abar / A of each spherical surface."""
     spheres = dataclasses.replace(
         lens,
@@ -256,7 +256,7 @@ def test_distortion_is_what_the_other_sums_say(lens) -> None:
 # ---- the value ----
 
 
-def test_sums_are_values_that_show_a_table() -> None:
+def test_sums_are_values_that_show_a_table():
     sums = seidel_sums(GAUSS, field=0.2)
     assert pickle.loads(pickle.dumps(sums)) == sums == seidel_sums(GAUSS, field=0.2)
     assert not sums.spherical[GAUSS.iris_index]
@@ -271,7 +271,7 @@ def test_sums_are_values_that_show_a_table() -> None:
     assert len({len(line) for line in (names, *rows, total)}) == 1
 
 
-def test_arrays_of_different_lengths_are_no_sums() -> None:
+def test_arrays_of_different_lengths_are_no_sums():
     with pytest.raises(pl.errors.InvalidValueError, match="coma has shape"):
         SeidelSums(np.zeros(3), np.zeros(2), np.zeros(3), np.zeros(3), np.zeros(3), -0.1, 587.6)
 
@@ -283,10 +283,10 @@ def test_arrays_of_different_lengths_are_no_sums() -> None:
         (lambda: seidel_sums(GAUSS, field=1.6), "less than pi / 2"),
         (lambda: seidel_sums(GAUSS, field=0.1, z_object=5.0), "must lie in front of the first element"),
         (lambda: seidel_sums(GAUSS, field=0.1, z_object=math.nan), "z_object is nan"),
-        (lambda: seidel_sums("lens", field=0.1), "lens is a str; give a LensStack"),  # type: ignore[arg-type]
+        (lambda: seidel_sums("lens", field=0.1), "lens is a str; give a LensStack"),
         (lambda: seidel_sums(GAUSS, field=0.1, wavelength=100.0), "100"),
     ],
 )
-def test_impossible_questions_are_refused(call, message) -> None:
+def test_impossible_questions_are_refused(call, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         call()

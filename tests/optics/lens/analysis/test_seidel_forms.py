@@ -43,7 +43,7 @@ def thin_lens(focal_length: float, index: float, shape: float, stop: float) -> p
     z_object=st.one_of(st.just(-math.inf), st.floats(-1e4, -150.0)),
     field=st.floats(0.01, 0.3),
 )
-def test_a_thin_lens(f, n, shape, z_object, field) -> None:
+def test_a_thin_lens(f, n, shape, z_object, field):
     """Welford, chapter 12, with shape X, conjugates Y = (u + u') / (u - u') and the stop at the lens."""
     h = 5.0
     u = 0.0 if math.isinf(z_object) else h / -z_object
@@ -60,7 +60,7 @@ def test_a_thin_lens(f, n, shape, z_object, field) -> None:
     assert np.all(np.abs(sums.total - expected) <= 1e-12 * np.abs(sums.table).sum(axis=0) + 1e-15)
 
 
-def test_the_bending_with_the_least_spherical_aberration() -> None:
+def test_the_bending_with_the_least_spherical_aberration():
     """For an object at infinity X = 2 (n^2 - 1) / (n + 2), and without coma X = (2 n + 1) (n - 1) / (n + 1)."""
     n = 1.5
     best, without_coma = 2 * (n * n - 1) / (n + 2), (2 * n + 1) * (n - 1) / (n + 1)
@@ -73,7 +73,7 @@ def test_the_bending_with_the_least_spherical_aberration() -> None:
 
 
 @given(n=st.floats(1.2, 3.0), radius=st.floats(5.0, 500.0), rim=st.floats(0.01, 0.3))
-def test_a_surface_that_light_meets_from_infinity(n, radius, rim) -> None:
+def test_a_surface_that_light_meets_from_infinity(n, radius, rim):
     """S_I = (n - 1) (y / R)^3 y / n^2, since A = y c and u' = -y c (n - 1) / n."""
     y = rim * radius
     sums = seidel_sums(front_of_glass(n, radius, y), field=0.1)
@@ -89,7 +89,7 @@ def front_of_glass(n: float, radius: float, rim: float, **shape) -> pl.LensStack
 
 
 @given(n=st.floats(1.2, 3.0), radius=st.floats(5.0, 500.0))
-def test_an_ellipsoid_collects_parallel_light(n, radius) -> None:
+def test_an_ellipsoid_collects_parallel_light(n, radius):
     """Descartes: k = -1 / n^2; in third order its r^4 term on a sphere does the same."""
     k = -1 / n**2
     plain = seidel_sums(front_of_glass(n, radius, 0.1 * radius), field=0.1)
@@ -101,7 +101,7 @@ def test_an_ellipsoid_collects_parallel_light(n, radius) -> None:
 
 
 @given(n=st.floats(1.2, 3.0), radius=st.floats(5.0, 500.0))
-def test_a_hyperboloid_collects_parallel_light_out_of_glass(n, radius) -> None:
+def test_a_hyperboloid_collects_parallel_light_out_of_glass(n, radius):
     """A plane and then k = -n^2: the plano-convex lens without spherical aberration."""
     medium = pl.ConstantMedium(n)
     surfaces = [
@@ -117,7 +117,7 @@ def test_a_hyperboloid_collects_parallel_light_out_of_glass(n, radius) -> None:
 
 
 @given(n=st.floats(1.2, 3.0), distance=st.floats(1.0, 50.0), thickness=st.floats(0.5, 20.0))
-def test_an_aplanatic_front_lens(n, distance, thickness) -> None:
+def test_an_aplanatic_front_lens(n, distance, thickness):
     """Its first surface has the object in its centre, its second in the point of Weierstrass, R (1 + 1 / n) away."""
     radius = (distance + thickness) * n / (n + 1)
     lens = pl.LensStack(
@@ -137,7 +137,7 @@ def test_an_aplanatic_front_lens(n, distance, thickness) -> None:
     assert pl.paraxial.magnification(lens, z_object) == pytest.approx(n, rel=1e-11)
 
 
-def test_a_ball_with_the_stop_in_its_centre() -> None:
+def test_a_ball_with_the_stop_in_its_centre():
     """Every chief ray goes through the centre: no coma, no astigmatism, no distortion, and a curved field."""
     ball = pl.LensStack(
         [
@@ -152,7 +152,7 @@ def test_a_ball_with_the_stop_in_its_centre() -> None:
 
 
 @given(field=st.floats(0.01, 0.5), n=st.floats(1.2, 2.5), thickness=st.floats(0.1, 30.0))
-def test_a_plane_plate_does_nothing_to_parallel_light(field, n, thickness) -> None:
+def test_a_plane_plate_does_nothing_to_parallel_light(field, n, thickness):
     plate = pl.LensStack(
         [
             pl.CircularStop(5.0, 1.0),
@@ -167,7 +167,7 @@ def test_a_plane_plate_does_nothing_to_parallel_light(field, n, thickness) -> No
 
 
 @given(u=st.floats(0.01, 0.3), n=st.floats(1.2, 2.5), thickness=st.floats(0.1, 30.0))
-def test_a_plane_plate_in_a_beam_that_spreads(u, n, thickness) -> None:
+def test_a_plane_plate_in_a_beam_that_spreads(u, n, thickness):
     """S_I = -d u^4 (n^2 - 1) / n^3: overcorrected in a converging beam too, by the even power of u."""
     plate = pl.LensStack(
         [
@@ -182,7 +182,7 @@ def test_a_plane_plate_in_a_beam_that_spreads(u, n, thickness) -> None:
     assert sums.total[0] == pytest.approx(-thickness * u**4 * (n * n - 1) / n**3, rel=1e-12, abs=tolerance)
 
 
-def test_a_curvature_is_a_curvature_however_it_is_written() -> None:
+def test_a_curvature_is_a_curvature_however_it_is_written():
     def lens(radius, **shape) -> pl.LensStack:
         first = pl.Surface(radius, 4.0, GLASS, semi_diameter=8.0, **shape)
         return pl.LensStack([pl.CircularStop(4.0, 2.0), first, pl.Surface(-70.0, semi_diameter=8.0)])

@@ -44,7 +44,7 @@ def plano_convex(stop: float) -> LensStack:
 
 @pytest.mark.parametrize("lens", PERFECT)
 @pytest.mark.parametrize(("z", "field"), [(-math.inf, (0.0, 0.1)), (-404.0, (10.0, -30.0)), (-1e6, (0.0, 0.0))])
-def test_a_perfect_lens_has_points_for_spots(lens, z, field) -> None:
+def test_a_perfect_lens_has_points_for_spots(lens, z, field):
     spot = spot_diagram(lens, field=field, z_object=z)
     # Some 20 roundings of lengths of 130 mm; an origin 1e6 mm away has the digits of that, and slopes of 1e-4 of it.
     assert spot.geometric_radius < 20 * 2.0**-52 * (1e5 if z == -1e6 else 130.0)
@@ -52,14 +52,14 @@ def test_a_perfect_lens_has_points_for_spots(lens, z, field) -> None:
     assert spot.centroid == pytest.approx(spot.chief[0], abs=1e-10)
 
 
-def test_an_object_at_infinity_is_imaged_at_efl_tan_field() -> None:
+def test_an_object_at_infinity_is_imaged_at_efl_tan_field():
     efl = paraxial.cardinal_points(GAUSS).efl
     for lens in PERFECT:
         spot = spot_diagram(lens, field=(0.0, 0.2))
         assert spot.chief[0] == pytest.approx([0.0, -efl * math.tan(0.2)], abs=1e-12)
 
 
-def test_the_lens_is_round() -> None:
+def test_the_lens_is_round():
     along_y = spot_diagram(GAUSS, field=(0.0, 0.15), rays=1 << 14)
     along_x = spot_diagram(GAUSS, field=(-0.15, 0.0), rays=1 << 14)
     error = math.hypot(along_x.rms_radius_error, along_y.rms_radius_error)
@@ -68,7 +68,7 @@ def test_the_lens_is_round() -> None:
     assert along_x.chief[0] == pytest.approx([-along_y.chief[0, 1], 0.0], abs=1e-9)
 
 
-def test_moving_the_whole_lens_moves_the_spot() -> None:
+def test_moving_the_whole_lens_moves_the_spot():
     moved = GAUSS.moved(slice(None), shift=(0.3, -0.2, 0.0))
     spot, other = (spot_diagram(lens, field=(0.0, 0.1), rays=1 << 13) for lens in (GAUSS, moved))
     assert other.chief[0] - spot.chief[0] == pytest.approx([0.3, -0.2], abs=1e-9)
@@ -77,7 +77,7 @@ def test_moving_the_whole_lens_moves_the_spot() -> None:
 
 
 @pytest.mark.parametrize(("field", "z"), [((0.0, 0.2), -math.inf), ((20.0, 60.0), -404.0)])
-def test_against_rays_that_are_not_aimed(field, z) -> None:
+def test_against_rays_that_are_not_aimed(field, z):
     """A wide, evenly filled beam in which only the lens chooses: the same spot, and the same vignetting."""
     n, batches = 1 << 18, 16
     rng = np.random.default_rng(5)
@@ -109,7 +109,7 @@ def test_against_rays_that_are_not_aimed(field, z) -> None:
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, 1.4])
-def test_a_fisheye_is_filled_and_few_rays_are_wasted(angle: float) -> None:
+def test_a_fisheye_is_filled_and_few_rays_are_wasted(angle: float):
     lens = load_lens("fisheye-100mm-f8")
     spot = spot_diagram(lens, field=(0.0, angle), rays=4096)
     assert spot.fraction > 0.99
@@ -117,7 +117,7 @@ def test_a_fisheye_is_filled_and_few_rays_are_wasted(angle: float) -> None:
     assert len(spot.x) > 0.95 * 4096
 
 
-def test_same_seed_same_bits() -> None:
+def test_same_seed_same_bits():
     one, same, other = (spot_diagram(GAUSS, field=(0, 0.1), seed=seed) for seed in (3, 3, 4))
     assert one == same and hash(one) == hash(same)
     assert pickle.loads(pickle.dumps(one)) == one
@@ -129,7 +129,7 @@ def test_same_seed_same_bits() -> None:
 # ---- limits ----
 
 
-def test_third_order_spherical_aberration_grows_with_the_cube_of_the_aperture() -> None:
+def test_third_order_spherical_aberration_grows_with_the_cube_of_the_aperture():
     small, large = (spot_diagram(plano_convex(h), rays=1 << 13) for h in (1.0, 2.0))
     # The next order changes the ratio by some 4 times its share, (h / R)^2 = 1.6e-3 of the larger one.
     assert large.rms_radius / small.rms_radius == pytest.approx(8.0, rel=0.01)
@@ -137,7 +137,7 @@ def test_third_order_spherical_aberration_grows_with_the_cube_of_the_aperture() 
     assert small.rms_radius == pytest.approx(0.5 * small.geometric_radius, rel=0.005)
 
 
-def test_out_of_focus_the_spot_is_the_stop() -> None:
+def test_out_of_focus_the_spot_is_the_stop():
     lens = PERFECT[0].with_stop(CircularStop(10.0))
     points = paraxial.cardinal_points(lens)
     spot = spot_diagram(lens, z_image=points.rear_focus + 2.0, rays=1 << 13)
@@ -147,7 +147,7 @@ def test_out_of_focus_the_spot_is_the_stop() -> None:
     assert spot.rms_radius_error < 1e-3 * radius
 
 
-def test_a_hexagonal_stop() -> None:
+def test_a_hexagonal_stop():
     lens = PERFECT[0].with_stop(PolygonStop(blades=6, semi_diameter=10.0))
     points = paraxial.cardinal_points(lens)
     spot = spot_diagram(lens, z_image=points.rear_focus + 2.0, rays=1 << 14)
@@ -158,7 +158,7 @@ def test_a_hexagonal_stop() -> None:
     assert len(spot.x) > 0.9 * (1 << 14)
 
 
-def test_a_finite_object_is_lambertian() -> None:
+def test_a_finite_object_is_lambertian():
     """Even in direction cosines: sin^2 of the angle with the axis is uniform up to that of the rim of a near stop."""
     lens = LensStack([CircularStop(20.0, thickness=1.0), Surface(math.inf, semi_diameter=50.0)], model=LensModel.NONE)
     spot = spot_diagram(lens, z_object=-30.0, z_image=0.0, rays=1 << 14)
@@ -169,7 +169,7 @@ def test_a_finite_object_is_lambertian() -> None:
     assert np.abs(uniform - (np.arange(len(sin2)) + 0.5) / len(sin2)).max() < 1.63 / math.sqrt(len(sin2))
 
 
-def test_the_error_is_honest() -> None:
+def test_the_error_is_honest():
     lens = PERFECT[0].with_stop(CircularStop(10.0))
     z = paraxial.cardinal_points(lens).rear_focus + 2.0
     true = 2.0 / (2 * working_f_number(lens)) / math.sqrt(2)
@@ -186,7 +186,7 @@ def test_the_error_is_honest() -> None:
 # ---- numbers and shapes ----
 
 
-def test_several_wavelengths_share_a_diagram() -> None:
+def test_several_wavelengths_share_a_diagram():
     lines = (486.1, 587.6, 656.3)
     spot = spot_diagram(GAUSS, field=(0, 0.1), wavelength=lines, rays=512)
     assert spot.wavelengths == lines and spot.chief.shape == (3, 2)
@@ -200,7 +200,7 @@ def test_several_wavelengths_share_a_diagram() -> None:
 
 
 @pytest.mark.parametrize("field", [(0.0, 1.2), (0.0, 2.0)])
-def test_no_light_is_no_error(field) -> None:
+def test_no_light_is_no_error(field):
     spot = spot_diagram(GAUSS, field=field, wavelength=(500.0, 600.0))
     assert len(spot.x) == 0 and spot.fraction == 0.0
     assert math.isnan(spot.rms_radius) and math.isnan(spot.geometric_radius) and np.isnan(spot.centroid).all()
@@ -208,7 +208,7 @@ def test_no_light_is_no_error(field) -> None:
     assert repr(spot) == f"<SpotDiagram: 0 rays from (0, {field[1]:g}) rad on z = 102.473 mm, RMS radius nan um>"
 
 
-def test_few_rays() -> None:
+def test_few_rays():
     spot = spot_diagram(GAUSS, rays=1)
     assert len(spot.x) <= REPLICATES
     assert isinstance(spot, SpotDiagram) and spot.rms_radius > 0
@@ -230,12 +230,12 @@ def test_few_rays() -> None:
         ({"wavelength": [500.0] * 300}, "wavelength has 300 entries"),
     ],
 )
-def test_what_is_no_spot(change, message) -> None:
+def test_what_is_no_spot(change, message):
     with pytest.raises(InvalidValueError, match=message):
         spot_diagram(GAUSS, **change)
 
 
-def test_an_image_at_infinity_needs_a_plane() -> None:
+def test_an_image_at_infinity_needs_a_plane():
     lens = GAUSS.with_model(LensModel.PARAXIAL)
     focus = paraxial.cardinal_points(lens).front_focus
     with pytest.raises(InvalidValueError, match="has its paraxial image at infinity; give z_image"):
@@ -249,7 +249,7 @@ def test_an_image_at_infinity_needs_a_plane() -> None:
 # ---- ray fans ----
 
 
-def test_on_the_axis_fans_are_odd_and_alike() -> None:
+def test_on_the_axis_fans_are_odd_and_alike():
     fan = ray_fan(GAUSS)
     tangential, sagittal = fan.tangential[0], fan.sagittal[0]
     # Rays are aimed to 1e-9 mm of the iris, and aberrations change by at most 0.1 mm per mm there.
@@ -258,7 +258,7 @@ def test_on_the_axis_fans_are_odd_and_alike() -> None:
     assert np.nanmax(np.abs(tangential[:, 0])) < 1e-12
 
 
-def test_the_sagittal_fan_is_symmetric() -> None:
+def test_the_sagittal_fan_is_symmetric():
     fan = ray_fan(GAUSS, field=(0.0, 0.1))
     x, y = fan.sagittal[0].T
     passes = np.isfinite(x) & np.isfinite(x[::-1])
@@ -268,7 +268,7 @@ def test_the_sagittal_fan_is_symmetric() -> None:
     assert np.nanmax(np.abs(y)) > 5e-4
 
 
-def test_fans_turn_with_the_field() -> None:
+def test_fans_turn_with_the_field():
     upright = ray_fan(GAUSS, field=(0.0, 0.12))
     turned = ray_fan(GAUSS, field=(0.12 * math.sin(0.7), 0.12 * math.cos(0.7)))
     for one, other in ((upright.tangential, turned.tangential), (upright.sagittal, turned.sagittal)):
@@ -276,7 +276,7 @@ def test_fans_turn_with_the_field() -> None:
         assert np.nan_to_num(other) == pytest.approx(np.nan_to_num(one), abs=1e-9)
 
 
-def test_a_fan_of_third_order() -> None:
+def test_a_fan_of_third_order():
     fan = ray_fan(plano_convex(1.0))
     # The aberration of fifth order is (h / R)^2 = 4e-4 of that of third order, with a factor of a few.
     cube = fan.tangential[0, -1, 1] * fan.pupil**3
@@ -285,7 +285,7 @@ def test_a_fan_of_third_order() -> None:
     assert cube[-1] < 0
 
 
-def test_a_fan_lies_in_its_spot_and_shows_lateral_colour() -> None:
+def test_a_fan_lies_in_its_spot_and_shows_lateral_colour():
     colours = (587.6, 656.3)
     fan = ray_fan(GAUSS, field=(0.0, 0.05), wavelength=colours)
     spot = spot_diagram(GAUSS, field=(0.0, 0.05), wavelength=colours)
@@ -297,13 +297,13 @@ def test_a_fan_lies_in_its_spot_and_shows_lateral_colour() -> None:
 
 
 @pytest.mark.parametrize("lens", PERFECT)
-def test_a_perfect_lens_has_flat_fans(lens) -> None:
+def test_a_perfect_lens_has_flat_fans(lens):
     fan = ray_fan(lens, field=(3.0, -20.0), z_object=-404.0, points=9)
     assert np.abs(fan.tangential).max() < 1e-12 and np.abs(fan.sagittal).max() < 1e-12
     assert fan == pickle.loads(pickle.dumps(fan))
 
 
-def test_what_is_no_fan() -> None:
+def test_what_is_no_fan():
     with pytest.raises(InvalidValueError, match="points is 1; it must be at least 2"):
         ray_fan(GAUSS, points=1)
 
@@ -330,7 +330,7 @@ def masked(cells, size: float, lens: LensStack = GAUSS) -> LensStack:
     return lens.with_stop(MaskStop.of_cells(np.asarray(cells, dtype=float), size))
 
 
-def test_a_mask_of_one_half_halves_the_light_and_changes_no_spot() -> None:
+def test_a_mask_of_one_half_halves_the_light_and_changes_no_spot():
     clear, grey = (masked([[t]], 20.0) for t in (1.0, 0.5))
     field = (0.02, 0.3)
     assert spot_diagram(grey, field=field) == spot_diagram(clear, field=field)
@@ -346,7 +346,7 @@ def test_a_mask_of_one_half_halves_the_light_and_changes_no_spot() -> None:
 
 
 @pytest.mark.parametrize("lens", PERFECT)
-def test_out_of_focus_a_grey_spot_is_the_image_of_the_mask(lens) -> None:
+def test_out_of_focus_a_grey_spot_is_the_image_of_the_mask(lens):
     """Columns of 1 and 1/2 and width a: the centroid of the light in the iris lies at x = -a / 6."""
     two = masked([[1.0, 0.5]], 10.0, lens)
     points = paraxial.cardinal_points(two)
@@ -363,7 +363,7 @@ def test_out_of_focus_a_grey_spot_is_the_image_of_the_mask(lens) -> None:
 
 
 @pytest.mark.parametrize("cells", [[[0.1], [1.0]], [[1.0], [0.1]]])
-def test_the_passing_part_of_a_grey_iris_is_that_of_its_light(cells) -> None:
+def test_the_passing_part_of_a_grey_iris_is_that_of_its_light(cells):
     lens, field, n = masked(cells, 10.0), 0.32, 1 << 17
     spot = spot_diagram(lens, field=field, rays=1 << 14)
     # A wide, evenly filled beam in which only the lens chooses, as above.
@@ -384,7 +384,7 @@ def test_the_passing_part_of_a_grey_iris_is_that_of_its_light(cells) -> None:
     assert abs(clear.fraction - spot.fraction) > 0.02
 
 
-def test_a_grey_stop_before_or_behind_the_iris_dims_what_passes_it() -> None:
+def test_a_grey_stop_before_or_behind_the_iris_dims_what_passes_it():
     for plain in (GAUSS, masked([[1.0, 0.5]], 10.0)):
         expected = 0.25 * spot_diagram(plain, rays=1 << 12).fraction
         for z in (-40.0, 40.0):

@@ -37,7 +37,7 @@ SHARPEST = {
 
 
 @pytest.mark.parametrize("name", STATED)
-def test_focal_length_and_image_are_those_that_the_source_states(name: str) -> None:
+def test_focal_length_and_image_are_those_that_the_source_states(name: str):
     lens, (efl, image, error) = pl.load_lens(name), STATED[name]
     wavelength = D_LINE if lens.specification is None else lens.specification.wavelengths[0]
     points = pl.paraxial.cardinal_points(lens, wavelength)
@@ -47,7 +47,7 @@ def test_focal_length_and_image_are_those_that_the_source_states(name: str) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHARPEST)
-def test_the_printed_image_is_the_sharpest_one(name: str) -> None:
+def test_the_printed_image_is_the_sharpest_one(name: str):
     lens, (printed, error) = pl.load_lens(name), SHARPEST[name]
     told = lens.specification
     assert told is not None

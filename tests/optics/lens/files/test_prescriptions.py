@@ -49,7 +49,7 @@ def write(folder: Path, text: str, name: str = "lens.csv") -> Path:
 # ---- tables ----
 
 
-def test_a_table_is_read_as_it_is_printed(tmp_path: Path) -> None:
+def test_a_table_is_read_as_it_is_printed(tmp_path: Path):
     lens = load_lens(write(tmp_path, TRIPLET))
     assert lens.elements == (
         Surface(40.1, 6.0, ModelGlass(1.613, 58.6, "SK4"), semi_diameter=13.0),
@@ -63,7 +63,7 @@ def test_a_table_is_read_as_it_is_printed(tmp_path: Path) -> None:
     assert (lens.name, lens.source) == ("lens", "lens.csv")
 
 
-def test_without_a_stop_the_rule_places_one(tmp_path: Path) -> None:
+def test_without_a_stop_the_rule_places_one(tmp_path: Path):
     lens = load_lens(write(tmp_path, PAIR))
     assert lens.vertices.tolist() == [-14.0, -10.0, 0.0, 10.0, 14.0]
     assert "rule" in lens.source
@@ -71,13 +71,13 @@ def test_without_a_stop_the_rule_places_one(tmp_path: Path) -> None:
     assert cardinal_points(lens, 587.5618).entrance_pupil_semi_diameter == pytest.approx(12.0, rel=1e-12)
 
 
-def test_a_single_lens_gets_its_stop_in_front(tmp_path: Path) -> None:
+def test_a_single_lens_gets_its_stop_in_front(tmp_path: Path):
     lens = load_lens(write(tmp_path, "\n".join(PAIR.splitlines()[:3])))
     assert lens.elements[0] == CircularStop(12.0, 0.0)
 
 
 @pytest.mark.parametrize("path", TABLES, ids=lambda path: path.stem)
-def test_every_table_at_hand_loads(path: Path) -> None:
+def test_every_table_at_hand_loads(path: Path):
     lens = load_lens(path)
     rows = path.read_text().strip().splitlines()[1:]
     inferred = any(word in path.name for word in NO_STOP)
@@ -95,7 +95,7 @@ def test_every_table_at_hand_loads(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", [path for path in TABLES if "Telephoto" in path.name], ids=lambda path: path.stem)
-def test_the_rule_gives_the_aperture_of_the_title(path: Path) -> None:
+def test_the_rule_gives_the_aperture_of_the_title(path: Path):
     title = re.search(r"F([0-9.]+)", path.name)
     assert title is not None
     # Titles are rounded: f/4.76 is called f/5.
@@ -103,7 +103,7 @@ def test_the_rule_gives_the_aperture_of_the_title(path: Path) -> None:
 
 
 @pytest.mark.skipif(not TABLES, reason="needs the shared lens tables")
-def test_the_second_flint_of_altman_is_a_misprint(tmp_path: Path) -> None:
+def test_the_second_flint_of_altman_is_a_misprint(tmp_path: Path):
     # F4 is printed twice, with 1.617 and with 1.817; n_d of F4 is 1.61659 (Schott). With 1.617 both focal lengths are
     # as in the book, about 100, like all its lenses, and 89.160; indices to three decimals move both by some 0.1.
     (path,) = (path for path in TABLES if "Altman" in path.name)
@@ -114,7 +114,7 @@ def test_the_second_flint_of_altman_is_a_misprint(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not TABLES, reason="needs the shared lens tables")
-def test_the_bundled_reference_is_the_table() -> None:
+def test_the_bundled_reference_is_the_table():
     (path,) = (path for path in TABLES if "Tronnier" in path.name)
     assert load_lens("double-gauss-100mm-f2").elements == load_lens(path).elements
 
@@ -139,7 +139,7 @@ def test_the_bundled_reference_is_the_table() -> None:
         (9, "-60.0;80.5;SK4;1.6;;10.0", "the last material is 'SK4'"),
     ],
 )
-def test_a_wrong_line_is_named(tmp_path: Path, line: int, wrong: str, message: str) -> None:
+def test_a_wrong_line_is_named(tmp_path: Path, line: int, wrong: str, message: str):
     lines = TRIPLET.splitlines()
     lines[line - 1] = wrong
     with pytest.raises(PrescriptionError, match=rf"^lens\.csv, line {line}: {re.escape(message)}"):
@@ -147,7 +147,7 @@ def test_a_wrong_line_is_named(tmp_path: Path, line: int, wrong: str, message: s
 
 
 @pytest.mark.parametrize("text", ["", "\n\n", HEADER, HEADER + "\n;1;air;;;5\n"])
-def test_a_table_without_a_lens_is_refused(tmp_path: Path, text: str) -> None:
+def test_a_table_without_a_lens_is_refused(tmp_path: Path, text: str):
     with pytest.raises(PrescriptionError, match=r"^lens\.csv, line 1|^lens\.csv, line 2"):
         load_lens(write(tmp_path, text))
 
@@ -170,7 +170,7 @@ def mangled(text: str) -> st.SearchStrategy[str]:
 
 
 @given(text=st.one_of(mangled(TRIPLET), mangled(PAIR), st.text().map(lambda rest: f"{HEADER}\n{rest}")))
-def test_a_mangled_table_is_a_lens_or_a_named_error(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+def test_a_mangled_table_is_a_lens_or_a_named_error(tmp_path_factory: pytest.TempPathFactory, text: str):
     path = tmp_path_factory.getbasetemp() / "mangled.csv"
     path.write_bytes(text.encode("utf-8", errors="replace"))
     try:
@@ -180,7 +180,7 @@ def test_a_mangled_table_is_a_lens_or_a_named_error(tmp_path_factory: pytest.Tem
 
 
 @given(data=st.binary(max_size=200), ending=st.sampled_from([".csv", ".json"]))
-def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes, ending: str) -> None:
+def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes, ending: str):
     path = tmp_path_factory.getbasetemp() / f"bytes{ending}"
     path.write_bytes(data)
     with pytest.raises((PrescriptionError, FileError), match="bytes"):
@@ -208,14 +208,14 @@ EVERYTHING = LensStack(
 
 
 @pytest.mark.parametrize("lens", [EVERYTHING, *map(load_lens, lens_names())], ids=lambda lens: lens.name)
-def test_saving_and_loading_gives_the_same_lens(tmp_path: Path, lens: LensStack) -> None:
+def test_saving_and_loading_gives_the_same_lens(tmp_path: Path, lens: LensStack):
     save_lens(lens, tmp_path / "lens.json")
     assert load_lens(tmp_path / "lens.json") == lens
     assert load_lens(str(tmp_path / "lens.json")) == lens
 
 
 @given(numbers=st.lists(st.floats(1e-15, 1e15), min_size=3, max_size=3))
-def test_numbers_keep_every_bit(tmp_path_factory: pytest.TempPathFactory, numbers: list[float]) -> None:
+def test_numbers_keep_every_bit(tmp_path_factory: pytest.TempPathFactory, numbers: list[float]):
     lens = LensStack([CircularStop(numbers[0], numbers[1]), Surface(-numbers[2], semi_diameter=numbers[2])])
     path = tmp_path_factory.getbasetemp() / "bits.json"
     save_lens(lens, path)
@@ -273,37 +273,35 @@ MEDIA = (
 
 
 @given(lens=lenses())
-def test_everything_that_a_lens_can_have_keeps_every_bit(
-    tmp_path_factory: pytest.TempPathFactory, lens: LensStack
-) -> None:
+def test_everything_that_a_lens_can_have_keeps_every_bit(tmp_path_factory: pytest.TempPathFactory, lens: LensStack):
     path = tmp_path_factory.getbasetemp() / "everything.json"
     save_lens(lens, path)
     assert load_lens(path) == lens
 
 
-def test_what_is_the_default_is_not_written(tmp_path: Path) -> None:
+def test_what_is_the_default_is_not_written(tmp_path: Path):
     save_lens(load_lens("singlet-100mm-f4"), tmp_path / "lens.json")
     text = (tmp_path / "lens.json").read_text()
     for absent in ("conic", "aspheric", "depth", "placement", "ambient", "model"):
         assert absent not in text
 
 
-def test_a_placement_is_written_with_all_its_numbers(tmp_path: Path) -> None:
+def test_a_placement_is_written_with_all_its_numbers(tmp_path: Path):
     lens = load_lens("singlet-100mm-f4").moved(1, shift=(0.1, -0.0, 0.3), tilt=(0.1, 0.2, 0.3))
     save_lens(lens, tmp_path / "lens.json")
     data = json.loads((tmp_path / "lens.json").read_text())
     placement = lens.elements[1].placement
     assert placement is not None
     assert data["elements"][1]["placement"] == {
-        "shift": placement.shift.tolist(),  # type: ignore[union-attr]
-        "rotation": placement.rotation.tolist(),  # type: ignore[union-attr]
+        "shift": placement.shift.tolist(),
+        "rotation": placement.rotation.tolist(),
     }
 
 
 PLANE = {"radius": None, "semi_diameter": 1, "thickness": 0, "medium": "air"}
 
 
-def test_a_saved_lens_has_one_element_per_line(tmp_path: Path) -> None:
+def test_a_saved_lens_has_one_element_per_line(tmp_path: Path):
     save_lens(EVERYTHING, tmp_path / "lens.json")
     text = (tmp_path / "lens.json").read_text()
     rows = [line for line in text.splitlines() if "semi_diameter" in line]
@@ -339,7 +337,7 @@ def test_a_saved_lens_has_one_element_per_line(tmp_path: Path) -> None:
         ({"colour": "red"}, "colour"),
     ],
 )
-def test_a_wrong_entry_is_named(tmp_path: Path, change: dict[str, object], message: str) -> None:
+def test_a_wrong_entry_is_named(tmp_path: Path, change: dict[str, object], message: str):
     save_lens(load_lens("singlet-100mm-f4"), tmp_path / "lens.json")
     data = json.loads((tmp_path / "lens.json").read_text()) | change
     with pytest.raises(PrescriptionError, match=rf"^lens\.json: .*{message}"):
@@ -347,7 +345,7 @@ def test_a_wrong_entry_is_named(tmp_path: Path, change: dict[str, object], messa
 
 
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "9" * 5000, '{"format": 1}', "[]", "null"])
-def test_other_json_is_refused(tmp_path: Path, text: str) -> None:
+def test_other_json_is_refused(tmp_path: Path, text: str):
     with pytest.raises(PrescriptionError, match=r"^lens\.json"):
         load_lens(write(tmp_path, text, "lens.json"))
 
@@ -362,7 +360,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> str:
 @given(data=st.data())
 def test_mangled_json_is_a_lens_or_a_named_error(
     tmp_path_factory: pytest.TempPathFactory, saved: str, data: st.DataObject
-) -> None:
+):
     path = tmp_path_factory.getbasetemp() / "mangled.json"
     path.write_bytes(data.draw(mangled(saved)).encode("utf-8", errors="replace"))
     try:
@@ -371,7 +369,7 @@ def test_mangled_json_is_a_lens_or_a_named_error(
         assert str(error).startswith("mangled.json")
 
 
-def test_a_medium_of_ones_own_cannot_be_saved(tmp_path: Path) -> None:
+def test_a_medium_of_ones_own_cannot_be_saved(tmp_path: Path):
     class Water:
         def index(self, wavelength: float) -> float:
             return 1.33
@@ -387,7 +385,7 @@ def test_a_medium_of_ones_own_cannot_be_saved(tmp_path: Path) -> None:
 # ---- names and paths ----
 
 
-def test_bundled_lenses_are_what_their_names_say() -> None:
+def test_bundled_lenses_are_what_their_names_say():
     assert len(lens_names()) == 21
     for name in lens_names():
         lens = load_lens(name)
@@ -402,7 +400,7 @@ def test_bundled_lenses_are_what_their_names_say() -> None:
         assert points.f_number == pytest.approx(float(found[2]), rel=0.04)
 
 
-def test_the_reference_is_the_published_lens() -> None:
+def test_the_reference_is_the_published_lens():
     lens = load_lens("double-gauss-100mm-f2")
     assert lens.stop == CircularStop(17.1, 9.0)
     assert lens.elements[0] == Surface(58.95, 7.52, ModelGlass(1.670, 47.1, "BAF10"), semi_diameter=25.2)
@@ -410,24 +408,24 @@ def test_the_reference_is_the_published_lens() -> None:
     assert lens.indices(587.6)[1] == pytest.approx(1.670, abs=5e-6)
 
 
-def test_an_unknown_name_suggests_a_known_one() -> None:
+def test_an_unknown_name_suggests_a_known_one():
     with pytest.raises(FileError, match=r"there is no lens 'double-gaus'.*double-gauss-100mm-f2"):
         load_lens("double-gaus")
 
 
-def test_an_unknown_ending_names_the_known_ones(tmp_path: Path) -> None:
+def test_an_unknown_ending_names_the_known_ones(tmp_path: Path):
     for wrong in (write(tmp_path, "SURF 0", "lens.seq"), str(tmp_path / "lens.seq"), tmp_path):
         with pytest.raises(FileError, match=r"\.csv, \.json and \.zmx"):
             load_lens(wrong)
 
 
 @pytest.mark.parametrize("name", ["missing.csv", "missing.json", "missing.zmx"])
-def test_a_missing_file_is_named(tmp_path: Path, name: str) -> None:
+def test_a_missing_file_is_named(tmp_path: Path, name: str):
     with pytest.raises(FileError, match=r"missing.*does not exist"):
         load_lens(tmp_path / name)
 
 
-def test_a_lens_is_saved_where_it_can_be(tmp_path: Path) -> None:
+def test_a_lens_is_saved_where_it_can_be(tmp_path: Path):
     with pytest.raises(FileError, match=r"ends in '\.csv'"):
         save_lens(EVERYTHING, tmp_path / "lens.csv")
     with pytest.raises(FileError, match="make it first"):
@@ -445,7 +443,7 @@ def test_a_table_may_name_bundled_glasses_without_their_numbers(tmp_path):
             load_lens(tmp_path / "bad.csv")
 
 
-def test_an_empty_material_is_air(tmp_path: Path) -> None:
+def test_an_empty_material_is_air(tmp_path: Path):
     assert (
         load_lens(write(tmp_path, TRIPLET.replace("air", ""))).elements == load_lens(write(tmp_path, TRIPLET)).elements
     )

@@ -50,10 +50,10 @@ def zmx(*surfaces: tuple[str, ...], head: str = HEAD, first: tuple[str, ...] = O
 def load(folder: Path, text: str, **options: object) -> LensStack:
     path = folder / "lens.zmx"
     path.write_bytes(text.encode("utf-8"))
-    return load_lens(path, **options)  # type: ignore[arg-type]
+    return load_lens(path, **options)
 
 
-def refused(folder: Path, text: str, message: str, line: str | None = None) -> None:
+def refused(folder: Path, text: str, message: str, line: str | None = None):
     """The file is refused with the message, on a line that contains `line`."""
     rows = enumerate(text.split("\n"), start=1)
     number = r"\d+" if line is None else "|".join(str(i) for i, row in rows if line in row)
@@ -89,7 +89,7 @@ SINGLET = thick(1.5, 0.02, -0.01, 4.0)
 # ---- what is read ----
 
 
-def test_a_singlet_with_a_stop_in_front(tmp_path: Path) -> None:
+def test_a_singlet_with_a_stop_in_front(tmp_path: Path):
     lens = load(tmp_path, zmx(STOP, FRONT, BACK))
     glass_between = ConstantMedium(1.5)
     assert lens.elements == (
@@ -101,7 +101,7 @@ def test_a_singlet_with_a_stop_in_front(tmp_path: Path) -> None:
     assert efl(lens) == pytest.approx(SINGLET, rel=REL)
 
 
-def test_a_doublet_with_glasses_by_name(tmp_path: Path) -> None:
+def test_a_doublet_with_glasses_by_name(tmp_path: Path):
     lens = load(
         tmp_path,
         zmx(
@@ -111,20 +111,20 @@ def test_a_doublet_with_glasses_by_name(tmp_path: Path) -> None:
             ("CURV -0.007800312", "DISZ 97.0", "DIAM 12.7"),
         ),
     )
-    assert (lens.elements[1].medium, lens.elements[2].medium) == (glass("N-BK7"), glass("SF5"))  # type: ignore[union-attr]
+    assert (lens.elements[1].medium, lens.elements[2].medium) == (glass("N-BK7"), glass("SF5"))
     n = (glass("N-BK7").index(D_LINE), glass("SF5").index(D_LINE))
     expected = cemented(n, (0.015923566, -0.021881838, -0.007800312), (4.0, 2.5))
     assert efl(lens) == pytest.approx(expected, rel=REL)
     assert expected == pytest.approx(100.0, rel=0.01)  # Thorlabs AC254-100-A
 
 
-def test_a_model_glass(tmp_path: Path) -> None:
+def test_a_model_glass(tmp_path: Path):
     lens = load(tmp_path, zmx(STOP, ("CURV 0.02", "DISZ 5", blank(1.67, 47.1), "DIAM 9"), ("DIAM 9",)))
-    assert lens.elements[1].medium == ModelGlass(1.67, 47.1)  # type: ignore[union-attr]
+    assert lens.elements[1].medium == ModelGlass(1.67, 47.1)
     assert efl(lens) == pytest.approx(1 / (0.67 * 0.02), rel=REL)
 
 
-def test_an_asphere_with_a_conic_constant(tmp_path: Path) -> None:
+def test_an_asphere_with_a_conic_constant(tmp_path: Path):
     asphere = (
         *("TYPE EVENASPH", "CURV 0.02", "CONI -1.5", "DISZ 4.0", blank(1.5), "DIAM 8"),
         *("PARM 1 1.0E-4", "PARM 2 -2e-6", "PARM 3 0", "PARM 4 3.0E-12"),
@@ -137,16 +137,16 @@ def test_an_asphere_with_a_conic_constant(tmp_path: Path) -> None:
     assert efl(lens) == pytest.approx(1 / (0.5 * (0.02 + 2e-4)), rel=REL)
 
 
-def test_what_type_says_holds_wherever_it_stands(tmp_path: Path) -> None:
+def test_what_type_says_holds_wherever_it_stands(tmp_path: Path):
     asphere = ("PARM 2 -2e-6", "CURV 0.02", "DISZ 4.0", blank(1.5), "DIAM 8")
     last = load(tmp_path, zmx(STOP, (*asphere, "TYPE EVENASPH"), ("DIAM 8",)))
-    assert last.elements[1].aspheric == (0.0, -2e-6)  # type: ignore[union-attr]
+    assert last.elements[1].aspheric == (0.0, -2e-6)
     none = load(tmp_path, zmx(STOP, (*asphere, "TYPE STANDARD"), ("DIAM 8",)))
-    assert none.elements[1].aspheric == ()  # type: ignore[union-attr]
+    assert none.elements[1].aspheric == ()
 
 
 @pytest.mark.parametrize(("name", "size"), [("MM", 1.0), ("CM", 10.0), ("IN", 25.4), ("METER", 1000.0), ("M", 1000.0)])
-def test_units_scale_the_whole_lens(tmp_path: Path, name: str, size: float) -> None:
+def test_units_scale_the_whole_lens(tmp_path: Path, name: str, size: float):
     asphere = ("TYPE EVENASPH", "CURV 0.5", "DISZ 0.3", blank(1.5), "DIAM 0.4", "PARM 2 0.02", "PARM 3 -0.003")
     text = zmx(("STOP", "DISZ 0.1", "DIAM 0.2"), asphere, ("CURV -0.2", "DIAM 0.4"))
     lens = load(tmp_path, text.replace("UNIT MM", f"UNIT {name}"))
@@ -160,7 +160,7 @@ def test_units_scale_the_whole_lens(tmp_path: Path, name: str, size: float) -> N
     assert (lens.stop.semi_diameter, surface.semi_diameter) == pytest.approx((0.2 * size, 0.4 * size), rel=1e-15)
 
 
-def test_a_stop_on_a_surface_stands_in_the_plane_of_its_vertex(tmp_path: Path) -> None:
+def test_a_stop_on_a_surface_stands_in_the_plane_of_its_vertex(tmp_path: Path):
     lens = load(tmp_path, zmx(("STOP", *FRONT), BACK))
     assert lens.elements[0] == CircularStop(10.0, 0.0)
     assert lens.iris_index == 0
@@ -172,7 +172,7 @@ def test_a_stop_on_a_surface_stands_in_the_plane_of_its_vertex(tmp_path: Path) -
     assert efl(rear) == pytest.approx(SINGLET, rel=REL)
 
 
-def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path: Path) -> None:
+def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path: Path):
     back = ("CURV -0.01", "DISZ 7.0", "DIAM 10")
     dummy = ("DISZ 3.0", "DIAM 20")
     in_glass = ("DISZ 1.5", blank(1.5), "DIAM 20")
@@ -192,7 +192,7 @@ def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path: Path) -> None:
     assert efl(plain) == pytest.approx(1 / (2 / single - d / single**2), rel=REL)
 
 
-def test_a_dummy_with_an_aperture_is_a_stop_but_not_the_iris(tmp_path: Path) -> None:
+def test_a_dummy_with_an_aperture_is_a_stop_but_not_the_iris(tmp_path: Path):
     for keyword in ("CLAP 0 6.5 0", "FLAP 0 6.5 0"):
         lens = load(tmp_path, zmx(("DISZ 1.0", "DIAM 20", keyword), STOP, FRONT, BACK))
         assert lens.elements[:2] == (CircularStop(6.5, 1.0), CircularStop(4.0, 2.0))
@@ -202,14 +202,14 @@ def test_a_dummy_with_an_aperture_is_a_stop_but_not_the_iris(tmp_path: Path) -> 
     assert curved.elements[0] == Surface(100.0, 1.0, AIR, semi_diameter=6.5)
 
 
-def test_an_aperture_goes_before_a_diameter(tmp_path: Path) -> None:
+def test_an_aperture_goes_before_a_diameter(tmp_path: Path):
     lens = load(tmp_path, zmx(STOP, (*FRONT, "CLAP 0.0 8.5 0", "MEMA 12 0 0 0 1"), BACK))
     assert [element.semi_diameter for element in lens.elements] == [4.0, 8.5, 10.0]
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-8-sig", "latin-1"])
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_encodings_and_line_ends(tmp_path: Path, encoding: str, newline: str) -> None:
+def test_encodings_and_line_ends(tmp_path: Path, encoding: str, newline: str):
     text = zmx(STOP, FRONT, BACK).replace("A test lens", "Gauß")
     path = tmp_path / "lens.ZMX"
     path.write_bytes(text.replace("\n", newline).encode(encoding))
@@ -218,14 +218,14 @@ def test_encodings_and_line_ends(tmp_path: Path, encoding: str, newline: str) ->
     assert efl(lens) == pytest.approx(SINGLET, rel=REL)
 
 
-def test_without_indentation_or_with_tabs(tmp_path: Path) -> None:
+def test_without_indentation_or_with_tabs(tmp_path: Path):
     text = zmx(STOP, FRONT, BACK)
     expected = load(tmp_path, text)
     assert load(tmp_path, re.sub(r"(?m)^ +", "", text)) == expected
     assert load(tmp_path, re.sub(r"(?m)^ +(\w+) ", "\t\\1\t", text)) == expected
 
 
-def test_an_immersed_object_fills_both_sides(tmp_path: Path) -> None:
+def test_an_immersed_object_fills_both_sides(tmp_path: Path):
     last = ("CURV -0.01", "DISZ 96.0", blank(1.33), "DIAM 10")
     lens = load(tmp_path, zmx(("STOP", "DISZ 2", "DIAM 4", blank(1.33)), FRONT, last, first=(*OBJECT, blank(1.33))))
     assert lens.ambient == ConstantMedium(1.33)
@@ -238,7 +238,7 @@ def test_an_immersed_object_fills_both_sides(tmp_path: Path) -> None:
     assert -(bent + 0.17 * back.curvature * (1 + bent * 4.0 / 1.5)) == pytest.approx(power, rel=REL)
 
 
-def test_glasses_of_ones_own_come_first(tmp_path: Path) -> None:
+def test_glasses_of_ones_own_come_first(tmp_path: Path):
     agf = tmp_path / "mine.agf"
     agf.write_text(
         "NM N-BK7 2 0 1.6 60\nCD 1.56 0 0 0 0 0\nLD 0.3 2.5\nNM ODD 2 0 1.7 60\nCD 1.89 0 0 0 0 0\nLD 0.3 2.5\n"
@@ -260,7 +260,7 @@ def test_glasses_of_ones_own_come_first(tmp_path: Path) -> None:
 UNSIZED = (("STOP", "DISZ 20.0"), ("CURV 0.02", "DISZ 4.0", blank(1.5)), ("CURV -0.01", "DISZ 96.0", "DIAM 0"))
 
 
-def test_missing_diameters_are_those_of_the_beam(tmp_path: Path) -> None:
+def test_missing_diameters_are_those_of_the_beam(tmp_path: Path):
     lens = load(tmp_path, zmx(*UNSIZED, head=PUPIL))
     # From infinity through the stop: 5 mm of the marginal ray, and 20 tan 5 deg of the chief ray at the first surface.
     slope = math.tan(math.radians(5.0))
@@ -273,7 +273,7 @@ def test_missing_diameters_are_those_of_the_beam(tmp_path: Path) -> None:
     assert efl(lens) == pytest.approx(SINGLET, rel=REL)
 
 
-def test_the_f_number_or_the_stop_give_the_beam_too(tmp_path: Path) -> None:
+def test_the_f_number_or_the_stop_give_the_beam_too(tmp_path: Path):
     expected = load(tmp_path, zmx(*UNSIZED, head=PUPIL))
     by_number = load(tmp_path, zmx(*UNSIZED, head=PUPIL.replace("ENPD 1.0E+1", f"FNUM {SINGLET / 10!r}")))
     stop = ("STOP", "DISZ 20.0", "DIAM 5.0")
@@ -283,7 +283,7 @@ def test_the_f_number_or_the_stop_give_the_beam_too(tmp_path: Path) -> None:
         assert sizes == pytest.approx([element.semi_diameter for element in expected.elements], rel=1e-12)
 
 
-def test_fields_may_be_heights(tmp_path: Path) -> None:
+def test_fields_may_be_heights(tmp_path: Path):
     # An object of 30 mm, 100 mm in front of the stop, 10 mm of which are a dummy's gap.
     head = PUPIL.replace("FTYP 0", "FTYP 1").replace("YFLN 0 5.0", "YFLN 0 30.0")
     lens = load(tmp_path, zmx(("DISZ 10.0",), *UNSIZED, head=head, first=("DISZ 90.0",)))
@@ -302,7 +302,7 @@ def test_fields_may_be_heights(tmp_path: Path) -> None:
     ("old", "new"),
     [("ENPD 1.0E+1 0\n", ""), ("XFLN 0 0\nYFLN 0 5.0\n", ""), ("FTYP 0", "FTYP 1"), ("FTYP 0", "FTYP 7")],
 )
-def test_missing_diameters_without_a_beam_are_named(tmp_path: Path, old: str, new: str) -> None:
+def test_missing_diameters_without_a_beam_are_named(tmp_path: Path, old: str, new: str):
     text = zmx(*UNSIZED, head=PUPIL.replace(old, new))
     # Without its size the stop has none itself.
     surface = 1 if "ENPD" in old else 2
@@ -338,7 +338,7 @@ def test_missing_diameters_without_a_beam_are_named(tmp_path: Path, old: str, ne
         (("TYPE EVENASPH", "DISZ 1", "DIAM 5", "PARM 9 1e-9"), "PARM 9 is 1e-09"),
     ],
 )
-def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path, surface: tuple[str, ...], message: str) -> None:
+def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path, surface: tuple[str, ...], message: str):
     text = zmx(STOP, surface, FRONT, BACK)
     keyword = {"thickness": "DISZ", "semi_diameter": "CLAP" if "CLAP 0 0 0" in surface else "DIAM"}.get(
         message.split()[0]
@@ -347,7 +347,7 @@ def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path, surface: tup
     refused(tmp_path, text, message, line)
 
 
-def test_the_line_of_an_error_is_right(tmp_path: Path) -> None:
+def test_the_line_of_an_error_is_right(tmp_path: Path):
     text = zmx(STOP, ("TYPE DGRATING", "DISZ 1"), FRONT, BACK)
     refused(tmp_path, text, "a grating", "TYPE DGRATING")
     refused(tmp_path, text.replace("\n", "\r\n"), "a grating", "TYPE DGRATING")
@@ -367,11 +367,11 @@ def test_the_line_of_an_error_is_right(tmp_path: Path) -> None:
         ("FLOA", "FNUM -1 0", "it must be above 0"),
     ],
 )
-def test_a_wrong_head_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_a_wrong_head_is_refused(tmp_path: Path, old: str, new: str, message: str):
     refused(tmp_path, zmx(STOP, FRONT, BACK).replace(old, new, 1), re.escape(message), new)
 
 
-def test_a_file_without_a_lens_is_refused(tmp_path: Path) -> None:
+def test_a_file_without_a_lens_is_refused(tmp_path: Path):
     refused(tmp_path, "", "there are 0 surfaces")
     refused(tmp_path, HEAD + "SURF 0\nSURF 1\n", "there are 2 surfaces", "SURF 1")
     refused(tmp_path, zmx(STOP), "no surface", "SURF 1")
@@ -379,7 +379,7 @@ def test_a_file_without_a_lens_is_refused(tmp_path: Path) -> None:
     refused(tmp_path, zmx(FRONT, ("CURV -0.01", "DIAM 10", blank(1.7))), "the sensor is in air")
 
 
-def test_without_a_stop_the_rule_places_one(tmp_path: Path) -> None:
+def test_without_a_stop_the_rule_places_one(tmp_path: Path):
     lens = load(tmp_path, zmx(FRONT, BACK, FRONT, BACK))
     assert lens.source.endswith("stop placed by rule")
     assert lens.vertices.tolist() == [-52.0, -48.0, 0.0, 48.0, 52.0]
@@ -432,9 +432,7 @@ def mangled(draw: st.DrawFn) -> str:
 
 
 @given(text=mangled(), encoding=st.sampled_from(["utf-8", "utf-16", "latin-1"]))
-def test_a_mangled_file_is_a_lens_or_a_named_error(
-    tmp_path_factory: pytest.TempPathFactory, text: str, encoding: str
-) -> None:
+def test_a_mangled_file_is_a_lens_or_a_named_error(tmp_path_factory: pytest.TempPathFactory, text: str, encoding: str):
     path = tmp_path_factory.getbasetemp() / "mangled.zmx"
     path.write_bytes(text.encode(encoding, errors="replace"))
     try:
@@ -444,7 +442,7 @@ def test_a_mangled_file_is_a_lens_or_a_named_error(
 
 
 @given(data=st.binary(max_size=200))
-def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
+def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes):
     path = tmp_path_factory.getbasetemp() / "bytes.zmx"
     path.write_bytes(data)
     with pytest.raises(PrescriptionError, match=r"^bytes\.zmx, line \d+: "):
@@ -455,7 +453,7 @@ def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes
 
 
 @pytest.mark.parametrize("name", [name for name in lens_names() if not name.startswith("mirror")])
-def test_a_written_lens_is_read_back(tmp_path: Path, name: str) -> None:
+def test_a_written_lens_is_read_back(tmp_path: Path, name: str):
     lens = load_lens(name)
     save_lens(lens, tmp_path / "lens.zmx")
     again = load_lens(tmp_path / "lens.zmx")
@@ -464,13 +462,13 @@ def test_a_written_lens_is_read_back(tmp_path: Path, name: str) -> None:
         assert (new.thickness, new.semi_diameter) == (old.thickness, old.semi_diameter)
         if isinstance(old, Surface):
             # A radius by way of its curvature: two roundings.
-            assert new.radius == pytest.approx(old.radius, rel=3e-16)  # type: ignore[union-attr]
+            assert new.radius == pytest.approx(old.radius, rel=3e-16)
     for line in (F_LINE, D_LINE, C_LINE):
         # Glasses by name agree to 1e-6, as the writer promises; the others have the same n_d and V_d.
         assert again.indices(line) == pytest.approx(lens.indices(line), abs=1e-6)
 
 
-def test_a_glass_of_no_catalogue_is_written_as_a_model_glass(tmp_path: Path) -> None:
+def test_a_glass_of_no_catalogue_is_written_as_a_model_glass(tmp_path: Path):
     medium = Sellmeier((1.04, 0.23, 1.01), (0.006, 0.02, 103.0), name="MINE")
     lens = LensStack(
         [CircularStop(2.0), Surface(20.0, 3.0, medium, semi_diameter=5.0), Surface(-20.0, semi_diameter=5.0)]
@@ -484,7 +482,7 @@ def test_a_glass_of_no_catalogue_is_written_as_a_model_glass(tmp_path: Path) -> 
     assert dispersion == pytest.approx(medium.index(F_LINE) - medium.index(C_LINE), rel=1e-9)
 
 
-def test_aspheres_and_further_stops_are_written(tmp_path: Path) -> None:
+def test_aspheres_and_further_stops_are_written(tmp_path: Path):
     lens = LensStack(
         [
             CircularStop(6.0, 1.0),
@@ -503,7 +501,7 @@ def test_aspheres_and_further_stops_are_written(tmp_path: Path) -> None:
     assert (again.iris_index, again.name) == (3, "two lines")
 
 
-def test_what_zemax_files_cannot_hold_is_refused(tmp_path: Path) -> None:
+def test_what_zemax_files_cannot_hold_is_refused(tmp_path: Path):
     lens = load_lens("singlet-100mm-f4")
     stop, front, back = lens.elements
     ball = [Surface(5.0, 7.5, ConstantMedium(1.5), semi_diameter=5.0, depth=7.5), Surface(math.inf, semi_diameter=1.0)]

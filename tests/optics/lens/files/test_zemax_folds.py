@@ -59,7 +59,7 @@ RAYS = RayBundle(
 )
 
 
-def same_rays(one: LensStack, other: LensStack) -> None:
+def same_rays(one: LensStack, other: LensStack):
     a, b = one.trace(RAYS), other.trace(RAYS)
     assert (a.status == 0).all()
     assert np.abs(a.direction - b.direction).max() < ROUNDING
@@ -67,7 +67,7 @@ def same_rays(one: LensStack, other: LensStack) -> None:
     assert np.abs(a.origin - b.origin).max() < 1e-10
 
 
-def test_a_break_and_its_inverse_place_what_stands_between_them(tmp_path: Path) -> None:
+def test_a_break_and_its_inverse_place_what_stands_between_them(tmp_path: Path):
     tilt = math.radians(2.0)
     front, back = LENS
     # Back about the rear vertex, not the front one: the image is off the axis by 3 mm sin 2 degrees.
@@ -86,7 +86,7 @@ def test_a_break_and_its_inverse_place_what_stands_between_them(tmp_path: Path) 
     assert cardinal_points(broken).efl == cardinal_points(straight).efl
 
 
-def test_a_turn_about_x_by_a_positive_angle_turns_y_towards_z(tmp_path: Path) -> None:
+def test_a_turn_about_x_by_a_positive_angle_turns_y_towards_z(tmp_path: Path):
     with pytest.warns(FileWarning, match="tilt and decentre of the image"):
         lens = load(tmp_path, STOP, turned(0, 0, 10.0), *LENS)
     placement = lens.elements[1].placement
@@ -97,7 +97,7 @@ def test_a_turn_about_x_by_a_positive_angle_turns_y_towards_z(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("axes", [(3,), (4,), (3, 4)])
-def test_a_folded_path_is_the_straight_one(tmp_path: Path, axes: tuple[int, ...]) -> None:
+def test_a_folded_path_is_the_straight_one(tmp_path: Path, axes: tuple[int, ...]):
     straight = load(tmp_path, (STOP[0], "DISZ 40", STOP[2]), *LENS)
     if len(axes) == 1:
         turn = turned(*(45.0 if i == axes[0] else 0.0 for i in range(1, 6)))
@@ -112,7 +112,7 @@ def test_a_folded_path_is_the_straight_one(tmp_path: Path, axes: tuple[int, ...]
     same_rays(folded, straight)
 
 
-def test_the_rim_of_a_mirror_is_a_tilted_stop(tmp_path: Path) -> None:
+def test_the_rim_of_a_mirror_is_a_tilted_stop(tmp_path: Path):
     turn = turned(0, 0, 45.0)
     lens = load(
         tmp_path, STOP, turn, (*MIRROR, "CLAP 0 2.0 0"), (*turn[:1], "DISZ -30", *turn[2:]), *map(backward, LENS)
@@ -122,12 +122,12 @@ def test_the_rim_of_a_mirror_is_a_tilted_stop(tmp_path: Path) -> None:
     assert (lens.trace(rays).status == 0).tolist() == [True, False, True, False]
 
 
-def test_a_plane_mirror_that_is_the_stop_is_refused_by_its_number(tmp_path: Path) -> None:
+def test_a_plane_mirror_that_is_the_stop_is_refused_by_its_number(tmp_path: Path):
     with pytest.raises(PrescriptionError, match=r"line \d+: surface 1 is a plane mirror and the stop"):
         load(tmp_path, ("STOP", *MIRROR), *map(backward, LENS))
 
 
-def test_a_curved_mirror_becomes_a_surface_that_reflects(tmp_path: Path) -> None:
+def test_a_curved_mirror_becomes_a_surface_that_reflects(tmp_path: Path):
     read = load(tmp_path, STOP, ("CURV -0.01", "DISZ -30", "GLAS MIRROR", "CONI -1", "DIAM 20"), *map(backward, LENS))
     straight = load(tmp_path, STOP, *LENS)
     mirror = Surface(-100.0, 30.0, MIRRORED, semi_diameter=20.0, conic=-1.0)
@@ -137,7 +137,7 @@ def test_a_curved_mirror_becomes_a_surface_that_reflects(tmp_path: Path) -> None
     assert np.allclose(system_matrix(read), system_matrix(straight) @ [[1 - 0.6, 30.0], [-0.02, 1.0]], atol=1e-13)
 
 
-def test_a_curved_mirror_folds_the_axis_by_its_own_normal(tmp_path: Path) -> None:
+def test_a_curved_mirror_folds_the_axis_by_its_own_normal(tmp_path: Path):
     turn = turned(0, 0, 20.0)
     bent = ("CURV -0.01", "DISZ 0", "GLAS MIRROR", "DIAM 20")
     read = load(tmp_path, STOP, turn, bent, (*turn[:1], "DISZ -30", *turn[2:]), *map(backward, LENS))
@@ -154,7 +154,7 @@ def test_a_curved_mirror_folds_the_axis_by_its_own_normal(tmp_path: Path) -> Non
     assert focus == pytest.approx([50.0 * cos, 50.0 / cos], rel=1e-5)
 
 
-def test_obscurations_and_rings_become_ring_stops(tmp_path: Path) -> None:
+def test_obscurations_and_rings_become_ring_stops(tmp_path: Path):
     read = load(tmp_path, (*STOP, "CLAP 1 3 0"), (*LENS[0], "OBSC 0 2 0"), LENS[1])
     ring, stop, disc, front, _ = read.elements
     assert (type(ring), type(disc)) == (RingStop, RingStop)
@@ -168,12 +168,12 @@ def test_obscurations_and_rings_become_ring_stops(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "what"), [("DGRATING", "a grating"), ("TOROIDAL", "a toroid"), ("BINARY_2", "of type")]
 )
-def test_other_surfaces_are_refused_by_what_they_are(tmp_path: Path, kind: str, what: str) -> None:
+def test_other_surfaces_are_refused_by_what_they_are(tmp_path: Path, kind: str, what: str):
     with pytest.raises(PrescriptionError, match=rf"line \d+: surface 2 is {what}.*{kind}"):
         load(tmp_path, STOP, (f"TYPE {kind}", "CURV 0.02", "DISZ 3", "DIAM 9"), *LENS)
 
 
-def test_a_semi_diameter_from_the_beam_is_at_most_the_radius(tmp_path: Path) -> None:
+def test_a_semi_diameter_from_the_beam_is_at_most_the_radius(tmp_path: Path):
     ball = (("CURV 0.2", "DISZ 10", "GLAS N-BK7"), ("CURV -0.2", "DISZ 2"))
     path = tmp_path / "lens.zmx"
     blocks = (("DISZ INFINITY",), ("STOP", "DISZ 4", "DIAM 2"), *ball, ("CURV 0",))
@@ -184,7 +184,7 @@ def test_a_semi_diameter_from_the_beam_is_at_most_the_radius(tmp_path: Path) -> 
     assert load_lens(path).elements[1].semi_diameter == 5.0
 
 
-def test_a_break_with_all_signs_and_the_order_changed_undoes_it(tmp_path: Path) -> None:
+def test_a_break_with_all_signs_and_the_order_changed_undoes_it(tmp_path: Path):
     parameters = (0.3, -0.2, 5.0, -3.0, 20.0)
     undone = (*(-p for p in parameters), 1)
     lens = load(tmp_path, STOP, turned(*parameters, 0), turned(*undone), *LENS)

@@ -28,7 +28,7 @@ def load(folder: Path, head: str, *surfaces: str, first: str = FAR, image: str =
     blocks = [f"SURF {i}; {block}" for i, block in enumerate([first, *surfaces, image])]
     path = folder / "lens.zmx"
     path.write_text("\n".join("; ".join(["UNIT MM", *filter(None, [head]), *blocks]).split("; ")), encoding="utf-16")
-    return load_lens(path, **options)  # type: ignore[arg-type]
+    return load_lens(path, **options)
 
 
 def f_number(lens: LensStack) -> float:
@@ -43,7 +43,7 @@ def about_aperture(lens: LensStack) -> list[str]:
 # ---- how large the stop is ----
 
 
-def test_the_entrance_pupil_counts_and_not_the_diameter_of_the_stop(tmp_path: Path) -> None:
+def test_the_entrance_pupil_counts_and_not_the_diameter_of_the_stop(tmp_path: Path):
     lens = load(tmp_path, "ENPD 10", STOP, *LENS)
     assert f_number(lens) == pytest.approx(7.8, rel=1e-12)
     (found,) = about_aperture(lens)
@@ -58,13 +58,13 @@ def test_the_entrance_pupil_counts_and_not_the_diameter_of_the_stop(tmp_path: Pa
 
 
 @pytest.mark.parametrize("head", ["FLOA", "", "ENPD 10; FLOA"])
-def test_a_system_that_floats_by_its_stop_does(tmp_path: Path, head: str) -> None:
+def test_a_system_that_floats_by_its_stop_does(tmp_path: Path, head: str):
     lens = load(tmp_path, head, STOP, *LENS)
     assert lens.stop.semi_diameter == 10.0 and about_aperture(lens) == []
 
 
 @pytest.mark.parametrize("number", [2.37, 0.91])
-def test_the_f_number_is_that_of_the_file(tmp_path: Path, number: float) -> None:
+def test_the_f_number_is_that_of_the_file(tmp_path: Path, number: float):
     """The stop lies behind a lens, which magnifies it, and says another size, that of another f-number."""
     front = (f"CURV 0.02; DISZ 6; {GLASS}; DIAM 49", "CURV 0; DISZ 3; DIAM 49")
     lens = load(tmp_path, f"FNUM {number} 0", *front, STOP, *LENS)
@@ -73,7 +73,7 @@ def test_the_f_number_is_that_of_the_file(tmp_path: Path, number: float) -> None
     assert f_number(floating) == pytest.approx(number * lens.stop.semi_diameter / 10.0, rel=1e-12)
 
 
-def test_the_cone_of_a_near_object_may_be_given(tmp_path: Path) -> None:
+def test_the_cone_of_a_near_object_may_be_given(tmp_path: Path):
     near = "DISZ 100"
     lens = load(tmp_path, "OBNA 0.1 0", STOP, *LENS, first=near)
     assert lens.stop.semi_diameter == pytest.approx(100.0 * math.tan(math.asin(0.1)), rel=1e-12)
@@ -87,7 +87,7 @@ def test_the_cone_of_a_near_object_may_be_given(tmp_path: Path) -> None:
     assert load(tmp_path, "ENPD 10", STOP, *LENS, first=near).stop.semi_diameter == pytest.approx(5.0, rel=1e-12)
 
 
-def test_an_aperture_on_the_stop_ends_the_beam(tmp_path: Path) -> None:
+def test_an_aperture_on_the_stop_ends_the_beam(tmp_path: Path):
     lens = load(tmp_path, "ENPD 30", f"{STOP}; CLAP 0 6", *LENS)
     assert lens.stop.semi_diameter == 6.0
     assert "30 mm wide" in about_aperture(lens)[0]
@@ -97,13 +97,13 @@ def test_an_aperture_on_the_stop_ends_the_beam(tmp_path: Path) -> None:
     assert load(tmp_path, "ENPD 8", f"{STOP}; CLAP 0 6", *LENS).stop.semi_diameter == pytest.approx(4.0, rel=1e-12)
 
 
-def test_the_surface_of_the_stop_lets_the_beam_through(tmp_path: Path) -> None:
+def test_the_surface_of_the_stop_lets_the_beam_through(tmp_path: Path):
     front, back = LENS
     lens = load(tmp_path, "ENPD 24", f"STOP; {front.replace('DIAM 20', 'DIAM 8')}", back)
     assert [element.semi_diameter for element in lens.elements] == pytest.approx([12.0, 12.0, 20.0], rel=1e-12)
 
 
-def test_a_stop_that_does_not_follow_is_refused_with_a_way_out(tmp_path: Path) -> None:
+def test_a_stop_that_does_not_follow_is_refused_with_a_way_out(tmp_path: Path):
     collimated = (f"CURV 0; DISZ 4; {GLASS}; DIAM 20", f"CURV {-2 / F!r}; DISZ {F!r}; DIAM 20", STOP)
     with pytest.raises(PrescriptionError, match=r"line 2: ENPD 10 .*infinitely far away; give stop_size=pl"):
         load(tmp_path, "ENPD 10", *collimated)
@@ -113,7 +113,7 @@ def test_a_stop_that_does_not_follow_is_refused_with_a_way_out(tmp_path: Path) -
     assert telecentric.stop.semi_diameter == pytest.approx(F * math.tan(math.asin(0.1)), rel=1e-9)
 
 
-def test_a_stop_placed_by_rule_says_that_the_pupil_is_another(tmp_path: Path) -> None:
+def test_a_stop_placed_by_rule_says_that_the_pupil_is_another(tmp_path: Path):
     assert "10 mm wide (f/7.8)" in about_aperture(load(tmp_path, "ENPD 10", *LENS))[0]
 
 
@@ -125,7 +125,7 @@ SYSTEM = (
 )
 
 
-def test_fields_wavelengths_and_image_are_handed_out(tmp_path: Path) -> None:
+def test_fields_wavelengths_and_image_are_handed_out(tmp_path: Path):
     lens = load(tmp_path, SYSTEM, STOP, *LENS, "DISZ 1.5", image="CURV -0.01")
     told = lens.specification
     assert told is not None
@@ -142,7 +142,7 @@ def test_fields_wavelengths_and_image_are_handed_out(tmp_path: Path) -> None:
     assert spot.centroid[1] == pytest.approx(-F * math.tan(math.radians(5.0)), rel=0.05)
 
 
-def test_fields_are_heights_where_the_object_is_near(tmp_path: Path) -> None:
+def test_fields_are_heights_where_the_object_is_near(tmp_path: Path):
     near = "DISZ 10"
     in_cm = SYSTEM.replace("ENPD 10", "UNIT CM; ENPD 1").replace("FTYP 0", "FTYP 1")
     heights = load(tmp_path, in_cm, STOP, *LENS, first=near).specification
@@ -155,7 +155,7 @@ def test_fields_are_heights_where_the_object_is_near(tmp_path: Path) -> None:
     assert image is not None and image.fields[1, 1] == pytest.approx(math.atan(5.0 / F))
 
 
-def test_the_specification_travels_with_the_lens(tmp_path: Path) -> None:
+def test_the_specification_travels_with_the_lens(tmp_path: Path):
     lens = load(tmp_path, SYSTEM, STOP, *LENS)
     save_lens(lens, tmp_path / "lens.json")
     again = load_lens(tmp_path / "lens.json")
@@ -165,7 +165,7 @@ def test_the_specification_travels_with_the_lens(tmp_path: Path) -> None:
     assert dataclasses.replace(lens, specification=None) != lens
     assert load_lens("double-gauss-100mm-f2").specification is None
     with pytest.raises(pl.errors.InvalidValueError, match="specification is"):
-        dataclasses.replace(lens, specification=7)  # type: ignore[arg-type]
+        dataclasses.replace(lens, specification=7)
 
 
 # ---- what is left out ----
@@ -186,7 +186,7 @@ def test_the_specification_travels_with_the_lens(tmp_path: Path) -> None:
         ("", "", "; TYPE EVENASPH; PARM 2 1e-4", "the shape of the image but for its curvature"),
     ],
 )
-def test_what_is_left_out_is_said_once(tmp_path: Path, head: str, surface: str, image: str, named: str) -> None:
+def test_what_is_left_out_is_said_once(tmp_path: Path, head: str, surface: str, image: str, named: str):
     given = "; ".join(filter(None, ["FLOA; XFLN 0; YFLN 5", head]))
     with pytest.warns(pl.errors.FileWarning, match=rf"^lens\.zmx: left out are {named}.*; see") as caught:
         load(tmp_path, given, STOP, *(lens + surface for lens in LENS), image=IMAGE + image)
@@ -197,14 +197,14 @@ def test_what_is_left_out_is_said_once(tmp_path: Path, head: str, surface: str, 
     assert len(caught) == 1
 
 
-def test_nothing_is_said_of_what_stands_in_every_file(tmp_path: Path) -> None:
+def test_nothing_is_said_of_what_stands_in_every_file(tmp_path: Path):
     usual = "VDXN 0 0; VDYN 0 0; VCXN 0 0; VCYN 0 0; VANN 0 0; ENVD 2.0E+1 1 0; COFN COATING.DAT SCATTER_PROFILE.DAT"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         load(tmp_path, f"{SYSTEM}; {usual}", STOP, *LENS, image=f"TYPE STANDARD; {IMAGE}; DIAM 3; MNUM 1 1; MOFF 0 1")
 
 
-def test_a_glass_that_ends_before_the_primary_wavelength_is_no_matter_where_sizes_are_known(tmp_path: Path) -> None:
+def test_a_glass_that_ends_before_the_primary_wavelength_is_no_matter_where_sizes_are_known(tmp_path: Path):
     glass = [surface.replace(GLASS, "GLAS N-BK7 0 0") for surface in LENS]
     wave = "WAVM 1 10.6 1; PWAV 1; XFLN 0; YFLN 5"
     with pytest.warns(pl.errors.FileWarning, match="fields"):
@@ -215,13 +215,13 @@ def test_a_glass_that_ends_before_the_primary_wavelength_is_no_matter_where_size
 
 
 @pytest.mark.parametrize("head", ["ENPD 0", "FNUM 0 0", "FNUM 0 1", "OBNA 2 0", "OBNA 0.1 0"])
-def test_apertures_that_are_none_are_no_matter_where_the_diameter_counts(tmp_path: Path, head: str) -> None:
+def test_apertures_that_are_none_are_no_matter_where_the_diameter_counts(tmp_path: Path, head: str):
     lens = load(tmp_path, head, STOP, *LENS, first="DISZ 50" if "2" in head else FAR, stop_size=DIAMETER)
     assert lens.stop.semi_diameter == 10.0 and about_aperture(lens) == []
     with pytest.raises(PrescriptionError, match=f"line 2: {head[:4]} .*give stop_size=pl.optics.StopSize.DIAMETER"):
         load(tmp_path, head, STOP, *LENS, first="DISZ 50" if "2" in head else FAR)
 
 
-def test_fields_beyond_a_right_angle_are_handed_out_as_they_are(tmp_path: Path) -> None:
+def test_fields_beyond_a_right_angle_are_handed_out_as_they_are(tmp_path: Path):
     told = load(tmp_path, "FLOA; FTYP 0 0 2 1; XFLN 0 0; YFLN 0 95", STOP, *LENS).specification
     assert told is not None and told.fields[1].tolist() == [0.0, pytest.approx(-math.radians(95.0))]

@@ -47,7 +47,7 @@ def thin(f: float, gap: float = 0.0) -> list[pl.Surface]:
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
-def test_a_paraxial_ray_goes_as_the_matrix_says(lens) -> None:
+def test_a_paraxial_ray_goes_as_the_matrix_says(lens):
     surfaces = [i for i, e in enumerate(lens.elements) if isinstance(e, pl.Surface)]
     first, last = surfaces[0], surfaces[-1]
     for height, angle in ((1.0, 0.0), (0.0, 0.01), (3.0, -0.02)):
@@ -58,7 +58,7 @@ def test_a_paraxial_ray_goes_as_the_matrix_says(lens) -> None:
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
-def test_exact_rays_tend_to_paraxial_ones(lens) -> None:
+def test_exact_rays_tend_to_paraxial_ones(lens):
     left = []
     for scale in (0.02, 0.01):
         height, angle = 0.5 * lens.stop.semi_diameter * scale, -0.05 * scale
@@ -74,7 +74,7 @@ def test_exact_rays_tend_to_paraxial_ones(lens) -> None:
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
 @pytest.mark.parametrize("z_object", [-math.inf, -5000.0, -2000.0])
-def test_marginal_and_chief_ray_end_in_image_and_field(lens, z_object) -> None:
+def test_marginal_and_chief_ray_end_in_image_and_field(lens, z_object):
     far = math.isinf(z_object)
     field = 0.2 if far else 50.0
     marginal = paraxial.marginal_ray(lens, z_object)
@@ -100,7 +100,7 @@ def test_marginal_and_chief_ray_end_in_image_and_field(lens, z_object) -> None:
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
 @pytest.mark.parametrize("z_object", [-math.inf, -2000.0])
-def test_the_chief_ray_points_at_the_pupils(lens, z_object) -> None:
+def test_the_chief_ray_points_at_the_pupils(lens, z_object):
     points = paraxial.cardinal_points(lens)
     chief = paraxial.chief_ray(lens, 0.2 if math.isinf(z_object) else 50.0, z_object)
     entrance = chief.height[0] + chief.angle[0] * (points.entrance_pupil - lens.vertices[0])
@@ -115,7 +115,7 @@ def test_the_chief_ray_points_at_the_pupils(lens, z_object) -> None:
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
 @pytest.mark.parametrize(("z_object", "field"), [(-math.inf, 0.3), (-2000.0, 70.0)])
-def test_the_invariant_of_lagrange(lens, z_object, field) -> None:
+def test_the_invariant_of_lagrange(lens, z_object, field):
     marginal, chief = paraxial.marginal_ray(lens, z_object), paraxial.chief_ray(lens, field, z_object)
     invariant = paraxial.lagrange_invariant(marginal, chief)
     everywhere = marginal.index[1:] * (marginal.angle[1:] * chief.height - chief.angle[1:] * marginal.height)
@@ -128,7 +128,7 @@ def test_the_invariant_of_lagrange(lens, z_object, field) -> None:
     assert paraxial.lagrange_invariant(chief, marginal) == -invariant
 
 
-def test_fields_add_up() -> None:
+def test_fields_add_up():
     one, two = paraxial.chief_ray(GAUSS, 10.0, -404.0), paraxial.chief_ray(GAUSS, -25.0, -404.0)
     assert two.height == pytest.approx(-2.5 * one.height, rel=1e-13, abs=1e-13)
     assert not paraxial.chief_ray(GAUSS, 0.0).height.any()
@@ -138,7 +138,7 @@ def test_fields_add_up() -> None:
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
-def test_apertures_from_infinity(lens) -> None:
+def test_apertures_from_infinity(lens):
     points = paraxial.cardinal_points(lens)
     before, behind = paraxial.numerical_apertures(lens)
     n = float(lens.indices()[0])
@@ -149,7 +149,7 @@ def test_apertures_from_infinity(lens) -> None:
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
 @pytest.mark.parametrize("z_object", [-5000.0, -1500.0])
-def test_apertures_of_near_objects(lens, z_object) -> None:
+def test_apertures_of_near_objects(lens, z_object):
     points, m = paraxial.cardinal_points(lens), paraxial.magnification(lens, z_object)
     before, behind = paraxial.numerical_apertures(lens, z_object)
     n = float(lens.indices()[0])
@@ -164,7 +164,7 @@ def test_apertures_of_near_objects(lens, z_object) -> None:
     assert paraxial.working_f_number(lens, z_object) == pytest.approx(expected, rel=1e-10)
 
 
-def test_a_symmetric_lens_at_unit_magnification_stops_down_by_two() -> None:
+def test_a_symmetric_lens_at_unit_magnification_stops_down_by_two():
     z_object, _ = paraxial.conjugates(SYMMETRIC, -1.0)
     before, behind = paraxial.numerical_apertures(SYMMETRIC, z_object)
     assert before == pytest.approx(behind, rel=1e-12)
@@ -177,7 +177,7 @@ def test_a_symmetric_lens_at_unit_magnification_stops_down_by_two() -> None:
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
 @pytest.mark.parametrize("m", [-30.0, -1.0, -0.3187, 0.5, 1.0, 7.0])
-def test_conjugates_have_their_magnification(lens, m) -> None:
+def test_conjugates_have_their_magnification(lens, m):
     z_object, z_image = paraxial.conjugates(lens, m)
     points = paraxial.cardinal_points(lens)
     assert paraxial.magnification(lens, z_object) == pytest.approx(m, rel=1e-10)
@@ -187,13 +187,13 @@ def test_conjugates_have_their_magnification(lens, m) -> None:
     assert z_image == pytest.approx(points.rear_focus - points.efl * m, rel=0, abs=1e-13 * size)
 
 
-def test_the_conjugates_of_one_are_the_principal_planes() -> None:
+def test_the_conjugates_of_one_are_the_principal_planes():
     points = paraxial.cardinal_points(GAUSS)
     assert paraxial.conjugates(GAUSS, 1.0) == pytest.approx((points.front_principal, points.rear_principal), abs=1e-12)
 
 
 @given(f=st.floats(10.0, 500.0), m=st.floats(-20.0, -0.05))
-def test_the_distance_of_object_and_image(f, m) -> None:
+def test_the_distance_of_object_and_image(f, m):
     """A thin lens: f (2 - m - 1 / m), at least 4 f."""
     z_object, z_image = paraxial.conjugates(pl.LensStack([pl.CircularStop(0.1), *thin(f)]), m)
     assert z_image - z_object == pytest.approx(f * (2 - m - 1 / m), rel=1e-12)
@@ -210,7 +210,7 @@ def test_the_distance_of_object_and_image(f, m) -> None:
     r2=st.one_of(st.floats(20.0, 1e4), st.floats(-1e4, -20.0)),
     d=st.floats(0.0, 15.0),
 )
-def test_the_thick_lens_in_a_medium(n0, n, r1, r2, d) -> None:
+def test_the_thick_lens_in_a_medium(n0, n, r1, r2, d):
     """Hecht, Optics, 5th ed., eqs. 6.1 to 6.4, with the relative index."""
     around, m = pl.ConstantMedium(n0), n / n0
     power = (m - 1) * (1 / r1 - 1 / r2 + (m - 1) * d / (m * r1 * r2))
@@ -232,7 +232,7 @@ def test_the_thick_lens_in_a_medium(n0, n, r1, r2, d) -> None:
     assert [points.bfl, points.ffl] == pytest.approx([points.rear_focus - d, points.front_focus], **close)
 
 
-def test_only_ratios_of_indices_matter() -> None:
+def test_only_ratios_of_indices_matter():
     """The double Gauss in water, its glasses 1.333 times as dense: angles, places and sizes are the same."""
     n0 = WATER.index(587.6)
     elements = [
@@ -250,7 +250,7 @@ def test_only_ratios_of_indices_matter() -> None:
         assert ratio == pytest.approx(n0, rel=1e-12)
 
 
-def test_only_the_curvature_of_the_vertex_matters() -> None:
+def test_only_the_curvature_of_the_vertex_matters():
     def lens(radius, **shape) -> pl.LensStack:
         front = pl.Surface(radius, 5.0, GLASS, semi_diameter=8.0, **shape)
         return pl.LensStack([front, pl.CircularStop(3.0, 2.0), pl.Surface(-90.0, semi_diameter=8.0)])
@@ -266,7 +266,7 @@ def test_only_the_curvature_of_the_vertex_matters() -> None:
 # ---- what has no answer ----
 
 
-def test_telecentric_lenses() -> None:
+def test_telecentric_lenses():
     telecentric = pl.LensStack([*thin(77.77, 77.77), pl.CircularStop(0.1)])
     with pytest.raises(pl.errors.InvalidValueError, match="the entrance pupil is infinitely far; give an object plane"):
         paraxial.chief_ray(telecentric, 0.1)
@@ -277,7 +277,7 @@ def test_telecentric_lenses() -> None:
     assert chief.height[-1] == pytest.approx(0.0, abs=1e-14)
 
 
-def test_an_afocal_lens_has_no_planes_for_a_magnification() -> None:
+def test_an_afocal_lens_has_no_planes_for_a_magnification():
     telescope = pl.LensStack([pl.CircularStop(0.1), *thin(100.0, 150.0), *thin(50.0)])
     with pytest.raises(pl.errors.InvalidValueError, match=r"afocal, so its magnification is -0\.5 for all planes"):
         paraxial.conjugates(telescope, -1.0)
@@ -295,11 +295,11 @@ def test_an_afocal_lens_has_no_planes_for_a_magnification() -> None:
         (lambda: paraxial.chief_ray(GAUSS, math.nan), "field is nan"),
         (lambda: paraxial.chief_ray(GAUSS, math.pi / 2), "less than pi / 2"),
         (lambda: paraxial.paraxial_ray(GAUSS, height=math.inf, angle=0.0), "height is inf"),
-        (lambda: paraxial.numerical_apertures(5), "lens is an int; give a LensStack"),  # type: ignore[arg-type]
-        (lambda: paraxial.chief_ray(None, 0.1), "give a LensStack"),  # type: ignore[arg-type]
-        (lambda: paraxial.ParaxialRay([1.0], [1.0], [1.0, 1.0]), "angle has shape"),  # type: ignore[arg-type]
+        (lambda: paraxial.numerical_apertures(5), "lens is an int; give a LensStack"),
+        (lambda: paraxial.chief_ray(None, 0.1), "give a LensStack"),
+        (lambda: paraxial.ParaxialRay([1.0], [1.0], [1.0, 1.0]), "angle has shape"),
     ],
 )
-def test_impossible_questions_are_refused(call, message) -> None:
+def test_impossible_questions_are_refused(call, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         call()

@@ -34,7 +34,7 @@ def thin(f: float, gap: float = 0.0) -> list[Surface]:
 # ---- numbers ----
 
 
-def test_the_reference_lens() -> None:
+def test_the_reference_lens():
     """The table of the reference camera; its last digit."""
     lens = load_lens("double-gauss-100mm-f2")
     points = paraxial.cardinal_points(lens)
@@ -87,13 +87,13 @@ def as_printed(lens: LensStack, length_digit: float, index_digit: float) -> list
         if i + 1 < len(lens.elements) and element.thickness > 0:
             changes.append({"thickness": element.thickness + length_digit})
         for change in changes:
-            elements = [*lens.elements[:i], dataclasses.replace(element, **change), *lens.elements[i + 1 :]]  # type: ignore[arg-type]
+            elements = [*lens.elements[:i], dataclasses.replace(element, **change), *lens.elements[i + 1 :]]
             made.append(dataclasses.replace(lens, elements=elements))
     return made
 
 
 @pytest.mark.parametrize("published", PUBLISHED, ids=lambda published: published.name)
-def test_published_values(published: Published) -> None:
+def test_published_values(published: Published):
     lens = load_lens(published.name)
     points = paraxial.cardinal_points(lens, 587.5618)
     others = [
@@ -117,7 +117,7 @@ def test_published_values(published: Published) -> None:
 
 
 @given(f1=st.floats(20.0, 500.0), f2=st.floats(20.0, 500.0), d=st.floats(0.0, 300.0))
-def test_two_thin_lenses(f1: float, f2: float, d: float) -> None:
+def test_two_thin_lenses(f1: float, f2: float, d: float):
     """Gullstrand: 1 / f = 1 / f1 + 1 / f2 - d / (f1 f2)."""
     assume(abs(f1 + f2 - d) > 0.01)
     points = paraxial.cardinal_points(LensStack([CircularStop(1.0), *thin(f1, d), *thin(f2)]))
@@ -127,7 +127,7 @@ def test_two_thin_lenses(f1: float, f2: float, d: float) -> None:
 
 
 @given(n0=st.sampled_from([1.0, 1.333]), m=st.floats(1.3, 2.5), radius=st.floats(0.1, 100.0))
-def test_the_ball_lens(n0: float, m: float, radius: float) -> None:
+def test_the_ball_lens(n0: float, m: float, radius: float):
     """efl = m R / (2 (m - 1)) with the relative index m, principal planes in its middle."""
     around = ConstantMedium(n0)
     first = Surface(radius, radius, ConstantMedium(m * n0), semi_diameter=radius)
@@ -143,14 +143,14 @@ def test_the_ball_lens(n0: float, m: float, radius: float) -> None:
 
 
 @pytest.mark.parametrize("name", lens_names())
-def test_the_determinant_is_one(name: str) -> None:
+def test_the_determinant_is_one(name: str):
     # Terms up to some 10^2 in 2 n products.
     assert np.linalg.det(paraxial.system_matrix(load_lens(name))) == pytest.approx(1.0, abs=1e-11)
 
 
 @pytest.mark.parametrize("name", lens_names())
 @pytest.mark.parametrize("z", [-1e7, -4000.0, -700.0])
-def test_newton(name: str, z: float) -> None:
+def test_newton(name: str, z: float):
     """x x' = -f^2 and m = f / x for distances from the foci."""
     lens = load_lens(name)
     points = paraxial.cardinal_points(lens)
@@ -162,7 +162,7 @@ def test_newton(name: str, z: float) -> None:
 
 
 @given(z=st.floats(-1e5, 1e5))
-def test_conjugates_are_each_others_inverse(z: float) -> None:
+def test_conjugates_are_each_others_inverse(z: float):
     lens = load_lens("double-gauss-100mm-f2")
     image = paraxial.image_position(lens, z)
     assume(abs(image) < 1e6)
@@ -171,7 +171,7 @@ def test_conjugates_are_each_others_inverse(z: float) -> None:
 
 
 @pytest.mark.parametrize("name", lens_names())
-def test_principal_planes_are_imaged_one_to_one(name: str) -> None:
+def test_principal_planes_are_imaged_one_to_one(name: str):
     lens = load_lens(name)
     points = paraxial.cardinal_points(lens)
     assert paraxial.magnification(lens, points.front_principal) == pytest.approx(1.0, rel=1e-10)
@@ -179,7 +179,7 @@ def test_principal_planes_are_imaged_one_to_one(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", lens_names())
-def test_the_lens_images_one_pupil_to_the_other(name: str) -> None:
+def test_the_lens_images_one_pupil_to_the_other(name: str):
     lens = load_lens(name)
     points = paraxial.cardinal_points(lens)
     assert paraxial.image_position(lens, points.entrance_pupil) == pytest.approx(points.exit_pupil, rel=1e-9, abs=1e-9)
@@ -191,7 +191,7 @@ def test_the_lens_images_one_pupil_to_the_other(name: str) -> None:
 
 
 @given(factor=st.floats(0.01, 100.0))
-def test_lengths_scale(factor: float) -> None:
+def test_lengths_scale(factor: float):
     lens = load_lens("double-gauss-100mm-f2")
     scaled = LensStack(
         [
@@ -208,7 +208,7 @@ def test_lengths_scale(factor: float) -> None:
     assert after.f_number == pytest.approx(before.f_number, rel=1e-12)
 
 
-def test_a_symmetric_lens_has_symmetric_pupils() -> None:
+def test_a_symmetric_lens_has_symmetric_pupils():
     points = paraxial.cardinal_points(
         LensStack(
             [
@@ -231,7 +231,7 @@ def test_a_symmetric_lens_has_symmetric_pupils() -> None:
 
 
 @pytest.mark.parametrize(("f1", "f2"), [(100.0, 50.0), (93.7, 31.1), (1 / 3, 0.7), (1000.0, 10.0)])
-def test_an_afocal_lens(f1: float, f2: float) -> None:
+def test_an_afocal_lens(f1: float, f2: float):
     """Kepler's telescope: the lateral magnification is -f2 / f1 wherever the object is."""
     lens = LensStack([CircularStop(0.1, 0.0), *thin(f1, f1 + f2), *thin(f2)])
     points = paraxial.cardinal_points(lens)
@@ -246,7 +246,7 @@ def test_an_afocal_lens(f1: float, f2: float) -> None:
     assert move == pytest.approx((f2 / f1) ** 2, rel=1e-8, abs=1e-11)
 
 
-def test_a_plane_plate_is_afocal() -> None:
+def test_a_plane_plate_is_afocal():
     plate = LensStack(
         [CircularStop(1.0), Surface(math.inf, 6.0, GLASS, semi_diameter=9.0), Surface(math.inf, semi_diameter=9.0)]
     )
@@ -257,7 +257,7 @@ def test_a_plane_plate_is_afocal() -> None:
 
 
 @pytest.mark.parametrize("f", [100.0, 93.7, 1 / 3, 77.77])
-def test_telecentric_lenses(f: float) -> None:
+def test_telecentric_lenses(f: float):
     lens = thin(f)
     image_side = paraxial.cardinal_points(LensStack([CircularStop(0.1, f), *lens]))
     assert image_side.exit_pupil == image_side.exit_pupil_semi_diameter == math.inf
@@ -270,7 +270,7 @@ def test_telecentric_lenses(f: float) -> None:
     assert (object_side.exit_pupil, object_side.pupil_magnification) == (0.0, 1.0)
 
 
-def test_a_negative_lens() -> None:
+def test_a_negative_lens():
     lens = LensStack([CircularStop(1.0), *thin(-100.0)])
     points = paraxial.cardinal_points(lens)
     assert points.efl == pytest.approx(-100.0, rel=1e-14)
@@ -278,7 +278,7 @@ def test_a_negative_lens() -> None:
     assert points.f_number == pytest.approx(50.0, rel=1e-14)
 
 
-def test_the_focus_and_the_horizon() -> None:
+def test_the_focus_and_the_horizon():
     lens = load_lens("double-gauss-100mm-f2")
     points = paraxial.cardinal_points(lens)
     assert paraxial.image_position(lens, -math.inf) == points.rear_focus
@@ -291,12 +291,12 @@ def test_the_focus_and_the_horizon() -> None:
 
 @pytest.mark.parametrize("function", [paraxial.image_position, paraxial.object_position, paraxial.magnification])
 @pytest.mark.parametrize("z", ["near", None, math.nan])
-def test_what_is_no_position(function, z) -> None:  # type: ignore[no-untyped-def]
+def test_what_is_no_position(function, z):
     with pytest.raises(InvalidValueError, match=r"z_(object|image) is"):
         function(load_lens("singlet-100mm-f4"), z)
 
 
-def test_other_stops_have_no_part_in_it() -> None:
+def test_other_stops_have_no_part_in_it():
     lens = load_lens("double-gauss-100mm-f2")
     before, after = (paraxial.cardinal_points(x) for x in (lens, lens.inserted(CircularStop(1.0), 40.0)))
     for field in dataclasses.fields(before):
@@ -304,25 +304,25 @@ def test_other_stops_have_no_part_in_it() -> None:
         assert getattr(after, field.name) == pytest.approx(getattr(before, field.name), rel=1e-13, abs=1e-13)
 
 
-def test_a_camera_is_no_lens() -> None:
+def test_a_camera_is_no_lens():
     @dataclasses.dataclass
     class Camera:
         lens: LensStack
 
     camera = Camera(load_lens("double-gauss-100mm-f2"))
     asked = [
-        lambda: paraxial.system_matrix(camera),  # type: ignore[arg-type]
-        lambda: paraxial.cardinal_points(camera),  # type: ignore[arg-type]
-        lambda: paraxial.image_position(camera, -404.0),  # type: ignore[arg-type]
-        lambda: paraxial.object_position(camera, 134.0),  # type: ignore[arg-type]
-        lambda: paraxial.magnification(camera, -404.0),  # type: ignore[arg-type]
+        lambda: paraxial.system_matrix(camera),
+        lambda: paraxial.cardinal_points(camera),
+        lambda: paraxial.image_position(camera, -404.0),
+        lambda: paraxial.object_position(camera, 134.0),
+        lambda: paraxial.magnification(camera, -404.0),
     ]
     for ask in asked:
         with pytest.raises(InvalidValueError, match=r"lens is a Camera; give a LensStack, such as camera\.lens"):
             ask()
 
 
-def test_cardinal_points_are_shown_one_a_line_with_their_units() -> None:
+def test_cardinal_points_are_shown_one_a_line_with_their_units():
     points = paraxial.cardinal_points(load_lens("double-gauss-100mm-f2"), 546.1)
     title, *lines = repr(points).splitlines()
     assert title == "CardinalPoints at 546.1 nm"

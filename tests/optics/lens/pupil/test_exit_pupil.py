@@ -62,7 +62,7 @@ def rays_at_the_rear(lens: pl.LensStack, start: np.ndarray, rng: np.random.Gener
 
 @pytest.mark.parametrize(("name", "stop"), LENSES)
 @pytest.mark.parametrize("cell", [CELL, 0.6])
-def test_every_ray_that_passes_is_inside_its_outline(name: str, stop: float | None, cell: float) -> None:
+def test_every_ray_that_passes_is_inside_its_outline(name: str, stop: float | None, cell: float):
     lens = stopped(name, stop)
     bounds = bounds_of(lens, cell=cell)
     rng = np.random.default_rng(17)
@@ -90,7 +90,7 @@ def test_every_ray_that_passes_is_inside_its_outline(name: str, stop: float | No
 
 
 @pytest.mark.parametrize(("name", "stop"), [lens for lens in LENSES if lens[1] != 0.05])
-def test_outlines_waste_little_on_the_axis(name: str, stop: float | None) -> None:
+def test_outlines_waste_little_on_the_axis(name: str, stop: float | None):
     lens = stopped(name, stop)
     bounds = bounds_of(lens)
     z = float(lens.vertices[-1])
@@ -108,7 +108,7 @@ def test_outlines_waste_little_on_the_axis(name: str, stop: float | None) -> Non
 
 
 @pytest.mark.parametrize(("name", "stop"), LENSES)
-def test_corners_lie_on_two_neighbouring_sides(name: str, stop: float | None) -> None:
+def test_corners_lie_on_two_neighbouring_sides(name: str, stop: float | None):
     bounds = bounds_of(stopped(name, stop))
     for support, corners in zip(bounds.support, bounds.corners, strict=True):
         if not np.isfinite(support[0]):
@@ -121,14 +121,14 @@ def test_corners_lie_on_two_neighbouring_sides(name: str, stop: float | None) ->
 
 
 @pytest.mark.parametrize("blades", [3, 4, 6])
-def test_polygonal_stops_are_bounded_by_the_circle_around_them(blades: int) -> None:
+def test_polygonal_stops_are_bounded_by_the_circle_around_them(blades: int):
     lens = pl.load_lens("double-gauss-100mm-f2")
     polygon = lens.with_stop(pl.PolygonStop(blades=blades, semi_diameter=5.0, rotation=0.3))
     circle = lens.with_stop(pl.CircularStop(5.0))
     assert all(np.array_equal(a, b) for a, b in zip(bounds_of(polygon), bounds_of(circle), strict=True))
 
 
-def test_a_plane_that_sees_no_light_has_no_outline() -> None:
+def test_a_plane_that_sees_no_light_has_no_outline():
     # 300 mm from the axis of a telephoto the barrel cuts everything off.
     lens = pl.load_lens("telephoto-100mm-f2.8")
     bounds = bounds_of(lens, radius=300.0)
@@ -137,7 +137,7 @@ def test_a_plane_that_sees_no_light_has_no_outline() -> None:
     assert np.all(bounds.support[-1] == -np.inf)
 
 
-def test_tiny_pupils_are_bounded_up_to_the_end_of_the_field() -> None:
+def test_tiny_pupils_are_bounded_up_to_the_end_of_the_field():
     lens = stopped("telephoto-100mm-f2.8", 0.1)
     z, rng, n = 42.5, np.random.default_rng(4), 200000
     bounds = pupil_bounds(lens, z_plane=z, largest_radius=25.0, cell_radius=1.5, wavelength=587.6)

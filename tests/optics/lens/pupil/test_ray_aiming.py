@@ -56,7 +56,7 @@ def checked(lens: pl.LensStack, field: tuple[float, float], pupil: np.ndarray, z
 @pytest.mark.parametrize("name", sorted(BUNDLED))
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.8, 1.0])
 @pytest.mark.parametrize("azimuth", [0.5 * math.pi, 0.3, -2.0])
-def test_rays_fill_the_iris_over_the_whole_field(name: str, share: float, azimuth: float) -> None:
+def test_rays_fill_the_iris_over_the_whole_field(name: str, share: float, azimuth: float):
     lens, angle = pl.load_lens(name), share * math.radians(BUNDLED[name])
     field = (angle * math.cos(azimuth), angle * math.sin(azimuth))
     # Newton stops at about 1e-15 rad; the lenses are up to 1300 mm long: 1e-12 mm, and a reserve of 10.
@@ -73,7 +73,7 @@ def test_rays_fill_the_iris_over_the_whole_field(name: str, share: float, azimut
 
 @pytest.mark.parametrize("name", sorted(BUNDLED))
 @pytest.mark.parametrize("z_object", [-1.2e3, -1e5])
-def test_rays_from_a_point_at_a_finite_distance(name: str, z_object: float) -> None:
+def test_rays_from_a_point_at_a_finite_distance(name: str, z_object: float):
     lens = pl.load_lens(name)
     reach = abs(z_object) * math.tan(min(math.radians(BUNDLED[name]), 0.8))
     for share in (0.0, 0.6, 1.0):
@@ -82,7 +82,7 @@ def test_rays_from_a_point_at_a_finite_distance(name: str, z_object: float) -> N
         assert np.array_equal(rays.origin, np.broadcast_to([0.3 * share * reach, share * reach, z_object], (91, 3)))
 
 
-def test_a_distant_point_sends_what_an_infinitely_distant_one_does() -> None:
+def test_a_distant_point_sends_what_an_infinitely_distant_one_does():
     lens, theta, pupil = pl.load_lens("double-gauss-100mm-f2"), 0.3, hexapolar(4)
     far = aimed_rays(lens, field=(0.0, theta), pupil=pupil)
     distance = 1e7
@@ -118,13 +118,13 @@ def refound(lens: pl.LensStack, theta: float, n: int = 10000) -> int:
 
 
 @pytest.mark.parametrize("name", sorted(BUNDLED))
-def test_every_ray_that_passes_a_bundled_lens_is_found(name: str) -> None:
+def test_every_ray_that_passes_a_bundled_lens_is_found(name: str):
     for share in (0.0, 0.6, 1.0):
         assert refound(pl.load_lens(name), share * math.radians(BUNDLED[name])) > 5
 
 
 @pytest.mark.parametrize("path", FILES, ids=[path.stem[:28] for path in FILES])
-def test_lenses_from_files(path: Path) -> None:
+def test_lenses_from_files(path: Path):
     lens = pl.load_lens(path)
     stated = re.search(r"([\d.]+)deg", path.name)
     if stated is None:
@@ -142,7 +142,7 @@ def test_lenses_from_files(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", [path for path in FILES if "Microscope F0.5 " in path.name], ids=["asoma"])
-def test_a_microscope_objective_from_its_front_focus(path: Path) -> None:
+def test_a_microscope_objective_from_its_front_focus(path: Path):
     lens = pl.load_lens(path)
     z = pl.paraxial.cardinal_points(lens).front_focus
     # Sines of more than 0.8 in front.
@@ -151,7 +151,7 @@ def test_a_microscope_objective_from_its_front_focus(path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["double-gauss-100mm-f2", "fisheye-100mm-f8", "topogon-100mm-f6.3"])
-def test_reverse_rays_fill_the_iris_too(name: str) -> None:
+def test_reverse_rays_fill_the_iris_too(name: str):
     lens, pupil = pl.load_lens(name), hexapolar(6)
     z = 1.05 * pl.paraxial.cardinal_points(lens).rear_focus
     for point in ((0.0, 0.0), (3.0, -20.0)):
@@ -162,7 +162,7 @@ def test_reverse_rays_fill_the_iris_too(name: str) -> None:
         assert np.abs(met - iris_points(lens, pupil)).max() < 1e-11
 
 
-def test_forward_and_reverse_are_the_same_ray() -> None:
+def test_forward_and_reverse_are_the_same_ray():
     lens = pl.load_lens("double-gauss-100mm-f2")
     pupil = np.array([[0.1, -0.2]])
     there = lens.trace(aimed_rays(lens, field=(0.05, 0.2), pupil=pupil))
@@ -173,7 +173,7 @@ def test_forward_and_reverse_are_the_same_ray() -> None:
 
 
 @pytest.mark.parametrize("name", ["double-gauss-100mm-f2", "fisheye-100mm-f8"])
-def test_decentred_and_tilted_lenses_with_a_moved_stop(name: str) -> None:
+def test_decentred_and_tilted_lenses_with_a_moved_stop(name: str):
     lens = pl.load_lens(name)
     lens = lens.moved(slice(0, 4), shift=(0.5, 0.3, 0.1), tilt=(0.01, -0.02, 0.0)).moved(2, tilt=(0.0, 0.01, 0.0))
     lens = lens.moved(lens.iris_index, shift=(0.2, 0.4, 0.1), tilt=(0.05, 0.03, 0.0))
@@ -189,7 +189,7 @@ def test_decentred_and_tilted_lenses_with_a_moved_stop(name: str) -> None:
     ([pl.Surface(60.0, 4.0, pl.ConstantMedium(1.5), semi_diameter=12.0), pl.CircularStop(4.0, thickness=3.0),
       pl.Surface(-60.0, semi_diameter=12.0)], 1),
 ])  # fmt: skip
-def test_stops_before_behind_and_inside_glass(elements: list, iris: int) -> None:
+def test_stops_before_behind_and_inside_glass(elements: list, iris: int):
     lens = pl.LensStack(elements, iris=iris)
     rays = checked(lens, (0.02, 0.2), hexapolar(4), -math.inf, 1e-12)
     checked(lens, (1.0, 12.0), hexapolar(4), -80.0, 1e-12)
@@ -199,7 +199,7 @@ def test_stops_before_behind_and_inside_glass(elements: list, iris: int) -> None
     assert np.abs(met - iris_points(lens, hexapolar(4))).max() < 1e-12
 
 
-def test_a_lens_that_turns_the_pupil_upside_down() -> None:
+def test_a_lens_that_turns_the_pupil_upside_down():
     # An image between the two lenses before the stop: chief rays cross the axis, and objects above are seen below.
     glass = pl.ConstantMedium(1.5)
     relay = pl.LensStack([
@@ -213,14 +213,14 @@ def test_a_lens_that_turns_the_pupil_upside_down() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_objects_absurdly_far_away_are_none_or_found() -> None:
+def test_objects_absurdly_far_away_are_none_or_found():
     lens = pl.load_lens("double-gauss-100mm-f2")
     for z in (-1e12, -1e100, -1e300):
         rays = aimed_rays(lens, field=(0.0, -0.1 * z), pupil=hexapolar(2), z_object=z)
         assert np.all(np.isin(rays.status, (pl.RayStatus.OK, pl.RayStatus.MISSED)))
 
 
-def test_what_is_aimed_at_a_stop_alone_needs_no_search() -> None:
+def test_what_is_aimed_at_a_stop_alone_needs_no_search():
     # Of the plane of the front stop, the entrance pupil is the stop itself.
     lens = pl.load_lens("singlet-100mm-f4")
     assert lens.iris_index == 0
@@ -228,7 +228,7 @@ def test_what_is_aimed_at_a_stop_alone_needs_no_search() -> None:
     assert rays.at_z(0.0)[0, :2] == pytest.approx([0.0, lens.stop.semi_diameter], abs=1e-14)
 
 
-def test_many_rays_are_those_of_few() -> None:
+def test_many_rays_are_those_of_few():
     # Above 4096 points, the search starts from a polynomial.
     lens, pupil = pl.load_lens("fisheye-100mm-f8"), square_grid(80)
     field = (0.4, 1.2)
@@ -239,7 +239,7 @@ def test_many_rays_are_those_of_few() -> None:
     assert np.abs(many.origin[::50] - few.origin).max() < 1e-11
 
 
-def test_rays_that_do_not_exist_are_missed() -> None:
+def test_rays_that_do_not_exist_are_missed():
     # From behind a plano-convex lens with its stop behind: beyond the critical angle of the glass, no ray gets there.
     glass = pl.ConstantMedium(1.5)
     ball = pl.LensStack([pl.Surface(5.0, 5.0, glass, semi_diameter=5.0), pl.Surface(math.inf, semi_diameter=5.0),
@@ -252,7 +252,7 @@ def test_rays_that_do_not_exist_are_missed() -> None:
     assert np.all(ball.trace(rays).status[lost] == pl.RayStatus.MISSED)
 
 
-def test_the_entrance_pupil_of_a_small_field_is_the_paraxial_one() -> None:
+def test_the_entrance_pupil_of_a_small_field_is_the_paraxial_one():
     for name in BUNDLED:
         lens = pl.load_lens(name)
         paraxial = pl.paraxial.cardinal_points(lens).entrance_pupil
@@ -263,7 +263,7 @@ def test_the_entrance_pupil_of_a_small_field_is_the_paraxial_one() -> None:
             assert whole / half == pytest.approx(4.0, rel=0.01)
 
 
-def test_the_chief_ray_of_a_fisheye_passes_where_paraxial_aiming_fails() -> None:
+def test_the_chief_ray_of_a_fisheye_passes_where_paraxial_aiming_fails():
     lens, theta = pl.load_lens("fisheye-100mm-f8"), math.radians(80.0)
     assert lens.trace(chief_ray(lens, field=(0.0, theta))).status[0] == 0
     pupil = pl.paraxial.cardinal_points(lens).entrance_pupil
@@ -273,7 +273,7 @@ def test_the_chief_ray_of_a_fisheye_passes_where_paraxial_aiming_fails() -> None
 
 
 @pytest.mark.parametrize("model", [pl.LensModel.NONE, pl.LensModel.THIN, pl.LensModel.PARAXIAL])
-def test_ideal_models_pass_their_stop_where_they_are_aimed_at(model: pl.LensModel) -> None:
+def test_ideal_models_pass_their_stop_where_they_are_aimed_at(model: pl.LensModel):
     lens = pl.load_lens("double-gauss-100mm-f2").with_model(model)
     inside, outside = 0.999 * hexapolar(3), 1.001 * hexapolar(3)[-18:]
     for pupil, passes in ((inside, True), (outside, False)):
@@ -284,7 +284,7 @@ def test_ideal_models_pass_their_stop_where_they_are_aimed_at(model: pl.LensMode
         assert np.all((lens.trace_reverse(back).status == 0) == passes)
 
 
-def test_patterns_of_points() -> None:
+def test_patterns_of_points():
     for rings in (1, 2, 7):
         points = hexapolar(rings)
         assert len(points) == 1 + 3 * rings * (rings + 1)
@@ -311,18 +311,18 @@ def test_patterns_of_points() -> None:
     ({"pupil": [[0.0, math.inf]]}, "not finite"),
     ({"pupil": [0.0, 1.0]}, "shape"),
 ])  # fmt: skip
-def test_what_cannot_be_aimed_at_is_refused(changes: dict, message: str) -> None:
+def test_what_cannot_be_aimed_at_is_refused(changes: dict, message: str):
     given = {"field": (0.0, 0.1), "pupil": [[0.0, 0.0]], **changes}
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         aimed_rays(pl.load_lens("double-gauss-100mm-f2"), **given)
 
 
-def test_no_points_give_no_rays() -> None:
+def test_no_points_give_no_rays():
     for n in (0, 1):
         assert len(aimed_rays(pl.load_lens("double-gauss-100mm-f2"), field=(0, 0), pupil=np.zeros((n, 2)))) == n
 
 
-def test_reverse_rays_from_infinity() -> None:
+def test_reverse_rays_from_infinity():
     lens = pl.load_lens("double-gauss-100mm-f2")
     rays = aimed_rays_reverse(lens, image_point=(0.0, 0.2), z_image=math.inf, pupil=0.5 * hexapolar(3))
     assert rays.direction[0] == pytest.approx([0.0, -math.sin(0.2), -math.cos(0.2)], abs=1e-15)
