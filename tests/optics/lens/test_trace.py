@@ -1,4 +1,5 @@
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -88,36 +89,24 @@ def test_snell_at_a_surface(curvature: float, mu: float, s: float, seed: int):
     assert np.all(s * np.einsum("ij,ij->i", normal, out) >= 0)
 
 
-@pytest.mark.parametrize("s", [1.0, -1.0])
-def test_a_ball_turns_every_ray_by_twice_i_minus_r(s: float):
-    # Rays from all sides, also across and against the axis: which root is right depends on the direction of travel
-    # along the stack, not on the sign of N.
-    radius, n = 10.0, 1.5
-    rng = np.random.default_rng(4)
-    d = rng.normal(size=(4096, 3))
-    d /= np.linalg.norm(d, axis=1, keepdims=True)
-    aside = np.cross(d, rng.normal(size=(4096, 3)))
-    aside *= (radius * np.sqrt(rng.uniform(0, 0.98, 4096)) / np.linalg.norm(aside, axis=1))[:, None]
-    record = surface_record([s / radius, -s / radius], [1 / n, n], [0.0, s * 2 * radius], s=s)
-    _, out, status, _ = through(record, aside + np.array([0, 0, s * radius]) - 40 * d, d)
-    assert np.all(status == OK)
-    sine = np.linalg.norm(aside, axis=1) / radius
-    expected = 2 * (np.arcsin(sine) - np.arcsin(sine / n))
-    turned = np.arctan2(np.linalg.norm(np.cross(d, out), axis=1), np.einsum("ij,ij->i", d, out))
-    # The impact parameter is good to some 10 eps of 40 mm, 40 eps of the radius; d asin(s) / ds = 1 / cos i.
-    assert np.all(np.abs(turned - expected) <= 2 * 48 * EPS / np.sqrt(1 - sine**2))
-
-
-def test_a_ray_through_the_centre_of_a_ball_goes_straight_on():
-    glass = pl.ConstantMedium(1.7)
-    ball = [pl.Surface(10.0, 20.0, glass, semi_diameter=10.0), pl.Surface(-10.0, semi_diameter=10.0)]
-    lens = pl.LensStack([pl.CircularStop(100.0), *ball])
-    d = random_directions(np.random.default_rng(1), 500, 1.2)
-    out = lens.trace(pl.RayBundle([0, 0, 10.0] - 50 * d, d))
-    assert np.all(out.status == OK)
-    # The line passes the centre within 2 eps of 50 mm, 10 eps of the radius; each surface turns it by (1 - 1/n) of it.
-    assert np.abs(out.direction - d).max() <= 16 * EPS
-    assert np.abs(out.origin - ([0, 0, 10.0] + 10 * d)).max() <= 16 * EPS * 10
+def test_a_ball_turns_every_ray_by_twice_i_minus_r():
+    for s in (1.0, -1.0):
+        # Rays from all sides, also across and against the axis: which root is right depends on the direction of travel
+        # along the stack, not on the sign of N.
+        radius, n = 10.0, 1.5
+        rng = np.random.default_rng(4)
+        d = rng.normal(size=(4096, 3))
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        aside = np.cross(d, rng.normal(size=(4096, 3)))
+        aside *= (radius * np.sqrt(rng.uniform(0, 0.98, 4096)) / np.linalg.norm(aside, axis=1))[:, None]
+        record = surface_record([s / radius, -s / radius], [1 / n, n], [0.0, s * 2 * radius], s=s)
+        _, out, status, _ = through(record, aside + np.array([0, 0, s * radius]) - 40 * d, d)
+        assert np.all(status == OK), s
+        sine = np.linalg.norm(aside, axis=1) / radius
+        expected = 2 * (np.arcsin(sine) - np.arcsin(sine / n))
+        turned = np.arctan2(np.linalg.norm(np.cross(d, out), axis=1), np.einsum("ij,ij->i", d, out))
+        # The impact parameter is good to some 10 eps of 40 mm, 40 eps of the radius; d asin(s) / ds = 1 / cos i.
+        assert np.all(np.abs(turned - expected) <= 2 * 48 * EPS / np.sqrt(1 - sine**2)), s
 
 
 @settings(max_examples=30)
@@ -140,95 +129,80 @@ def test_a_plate_shifts_rays_sideways(angle: float, thickness: float, n: float):
     assert np.abs(out.direction[0] - d).max() <= 8 * EPS * n * n / math.cos(angle)
 
 
-@pytest.mark.parametrize("name", pl.lens_names())
-def test_the_way_back_is_the_way_there(name: str):
-    lens = pl.load_lens(name)
-    rng = np.random.default_rng(7)
-    points = pl.paraxial.cardinal_points(lens)
-    semi_diameter = points.entrance_pupil_semi_diameter
-    aim = np.column_stack([rng.uniform(-semi_diameter, semi_diameter, (3000, 2)), np.full(3000, points.entrance_pupil)])
-    d = random_directions(rng, 3000, 0.05 if name.startswith("mirror") else 0.5)
-    rays = pl.RayBundle(aim - 3 * lens.length * d, d)
-    there = lens.trace(rays)
-    kept = there.status == OK
-    assert np.count_nonzero(kept) > 30
-    there, rays = there.selected(kept), rays.selected(kept)
-    back = lens.trace_reverse(pl.RayBundle(there.origin, -there.direction))
-    # At the rim the last bit may decide.
-    held = back.status == OK
-    assert np.count_nonzero(~held) <= 2
-    # Each of up to 33 passages adds some eps of direction over levers of the lens's length, amplified on the way by
-    # what the elements magnify (up to 4) and, near grazing, by 1 / cos i (up to 4).
-    turns = 16 * 2 * len(lens.elements)
-    assert np.abs(back.direction + rays.direction)[held].max() <= turns * EPS
-    away = np.cross(back.origin - rays.origin, rays.direction)[held]
-    assert np.abs(away).max() <= turns * EPS * 4 * lens.length
+def test_the_way_back_is_the_way_there():
+    for name in pl.lens_names():
+        lens = pl.load_lens(name)
+        rng = np.random.default_rng(7)
+        points = pl.paraxial.cardinal_points(lens)
+        semi_diameter = points.entrance_pupil_semi_diameter
+        aim = np.column_stack(
+            [rng.uniform(-semi_diameter, semi_diameter, (3000, 2)), np.full(3000, points.entrance_pupil)]
+        )
+        d = random_directions(rng, 3000, 0.05 if name.startswith("mirror") else 0.5)
+        rays = pl.RayBundle(aim - 3 * lens.length * d, d)
+        there = lens.trace(rays)
+        kept = there.status == OK
+        assert np.count_nonzero(kept) > 30, name
+        there, rays = there.selected(kept), rays.selected(kept)
+        back = lens.trace_reverse(pl.RayBundle(there.origin, -there.direction))
+        # At the rim the last bit may decide.
+        held = back.status == OK
+        assert np.count_nonzero(~held) <= 2, name
+        # Each of up to 33 passages adds some eps of direction over levers of the lens's length, amplified on the way by
+        # what the elements magnify (up to 4) and, near grazing, by 1 / cos i (up to 4).
+        turns = 16 * 2 * len(lens.elements)
+        assert np.abs(back.direction + rays.direction)[held].max() <= turns * EPS, name
+        away = np.cross(back.origin - rays.origin, rays.direction)[held]
+        assert np.abs(away).max() <= turns * EPS * 4 * lens.length, name
 
 
 # Lost rays
 
 
-def pair(*, stop=5.0):
+def pair(*, stop=5.0, rear=6.0):
     """A plano-convex lens behind a stop; elements 0, 1, 2."""
-    glass = pl.ConstantMedium(1.5)
-    return pl.LensStack(
-        [
-            pl.CircularStop(stop, 2.0),
-            pl.Surface(20.0, 4.0, glass, semi_diameter=6.0),
-            pl.Surface(math.inf, semi_diameter=6.0),
-        ]
-    )
+    front = pl.Surface(20.0, 4.0, pl.ConstantMedium(1.5), semi_diameter=6.0)
+    return pl.LensStack([pl.CircularStop(stop, 2.0), front, pl.Surface(math.inf, semi_diameter=rear)])
 
 
 def status_of(rays: pl.RayBundle) -> list[tuple[pl.RayStatus, int]]:
     return [(pl.RayStatus(s), int(k)) for s, k in zip(rays.status, rays.lost_at, strict=True)]
 
 
-def test_clips_name_the_element():
+def test_lost_rays_name_the_element():
     rays = pl.RayBundle(
         # Through the lens; beside the stop; through the stop and beside the first surface; beside the last one.
         [[0, 0, -10], [5.1, 0, -10], [0, -4.9, 0], [0, 4.9, 0]],
         [[0, 0, 1], [0, 0, 1], [0, -0.8, 1], [0, 0.2, 1]],
     )
-    wide = dataclasses.replace(pair(), elements=[*pair().elements[:2], pl.Surface(math.inf, semi_diameter=5.0)])
-    assert status_of(wide.trace(rays)) == [(OK, -1), (CLIPPED, 0), (CLIPPED, 1), (CLIPPED, 2)]
-    out = wide.trace(rays)
+    out = pair(rear=5.0).trace(rays)
+    assert status_of(out) == [(OK, -1), (CLIPPED, 0), (CLIPPED, 1), (CLIPPED, 2)]
     assert out.weight.tolist() == [1, 0, 0, 0]
     assert np.isnan(out.origin[1:]).all() and np.isnan(out.direction[1:]).all()
-
-
-def test_the_reference_is_clipped_by_its_stop():
+    # The reference is clipped by its stop.
     lens = DOUBLE_GAUSS.with_stop(pl.CircularStop(5.0))
     heights = [0.0, 10.0, 24.0, 25.3]
     out = lens.trace(pl.RayBundle([[0, h, -404.0] for h in heights], [[0, 0, 1.0]] * 4))
     assert status_of(out) == [(OK, -1), (CLIPPED, 5), (CLIPPED, 5), (CLIPPED, 0)]
-
-
-def test_a_ray_beside_the_sphere_misses():
-    lens = pl.LensStack(
-        [
-            pl.CircularStop(30.0, 2.0),
-            pl.Surface(10.0, 1.0, pl.ConstantMedium(1.5), semi_diameter=10.0),
-            pl.Surface(math.inf, semi_diameter=50.0),
-        ]
-    )
+    # Beside a sphere rays miss.
+    ball = pl.Surface(10.0, 1.0, pl.ConstantMedium(1.5), semi_diameter=10.0)
+    lens = pl.LensStack([pl.CircularStop(30.0, 2.0), ball, pl.Surface(math.inf, semi_diameter=50.0)])
     out = lens.trace(pl.RayBundle([[9.0, 0, -5], [10.5, 0, -5]], [[0, 0, 1.0], [0, 0, 1]]))
     assert status_of(out) == [(OK, -1), (MISSED, 1)]
 
 
-@pytest.mark.parametrize("s", [1.0, -1.0])
-@pytest.mark.parametrize("n", [1.3, 1.5, 2.4])
-def test_total_reflection_begins_at_the_critical_angle(n: float, s: float):
-    critical = math.asin(1 / n)
-    # cos^2 t = 1 - n^2 sin^2 i has the slope 2 n cos(i) in the angle, and is good to a few eps n^2.
-    step = 16 * EPS * n * n / math.cos(critical)
-    angles = critical + np.array([-0.1, -1e-9, -step, step, 1e-9, 0.1])
-    d = np.stack([np.sin(angles), 0 * angles, s * np.cos(angles)], axis=1)
-    _, out, status, lost_at = through(surface_record([0.0], [n], [0.0], s=s), -2 * d, d)
-    assert status.tolist() == [OK] * 3 + [TOTAL_REFLECTION] * 3
-    assert lost_at.tolist() == [-1] * 3 + [0] * 3
-    # Near the critical angle the ray grazes: cos t = sqrt(2 n cos(i) step), 3e-5 at 1e-9.
-    assert np.all(s * out[:3, 2] >= 0) and out[1, 2] * s < 1e-3
+def test_total_reflection_begins_at_the_critical_angle():
+    for s, n in itertools.product((1.0, -1.0), (1.3, 1.5, 2.4)):
+        critical = math.asin(1 / n)
+        # cos^2 t = 1 - n^2 sin^2 i has the slope 2 n cos(i) in the angle, and is good to a few eps n^2.
+        step = 16 * EPS * n * n / math.cos(critical)
+        angles = critical + np.array([-0.1, -1e-9, -step, step, 1e-9, 0.1])
+        d = np.stack([np.sin(angles), 0 * angles, s * np.cos(angles)], axis=1)
+        _, out, status, lost_at = through(surface_record([0.0], [n], [0.0], s=s), -2 * d, d)
+        assert status.tolist() == [OK] * 3 + [TOTAL_REFLECTION] * 3, (s, n)
+        assert lost_at.tolist() == [-1] * 3 + [0] * 3, (s, n)
+        # Near the critical angle the ray grazes: cos t = sqrt(2 n cos(i) step), 3e-5 at 1e-9.
+        assert np.all(s * out[:3, 2] >= 0) and out[1, 2] * s < 1e-3, (s, n)
 
 
 def test_the_first_cause_stays():
@@ -265,15 +239,12 @@ def test_no_numbers_break_a_trace(rows: list[tuple[float, ...]], reverse: bool):
     assert np.all(out.status[impossible] == NOT_FINITE)
 
 
-def test_1e300_mm_beside_the_axis_is_no_ray():
+def test_rays_far_beside_the_axis_or_along_a_stop_are_lost():
     for reverse in (False, True):
         d = [[0, 0, -1.0 if reverse else 1.0]] * 3
         rays = pl.RayBundle([[1e300, 0, 0], [0, -1e300, 0], [1e155, 1e155, 0]], d)
         out = DOUBLE_GAUSS.trace_reverse(rays) if reverse else DOUBLE_GAUSS.trace(rays)
-        assert np.all(out.status != OK)
-
-
-def test_a_ray_along_a_stop_is_lost():
+        assert np.all(out.status != OK), reverse
     out = pair().trace(pl.RayBundle([[0, 0, 0.0], [0, 0, -1.0]], [[1.0, 0, 0], [0, 1.0, 0]]))
     assert np.all(out.status != OK)
 
@@ -336,22 +307,21 @@ def test_threads_and_neighbours_do_not_change_a_bit():
 # Limits
 
 
-@pytest.mark.parametrize("reverse", [False, True])
-@pytest.mark.parametrize("name", pl.lens_names())
-def test_the_focus_tends_to_the_paraxial_one_with_order_2(name: str, reverse: bool):
-    lens = pl.load_lens(name)
-    lens = dataclasses.replace(lens, elements=opened(lens.elements))  # a secondary mirror shades the middle
-    points = pl.paraxial.cardinal_points(lens)
-    # Zero- and fourth-order terms: longitudinal aberration is a h^2 + b h^4 with b h^2 / a some (h / semi-diameter)^2,
-    # below 0.01 here even for lenses that are corrected well.
-    heights = np.geomspace(0.002, 0.01, 6) * lens.stop.semi_diameter
-    far = 1e4 if reverse else -1e4
-    rays = pl.RayBundle(np.column_stack([heights, 0 * heights, np.full(6, far)]), [[0, 0, -np.sign(far)]] * 6)
-    out = lens.trace_reverse(rays) if reverse else lens.trace(rays)
-    crossing = out.origin[:, 2] - out.origin[:, 0] * out.direction[:, 2] / out.direction[:, 0]
-    error = np.abs(crossing - (points.front_focus if reverse else points.rear_focus))
-    order = np.polyfit(np.log(heights), np.log(error), 1)[0]
-    assert order == pytest.approx(2.0, abs=0.05)
+def test_the_focus_tends_to_the_paraxial_one_with_order_2():
+    for name, reverse in itertools.product(pl.lens_names(), (False, True)):
+        lens = pl.load_lens(name)
+        lens = dataclasses.replace(lens, elements=opened(lens.elements))  # a secondary mirror shades the middle
+        points = pl.paraxial.cardinal_points(lens)
+        # Zero- and fourth-order terms: longitudinal aberration is a h^2 + b h^4 with b h^2 / a some
+        # (h / semi-diameter)^2, below 0.01 here even for lenses that are corrected well.
+        heights = np.geomspace(0.002, 0.01, 6) * lens.stop.semi_diameter
+        far = 1e4 if reverse else -1e4
+        rays = pl.RayBundle(np.column_stack([heights, 0 * heights, np.full(6, far)]), [[0, 0, -np.sign(far)]] * 6)
+        out = lens.trace_reverse(rays) if reverse else lens.trace(rays)
+        crossing = out.origin[:, 2] - out.origin[:, 0] * out.direction[:, 2] / out.direction[:, 0]
+        error = np.abs(crossing - (points.front_focus if reverse else points.rear_focus))
+        order = np.polyfit(np.log(heights), np.log(error), 1)[0]
+        assert order == pytest.approx(2.0, abs=0.05), (name, reverse)
 
 
 def test_the_image_tends_to_the_paraxial_one_with_order_2():
@@ -364,22 +334,22 @@ def test_the_image_tends_to_the_paraxial_one_with_order_2():
     assert np.polyfit(np.log(slopes), np.log(error), 1)[0] == pytest.approx(2.0, abs=0.05)
 
 
-@pytest.mark.parametrize("defocus", [-300.0, -100.0, 100.0, 300.0])
-def test_the_blur_of_a_thin_lens(defocus: float):
-    # n = 1.5 and radii of 1000 mm: f = 1000 mm; an object at 3000 mm has its image at 1500 mm.
-    glass = pl.ConstantMedium(1.5)
-    glasses = [pl.Surface(1000.0, 1e-3, glass, semi_diameter=20.0), pl.Surface(-1000.0, semi_diameter=20.0)]
-    lens = pl.LensStack([pl.CircularStop(5.0), *glasses])
-    rim = lens.stop.outline(64) * (1 - 1e-9)
-    aim = np.column_stack([rim, np.zeros(64)])
-    out = lens.trace(pl.RayBundle([[0, 0, -3000.0]] * 64, aim - [0, 0, -3000.0]))
-    assert np.all(out.status == OK)
-    image = 1500.0
-    blur = out.at_z(image + defocus)[:, :2]
-    diameter = np.linalg.norm(blur - np.roll(blur, 32, axis=0), axis=1)
-    # Third-order spherical aberration of the equiconvex lens moves the marginal focus by 1.67 (h^2 / f) (s' / f)^2,
-    # 0.094 mm at h = 5; at finite conjugates its shape factor is at most that. Thickness moves it by 1e-3 mm or so.
-    assert diameter == pytest.approx(10.0 * abs(defocus) / image, rel=0.1 / abs(defocus))
+def test_the_blur_of_a_thin_lens():
+    for defocus in (-300.0, -100.0, 100.0, 300.0):
+        # n = 1.5 and radii of 1000 mm: f = 1000 mm; an object at 3000 mm has its image at 1500 mm.
+        glass = pl.ConstantMedium(1.5)
+        glasses = [pl.Surface(1000.0, 1e-3, glass, semi_diameter=20.0), pl.Surface(-1000.0, semi_diameter=20.0)]
+        lens = pl.LensStack([pl.CircularStop(5.0), *glasses])
+        rim = lens.stop.outline(64) * (1 - 1e-9)
+        aim = np.column_stack([rim, np.zeros(64)])
+        out = lens.trace(pl.RayBundle([[0, 0, -3000.0]] * 64, aim - [0, 0, -3000.0]))
+        assert np.all(out.status == OK), defocus
+        image = 1500.0
+        blur = out.at_z(image + defocus)[:, :2]
+        diameter = np.linalg.norm(blur - np.roll(blur, 32, axis=0), axis=1)
+        # Third-order spherical aberration of the equiconvex lens moves the marginal focus by 1.67 (h^2 / f) (s' / f)^2,
+        # 0.094 mm at h = 5; at finite conjugates its shape factor is at most that. Thickness moves it by 1e-3 mm or so.
+        assert diameter == pytest.approx(10.0 * abs(defocus) / image, rel=0.1 / abs(defocus)), defocus
 
 
 def test_rows_of_a_lens_are_in_the_order_of_travel():
@@ -390,14 +360,13 @@ def test_rows_of_a_lens_are_in_the_order_of_travel():
     assert there.rows["surface_index"].tolist() == list(range(11))
 
 
-@pytest.mark.parametrize("name", pl.lens_names())
-@pytest.mark.parametrize("reverse", [False, True])
-def test_rays_that_go_the_other_way_are_lost(name, reverse):
-    # A sphere's far half, which such rays would meet, is not part of the surface.
-    lens = pl.load_lens(name)
-    height = np.linspace(0, 0.5 * lens.elements[0].semi_diameter, 50)
-    origin = np.column_stack([np.zeros(50), height, np.full(50, 500.0 if reverse else -500.0)])
-    rays = pl.RayBundle(origin, np.tile([0.0, 0.0, 1.0 if reverse else -1.0], (50, 1)))
-    out = lens.trace_reverse(rays) if reverse else lens.trace(rays)
-    assert np.all(out.status != pl.RayStatus.OK)
-    assert np.all(np.isnan(out.origin)) and not out.weight.any()
+def test_rays_that_go_the_other_way_are_lost():
+    for name, reverse in itertools.product(pl.lens_names(), (False, True)):
+        # A sphere's far half, which such rays would meet, is not part of the surface.
+        lens = pl.load_lens(name)
+        height = np.linspace(0, 0.5 * lens.elements[0].semi_diameter, 50)
+        origin = np.column_stack([np.zeros(50), height, np.full(50, 500.0 if reverse else -500.0)])
+        rays = pl.RayBundle(origin, np.tile([0.0, 0.0, 1.0 if reverse else -1.0], (50, 1)))
+        out = lens.trace_reverse(rays) if reverse else lens.trace(rays)
+        assert np.all(out.status != pl.RayStatus.OK), (name, reverse)
+        assert np.all(np.isnan(out.origin)) and not out.weight.any(), (name, reverse)
