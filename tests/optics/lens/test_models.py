@@ -1,6 +1,7 @@
 """The main lens as none, as a thin lens, as a paraxial one, and exactly."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -22,16 +23,16 @@ def bundle(z: float, height: float, n: int = 200, spread: float = 3.0) -> pl.Ray
     return pl.RayBundle(np.broadcast_to(start, (n, 3)), target - start)
 
 
-@pytest.mark.parametrize("z", [-404.0, -1e6])
-def test_a_paraxial_lens_images_perfectly(z):
-    lens = LENS.with_model(PARAXIAL)
-    image, scale = pl.paraxial.image_position(LENS, z), pl.paraxial.magnification(LENS, z)
-    height = 20.0 if z > -1e5 else 2e4
-    out = lens.trace(bundle(z, height))
-    assert np.all(out.status == 0)
-    # Heights of 1e-16 |z| at the lens are what directions can tell.
-    assert out.at_z(image)[:, 1] == pytest.approx(scale * height, abs=64 * EPS * abs(z))
-    assert out.at_z(image)[:, 0] == pytest.approx(0.3 * scale * height, abs=64 * EPS * abs(z))
+def test_a_paraxial_lens_images_perfectly():
+    for z in (-404.0, -1e6):
+        lens = LENS.with_model(PARAXIAL)
+        image, scale = pl.paraxial.image_position(LENS, z), pl.paraxial.magnification(LENS, z)
+        height = 20.0 if z > -1e5 else 2e4
+        out = lens.trace(bundle(z, height))
+        assert np.all(out.status == 0), z
+        # Heights of 1e-16 |z| at the lens are what directions can tell.
+        assert out.at_z(image)[:, 1] == pytest.approx(scale * height, abs=64 * EPS * abs(z)), z
+        assert out.at_z(image)[:, 0] == pytest.approx(0.3 * scale * height, abs=64 * EPS * abs(z)), z
 
 
 def test_exact_rays_tend_to_the_paraxial_ones():
@@ -46,17 +47,17 @@ def test_exact_rays_tend_to_the_paraxial_ones():
     assert np.log2(off[1] / off[2]) == pytest.approx(3, abs=0.1)
 
 
-@pytest.mark.parametrize("model", [NONE, THIN, PARAXIAL])
-@pytest.mark.parametrize("stop", [pl.CircularStop(5.0), pl.PolygonStop(blades=3, semi_diameter=5.0)])
-def test_the_way_back_is_the_way_there(model, stop):
-    lens = LENS.with_stop(stop).with_model(model)
-    out = lens.trace(bundle(-404.0, 5.0, spread=9.0))
-    ok = out.status == 0
-    assert 10 < ok.sum() < 200
-    back = lens.trace_reverse(pl.RayBundle(out.at_z(130.0)[ok], -out.direction[ok]))
-    assert np.all(back.status == 0)
-    assert np.abs(back.at_z(-404.0) - [1.5, 5.0, -404.0]).max() <= 256 * EPS * 404
-    assert np.all(out.lost_at[~ok] == LENS.iris_index)
+def test_the_way_back_is_the_way_there():
+    stops = pl.CircularStop(5.0), pl.PolygonStop(blades=3, semi_diameter=5.0)
+    for model, stop in itertools.product((NONE, THIN, PARAXIAL), stops):
+        lens = LENS.with_stop(stop).with_model(model)
+        out = lens.trace(bundle(-404.0, 5.0, spread=9.0))
+        ok = out.status == 0
+        assert 10 < ok.sum() < 200, (model, stop)
+        back = lens.trace_reverse(pl.RayBundle(out.at_z(130.0)[ok], -out.direction[ok]))
+        assert np.all(back.status == 0), (model, stop)
+        assert np.abs(back.at_z(-404.0) - [1.5, 5.0, -404.0]).max() <= 256 * EPS * 404, (model, stop)
+        assert np.all(out.lost_at[~ok] == LENS.iris_index), (model, stop)
 
 
 def test_what_passes_a_paraxial_lens_passes_its_pupils():
@@ -98,52 +99,42 @@ def camera(model, **fields) -> pl.PlenopticCamera:
     return pl.PlenopticCamera(lens=LENS.with_model(model), **given)
 
 
-@pytest.mark.parametrize("model", list(pl.LensModel))
-def test_a_pixel_on_the_axis_measures_the_exit_pupil(model):
-    white = pl.render_white(camera(model), samples=8192, progress=False)
-    z, a = {
-        NONE: (0.0, 5.0),
-        THIN: (POINTS.rear_principal, POINTS.entrance_pupil_semi_diameter),
-        PARAXIAL: (POINTS.exit_pupil, POINTS.exit_pupil_semi_diameter),
-        EXACT: (POINTS.exit_pupil, POINTS.exit_pupil_semi_diameter),
-    }[model]
-    d = 134.6 - z
-    expected = math.pi * a * a / (a * a + d * d)
-    # Exactly a disc but for the exact lens, whose pupil has spherical aberration: some (5 / 100)^2, found 4.4e-3.
-    allowed = 5e-3 if model is EXACT else 1e-6
-    off = abs(float(white.image[0, 0, 0]) - expected)
-    assert off < 5 * float(white.standard_error[0, 0, 0]) + allowed * expected
+def test_a_pixel_on_the_axis_measures_the_exit_pupil():
+    for model, z, a in (
+        (NONE, 0.0, 5.0),
+        (THIN, POINTS.rear_principal, POINTS.entrance_pupil_semi_diameter),
+        (PARAXIAL, POINTS.exit_pupil, POINTS.exit_pupil_semi_diameter),
+        (EXACT, POINTS.exit_pupil, POINTS.exit_pupil_semi_diameter),
+    ):
+        white = pl.render_white(camera(model), samples=8192, progress=False)
+        d = 134.6 - z
+        expected = math.pi * a * a / (a * a + d * d)
+        # Exactly a disc but for the exact lens, whose pupil has spherical aberration: some (5 / 100)^2, found 4.4e-3.
+        allowed = 5e-3 if model is EXACT else 1e-6
+        off = abs(float(white.image[0, 0, 0]) - expected)
+        assert off < 5 * float(white.standard_error[0, 0, 0]) + allowed * expected, model
 
 
-@pytest.mark.parametrize("model", [NONE, THIN, PARAXIAL])
-def test_little_is_wasted_with_ideal_lenses(model):
+def behind_microlenses(model, pixels):
     array = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
-    sensor = pl.Sensor(shape=(128, 128), pixel_pitch=0.010)
-    made = camera(model, microlenses=array, sensor=sensor, stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
-    white = pl.render_white(made, samples=16, progress=False)
-    # Without a lens, the iris is seen as smaller than its image through one, and cells are larger beside it.
-    assert white.stats.fraction_through_lens > (0.5 if model is NONE else 0.6)
+    sensor = pl.Sensor(shape=(pixels, pixels), pixel_pitch=0.010)
+    return camera(model, microlenses=array, sensor=sensor, stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+
+
+def test_little_is_wasted_with_ideal_lenses():
+    for model in (NONE, THIN, PARAXIAL):
+        white = pl.render_white(behind_microlenses(model, 128), samples=16, progress=False)
+        # Without a lens, the iris is seen as smaller than its image through one, and cells are larger beside it.
+        assert white.stats.fraction_through_lens > (0.5 if model is NONE else 0.6), model
 
 
 def test_paraxial_and_exact_images_of_the_reference_camera_agree_near_the_axis():
-    array = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
-    sensor = pl.Sensor(shape=(512, 512), pixel_pitch=0.010)
-    made = [
-        camera(model, microlenses=array, sensor=sensor, stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
-        for model in (PARAXIAL, EXACT)
-    ]
     region = np.s_[234:278, 234:278]
+    made = (behind_microlenses(model, 512) for model in (PARAXIAL, EXACT))
     ideal, exact = (pl.render_white(c, samples=64, region=region, progress=False) for c in made)
     # The exit pupil's spherical aberration makes microlens images some 0.25 % larger or smaller.
     total = float(exact.image.sum(dtype=np.float64) / ideal.image.sum(dtype=np.float64))
     assert total == pytest.approx(1.0, abs=5e-3)
-
-
-def test_an_afocal_lens_has_no_ideal_model():
-    plate = pl.LensStack([pl.CircularStop(5.0), pl.Surface(math.inf, semi_diameter=9.0)])
-    with pytest.raises(pl.errors.PrescriptionError, match="no focal length"):
-        plate.with_model(THIN).trace(bundle(-404.0, 0.0))
-    assert np.all(plate.with_model(NONE).trace(bundle(-404.0, 0.0)).status == 0)
 
 
 def test_the_model_is_part_of_the_lens():
@@ -151,3 +142,8 @@ def test_the_model_is_part_of_the_lens():
     assert lens != LENS and lens.with_model(EXACT) == LENS
     with pytest.raises(pl.errors.InvalidValueError, match="model is 7"):
         dataclasses.replace(LENS, model=7)
+    # An afocal lens has no ideal model.
+    plate = pl.LensStack([pl.CircularStop(5.0), pl.Surface(math.inf, semi_diameter=9.0)])
+    with pytest.raises(pl.errors.PrescriptionError, match="no focal length"):
+        plate.with_model(THIN).trace(bundle(-404.0, 0.0))
+    assert np.all(plate.with_model(NONE).trace(bundle(-404.0, 0.0)).status == 0)

@@ -1,6 +1,7 @@
 """Optical paths: of the rays that are traced, as Fermat and Malus have them, there and back."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -40,54 +41,51 @@ def kinds():
 KINDS = kinds()
 
 
-@pytest.mark.parametrize("reverse", [False, True])
-@pytest.mark.parametrize("name", KINDS)
-def test_the_rays_are_those_of_trace(name, reverse):
-    lens = KINDS[name]
-    rays = rays_of(lens, 300)
-    if reverse:
-        behind = lens.trace(rays)
-        behind = behind.selected(behind.status == 0)
-        rays = pl.RayBundle(behind.origin + 5 * behind.direction, -behind.direction)
-    found, path = optical_path(lens, rays, reverse=reverse)
-    traced = lens.trace_reverse(rays) if reverse else lens.trace(rays)
-    for field in ("origin", "direction", "weight", "status", "lost_at"):
-        np.testing.assert_array_equal(getattr(found, field), getattr(traced, field))
-    assert np.array_equal(np.isnan(path), traced.status != 0) and (path > 0).any()
+def test_the_rays_are_those_of_trace():
+    for name, lens in KINDS.items():
+        for reverse in (False, True):
+            rays = rays_of(lens, 300)
+            if reverse:
+                behind = lens.trace(rays)
+                behind = behind.selected(behind.status == 0)
+                rays = pl.RayBundle(behind.origin + 5 * behind.direction, -behind.direction)
+            found, path = optical_path(lens, rays, reverse=reverse)
+            traced = lens.trace_reverse(rays) if reverse else lens.trace(rays)
+            for field in ("origin", "direction", "weight", "status", "lost_at"):
+                np.testing.assert_array_equal(getattr(found, field), getattr(traced, field))
+            assert np.array_equal(np.isnan(path), traced.status != 0) and (path > 0).any(), (name, reverse)
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_there_and_back_is_as_long(name):
-    lens = KINDS[name]
-    rays = rays_of(lens)
-    behind, path = optical_path(lens, rays)
-    passed = np.flatnonzero(behind.status == 0)
-    assert len(passed) > 20
-    kept = behind.selected(passed)
-    back, again = optical_path(lens, pl.RayBundle(kept.origin, -kept.direction), reverse=True)
-    # They stand on the first element: from there the way to the origins is left.
-    missing = np.linalg.norm(rays.origin[passed] - back.origin, axis=1)
-    np.testing.assert_allclose(again + missing, path[passed], rtol=0, atol=100 * EPS * path[passed].max())
+def test_there_and_back_is_as_long():
+    for name, lens in KINDS.items():
+        rays = rays_of(lens)
+        behind, path = optical_path(lens, rays)
+        passed = np.flatnonzero(behind.status == 0)
+        assert len(passed) > 20, name
+        kept = behind.selected(passed)
+        back, again = optical_path(lens, pl.RayBundle(kept.origin, -kept.direction), reverse=True)
+        # They stand on the first element: from there the way to the origins is left.
+        missing = np.linalg.norm(rays.origin[passed] - back.origin, axis=1)
+        np.testing.assert_allclose(again + missing, path[passed], rtol=0, atol=100 * EPS * path[passed].max())
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_neighbouring_rays_obey_malus_and_dupin(name):
+def malus_and_dupin(lens, rays, random, allowed, reverse=False):
     """Paths change by n' d' . dE - n d . dO from a ray to its neighbour: wavefronts are perpendicular to rays."""
-    lens = KINDS[name]
-    rays = rays_of(lens)
-    random = np.random.default_rng(5)
-    h = 1e-3
-    moved = rays.origin + h * random.normal(size=rays.origin.shape) * [1, 1, 0.5]
-    turned = rays.direction + h / 30 * random.normal(size=rays.direction.shape)
-    other = pl.RayBundle(moved, turned)
-    (one, path), (two, there) = optical_path(lens, rays), optical_path(lens, other)
+    h, n = 1e-3, len(rays)
+    moved = rays.origin + h * random.normal(size=(n, 3)) * [1, 1, 0.5]
+    other = pl.RayBundle(moved, rays.direction + h / 30 * random.normal(size=(n, 3)))
+    (one, path), (two, there) = (optical_path(lens, part, reverse=reverse) for part in (rays, other))
     both = (one.status == 0) & (two.status == 0)
-    assert both.sum() > 20
     mean, before = 0.5 * (one.direction + two.direction), 0.5 * (rays.direction + other.direction)
     expected = ((two.origin - one.origin) * mean).sum(axis=1) - ((other.origin - rays.origin) * before).sum(axis=1)
-    # The trapezium leaves the third order: some h^3 over squares of radii, of 5 mm and more, and paths in glass.
-    np.testing.assert_allclose((there - path)[both], expected[both], rtol=0, atol=30 * h**3)
-    assert np.abs(expected[both]).max() > 0.1 * h
+    np.testing.assert_allclose((there - path)[both], expected[both], rtol=0, atol=allowed * h**3)
+    return np.count_nonzero(np.abs(expected[both]) > 0.1 * h)
+
+
+def test_neighbouring_rays_obey_malus_and_dupin():
+    for name, lens in KINDS.items():
+        # The trapezium leaves the third order: some h^3 over squares of radii, of 5 mm and more, and paths in glass.
+        assert malus_and_dupin(lens, rays_of(lens), np.random.default_rng(5), 30) > 20, name
 
 
 @settings(max_examples=40, deadline=None)
@@ -102,25 +100,15 @@ def test_neighbouring_rays_obey_malus_and_dupin(name):
 )
 def test_malus_and_dupin_hold_for_any_surfaces(radii, conics, fourth, tilt, index, reverse, seed):
     """Conics and aspheres, tilted, there and back: a wavefront before is one behind."""
-    sides = [
-        pl.Surface(radii[0], 6.0, pl.ConstantMedium(index), semi_diameter=8.0, conic=conics[0], aspheric=(0.0, fourth)),
-        pl.Surface(radii[1], semi_diameter=8.0, conic=conics[1]),
-    ]
-    lens = pl.LensStack([pl.CircularStop(8.0, 5.0), *sides]).moved(1, tilt=tilt)
+    glass = pl.ConstantMedium(index)
+    front = pl.Surface(radii[0], 6.0, glass, semi_diameter=8.0, conic=conics[0], aspheric=(0.0, fourth))
+    back = pl.Surface(radii[1], semi_diameter=8.0, conic=conics[1])
+    lens = pl.LensStack([pl.CircularStop(8.0, 5.0), front, back]).moved(1, tilt=tilt)
     random = np.random.default_rng(seed)
     origin = np.column_stack([random.uniform(-4, 4, (30, 2)), np.full(30, 25.0 if reverse else -5.0)])
     direction = np.column_stack([random.normal(0, 0.05, (30, 2)), np.full(30, -1.0 if reverse else 1.0)])
-    h = 1e-3
-    rays = pl.RayBundle(origin, direction)
-    other = pl.RayBundle(
-        origin + h * random.normal(size=(30, 3)) * [1, 1, 0.5], rays.direction + h / 30 * random.normal(size=(30, 3))
-    )
-    (one, path), (two, there) = (optical_path(lens, part, reverse=reverse) for part in (rays, other))
-    both = (one.status == 0) & (two.status == 0)
-    mean, before = 0.5 * (one.direction + two.direction), 0.5 * (rays.direction + other.direction)
-    expected = ((two.origin - one.origin) * mean).sum(axis=1) - ((other.origin - rays.origin) * before).sum(axis=1)
     # The trapezium leaves the third order: h^3 over squares of radii, and of how steep surfaces may be met.
-    np.testing.assert_allclose((there - path)[both], expected[both], rtol=0, atol=100 * h**3)
+    malus_and_dupin(lens, pl.RayBundle(origin, direction), random, 100, reverse)
 
 
 def test_a_parabola_brings_parallel_light_to_its_focus_in_step():
@@ -137,51 +125,37 @@ def test_a_parabola_brings_parallel_light_to_its_focus_in_step():
 
 
 def test_the_path_through_a_plate_is_that_of_snell():
-    n, thick = 1.5, 7.0
-    glass = pl.ConstantMedium(n)
-    plate = pl.LensStack(
-        [
-            pl.CircularStop(9.0, thickness=1.0),
-            pl.Surface(math.inf, thick, glass, semi_diameter=9.0),
-            pl.Surface(math.inf, semi_diameter=9.0),
-        ]
-    )
-    sine = 0.3
-    rays = pl.RayBundle([[0, 0, -2.0]], [[sine, 0, math.sqrt(1 - sine**2)]])
-    _, path = optical_path(plate, rays)
+    n, thick, sine = 1.5, 7.0, 0.3
+    front = pl.Surface(math.inf, thick, pl.ConstantMedium(n), semi_diameter=9.0)
+    plate = pl.LensStack([pl.CircularStop(9.0, thickness=1.0), front, pl.Surface(math.inf, semi_diameter=9.0)])
+    _, path = optical_path(plate, pl.RayBundle([[0, 0, -2.0]], [[sine, 0, math.sqrt(1 - sine**2)]]))
     inside = math.sqrt(1 - (sine / n) ** 2)
     assert path[0] == pytest.approx(3.0 / math.sqrt(1 - sine**2) + n * thick / inside, rel=4 * EPS)
-
-
-def test_origins_behind_the_lens_have_negative_paths():
-    lens = pl.load_lens("singlet-100mm-f4")
+    # Origins behind the lens have negative paths.
     z = np.array([-50.0, 0.0, 80.0])
     rays = pl.RayBundle(np.column_stack([np.zeros((3, 2)), z]), np.tile([0, 0, 1.0], (3, 1)))
-    _, path = optical_path(lens, rays)
+    _, path = optical_path(pl.load_lens("singlet-100mm-f4"), rays)
     np.testing.assert_allclose(path[0] - path, z - z[0], atol=1e-13)
     assert path[2] < 0
 
 
-@pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.PARAXIAL])
-@pytest.mark.parametrize("reverse", [False, True])
-def test_ideal_lenses_take_a_point_to_its_image_in_step(model, reverse):
-    lens = pl.load_lens("double-gauss-100mm-f2").with_model(model)
-    side = 1.0 if reverse else -1.0
-    point = np.array([3.0, -2.0, 250.0 * side])
-    random = np.random.default_rng(2)
-    aims = np.column_stack([random.uniform(-5, 5, (20, 2)), np.zeros(20)])
-    away = aims - point
-    rays = pl.RayBundle(point + random.uniform(0, 0.1, (20, 1)) * away, away)
-    behind, path = optical_path(lens, rays, reverse=reverse, point=point)
-    # Where two of them meet is the image of all.
-    a, b = behind.origin[0], behind.origin[1]
-    u, v = behind.direction[0], behind.direction[1]
-    t = np.linalg.lstsq(np.column_stack([u, -v]), b - a, rcond=None)[0][0]
-    image = a + t * u
-    whole = (
-        np.linalg.norm(rays.origin - point, axis=1) + path + ((image - behind.origin) * behind.direction).sum(axis=1)
-    )
-    np.testing.assert_allclose(whole, whole[0], rtol=0, atol=1e-11)
+def test_ideal_lenses_take_a_point_to_its_image_in_step():
+    for model, side in itertools.product((pl.LensModel.THIN, pl.LensModel.PARAXIAL), (-1.0, 1.0)):
+        lens = pl.load_lens("double-gauss-100mm-f2").with_model(model)
+        point = np.array([3.0, -2.0, 250.0 * side])
+        random = np.random.default_rng(2)
+        aims = np.column_stack([random.uniform(-5, 5, (20, 2)), np.zeros(20)])
+        away = aims - point
+        rays = pl.RayBundle(point + random.uniform(0, 0.1, (20, 1)) * away, away)
+        behind, path = optical_path(lens, rays, reverse=side > 0, point=point)
+        # Where two of them meet is the image of all.
+        a, b = behind.origin[0], behind.origin[1]
+        u, v = behind.direction[0], behind.direction[1]
+        t = np.linalg.lstsq(np.column_stack([u, -v]), b - a, rcond=None)[0][0]
+        image = a + t * u
+        left = ((image - behind.origin) * behind.direction).sum(axis=1)
+        whole = np.linalg.norm(rays.origin - point, axis=1) + path + left
+        np.testing.assert_allclose(whole, whole[0], rtol=0, atol=1e-11)
 
 
 def test_near_the_axis_a_real_lens_does_as_the_ideal_one():
@@ -206,15 +180,14 @@ def test_near_the_axis_a_real_lens_does_as_the_ideal_one():
 def test_what_cannot_be_said_is_said():
     lens = pl.load_lens("double-gauss-100mm-f2")
     rays = pl.RayBundle([[0, 0, -400.0]], [[0, 0, 1.0]])
-    thin = lens.with_model(pl.LensModel.THIN)
-    with pytest.raises(InvalidValueError, match="says nothing of a ray by itself; give the point"):
-        optical_path(thin, rays)
-    with pytest.raises(InvalidValueError, match="point is for ideal lenses"):
-        optical_path(lens, rays, point=(0, 0, -400))
-    with pytest.raises(InvalidValueError, match=r"a ray passes the point \[0.0, 1.0, -400.0\] by 1 mm"):
-        optical_path(thin, rays, point=(0, 1, -400))
+    thin, paraxial = (lens.with_model(model) for model in (pl.LensModel.THIN, pl.LensModel.PARAXIAL))
     focus = pl.paraxial.cardinal_points(lens).front_focus
-    with pytest.raises(InvalidValueError, match="is in the focal plane"):
-        optical_path(
-            lens.with_model(pl.LensModel.PARAXIAL), pl.RayBundle([[0, 0, focus]], [[0, 0, 1.0]]), point=(0, 0, focus)
-        )
+    from_focus = pl.RayBundle([[0, 0, focus]], [[0, 0, 1.0]])
+    for traced, given_rays, point, text in (
+        (thin, rays, None, "says nothing of a ray by itself; give the point"),
+        (lens, rays, (0, 0, -400), "point is for ideal lenses"),
+        (thin, rays, (0, 1, -400), r"a ray passes the point \[0.0, 1.0, -400.0\] by 1 mm"),
+        (paraxial, from_focus, (0, 0, focus), "is in the focal plane"),
+    ):
+        with pytest.raises(InvalidValueError, match=text):
+            optical_path(traced, given_rays, point=point)
