@@ -36,13 +36,13 @@ SHARPEST = {
 }
 
 
-@pytest.mark.parametrize("name", STATED)
-def test_focal_length_and_image_are_those_that_the_source_states(name: str):
-    lens, (efl, image, error) = pl.load_lens(name), STATED[name]
-    wavelength = D_LINE if lens.specification is None else lens.specification.wavelengths[0]
-    points = pl.paraxial.cardinal_points(lens, wavelength)
-    for found, stated in ((points.efl, efl), (points.bfl, image)):
-        assert np.isnan(stated) or found == pytest.approx(stated, abs=error)
+def test_focal_length_and_image_are_those_that_the_source_states():
+    for name in STATED:
+        lens, (efl, image, error) = pl.load_lens(name), STATED[name]
+        wavelength = D_LINE if lens.specification is None else lens.specification.wavelengths[0]
+        points = pl.paraxial.cardinal_points(lens, wavelength)
+        for found, stated in ((points.efl, efl), (points.bfl, image)):
+            assert np.isnan(stated) or found == pytest.approx(stated, abs=error), name
 
 
 @pytest.mark.slow

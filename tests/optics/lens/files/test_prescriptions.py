@@ -69,59 +69,43 @@ def test_without_a_stop_the_rule_places_one(tmp_path: Path):
     assert "rule" in lens.source
     # The front surface limits the beam: the entrance pupil is as wide as it is.
     assert cardinal_points(lens, 587.5618).entrance_pupil_semi_diameter == pytest.approx(12.0, rel=1e-12)
-
-
-def test_a_single_lens_gets_its_stop_in_front(tmp_path: Path):
+    # A single lens gets its stop in front.
     lens = load_lens(write(tmp_path, "\n".join(PAIR.splitlines()[:3])))
     assert lens.elements[0] == CircularStop(12.0, 0.0)
 
 
-@pytest.mark.parametrize("path", TABLES, ids=lambda path: path.stem)
-def test_every_table_at_hand_loads(path: Path):
-    lens = load_lens(path)
-    rows = path.read_text().strip().splitlines()[1:]
-    inferred = any(word in path.name for word in NO_STOP)
-    assert len(lens.elements) == len(rows) + inferred
-    assert ("rule" in lens.source) == inferred
-    points = cardinal_points(lens)
-    if "Altman" in path.name:
-        assert points.efl == pytest.approx(353.4, abs=0.1)  # as printed: see below
-        return
-    # Scaled to 100 mm in the book; Mandler's f/1.4 has 105.
-    assert points.efl == pytest.approx(100.0, abs=5.2)
-    if "Hopkins" not in path.name and "Microscope" not in path.name:
-        # Indices to three decimals: 0.0005 / 0.7 of 100 mm is 0.07; several of them.
-        assert points.bfl == pytest.approx(float(rows[-1].split(";")[1]), abs=0.15)
-
-
-@pytest.mark.parametrize("path", [path for path in TABLES if "Telephoto" in path.name], ids=lambda path: path.stem)
-def test_the_rule_gives_the_aperture_of_the_title(path: Path):
-    title = re.search(r"F([0-9.]+)", path.name)
-    assert title is not None
-    # Titles are rounded: f/4.76 is called f/5.
-    assert cardinal_points(load_lens(path)).f_number == pytest.approx(float(title[1]), rel=0.05)
-
-
 @pytest.mark.skipif(not TABLES, reason="needs the shared lens tables")
-def test_the_second_flint_of_altman_is_a_misprint(tmp_path: Path):
-    # F4 is printed twice, with 1.617 and with 1.817; n_d of F4 is 1.61659 (Schott). With 1.617 both focal lengths are
-    # as in the book, about 100, like all its lenses, and 89.160; indices to three decimals move both by some 0.1.
+def test_every_table_at_hand_loads(tmp_path: Path):
+    for path in TABLES:
+        lens, name = load_lens(path), path.name
+        rows = path.read_text().strip().splitlines()[1:]
+        inferred = any(word in name for word in NO_STOP)
+        assert len(lens.elements) == len(rows) + inferred, name
+        assert ("rule" in lens.source) == inferred, name
+        points, back = cardinal_points(lens), float(rows[-1].split(";")[1])
+        # Scaled to 100 mm in the book; Mandler's f/1.4 has 105.
+        expected, error = (353.4, 0.1) if "Altman" in name else (100.0, 5.2)
+        assert points.efl == pytest.approx(expected, abs=error), name
+        if not any(word in name for word in ("Hopkins", "Microscope", "Altman")):
+            # Indices to three decimals: 0.0005 / 0.7 of 100 mm is 0.07; several of them.
+            assert points.bfl == pytest.approx(back, abs=0.15), name
+        if "Telephoto" in name:
+            title = float(re.search(r"F([0-9.]+)", name)[1])
+            # Titles are rounded: f/4.76 is called f/5.
+            assert points.f_number == pytest.approx(title, rel=0.05), name
+        if "Tronnier" in name:
+            assert load_lens("double-gauss-100mm-f2").elements == lens.elements
+    # Altman's second flint is a misprint. F4 is printed twice, with 1.617 and with 1.817; n_d of F4 is 1.61659
+    # (Schott). With 1.617 both focal lengths are as in the book, about 100, like all its lenses, and 89.160; indices to
+    # three decimals move both by some 0.1.
     (path,) = (path for path in TABLES if "Altman" in path.name)
-    mended = path.read_text().replace("1.817", "1.617")
-    points = cardinal_points(load_lens(write(tmp_path, mended)))
+    points = cardinal_points(load_lens(write(tmp_path, path.read_text().replace("1.817", "1.617"))))
     assert points.efl == pytest.approx(100.0, abs=0.5)
     assert points.bfl == pytest.approx(89.16, abs=0.15)
 
 
-@pytest.mark.skipif(not TABLES, reason="needs the shared lens tables")
-def test_the_bundled_reference_is_the_table():
-    (path,) = (path for path in TABLES if "Tronnier" in path.name)
-    assert load_lens("double-gauss-100mm-f2").elements == load_lens(path).elements
-
-
-@pytest.mark.parametrize(
-    ("line", "wrong", "message"),
-    [
+def test_a_wrong_line_is_named(tmp_path: Path):
+    for line, wrong, message in (
         (1, "radius,thickness", "the first line must be radius;thickness"),
         (2, "40.1;6.0;SK4;1.613;58.6", "there are 5 cells"),
         (2, "40,1;6.0;SK4;1.613;58.6;13.0", "radius is '40,1'"),
@@ -137,19 +121,14 @@ def test_the_bundled_reference_is_the_table():
         (2, "40.1;1e999;SK4;1.613;58.6;13", "thickness is 1e999, too large"),
         (6, ";1.0;air;;;0", "semi_diameter is 0"),
         (9, "-60.0;80.5;SK4;1.6;;10.0", "the last material is 'SK4'"),
-    ],
-)
-def test_a_wrong_line_is_named(tmp_path: Path, line: int, wrong: str, message: str):
-    lines = TRIPLET.splitlines()
-    lines[line - 1] = wrong
-    with pytest.raises(PrescriptionError, match=rf"^lens\.csv, line {line}: {re.escape(message)}"):
-        load_lens(write(tmp_path, "\n".join(lines)))
-
-
-@pytest.mark.parametrize("text", ["", "\n\n", HEADER, HEADER + "\n;1;air;;;5\n"])
-def test_a_table_without_a_lens_is_refused(tmp_path: Path, text: str):
-    with pytest.raises(PrescriptionError, match=r"^lens\.csv, line 1|^lens\.csv, line 2"):
-        load_lens(write(tmp_path, text))
+    ):
+        lines = TRIPLET.splitlines()
+        lines[line - 1] = wrong
+        with pytest.raises(PrescriptionError, match=rf"^lens\.csv, line {line}: {re.escape(message)}"):
+            load_lens(write(tmp_path, "\n".join(lines)))
+    for text in ("", "\n\n", HEADER, HEADER + "\n;1;air;;;5\n"):
+        with pytest.raises(PrescriptionError, match=r"^lens\.csv, line 1|^lens\.csv, line 2"):
+            load_lens(write(tmp_path, text))
 
 
 def mangled(text: str) -> st.SearchStrategy[str]:
@@ -179,11 +158,12 @@ def test_a_mangled_table_is_a_lens_or_a_named_error(tmp_path_factory: pytest.Tem
         assert re.match(r"mangled\.csv, line \d+: ", str(error))
 
 
-@given(data=st.binary(max_size=200), ending=st.sampled_from([".csv", ".json"]))
+@given(data=st.binary(max_size=200), ending=st.sampled_from([".csv", ".json", ".zmx"]))
 def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes, ending: str):
     path = tmp_path_factory.getbasetemp() / f"bytes{ending}"
     path.write_bytes(data)
-    with pytest.raises((PrescriptionError, FileError), match="bytes"):
+    where = r"^bytes\.zmx, line \d+: " if ending == ".zmx" else "bytes"
+    with pytest.raises((PrescriptionError, FileError), match=where):
         load_lens(path)
 
 
@@ -207,19 +187,10 @@ EVERYTHING = LensStack(
 )
 
 
-@pytest.mark.parametrize("lens", [EVERYTHING, *map(load_lens, lens_names())], ids=lambda lens: lens.name)
-def test_saving_and_loading_gives_the_same_lens(tmp_path: Path, lens: LensStack):
-    save_lens(lens, tmp_path / "lens.json")
-    assert load_lens(tmp_path / "lens.json") == lens
-    assert load_lens(str(tmp_path / "lens.json")) == lens
-
-
-@given(numbers=st.lists(st.floats(1e-15, 1e15), min_size=3, max_size=3))
-def test_numbers_keep_every_bit(tmp_path_factory: pytest.TempPathFactory, numbers: list[float]):
-    lens = LensStack([CircularStop(numbers[0], numbers[1]), Surface(-numbers[2], semi_diameter=numbers[2])])
-    path = tmp_path_factory.getbasetemp() / "bits.json"
-    save_lens(lens, path)
-    assert load_lens(path) == lens
+def test_saving_and_loading_gives_the_same_lens(tmp_path: Path):
+    for lens in (EVERYTHING, *map(load_lens, lens_names())):
+        save_lens(lens, tmp_path / "lens.json")
+        assert load_lens(tmp_path / "lens.json") == load_lens(str(tmp_path / "lens.json")) == lens, lens.name
 
 
 @st.composite
@@ -279,75 +250,64 @@ def test_everything_that_a_lens_can_have_keeps_every_bit(tmp_path_factory: pytes
     assert load_lens(path) == lens
 
 
-def test_what_is_the_default_is_not_written(tmp_path: Path):
-    save_lens(load_lens("singlet-100mm-f4"), tmp_path / "lens.json")
-    text = (tmp_path / "lens.json").read_text()
+def test_what_is_written(tmp_path: Path):
+    """One element on each line, nothing that is the default, and placements with all their numbers."""
+    path, singlet = tmp_path / "lens.json", load_lens("singlet-100mm-f4")
+    save_lens(EVERYTHING, path)
+    rows = [line for line in path.read_text().splitlines() if "semi_diameter" in line]
+    assert len(rows) == len(EVERYTHING.elements)
+    save_lens(singlet, path)
     for absent in ("conic", "aspheric", "depth", "placement", "ambient", "model"):
-        assert absent not in text
-
-
-def test_a_placement_is_written_with_all_its_numbers(tmp_path: Path):
-    lens = load_lens("singlet-100mm-f4").moved(1, shift=(0.1, -0.0, 0.3), tilt=(0.1, 0.2, 0.3))
-    save_lens(lens, tmp_path / "lens.json")
-    data = json.loads((tmp_path / "lens.json").read_text())
+        assert absent not in path.read_text()
+    lens = singlet.moved(1, shift=(0.1, -0.0, 0.3), tilt=(0.1, 0.2, 0.3))
+    save_lens(lens, path)
     placement = lens.elements[1].placement
-    assert placement is not None
-    assert data["elements"][1]["placement"] == {
-        "shift": placement.shift.tolist(),
-        "rotation": placement.rotation.tolist(),
-    }
+    expected = {"shift": placement.shift.tolist(), "rotation": placement.rotation.tolist()}
+    assert json.loads(path.read_text())["elements"][1]["placement"] == expected
 
 
 PLANE = {"radius": None, "semi_diameter": 1, "thickness": 0, "medium": "air"}
 
 
-def test_a_saved_lens_has_one_element_per_line(tmp_path: Path):
-    save_lens(EVERYTHING, tmp_path / "lens.json")
-    text = (tmp_path / "lens.json").read_text()
-    rows = [line for line in text.splitlines() if "semi_diameter" in line]
-    assert len(rows) == len(EVERYTHING.elements)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
+def test_a_wrong_entry_is_named(tmp_path: Path):
+    circle = {"stop": "circle", "semi_diameter": 1, "thickness": 0}
+    sphere = {"radius": 1, "semi_diameter": 1, "thickness": 0}
+    save_lens(load_lens("singlet-100mm-f4"), tmp_path / "lens.json")
+    right = json.loads((tmp_path / "lens.json").read_text())
+    of_elements = (
+        (3, "it has 3"),
+        ({**circle, "stop": "square"}, "stop is 'square'"),
+        ({**circle, "semi_diameter": True}, "semi_diameter is True"),
+        ({"stop": "circle", "semi_diameter": 1, "thicknes": 0}, "it has .*thicknes"),
+        ({**circle, "semi_diameter": 10**400}, ".*too large"),
+        ({**circle, "conic": 1}, "it has conic"),
+        ({**sphere, "medium": "glass"}, "medium is 'glass'"),
+        ({**sphere, "medium": {"index": 0.5}}, ".*is 0.5"),
+        ({**sphere, "radius": math.nan, "medium": "air"}, "radius is nan"),
+        ({**PLANE, "conic": "0"}, "conic is '0'"),
+        ({**PLANE, "aspheric": 3}, "aspheric is 3"),
+        ({**PLANE, "depth": 1}, "depth is 1 mm"),
+        ({**PLANE, "placement": {"shift": [1, 2, 3]}}, "placement has shift"),
+        ({**PLANE, "placement": {"shift": [1], "rotation": [[1]]}}, "shift has shape"),
+        ({**PLANE, "placement": {"shift": [1, 2, 3], "rotation": 1}}, "rotation is 1"),
+    )
+    for change, message in (
+        *(({"elements": [element]}, f"element 0: {message}") for element, message in of_elements),
         ({"format": "other"}, "format is 'other'"),
         ({"elements": 3}, "elements is 3"),
-        ({"elements": [3]}, "element 0: it has 3"),
-        ({"elements": [{"stop": "square", "semi_diameter": 1, "thickness": 0}]}, "element 0: stop is 'square'"),
-        ({"elements": [{"stop": "circle", "semi_diameter": True, "thickness": 0}]}, "semi_diameter is True"),
-        ({"elements": [{"stop": "circle", "semi_diameter": 1, "thicknes": 0}]}, "element 0: it has .*thicknes"),
-        ({"elements": [{"stop": "circle", "semi_diameter": 10**400, "thickness": 0}]}, "too large"),
-        ({"elements": [{"radius": 1, "semi_diameter": 1, "thickness": 0, "medium": "glass"}]}, "medium is 'glass'"),
-        ({"elements": [{"radius": 1, "semi_diameter": 1, "thickness": 0, "medium": {"index": 0.5}}]}, "is 0.5"),
-        ({"elements": [{"radius": math.nan, "semi_diameter": 1, "thickness": 0, "medium": "air"}]}, "radius is nan"),
         ({"iris": 1}, "iris is element 1"),
         ({"iris": "1"}, "iris is '1'"),
         ({"name": 5}, "name is 5"),
         ({"model": "GOOD"}, "model is 'GOOD'"),
         ({"ambient": {"value": ["Sensor", {"shape": [4, 4], "pixel_pitch": 0.1}]}}, "medium is a Sensor"),
         ({"ambient": {"value": ["Nothing", {}]}}, "'Nothing' is no value"),
-        ({"elements": [{**PLANE, "conic": "0"}]}, "element 0: conic is '0'"),
-        ({"elements": [{**PLANE, "aspheric": 3}]}, "element 0: aspheric is 3"),
-        ({"elements": [{**PLANE, "depth": 1}]}, "element 0: depth is 1 mm"),
-        ({"elements": [{**PLANE, "placement": {"shift": [1, 2, 3]}}]}, "element 0: placement has shift"),
-        ({"elements": [{**PLANE, "placement": {"shift": [1], "rotation": [[1]]}}]}, "element 0: shift has shape"),
-        ({"elements": [{**PLANE, "placement": {"shift": [1, 2, 3], "rotation": 1}}]}, "element 0: rotation is 1"),
-        ({"elements": [{"stop": "circle", "semi_diameter": 1, "thickness": 0, "conic": 1}]}, "element 0: it has conic"),
         ({"colour": "red"}, "colour"),
-    ],
-)
-def test_a_wrong_entry_is_named(tmp_path: Path, change: dict[str, object], message: str):
-    save_lens(load_lens("singlet-100mm-f4"), tmp_path / "lens.json")
-    data = json.loads((tmp_path / "lens.json").read_text()) | change
-    with pytest.raises(PrescriptionError, match=rf"^lens\.json: .*{message}"):
-        load_lens(write(tmp_path, json.dumps(data), "lens.json"))
-
-
-@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "9" * 5000, '{"format": 1}', "[]", "null"])
-def test_other_json_is_refused(tmp_path: Path, text: str):
-    with pytest.raises(PrescriptionError, match=r"^lens\.json"):
-        load_lens(write(tmp_path, text, "lens.json"))
+    ):
+        with pytest.raises(PrescriptionError, match=rf"^lens\.json: .*{message}"):
+            load_lens(write(tmp_path, json.dumps(right | change), "lens.json"))
+    for text in ("", "{", "[" * 100_000, "9" * 5000, '{"format": 1}', "[]", "null"):
+        with pytest.raises(PrescriptionError, match=r"^lens\.json"):
+            load_lens(write(tmp_path, text, "lens.json"))
 
 
 @pytest.fixture(scope="module")
@@ -369,17 +329,20 @@ def test_mangled_json_is_a_lens_or_a_named_error(
         assert str(error).startswith("mangled.json")
 
 
-def test_a_medium_of_ones_own_cannot_be_saved(tmp_path: Path):
+def test_a_lens_is_saved_where_and_if_it_can_be(tmp_path: Path):
     class Water:
         def index(self, wavelength: float) -> float:
             return 1.33
 
-    lens = LensStack(
-        [CircularStop(1.0), Surface(9.0, 1.0, Water(), semi_diameter=1.0), Surface(9.0, semi_diameter=1.0)]
-    )
+    back = Surface(9.0, semi_diameter=1.0)
+    lens = LensStack([CircularStop(1.0), Surface(9.0, 1.0, Water(), semi_diameter=1.0), back])
     with pytest.raises(PrescriptionError, match="behind element 1"):
         save_lens(lens, tmp_path / "lens.json")
     assert not (tmp_path / "lens.json").exists()
+    with pytest.raises(FileError, match=r"ends in '\.csv'"):
+        save_lens(EVERYTHING, tmp_path / "lens.csv")
+    with pytest.raises(FileError, match="make it first"):
+        save_lens(dataclasses.replace(EVERYTHING), tmp_path / "no" / "lens.json")
 
 
 # ---- names and paths ----
@@ -408,28 +371,15 @@ def test_the_reference_is_the_published_lens():
     assert lens.indices(587.6)[1] == pytest.approx(1.670, abs=5e-6)
 
 
-def test_an_unknown_name_suggests_a_known_one():
+def test_unknown_names_and_endings_and_missing_files_are_named(tmp_path: Path):
     with pytest.raises(FileError, match=r"there is no lens 'double-gaus'.*double-gauss-100mm-f2"):
         load_lens("double-gaus")
-
-
-def test_an_unknown_ending_names_the_known_ones(tmp_path: Path):
     for wrong in (write(tmp_path, "SURF 0", "lens.seq"), str(tmp_path / "lens.seq"), tmp_path):
         with pytest.raises(FileError, match=r"\.csv, \.json and \.zmx"):
             load_lens(wrong)
-
-
-@pytest.mark.parametrize("name", ["missing.csv", "missing.json", "missing.zmx"])
-def test_a_missing_file_is_named(tmp_path: Path, name: str):
-    with pytest.raises(FileError, match=r"missing.*does not exist"):
-        load_lens(tmp_path / name)
-
-
-def test_a_lens_is_saved_where_it_can_be(tmp_path: Path):
-    with pytest.raises(FileError, match=r"ends in '\.csv'"):
-        save_lens(EVERYTHING, tmp_path / "lens.csv")
-    with pytest.raises(FileError, match="make it first"):
-        save_lens(dataclasses.replace(EVERYTHING), tmp_path / "no" / "lens.json")
+    for name in ("missing.csv", "missing.json", "missing.zmx"):
+        with pytest.raises(FileError, match=r"missing.*does not exist"):
+            load_lens(tmp_path / name)
 
 
 def test_a_table_may_name_bundled_glasses_without_their_numbers(tmp_path):
@@ -444,8 +394,7 @@ def test_a_table_may_name_bundled_glasses_without_their_numbers(tmp_path):
 
 
 def test_an_empty_material_is_air(tmp_path: Path):
-    assert (
-        load_lens(write(tmp_path, TRIPLET.replace("air", ""))).elements == load_lens(write(tmp_path, TRIPLET)).elements
-    )
+    empty, said = (load_lens(write(tmp_path, TRIPLET.replace("air", text))) for text in ("", "air"))
+    assert empty.elements == said.elements
     with pytest.raises(PrescriptionError, match="material 'X' has no index.* empty for air"):
         load_lens(write(tmp_path, TRIPLET.replace("air", "X")))
