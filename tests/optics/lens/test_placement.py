@@ -58,84 +58,61 @@ def test_moving_everything_is_moving_the_rays(tilt, shift, pivot, reverse):
     assert np.abs(found.direction[clear] - out.direction[clear] @ turn.T).max() <= 1e4 * EPS
 
 
-def test_a_decentred_lens_shifts_its_image_by_its_own_share():
-    # A thin lens shifted across the axis by s images the axial point at infinity at s.
-    lens = pl.LensStack(
-        [
-            pl.CircularStop(1.0),
-            pl.Surface(100.0, 0.0, pl.ConstantMedium(1.5), semi_diameter=10.0),
-            pl.Surface(-100.0, semi_diameter=10.0),
-        ]
-    )
-    moved = lens.moved(slice(1, 3), shift=(0.3, -0.2, 0.0))
-    ray = moved.trace(pl.RayBundle([[0, 0, -10.0]], [[0, 0, 1.0]]))
-    assert ray.at_z(100.0)[0, :2] == pytest.approx([0.3, -0.2], abs=2e-5)  # third order: s (s / R)^2
+def plane(gap: float, n: float = 1.0) -> pl.Surface:
+    return pl.Surface(math.inf, gap, pl.ConstantMedium(n), semi_diameter=20.0)
 
 
-def test_a_tilted_plate_shifts_rays_sideways():
-    # t sin(a) (1 - cos a / sqrt(n^2 - sin^2 a)), exactly.
+def test_tilted_planes_deviate_and_shift_as_plates_and_wedges():
     n, t, a = 1.5168, 4.0, 0.4
-    plate = pl.LensStack(
-        [
-            pl.Surface(math.inf, t, pl.ConstantMedium(n), semi_diameter=20.0),
-            pl.Surface(math.inf, 5.0, semi_diameter=20.0),
-            pl.CircularStop(20.0),
-        ]
-    ).moved([0, 1], tilt=(a, 0.0, 0.0))
+    plate = pl.LensStack([plane(t, n), plane(5.0), pl.CircularStop(20.0)]).moved([0, 1], tilt=(a, 0.0, 0.0))
     out = plate.trace(pl.RayBundle([[0, 0, -50.0]], [[0, 0, 1.0]]))
+    # t sin(a) (1 - cos a / sqrt(n^2 - sin^2 a)), exactly.
     shift = t * math.sin(a) * (1 - math.cos(a) / math.sqrt(n * n - math.sin(a) ** 2))
     assert out.direction[0] == pytest.approx([0, 0, 1], abs=4 * EPS)
-    # A positive tilt about x turns y towards z, so that the upper edge lies further on: light goes up along... the
-    # normal turns towards -y, and the ray inside with it.
+    # A positive tilt about x turns y towards z, so that the upper edge lies further on: the normal turns
+    # towards -y, and the ray inside with it.
     assert out.origin[0, 1] == pytest.approx(-shift, abs=1e-14)
     back = plate.trace_reverse(pl.RayBundle([[0, -shift, 50.0]], [[0, 0, -1.0]]))
     assert back.origin[0, 1] == pytest.approx(0.0, abs=1.0) and back.at_z(-50.0)[0, 1] == pytest.approx(0, abs=1e-14)
-
-
-def test_a_wedge_deviates():
     # A plane tilted by a behind a plane: sin(a + d) = n sin(a).
     n, a = 1.5, 0.2
-    wedge = pl.LensStack(
-        [
-            pl.CircularStop(5.0, 1.0),
-            pl.Surface(math.inf, 3.0, pl.ConstantMedium(n), semi_diameter=20.0),
-            pl.Surface(math.inf, semi_diameter=20.0),
-        ]
-    ).moved(2, tilt=(0.0, a, 0.0))
+    wedge = pl.LensStack([pl.CircularStop(5.0, 1.0), plane(3.0, n), plane(0.0)]).moved(2, tilt=(0.0, a, 0.0))
     out = wedge.trace(pl.RayBundle([[0, 0, -5.0]], [[0, 0, 1.0]]))
     # Tilt about y turns z towards x: the normal is (sin a, 0, cos a), and light leaves farther from it.
     deviation = math.asin(n * math.sin(a)) - a
     assert math.atan2(out.direction[0, 0], out.direction[0, 2]) == pytest.approx(-deviation, abs=8 * EPS)
+    # A thin lens shifted across the axis by s images the axial point at infinity at s.
+    thin = [
+        pl.Surface(r, 0.0, pl.ConstantMedium(index), semi_diameter=10.0) for r, index in ((100.0, 1.5), (-100.0, 1))
+    ]
+    moved = pl.LensStack([pl.CircularStop(1.0), *thin]).moved(slice(1, 3), shift=(0.3, -0.2, 0.0))
+    ray = moved.trace(pl.RayBundle([[0, 0, -10.0]], [[0, 0, 1.0]]))
+    assert ray.at_z(100.0)[0, :2] == pytest.approx([0.3, -0.2], abs=2e-5)  # third order: s (s / R)^2
 
 
-@pytest.mark.parametrize("form", [{}, {"conic": 2.0}])
-def test_rays_behind_a_tilted_plane_miss_it(form):
-    plane = pl.Surface(math.inf, 5.0, pl.ConstantMedium(1.5), semi_diameter=20.0, **form)
-    lens = pl.LensStack([plane, pl.Surface(math.inf, 5.0, semi_diameter=20.0), pl.CircularStop(20.0)])
-    tilted = lens.moved(0, tilt=(0.0, math.radians(70.0), 0.0))
-    # The normal is 70 degrees from the axis, and a ray 20.1 degrees to the other side sees the plane's back.
-    slopes = np.tan(np.radians([-60.0, -30.0, -20.1, -19.9, 0.0, 60.0]))
-    rays = pl.RayBundle(np.tile([0.0, 0.0, -1.0], (6, 1)), np.stack([slopes, 0 * slopes, 1 + 0 * slopes], axis=1))
-    out = tilted.trace(rays)
-    assert ((out.status == pl.RayStatus.MISSED) & (out.lost_at == 0)).tolist() == [True] * 3 + [False] * 3
-    assert pl.RayStatus.NOT_FINITE not in out.status
+def test_rays_behind_a_tilted_plane_miss_it():
+    for form in ({}, {"conic": 2.0}):
+        first = dataclasses.replace(plane(5.0, 1.5), **form)
+        tilted = pl.LensStack([first, plane(5.0), pl.CircularStop(20.0)]).moved(0, tilt=(0.0, math.radians(70.0), 0.0))
+        # The normal is 70 degrees from the axis, and a ray 20.1 degrees to the other side sees the plane's back.
+        slopes = np.tan(np.radians([-60.0, -30.0, -20.1, -19.9, 0.0, 60.0]))
+        rays = pl.RayBundle(np.tile([0.0, 0.0, -1.0], (6, 1)), np.stack([slopes, 0 * slopes, 1 + 0 * slopes], axis=1))
+        out = tilted.trace(rays)
+        missed = (out.status == pl.RayStatus.MISSED) & (out.lost_at == 0)
+        assert missed.tolist() == [True] * 3 + [False] * 3, form
+        assert pl.RayStatus.NOT_FINITE not in out.status, form
 
 
 def test_moves_add_up_and_go_back():
     there = LENS.moved([2, 3, 4], shift=(0.1, 0.2, 0.05), tilt=(0.01, -0.02, 0.3), pivot=-20.0)
     assert [e.placement is not None for e in there.elements] == [i in (2, 3, 4) for i in range(11)]
-    turn = rotation_about_axes((0.01, -0.02, 0.3))
-    element = there.elements[3]
-    again = there.moved(3, tilt=(0.0, 0.0, 1.0))
-    assert again.elements[3].placement != element.placement
-    # The inverse motion leaves nothing but rounding.
-    placement = element.placement
-    assert np.abs(np.asarray(placement.rotation) - turn).max() <= 2 * EPS
+    placement = there.elements[3].placement
+    assert there.moved(3, tilt=(0.0, 0.0, 1.0)).elements[3].placement != placement
+    assert np.abs(np.asarray(placement.rotation) - rotation_about_axes((0.01, -0.02, 0.3))).max() <= 2 * EPS
+    # The inverse motion leaves nothing.
     home = LENS.moved(5, shift=(1.0, 0, 0)).moved(5, shift=(-1.0, 0, 0))
     assert home == LENS and home.elements[5].placement is None
-
-
-def test_with_stop_keeps_the_place_of_the_iris():
+    # Another stop keeps the place of the iris.
     moved = LENS.moved(LENS.iris_index, shift=(0.5, 0.0, 0.0))
     other = moved.with_stop(pl.PolygonStop(blades=5, semi_diameter=3.0))
     assert other.stop.placement.shift.tolist() == [0.5, 0.0, 0.0]
@@ -151,50 +128,43 @@ def test_a_decentred_stop_lets_through_what_it_should():
     assert np.array_equal(moved.trace(rays).status == 0, inside)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
+def test_impossible_moves_are_refused():
+    for call, message in (
         ({"which": 40}, "which is 40; it must name elements, from 0 to 10"),
         ({"which": []}, "must name elements"),
         ({"which": 1, "tilt": (0.1, 0.2)}, "three angles"),
         ({"which": 1, "tilt": (2.0, 0.0, 0.0)}, "give radians"),
         ({"which": 1, "shift": (0.1, math.nan, 0)}, "not finite"),
         ({"which": 1, "pivot": math.inf}, "pivot is inf"),
-    ],
-)
-def test_impossible_moves_are_refused(call, message):
-    with pytest.raises(pl.PlenopticError, match=message):
-        LENS.moved(**call)
+    ):
+        with pytest.raises(pl.PlenopticError, match=message):
+            LENS.moved(**call)
+    for last, message in ((1.001, "orthonormal"), (-1.0, "determinant 1")):
+        with pytest.raises(pl.errors.PrescriptionError, match=message):
+            pl.optics.Placement(rotation=np.diag([1.0, 1.0, last]))
 
 
-def test_a_matrix_that_is_no_rotation_is_refused():
-    with pytest.raises(pl.errors.PrescriptionError, match="orthonormal"):
-        pl.optics.Placement(rotation=np.diag([1.0, 1.0, 1.001]))
-    with pytest.raises(pl.errors.PrescriptionError, match="determinant 1"):
-        pl.optics.Placement(rotation=np.diag([1.0, 1.0, -1.0]))
-
-
-@pytest.mark.parametrize("which", [slice(0, 5), 3, slice(6, 11), 5])
-def test_bounds_of_a_lens_out_of_place_hold_all_light(which):
-    lens = LENS.with_stop(pl.CircularStop(5.0)).moved(which, shift=(0.6, -0.3, 0.0), tilt=(0.02, 0.03, 0.0))
-    z_plane, cell, radius = 123.3, 0.125, 12.0
-    bounds = pupil_bounds(lens, z_plane=z_plane, largest_radius=radius, cell_radius=cell, wavelength=587.6)
-    rng, n = np.random.default_rng(5), 200_000
-    rho, turn = radius * rng.uniform(size=n), rng.uniform(0, 2 * math.pi, n)
-    away, angle = cell * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * math.pi, n)
-    start = np.column_stack(
-        [rho * np.cos(turn) + away * np.cos(angle), rho * np.sin(turn) + away * np.sin(angle), np.full(n, z_plane)]
-    )
-    aim = rng.uniform(-21, 21, (n, 2))
-    z = float(lens.vertices[-1])
-    out = lens.trace_reverse(pl.RayBundle(start, np.column_stack([aim, np.full(n, z)]) - start))
-    passed = out.status == 0
-    assert passed.sum() > 5000
-    x = np.cos(turn) * aim[:, 0] + np.sin(turn) * aim[:, 1]
-    y = np.cos(turn) * aim[:, 1] - np.sin(turn) * aim[:, 0]
-    interval = np.minimum((rho / bounds.step).astype(int), len(bounds.support) - 1)
-    over = (np.stack([x, y], axis=1) @ bounds.normals.T - bounds.support[interval]).max(axis=1)
-    assert np.all(over[passed] <= 0)
+def test_bounds_of_a_lens_out_of_place_hold_all_light():
+    for which in (slice(0, 5), 3, slice(6, 11), 5):
+        lens = LENS.with_stop(pl.CircularStop(5.0)).moved(which, shift=(0.6, -0.3, 0.0), tilt=(0.02, 0.03, 0.0))
+        z_plane, cell, radius = 123.3, 0.125, 12.0
+        bounds = pupil_bounds(lens, z_plane=z_plane, largest_radius=radius, cell_radius=cell, wavelength=587.6)
+        rng, n = np.random.default_rng(5), 200_000
+        rho, turn = radius * rng.uniform(size=n), rng.uniform(0, 2 * math.pi, n)
+        away, angle = cell * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * math.pi, n)
+        start = np.column_stack(
+            [rho * np.cos(turn) + away * np.cos(angle), rho * np.sin(turn) + away * np.sin(angle), np.full(n, z_plane)]
+        )
+        aim = rng.uniform(-21, 21, (n, 2))
+        z = float(lens.vertices[-1])
+        out = lens.trace_reverse(pl.RayBundle(start, np.column_stack([aim, np.full(n, z)]) - start))
+        passed = out.status == 0
+        assert passed.sum() > 5000, which
+        x = np.cos(turn) * aim[:, 0] + np.sin(turn) * aim[:, 1]
+        y = np.cos(turn) * aim[:, 1] - np.sin(turn) * aim[:, 0]
+        interval = np.minimum((rho / bounds.step).astype(int), len(bounds.support) - 1)
+        over = (np.stack([x, y], axis=1) @ bounds.normals.T - bounds.support[interval]).max(axis=1)
+        assert np.all(over[passed] <= 0), which
 
 
 def test_a_shifted_iris_moves_the_image_of_its_opening():
@@ -210,30 +180,25 @@ def test_a_shifted_iris_moves_the_image_of_its_opening():
     assert ratio == pytest.approx(1.0, abs=4e-3)
 
 
-@pytest.mark.parametrize("microlenses", [None, pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))])
-def test_a_small_iris_far_from_the_axis_is_not_overlooked(microlenses):
-    # As bright as in the middle, to the 10 % by which cos^4 and the pupil's aberrations may change it.
-    lens = LENS.with_stop(pl.CircularStop(0.05))
-    sensor = pl.Sensor(shape=(32, 32), pixel_pitch=0.1)
-    place = {"stop_to_microlenses": 123.3, "microlenses_to_sensor": 0.0 if microlenses is None else 1.7}
-    cameras = [
-        pl.PlenopticCamera(lens=one, sensor=sensor, microlenses=microlenses, **place)
-        for one in (lens, lens.moved(lens.iris_index, shift=(3.0, -1.0, 0)))
-    ]
-    centred, moved = (pl.render_white(camera, samples=2048, progress=False).image.mean() for camera in cameras)
-    # Few of the samples pass so small an opening: some 10 % of noise.
-    assert moved == pytest.approx(centred, rel=0.4)
+def test_a_small_iris_far_from_the_axis_is_not_overlooked():
+    for microlenses in (None, pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))):
+        # As bright as in the middle, to the 10 % by which cos^4 and the pupil's aberrations may change it.
+        lens = LENS.with_stop(pl.CircularStop(0.05))
+        sensor = pl.Sensor(shape=(32, 32), pixel_pitch=0.1)
+        place = {"stop_to_microlenses": 123.3, "microlenses_to_sensor": 0.0 if microlenses is None else 1.7}
+        cameras = [
+            pl.PlenopticCamera(lens=one, sensor=sensor, microlenses=microlenses, **place)
+            for one in (lens, lens.moved(lens.iris_index, shift=(3.0, -1.0, 0)))
+        ]
+        centred, moved = (pl.render_white(camera, samples=2048, progress=False).image.mean() for camera in cameras)
+        # Few of the samples pass so small an opening: some 10 % of noise.
+        assert moved == pytest.approx(centred, rel=0.4), microlenses
 
 
 def test_light_in_thin_crescents_is_found():
     # A strong lens whose pupil has a second part: grazing rays beside those that are totally reflected.
-    lens = pl.LensStack(
-        [
-            pl.CircularStop(2.0, 2.0),
-            pl.Surface(10.0, 14.0, pl.ConstantMedium(1.5), semi_diameter=8.0),
-            pl.Surface(-8.0, semi_diameter=7.84),
-        ]
-    )
+    sides = pl.Surface(10.0, 14.0, pl.ConstantMedium(1.5), semi_diameter=8.0), pl.Surface(-8.0, semi_diameter=7.84)
+    lens = pl.LensStack([pl.CircularStop(2.0, 2.0), *sides])
     z = float(lens.vertices[-1]) + 4.0
     sensor = pl.Sensor(shape=(1, 57), pixel_pitch=0.1)
     camera = pl.PlenopticCamera(lens=lens, sensor=sensor, stop_to_microlenses=z)
@@ -244,9 +209,7 @@ def test_light_in_thin_crescents_is_found():
     real = l * l + m * m < 1
     cosines = np.column_stack([l, m, -np.sqrt(np.maximum(1 - l * l - m * m, 0))])[real]
     passed = lens.trace_reverse(pl.RayBundle(np.broadcast_to([x, 0, z], cosines.shape), cosines)).status == 0
-    brute = 4 * passed.sum() / n
-    error = 4 * math.sqrt(passed.sum()) / n
+    brute, error = 4 * passed.sum() / n, 4 * math.sqrt(passed.sum()) / n
+    allowed = 5 * math.hypot(error, float(white.standard_error[0, 0, 0]))
     # The pixel has an extent, over which light changes by some 0.5 %.
-    assert abs(float(white.image[0, 0, 0]) - brute) < 5 * math.hypot(error, float(white.standard_error[0, 0, 0])) + (
-        0.01 * brute
-    )
+    assert abs(float(white.image[0, 0, 0]) - brute) < allowed + 0.01 * brute

@@ -1,6 +1,7 @@
 """Where the image is sharpest: third-order theory, quadratics, and the models of a lens."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -35,36 +36,30 @@ RMS, GEOMETRIC = FocusCriterion.RMS_SPOT, FocusCriterion.GEOMETRIC_SPOT
 # ---- laws ----
 
 
-@pytest.fixture
-def rays_of_spots(monkeypatch):
-    """The rays that spots are of: those are drawn in more sets, so that their errors are known."""
+def test_a_perfect_lens_is_sharp_at_its_paraxial_image():
+    for lens, z, criterion in itertools.product((PARAXIAL, THIN), (-math.inf, -1e6, -404.0), FocusCriterion):
+        found = best_focus(lens, z_object=z, criterion=criterion)
+        # Positions of 1e-13 mm over slopes of 1/4; an object 1e6 mm away has the digits of its distance.
+        allowed = 1e-8 if z == -1e6 else 1e-11
+        assert found == pytest.approx(paraxial_focus(lens, z), abs=allowed), (lens.model, z, criterion)
+
+
+def test_the_square_of_the_rms_radius_is_a_parabola(monkeypatch):
+    # The rays that spots are of: those are drawn in more sets, so that their errors are known.
     monkeypatch.setattr("plenoptic.optics.lens.analysis.focus._REPLICATES", REPLICATES)
+    for field in ((0.0, 0.0), (0.0, 0.15)):
 
+        def spot(z):
+            return spot_diagram(GAUSS, field=field, z_image=z, rays=4096)  # noqa: B023
 
-@pytest.mark.parametrize("z", [-math.inf, -1e6, -404.0])
-@pytest.mark.parametrize("lens", [PARAXIAL, THIN])
-@pytest.mark.parametrize("criterion", list(FocusCriterion))
-def test_a_perfect_lens_is_sharp_at_its_paraxial_image(lens, z, criterion):
-    found = best_focus(lens, z_object=z, criterion=criterion)
-    # Positions of 1e-13 mm over slopes of 1/4; an object 1e6 mm away has the digits of its distance.
-    assert found == pytest.approx(paraxial_focus(lens, z), abs=1e-8 if z == -1e6 else 1e-11)
-
-
-@pytest.mark.parametrize("field", [(0.0, 0.0), (0.0, 0.15)])
-def test_the_square_of_the_rms_radius_is_a_parabola(field, rays_of_spots):
-    best = best_focus(GAUSS, field=field, rays=4096)
-    at = [spot_diagram(GAUSS, field=field, z_image=best + dz, rays=4096).rms_radius ** 2 for dz in (-0.2, 0.0, 0.2)]
-    # The same rays, so it is exact: rounding of 1e-4 mm^2 in squares of some 10 mm^2 before centring.
-    assert at[0] == pytest.approx(at[2], rel=1e-9)
-    assert at[0] > at[1]
-
-
-@pytest.mark.parametrize("field", [(0.0, 0.0), (0.0, 0.15)])
-def test_the_circle_of_least_confusion_is_the_smallest(field, rays_of_spots):
-    best = best_focus(GAUSS, field=field, criterion=GEOMETRIC, rays=4096)
-    radius = spot_diagram(GAUSS, field=field, z_image=best, rays=4096).geometric_radius
-    for dz in (-1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0):
-        assert spot_diagram(GAUSS, field=field, z_image=best + dz, rays=4096).geometric_radius >= radius
+        best = best_focus(GAUSS, field=field, rays=4096)
+        at = [spot(best + dz).rms_radius ** 2 for dz in (-0.2, 0.0, 0.2)]
+        # The same rays, so it is exact: rounding of 1e-4 mm^2 in squares of some 10 mm^2 before centring.
+        assert at[1] < at[0] == pytest.approx(at[2], rel=1e-9), field
+        # The circle of least confusion is the smallest.
+        best = best_focus(GAUSS, field=field, criterion=GEOMETRIC, rays=4096)
+        others = [spot(best + dz).geometric_radius for dz in (-1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0)]
+        assert min(others) >= spot(best).geometric_radius, field
 
 
 def test_colours_compromise():
@@ -81,14 +76,8 @@ def test_colours_compromise():
 
 def test_third_order_spherical_aberration():
     """2/3 of the way to the marginal focus for the RMS radius, 3/4 for the largest."""
-    glass = ConstantMedium(1.5)
-    lens = LensStack(
-        [
-            CircularStop(1.5, thickness=1.0),
-            Surface(50.0, 4.0, glass, semi_diameter=20.0),
-            Surface(math.inf, semi_diameter=20.0),
-        ]
-    )
+    front = Surface(50.0, 4.0, ConstantMedium(1.5), semi_diameter=20.0)
+    lens = LensStack([CircularStop(1.5, thickness=1.0), front, Surface(math.inf, semi_diameter=20.0)])
     out = lens.trace(RayBundle([[0.0, 1.5, -10.0]], [[0.0, 0.0, 1.0]]))
     (_, y, z), (_, m, n) = out.origin[0], out.direction[0]
     marginal = float(z - y * n / m)
@@ -97,7 +86,7 @@ def test_third_order_spherical_aberration():
     for criterion, share in ((RMS, 2 / 3), (GEOMETRIC, 3 / 4)):
         found = best_focus(lens, criterion=criterion, rays=1 << 15)
         # Fifth order: (1.5 / 50)^2 = 1e-3 with a factor of a few; the outermost rays lie within 5e-4 of the rim.
-        assert (found - gaussian) / (marginal - gaussian) == pytest.approx(share, abs=5e-3)
+        assert (found - gaussian) / (marginal - gaussian) == pytest.approx(share, abs=5e-3), criterion
 
 
 def test_a_small_stop_focuses_paraxially():
@@ -125,68 +114,48 @@ def test_models_image_by_their_own_planes():
     assert front_focus(PARAXIAL) == front_focus(GAUSS) == points.front_focus
 
 
-@pytest.mark.parametrize("lens", [GAUSS.with_stop(CircularStop(0.01)), PARAXIAL, THIN])
-@pytest.mark.parametrize("z", [-math.inf, -404.0])
-def test_the_working_f_number_is_the_slope_of_the_marginal_ray(lens, z):
-    spot = spot_diagram(lens, z_object=z, z_image=paraxial_focus(lens, z) + 1.0, rays=1 << 13)
-    # Rays at 1 mm from the focus: the outermost of 8000 lies within 1e-3 of the rim.
-    assert spot.geometric_radius == pytest.approx(1.0 / (2 * working_f_number(lens, z)), rel=2e-3)
+def test_the_working_f_number_is_the_slope_of_the_marginal_ray():
+    for lens, z in itertools.product((GAUSS.with_stop(CircularStop(0.01)), PARAXIAL, THIN), (-math.inf, -404.0)):
+        spot = spot_diagram(lens, z_object=z, z_image=paraxial_focus(lens, z) + 1.0, rays=1 << 13)
+        # Rays at 1 mm from the focus: the outermost of 8000 lies within 1e-3 of the rim.
+        assert spot.geometric_radius == pytest.approx(1.0 / (2 * working_f_number(lens, z)), rel=2e-3), (lens.model, z)
 
 
 def test_the_working_f_number_of_a_telecentric_lens():
-    glass = ConstantMedium(1.5)
-    single = LensStack(
-        [
-            CircularStop(5.0, thickness=0.0),
-            Surface(50.0, 2.0, glass, semi_diameter=20.0),
-            Surface(-50.0, semi_diameter=20.0),
-        ]
-    )
-    focus = paraxial.cardinal_points(single).front_focus
-    lens = LensStack([CircularStop(5.0, thickness=-focus), *single.elements[1:]])
-    assert math.isinf(paraxial.cardinal_points(lens).exit_pupil) or paraxial.cardinal_points(lens).exit_pupil > 1e10
+    sides = [Surface(50.0, 2.0, ConstantMedium(1.5), semi_diameter=20.0), Surface(-50.0, semi_diameter=20.0)]
+    focus = paraxial.cardinal_points(LensStack([CircularStop(5.0), *sides])).front_focus
+    lens = LensStack([CircularStop(5.0, thickness=-focus), *sides])
     points = paraxial.cardinal_points(lens)
+    assert points.exit_pupil > 1e10
     # Behind a stop in the front focus, the rim of the stop is seen at 5 mm / f from any axial image point.
     assert working_f_number(lens, -300.0) == pytest.approx(points.efl / 10.0, rel=1e-9)
     assert working_f_number(lens) == pytest.approx(points.efl / 10.0, rel=1e-12)
 
 
-def test_nothing_is_focused_without_a_lens():
-    for call in (lambda: best_focus(NONE), lambda: paraxial_focus(NONE, -404.0), lambda: front_focus(NONE)):
-        with pytest.raises(InvalidValueError, match=r"LensModel\.NONE, which bends no ray, so no plane is its image"):
-            call()
-    assert math.isnan(working_f_number(NONE))
-
-
 # ---- edges ----
 
 
-@pytest.mark.parametrize("criterion", [FocusCriterion.PARAXIAL, RMS])
-def test_an_object_in_the_front_focus_is_imaged_at_infinity(criterion):
+def test_images_at_infinity_before_the_lens_and_nowhere():
     z = paraxial.cardinal_points(PARAXIAL).front_focus
     assert paraxial_focus(PARAXIAL, z) == math.inf
-    assert best_focus(PARAXIAL, z_object=z, criterion=criterion) == math.inf
-
-
-def test_a_virtual_image_lies_before_the_lens():
-    z = 0.5 * (paraxial.cardinal_points(PARAXIAL).front_focus + float(PARAXIAL.vertices[0]))
-    assert best_focus(PARAXIAL, z_object=z) == pytest.approx(paraxial_focus(PARAXIAL, z), rel=1e-12)
-    assert paraxial_focus(PARAXIAL, z) < z
-
-
-def test_no_light_has_no_focus():
-    with pytest.raises(InvalidValueError, match=r"0 of 0 rays from the field \(0.0, 1.3\) pass the lens"):
-        best_focus(GAUSS, field=(0.0, 1.3))
-
-
-def test_what_is_no_criterion():
-    with pytest.raises(InvalidValueError, match=r"criterion is 'rms'; it must be FocusCriterion\.PARAXIAL or"):
-        best_focus(GAUSS, criterion="rms")
-
-
-def test_field_curvature_moves_the_focus():
-    axis, edge = best_focus(GAUSS), best_focus(GAUSS, field=(0.0, 0.2))
-    assert abs(edge - axis) > 0.05
+    for criterion in (FocusCriterion.PARAXIAL, RMS):
+        assert best_focus(PARAXIAL, z_object=z, criterion=criterion) == math.inf
+    # A virtual image lies before the lens.
+    near = 0.5 * (z + float(PARAXIAL.vertices[0]))
+    assert best_focus(PARAXIAL, z_object=near) == pytest.approx(paraxial_focus(PARAXIAL, near), rel=1e-12)
+    assert paraxial_focus(PARAXIAL, near) < near
+    assert math.isnan(working_f_number(NONE))
+    nothing = r"LensModel\.NONE, which bends no ray, so no plane is its image"
+    for call, text in (
+        (lambda: pl.aberrations.through_focus(PARAXIAL, z_object=z), "parallel"),
+        (lambda: best_focus(GAUSS, field=(0.0, 1.3)), r"0 of 0 rays from the field \(0.0, 1.3\) pass the lens"),
+        (lambda: best_focus(GAUSS, criterion="rms"), r"criterion is 'rms'; it must be FocusCriterion\.PARAXIAL or"),
+        (lambda: best_focus(NONE), nothing),
+        (lambda: paraxial_focus(NONE, -404.0), nothing),
+        (lambda: front_focus(NONE), nothing),
+    ):
+        with pytest.raises(InvalidValueError, match=text):
+            call()
 
 
 def test_through_focus_has_its_minimum_at_the_best_focus():
@@ -199,13 +168,6 @@ def test_through_focus_has_its_minimum_at_the_best_focus():
     assert np.all(found.geometric_radius >= found.rms_radius)
     one = pl.aberrations.spot_diagram(lens, field=(0.0, 0.1), z_image=float(found.z[80]), rays=1 << 14)
     assert one.rms_radius == pytest.approx(found.rms_radius[80], abs=4 * one.rms_radius_error)
-
-
-def test_an_afocal_beam_has_no_through_focus():
-    lens = pl.load_lens("singlet-100mm-f4").with_model(pl.LensModel.PARAXIAL)
-    z = pl.paraxial.cardinal_points(lens).front_focus
-    with pytest.raises(pl.errors.InvalidValueError, match="parallel"):
-        pl.aberrations.through_focus(lens, z_object=z)
 
 
 def test_the_working_f_number_is_that_of_the_numerical_aperture_in_any_medium():

@@ -1,6 +1,5 @@
 """Contrast with diffraction: closed forms of perfect lenses, the transform of point spreads, colours."""
 
-import dataclasses
 import math
 import sys
 from pathlib import Path
@@ -65,20 +64,20 @@ def test_defocus_makes_contrast_fall_as_hopkins_has_it():
     np.testing.assert_allclose(found.tangential, expected, atol=0.01 + 2 * 9.0 / cutoff)
 
 
-@pytest.mark.parametrize("field", [(0.0, 0.0), (0.0, 0.15)])
-def test_it_is_the_transform_of_huygens_point_spread(field):
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
-    wave = wavefront(lens, field=field, pupil=pl.aiming.square_grid(56))
-    pixel, n = 1.5e-3, 72  # mm; f/10: below half of 5.9 um
-    side = pixel * (np.arange(n) - n // 2)
-    x, y = np.meshgrid(side, side, indexing="ij")
-    spread = wave.point_spread(np.stack([x, y, 0 * x], axis=-1))
-    frequencies = np.array([20.0, 60.0, 100.0])
-    found = wave_mtf(lens, frequencies, field=field)
-    across, along = (np.exp(-2j * math.pi * frequencies[:, None] * side) @ spread.sum(axis=k) for k in (1, 0))
-    # Beyond the picture, of 9 Airy radii, there are 1.5 % of the light.
-    np.testing.assert_allclose(found.sagittal, abs(across) / spread.sum(), atol=0.03)
-    np.testing.assert_allclose(found.tangential, abs(along) / spread.sum(), atol=0.03)
+def test_it_is_the_transform_of_huygens_point_spread():
+    for field in ((0.0, 0.0), (0.0, 0.15)):
+        lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+        wave = wavefront(lens, field=field, pupil=pl.aiming.square_grid(56))
+        pixel, n = 1.5e-3, 72  # mm; f/10: below half of 5.9 um
+        side = pixel * (np.arange(n) - n // 2)
+        x, y = np.meshgrid(side, side, indexing="ij")
+        spread = wave.point_spread(np.stack([x, y, 0 * x], axis=-1))
+        frequencies = np.array([20.0, 60.0, 100.0])
+        found = wave_mtf(lens, frequencies, field=field)
+        across, along = (np.exp(-2j * math.pi * frequencies[:, None] * side) @ spread.sum(axis=k) for k in (1, 0))
+        # Beyond the picture, of 9 Airy radii, there are 1.5 % of the light.
+        np.testing.assert_allclose(found.sagittal, abs(across) / spread.sum(), atol=0.03)
+        np.testing.assert_allclose(found.tangential, abs(along) / spread.sum(), atol=0.03)
 
 
 def test_colours_add_up_where_each_has_its_image():
@@ -110,9 +109,10 @@ def test_a_ring_and_turned_fields_have_contrast_too():
 
 def test_what_is_impossible_says_so():
     lens = pl.load_lens("double-gauss-100mm-f2")
-    with pytest.raises(InvalidValueError, match="frequencies must be numbers that are finite and not negative"):
-        wave_mtf(lens, [-1.0])
-    with pytest.raises(InvalidValueError, match="weights must be 2 numbers"):
-        wave_mtf(lens, [1.0], wavelength=(500, 600), weights=[1.0])
-    with pytest.raises(InvalidValueError, match="has no aberrations; use LensModel.EXACT"):
-        wave_mtf(dataclasses.replace(lens, model=pl.LensModel.THIN), [1.0])
+    for traced, frequencies, how, text in (
+        (lens, [-1.0], {}, "frequencies must be numbers that are finite and not negative"),
+        (lens, [1.0], {"wavelength": (500, 600), "weights": [1.0]}, "weights must be 2 numbers"),
+        (lens.with_model(pl.LensModel.THIN), [1.0], {}, "has no aberrations; use LensModel.EXACT"),
+    ):
+        with pytest.raises(InvalidValueError, match=text):
+            wave_mtf(traced, frequencies, **how)

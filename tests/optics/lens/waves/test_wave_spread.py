@@ -18,7 +18,6 @@ from test_wavefront import WAVE, perfect
 GRID = 128
 EDGE = 3.0 / GRID**1.5
 """What an edge that is found to a point of the grid leaves of an area, and so of an amplitude."""
-FOCUS = 100.0 * 1.6
 
 
 def cosines(lens, *points):
@@ -123,29 +122,29 @@ def test_a_hexagonal_opening_makes_a_star_of_six():
     np.testing.assert_allclose(spread.image / spread.perfect, expected, rtol=0, atol=0.02)
 
 
-@pytest.mark.parametrize("waves", [0.1, 0.25, 0.5, 1.0])
-def test_defocus_dims_the_middle_as_a_sinc(waves):
+def test_defocus_dims_the_middle_as_a_sinc():
     """sin^2(x) / x^2 with x = pi times the waves of defocus at the rim, W020."""
-    lens = perfect(pl.CircularStop(5.0))
-    sine = abs(cosines(lens, (1, 0))[0, 0])
-    shift = waves * WAVE / (1 - math.sqrt(1 - sine**2))
-    plane = pl.paraxial.cardinal_points(lens).rear_focus + shift
-    spread = wave_spread(lens, z_image=plane, shape=(17, 17), grid=GRID)
-    middle = spread.image[8, 8] / spread.perfect
-    assert middle == pytest.approx(np.sinc(waves) ** 2, abs=3 * EDGE)
+    for waves in (0.1, 0.25, 0.5, 1.0):
+        lens = perfect(pl.CircularStop(5.0))
+        sine = abs(cosines(lens, (1, 0))[0, 0])
+        shift = waves * WAVE / (1 - math.sqrt(1 - sine**2))
+        plane = pl.paraxial.cardinal_points(lens).rear_focus + shift
+        spread = wave_spread(lens, z_image=plane, shape=(17, 17), grid=GRID)
+        middle = spread.image[8, 8] / spread.perfect
+        assert middle == pytest.approx(np.sinc(waves) ** 2, abs=3 * EDGE), waves
 
 
-@pytest.mark.parametrize("field", [(0.0, 0.0), (0.1, 0.1)])
-def test_both_methods_agree_to_what_the_transform_leaves_out(field):
+def test_both_methods_agree_to_what_the_transform_leaves_out():
     """A phase of 5e-3 radians: intensities to twice that times the root, and its square, of the perfect peak."""
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(6.0))
-    how = {"field": field, "shape": (21, 21), "pixel_size": 4e-3, "grid": 96}
-    one, other = (wave_spread(lens, method=method, **how) for method in SpreadMethod)
-    assert wave_spread(lens, **how).method is SpreadMethod.FOURIER
-    perfect_peak = one.perfect
-    assert other.perfect == perfect_peak
-    bound = perfect_peak * (2 * 5e-3 * np.sqrt(other.image / perfect_peak) + 5e-3**2)
-    assert (np.abs(one.image - other.image) <= bound).all() and (one.image != other.image).any()
+    for field in ((0.0, 0.0), (0.1, 0.1)):
+        lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(6.0))
+        how = {"field": field, "shape": (21, 21), "pixel_size": 4e-3, "grid": 96}
+        one, other = (wave_spread(lens, method=method, **how) for method in SpreadMethod)
+        assert wave_spread(lens, **how).method is SpreadMethod.FOURIER, field
+        perfect_peak = one.perfect
+        assert other.perfect == perfect_peak, field
+        bound = perfect_peak * (2 * 5e-3 * np.sqrt(other.image / perfect_peak) + 5e-3**2)
+        assert (np.abs(one.image - other.image) <= bound).all() and (one.image != other.image).any(), field
 
 
 def test_huygens_sum_is_that_over_the_iris():
@@ -203,32 +202,30 @@ def test_colours_add_up_where_each_has_its_image():
     np.testing.assert_allclose(middle(both.image), expected, atol=0.3)
 
 
-@pytest.mark.parametrize("sigma", [0.02, 0.05])
-def test_strehl_of_small_aberrations_is_that_of_their_variance(sigma):
+def test_strehl_of_small_aberrations_is_that_of_their_variance():
     """exp(-(2 pi sigma)^2) to the fourth power of the phase (Marechal, Mahajan 1983), of a real lens out of focus."""
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(3.0))
     best = pl.paraxial.cardinal_points(lens).rear_focus
-
-    def rms(shift):
-        return wavefront(lens, z_image=best + shift).rms
-
     shifts = np.linspace(0, 0.4, 21)
-    shift = float(np.interp(sigma, [rms(s) for s in shifts], shifts))
-    found = wavefront(lens, z_image=best + shift)
-    phase = 2 * math.pi * found.rms
-    spread = wave_spread(lens, z_image=best + shift, shape=(9, 9))
-    assert spread.image[4, 4] / spread.perfect == pytest.approx(math.exp(-(phase**2)), abs=phase**4 + 1e-3)
-    assert found.strehl == pytest.approx(math.exp(-(phase**2)), abs=phase**4)
+    rms = [wavefront(lens, z_image=best + shift).rms for shift in shifts]
+    for sigma in (0.02, 0.05):
+        shift = float(np.interp(sigma, rms, shifts))
+        found = wavefront(lens, z_image=best + shift)
+        phase = 2 * math.pi * found.rms
+        spread = wave_spread(lens, z_image=best + shift, shape=(9, 9))
+        expected = math.exp(-(phase**2))
+        assert spread.image[4, 4] / spread.perfect == pytest.approx(expected, abs=phase**4 + 1e-3), sigma
+        assert found.strehl == pytest.approx(expected, abs=phase**4), sigma
 
 
 def test_a_grid_too_coarse_says_so():
     lens = perfect(pl.CircularStop(10.0))
-    with pytest.raises(InvalidValueError, match=r"neighbouring points of the grid differ by .* or grid=\d+"):
-        wave_spread(lens, grid=32, shape=(65, 65))
     plane = pl.paraxial.cardinal_points(lens).rear_focus + 20.0
-    with pytest.raises(InvalidValueError, match="the limit is a half; give a smaller picture$"):
-        wave_spread(lens, z_image=plane)
-    with pytest.raises(InvalidValueError, match="tilt is .*; it must be two angles"):
-        wave_spread(lens, tilt=(0.1, 0.2, 0.3))
-    with pytest.raises(InvalidValueError, match="weights must be 1 numbers"):
-        wave_spread(lens, weights=[1.0, 2.0])
+    for how, text in (
+        ({"grid": 32, "shape": (65, 65)}, r"neighbouring points of the grid differ by .* or grid=\d+"),
+        ({"z_image": plane}, "the limit is a half; give a smaller picture$"),
+        ({"tilt": (0.1, 0.2, 0.3)}, "tilt is .*; it must be two angles"),
+        ({"weights": [1.0, 2.0]}, "weights must be 1 numbers"),
+    ):
+        with pytest.raises(InvalidValueError, match=text):
+            wave_spread(lens, **how)
