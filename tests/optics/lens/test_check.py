@@ -9,16 +9,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from plenoptic import (
+    CircularStop,
+    ConstantMedium,
+    LensModel,
+    LensStack,
+    ModelGlass,
+    PolygonStop,
+    Sellmeier,
+    Surface,
+    lens_names,
+    load_lens,
+)
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import AIR, ConstantMedium, ModelGlass, Sellmeier
+from plenoptic.optics import AIR, Finding, FindingKind
 from plenoptic.optics.lens.checks.check import findings
-from plenoptic.optics.lens.checks.finding import Finding, FindingKind
-from plenoptic.optics.lens.files.library import lens_names, load_lens
-from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.stops.polygon import PolygonStop
-from plenoptic.optics.surfaces.surface import Surface
 
 SHARED = Path(os.environ["PLENOPTIC_SHARED"])
 TABLES = {path.stem.split()[-1].split("_")[-1]: path for path in sorted((SHARED / "lenses").glob("*.csv"))}

@@ -7,7 +7,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.surfaces.mirror import Mirror
+from plenoptic.optics import Mirror
 
 MIRROR = pl.optics.MIRROR
 GLASS = pl.ConstantMedium(1.5)

@@ -8,14 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from plenoptic import CircularStop, ConstantMedium, LensStack, ModelGlass, PolygonStop, Surface, load_lens
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.media import AIR, ConstantMedium, ModelGlass
+from plenoptic.optics import AIR
 from plenoptic.optics.lens.elements import Element
-from plenoptic.optics.lens.files.library import load_lens
-from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.stops.polygon import PolygonStop
-from plenoptic.optics.surfaces.surface import Surface
 
 EPS = np.finfo(float).eps
 GLASS = ConstantMedium(1.5)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.seidel import seidel_sums
+from plenoptic.aberrations import seidel_sums
 
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
 LENSES = (GAUSS, pl.load_lens("topogon-100mm-f6.3"))

@@ -10,10 +10,9 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.files.serialization import describe, restore
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.conditioning import Condition, Conditioning, conditioning
+from plenoptic.optics import Condition, Conditioning, FindingKind, conditioning
 from plenoptic.optics.lens.analysis.conditioning_rows import Notes, blocks_of, noted, sizes
 from plenoptic.optics.lens.checks.check import findings
-from plenoptic.optics.lens.checks.finding import FindingKind
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.study.rounding.cases import stability_cases

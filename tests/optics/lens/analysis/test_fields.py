@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.astigmatic import foci
-from plenoptic.optics.lens.analysis.fields import Projection, coma, depth_distortion, distortion, field_curvature
-from plenoptic.optics.lens.analysis.illumination import largest_field
-from plenoptic.optics.lens.analysis.seidel import seidel_sums
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse, chief_ray
+from plenoptic.aberrations import (
+    Projection,
+    coma,
+    depth_distortion,
+    distortion,
+    field_curvature,
+    foci,
+    largest_field,
+    seidel_sums,
+)
+from plenoptic.aiming import aimed_rays, aimed_rays_reverse, chief_ray
 from plenoptic.optics.lens.trace import traced_part
 
 BUNDLED = sorted(pl.lens_names())

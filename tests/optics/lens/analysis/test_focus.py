@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.core.rays import RayBundle
+from plenoptic import CircularStop, ConstantMedium, LensModel, LensStack, RayBundle, Surface, load_lens
+from plenoptic.aberrations import spot_diagram
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import ConstantMedium
 from plenoptic.optics.lens.analysis.focus import (
     FocusCriterion,
     best_focus,
@@ -18,14 +18,8 @@ from plenoptic.optics.lens.analysis.focus import (
     paraxial_focus,
     working_f_number,
 )
-from plenoptic.optics.lens.analysis.spots import spot_diagram
-from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.gaussian import paraxial
-from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.beam import REPLICATES
-from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.surfaces.surface import Surface
 
 GAUSS = load_lens("double-gauss-100mm-f2")
 SINGLET = load_lens("singlet-100mm-f4")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.illumination import largest_field, relative_illumination, vignetting
+from plenoptic.aberrations import largest_field, relative_illumination, vignetting
+from plenoptic.aiming import aimed_rays_reverse, chief_ray
 from plenoptic.optics.lens.elements import opened
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse, chief_ray
 
 RADIUS, RIM, APART = 4.0, 6.0, 20.0
 

@@ -6,14 +6,11 @@ import pickle
 import numpy as np
 import pytest
 
+from plenoptic import CircularStop, LensModel, load_lens
+from plenoptic.aberrations import diffraction_mtf, mtf, point_spread, spot_diagram
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import working_f_number
-from plenoptic.optics.lens.analysis.mtf import diffraction_mtf, mtf, point_spread
-from plenoptic.optics.lens.analysis.spots import spot_diagram
-from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.gaussian import paraxial
-from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.stops.circle import CircularStop
 
 GAUSS = load_lens("double-gauss-100mm-f2")
 DISC = GAUSS.with_model(LensModel.PARAXIAL).with_stop(CircularStop(10.0))

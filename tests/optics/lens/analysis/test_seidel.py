@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.seidel import SeidelSums, seidel_sums
+from plenoptic.aberrations import SeidelSums, seidel_sums
+from plenoptic.aiming import aimed_rays
 from plenoptic.optics.lens.elements import opened
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.trace import traced_part
 
 GAUSS = pl.load_lens("double-gauss-100mm-f2")

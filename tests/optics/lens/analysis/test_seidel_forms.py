@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.seidel import seidel_sums
+from plenoptic.aberrations import seidel_sums
 
 GLASS = pl.ConstantMedium(1.6)
 

@@ -9,19 +9,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from plenoptic import (
+    CircularStop,
+    ConstantMedium,
+    LensModel,
+    LensStack,
+    ModelGlass,
+    PolygonStop,
+    Sellmeier,
+    Surface,
+    glass,
+    lens_names,
+    load_lens,
+    save_lens,
+)
 from plenoptic.errors import FileError, PlenopticError, PrescriptionError
-from plenoptic.optics.glass.air import Absolute, Air, AirFormula
-from plenoptic.optics.glass.bundled import glass
-from plenoptic.optics.glass.dispersion import DispersionFormula, Formula
-from plenoptic.optics.glass.media import AIR, D_LINE, ConstantMedium, ModelGlass, Schott, Sellmeier
-from plenoptic.optics.lens.files.library import lens_names, load_lens, save_lens
+from plenoptic.optics import AIR, Absolute, Air, AirFormula, DispersionFormula, Formula, Placement, Schott
+from plenoptic.optics.glass.media import D_LINE
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
-from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.placement import Placement, rotation_about_axes
-from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.stops.polygon import PolygonStop
-from plenoptic.optics.surfaces.surface import Surface
+from plenoptic.optics.lens.placement import rotation_about_axes
 
 SHARED = Path(os.environ["PLENOPTIC_SHARED"])
 TABLES = sorted((SHARED / "lenses").glob("*.csv"))

@@ -10,16 +10,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from plenoptic import (
+    CircularStop,
+    ConstantMedium,
+    LensStack,
+    ModelGlass,
+    PolygonStop,
+    Sellmeier,
+    Surface,
+    glass,
+    lens_names,
+    load_lens,
+    save_lens,
+)
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError, PrescriptionError
-from plenoptic.optics.glass.bundled import glass
-from plenoptic.optics.glass.catalogue import load_glasses
-from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, ConstantMedium, ModelGlass, Sellmeier
-from plenoptic.optics.lens.files.library import lens_names, load_lens, save_lens
+from plenoptic.optics import AIR, load_glasses
+from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
-from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.stops.polygon import PolygonStop
-from plenoptic.optics.surfaces.surface import Surface
 
 HEAD = """VERS 140124 258 36214
 MODE SEQ

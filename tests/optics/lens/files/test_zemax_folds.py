@@ -6,14 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plenoptic.core.rays import RayBundle
+from plenoptic import LensStack, RayBundle, Surface, load_lens
 from plenoptic.errors import FileWarning, PrescriptionError
-from plenoptic.optics.lens.files.library import load_lens
+from plenoptic.optics import MIRROR as MIRRORED
+from plenoptic.optics import RingStop
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, system_matrix
-from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.ring import RingStop
-from plenoptic.optics.surfaces.mirror import MIRROR as MIRRORED
-from plenoptic.optics.surfaces.surface import Surface
 
 HEAD = ("MODE SEQ", "UNIT MM", "ENPD 6", "FTYP 0 0 1 1 0 0 0", "XFLN 0", "YFLN 0", "WAVM 1 0.5875618 1", "PWAV 1")
 STOP = ("STOP", "DISZ 10", "DIAM 3")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic import LensStack, load_lens, save_lens
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.lens.files.library import load_lens, save_lens
-from plenoptic.optics.lens.stack import LensStack
 
 DIAMETER = pl.optics.StopSize.DIAMETER
 APERTURE = pl.optics.FindingKind.APERTURE

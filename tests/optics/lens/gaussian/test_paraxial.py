@@ -7,13 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from plenoptic import paraxial
+from plenoptic import CircularStop, ConstantMedium, LensStack, Surface, lens_names, load_lens, paraxial
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import AIR, ConstantMedium
-from plenoptic.optics.lens.files.library import lens_names, load_lens
-from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.surfaces.surface import Surface
+from plenoptic.optics import AIR
 
 GLASS = ConstantMedium(1.5)
 

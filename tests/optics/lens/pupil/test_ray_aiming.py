@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.pupil.iris_points import fan, hexapolar, square_grid
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse, chief_ray, entrance_pupil_of
+from plenoptic.aiming import aimed_rays, aimed_rays_reverse, chief_ray, entrance_pupil_of, fan, hexapolar, square_grid
 from plenoptic.optics.lens.trace import traced_part
 
 EPS = np.finfo(float).eps
