@@ -9,18 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plenoptic import (
-    CircularStop,
-    ConstantMedium,
-    LensModel,
-    LensStack,
-    ModelGlass,
-    PolygonStop,
-    Sellmeier,
-    Surface,
-    lens_names,
-    load_lens,
-)
+import plenoptic as pl
+from plenoptic import CircularStop, ConstantMedium, LensStack, ModelGlass, Surface, load_lens
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import AIR, Finding, FindingKind
 from plenoptic.optics.lens.checks.check import findings
@@ -44,7 +34,7 @@ def kinds(lens: LensStack, wavelength: float = 587.6) -> list[tuple[str, tuple[i
 
 
 def test_most_bundled_lenses_are_clean():
-    for name in lens_names():
+    for name in pl.lens_names():
         if name[:7] not in ("fisheye", "asphere"):
             assert findings(load_lens(name)) == (), name
     # The fisheye goes to the equator twice. Printed so: 234.0 of 235.825 mm, and 110.1 of 111.094 mm.
@@ -52,7 +42,7 @@ def test_most_bundled_lenses_are_clean():
     assert [(f.kind, f.elements) for f in found] == [(FindingKind.EQUATOR, (1,)), (FindingKind.EQUATOR, (3,))]
     assert "99.2 %" in str(found[0])
     # Model and wavelength make no difference to a clean lens.
-    for model in LensModel:
+    for model in pl.LensModel:
         assert findings(REFERENCE.with_model(model), 450.0) == (), model
     assert REFERENCE.check() == ()
 
@@ -165,7 +155,7 @@ def test_steep_aspheres():
 
 def test_glasses_that_differ_from_their_name():
     mine = ModelGlass(1.617, 36.6, "MINE")
-    infrared = Sellmeier((1.5,), (0.01,), "INFRARED", (800.0, 2000.0))
+    infrared = pl.Sellmeier((1.5,), (0.01,), "INFRARED", (800.0, 2000.0))
     for *media, expected in (
         (ModelGlass(1.5168, 64.2, "N-BK7"), ModelGlass(1.673, 32.2, "SF5"), []),
         (ModelGlass(1.5368, 64.2, "N-BK7"), GLASS, [("GLASS", (1,))]),
@@ -206,7 +196,7 @@ def test_an_iris_that_is_not_filled():
     assert (found.kind, found.elements) == (FindingKind.IRIS_NOT_FILLED, (0, 1))
     assert "fills 50 % of the iris's semi-diameter, 10 mm" in found.message
     # Of a polygon, what counts is the distance of its edges.
-    assert kinds(LensStack([PolygonStop(6, 5.2 / math.cos(math.pi / 6), thickness=1.0), front, back])) == []
+    assert kinds(LensStack([pl.PolygonStop(6, 5.2 / math.cos(math.pi / 6), thickness=1.0), front, back])) == []
 
 
 def test_a_beam_that_is_totally_reflected():

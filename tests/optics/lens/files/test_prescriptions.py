@@ -6,23 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plenoptic import (
-    CircularStop,
-    ConstantMedium,
-    LensModel,
-    LensStack,
-    ModelGlass,
-    PolygonStop,
-    Sellmeier,
-    Surface,
-    glass,
-    lens_names,
-    load_lens,
-    save_lens,
-)
+import plenoptic as pl
+from plenoptic import CircularStop, ConstantMedium, LensStack, ModelGlass, Surface, lens_names, load_lens, save_lens
 from plenoptic.errors import FileError, PlenopticError, PrescriptionError
 from plenoptic.optics import AIR, Absolute, Air, AirFormula, DispersionFormula, Formula, Placement, Schott
 from plenoptic.optics.glass.media import D_LINE
@@ -59,11 +47,11 @@ def test_a_table_is_read_as_it_is_printed(tmp_path: Path):
     lens = load_lens(write(tmp_path, TRIPLET))
     assert lens.elements == (
         Surface(40.1, 6.0, ModelGlass(1.613, 58.6, "SK4"), semi_diameter=13.0),
-        Surface(math.inf, 5.0, AIR, semi_diameter=13.0),  # glass in front of it: no stop
+        Surface(math.inf, 5.0, AIR, semi_diameter=13.0),  # pl.glass in front of it: no stop
         Surface(-50.2, 2.0, ModelGlass(1.603, 38.0, "F5"), semi_diameter=9.0),
         Surface(45.0, 4.0, AIR, semi_diameter=9.0),
         CircularStop(8.5, 1.0),
-        Surface(math.inf, 3.0, ConstantMedium(1.7), semi_diameter=10.0),  # glass behind it: no stop
+        Surface(math.inf, 3.0, ConstantMedium(1.7), semi_diameter=10.0),  # pl.glass behind it: no stop
         Surface(-60.0, 0.0, AIR, semi_diameter=10.0),
     )
     assert (lens.name, lens.source) == ("lens", "lens.csv")
@@ -139,11 +127,26 @@ def test_a_wrong_line_is_named(tmp_path: Path):
 
 def mangled(text: str) -> st.SearchStrategy[str]:
     """The text with a few stretches replaced by something else."""
-    piece = st.one_of(
-        st.sampled_from(["", ";", "\n", "0", "-", "1e308", "1e-308", "air", "nan", "null", "[", "}", '"', "9" * 5000]),
-        st.text(max_size=4),
-    )
-    edit = st.tuples(st.integers(0, len(text)), st.integers(0, 12), piece)
+    known = [
+        "",
+        ";",
+        "\n",
+        "0",
+        "-",
+        "1e308",
+        "1e-308",
+        "air",
+        "nan",
+        "null",
+        "[",
+        "}",
+        '"',
+        "9" * 5000,
+        "SURF",
+        "STOP",
+    ]
+    piece = st.one_of(st.sampled_from(known), st.text(max_size=4))
+    edits = st.lists(st.tuples(st.integers(0, len(text)), st.integers(0, 12), piece), min_size=1, max_size=5)
 
     def apply(edits: list[tuple[int, int, str]]) -> str:
         changed = text
@@ -151,17 +154,27 @@ def mangled(text: str) -> st.SearchStrategy[str]:
             changed = changed[:start] + replacement + changed[start + length :]
         return changed
 
-    return st.lists(edit, min_size=1, max_size=5).map(apply)
+    return edits.map(apply)
 
 
-@given(text=st.one_of(mangled(TRIPLET), mangled(PAIR), st.text().map(lambda rest: f"{HEADER}\n{rest}")))
-def test_a_mangled_table_is_a_lens_or_a_named_error(tmp_path_factory: pytest.TempPathFactory, text: str):
-    path = tmp_path_factory.getbasetemp() / "mangled.csv"
-    path.write_bytes(text.encode("utf-8", errors="replace"))
+@pytest.fixture(scope="module")
+def texts(tmp_path_factory: pytest.TempPathFactory):
+    folder = tmp_path_factory.mktemp("whole")
+    save_lens(EVERYTHING, folder / "lens.json")
+    save_lens(load_lens("asphere-15mm-f0.9"), folder / "lens.zmx")
+    coded = {"json": "utf-8", "zmx": "utf-16"}
+    return {"csv": TRIPLET, **{kind: (folder / f"lens.{kind}").read_text(code) for kind, code in coded.items()}}
+
+
+@settings(max_examples=150)
+@given(data=st.data(), ending=st.sampled_from(["csv", "json", "zmx"]))
+def test_a_mangled_file_is_a_lens_or_a_named_error(tmp_path_factory: pytest.TempPathFactory, texts, data, ending):
+    path = tmp_path_factory.getbasetemp() / f"mangled.{ending}"
+    path.write_bytes(data.draw(mangled(texts[ending])).encode("utf-8", errors="replace"))
     try:
         assert isinstance(load_lens(path), LensStack)
     except PlenopticError as error:
-        assert re.match(r"mangled\.csv, line \d+: ", str(error))
+        assert re.match(r"mangled\.json" if ending == "json" else rf"mangled\.{ending}, line \d+: ", str(error))
 
 
 @given(data=st.binary(max_size=200), ending=st.sampled_from([".csv", ".json", ".zmx"]))
@@ -175,85 +188,32 @@ def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes
 
 # ---- the package's own format ----
 
+BK7 = ModelGlass(1.5168, 64.17, "BK7")
 EVERYTHING = LensStack(
     [
-        PolygonStop(7, 3.0, 0.1, 0.3),
-        Surface(1 / 3 * 100, 0.1 + 0.2, ConstantMedium(1.67), semi_diameter=10.0),
+        pl.PolygonStop(7, 3.0, 0.1, 0.3),
+        Surface(1 / 3 * 100, 0.1 + 0.2, ConstantMedium(1 / 3 + 1.4), semi_diameter=10.0),
         Surface(math.inf, 1e-300, ModelGlass(1.699, 30.1, "SF15"), semi_diameter=9.0),
-        Surface(-1e300, 2.0, Sellmeier((1.0, 0.2), (0.006, 0.02), "S", (400.0, 700.0)), semi_diameter=9.0),
+        Surface(-1e300, 2.0, pl.Sellmeier((1.0, 0.2), (0.006, 0.02), "S", (400.0, 700.0)), semi_diameter=9.0),
         Surface(-55.5, 2.0, Schott((2.27, -0.01, 0.0106, 2.1e-4, -7.6e-6, 4.9e-7)), semi_diameter=9.0),
-        Surface(-44.4, 2.0, semi_diameter=9.0, conic=-1.5, aspheric=(0.0, 1e-5 / 3, -2e-9)),
+        Surface(70.0, 2.0, Absolute(BK7), semi_diameter=9.0, aspheric=(1e-3 / 7, -1e-15)),
+        Surface(-44.4, 2.0, Absolute(BK7, Air(25.0, 99.0, humidity=0.5)), semi_diameter=9.0, conic=-1.5),
         Surface(5.0, 9.0, DispersionFormula(Formula.CONRADY, (1.5, 0.004, 0.0003)), semi_diameter=5.0, depth=7.5),
-        Surface(math.inf, 2.0, semi_diameter=1.0, placement=Placement(shift=(0.1, 0.2, 0.3))),
+        Surface(9.0, 2.0, Air(25.0, 99.0, formula=AirFormula.EDLEN), semi_diameter=5.0, conic=0.1, aspheric=(0, 1e-5)),
+        Surface(math.inf, 2.0, Air(25.0, 99.0), semi_diameter=1.0, placement=Placement(shift=(0.1, -0.0, 0.3))),
         CircularStop(2.0, placement=Placement(rotation=rotation_about_axes((0.1, 0.2, 0.3)))),
     ],
-    iris=8,
+    iris=10,
     name='ein "Objektiv" \u2013 \U0001f4f7',
     source="line one\nline two",
-)
+    ambient=Air(25.0, 99.0),
+)  # fmt: skip
 
 
 def test_saving_and_loading_gives_the_same_lens(tmp_path: Path):
-    for lens in (EVERYTHING, *map(load_lens, lens_names())):
+    for lens in (*map(EVERYTHING.with_model, pl.LensModel), *map(load_lens, lens_names())):
         save_lens(lens, tmp_path / "lens.json")
-        assert load_lens(tmp_path / "lens.json") == load_lens(str(tmp_path / "lens.json")) == lens, lens.name
-
-
-@st.composite
-def lenses(draw: st.DrawFn) -> LensStack:
-    """Lenses with everything that a file may hold."""
-    size = st.floats(1e-6, 1.0)
-    gaps = st.floats(0.0, 1e6)
-    numbers = st.floats(-1e-3, 1e-3)
-    placements = st.one_of(
-        st.none(),
-        st.tuples(numbers, numbers, numbers).map(lambda shift: Placement(shift=shift)),
-        st.tuples(numbers, st.floats(-1.5, 1.5)).map(
-            lambda move: Placement(shift=(0.0, move[0], 0.0), rotation=rotation_about_axes((move[1], 0.1, 0.0)))
-        ),
-    )
-    ambient = draw(st.sampled_from([AIR, ConstantMedium(4 / 3), Air(25.0, 99.0)]))
-    media = st.sampled_from([*MEDIA, ambient])
-    surfaces = st.builds(
-        Surface,
-        st.one_of(st.just(math.inf), st.floats(2.0, 1e300), st.floats(-1e300, -2.0)),
-        gaps,
-        media,
-        semi_diameter=size,
-        conic=st.floats(-3.0, 2.0),
-        aspheric=st.lists(numbers, max_size=4),
-        placement=placements,
-    )
-    hyper = st.builds(lambda r, d: Surface(r, 1.0, semi_diameter=abs(r), depth=abs(r) * d), size, st.floats(1.0, 2.0))
-    stops = st.one_of(
-        st.builds(CircularStop, size, gaps, placement=placements),
-        st.builds(PolygonStop, st.integers(3, 12), size, numbers, gaps, placement=placements),
-    )
-    elements = draw(st.lists(st.one_of(surfaces, hyper, stops), max_size=5))
-    elements += [draw(stops), Surface(draw(st.floats(2.0, 9.0)), medium=ambient, semi_diameter=1.0)]
-    iris = draw(st.sampled_from([i for i, element in enumerate(elements) if not isinstance(element, Surface)]))
-    texts = st.text(max_size=5)
-    model = draw(st.sampled_from(LensModel))
-    return LensStack(elements, iris, draw(texts), draw(texts), ambient=ambient, model=model)
-
-
-MEDIA = (
-    AIR,
-    ConstantMedium(1 / 3 + 1.4),
-    ModelGlass(1.699, 30.1, "SF15"),
-    Schott((2.27, -0.01, 0.0106, 2.1e-4, -7.6e-6, 4.9e-7)),
-    DispersionFormula(Formula.CONRADY, (1.5, 0.004, 0.0003), "C", (400.0, 700.0)),
-    Absolute(ModelGlass(1.5168, 64.17, "BK7")),
-    Absolute(ModelGlass(1.5168, 64.17, "BK7"), Air(25.0, 99.0, humidity=0.5)),
-    Air(25.0, 99.0, formula=AirFormula.EDLEN),
-)
-
-
-@given(lens=lenses())
-def test_everything_that_a_lens_can_have_keeps_every_bit(tmp_path_factory: pytest.TempPathFactory, lens: LensStack):
-    path = tmp_path_factory.getbasetemp() / "everything.json"
-    save_lens(lens, path)
-    assert load_lens(path) == lens
+        assert load_lens(tmp_path / "lens.json") == load_lens(str(tmp_path / "lens.json")) == lens, lens
 
 
 def test_what_is_written(tmp_path: Path):
@@ -262,14 +222,12 @@ def test_what_is_written(tmp_path: Path):
     save_lens(EVERYTHING, path)
     rows = [line for line in path.read_text().splitlines() if "semi_diameter" in line]
     assert len(rows) == len(EVERYTHING.elements)
+    placement = EVERYTHING.elements[9].placement
+    expected = {"shift": [0.1, -0.0, 0.3], "rotation": placement.rotation.tolist()}
+    assert json.loads(path.read_text())["elements"][9]["placement"] == expected
     save_lens(singlet, path)
     for absent in ("conic", "aspheric", "depth", "placement", "ambient", "model"):
         assert absent not in path.read_text()
-    lens = singlet.moved(1, shift=(0.1, -0.0, 0.3), tilt=(0.1, 0.2, 0.3))
-    save_lens(lens, path)
-    placement = lens.elements[1].placement
-    expected = {"shift": placement.shift.tolist(), "rotation": placement.rotation.tolist()}
-    assert json.loads(path.read_text())["elements"][1]["placement"] == expected
 
 
 PLANE = {"radius": None, "semi_diameter": 1, "thickness": 0, "medium": "air"}
@@ -314,25 +272,6 @@ def test_a_wrong_entry_is_named(tmp_path: Path):
     for text in ("", "{", "[" * 100_000, "9" * 5000, '{"format": 1}', "[]", "null"):
         with pytest.raises(PrescriptionError, match=r"^lens\.json"):
             load_lens(write(tmp_path, text, "lens.json"))
-
-
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory: pytest.TempPathFactory) -> str:
-    path = tmp_path_factory.mktemp("saved") / "lens.json"
-    save_lens(EVERYTHING, path)
-    return path.read_text()
-
-
-@given(data=st.data())
-def test_mangled_json_is_a_lens_or_a_named_error(
-    tmp_path_factory: pytest.TempPathFactory, saved: str, data: st.DataObject
-):
-    path = tmp_path_factory.getbasetemp() / "mangled.json"
-    path.write_bytes(data.draw(mangled(saved)).encode("utf-8", errors="replace"))
-    try:
-        assert isinstance(load_lens(path), LensStack)
-    except PrescriptionError as error:
-        assert str(error).startswith("mangled.json")
 
 
 def test_a_lens_is_saved_where_and_if_it_can_be(tmp_path: Path):
@@ -392,7 +331,7 @@ def test_a_table_may_name_bundled_glasses_without_their_numbers(tmp_path):
     rows = ["radius;thickness;material;index;v-no;sa", ";2;air;;;5", "50;4;N-BK7;;;9", "-50;90;air;;;9"]
     (tmp_path / "one.csv").write_text("\n".join(rows))
     lens = load_lens(tmp_path / "one.csv")
-    assert lens.elements[1].medium == glass("N-BK7")
+    assert lens.elements[1].medium == pl.glass("N-BK7")
     for cells in ("50;4;XY99;;;9", "50;4;N-BK7;;60;9"):
         (tmp_path / "bad.csv").write_text("\n".join([*rows[:2], cells, rows[3]]))
         with pytest.raises(PrescriptionError, match="bad.csv, line 3: .*index"):
