@@ -26,30 +26,6 @@ def test_a_singlet_spreads_the_focus_by_f_over_v():
     assert shift.focus[1] == points.rear_focus
 
 
-def test_the_achromat_has_the_colour_of_its_glasses():
-    """Thorlabs AC254-100-A, designed for F, d and C; the secondary spectrum is f (P1 - P2) / (V1 - V2)."""
-    lens = pl.load_lens("achromat-100mm-f4.4")
-    single = pl.aberrations.chromatic_shift(pl.load_lens("singlet-100mm-f4")).axial
-    shift = pl.aberrations.chromatic_shift(lens)
-    # Radii rounded to 0.1 mm leave 0.2 % of each power, of f / V = 3.1 of the crown and of the flint together 6 mm,
-    # and design balances F and C for the zone: of a singlet's colour less than a tenth is left.
-    assert 0 < shift.axial < 0.1 * single
-    crown, flint = lens.elements[1].medium, lens.elements[2].medium
-    n1, n2 = (np.array([m.index(w) for w in (486.1327, 587.5618, 656.2725)]) for m in (crown, flint))
-    v1, v2 = ((n[1] - 1) / (n[0] - n[2]) for n in (n1, n2))
-    p1, p2 = ((n[0] - n[1]) / (n[0] - n[2]) for n in (n1, n2))
-    secondary = 100.1 * (p2 - p1) / (v1 - v2)
-    assert secondary == pytest.approx(100.1 / 2000, rel=0.05)
-    # The mean of F and C less d: the axial colour that is left adds its own curvature, (P1 + P2) / 2 - 1 / 2 of it.
-    mixed = secondary - (0.5 * (p1 + p2) - 0.5) * shift.axial
-    assert shift.secondary_spectrum == pytest.approx(mixed, rel=0.15)
-    # Its focus turns within the visible: blue and deep red lie behind the nearest colour.
-    lines = np.arange(420.0, 761.0, 10.0)
-    focus = pl.aberrations.chromatic_shift(lens, wavelengths=lines).focus
-    assert 480 < lines[focus.argmin()] < 600
-    assert focus[0] > focus.min() + 0.1 < focus[-1]
-
-
 def test_sums_of_colour_are_the_first_order_of_the_shifts():
     for lens, (z_object, field) in itertools.product(LENSES, ((-math.inf, 0.1), (-400.0, 40.0))):
         left = []

@@ -5,6 +5,7 @@ largest. What a tolerance has beyond that is said where it stands.
 """
 
 import dataclasses
+import itertools
 import math
 import pickle
 
@@ -23,52 +24,30 @@ GAUSS = pl.load_lens("double-gauss-100mm-f2")
 GLASS = pl.ConstantMedium(1.6)
 WATER = pl.ConstantMedium(1.333)
 ASPHERIC = pl.LensStack(
-    [
-        pl.Surface(45.0, 6.0, GLASS, semi_diameter=14.0, conic=-0.7, aspheric=(1e-4, 2e-6, -1e-9)),
-        pl.Surface(-200.0, 9.0, semi_diameter=14.0, conic=2.0),
-        pl.CircularStop(4.0, thickness=5.0),
-        pl.Surface(-60.0, 4.0, GLASS, semi_diameter=14.0),
-        pl.Surface(-50.0, semi_diameter=14.0, conic=-3.0),
-    ],
+    [pl.Surface(45.0, 6.0, GLASS, semi_diameter=14.0, conic=-0.7, aspheric=(1e-4, 2e-6, -1e-9)),
+     pl.Surface(-200.0, 9.0, semi_diameter=14.0, conic=2.0), pl.CircularStop(4.0, thickness=5.0),
+     pl.Surface(-60.0, 4.0, GLASS, semi_diameter=14.0), pl.Surface(-50.0, semi_diameter=14.0, conic=-3.0)],
     name="aspheric",
-)
+)  # fmt: skip
 IN_WATER = pl.LensStack(
-    [
-        pl.Surface(60.0, 6.0, pl.ConstantMedium(1.9), semi_diameter=14.0, conic=-0.7),
-        pl.Surface(-300.0, 9.0, WATER, semi_diameter=14.0),
-        pl.CircularStop(4.0, thickness=5.0),
-        pl.Surface(-60.0, 4.0, GLASS, semi_diameter=14.0),
-        pl.Surface(-50.0, 0.0, WATER, semi_diameter=14.0),
-    ],
-    name="in water",
-    ambient=WATER,
-)
+    [pl.Surface(60.0, 6.0, pl.ConstantMedium(1.9), semi_diameter=14.0, conic=-0.7),
+     pl.Surface(-300.0, 9.0, WATER, semi_diameter=14.0), pl.CircularStop(4.0, thickness=5.0),
+     pl.Surface(-60.0, 4.0, GLASS, semi_diameter=14.0), pl.Surface(-50.0, 0.0, WATER, semi_diameter=14.0)],
+    name="in water", ambient=WATER,
+)  # fmt: skip
 CASSEGRAIN = pl.LensStack(
-    [
-        pl.CircularStop(50.0),
-        pl.Surface(-400.0, 140.0, pl.optics.MIRROR, semi_diameter=52.0, conic=-1.0),
-        pl.Surface(180.0, 0.0, pl.optics.MIRROR, semi_diameter=20.0, conic=-4.0),
-    ],
-    name="Cassegrain",
-)
+    [pl.CircularStop(50.0), pl.Surface(-400.0, 140.0, pl.optics.MIRROR, semi_diameter=52.0, conic=-1.0),
+     pl.Surface(180.0, 0.0, pl.optics.MIRROR, semi_diameter=20.0, conic=-4.0)], name="Cassegrain",
+)  # fmt: skip
 MANGIN = pl.LensStack(
-    [
-        pl.CircularStop(10.0, thickness=5.0),
-        pl.Surface(-120.0, 8.0, pl.ConstantMedium(1.5), semi_diameter=14.0),
-        pl.Surface(-180.0, 8.0, pl.optics.MIRROR, semi_diameter=14.0, aspheric=(0.0, 1e-7)),
-        pl.Surface(120.0, semi_diameter=14.0),
-    ],
-    name="Mangin",
-)
-BUNDLED = map(pl.load_lens, pl.lens_names())
+    [pl.CircularStop(10.0, thickness=5.0), pl.Surface(-120.0, 8.0, pl.ConstantMedium(1.5), semi_diameter=14.0),
+     pl.Surface(-180.0, 8.0, pl.optics.MIRROR, semi_diameter=14.0, aspheric=(0.0, 1e-7)),
+     pl.Surface(120.0, semi_diameter=14.0)], name="Mangin",
+)  # fmt: skip
+BUNDLED = [*map(pl.load_lens, pl.lens_names())]
 # Without discs in the middle of stops, which shade rays near the axis.
-LENSES = [
-    *(dataclasses.replace(lens, elements=opened(lens.elements)) for lens in BUNDLED),
-    CASSEGRAIN,
-    MANGIN,
-    ASPHERIC,
-    IN_WATER,
-]
+LENSES = [dataclasses.replace(lens, elements=opened(lens.elements)) for lens in BUNDLED]
+LENSES += [CASSEGRAIN, MANGIN, ASPHERIC, IN_WATER]
 
 
 def close(found, expected, table, tolerance=1e-12) -> bool:
@@ -99,17 +78,18 @@ def miss_and_third_order(lens: pl.LensStack, z_object: float, scale: float) -> t
     return found, np.column_stack([slope_x, slope_y]) / sums.aperture
 
 
-@pytest.mark.parametrize("z_object", [-math.inf, -300.0])
-@pytest.mark.parametrize(
-    "lens", [lens for lens in LENSES if lens.name[:7] not in ("fisheye", "mirror-")], ids=lambda lens: lens.name
-)  # the sixth element of the fisheye meets objects at 300 mm; what its mirror lens leaves is of the seventh order here
-def test_exact_rays_tend_to_the_third_order(lens, z_object):
-    found = [miss_and_third_order(lens, z_object, scale) for scale in (0.1, 0.05)]
-    remainders = [np.abs(exact - third).max() for exact, third in found]
-    # All signs and factors are right if what is left is of the fifth order: half the aperture and field, a 32nd. The
-    # seventh order disturbs that by some (0.1)^2 times coefficients of about 10.
-    assert remainders[0] / remainders[1] == pytest.approx(32.0, rel=0.1)
-    assert remainders[1] < 0.1 * np.abs(found[1][1]).max()
+def test_exact_rays_tend_to_the_third_order():
+    for lens, z_object in itertools.product(LENSES, (-math.inf, -300.0)):
+        if lens.name[:7] in ("fisheye", "mirror-"):
+            # The sixth element of the fisheye meets objects at 300 mm; what its mirror lens leaves is of the seventh
+            # order here.
+            continue
+        found = [miss_and_third_order(lens, z_object, scale) for scale in (0.1, 0.05)]
+        remainders = [np.abs(exact - third).max() for exact, third in found]
+        # All signs and factors are right if what is left is of the fifth order: half the aperture and field, a 32nd.
+        # The seventh order disturbs that by some (0.1)^2 times coefficients of about 10.
+        assert remainders[0] / remainders[1] == pytest.approx(32.0, rel=0.1), (lens.name, z_object)
+        assert remainders[1] < 0.1 * np.abs(found[1][1]).max(), (lens.name, z_object)
 
 
 def test_transverse_aberrations_are_those_of_the_rim():
@@ -124,23 +104,6 @@ def test_transverse_aberrations_are_those_of_the_rim():
 
 
 # ---- laws ----
-
-
-@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
-@pytest.mark.parametrize("z_object", [-math.inf, -4000.0])
-def test_each_sum_has_its_power_of_aperture_and_field(lens, z_object):
-    large, small = (0.3, math.atan(0.25 * math.tan(0.3))) if math.isinf(z_object) else (40.0, 10.0)
-    before = seidel_sums(lens, field=large, z_object=z_object)
-    half = lens.with_stop(pl.CircularStop(lens.stop.semi_diameter / 2))
-    after = seidel_sums(half, field=small, z_object=z_object)
-    powers = 0.5 ** np.array([4, 3, 2, 2, 1]) * 0.25 ** np.array([0, 1, 2, 2, 3])
-    assert close(after.table, before.table * powers, before.table * powers)
-    assert after.aperture == pytest.approx(before.aperture / 2, rel=1e-14)
-
-
-def test_an_object_on_the_other_side_of_the_axis():
-    up, down = seidel_sums(GAUSS, field=0.2), seidel_sums(GAUSS, field=-0.2)
-    assert np.array_equal(up.table * [1, -1, 1, 1, -1], down.table)
 
 
 @settings(max_examples=30)
@@ -186,71 +149,35 @@ def test_the_way_back_has_the_same_aberrations():
     assert close(back.table[::-1], there.table, there.table)
 
 
-def test_a_lens_that_is_symmetric_about_its_stop_at_unit_magnification():
-    half = [
-        pl.Surface(40.0, 6.0, GLASS, semi_diameter=12.0, conic=-0.5),
-        pl.Surface(90.0, 7.0, semi_diameter=12.0, aspheric=(0.0, 1e-6)),
-    ]
-    other = [
-        pl.Surface(-90.0, 6.0, GLASS, semi_diameter=12.0, aspheric=(0.0, -1e-6)),
-        pl.Surface(-40.0, semi_diameter=12.0, conic=-0.5),
-    ]
-    lens = pl.LensStack([*half, pl.CircularStop(4.0, 7.0), *other])
-    z_object, _ = pl.paraxial.conjugates(lens, -1.0)
-    sums = seidel_sums(lens, field=20.0, z_object=z_object)
-    expected = sums.total * [1, 0, 1, 1, 0]
-    assert close(sums.total, expected, sums.table)
-    assert np.all(np.abs(expected[[0, 2, 3]]) > 1e-4 * np.abs(sums.table).max(axis=0)[[0, 2, 3]])
+def test_the_petzval_sum():
+    for lens in LENSES:
+        sums = seidel_sums(lens, field=0.1)
+        invariant = pl.paraxial.lagrange_invariant(pl.paraxial.marginal_ray(lens), pl.paraxial.chief_ray(lens, 0.1))
+        curvature = np.array([getattr(e, "vertex_curvature", 0.0) for e in lens.elements])
+        # Behind a mirror the index counts as negative.
+        mirrors = [getattr(e, "medium", None) == pl.optics.MIRROR for e in lens.elements]
+        step = np.where(mirrors, -1, 1) / lens.indices()[1:] - 1 / lens.indices()[:-1]
+        expected = -(invariant**2) * curvature * step
+        assert sums.petzval == pytest.approx(expected, rel=1e-13), lens.name
+        assert sums.total[3] == pytest.approx(sums.petzval.sum(), rel=1e-12), lens.name
 
 
-def test_only_ratios_of_indices_bend_light():
-    """All indices n0 times as large: the same rays, and wavefronts n0 times as large."""
-    before = pl.LensStack(
-        [pl.CircularStop(4.0, 3.0), pl.Surface(50.0, 6.0, pl.ConstantMedium(1.5), semi_diameter=12.0, conic=-0.4),
-         pl.Surface(-80.0, semi_diameter=12.0)]
-    )  # fmt: skip
-    n0 = 1.4
-    first, second = before.elements[1:]
-    around = pl.ConstantMedium(n0)
-    after = pl.LensStack(
-        [before.elements[0], dataclasses.replace(first, medium=pl.ConstantMedium(1.5 * n0)),
-         dataclasses.replace(second, medium=around)], ambient=around
-    )  # fmt: skip
-    for z_object, field in ((-math.inf, 0.2), (-200.0, 30.0)):
-        one, two = (seidel_sums(lens, field=field, z_object=z_object) for lens in (before, after))
-        assert close(two.table, n0 * one.table, n0 * one.table)
-        assert two.transverse == pytest.approx(one.transverse, rel=1e-10)
-
-
-@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
-def test_the_petzval_sum(lens):
-    sums = seidel_sums(lens, field=0.1)
-    invariant = pl.paraxial.lagrange_invariant(pl.paraxial.marginal_ray(lens), pl.paraxial.chief_ray(lens, 0.1))
-    curvature = np.array([getattr(e, "vertex_curvature", 0.0) for e in lens.elements])
-    # Behind a mirror the index counts as negative.
-    mirrors = [getattr(e, "medium", None) == pl.optics.MIRROR for e in lens.elements]
-    step = np.where(mirrors, -1, 1) / lens.indices()[1:] - 1 / lens.indices()[:-1]
-    expected = -(invariant**2) * curvature * step
-    assert sums.petzval == pytest.approx(expected, rel=1e-13)
-    assert sums.total[3] == pytest.approx(sums.petzval.sum(), rel=1e-12)
-
-
-@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
-def test_distortion_is_what_the_other_sums_say(lens):
+def test_distortion_is_what_the_other_sums_say():
     """Welford's first form: S_V = (S_III + S_IV) Abar / A of each spherical surface."""
-    spheres = dataclasses.replace(
-        lens,
-        elements=[
-            dataclasses.replace(e, conic=0.0, aspheric=(), semi_diameter=min(e.semi_diameter, abs(e.radius)))
-            if isinstance(e, pl.Surface)
-            else e
-            for e in lens.elements
-        ],
-    )
-    sums = seidel_sums(spheres, field=0.2)
-    bent = np.abs(sums.coma) > 1e-6 * np.abs(sums.coma).max()
-    ratio = sums.coma[bent] / sums.spherical[bent]
-    assert sums.distortion[bent] == pytest.approx((sums.astigmatism + sums.petzval)[bent] * ratio, rel=1e-9, abs=1e-13)
+    for lens in LENSES:
+        elements = list(lens.elements)
+        for i, e in enumerate(elements):
+            if isinstance(e, pl.Surface):
+                size = min(e.semi_diameter, abs(e.radius))
+                elements[i] = dataclasses.replace(e, conic=0.0, aspheric=(), semi_diameter=size)
+        sums = seidel_sums(dataclasses.replace(lens, elements=elements), field=0.2)
+        bent = np.abs(sums.coma) > 1e-6 * np.abs(sums.coma).max()
+        ratio = sums.coma[bent] / sums.spherical[bent]
+        expected = (sums.astigmatism + sums.petzval)[bent] * ratio
+        assert sums.distortion[bent] == pytest.approx(expected, rel=1e-9, abs=1e-13), lens.name
+        # Those of odd order change signs with the field.
+        below = seidel_sums(dataclasses.replace(lens, elements=elements), field=-0.2)
+        assert np.array_equal(sums.table * [1, -1, 1, 1, -1], below.table), lens.name
 
 
 # ---- the value ----
@@ -271,22 +198,16 @@ def test_sums_are_values_that_show_a_table():
     assert len({len(line) for line in (names, *rows, total)}) == 1
 
 
-def test_arrays_of_different_lengths_are_no_sums():
-    with pytest.raises(pl.errors.InvalidValueError, match="coma has shape"):
-        SeidelSums(np.zeros(3), np.zeros(2), np.zeros(3), np.zeros(3), np.zeros(3), -0.1, 587.6)
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
+def test_impossible_questions_are_refused():
+    n = np.zeros(3)
+    for call, message in (
         (lambda: seidel_sums(GAUSS, field=math.nan), "field is nan"),
         (lambda: seidel_sums(GAUSS, field=1.6), "less than pi / 2"),
         (lambda: seidel_sums(GAUSS, field=0.1, z_object=5.0), "must lie in front of the first element"),
         (lambda: seidel_sums(GAUSS, field=0.1, z_object=math.nan), "z_object is nan"),
         (lambda: seidel_sums("lens", field=0.1), "lens is a str; give a LensStack"),
         (lambda: seidel_sums(GAUSS, field=0.1, wavelength=100.0), "100"),
-    ],
-)
-def test_impossible_questions_are_refused(call, message):
-    with pytest.raises(pl.errors.InvalidValueError, match=message):
-        call()
+        (lambda: SeidelSums(n, np.zeros(2), n, n, n, -0.1, 587.6), "coma has shape"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            call()
