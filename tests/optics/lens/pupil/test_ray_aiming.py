@@ -63,10 +63,9 @@ def test_rays_fill_the_iris_over_the_whole_field():
         assert np.abs(rays.direction + seen_at(field)).max() <= 4 * EPS, (name, share, azimuth)
         ahead = rays.origin @ seen_at(field)
         assert np.ptp(ahead) < 1e-11, (name, share, azimuth)
-        profiles = np.concatenate([lens.profiles(9)[0], lens.profiles(9)[-1]])
-        rims = np.column_stack([np.zeros(len(profiles)), profiles[:, 1], profiles[:, 0]])
         if azimuth == 0.5 * math.pi:
-            assert ahead.min() > (rims @ seen_at(field)).max(), (name, share, azimuth)
+            z, y = np.concatenate([lens.profiles(9)[0], lens.profiles(9)[-1]]).T
+            assert ahead.min() > (np.column_stack([0 * y, y, z]) @ seen_at(field)).max(), (name, share)
 
 
 def test_rays_from_a_point_at_a_finite_distance():
@@ -78,15 +77,6 @@ def test_rays_from_a_point_at_a_finite_distance():
             # Rounding of the origin adds eps |z_object| to that of the search.
             rays = checked(lens, field, hexapolar(5), z_object, 1e-11 + 4 * EPS * -z_object)
             assert np.array_equal(rays.origin, np.broadcast_to([*field, z_object], (91, 3))), (name, z_object)
-
-
-def test_a_distant_point_sends_what_an_infinitely_distant_one_does():
-    lens, theta, pupil = pl.load_lens("double-gauss-100mm-f2"), 0.3, hexapolar(4)
-    far = aimed_rays(lens, field=(0.0, theta), pupil=pupil)
-    distance = 1e7
-    near = aimed_rays(lens, field=(0.0, distance * math.tan(theta)), pupil=pupil, z_object=-distance)
-    # Directions differ by the distance of the rays from the point's line through the iris, some 40 mm, over its own.
-    assert np.abs(near.direction - far.direction).max() < 50 / distance
 
 
 def passing_rays(lens: pl.LensStack, theta: float, n: int) -> pl.RayBundle:
@@ -163,16 +153,6 @@ def test_reverse_rays_fill_the_iris_too():
     assert np.einsum("ij,ij->i", there - rays.origin, rays.direction).min() > 0
 
 
-def test_forward_and_reverse_are_the_same_ray():
-    lens = pl.load_lens("double-gauss-100mm-f2")
-    pupil = np.array([[0.1, -0.2]])
-    there = lens.trace(aimed_rays(lens, field=(0.05, 0.2), pupil=pupil))
-    point = there.at_z(130.0)[0]
-    back = aimed_rays_reverse(lens, image_point=point[:2], z_image=130.0, pupil=pupil)
-    # 100 mm times eps over a distance of 100 mm, with a reserve for what the lens magnifies.
-    assert np.abs(back.direction + there.direction).max() < 1e-14
-
-
 def test_decentred_and_tilted_lenses_with_a_moved_stop():
     for name in ("double-gauss-100mm-f2", "fisheye-100mm-f8"):
         lens = pl.load_lens(name)
@@ -207,10 +187,9 @@ def test_stops_before_behind_and_inside_glass():
 
 @pytest.mark.filterwarnings("error")
 def test_objects_absurdly_far_away_are_none_or_found():
-    lens = pl.load_lens("double-gauss-100mm-f2")
     for z in (-1e12, -1e100, -1e300):
-        rays = aimed_rays(lens, field=(0.0, -0.1 * z), pupil=hexapolar(2), z_object=z)
-        assert np.all(np.isin(rays.status, (pl.RayStatus.OK, pl.RayStatus.MISSED)))
+        rays = aimed_rays(pl.load_lens("double-gauss-100mm-f2"), field=(0, -0.1 * z), pupil=hexapolar(2), z_object=z)
+        assert np.all(np.isin(rays.status, (pl.RayStatus.OK, pl.RayStatus.MISSED))), z
 
 
 def test_what_is_aimed_at_a_stop_alone_needs_no_search():
@@ -260,11 +239,9 @@ def test_the_entrance_pupil_of_a_small_field_is_the_paraxial_one():
 
 def test_the_chief_ray_of_a_fisheye_passes_where_paraxial_aiming_fails():
     lens, theta = pl.load_lens("fisheye-100mm-f8"), math.radians(80.0)
-    assert lens.trace(chief_ray(lens, field=(0.0, theta))).status[0] == 0
-    pupil = pl.paraxial.cardinal_points(lens).entrance_pupil
-    towards = -seen_at((0.0, theta))
-    paraxial = pl.RayBundle([np.array([0.0, 0.0, pupil]) - 2000.0 * towards], [towards])
-    assert lens.trace(paraxial).status[0] != 0
+    assert lens.trace(chief_ray(lens, field=theta)).status[0] == 0  # a field may be y alone
+    pupil, towards = pl.paraxial.cardinal_points(lens).entrance_pupil, -seen_at((0.0, theta))
+    assert lens.trace(pl.RayBundle([[0, 0, pupil] - 2000.0 * towards], [towards])).status[0] != 0
 
 
 def test_ideal_models_pass_their_stop_where_they_are_aimed_at():
