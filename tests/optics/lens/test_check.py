@@ -24,9 +24,6 @@ def kinds(lens: LensStack, wavelength: float = 587.6) -> list[tuple[str, tuple[i
     return [(finding.kind.name, tuple(finding.elements)) for finding in findings(lens, wavelength)]
 
 
-# ---- clean lenses ----
-
-
 def test_most_bundled_lenses_are_clean():
     for name in pl.lens_names():
         if name[:7] not in ("fisheye", "asphere"):
@@ -40,8 +37,6 @@ def test_most_bundled_lenses_are_clean():
         assert findings(REFERENCE.with_model(model), 450.0) == (), model
     assert REFERENCE.check() == ()
 
-
-# ---- published lenses ----
 
 PUBLISHED = {
     "p352": [("OVERLAP", (7, 8))],  # Mandler
@@ -68,9 +63,6 @@ def test_published_lenses_show_what_is_known_of_them():
     (merte,) = findings(load_lens(TABLES["p306"]))
     through = (38.5 - math.sqrt(38.5**2 - 22.4**2)) - 7.0
     assert f"{through:.3g} mm through" in str(merte)
-
-
-# ---- each kind ----
 
 
 def glass(radius: float, gap: float, size: float, **shape) -> Surface:
@@ -202,9 +194,6 @@ def test_a_lens_that_passes_nothing():
     for shift, expected in ((60.0, True), (10.0, False)):
         found = kinds(REFERENCE.moved(5, shift=(0, shift, 0)))
         assert ("NO_LIGHT" in {kind for kind, _ in found}) == expected, shift
-
-
-# ---- the values ----
 
 
 def test_findings_are_values():

@@ -60,9 +60,6 @@ def beam(n: int, width: float, *, seed: int = 0) -> pl.RayBundle:
                         np.column_stack([slope, np.ones(n)]))  # fmt: skip
 
 
-# ---- laws ----
-
-
 def test_an_ellipsoid_images_one_focus_into_the_other():
     # Semi-axes: e = 0.5, R = a (1 - e^2); from the vertex the foci lie at a (1 - e) and a (1 + e).
     a, e = 100.0, 0.5
@@ -113,9 +110,6 @@ def test_a_turned_mirror_turns_light_by_twice_its_angle():
     assert flat.moved(1, shift=(0.0, 0.0, 0.5)).trace(ray).origin[0].tolist() == [0.0, 0.0, 19.5]
 
 
-# ---- closed forms ----
-
-
 def test_a_cassegrain_has_no_spherical_aberration_and_the_coma_of_a_paraboloid():
     lens = cassegrain()
     f1, f2, d = 200.0, -0.5 * lens.elements[2].radius, 140.0
@@ -162,9 +156,6 @@ def test_foci_of_narrow_beams_are_the_same_in_reverse():
     assert np.abs(back.tangential).max() > 1e12
 
 
-# ---- what blocks light ----
-
-
 def test_a_ring_stops_the_middle_and_passes_its_edges():
     lens = cassegrain(ring=18.0)
     y = np.array([0.0, 17.99, 18.0, 49.9, 50.0, 50.1])
@@ -177,9 +168,6 @@ def test_a_ring_stops_the_middle_and_passes_its_edges():
     assert ring.transmission_at([0.0, 3.0], 0.0).tolist() == [0.0, 1.0]
     with pytest.raises(pl.errors.InvalidValueError, match="inner_semi_diameter is 5 mm, and no light passes"):
         pl.optics.RingStop(5.0, 5.0)
-
-
-# ---- descriptions ----
 
 
 def test_files_keep_mirrors_and_rings(tmp_path):

@@ -52,9 +52,6 @@ def random_directions(rng, n, widest):
     return np.stack([sin * np.cos(azimuth), sin * np.sin(azimuth), cos], axis=1)
 
 
-# Laws
-
-
 @settings(max_examples=40)
 @given(
     curvature=st.one_of(st.just(0.0), st.floats(-0.2, 0.2), st.sampled_from([1e-9, -1e-9, 20.0])),
@@ -156,9 +153,6 @@ def test_the_way_back_is_the_way_there():
         assert np.abs(away).max() <= turns * EPS * 4 * lens.length, name
 
 
-# Lost rays
-
-
 def pair(*, stop=5.0, rear=6.0):
     """A plano-convex lens behind a stop; elements 0, 1, 2."""
     front = pl.Surface(20.0, 4.0, pl.ConstantMedium(1.5), semi_diameter=6.0)
@@ -249,9 +243,6 @@ def test_rays_far_beside_the_axis_or_along_a_stop_are_lost():
     assert np.all(out.status != OK)
 
 
-# Stops
-
-
 @settings(max_examples=20)
 @given(blades=st.integers(3, 12), rotation=st.floats(-4, 4), seed=st.integers(0, 100))
 def test_polygon_stops_pass_what_they_contain(blades: int, rotation: float, seed: int):
@@ -285,9 +276,6 @@ def test_two_stops_both_clip():
     assert min(np.count_nonzero(both.lost_at == k) for k in (-1, 5, 11)) > 100
 
 
-# The same bits
-
-
 def test_threads_and_neighbours_do_not_change_a_bit():
     rng = np.random.default_rng(3)
     n = (1 << 16) + 77
@@ -302,9 +290,6 @@ def test_threads_and_neighbours_do_not_change_a_bit():
         assert prefix == one.selected(part)
     # Nor does the place in a block.
     assert DOUBLE_GAUSS.trace(rays.selected(np.arange(131, 900))) == one.selected(np.arange(131, 900))
-
-
-# Limits
 
 
 def test_the_focus_tends_to_the_paraxial_one_with_order_2():

@@ -52,9 +52,6 @@ def at_element(
     return noted(record, blocks_of(rays), len(rays))
 
 
-# ---- closed forms ----
-
-
 def test_a_plate_in_closed_form():
     for degrees in (0.0, 30.0, 60.0, 89.0, 89.999):
         # Into glass at i: 1 / cos i, cos i / (n cos i'). Out of it the same numbers the other way round: close to the
@@ -81,9 +78,6 @@ def test_cancellation_in_closed_form():
     np.testing.assert_allclose(found.cancellation[:, 0], [2007.0 / 8.0, 8.0 / 8.0, 6.0 / 5.0], rtol=8 * EPS * 1000)
     np.testing.assert_allclose(found.digits_lost[:, 0], np.log10([2007.0 / 8.0, 1.0, 1.2]), atol=1e-12)
     assert found.worst[:2] == (0, Condition.CANCELLATION)
-
-
-# ---- finite differences ----
 
 
 @pytest.mark.slow
@@ -126,8 +120,6 @@ def test_an_ideal_lens_changes_angles_by_its_cosines():
     assert found.kinds[0] == "ideal lens"
     assert found.refraction[0, 0] == pytest.approx((out[2] - out[0]) / (before[2] - before[0]), rel=1e-6)
 
-
-# ---- 50 digits ----
 
 SINGLE = [name for name, case in CASES.items() if case.law.name == "SURFACES" and case.setup(
     np.random.default_rng(0), 1).first == case.setup(np.random.default_rng(0), 1).last and "wrong way" not in name
@@ -197,9 +189,6 @@ def test_rounding_of_the_ray_itself_moves_the_true_point_by_as_much():
             assert max(ratios) > 0.1, name
 
 
-# ---- steps ----
-
-
 def test_spheres_take_no_steps_and_strong_aspheres_more():
     counts = {}
     for name, surface in {**SHAPES, "strong": STRONG}.items():
@@ -236,9 +225,6 @@ def test_searches_and_their_failures_are_counted():
     gull = pl.Surface(math.inf, 5.0, GLASS, semi_diameter=3.0, aspheric=(0.5, -0.1))
     found = conditioning(stack(gull), beam(500, 2.0, 1.0, z=0.0))
     assert found.searched[1] > 50 and found.search[1, 0] > 1
-
-
-# ---- what is traced ----
 
 
 def test_lost_rays_are_those_of_trace():
@@ -294,9 +280,6 @@ def test_many_rays_are_taken_in_parts_and_none_are_none():
     assert "1 not finite" in str(broken) and "before the lens" in str(broken)
 
 
-# ---- the value ----
-
-
 def test_it_is_a_value_that_files_keep_and_prints_as_a_table(monkeypatch):
     found = conditioning(stack(STRONG), beam(300, 6.0, 0.3))
     monkeypatch.setattr(pl, "Conditioning", Conditioning, raising=False)
@@ -323,9 +306,6 @@ def test_it_is_a_value_that_files_keep_and_prints_as_a_table(monkeypatch):
     ):
         with pytest.raises(InvalidValueError, match=text):
             make()
-
-
-# ---- what check() says of them ----
 
 
 def test_extreme_lenses_are_found():

@@ -27,9 +27,6 @@ PARAXIAL, THIN, NONE = (GAUSS.with_model(kind) for kind in (LensModel.PARAXIAL, 
 RMS, GEOMETRIC = FocusCriterion.RMS_SPOT, FocusCriterion.GEOMETRIC_SPOT
 
 
-# ---- laws ----
-
-
 def test_a_perfect_lens_is_sharp_at_its_paraxial_image():
     for lens, z, criterion in itertools.product((PARAXIAL, THIN), (-math.inf, -1e6, -404.0), FocusCriterion):
         found = best_focus(lens, z_object=z, criterion=criterion)
@@ -65,9 +62,6 @@ def test_colours_compromise():
     assert together == pytest.approx(np.mean(alone), abs=0.02 * (alone[1] - alone[0]))
 
 
-# ---- limits ----
-
-
 def test_third_order_spherical_aberration():
     """2/3 of the way to the marginal focus for the RMS radius, 3/4 for the largest."""
     front = Surface(50.0, 4.0, ConstantMedium(1.5), semi_diameter=20.0)
@@ -81,9 +75,6 @@ def test_third_order_spherical_aberration():
         found = best_focus(lens, criterion=criterion, rays=1 << 15)
         # Fifth order: (1.5 / 50)^2 = 1e-3 with a factor of a few; the outermost rays lie within 5e-4 of the rim.
         assert (found - gaussian) / (marginal - gaussian) == pytest.approx(share, abs=5e-3), criterion
-
-
-# ---- models ----
 
 
 def test_models_image_by_their_own_planes():
@@ -114,9 +105,6 @@ def test_the_working_f_number_of_a_telecentric_lens():
     # Behind a stop in the front focus, the rim of the stop is seen at 5 mm / f from any axial image point.
     assert working_f_number(lens, -300.0) == pytest.approx(points.efl / 10.0, rel=1e-9)
     assert working_f_number(lens) == pytest.approx(points.efl / 10.0, rel=1e-12)
-
-
-# ---- edges ----
 
 
 def test_images_at_infinity_before_the_lens_and_nowhere():

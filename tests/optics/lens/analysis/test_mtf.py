@@ -31,9 +31,6 @@ def disc_mtf(frequencies: np.ndarray) -> np.ndarray:
     return np.abs(2.0 * bessel_j1(x) / x)  # at 0 from 1e-5, where it is 1 to 1e-10
 
 
-# ---- modulation ----
-
-
 def test_a_uniform_disc():
     frequencies = np.linspace(0.0, 8.0 / DIAMETER, 41)
     found = mtf(DISC, frequencies, z_image=Z_DISC)
@@ -86,9 +83,6 @@ def test_values_lie_between_0_and_1():
     assert mtf(GAUSS, 10.0, rays=64).tangential.shape == (1,)
 
 
-# ---- diffraction ----
-
-
 def test_the_limit_by_diffraction_is_the_overlap_of_two_pupils():
     f_number, wavelength = 2.8, 550.0
     cutoff = 1.0 / (f_number * wavelength * 1e-6)
@@ -109,9 +103,6 @@ def test_the_limit_that_comes_with_an_mtf():
     assert np.array_equal(found.diffraction, diffraction_mtf([50.0], f_number=f_number))
     nothing = mtf(GAUSS.with_model(LensModel.NONE), [1.0], z_object=-404.0, z_image=50.0, rays=64)
     assert np.isnan(nothing.diffraction).all()
-
-
-# ---- point spread ----
 
 
 def test_all_light_is_accounted_for():

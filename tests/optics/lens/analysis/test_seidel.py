@@ -55,8 +55,6 @@ def close(found, expected, table, tolerance=1e-12) -> bool:
     return bool(np.all(np.abs(found - expected) <= tolerance * np.abs(table).max(axis=0)))
 
 
-# ---- the limit of exact rays ----
-
 PUPIL = np.array([[0.0, 1.0], [0.0, -0.7], [1.0, 0.0], [0.6, 0.6], [-0.5, 0.3], [0.0, 0.0]])
 
 
@@ -101,9 +99,6 @@ def test_transverse_aberrations_are_those_of_the_rim():
     assert spherical + sagittal == pytest.approx(third[2, 0], rel=1e-13)
     assert distortion == pytest.approx(third[5, 1], rel=1e-13)
     assert exact == pytest.approx(third, rel=0.05, abs=1e-6)
-
-
-# ---- laws ----
 
 
 @settings(max_examples=30)
@@ -178,9 +173,6 @@ def test_distortion_is_what_the_other_sums_say():
         # Those of odd order change signs with the field.
         below = seidel_sums(dataclasses.replace(lens, elements=elements), field=-0.2)
         assert np.array_equal(sums.table * [1, -1, 1, 1, -1], below.table), lens.name
-
-
-# ---- the value ----
 
 
 def test_sums_are_values_that_show_a_table():

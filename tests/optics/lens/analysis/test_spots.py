@@ -27,9 +27,6 @@ def plano_convex(stop: float) -> LensStack:
     return LensStack([CircularStop(stop, thickness=1.0), front, Surface(math.inf, semi_diameter=20.0)])
 
 
-# ---- laws ----
-
-
 def test_a_perfect_lens_has_points_for_spots_and_flat_fans():
     efl = paraxial.cardinal_points(GAUSS).efl
     for lens in PERFECT:
@@ -105,9 +102,6 @@ def test_same_seed_same_bits():
         one.x[0] = 1.0
 
 
-# ---- limits ----
-
-
 def test_third_order_spherical_aberration_grows_with_the_cube_of_the_aperture():
     small, large = (spot_diagram(plano_convex(h), rays=1 << 13) for h in (1.0, 2.0))
     # The next order changes the ratio by some 4 times its share, (h / R)^2 = 1.6e-3 of the larger one.
@@ -160,9 +154,6 @@ def test_the_error_is_honest():
     assert stated.std(ddof=1) / stated.mean() < 0.35
 
 
-# ---- numbers and shapes ----
-
-
 def test_several_wavelengths_share_a_diagram():
     lines = (486.1, 587.6, 656.3)
     spot = spot_diagram(GAUSS, field=(0, 0.1), wavelength=lines, rays=512)
@@ -211,9 +202,6 @@ def test_what_is_no_spot():
         ray_fan(GAUSS, points=1)
 
 
-# ---- ray fans ----
-
-
 def test_fans_have_the_symmetries_of_the_lens():
     on_axis, upright = ray_fan(GAUSS), ray_fan(GAUSS, field=(0.0, 0.12))
     turned = ray_fan(GAUSS, field=(0.12 * math.sin(0.7), 0.12 * math.cos(0.7)))
@@ -244,9 +232,6 @@ def test_a_fan_lies_in_its_spot_and_shows_lateral_colour():
     # Rays through the rim of the iris pass.
     for stop in (1.0, 2.0, 5.0, 15.0):
         assert np.isfinite(ray_fan(GAUSS.with_stop(CircularStop(stop)), points=5).tangential).all(), stop
-
-
-# ---- grey masks ----
 
 
 def masked(cells, size: float, lens: LensStack = GAUSS) -> LensStack:

@@ -40,9 +40,6 @@ def write(folder: Path, text: str, name: str = "lens.csv") -> Path:
     return path
 
 
-# ---- tables ----
-
-
 def test_a_table_is_read_as_it_is_printed(tmp_path: Path):
     lens = load_lens(write(tmp_path, TRIPLET))
     assert lens.elements == (
@@ -186,8 +183,6 @@ def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes
         load_lens(path)
 
 
-# ---- the package's own format ----
-
 BK7 = ModelGlass(1.5168, 64.17, "BK7")
 EVERYTHING = LensStack(
     [
@@ -288,9 +283,6 @@ def test_a_lens_is_saved_where_and_if_it_can_be(tmp_path: Path):
         save_lens(EVERYTHING, tmp_path / "lens.csv")
     with pytest.raises(FileError, match="make it first"):
         save_lens(dataclasses.replace(EVERYTHING), tmp_path / "no" / "lens.json")
-
-
-# ---- names and paths ----
 
 
 def test_bundled_lenses_are_what_their_names_say():

@@ -81,8 +81,6 @@ FRONT = ("CURV 2.0E-2 0 0 0 0", "DISZ 4.0", blank(1.5), "DIAM 1.0E+1 1 0 0 1")
 BACK = ("CURV -0.01", "DISZ 96.0", "DIAM 10")
 SINGLET = thick(1.5, 0.02, -0.01, 4.0)
 
-# ---- what is read ----
-
 
 def test_a_singlet_with_a_stop_in_front(tmp_path: Path):
     lens = load(tmp_path, zmx(STOP, FRONT, BACK))
@@ -209,8 +207,6 @@ def test_glasses_of_ones_own_come_first(tmp_path: Path):
         load(tmp_path, text, glasses="schott")
 
 
-# ---- semi-diameters that are missing ----
-
 UNSIZED = (("STOP", "DISZ 20.0"), ("CURV 0.02", "DISZ 4.0", blank(1.5)), ("CURV -0.01", "DISZ 96.0", "DIAM 0"))
 
 
@@ -251,9 +247,6 @@ def test_missing_diameters_without_a_beam_are_named(tmp_path: Path):
     for surface, old, new in ((1, "ENPD 1.0E+1 0\n", ""), *((2, *change) for change in fields)):
         text = zmx(*UNSIZED, head=PUPIL.replace(old, new))
         refused(tmp_path, text, rf"surface {surface} has no semi-diameter \(DIAM\)", f"SURF {surface}")
-
-
-# ---- what is refused ----
 
 
 def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path):
@@ -312,9 +305,6 @@ def test_a_wrong_head_and_a_file_without_a_lens_are_refused(tmp_path: Path):
     assert lens.source.endswith("stop placed by rule")
     assert lens.vertices.tolist() == [-52.0, -48.0, 0.0, 48.0, 52.0]
     refused(tmp_path, zmx(("CLAP 0 3 0", "DISZ 1"), FRONT, BACK), "no surface is the STOP")
-
-
-# ---- what is written ----
 
 
 def test_a_written_lens_is_read_back(tmp_path: Path):

@@ -39,9 +39,6 @@ def about_aperture(lens: LensStack) -> list[str]:
     return [str(finding) for finding in lens.check() if finding.kind is APERTURE]
 
 
-# ---- how large the stop is ----
-
-
 def test_the_entrance_pupil_counts_and_not_the_diameter_of_the_stop(tmp_path: Path):
     lens = load(tmp_path, "ENPD 10", STOP, *LENS)
     assert f_number(lens) == pytest.approx(7.8, rel=1e-12)
@@ -112,8 +109,6 @@ def test_a_stop_that_does_not_follow_is_refused_with_a_way_out(tmp_path: Path):
     assert "10 mm wide (f/7.8)" in about_aperture(load(tmp_path, "ENPD 10", *LENS))[0]
 
 
-# ---- what is handed out ----
-
 SYSTEM = (
     "ENPD 10; FTYP 0 0 3 2 0 0 0; XFLN 0 0 3 0 0 0; YFLN 0 -5 4 0 0 0; "
     "WAVM 1 0.4861 1; WAVM 2 0.5876 1; WAVM 3 0.55 1; WAVM 4 0.55 1; PWAV 2"
@@ -163,9 +158,6 @@ def test_the_specification_travels_with_the_lens(tmp_path: Path):
     assert load_lens("double-gauss-100mm-f2").specification is None
     with pytest.raises(pl.errors.InvalidValueError, match="specification is"):
         dataclasses.replace(lens, specification=7)
-
-
-# ---- what is left out ----
 
 
 def test_what_is_left_out_is_said_once(tmp_path: Path):

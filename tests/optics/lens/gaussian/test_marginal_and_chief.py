@@ -29,9 +29,6 @@ def thin(f: float, gap: float = 0.0) -> list[pl.Surface]:
     return [pl.Surface(f, 0.0, GLASS, semi_diameter=0.2), pl.Surface(-f, gap, semi_diameter=0.2)]
 
 
-# ---- the rays ----
-
-
 def test_a_paraxial_ray_goes_as_the_matrix_says():
     for lens in LENSES:
         surfaces = [i for i, e in enumerate(lens.elements) if isinstance(e, pl.Surface)]
@@ -101,9 +98,6 @@ def test_fields_add_up():
     assert not paraxial.chief_ray(GAUSS, 0.0).height.any()
 
 
-# ---- apertures ----
-
-
 def test_apertures_of_far_and_near_objects():
     for lens in LENSES:
         points, n = paraxial.cardinal_points(lens), float(lens.indices()[0])
@@ -125,9 +119,6 @@ def test_apertures_of_far_and_near_objects():
             assert paraxial.working_f_number(lens, z_object) == pytest.approx(expected, rel=1e-10), lens.name
 
 
-# ---- conjugates ----
-
-
 def test_conjugates_have_their_magnification():
     for lens, m in itertools.product(LENSES, (-30.0, -1.0, -0.3187, 0.5, 1.0, 7.0)):
         z_object, z_image = paraxial.conjugates(lens, m)
@@ -137,9 +128,6 @@ def test_conjugates_have_their_magnification():
         size = abs(points.efl) * max(1.0, abs(m), 1 / abs(m)) + abs(lens.vertices[0])
         expected = points.front_focus + points.efl / m, points.rear_focus - points.efl * m
         assert (z_object, z_image) == pytest.approx(expected, rel=0, abs=1e-13 * size), (lens.name, m)
-
-
-# ---- media around the lens, aspheres ----
 
 
 @given(
@@ -169,9 +157,6 @@ def test_the_thick_lens_in_a_medium(n0, n, r1, r2, d):
     assert points.rear_focus - points.rear_principal == pytest.approx(points.efl, rel=1e-12)
     assert points.front_principal - points.front_focus == pytest.approx(points.efl, rel=1e-12)
     assert [points.bfl, points.ffl] == pytest.approx([points.rear_focus - d, points.front_focus], **close)
-
-
-# ---- what has no answer ----
 
 
 def test_telecentric_and_afocal_lenses():

@@ -26,9 +26,6 @@ def thin(f: float, gap: float = 0.0) -> list[Surface]:
     return [Surface(f, 0.0, GLASS, semi_diameter=0.2), Surface(-f, gap, semi_diameter=0.2)]
 
 
-# ---- numbers ----
-
-
 def test_the_reference_lens():
     """The table of the reference camera; its last digit."""
     lens = load_lens("double-gauss-100mm-f2")
@@ -109,12 +106,6 @@ def test_published_values():
         assert points.f_number == pytest.approx(published.f_number, rel=0.03), published.name
 
 
-# ---- closed forms ----
-
-
-# ---- laws ----
-
-
 def test_newton():
     """x x' = -f^2 and m = f / x for distances from the foci; principal planes and pupils are images of each other."""
     for name in lens_names():
@@ -136,9 +127,6 @@ def test_newton():
         assert abs(paraxial.magnification(lens, entrance)) == pytest.approx(ratio, rel=1e-10), name
         size = abs(points.pupil_magnification) * lens.stop.semi_diameter
         assert points.exit_pupil_semi_diameter == pytest.approx(size, rel=1e-15), name
-
-
-# ---- limits ----
 
 
 def test_an_afocal_lens():
