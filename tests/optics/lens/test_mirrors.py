@@ -25,14 +25,8 @@ def cassegrain(*, ring: float = 0.0, gap: float = 140.0, back: float = 180.0) ->
 
 def mangin() -> pl.LensStack:
     """A meniscus of glass whose rear side reflects: light passes its front side twice."""
-    return pl.LensStack(
-        [
-            pl.CircularStop(10.0, thickness=5.0),
-            pl.Surface(-120.0, 8.0, GLASS, semi_diameter=14.0),
-            pl.Surface(-180.0, 8.0, MIRROR, semi_diameter=14.0),
-            pl.Surface(120.0, semi_diameter=14.0),
-        ]
-    )
+    glass = pl.Surface(-120.0, 8.0, GLASS, semi_diameter=14.0), pl.Surface(-180.0, 8.0, MIRROR, semi_diameter=14.0)
+    return pl.LensStack([pl.CircularStop(10.0, thickness=5.0), *glass, pl.Surface(120.0, semi_diameter=14.0)])
 
 
 def folded() -> pl.LensStack:
@@ -90,15 +84,6 @@ def test_rays_turned_back_go_the_way_they_came():
         assert np.linalg.det(pl.paraxial.system_matrix(lens)) == pytest.approx(1.0, abs=1e-13), name
 
 
-def test_rays_near_the_axis_are_paraxial():
-    for name in ("cassegrain", "mangin"):
-        lens, h = LENSES[name], 1e-4
-        points = pl.paraxial.cardinal_points(lens)
-        out = lens.trace(pl.RayBundle([[0.0, h, -300.0]], [[0.0, 0.0, 1.0]]))
-        assert -h / out.direction[0, 1] == pytest.approx(points.efl, rel=1e-9), name
-        assert abs(out.at_z(points.rear_focus)[0, 1]) < 1e-9 * h, name
-
-
 def test_a_turned_mirror_turns_light_by_twice_its_angle():
     flat = pl.LensStack([pl.CircularStop(5.0, thickness=20.0), pl.Surface(math.inf, medium=MIRROR, semi_diameter=20.0)])
     ray = pl.RayBundle([[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
@@ -141,19 +126,6 @@ def test_a_mangin_mirror_is_its_front_twice_and_the_mirror_in_glass():
     gap = np.array([[1.0, t / n], [0.0, 1.0]])
     matrix = refract(front) @ gap @ refract(silver) @ gap @ refract(front)
     assert pl.paraxial.cardinal_points(mangin()).efl == pytest.approx(-1.0 / matrix[1, 0], rel=1e-14)
-
-
-def test_foci_of_narrow_beams_are_the_same_in_reverse():
-    # From the focus back, the beam of a paraboloid leaves parallel, and from infinity it comes to the focus.
-    newton = pl.LensStack([pl.CircularStop(50.0), pl.Surface(-400.0, medium=MIRROR, semi_diameter=52.0, conic=-1.0)])
-    ray = pl.RayBundle([[0.0, 40.0, -300.0]], [[0.0, 0.0, 1.0]])
-    there = pl.aberrations.foci(newton, ray, parallel=True)
-    for focus in (there.sagittal, there.tangential):
-        assert np.abs(focus - [0.0, 0.0, 200.0]).max() < 1e-10
-    start = pl.RayBundle([[0.0, 0.0, 200.0]], -there.ray.direction)
-    back = pl.aberrations.foci(newton, start, parallel=False, reverse=True)
-    assert np.abs(back.sagittal).max() > 1e12
-    assert np.abs(back.tangential).max() > 1e12
 
 
 def test_a_ring_stops_the_middle_and_passes_its_edges():

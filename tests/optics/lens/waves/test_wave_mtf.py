@@ -37,17 +37,6 @@ def test_a_round_stop_has_the_contrast_of_two_circles():
     assert found.tangential[0] == 1 and (found.tangential[-2:] == 0).all()
 
 
-def test_a_square_stop_has_the_contrast_of_a_triangle():
-    square = pl.PolygonStop(blades=4, semi_diameter=5.0, rotation=math.pi / 4)
-    lens = perfect(square)
-    edge = math.sqrt(0.5) - 1e-9
-    side = 2 * np.abs(np.diag(wavefront(lens, pupil=[[edge, 0.0], [0.0, edge]]).toward[:, :2]))
-    frequencies = np.linspace(0, 1, 9) * side[0] / WAVE
-    found = wave_mtf(lens, frequencies, grid=GRID)
-    np.testing.assert_allclose(found.tangential, 1 - frequencies * WAVE / side[1], atol=0.02)
-    np.testing.assert_allclose(found.sagittal, 1 - frequencies * WAVE / side[0], atol=0.02)
-
-
 def test_defocus_makes_contrast_fall_as_hopkins_has_it():
     """At a low frequency f, 2 J1(a) / a with a = 2 pi f times the radius of the blurred disc (H. H. Hopkins, 1955)."""
     import mpmath
