@@ -5,13 +5,10 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from plenoptic import CircularStop, ConstantMedium, LensStack, ModelGlass, PolygonStop, Surface, load_lens
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics import AIR
-from plenoptic.optics.lens.elements import Element
 
 EPS = np.finfo(float).eps
 GLASS = ConstantMedium(1.5)
@@ -32,17 +29,6 @@ def test_vertices_are_counted_from_the_iris():
     expected = [-33.77, -26.25, -26.01, -17.96, -11.41, 0.0, 9.00, 11.36, 23.49, 23.87, 30.31]
     assert REFERENCE.vertices == pytest.approx(expected, abs=6 * 34 * EPS)
     assert REFERENCE.vertices[5] == 0.0
-
-
-@given(gaps=st.lists(st.floats(0.0, 1e3), min_size=3, max_size=8), iris=st.integers(0, 7))
-def test_gaps_are_what_lies_between_vertices(gaps: list[float], iris: int):
-    iris %= len(gaps)
-    elements: list[Element] = [Surface(5e3, gap, semi_diameter=10.0) for gap in gaps]
-    elements[iris] = CircularStop(1.0, gaps[iris])
-    elements[iris - 1] = Surface(5e3, gaps[iris - 1], semi_diameter=10.0)
-    vertices = LensStack(elements).vertices
-    assert np.diff(vertices) == pytest.approx(gaps[:-1], abs=len(gaps) * EPS * 1e4)
-    assert vertices[iris] == 0.0
 
 
 def test_indices_follow_the_gaps():

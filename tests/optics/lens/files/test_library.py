@@ -16,11 +16,16 @@ STATED = {
     "biotar-100mm-f1.4": (100.0, 64.69, 0.25),
     "cooke-triplet-50mm-f5": (50.0, np.nan, 1e-3),
     "double-gauss-100mm-f1.1": (100.0, 55.742, 0.1),
+    "double-gauss-100mm-f2": (np.nan, 72.228, 0.15),
+    "double-gauss-105mm-f1.4": (np.nan, 62.112, 0.15),
     "field-corrector-127mm-f3.5": (127.0, np.nan, 0.1),
+    "fisheye-100mm-f8": (100.0, 150.119, 0.15),
     "metrogon-100mm-f6.3": (100.0, 79.729, 0.3),
     "mirror-1000mm-f7.5": (999.637, np.nan, 1e-3),  # by the program optiland, from the same file
     "protar-98mm-f12.5": (np.nan, 95.013, 0.1),
     "retrofocus-100mm-f1.9": (100.0, 178.126, 0.1),
+    "telephoto-100mm-f2.8": (100.0, 22.862, 0.25),
+    "topogon-100mm-f6.3": (np.nan, 77.809, 0.15),
     "zoom-14mm-f4": (np.nan, 21.36, 1e-3),
 }
 

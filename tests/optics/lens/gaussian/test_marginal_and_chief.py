@@ -92,12 +92,6 @@ def test_marginal_and_chief_ray_end_in_image_and_field():
         assert paraxial.lagrange_invariant(chief, marginal) == -invariant
 
 
-def test_fields_add_up():
-    one, two = paraxial.chief_ray(GAUSS, 10.0, -404.0), paraxial.chief_ray(GAUSS, -25.0, -404.0)
-    assert two.height == pytest.approx(-2.5 * one.height, rel=1e-13, abs=1e-13)
-    assert not paraxial.chief_ray(GAUSS, 0.0).height.any()
-
-
 def test_apertures_of_far_and_near_objects():
     for lens in LENSES:
         points, n = paraxial.cardinal_points(lens), float(lens.indices()[0])

@@ -1,5 +1,4 @@
 import functools
-import itertools
 import math
 
 import numpy as np
@@ -64,7 +63,7 @@ def rays_at_the_rear(lens: pl.LensStack, start: np.ndarray, rng: np.random.Gener
 
 
 def test_every_ray_that_passes_is_inside_its_outline():
-    for (name, stop), cell in itertools.product(LENSES, (CELL, 0.6)):
+    for name, stop, cell in [(*lens, CELL) for lens in LENSES] + [(*LENSES[k], 0.6) for k in (0, 3, 6)]:
         lens = stopped(name, stop)
         bounds = bounds_of(lens, cell=cell)
         rng = np.random.default_rng(17)
@@ -132,11 +131,9 @@ def test_polygonal_stops_are_bounded_by_the_circle_around_them():
 
 
 def test_a_plane_that_sees_no_light_has_no_outline():
-    # 300 mm from the axis of a telephoto the barrel cuts everything off.
-    lens = pl.load_lens("telephoto-100mm-f2.8")
-    bounds = bounds_of(lens, radius=300.0)
-    assert bounds.reach[0] > 0
-    assert bounds.reach[-1] == 0
+    # 150 mm from the axis of a telephoto the barrel cuts everything off.
+    bounds = bounds_of(pl.load_lens("telephoto-100mm-f2.8"), radius=150.0)
+    assert bounds.reach[0] > 0 and bounds.reach[-1] == 0
     assert np.all(bounds.support[-1] == -np.inf)
 
 

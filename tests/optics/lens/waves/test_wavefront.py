@@ -154,18 +154,6 @@ def test_a_fit_finds_what_was_put_in(coefficients):
 BASE = wavefront(perfect(pl.CircularStop(2.0)), pupil=pl.aiming.square_grid(24))
 
 
-def test_strehl_of_small_aberrations_is_that_of_the_variance():
-    """exp(-(2 pi sigma)^2) for spherical aberration, whose third moment over the disc is not 0, to the third order."""
-    for sigma in (0.01, 0.03, 0.06):
-        points = pl.aiming.square_grid(200)
-        opd = sigma * zernike(11, *points.T)
-        made = dataclasses.replace(BASE, pupil=points, opd=opd, amplitude=np.full(len(opd), 1 / len(opd)))
-        assert made.rms == pytest.approx(sigma, rel=0.01), sigma
-        assert made.strehl == pytest.approx(math.exp(-((2 * math.pi * sigma) ** 2)), abs=(2 * math.pi * sigma) ** 3), (
-            sigma
-        )
-
-
 def airy(v):
     return float((2 * mpmath.besselj(1, v) / v) ** 2) if v else 1.0
 
