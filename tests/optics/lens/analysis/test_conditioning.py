@@ -44,9 +44,7 @@ def beam(n: int, size: float, slope: float, z: float = -20.0, seed: int = 0) -> 
     return pl.RayBundle(start, np.column_stack([rng.uniform(-slope, slope, (n, 2)), np.ones(n)]))
 
 
-def at_element(
-    lens: pl.LensStack, rays: pl.RayBundle, k: int, *, reverse: bool = False, clipping: bool = True
-) -> Notes:
+def at_element(lens, rays, k, *, reverse=False, clipping=True) -> Notes:
     """What is noted of rays that go through element k alone."""
     record = lens_record(lens, rays.wavelength, reverse=reverse, first=k, last=k, clipping=clipping)
     return noted(record, blocks_of(rays), len(rays))

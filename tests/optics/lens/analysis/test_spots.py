@@ -183,14 +183,12 @@ def test_what_is_no_spot():
     for change, message in (
         ({"field": (0.1,)}, "field is .0.1,.; it must be a pair"),
         ({"field": (0.0, math.nan)}, "field y is nan"),
-        ({"z_object": math.nan}, "z_object is nan; it must be a position"),
         ({"z_object": math.inf}, "z_object is inf; it must be a position"),
         ({"z_object": 5.0}, "z_object is 5"),
         ({"z_image": math.inf}, "z_image is inf; it must be finite"),
         ({"rays": 0}, "rays is 0; it must be at least 1"),
         ({"seed": -1}, "seed is -1"),
         ({"wavelength": ()}, "wavelength is an empty sequence"),
-        ({"wavelength": (500.0, -1.0)}, "wavelength is -1 nm"),
         ({"wavelength": [500.0] * 300}, "wavelength has 300 entries"),
         ({"lens": "lens"}, "lens is a str; give a LensStack"),
         ({"lens": GAUSS.with_model(LensModel.NONE)}, r"LensModel\.NONE, which bends no ray"),
@@ -262,9 +260,8 @@ def test_out_of_focus_a_grey_spot_is_the_image_of_the_mask():
         # Rays from infinity are as high at the principal plane as in the entrance pupil.
         height = -10.0 / 6.0 * points.entrance_pupil_semi_diameter / two.stop.semi_diameter
         # Sobol points in the square, cut once: some n^(-3/4) of 10 mm for n = 2^11 of a replicate.
-        assert spot.centroid == pytest.approx([-height * 2.0 / points.efl, 0.0], abs=0.03 * 2.0 / points.efl), (
-            lens.model
-        )
+        allowed = 0.03 * 2.0 / points.efl
+        assert spot.centroid == pytest.approx([-height * 2.0 / points.efl, 0.0], abs=allowed), lens.model
         assert spot.fraction == pytest.approx(1.0, rel=1e-12), lens.model
         x2 = (1.0 + 0.5) / 1.5 * 100.0 / 3.0 - (10.0 / 6.0 * 2.0) ** 2 * 0.25
         y2 = 100.0 / 12.0

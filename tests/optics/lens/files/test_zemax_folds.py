@@ -27,8 +27,8 @@ def turned(*parameters: float, gap: float = 0.0) -> tuple[str, ...]:
     return ("TYPE COORDBRK", f"DISZ {gap}", *(f"PARM {i} {p}" for i, p in enumerate(parameters, start=1)))
 
 
-def load(folder: Path, *surfaces: tuple[str, ...]) -> LensStack:
-    lines = list(HEAD)
+def load(folder: Path, *surfaces: tuple[str, ...], head: tuple[str, ...] = HEAD) -> LensStack:
+    lines = list(head)
     for i, surface in enumerate((("DISZ INFINITY",), *surfaces, ("CURV 0",))):
         lines += [f"SURF {i}", *(["  TYPE STANDARD"] * (not surface[0].startswith("TYPE"))), *surface]
     path = folder / "lens.zmx"
@@ -38,13 +38,9 @@ def load(folder: Path, *surfaces: tuple[str, ...]) -> LensStack:
 
 def backward(surface: tuple[str, ...]) -> tuple[str, ...]:
     """A surface as it is written for light that goes along -z."""
-    signs = {"CURV": -1.0, "PARM": -1.0, "DISZ": -1.0}
-    return tuple(
-        " ".join([*line.split()[:-1], repr(signs[line.split()[0]] * float(line.split()[-1]))])
-        if line.split()[0] in signs
-        else line
-        for line in surface
-    )
+
+    lines = [line.split() for line in surface]
+    return tuple(" ".join([*w[:-1], repr(-float(w[-1]))] if w[0] in ("CURV", "PARM", "DISZ") else w) for w in lines)
 
 
 RAYS = RayBundle(
@@ -65,14 +61,8 @@ def test_a_break_and_its_inverse_place_what_stands_between_them(tmp_path: Path):
     front, back = LENS
     # Back about the rear vertex, not the front one: the image is off the axis by 3 mm sin 2 degrees.
     with pytest.warns(FileWarning, match="tilt and decentre of the image"):
-        broken = load(
-            tmp_path,
-            STOP,
-            turned(0.3, -0.2, 2.0),
-            front,
-            (*back[:-2], "DISZ 0", "DIAM 9"),
-            turned(-0.3, 0.2, -2.0, 0, 0, 1),
-        )
+        flush = (*back[:-2], "DISZ 0", "DIAM 9")
+        broken = load(tmp_path, STOP, turned(0.3, -0.2, 2.0), front, flush, turned(-0.3, 0.2, -2.0, 0, 0, 1))
     straight = load(tmp_path, STOP, front, back)
     moved = straight.moved([1, 2], tilt=(tilt, 0.0, 0.0), shift=(0.3, -0.2, 0.0), pivot=float(straight.vertices[1]))
     same_rays(broken, moved)
@@ -101,9 +91,8 @@ def test_a_folded_path_is_the_straight_one(tmp_path: Path):
 
 def test_the_rim_of_a_mirror_is_a_tilted_stop(tmp_path: Path):
     turn = turned(0, 0, 45.0)
-    lens = load(
-        tmp_path, STOP, turn, (*MIRROR, "CLAP 0 2.0 0"), (*turn[:1], "DISZ -30", *turn[2:]), *map(backward, LENS)
-    )
+    back = (*turn[:1], "DISZ -30", *turn[2:])
+    lens = load(tmp_path, STOP, turn, (*MIRROR, "CLAP 0 2.0 0"), back, *map(backward, LENS))
     # Of radius 2 mm, at 45 degrees: light passes 2 mm along x, and 2 cos 45 = 1.41 mm along y.
     rays = RayBundle([[x, y, -20.0] for x, y in ((1.9, 0), (2.1, 0), (0, 1.4), (0, 1.43))], [[0.0, 0.0, 1.0]] * 4)
     assert (lens.trace(rays).status == 0).tolist() == [True, False, True, False]
@@ -156,14 +145,9 @@ def test_obscurations_and_rings_become_ring_stops(tmp_path: Path):
 
 
 def test_a_semi_diameter_from_the_beam_is_at_most_the_radius(tmp_path: Path):
-    ball = (("CURV 0.2", "DISZ 10", "GLAS N-BK7"), ("CURV -0.2", "DISZ 2"))
-    path = tmp_path / "lens.zmx"
-    blocks = (("DISZ INFINITY",), ("STOP", "DISZ 4", "DIAM 2"), *ball, ("CURV 0",))
-    lines = [*HEAD[:2], "FLOA", "FTYP 0 0 1 1", "YFLN 50", *HEAD[6:]]
-    for i, block in enumerate(blocks):
-        lines += [f"SURF {i}", "  TYPE STANDARD", *block]
-    path.write_text("\n".join(lines), encoding="utf-8")
-    assert load_lens(path).elements[1].semi_diameter == 5.0
+    ball = ("CURV 0.2", "DISZ 10", "GLAS N-BK7"), ("CURV -0.2", "DISZ 2")
+    head = (*HEAD[:2], "FLOA", "FTYP 0 0 1 1", "YFLN 50", *HEAD[6:])
+    assert load(tmp_path, ("STOP", "DISZ 4", "DIAM 2"), *ball, head=head).elements[1].semi_diameter == 5.0
 
 
 def test_a_break_with_all_signs_and_the_order_changed_undoes_it(tmp_path: Path):
