@@ -167,6 +167,7 @@ def test_bounds_of_a_lens_out_of_place_hold_all_light(which):
     assert np.all(over[passed] <= 0)
 
 
+@pytest.mark.slow
 def test_a_small_iris_far_from_the_axis_is_not_overlooked():
     # A pixel without microlenses sees the exit pupil; where the iris moves by s = 3.2 mm its image moves by 1.552 s.
     # Light changes to second order: by cos^4, -2 (1.552 s / 128)^2 = -0.3 %, and by what spherical aberration does to
@@ -184,6 +185,7 @@ def test_a_small_iris_far_from_the_axis_is_not_overlooked():
         assert b == pytest.approx(a, rel=allowed), microlenses
 
 
+@pytest.mark.slow
 def test_light_in_thin_crescents_is_found():
     # A strong lens whose pupil has a second part: grazing rays beside those that are totally reflected.
     sides = pl.Surface(10.0, 14.0, pl.ConstantMedium(1.5), semi_diameter=8.0), pl.Surface(-8.0, semi_diameter=7.84)

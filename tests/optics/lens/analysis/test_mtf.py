@@ -79,20 +79,16 @@ def test_values_lie_between_0_and_1():
 
 
 def test_the_limit_by_diffraction_is_the_overlap_of_two_pupils():
-    f_number, wavelength = 2.8, 550.0
+    f_number, wavelength, nodes = 2.8, 550.0, 200_000
     cutoff = 1.0 / (f_number * wavelength * 1e-6)
-    frequencies = np.array([0.0, 0.2, 0.5, 0.9, 1.0, 1.5]) * cutoff
-    found = diffraction_mtf(frequencies, f_number=f_number, wavelength=wavelength)
+    parts = np.array([0.0, 0.2, 0.5, 0.9, 1.0, 1.5])
+    found = diffraction_mtf(parts * cutoff, f_number=f_number, wavelength=wavelength)
     # Two unit discs whose centres are 2 s apart: 4 times the part of one quadrant beyond x = s, over pi.
-    nodes = 200_000
-    for s, value in zip([0.0, 0.2, 0.5, 0.9, 1.0, 1.5], found, strict=True):
-        x = min(s, 1.0) + (np.arange(nodes) + 0.5) * (1.0 - min(s, 1.0)) / nodes
-        overlap = 4.0 * np.sqrt(1.0 - x * x).mean() * (1.0 - min(s, 1.0)) / math.pi
+    for s, value in zip(np.minimum(parts, 1.0), found, strict=True):
+        x = s + (np.arange(nodes) + 0.5) * (1.0 - s) / nodes
         # The midpoint rule at the square root's end: (1 / n)^1.5.
-        assert value == pytest.approx(overlap, abs=1e-7)
-
-
-def test_the_limit_that_comes_with_an_mtf():
+        assert value == pytest.approx(4.0 * np.sqrt(1.0 - x * x).mean() * (1.0 - s) / math.pi, abs=1e-7), s
+    # It comes with an MTF.
     found = mtf(GAUSS, [50.0], z_object=-404.0, rays=64)
     f_number = working_f_number(GAUSS, -404.0)
     assert np.array_equal(found.diffraction, diffraction_mtf([50.0], f_number=f_number))
@@ -104,9 +100,11 @@ def test_all_light_is_accounted_for():
     whole = point_spread(GAUSS, field=(0.0, 0.1), rays=1 << 14)
     assert whole.image.sum() == pytest.approx(1.0, rel=1e-12) and whole.outside < 1e-12
     part = point_spread(GAUSS, field=(0.0, 0.1), rays=1 << 14, pixel_size=0.001, shape=(20, 40))
-    assert part.image.shape == (20, 40)
-    assert 0.1 < part.outside < 0.9
+    assert part.image.shape == (20, 40) and 0.1 < part.outside < 0.9
     assert part.image.sum() + part.outside == pytest.approx(1.0, rel=1e-12)
+    # A perfect image falls on one pixel.
+    assert point_spread(DISC, shape=(5, 5), pixel_size=0.001).image[2, 2] == pytest.approx(1.0, rel=1e-12)
+    assert point_spread(DISC).image.sum() == pytest.approx(1.0, rel=1e-12)
 
 
 def test_a_disc_is_flat():
@@ -134,12 +132,6 @@ def test_the_picture_is_seen_with_y_up():
     found = [spread.image.sum(axis=0) @ x, spread.image.sum(axis=1) @ y]
     # A pixel moves each ray by at most half its width, and their mean by far less.
     assert found == pytest.approx(spot.centroid, abs=0.0025 / 5)
-
-
-def test_a_perfect_image_falls_on_one_pixel():
-    spread = point_spread(DISC, shape=(5, 5), pixel_size=0.001)
-    assert spread.image[2, 2] == pytest.approx(1.0, rel=1e-12)
-    assert point_spread(DISC).image.sum() == pytest.approx(1.0, rel=1e-12)
 
 
 def test_what_cannot_be_computed():
