@@ -264,18 +264,13 @@ def test_bundled_lenses_are_what_their_names_say():
     assert len(lens_names()) == 21
     for name in lens_names():
         lens = load_lens(name)
-        found = re.fullmatch(r"[a-z-]+-(\d+)mm-f([\d.]+)", name)
-        assert found is not None
-        assert lens.name == name
-        assert lens.source
+        length, number = re.fullmatch(r"[a-z-]+-(\d+)mm-f([\d.]+)", name).groups()
+        assert lens.name == name and lens.source
         told = lens.specification
         points = cardinal_points(lens, D_LINE if told is None else told.wavelengths[0])
         # Nominal, as on a lens barrel.
-        assert points.efl == pytest.approx(float(found[1]), rel=0.031)
-        assert points.f_number == pytest.approx(float(found[2]), rel=0.04)
-
-
-def test_the_reference_is_the_published_lens():
+        assert points.efl == pytest.approx(float(length), rel=0.031), name
+        assert points.f_number == pytest.approx(float(number), rel=0.04), name
     lens = load_lens("double-gauss-100mm-f2")
     assert lens.stop == CircularStop(17.1, 9.0)
     assert lens.elements[0] == Surface(58.95, 7.52, ModelGlass(1.670, 47.1, "BAF10"), semi_diameter=25.2)
@@ -294,18 +289,12 @@ def test_unknown_names_and_endings_and_missing_files_are_named(tmp_path: Path):
             load_lens(tmp_path / name)
 
 
-def test_a_table_may_name_bundled_glasses_without_their_numbers(tmp_path):
-    rows = ["radius;thickness;material;index;v-no;sa", ";2;air;;;5", "50;4;N-BK7;;;9", "-50;90;air;;;9"]
-    (tmp_path / "one.csv").write_text("\n".join(rows))
-    lens = load_lens(tmp_path / "one.csv")
-    assert lens.elements[1].medium == pl.glass("N-BK7")
+def test_a_table_may_name_bundled_glasses_and_leave_out_air(tmp_path: Path):
+    rows = [HEADER, ";2;air;;;5", "50;4;N-BK7;;;9", "-50;90;air;;;9"]
+    assert load_lens(write(tmp_path, "\n".join(rows))).elements[1].medium == pl.glass("N-BK7")
     for cells in ("50;4;XY99;;;9", "50;4;N-BK7;;60;9"):
-        (tmp_path / "bad.csv").write_text("\n".join([*rows[:2], cells, rows[3]]))
-        with pytest.raises(PrescriptionError, match="bad.csv, line 3: .*index"):
-            load_lens(tmp_path / "bad.csv")
-
-
-def test_an_empty_material_is_air(tmp_path: Path):
+        with pytest.raises(PrescriptionError, match=r"lens.csv, line 3: .*index"):
+            load_lens(write(tmp_path, "\n".join([*rows[:2], cells, rows[3]])))
     empty, said = (load_lens(write(tmp_path, TRIPLET.replace("air", text))) for text in ("", "air"))
     assert empty.elements == said.elements
     with pytest.raises(PrescriptionError, match="material 'X' has no index.* empty for air"):
