@@ -92,9 +92,7 @@ def test_surfaces_that_cross_or_come_close():
     assert not {"OVERLAP", "THIN_EDGE"} & {kind for kind, _ in found}
     # A plane cannot: at 10 mm the front is 5.4 mm behind its vertex.
     assert ("OVERLAP", (1, 2)) in found_in(STOP, glass(12.0, 4.0, 10.0), air(math.inf, 5.0))
-
-
-def test_aspheres_cross_by_their_shape():
+    # Aspheres cross by their shape.
     back = air(math.inf, 8.0, aspheric=(0.0, -5e-4))
     assert ("OVERLAP", (1, 2)) in found_in(STOP, glass(math.inf, 2.0, 8.0), back)
     assert found_in(STOP, glass(math.inf, 5.0, 8.0), back) == []
@@ -190,12 +188,6 @@ def test_beams_and_chief_rays_that_are_totally_reflected():
     assert found_in(glass(math.inf, 20.0, 20.0 * math.tan(0.3)), *inside) == []
 
 
-def test_a_lens_that_passes_nothing():
-    for shift, expected in ((60.0, True), (10.0, False)):
-        found = kinds(REFERENCE.moved(5, shift=(0, shift, 0)))
-        assert ("NO_LIGHT" in {kind for kind, _ in found}) == expected, shift
-
-
 def test_findings_are_values():
     finding = Finding(FindingKind.GLASS, [3, 6], "the glass differs")
     assert finding == Finding(7 - 3, (3, 6), "the glass differs")
@@ -220,3 +212,7 @@ def test_elements_moved_through_each_other_are_found():
         found = {kind for kind, _ in kinds(REFERENCE.moved(which, shift=shift, tilt=tilt))}
         assert ("OVERLAP" in found) == ((which, shift, tilt) in moves), (which, shift, tilt)
     assert "OVERLAP" in {kind for kind, _ in kinds(load_lens("singlet-100mm-f4").moved([1, 2], shift=(0, 0, -30)))}
+    # A lens may pass nothing.
+    for shift, expected in ((60.0, True), (10.0, False)):
+        found = kinds(REFERENCE.moved(5, shift=(0, shift, 0)))
+        assert ("NO_LIGHT" in {kind for kind, _ in found}) == expected, shift

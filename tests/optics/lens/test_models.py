@@ -57,9 +57,7 @@ def test_what_passes_a_paraxial_lens_passes_its_pupils():
     edge = np.abs((at_pupil @ lens.stop.normals.T).max(axis=1) - lens.stop.apothem) > 1e-9
     inside = lens.stop.contains(at_pupil[:, 0], at_pupil[:, 1])
     assert np.array_equal((out.status == 0)[edge], inside[edge])
-
-
-def test_without_lens_rays_go_straight_through_the_stops():
+    # Without a lens rays go straight through the stops.
     lens = LENS.inserted(pl.CircularStop(9.0), z=35.0).with_model(NONE)
     rays = bundle(-404.0, 50.0, spread=12.0, n=2000)
     out = lens.trace(rays)

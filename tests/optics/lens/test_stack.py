@@ -64,13 +64,6 @@ def test_the_first_stop_is_the_iris():
     assert LensStack([STOP, FRONT, BACK]) == LensStack([STOP, FRONT, dataclasses.replace(BACK, thickness=99.0)])
 
 
-def test_a_new_iris_stands_in_the_same_place():
-    lens = two_lenses().with_stop(PolygonStop(6, 4.0, thickness=77.0))
-    assert lens.stop == PolygonStop(6, 4.0, thickness=2.0)
-    assert lens.vertices.tolist() == two_lenses().vertices.tolist()
-    assert lens.with_stop(STOP) == two_lenses()
-
-
 def test_an_inserted_stop_moves_nothing():
     before = two_lenses()
     for z in (-20.0, -7.0, -3.0, -1.5, 0.0, 1.0, 2.0, 6.0, 30.0):
@@ -81,6 +74,11 @@ def test_an_inserted_stop_moves_nothing():
         assert np.delete(after.vertices, place).tolist() == before.vertices.tolist(), z
         # It always stands in air.
         assert after.indices()[place[0]] == after.indices()[place[0] + 1] == 1.0, z
+    # A new iris stands in the same place.
+    lens = two_lenses().with_stop(PolygonStop(6, 4.0, thickness=77.0))
+    assert lens.stop == PolygonStop(6, 4.0, thickness=2.0)
+    assert lens.vertices.tolist() == two_lenses().vertices.tolist()
+    assert lens.with_stop(STOP) == two_lenses()
 
 
 def test_what_is_impossible_says_why():
@@ -128,16 +126,7 @@ def test_a_lens_is_a_value():
     assert "2 stops" in repr(two_lenses().inserted(STOP, 9.0))
 
 
-def test_profiles_end_at_the_semi_diameter():
-    lens = two_lenses()
-    for z, element, profile in zip(lens.vertices, lens.elements, lens.profiles(5), strict=True):
-        assert profile.shape == (5, 2)
-        assert profile[[0, -1], 1].tolist() == [-element.semi_diameter, element.semi_diameter]
-        assert profile[2].tolist() == [z, 0.0]
-    assert lens.profiles(5)[2][:, 0].tolist() == [0.0] * 5
-
-
-def test_drawing_and_plot_are_to_scale():
+def test_profiles_drawing_and_plot_are_to_scale():
     lens = dataclasses.replace(REFERENCE, name="<a & b>")
     drawing = ElementTree.fromstring(lens._repr_svg_())
     _, _, width, height = map(float, drawing.attrib["viewBox"].split())
@@ -156,3 +145,9 @@ def test_drawing_and_plot_are_to_scale():
     assert ax.get_aspect() == 1.0 and ax.get_title() == "pair"
     assert plot_lens(two_lenses(), ax) is ax
     plt.close("all")
+    lens = two_lenses()
+    for z, element, profile in zip(lens.vertices, lens.elements, lens.profiles(5), strict=True):
+        assert profile.shape == (5, 2)
+        assert profile[[0, -1], 1].tolist() == [-element.semi_diameter, element.semi_diameter]
+        assert profile[2].tolist() == [z, 0.0]
+    assert lens.profiles(5)[2][:, 0].tolist() == [0.0] * 5

@@ -50,7 +50,7 @@ def at_element(lens, rays, k, *, reverse=False, clipping=True) -> Notes:
     return noted(record, blocks_of(rays), len(rays))
 
 
-def test_a_plate_in_closed_form():
+def test_numbers_in_closed_form():
     for degrees in (0.0, 30.0, 60.0, 89.0, 89.999):
         # Into glass at i: 1 / cos i, cos i / (n cos i'). Out of it the same numbers the other way round: close to the
         # critical angle for the ray inside, so that a change of direction is magnified by n cos i' / cos i.
@@ -65,9 +65,6 @@ def test_a_plate_in_closed_form():
         expected = [1.0, cos_i / (INDEX * cos_t), INDEX * cos_t / cos_i]
         np.testing.assert_allclose(found.refraction[:, 0], expected, rtol=rtol)
         assert found.kinds == ("stop", "plane", "plane")
-
-
-def test_cancellation_in_closed_form():
     # Along the axis: from where the ray came from to the vertex, and the way to the point, over the size.
     lens = pl.LensStack([pl.Surface(30.0, 4.0, GLASS, semi_diameter=8.0), pl.Surface(math.inf, 3.0, semi_diameter=8.0),
                          pl.CircularStop(5.0)])  # fmt: skip

@@ -104,7 +104,7 @@ def test_ideal_models_have_no_aberrations():
         field_curvature(lens, [0.1])
 
 
-def test_the_fisheye_images_angles_not_tangents():
+def test_projections_agree_in_the_middle_and_a_fisheye_images_angles():
     lens = pl.load_lens("fisheye-100mm-f8")
     angles = np.radians([0.0, 30.0, 60.0, 85.4, 91.0])
     by_angle = distortion(lens, angles, projection=Projection.EQUIDISTANT)
@@ -113,9 +113,6 @@ def test_the_fisheye_images_angles_not_tangents():
     assert abs(distortion(lens, angles[:3]).relative[2]) > 0.3
     with pytest.raises(pl.errors.InvalidValueError, match="RECTILINEAR image"):
         distortion(lens, angles)
-
-
-def test_projections_agree_in_the_middle():
     theta = 1e-4
     # Third order: theta^3 / 3 at most.
     for projection in Projection:

@@ -96,7 +96,7 @@ def test_the_working_f_number_is_the_slope_of_the_marginal_ray():
         assert spot.geometric_radius == pytest.approx(1.0 / (2 * working_f_number(lens, z)), rel=2e-3), (lens.model, z)
 
 
-def test_the_working_f_number_of_a_telecentric_lens():
+def test_the_working_f_number_of_telecentric_lenses_and_in_any_medium():
     sides = [Surface(50.0, 2.0, ConstantMedium(1.5), semi_diameter=20.0), Surface(-50.0, semi_diameter=20.0)]
     focus = paraxial.cardinal_points(LensStack([CircularStop(5.0), *sides])).front_focus
     lens = LensStack([CircularStop(5.0, thickness=-focus), *sides])
@@ -105,6 +105,17 @@ def test_the_working_f_number_of_a_telecentric_lens():
     # Behind a stop in the front focus, the rim of the stop is seen at 5 mm / f from any axial image point.
     assert working_f_number(lens, -300.0) == pytest.approx(points.efl / 10.0, rel=1e-9)
     assert working_f_number(lens) == pytest.approx(points.efl / 10.0, rel=1e-12)
+    # In any medium it is that of the numerical aperture.
+    elements = [
+        dataclasses.replace(e, medium=ConstantMedium(1.33 * e.medium.index(587.6))) if isinstance(e, Surface) else e
+        for e in GAUSS.elements
+    ]
+    wet = LensStack(elements, ambient=ConstantMedium(1.33))
+    for z in (-math.inf, -404.0):
+        _, aperture = paraxial.numerical_apertures(wet, z)
+        assert working_f_number(wet, z) == pytest.approx(1 / (2 * aperture), rel=1e-12)
+    a, b = (spot_diagram(one, rays=256).airy_radius for one in (GAUSS, wet))
+    assert a / b == pytest.approx(1.33, rel=1e-12)
 
 
 def test_images_at_infinity_before_the_lens_and_nowhere():
@@ -140,16 +151,3 @@ def test_through_focus_has_its_minimum_at_the_best_focus():
     assert np.all(found.geometric_radius >= found.rms_radius)
     one = pl.aberrations.spot_diagram(lens, field=(0.0, 0.1), z_image=float(found.z[80]), rays=1 << 14)
     assert one.rms_radius == pytest.approx(found.rms_radius[80], abs=4 * one.rms_radius_error)
-
-
-def test_the_working_f_number_is_that_of_the_numerical_aperture_in_any_medium():
-    elements = [
-        dataclasses.replace(e, medium=ConstantMedium(1.33 * e.medium.index(587.6))) if isinstance(e, Surface) else e
-        for e in GAUSS.elements
-    ]
-    wet = LensStack(elements, ambient=ConstantMedium(1.33))
-    for z in (-math.inf, -404.0):
-        _, aperture = paraxial.numerical_apertures(wet, z)
-        assert working_f_number(wet, z) == pytest.approx(1 / (2 * aperture), rel=1e-12)
-    a, b = (spot_diagram(one, rays=256).airy_radius for one in (GAUSS, wet))
-    assert a / b == pytest.approx(1.33, rel=1e-12)

@@ -70,7 +70,7 @@ def test_chief_rays_pass_up_to_the_largest_field():
             assert (lens.trace(chief_ray(lens, field=(0.0, share * limit))).status[0] == 0) == passes, name
 
 
-def test_a_small_hole_gives_the_fourth_power_of_the_cosine():
+def test_the_fourth_power_of_the_cosine_and_the_aperture_angle_decide():
     # Without glass, the iris alone: its projected solid angle from the plane of the image.
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(0.5)).with_model(pl.LensModel.NONE)
     angles = np.array([0.0, 0.2, 0.5, 0.7])
@@ -80,9 +80,6 @@ def test_a_small_hole_gives_the_fourth_power_of_the_cosine():
     assert found.projected_solid_angle[0] == pytest.approx(math.pi * 0.5**2 / (0.5**2 + distance**2), rel=1e-3)
     # A disc of finite size differs by (0.5 / 100)^2.
     assert np.all(np.abs(found.relative - np.cos(angles) ** 4) <= 4 * found.standard_error + 1e-4)
-
-
-def test_on_the_axis_the_aperture_angle_decides():
     for name in ("topogon-100mm-f6.3", "fisheye-100mm-f8", "achromat-100mm-f4.4"):
         lens = pl.load_lens(name)
         found = relative_illumination(lens, [0.0, 0.1])

@@ -93,13 +93,23 @@ def test_a_fisheye_is_filled_and_few_rays_are_wasted():
         assert len(spot.x) > 0.95 * 4096, angle
 
 
-def test_same_seed_same_bits():
+def test_same_seed_same_bits_also_of_several_wavelengths():
     one, same, other = (spot_diagram(GAUSS, field=(0, 0.1), seed=seed) for seed in (3, 3, 4))
     assert one == same and hash(one) == hash(same)
     assert pickle.loads(pickle.dumps(one)) == one
     assert one != other
     with pytest.raises(ValueError, match="read-only"):
         one.x[0] = 1.0
+    lines = (486.1, 587.6, 656.3)
+    spot = spot_diagram(GAUSS, field=(0, 0.1), wavelength=lines, rays=512)
+    assert spot.wavelengths == lines and spot.chief.shape == (3, 2)
+    assert spot.weight.sum() == pytest.approx(1.0, rel=1e-13)
+    for i, line in enumerate(lines):
+        alone = spot_diagram(GAUSS, field=(0, 0.1), wavelength=line, rays=512, z_image=spot.z_image)
+        assert np.array_equal(spot.x[spot.colour == i], alone.x)
+        assert np.array_equal(spot.chief[i], alone.chief[0])
+    assert spot.airy_radius == pytest.approx(AIRY * 486.1e-6 * working_f_number(GAUSS, wavelength=486.1))
+    assert spot.z_image == paraxial.image_position(GAUSS, -math.inf, 486.1)
 
 
 def test_third_order_spherical_aberration_grows_with_the_cube_of_the_aperture():
@@ -152,19 +162,6 @@ def test_the_error_is_honest():
     # Each stated variance is off by sqrt(2 / 31) = 0.25, known to a tenth of that; from 8 replicates, by 0.53.
     stated = np.array([spot.rms_radius_error**2 for spot in spots])
     assert stated.std(ddof=1) / stated.mean() < 0.35
-
-
-def test_several_wavelengths_share_a_diagram():
-    lines = (486.1, 587.6, 656.3)
-    spot = spot_diagram(GAUSS, field=(0, 0.1), wavelength=lines, rays=512)
-    assert spot.wavelengths == lines and spot.chief.shape == (3, 2)
-    assert spot.weight.sum() == pytest.approx(1.0, rel=1e-13)
-    for i, line in enumerate(lines):
-        alone = spot_diagram(GAUSS, field=(0, 0.1), wavelength=line, rays=512, z_image=spot.z_image)
-        assert np.array_equal(spot.x[spot.colour == i], alone.x)
-        assert np.array_equal(spot.chief[i], alone.chief[0])
-    assert spot.airy_radius == pytest.approx(AIRY * 486.1e-6 * working_f_number(GAUSS, wavelength=486.1))
-    assert spot.z_image == paraxial.image_position(GAUSS, -math.inf, 486.1)
 
 
 @pytest.mark.filterwarnings("ignore:no light")

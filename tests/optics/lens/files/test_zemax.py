@@ -135,13 +135,23 @@ def test_units_scale_the_whole_lens(tmp_path):
         assert surface.semi_diameter == pytest.approx(0.4 * size, rel=1e-15), name
 
 
-def test_a_stop_on_a_surface_stands_in_the_plane_of_its_vertex(tmp_path: Path):
+def test_stops_on_surfaces_and_dummies(tmp_path: Path):
     lens, rear = load(tmp_path, zmx(("STOP", *FRONT), BACK)), load(tmp_path, zmx(FRONT, ("STOP", *BACK)))
     assert lens.elements[0] == CircularStop(10.0, 0.0)
     assert (lens.iris_index, rear.iris_index) == (0, 1)
     assert rear.vertices.tolist() == [-4.0, 0.0, 0.0]
     assert rear.gap_media[2] == ConstantMedium(1.5)
     assert [efl(lens), efl(rear)] == pytest.approx([SINGLET, SINGLET], rel=REL)
+    # A dummy with an aperture is a stop but not the iris.
+    for keyword in ("CLAP 0 6.5 0", "FLAP 0 6.5 0"):
+        lens = load(tmp_path, zmx(("DISZ 1.0", "DIAM 20", keyword), STOP, FRONT, BACK))
+        assert lens.elements[:2] == (CircularStop(6.5, 1.0), CircularStop(4.0, 2.0)), keyword
+        assert lens.iris_index == 1 and efl(lens) == pytest.approx(SINGLET, rel=REL), keyword
+    curved = load(tmp_path, zmx(("CURV 0.01", "DISZ 1.0", "DIAM 20", "CLAP 0 6.5 0"), STOP, FRONT, BACK))
+    assert curved.elements[0] == Surface(100.0, 1.0, AIR, semi_diameter=6.5)
+    # An aperture goes before a diameter.
+    lens = load(tmp_path, zmx(STOP, (*FRONT, "CLAP 0.0 8.5 0", "MEMA 12 0 0 0 1"), BACK))
+    assert [element.semi_diameter for element in lens.elements] == [4.0, 8.5, 10.0]
 
 
 def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path: Path):
@@ -156,18 +166,6 @@ def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path: Path):
     rear_plane = -SINGLET * 0.5 * 0.02 * 4.0 / 1.5
     d = 10.0 + 2.0 + front_plane - rear_plane
     assert efl(plain) == pytest.approx(1 / (2 / SINGLET - d / SINGLET**2), rel=REL)
-
-
-def test_a_dummy_with_an_aperture_is_a_stop_but_not_the_iris(tmp_path: Path):
-    for keyword in ("CLAP 0 6.5 0", "FLAP 0 6.5 0"):
-        lens = load(tmp_path, zmx(("DISZ 1.0", "DIAM 20", keyword), STOP, FRONT, BACK))
-        assert lens.elements[:2] == (CircularStop(6.5, 1.0), CircularStop(4.0, 2.0)), keyword
-        assert lens.iris_index == 1 and efl(lens) == pytest.approx(SINGLET, rel=REL), keyword
-    curved = load(tmp_path, zmx(("CURV 0.01", "DISZ 1.0", "DIAM 20", "CLAP 0 6.5 0"), STOP, FRONT, BACK))
-    assert curved.elements[0] == Surface(100.0, 1.0, AIR, semi_diameter=6.5)
-    # An aperture goes before a diameter.
-    lens = load(tmp_path, zmx(STOP, (*FRONT, "CLAP 0.0 8.5 0", "MEMA 12 0 0 0 1"), BACK))
-    assert [element.semi_diameter for element in lens.elements] == [4.0, 8.5, 10.0]
 
 
 def test_encodings_line_ends_and_indentation(tmp_path: Path):
@@ -319,18 +317,6 @@ def test_a_written_lens_is_read_back(tmp_path: Path):
             assert again.indices(line) == pytest.approx(lens.indices(line), abs=1e-6), (name, line)
 
 
-def test_a_glass_of_no_catalogue_is_written_as_a_model_glass(tmp_path: Path):
-    medium = pl.Sellmeier((1.04, 0.23, 1.01), (0.006, 0.02, 103.0), name="MINE")
-    sides = Surface(20.0, 3.0, medium, semi_diameter=5.0), Surface(-20.0, semi_diameter=5.0)
-    save_lens(LensStack([CircularStop(2.0), *sides]), tmp_path / "lens.zmx")
-    read = load_lens(tmp_path / "lens.zmx").gap_media[2]
-    assert isinstance(read, ModelGlass)
-    # n_d is written with all digits, and so is V_d, of which a model glass makes the same n_F - n_C.
-    dispersion = read.index(F_LINE) - read.index(C_LINE)
-    assert read.index(D_LINE) == pytest.approx(medium.index(D_LINE), rel=1e-15)
-    assert dispersion == pytest.approx(medium.index(F_LINE) - medium.index(C_LINE), rel=1e-9)
-
-
 def test_aspheres_further_stops_and_stops_in_glass_are_written(tmp_path: Path):
     path, medium = tmp_path / "lens.zmx", ConstantMedium(1.5)
     asphere = Surface(25.0, 3.0, medium, semi_diameter=5.0, conic=-0.7, aspheric=(1e-4, 0.0, 1e-9))
@@ -351,6 +337,16 @@ def test_aspheres_further_stops_and_stops_in_glass_are_written(tmp_path: Path):
         front = Surface(radius, 2 * radius, glass("N-BK7"), semi_diameter=radius)
         save_lens(LensStack([CircularStop(0.1 * radius), front, Surface(-radius, semi_diameter=radius)]), path)
         assert load_lens(path).elements[1].semi_diameter == pytest.approx(radius, rel=1e-12)
+    # A glass of no catalogue is written as a model glass.
+    medium = pl.Sellmeier((1.04, 0.23, 1.01), (0.006, 0.02, 103.0), name="MINE")
+    sides = Surface(20.0, 3.0, medium, semi_diameter=5.0), Surface(-20.0, semi_diameter=5.0)
+    save_lens(LensStack([CircularStop(2.0), *sides]), tmp_path / "lens.zmx")
+    read = load_lens(tmp_path / "lens.zmx").gap_media[2]
+    assert isinstance(read, ModelGlass)
+    # n_d is written with all digits, and so is V_d, of which a model glass makes the same n_F - n_C.
+    dispersion = read.index(F_LINE) - read.index(C_LINE)
+    assert read.index(D_LINE) == pytest.approx(medium.index(D_LINE), rel=1e-15)
+    assert dispersion == pytest.approx(medium.index(F_LINE) - medium.index(C_LINE), rel=1e-9)
 
 
 def test_what_zemax_files_cannot_hold_is_refused(tmp_path: Path):

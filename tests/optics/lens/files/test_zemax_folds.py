@@ -67,6 +67,11 @@ def test_a_break_and_its_inverse_place_what_stands_between_them(tmp_path: Path):
     moved = straight.moved([1, 2], tilt=(tilt, 0.0, 0.0), shift=(0.3, -0.2, 0.0), pivot=float(straight.vertices[1]))
     same_rays(broken, moved)
     assert cardinal_points(broken).efl == cardinal_points(straight).efl
+    # A break with all signs and the order changed undoes it.
+    parameters = (0.3, -0.2, 5.0, -3.0, 20.0)
+    undone = (*(-p for p in parameters), 1)
+    lens = load(tmp_path, STOP, turned(*parameters, 0), turned(*undone), *LENS)
+    assert lens.elements == load(tmp_path, STOP, *LENS).elements
 
 
 def test_a_turn_about_x_by_a_positive_angle_turns_y_towards_z(tmp_path: Path):
@@ -87,15 +92,6 @@ def test_a_folded_path_is_the_straight_one(tmp_path: Path):
         assert cardinal_points(folded).efl == pytest.approx(cardinal_points(straight).efl, rel=1e-15)
         assert folded.vertices == pytest.approx(straight.vertices)
         same_rays(folded, straight)
-
-
-def test_the_rim_of_a_mirror_is_a_tilted_stop(tmp_path: Path):
-    turn = turned(0, 0, 45.0)
-    back = (*turn[:1], "DISZ -30", *turn[2:])
-    lens = load(tmp_path, STOP, turn, (*MIRROR, "CLAP 0 2.0 0"), back, *map(backward, LENS))
-    # Of radius 2 mm, at 45 degrees: light passes 2 mm along x, and 2 cos 45 = 1.41 mm along y.
-    rays = RayBundle([[x, y, -20.0] for x, y in ((1.9, 0), (2.1, 0), (0, 1.4), (0, 1.43))], [[0.0, 0.0, 1.0]] * 4)
-    assert (lens.trace(rays).status == 0).tolist() == [True, False, True, False]
 
 
 def test_what_is_no_lens_or_fold_is_refused_by_its_number(tmp_path: Path):
@@ -133,7 +129,7 @@ def test_a_curved_mirror_folds_the_axis_by_its_own_normal(tmp_path: Path):
     assert focus == pytest.approx([50.0 * cos, 50.0 / cos], rel=1e-5)
 
 
-def test_obscurations_and_rings_become_ring_stops(tmp_path: Path):
+def test_obscurations_and_rims_of_mirrors_become_stops(tmp_path: Path):
     read = load(tmp_path, (*STOP, "CLAP 1 3 0"), (*LENS[0], "OBSC 0 2 0"), LENS[1])
     ring, stop, disc, front, _ = read.elements
     assert (type(ring), type(disc)) == (RingStop, RingStop)
@@ -142,16 +138,16 @@ def test_obscurations_and_rings_become_ring_stops(tmp_path: Path):
     assert ring.semi_diameter > stop.semi_diameter
     assert disc.semi_diameter > front.semi_diameter
     assert read.iris_index == 1
+    # The rim of a mirror is a tilted stop.
+    turn = turned(0, 0, 45.0)
+    back = (*turn[:1], "DISZ -30", *turn[2:])
+    lens = load(tmp_path, STOP, turn, (*MIRROR, "CLAP 0 2.0 0"), back, *map(backward, LENS))
+    # Of radius 2 mm, at 45 degrees: light passes 2 mm along x, and 2 cos 45 = 1.41 mm along y.
+    rays = RayBundle([[x, y, -20.0] for x, y in ((1.9, 0), (2.1, 0), (0, 1.4), (0, 1.43))], [[0.0, 0.0, 1.0]] * 4)
+    assert (lens.trace(rays).status == 0).tolist() == [True, False, True, False]
 
 
 def test_a_semi_diameter_from_the_beam_is_at_most_the_radius(tmp_path: Path):
     ball = ("CURV 0.2", "DISZ 10", "GLAS N-BK7"), ("CURV -0.2", "DISZ 2")
     head = (*HEAD[:2], "FLOA", "FTYP 0 0 1 1", "YFLN 50", *HEAD[6:])
     assert load(tmp_path, ("STOP", "DISZ 4", "DIAM 2"), *ball, head=head).elements[1].semi_diameter == 5.0
-
-
-def test_a_break_with_all_signs_and_the_order_changed_undoes_it(tmp_path: Path):
-    parameters = (0.3, -0.2, 5.0, -3.0, 20.0)
-    undone = (*(-p for p in parameters), 1)
-    lens = load(tmp_path, STOP, turned(*parameters, 0), turned(*undone), *LENS)
-    assert lens.elements == load(tmp_path, STOP, *LENS).elements

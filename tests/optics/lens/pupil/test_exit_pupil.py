@@ -123,9 +123,7 @@ def test_outlines_waste_little_on_the_axis_and_their_corners_lie_on_two_sides():
     for blades in (3, 4, 6):
         polygon = circle.with_stop(pl.PolygonStop(blades=blades, semi_diameter=5.0, rotation=0.3))
         assert all(np.array_equal(a, b) for a, b in zip(bounds_of(polygon), bounds_of(circle), strict=True)), blades
-
-
-def test_a_plane_that_sees_no_light_has_no_outline():
+    # A plane that sees no light has no outline.
     # 150 mm from the axis of a telephoto the barrel cuts everything off.
     bounds = bounds_of(pl.load_lens("telephoto-100mm-f2.8"), radius=150.0)
     assert bounds.reach[0] > 0 and bounds.reach[-1] == 0

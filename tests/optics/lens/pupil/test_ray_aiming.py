@@ -185,17 +185,7 @@ def test_stops_before_behind_and_inside_glass():
     checked(relay, (0.5, 1.5), hexapolar(4), -200.0, 1e-11)
 
 
-def test_what_is_aimed_at_a_stop_alone_needs_no_search():
-    # Of the plane of the front stop, the entrance pupil is the stop itself.
-    lens = pl.load_lens("singlet-100mm-f4")
-    assert lens.iris_index == 0
-    rays = aimed_rays(lens, field=(0.0, 0.3), pupil=[[0.0, 1.0]])
-    assert rays.at_z(0.0)[0, :2] == pytest.approx([0.0, lens.stop.semi_diameter], abs=1e-14)
-    for n in (0, 1):
-        assert len(aimed_rays(pl.load_lens("double-gauss-100mm-f2"), field=(0, 0), pupil=np.zeros((n, 2)))) == n
-
-
-def test_many_rays_are_those_of_few():
+def test_many_rays_are_those_of_few_and_a_front_stop_needs_no_search():
     # Above 4096 points, the search starts from a polynomial.
     lens, pupil = pl.load_lens("fisheye-100mm-f8"), square_grid(80)
     field = (0.4, 1.2)
@@ -204,6 +194,13 @@ def test_many_rays_are_those_of_few():
     assert len(pupil) > 4096
     # Both are within 1e-15 rad at the iris, some 1000 mm from the origins.
     assert np.abs(many.origin[::50] - few.origin).max() < 1e-11
+    # Of the plane of the front stop, the entrance pupil is the stop itself.
+    lens = pl.load_lens("singlet-100mm-f4")
+    assert lens.iris_index == 0
+    rays = aimed_rays(lens, field=(0.0, 0.3), pupil=[[0.0, 1.0]])
+    assert rays.at_z(0.0)[0, :2] == pytest.approx([0.0, lens.stop.semi_diameter], abs=1e-14)
+    for n in (0, 1):
+        assert len(aimed_rays(pl.load_lens("double-gauss-100mm-f2"), field=(0, 0), pupil=np.zeros((n, 2)))) == n
 
 
 @pytest.mark.filterwarnings("error")
