@@ -32,7 +32,6 @@ MANGIN = pl.LensStack(
 
 LENSES = {
     "double gauss": GAUSS,
-    "fisheye": pl.load_lens(next(name for name in pl.lens_names() if "fisheye" in name)),
     "conic and asphere": shaped(),
     "Mangin mirror": MANGIN,
     "moved": shaped().moved(2, shift=(0.1, 0.0, 0.0), tilt=(0.0, 0.01, 0.0)),

@@ -12,7 +12,8 @@ def _towards(lens, slopes):
     return origin, np.column_stack([0.4 * slopes, slopes, -np.ones(len(slopes))])
 
 
-_TILTED = pl.load_lens("double-gauss-100mm-f2").moved(3, shift=(0.2, -0.1, 0.0), tilt=(0.01, -0.02, 0.0))
+_GAUSS = pl.load_lens("double-gauss-100mm-f2")
+_TILTED = _GAUSS.moved(3, shift=(0.2, -0.1, 0.0), tilt=(0.01, -0.02, 0.0))
 _ASPHERE = pl.LensStack(
     [pl.CircularStop(8.0, thickness=5.0),
      pl.Surface(40.0, semi_diameter=10.0, thickness=6.0, medium=pl.glass("N-BK7"), conic=-0.6, aspheric=(0.0, 2e-6)),
@@ -20,9 +21,7 @@ _ASPHERE = pl.LensStack(
 )  # fmt: skip
 
 
-_SHAPED = pl.load_lens("double-gauss-100mm-f2").with_stop(
-    pl.StarStop(points=5, semi_diameter=9.0, inner_semi_diameter=4.0)
-)
+_SHAPED = _GAUSS.with_stop(pl.StarStop(points=5, semi_diameter=9.0, inner_semi_diameter=4.0))
 
 
 def test_rays_are_those_of_the_compiled_tracer():

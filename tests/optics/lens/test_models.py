@@ -104,7 +104,7 @@ def test_a_pixel_on_the_axis_measures_the_exit_pupil():
 def test_little_is_wasted_with_ideal_lenses():
     array, sensor = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)), pl.Sensor(shape=(128, 128), pixel_pitch=0.010)
     place = {"microlenses": array, "sensor": sensor, "stop_to_microlenses": 123.3, "microlenses_to_sensor": 1.7}
-    for model in (NONE, THIN, PARAXIAL):
+    for model in (NONE, PARAXIAL):
         white = pl.render_white(camera(model, **place), samples=16, progress=False)
         # Without a lens, the iris is seen as smaller than its image through one, and cells are larger beside it.
         assert white.stats.fraction_through_lens > (0.5 if model is NONE else 0.6), model

@@ -40,8 +40,7 @@ def test_indices_follow_the_gaps():
     # Air is recognised whatever made it.
     assert LensStack([STOP, FRONT, dataclasses.replace(BACK, medium=ConstantMedium(1))]).gap_media[-1] == AIR
 
-
-def test_an_index_that_no_medium_has_is_refused():
+    # An index that no medium has is refused.
     class Odd:
         def index(self, wavelength: float) -> float:
             return math.nan

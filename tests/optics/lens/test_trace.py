@@ -214,7 +214,7 @@ WILD = st.sampled_from(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(rows=st.lists(st.tuples(*[WILD] * 6), min_size=1, max_size=8), reverse=st.booleans())
 def test_no_numbers_break_a_trace(rows: list[tuple[float, ...]], reverse: bool):
     numbers = np.array(rows)

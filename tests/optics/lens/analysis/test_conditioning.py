@@ -199,7 +199,7 @@ def test_searches_and_their_failures_are_counted():
     assert found.searched[1] > 50 and found.search[1, 0] > 1
 
 
-def test_lost_rays_are_those_of_trace():
+def test_lost_rays_are_those_of_trace_and_many_are_taken_in_parts():
     for reverse in (False, True):
         lens = pl.load_lens("double-gauss-100mm-f2")
         rays = beam(3000, 30.0, 0.3, z=-60.0)
@@ -222,9 +222,6 @@ def test_lost_rays_are_those_of_trace():
         lost = [sum(found.lost_at(int(k)).values()) for k in found.elements]
         np.testing.assert_array_equal(found.reached, 3000 - 30 - np.cumsum([0, *lost[:-1]]))
         assert found.elements.tolist() == (list(range(10, -1, -1)) if reverse else list(range(11))), reverse
-
-
-def test_many_rays_are_taken_in_parts_and_none_are_none():
     # 64 blocks of 256 rays at a time: the 20000 rays are 5000 four times over.
     lens, rays = pl.load_lens("singlet-100mm-f4"), beam(5000, 10.0, 0.1)
     four = pl.RayBundle(np.tile(rays.origin, (4, 1)), np.tile(rays.direction, (4, 1)))

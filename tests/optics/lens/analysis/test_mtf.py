@@ -107,7 +107,7 @@ def test_all_light_is_accounted_for():
     assert point_spread(DISC).image.sum() == pytest.approx(1.0, rel=1e-12)
 
 
-def test_a_disc_is_flat():
+def test_a_disc_is_flat_and_the_picture_seen_with_y_up():
     spread = point_spread(DISC, z_image=Z_DISC, shape=(40, 40), pixel_size=DIAMETER / 32)
     step = (np.arange(40) - 19.5) * DIAMETER / 32
     radius = np.hypot(*np.meshgrid(step, step))
@@ -120,9 +120,6 @@ def test_a_disc_is_flat():
     # Errors are right on average: mean squared deviation in units of the mean squared error, over 700 pixels.
     ratio = np.mean((density - expected) ** 2) / np.mean(spread.standard_error[inside] ** 2)
     assert 0.7 < ratio < 1.4
-
-
-def test_the_picture_is_seen_with_y_up():
     spot = spot_diagram(GAUSS, field=(0.05, 0.1), rays=1 << 14)
     corner = spot.centroid + np.array([0.05, -0.02])
     spread = point_spread(GAUSS, field=(0.05, 0.1), rays=1 << 14, centre=corner, pixel_size=0.005, shape=(100, 120))

@@ -4,7 +4,6 @@ import dataclasses
 import itertools
 import math
 import re
-from pathlib import Path
 
 import pytest
 
@@ -42,13 +41,13 @@ def zmx(*surfaces: tuple[str, ...], head: str = HEAD, first: tuple[str, ...] = O
     return head + "\n".join(line for block in lines for line in block) + "\nTOL TOFF   0   0\nMNUM 1 1\n"
 
 
-def load(folder: Path, text: str, **options: object) -> LensStack:
+def load(folder, text: str, **options: object) -> LensStack:
     path = folder / "lens.zmx"
     path.write_bytes(text.encode("utf-8"))
     return load_lens(path, **options)
 
 
-def refused(folder: Path, text: str, message: str, line: str | None = None):
+def refused(folder, text: str, message: str, line: str | None = None):
     """The file is refused with the message, on a line that contains `line`."""
     rows = enumerate(text.split("\n"), start=1)
     number = r"\d+" if line is None else "|".join(str(i) for i, row in rows if line in row)
@@ -82,7 +81,7 @@ BACK = ("CURV -0.01", "DISZ 96.0", "DIAM 10")
 SINGLET = thick(1.5, 0.02, -0.01, 4.0)
 
 
-def test_a_singlet_with_a_stop_in_front(tmp_path: Path):
+def test_a_singlet_with_a_stop_in_front(tmp_path):
     lens = load(tmp_path, zmx(STOP, FRONT, BACK))
     front = Surface(50.0, 4.0, ConstantMedium(1.5), semi_diameter=10.0)
     assert lens.elements == (CircularStop(4.0, 2.0), front, Surface(-100.0, 0.0, AIR, semi_diameter=10.0))
@@ -94,7 +93,7 @@ def test_a_singlet_with_a_stop_in_front(tmp_path: Path):
     assert efl(lens) == pytest.approx(1 / (0.67 * 0.02), rel=REL)
 
 
-def test_a_doublet_with_glasses_by_name(tmp_path: Path):
+def test_a_doublet_with_glasses_by_name(tmp_path):
     c, (crown, flint) = (0.015923566, -0.021881838, -0.007800312), (glass("N-BK7"), glass("SF5"))
     first = (f"CURV {c[0]}", "DISZ 4.0", "GLAS N-BK7 0 0 1.5 40.0 0 0 0 0 0 0", "DIAM 12.7")
     second = (f"CURV {c[1]}", "DISZ 2.5", "GLAS SF5 0 0", "DIAM 12.7")
@@ -105,7 +104,7 @@ def test_a_doublet_with_glasses_by_name(tmp_path: Path):
     assert expected == pytest.approx(100.0, rel=0.01)  # Thorlabs AC254-100-A
 
 
-def test_an_asphere_with_a_conic_constant(tmp_path: Path):
+def test_an_asphere_with_a_conic_constant(tmp_path):
     shape = ("CURV 0.02", "CONI -1.5", "DISZ 4.0", blank(1.5), "DIAM 8")
     terms = ("PARM 1 1.0E-4", "PARM 2 -2e-6", "PARM 3 0", "PARM 4 3.0E-12")
     # What TYPE says holds wherever it stands.
@@ -135,7 +134,7 @@ def test_units_scale_the_whole_lens(tmp_path):
         assert surface.semi_diameter == pytest.approx(0.4 * size, rel=1e-15), name
 
 
-def test_stops_on_surfaces_and_dummies(tmp_path: Path):
+def test_stops_on_surfaces_and_dummies(tmp_path):
     lens, rear = load(tmp_path, zmx(("STOP", *FRONT), BACK)), load(tmp_path, zmx(FRONT, ("STOP", *BACK)))
     assert lens.elements[0] == CircularStop(10.0, 0.0)
     assert (lens.iris_index, rear.iris_index) == (0, 1)
@@ -154,7 +153,7 @@ def test_stops_on_surfaces_and_dummies(tmp_path: Path):
     assert [element.semi_diameter for element in lens.elements] == [4.0, 8.5, 10.0]
 
 
-def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path: Path):
+def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path):
     back, dummy = ("CURV -0.01", "DISZ 7.0", "DIAM 10"), ("DISZ 3.0", "DIAM 20")
     halves = (FRONT[0], "DISZ 2.5", *FRONT[2:]), ("DISZ 1.5", blank(1.5), "DIAM 20")
     plain = load(tmp_path, zmx(FRONT, ("CURV -0.01", "DISZ 10.0", "DIAM 10"), STOP, FRONT, BACK))
@@ -168,7 +167,7 @@ def test_dummy_planes_vanish_and_their_gaps_stay(tmp_path: Path):
     assert efl(plain) == pytest.approx(1 / (2 / SINGLET - d / SINGLET**2), rel=REL)
 
 
-def test_encodings_line_ends_and_indentation(tmp_path: Path):
+def test_encodings_line_ends_and_indentation(tmp_path):
     text = zmx(STOP, FRONT, BACK).replace("A test lens", "Gauß")
     path, expected = tmp_path / "lens.ZMX", load(tmp_path, text)
     assert expected.name == "Gauß"
@@ -180,7 +179,7 @@ def test_encodings_line_ends_and_indentation(tmp_path: Path):
         assert (lens.name, lens.elements) == (expected.name, expected.elements), (encoding, written[:80])
 
 
-def test_an_immersed_object_fills_both_sides(tmp_path: Path):
+def test_an_immersed_object_fills_both_sides(tmp_path):
     last = ("CURV -0.01", "DISZ 96.0", blank(1.33), "DIAM 10")
     lens = load(tmp_path, zmx(("STOP", "DISZ 2", "DIAM 4", blank(1.33)), FRONT, last, first=(*OBJECT, blank(1.33))))
     assert lens.ambient == ConstantMedium(1.33)
@@ -188,7 +187,7 @@ def test_an_immersed_object_fills_both_sides(tmp_path: Path):
     assert efl(lens) == pytest.approx(thick(1.5 / 1.33, 0.02, -0.01, 4.0), rel=REL)
 
 
-def test_glasses_of_ones_own_come_first(tmp_path: Path):
+def test_glasses_of_ones_own_come_first(tmp_path):
     agf = tmp_path / "mine.agf"
     names = (("N-BK7", 1.6, 1.56), ("ODD", 1.7, 1.89))
     agf.write_text("".join(f"NM {name} 2 0 {n} 60\nCD {a} 0 0 0 0 0\nLD 0.3 2.5\n" for name, n, a in names))
@@ -207,7 +206,7 @@ def test_glasses_of_ones_own_come_first(tmp_path: Path):
 UNSIZED = (("STOP", "DISZ 20.0"), ("CURV 0.02", "DISZ 4.0", blank(1.5)), ("CURV -0.01", "DISZ 96.0", "DIAM 0"))
 
 
-def test_missing_diameters_are_those_of_the_beam(tmp_path: Path):
+def test_missing_diameters_are_those_of_the_beam(tmp_path):
     # From infinity through the stop: 5 mm of the marginal ray, and 20 tan 5 deg of the chief ray at the first surface.
     slope = math.tan(math.radians(5.0))
     marginal = 5.0 * (1 - 4.0 / 1.5 * 0.01)
@@ -223,7 +222,7 @@ def test_missing_diameters_are_those_of_the_beam(tmp_path: Path):
         assert efl(lens) == pytest.approx(SINGLET, rel=REL)
 
 
-def test_fields_may_be_heights(tmp_path: Path):
+def test_fields_may_be_heights(tmp_path):
     # An object of 30 mm, 100 mm in front of the stop, 10 mm of which are a dummy's gap.
     head = PUPIL.replace("FTYP 0", "FTYP 1").replace("YFLN 0 5.0", "YFLN 0 30.0")
     lens = load(tmp_path, zmx(("DISZ 10.0",), *UNSIZED, head=head, first=("DISZ 90.0",)))
@@ -238,7 +237,7 @@ def test_fields_may_be_heights(tmp_path: Path):
     assert sizes == pytest.approx(expected, rel=1e-12)
 
 
-def test_missing_diameters_without_a_beam_are_named(tmp_path: Path):
+def test_missing_diameters_without_a_beam_are_named(tmp_path):
     fields = ("XFLN 0 0\nYFLN 0 5.0\n", ""), ("FTYP 0", "FTYP 1"), ("FTYP 0", "FTYP 7")
     # Without its size the stop has none itself.
     for surface, old, new in ((1, "ENPD 1.0E+1 0\n", ""), *((2, *change) for change in fields)):
@@ -246,7 +245,7 @@ def test_missing_diameters_without_a_beam_are_named(tmp_path: Path):
         refused(tmp_path, text, rf"surface {surface} has no semi-diameter \(DIAM\)", f"SURF {surface}")
 
 
-def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path):
+def test_what_cannot_be_is_refused_by_name_and_line(tmp_path):
     for surface, message in (
         (("CURV -0.001", "DISZ 5", "GLAS MIRROR 0 0", "DIAM 5"), "thickness is -5 mm"),
         (("CURV 0.02", "DISZ 1", "GLAS UNOBTAINIUM 0 0", "DIAM 5"), "no glass 'UNOBTAINIUM'"),
@@ -275,7 +274,7 @@ def test_what_cannot_be_is_refused_by_name_and_line(tmp_path: Path):
     refused(tmp_path, zmx(STOP, (*FRONT, "SQAP 2 3 0"), BACK), "rectangular", "SQAP 2 3")
 
 
-def test_a_wrong_head_and_a_file_without_a_lens_are_refused(tmp_path: Path):
+def test_a_wrong_head_and_a_file_without_a_lens_are_refused(tmp_path):
     for old, new, message in (
         ("MODE SEQ", "MODE NSC", "MODE is 'NSC'"),
         ("UNIT MM", "UNIT FT", "UNIT is 'FT'"),
@@ -299,7 +298,7 @@ def test_a_wrong_head_and_a_file_without_a_lens_are_refused(tmp_path: Path):
     refused(tmp_path, zmx(("CLAP 0 3 0", "DISZ 1"), FRONT, BACK), "no surface is the STOP")
 
 
-def test_a_written_lens_is_read_back(tmp_path: Path):
+def test_a_written_lens_is_read_back(tmp_path):
     for name in pl.lens_names():
         if name.startswith("mirror"):
             continue
@@ -317,7 +316,7 @@ def test_a_written_lens_is_read_back(tmp_path: Path):
             assert again.indices(line) == pytest.approx(lens.indices(line), abs=1e-6), (name, line)
 
 
-def test_aspheres_further_stops_and_stops_in_glass_are_written(tmp_path: Path):
+def test_aspheres_further_stops_and_stops_in_glass_are_written(tmp_path):
     path, medium = tmp_path / "lens.zmx", ConstantMedium(1.5)
     asphere = Surface(25.0, 3.0, medium, semi_diameter=5.0, conic=-0.7, aspheric=(1e-4, 0.0, 1e-9))
     conic = Surface(math.inf, 0.5, ModelGlass(1.6, 40.0), semi_diameter=4.0, conic=2.0)
@@ -349,7 +348,7 @@ def test_aspheres_further_stops_and_stops_in_glass_are_written(tmp_path: Path):
     assert dispersion == pytest.approx(medium.index(F_LINE) - medium.index(C_LINE), rel=1e-9)
 
 
-def test_what_zemax_files_cannot_hold_is_refused(tmp_path: Path):
+def test_what_zemax_files_cannot_hold_is_refused(tmp_path):
     lens, water = load_lens("singlet-100mm-f4"), ConstantMedium(1.33)
     stop, front, back = lens.elements
     ball = [Surface(5.0, 7.5, ConstantMedium(1.5), semi_diameter=5.0, depth=7.5), Surface(math.inf, semi_diameter=1.0)]

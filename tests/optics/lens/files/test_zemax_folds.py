@@ -1,7 +1,6 @@
 """Coordinate breaks and plane mirrors of Zemax files, against the same lens moved here or without the mirrors."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +26,7 @@ def turned(*parameters: float, gap: float = 0.0) -> tuple[str, ...]:
     return ("TYPE COORDBRK", f"DISZ {gap}", *(f"PARM {i} {p}" for i, p in enumerate(parameters, start=1)))
 
 
-def load(folder: Path, *surfaces: tuple[str, ...], head: tuple[str, ...] = HEAD) -> LensStack:
+def load(folder, *surfaces: tuple[str, ...], head: tuple[str, ...] = HEAD) -> LensStack:
     lines = list(head)
     for i, surface in enumerate((("DISZ INFINITY",), *surfaces, ("CURV 0",))):
         lines += [f"SURF {i}", *(["  TYPE STANDARD"] * (not surface[0].startswith("TYPE"))), *surface]
@@ -56,7 +55,7 @@ def same_rays(one: LensStack, other: LensStack):
     assert np.abs(a.origin - b.origin).max() < 1e-10
 
 
-def test_a_break_and_its_inverse_place_what_stands_between_them(tmp_path: Path):
+def test_a_break_and_its_inverse_place_what_stands_between_them(tmp_path):
     tilt = math.radians(2.0)
     front, back = LENS
     # Back about the rear vertex, not the front one: the image is off the axis by 3 mm sin 2 degrees.
@@ -74,7 +73,7 @@ def test_a_break_and_its_inverse_place_what_stands_between_them(tmp_path: Path):
     assert lens.elements == load(tmp_path, STOP, *LENS).elements
 
 
-def test_a_turn_about_x_by_a_positive_angle_turns_y_towards_z(tmp_path: Path):
+def test_a_turn_about_x_by_a_positive_angle_turns_y_towards_z(tmp_path):
     with pytest.warns(FileWarning, match="tilt and decentre of the image"):
         lens = load(tmp_path, STOP, turned(0, 0, 10.0), *LENS)
     angle = math.radians(10)
@@ -82,7 +81,7 @@ def test_a_turn_about_x_by_a_positive_angle_turns_y_towards_z(tmp_path: Path):
     assert np.asarray(lens.elements[1].placement.rotation)[:, 2] == pytest.approx(expected)
 
 
-def test_a_folded_path_is_the_straight_one(tmp_path: Path):
+def test_a_folded_path_is_the_straight_one(tmp_path):
     straight = load(tmp_path, (STOP[0], "DISZ 40", STOP[2]), *LENS)
     x, y = (turned(*(45.0 if i == axis else 0.0 for i in range(1, 6))) for axis in (3, 4))
     once = [(turn, MIRROR, (*turn[:1], "DISZ -30", *turn[2:]), *map(backward, LENS)) for turn in (x, y)]
@@ -94,7 +93,7 @@ def test_a_folded_path_is_the_straight_one(tmp_path: Path):
         same_rays(folded, straight)
 
 
-def test_what_is_no_lens_or_fold_is_refused_by_its_number(tmp_path: Path):
+def test_what_is_no_lens_or_fold_is_refused_by_its_number(tmp_path):
     with pytest.raises(PrescriptionError, match=r"line \d+: surface 1 is a plane mirror and the stop"):
         load(tmp_path, ("STOP", *MIRROR), *map(backward, LENS))
     for kind, what in (("DGRATING", "a grating"), ("TOROIDAL", "a toroid"), ("BINARY_2", "of type")):
@@ -102,7 +101,7 @@ def test_what_is_no_lens_or_fold_is_refused_by_its_number(tmp_path: Path):
             load(tmp_path, STOP, (f"TYPE {kind}", "CURV 0.02", "DISZ 3", "DIAM 9"), *LENS)
 
 
-def test_a_curved_mirror_becomes_a_surface_that_reflects(tmp_path: Path):
+def test_a_curved_mirror_becomes_a_surface_that_reflects(tmp_path):
     read = load(tmp_path, STOP, ("CURV -0.01", "DISZ -30", "GLAS MIRROR", "CONI -1", "DIAM 20"), *map(backward, LENS))
     straight = load(tmp_path, STOP, *LENS)
     mirror = Surface(-100.0, 30.0, MIRRORED, semi_diameter=20.0, conic=-1.0)
@@ -112,7 +111,7 @@ def test_a_curved_mirror_becomes_a_surface_that_reflects(tmp_path: Path):
     assert np.allclose(system_matrix(read), system_matrix(straight) @ [[1 - 0.6, 30.0], [-0.02, 1.0]], atol=1e-13)
 
 
-def test_a_curved_mirror_folds_the_axis_by_its_own_normal(tmp_path: Path):
+def test_a_curved_mirror_folds_the_axis_by_its_own_normal(tmp_path):
     turn = turned(0, 0, 20.0)
     bent = ("CURV -0.01", "DISZ 0", "GLAS MIRROR", "DIAM 20")
     read = load(tmp_path, STOP, turn, bent, (*turn[:1], "DISZ -30", *turn[2:]), *map(backward, LENS))
@@ -129,7 +128,7 @@ def test_a_curved_mirror_folds_the_axis_by_its_own_normal(tmp_path: Path):
     assert focus == pytest.approx([50.0 * cos, 50.0 / cos], rel=1e-5)
 
 
-def test_obscurations_and_rims_of_mirrors_become_stops(tmp_path: Path):
+def test_obscurations_and_rims_of_mirrors_become_stops(tmp_path):
     read = load(tmp_path, (*STOP, "CLAP 1 3 0"), (*LENS[0], "OBSC 0 2 0"), LENS[1])
     ring, stop, disc, front, _ = read.elements
     assert (type(ring), type(disc)) == (RingStop, RingStop)
@@ -147,7 +146,7 @@ def test_obscurations_and_rims_of_mirrors_become_stops(tmp_path: Path):
     assert (lens.trace(rays).status == 0).tolist() == [True, False, True, False]
 
 
-def test_a_semi_diameter_from_the_beam_is_at_most_the_radius(tmp_path: Path):
+def test_a_semi_diameter_from_the_beam_is_at_most_the_radius(tmp_path):
     ball = ("CURV 0.2", "DISZ 10", "GLAS N-BK7"), ("CURV -0.2", "DISZ 2")
     head = (*HEAD[:2], "FLOA", "FTYP 0 0 1 1", "YFLN 50", *HEAD[6:])
     assert load(tmp_path, ("STOP", "DISZ 4", "DIAM 2"), *ball, head=head).elements[1].semi_diameter == 5.0

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ LENS = (f"CURV 0; DISZ 4; {GLASS}; DIAM 20", f"CURV {-2 / F!r}; DISZ {F!r}; DIAM
 """A plano-convex lens of focal length F, whose rear principal plane is its last vertex."""
 
 
-def load(folder: Path, head: str, *surfaces: str, first: str = FAR, image: str = IMAGE, **options: object) -> LensStack:
+def load(folder, head: str, *surfaces: str, first: str = FAR, image: str = IMAGE, **options: object) -> LensStack:
     """Of lines that are separated by semicolons."""
     blocks = [f"SURF {i}; {block}" for i, block in enumerate([first, *surfaces, image])]
     path = folder / "lens.zmx"
@@ -39,7 +38,7 @@ def about_aperture(lens: LensStack) -> list[str]:
     return [str(finding) for finding in lens.check() if finding.kind is APERTURE]
 
 
-def test_the_entrance_pupil_counts_and_not_the_diameter_of_the_stop(tmp_path: Path):
+def test_the_entrance_pupil_counts_and_not_the_diameter_of_the_stop(tmp_path):
     lens = load(tmp_path, "ENPD 10", STOP, *LENS)
     assert f_number(lens) == pytest.approx(7.8, rel=1e-12)
     (found,) = about_aperture(lens)
@@ -67,7 +66,7 @@ def test_the_f_number_is_that_of_the_file(tmp_path):
         assert lens.stop.semi_diameter == 10.0 and about_aperture(lens) == [], head
 
 
-def test_the_cone_of_a_near_object_may_be_given(tmp_path: Path):
+def test_the_cone_of_a_near_object_may_be_given(tmp_path):
     near = "DISZ 100"
     lens = load(tmp_path, "OBNA 0.1 0", STOP, *LENS, first=near)
     assert lens.stop.semi_diameter == pytest.approx(100.0 * math.tan(math.asin(0.1)), rel=1e-12)
@@ -81,7 +80,7 @@ def test_the_cone_of_a_near_object_may_be_given(tmp_path: Path):
     assert load(tmp_path, "ENPD 10", STOP, *LENS, first=near).stop.semi_diameter == pytest.approx(5.0, rel=1e-12)
 
 
-def test_an_aperture_on_the_stop_ends_the_beam(tmp_path: Path):
+def test_an_aperture_on_the_stop_ends_the_beam(tmp_path):
     lens = load(tmp_path, "ENPD 30", f"{STOP}; CLAP 0 6", *LENS)
     assert lens.stop.semi_diameter == 6.0
     assert "30 mm wide" in about_aperture(lens)[0]
@@ -95,7 +94,7 @@ def test_an_aperture_on_the_stop_ends_the_beam(tmp_path: Path):
     assert [element.semi_diameter for element in lens.elements] == pytest.approx([12.0, 12.0, 20.0], rel=1e-12)
 
 
-def test_a_stop_that_does_not_follow_is_refused_with_a_way_out(tmp_path: Path):
+def test_a_stop_that_does_not_follow_is_refused_with_a_way_out(tmp_path):
     collimated = (*LENS, STOP)
     with pytest.raises(PrescriptionError, match=r"line 2: ENPD 10 .*infinitely far away; give stop_size=pl"):
         load(tmp_path, "ENPD 10", *collimated)
@@ -113,7 +112,7 @@ SYSTEM = (
 )
 
 
-def test_fields_wavelengths_and_image_are_handed_out(tmp_path: Path):
+def test_fields_wavelengths_and_image_are_handed_out(tmp_path):
     lens = load(tmp_path, SYSTEM, STOP, *LENS, "DISZ 1.5", image="CURV -0.01")
     told = lens.specification
     assert told.wavelengths == pytest.approx((587.6, 486.1), rel=1e-12)
@@ -132,7 +131,7 @@ def test_fields_wavelengths_and_image_are_handed_out(tmp_path: Path):
     assert wide.fields[1].tolist() == [0.0, pytest.approx(-math.radians(95.0))]
 
 
-def test_fields_are_heights_where_the_object_is_near(tmp_path: Path):
+def test_fields_are_heights_where_the_object_is_near(tmp_path):
     near = "DISZ 10"
     in_cm = SYSTEM.replace("ENPD 10", "UNIT CM; ENPD 1").replace("FTYP 0", "FTYP 1")
     heights = load(tmp_path, in_cm, STOP, *LENS, first=near).specification
@@ -145,7 +144,7 @@ def test_fields_are_heights_where_the_object_is_near(tmp_path: Path):
     assert image is not None and image.fields[1, 1] == pytest.approx(math.atan(5.0 / F))
 
 
-def test_the_specification_travels_with_the_lens(tmp_path: Path):
+def test_the_specification_travels_with_the_lens(tmp_path):
     lens = load(tmp_path, SYSTEM, STOP, *LENS)
     save_lens(lens, tmp_path / "lens.json")
     again = load_lens(tmp_path / "lens.json")
@@ -158,7 +157,7 @@ def test_the_specification_travels_with_the_lens(tmp_path: Path):
         dataclasses.replace(lens, specification=7)
 
 
-def test_what_is_left_out_is_said_once(tmp_path: Path):
+def test_what_is_left_out_is_said_once(tmp_path):
     for head, surface, image, named in (
         ("VDXN 0 0 0; VDYN 0 0.1 0", "", "", "vignetting factors"),
         ("VCYN 0.2", "", "", "vignetting factors"),
@@ -183,7 +182,7 @@ def test_what_is_left_out_is_said_once(tmp_path: Path):
         load(tmp_path, f"{SYSTEM}; {usual}", STOP, *LENS, image=f"TYPE STANDARD; {IMAGE}; DIAM 3; MNUM 1 1; MOFF 0 1")
 
 
-def test_a_glass_that_ends_before_the_primary_wavelength_is_no_matter_where_sizes_are_known(tmp_path: Path):
+def test_a_glass_that_ends_before_the_primary_wavelength_is_no_matter_where_sizes_are_known(tmp_path):
     glass = [surface.replace(GLASS, "GLAS N-BK7 0 0") for surface in LENS]
     wave = "WAVM 1 10.6 1; PWAV 1; XFLN 0; YFLN 5"
     with pytest.warns(pl.errors.FileWarning, match="fields"):

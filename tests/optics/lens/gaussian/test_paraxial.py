@@ -1,8 +1,6 @@
 import dataclasses
 import itertools
 import math
-import warnings
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -13,11 +11,7 @@ from plenoptic.errors import InvalidValueError
 GLASS = ConstantMedium(1.5)
 
 
-@pytest.fixture(autouse=True)
-def no_warnings() -> Iterator[None]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
+pytestmark = pytest.mark.filterwarnings("error")
 
 
 def thin(f: float, gap: float = 0.0) -> list[Surface]:
@@ -62,7 +56,7 @@ def test_newton():
         assert points.exit_pupil_semi_diameter == pytest.approx(size, rel=1e-15), name
 
 
-def test_an_afocal_lens():
+def test_an_afocal_lens_and_a_plane_plate():
     """Kepler's telescope: the lateral magnification is -f2 / f1 wherever the object is."""
     for f1, f2 in ((100.0, 50.0), (93.7, 31.1), (1 / 3, 0.7), (1000.0, 10.0)):
         lens = LensStack([CircularStop(0.1, 0.0), *thin(f1, f1 + f2), *thin(f2)])
@@ -79,9 +73,7 @@ def test_an_afocal_lens():
         # Longitudinal magnification is the square of the lateral one.
         move = paraxial.image_position(lens, -100.0) - paraxial.image_position(lens, -101.0)
         assert move == pytest.approx((f2 / f1) ** 2, rel=1e-8, abs=1e-11), (f1, f2)
-
-
-def test_a_plane_plate_is_afocal():
+    # A plane plate is afocal.
     plate = LensStack(
         [CircularStop(1.0), Surface(math.inf, 6.0, GLASS, semi_diameter=9.0), Surface(math.inf, semi_diameter=9.0)]
     )
@@ -116,9 +108,7 @@ def test_the_focus_and_the_horizon():
     assert paraxial.object_position(thin_lens, 100.0) == -math.inf
     negative = paraxial.cardinal_points(LensStack([CircularStop(1.0), *thin(-100.0)]))
     assert (negative.efl, negative.rear_focus, negative.f_number) == pytest.approx((-100.0, -100.0, 50.0), rel=1e-14)
-
-
-def test_other_stops_have_no_part_in_it():
+    # Other stops have no part in it.
     lens = load_lens("double-gauss-100mm-f2")
     before, after = (paraxial.cardinal_points(x) for x in (lens, lens.inserted(CircularStop(1.0), 40.0)))
     for field in dataclasses.fields(before):

@@ -63,7 +63,7 @@ def rays_at_the_rear(lens: pl.LensStack, start: np.ndarray, rng: np.random.Gener
 
 
 EVERY = [(*lens, cell) for lens in LENSES for cell in (CELL, 0.6)]
-SOME = [(*LENSES[0], 0.6), *((*LENSES[k], CELL) for k in (0, 1, 4, 6))]
+SOME = [(*LENSES[0], 0.6), *((*LENSES[k], CELL) for k in (1, 4, 6))]
 
 
 @pytest.mark.parametrize("cases", [SOME, pytest.param(EVERY, marks=pytest.mark.slow)], ids=["some", "every"])

@@ -114,7 +114,7 @@ def test_every_ray_that_passes_a_bundled_lens_is_found():
 def test_lenses_from_files():
     # Others are microscopes, which see no distant objects, and a lens whose stop stands by rule.
     stated = {path: float(found[1]) for path in FILES if (found := re.search(r"([\d.]+)deg", path.name))}
-    for (path, degrees), share in itertools.product(stated.items(), (0.0, 0.7, 1.0)):
+    for (path, degrees), share in itertools.product(stated.items(), (0.0, 1.0)):
         lens, angle = pl.load_lens(path), share * math.radians(degrees) / 2
         rays = aimed_rays(lens, field=(0.0, angle), pupil=hexapolar(6))
         # Beyond the rims, wide-angle lenses have points of the iris that no ray reaches.
@@ -187,7 +187,7 @@ def test_stops_before_behind_and_inside_glass():
 
 def test_many_rays_are_those_of_few_and_a_front_stop_needs_no_search():
     # Above 4096 points, the search starts from a polynomial.
-    lens, pupil = pl.load_lens("fisheye-100mm-f8"), square_grid(80)
+    lens, pupil = pl.load_lens("fisheye-100mm-f8"), square_grid(74)
     field = (0.4, 1.2)
     many = checked(lens, field, pupil, -math.inf, 1e-11)
     few = aimed_rays(lens, field=field, pupil=pupil[::50])

@@ -86,10 +86,8 @@ def test_colours_add_up_where_each_has_its_image():
     np.testing.assert_array_equal(alone.tangential, one.tangential)
 
 
-def test_a_ring_and_turned_fields_have_contrast_too():
-    ring = pl.optics.RingStop(semi_diameter=5.0, inner_semi_diameter=2.0)
-    found = wave_mtf(perfect(ring), [0.0, 40.0, 160.0], grid=GRID)
-    assert found.tangential[0] == 1 and 0 < found.tangential[1] < 1
+def test_contrast_turns_with_the_field():
+
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
     along_y, along_x = (wave_mtf(lens, [50.0], field=f, grid=GRID) for f in ((0.0, 0.15), (0.15, 0.0)))
     assert along_x.tangential[0] == pytest.approx(along_y.tangential[0], abs=5 * EDGE)

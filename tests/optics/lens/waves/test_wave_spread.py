@@ -26,7 +26,9 @@ def cosines(lens, *points):
 
 
 def bessel(v):
-    return np.array([float(2 * mpmath.besselj(1, x) / x) if x else 1.0 for x in np.ravel(v)]).reshape(np.shape(v))
+    x, place = np.unique(v, return_inverse=True)
+    found = np.array([float(2 * mpmath.besselj(1, one) / one) if one else 1.0 for one in x])
+    return found[place].reshape(np.shape(v))
 
 
 def radii(spread):
@@ -96,11 +98,11 @@ def test_defocus_dims_the_middle_as_a_sinc():
     """sin^2(x) / x^2 with x = pi times the waves of defocus at the rim, W020."""
     lens = perfect(pl.CircularStop(5.0))
     sine = abs(cosines(lens, (1, 0))[0, 0])
-    for waves in (0.25, 1.0):
-        shift = waves * WAVE / (1 - math.sqrt(1 - sine**2))
-        plane = pl.paraxial.cardinal_points(lens).rear_focus + shift
-        spread = wave_spread(lens, z_image=plane, shape=(17, 17), grid=GRID)
-        assert spread.image[8, 8] / spread.perfect == pytest.approx(np.sinc(waves) ** 2, abs=3 * EDGE), waves
+    waves = 0.5
+    shift = waves * WAVE / (1 - math.sqrt(1 - sine**2))
+    plane = pl.paraxial.cardinal_points(lens).rear_focus + shift
+    spread = wave_spread(lens, z_image=plane, shape=(17, 17), grid=GRID)
+    assert spread.image[8, 8] / spread.perfect == pytest.approx(np.sinc(waves) ** 2, abs=3 * EDGE)
 
 
 def test_both_methods_agree_to_what_the_transform_leaves_out():
@@ -126,7 +128,7 @@ def test_a_tilted_plane_is_out_of_focus_where_it_leaves_the_image():
     tilted = wave_spread(lens, shape=(41, 3), pixel_size=4e-3, tilt=(0.5, 0.0))
     assert tilted.method is SpreadMethod.HUYGENS
     places = [[0.0, 4e-3 * (20 - k) * math.cos(0.5), 4e-3 * (20 - k) * math.sin(0.5)] for k in range(41)]
-    there = wavefront(lens, pupil=pl.aiming.square_grid(128)).point_spread(places)
+    there = wavefront(lens, pupil=pl.aiming.square_grid(96)).point_spread(places)
     np.testing.assert_allclose(tilted.image[:, 1] / tilted.perfect, there, rtol=0, atol=3 * EDGE)
     with pytest.raises(InvalidValueError, match="a Fourier transform is that on a plane across the axis"):
         wave_spread(lens, tilt=(0.5, 0.0), method=SpreadMethod.FOURIER)
@@ -157,14 +159,13 @@ def test_strehl_of_small_aberrations_is_that_of_their_variance():
     best = pl.paraxial.cardinal_points(lens).rear_focus
     shifts = np.linspace(0, 0.4, 9)
     rms = [wavefront(lens, z_image=best + shift).rms for shift in shifts]
-    for sigma in (0.02, 0.05):
-        shift = float(np.interp(sigma, rms, shifts))
-        found = wavefront(lens, z_image=best + shift)
-        phase = 2 * math.pi * found.rms
-        spread = wave_spread(lens, z_image=best + shift, shape=(9, 9))
-        expected = math.exp(-(phase**2))
-        assert spread.image[4, 4] / spread.perfect == pytest.approx(expected, abs=phase**4 + 1e-3), sigma
-        assert found.strehl == pytest.approx(expected, abs=phase**4), sigma
+    shift = float(np.interp(0.05, rms, shifts))
+    found = wavefront(lens, z_image=best + shift)
+    phase = 2 * math.pi * found.rms
+    spread = wave_spread(lens, z_image=best + shift, shape=(9, 9))
+    expected = math.exp(-(phase**2))
+    assert spread.image[4, 4] / spread.perfect == pytest.approx(expected, abs=phase**4 + 1e-3)
+    assert found.strehl == pytest.approx(expected, abs=phase**4)
 
 
 def test_a_grid_too_coarse_says_so():

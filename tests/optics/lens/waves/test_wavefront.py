@@ -153,7 +153,7 @@ def airy(v):
     return float((2 * mpmath.besselj(1, v) / v) ** 2) if v else 1.0
 
 
-def test_a_round_stop_makes_airys_pattern():
+def test_a_round_stop_makes_airys_pattern_and_a_sinc_along_the_axis():
     found = wavefront(perfect(pl.CircularStop(5.0)), pupil=pl.aiming.hexapolar(60))
     sine = np.hypot(found.toward[:, 0], found.toward[:, 1]).max()
     radii = np.linspace(0, 0.03, 13)
@@ -161,10 +161,7 @@ def test_a_round_stop_makes_airys_pattern():
     expected = [airy(2 * math.pi / WAVE * sine * r) for r in radii]
     np.testing.assert_allclose(pattern, expected, atol=0.01)  # the rim of a hexapolar grid counts whole
     assert pattern[0] == pytest.approx(1)
-
-
-def test_along_the_axis_the_pattern_is_a_sinc():
-    """Defocus by z along the axis: sin^2(x) / x^2 with x = pi z (1 - cos) / wavelength, by the exact solid angle."""
+    # Defocus by z along the axis: sin^2(x) / x^2 with x = pi z (1 - cos) / wavelength, by the exact solid angle.
     found = wavefront(perfect(pl.CircularStop(5.0)), pupil=pl.aiming.square_grid(160))
     cosine = -found.toward[:, 2]
     z = np.array([0.05, 0.2, 0.4])
