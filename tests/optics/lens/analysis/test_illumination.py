@@ -32,7 +32,7 @@ def overlap(a: float, b: float, apart: float) -> float:
 
 
 def test_two_stops_leave_the_overlap_of_two_circles():
-    angles = np.array([-0.3, 0.0, 0.05, 0.2, 0.3, 0.4, 0.6])
+    angles = np.array([-0.3, 0.0, 0.2, 0.3, 0.6])
     found = vignetting(two_stops(), angles, grid=128)
     shift = APART * np.tan(angles)
     expected = np.array([overlap(RADIUS, RIM, abs(s)) for s in shift]) / (math.pi * RADIUS**2)
@@ -93,7 +93,7 @@ def test_the_renderer_sees_the_same_illumination():
     for name in ("double-gauss-100mm-f2", "singlet-100mm-f4"):
         lens = pl.load_lens(name)
         pitch, rows = 0.05, 801
-        angles = np.array([0.0, 0.08, 0.16])
+        angles = np.array([0.0, 0.16])
         found = relative_illumination(lens, angles)
         camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(rows, 1), pixel_pitch=pitch),
                                     stop_to_microlenses=found.z_image)  # fmt: skip

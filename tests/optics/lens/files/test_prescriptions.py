@@ -139,7 +139,7 @@ def texts(tmp_path_factory: pytest.TempPathFactory):
     return {"csv": TRIPLET, **{kind: (folder / f"lens.{kind}").read_text(code) for kind, code in coded.items()}}
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(data=st.data(), ending=st.sampled_from(["csv", "json", "zmx"]))
 def test_a_mangled_file_is_a_lens_or_a_named_error(tmp_path_factory: pytest.TempPathFactory, texts, data, ending):
     path = tmp_path_factory.getbasetemp() / f"mangled.{ending}"

@@ -63,7 +63,7 @@ def rays_at_the_rear(lens: pl.LensStack, start: np.ndarray, rng: np.random.Gener
 
 
 EVERY = [(*lens, cell) for lens in LENSES for cell in (CELL, 0.6)]
-SOME = [(*LENSES[0], 0.6), *((*LENSES[k], CELL) for k in (1, 4, 6))]
+SOME = [(*LENSES[0], 0.6), *((*LENSES[k], CELL) for k in (1, 6))]
 
 
 @pytest.mark.parametrize("cases", [SOME, pytest.param(EVERY, marks=pytest.mark.slow)], ids=["some", "every"])
@@ -96,7 +96,7 @@ def test_every_ray_that_passes_is_inside_its_outline(cases):
 
 def test_outlines_waste_little_on_the_axis_and_their_corners_lie_on_two_sides():
     side = 400
-    for name, stop in LENSES:
+    for name, stop in LENSES[::2]:
         lens = stopped(name, stop)
         bounds = bounds_of(lens)
         for support, corners in zip(bounds.support, bounds.corners, strict=True):
