@@ -14,8 +14,7 @@ from plenoptic.optics.lens.analysis.focus import working_f_number
 from plenoptic.optics.lens.gaussian import paraxial
 
 GAUSS = load_lens("double-gauss-100mm-f2")
-DISC = GAUSS.with_model(LensModel.PARAXIAL).with_stop(CircularStop(10.0))
-"""Out of focus, an evenly filled disc."""
+DISC = GAUSS.with_model(LensModel.PARAXIAL).with_stop(CircularStop(10.0))  # out of focus, an evenly filled disc
 DEFOCUS = 2.0
 Z_DISC = paraxial.cardinal_points(DISC).rear_focus + DEFOCUS
 DIAMETER = DEFOCUS / working_f_number(DISC)
