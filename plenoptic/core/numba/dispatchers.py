@@ -21,7 +21,7 @@ _probed: list[bool] = []
 def _probe_once() -> None:
     if not _probed:
         _probed.append(True)  # the probe compiles a kernel, too
-        from plenoptic.core.kernels.probe import probe_numba
+        from plenoptic.core.kernels.probe import probe_numba  # it is a kernel itself
 
         probe_numba()
 
