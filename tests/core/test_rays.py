@@ -14,7 +14,7 @@ EPS = np.finfo(float).eps
 
 @settings(max_examples=100)
 @given(direction=st.tuples(*[st.floats(-1e300, 1e300, allow_subnormal=False)] * 3).filter(lambda d: any(d)))
-def test_directions_get_unit_length(direction: tuple[float, float, float]) -> None:
+def test_directions_get_unit_length(direction):
     rays = pl.RayBundle([[0, 0, 0]], [direction])
     unit = rays.direction[0]
     # Three squares, a root and a division: below 4 roundings of a number near 1.
@@ -28,7 +28,7 @@ def test_directions_get_unit_length(direction: tuple[float, float, float]) -> No
 
 @settings(max_examples=100)
 @given(azimuth=st.floats(0, 6.3), cos=st.floats(-1, 1), off=st.floats(-7, 7))
-def test_what_is_unit_to_a_few_eps_is_left_alone(azimuth: float, cos: float, off: float) -> None:
+def test_what_is_unit_to_a_few_eps_is_left_alone(azimuth, cos, off):
     sin = math.sqrt(1 - cos * cos)
     direction = np.array([[sin * math.cos(azimuth), sin * math.sin(azimuth), cos]]) * (1 + off * EPS)
     if abs(np.sqrt(np.einsum("ij,ij->i", direction, direction))[0] - 1) > UNIT_TOLERANCE:
@@ -36,7 +36,7 @@ def test_what_is_unit_to_a_few_eps_is_left_alone(azimuth: float, cos: float, off
     assert pl.RayBundle([[0, 0, 0]], direction).direction.tobytes() == direction.tobytes()
 
 
-def test_only_rows_that_need_it_are_normalised() -> None:
+def test_only_rows_that_need_it_are_normalised():
     kept = [0.6, 0.0, 0.8]
     rays = pl.RayBundle(np.zeros((2, 3)), [kept, [0.0, 3.0, 4.0]])
     assert rays.direction[0].tolist() == kept
@@ -44,7 +44,7 @@ def test_only_rows_that_need_it_are_normalised() -> None:
     assert rays.direction[1] == pytest.approx([0, 0.6, 0.8], rel=4 * EPS)
 
 
-def test_the_given_arrays_are_neither_kept_nor_changed() -> None:
+def test_the_given_arrays_are_neither_kept_nor_changed():
     origin, direction = np.zeros((1, 3)), np.array([[0.0, 0.0, 2.0]])
     rays = pl.RayBundle(origin, direction)
     assert direction[0, 2] == 2.0
@@ -55,7 +55,7 @@ def test_the_given_arrays_are_neither_kept_nor_changed() -> None:
             array[0] = 1
 
 
-def test_defaults_and_types() -> None:
+def test_defaults_and_types():
     rays = pl.RayBundle([[1, 2, 3]] * 3, [[0, 0, 1]] * 3)
     assert len(rays) == 3
     assert rays.wavelength == 587.6
@@ -77,13 +77,13 @@ def test_defaults_and_types() -> None:
         ([0, 0, 0], [math.inf, math.inf, math.inf]),
     ],
 )
-def test_impossible_rows_are_lost_and_no_error(origin: list[float], direction: list[float]) -> None:
+def test_impossible_rows_are_lost_and_no_error(origin, direction):
     rays = pl.RayBundle([origin, [0, 0, 0]], [direction, [0, 0, 1]])
     assert rays.status.tolist() == [pl.RayStatus.NOT_FINITE, pl.RayStatus.OK]
     assert rays.weight.tolist() == [0.0, 1.0]
 
 
-def test_a_lost_ray_has_weight_0_and_keeps_its_cause() -> None:
+def test_a_lost_ray_has_weight_0_and_keeps_its_cause():
     rays = pl.RayBundle([[math.nan, 0, 0], [0, 0, 0]], [[0, 0, 1]] * 2, weight=[3, 4], status=[2, 0], lost_at=[5, -1])
     assert rays.status.tolist() == [pl.RayStatus.CLIPPED, pl.RayStatus.OK]
     assert rays.weight.tolist() == [0, 4]
@@ -99,7 +99,7 @@ def test_a_lost_ray_has_weight_0_and_keeps_its_cause() -> None:
         (([["a", 0, 0]], [[0, 0, 1]]), "origin is not an array of numbers"),
     ],
 )
-def test_wrong_shapes(arguments: tuple, message: str) -> None:
+def test_wrong_shapes(arguments, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.RayBundle(*arguments)
 
@@ -117,12 +117,12 @@ def test_wrong_shapes(arguments: tuple, message: str) -> None:
         ("wavelength", math.nan, "wavelength is nan; it must be finite"),
     ],
 )
-def test_wrong_fields(name: str, item: object, message: str) -> None:
+def test_wrong_fields(name, item, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.RayBundle([[0, 0, 0]], [[0, 0, 1]], **{name: item})
 
 
-def test_points_on_rays() -> None:
+def test_points_on_rays():
     rays = pl.RayBundle([[1, 2, -10], [0, 0, 0]], [[0, 0.6, 0.8], [1, 0, 0]])
     assert rays.at(5.0).tolist() == [[1, 5, -6], [5, 0, 0]]
     assert rays.at([5.0, -1.0]).tolist() == [[1, 5, -6], [-1, 0, 0]]
@@ -133,7 +133,7 @@ def test_points_on_rays() -> None:
     assert not np.isfinite(crossing[1]).all()
 
 
-def test_selection_by_mask_and_index() -> None:
+def test_selection_by_mask_and_index():
     rays = pl.RayBundle(np.arange(9.0).reshape(3, 3), [[0, 0, 1]] * 3, 500.0, status=[0, 2, 0], lost_at=[-1, 4, -1])
     arrived = rays.selected(rays.status == pl.RayStatus.OK)
     assert arrived.origin.tolist() == [[0, 1, 2], [6, 7, 8]]
@@ -142,7 +142,7 @@ def test_selection_by_mask_and_index() -> None:
     assert (turned.status.tolist(), turned.lost_at.tolist(), turned.weight.tolist()) == ([0, 2], [-1, 4], [1, 0])
 
 
-def test_equality_pickling_and_repr() -> None:
+def test_equality_pickling_and_repr():
     rays = pl.RayBundle([[0, 0, 1.0], [math.nan, 0, 0]], [[0, 0, 1], [0, 1, 0]])
     same = pl.RayBundle([[0, 0, 1.0], [math.nan, 0, 0]], [[0, 0, 1], [0, 1, 0]])
     assert rays == same and hash(rays) == hash(same)
@@ -154,7 +154,7 @@ def test_equality_pickling_and_repr() -> None:
     assert repr(rays) == "RayBundle(2 rays, 1 OK, 587.6 nm)"
 
 
-def test_traced_bundles_are_values_too() -> None:
+def test_traced_bundles_are_values_too():
     lens = pl.load_lens("singlet-100mm-f4")
     out = lens.trace(pl.RayBundle([[0, 0, -50.0], [0, 90.0, -50.0]], [[0, 0, 1.0]] * 2))
     assert pickle.loads(pickle.dumps(out)) == out

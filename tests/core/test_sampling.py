@@ -12,7 +12,7 @@ from plenoptic.core.sampling import sobol_points
 KEYS = {"seed": st.integers(0, 2**40), "pixel": st.integers(0, 2**25), "replicate": st.integers(0, 64)}
 
 
-def bits_of_sobol(index: int, numbers: list[int]) -> int:
+def bits_of_sobol(index, numbers):
     """A coordinate from its definition: XOR of the direction numbers of the index's bits."""
     x = 0
     for k, v in enumerate(numbers):
@@ -21,7 +21,7 @@ def bits_of_sobol(index: int, numbers: list[int]) -> int:
     return x
 
 
-def test_direction_numbers_are_those_of_joe_and_kuo() -> None:
+def test_direction_numbers_are_those_of_joe_and_kuo():
     # new-joe-kuo-6.21201, dimensions 2 to 4 (d s a m): 2 1 0 1; 3 2 1 1 3; 4 3 1 1 3 1, by their recurrence on m.
     found = _direction_numbers()
     polynomials = {1: ([1], [1]), 2: ([1, 1], [1, 3]), 3: ([0, 1, 1], [1, 3, 1])}
@@ -39,9 +39,7 @@ def test_direction_numbers_are_those_of_joe_and_kuo() -> None:
 
 @settings(max_examples=25)
 @given(**KEYS, set_number=st.integers(0, 5), k=st.integers(0, 8), block=st.integers(0, 3))
-def test_aligned_powers_of_two_are_stratified(
-    seed: int, pixel: int, replicate: int, set_number: int, k: int, block: int
-) -> None:
+def test_aligned_powers_of_two_are_stratified(seed, pixel, replicate, set_number, k, block):
     points = sobol_points((block + 1) << k, seed=seed, pixel=pixel, replicate=replicate, set_number=set_number)
     part = points[block << k :]
     assert part.shape == (1 << k, 4)
@@ -51,14 +49,14 @@ def test_aligned_powers_of_two_are_stratified(
 
 @settings(max_examples=25)
 @given(**KEYS, set_number=st.integers(0, 3), m=st.integers(1, 9))
-def test_the_first_two_dimensions_form_a_net(seed: int, pixel: int, replicate: int, set_number: int, m: int) -> None:
+def test_the_first_two_dimensions_form_a_net(seed, pixel, replicate, set_number, m):
     points = sobol_points(1 << m, seed=seed, pixel=pixel, replicate=replicate, set_number=set_number)
     for a in range(m + 1):
         boxes = np.floor(points[:, 0] * 2**a) * 2 ** (m - a) + np.floor(points[:, 1] * 2 ** (m - a))
         assert len(np.unique(boxes)) == 1 << m
 
 
-def test_scrambling_keeps_the_tree_of_the_sobol_points() -> None:
+def test_scrambling_keeps_the_tree_of_the_sobol_points():
     # Nested scrambling: two points share their first b bits after it exactly where they did before.
     numbers = _direction_numbers().tolist()
     n = 128
@@ -71,7 +69,7 @@ def test_scrambling_keeps_the_tree_of_the_sobol_points() -> None:
             assert np.array_equal(before, after)
 
 
-def test_prefixes_and_repetition() -> None:
+def test_prefixes_and_repetition():
     points = sobol_points(1000, seed=3, pixel=5, replicate=2, set_number=1)
     for n in (0, 1, 17, 256, 999):
         assert np.array_equal(sobol_points(n, seed=3, pixel=5, replicate=2, set_number=1), points[:n])
@@ -83,7 +81,7 @@ def test_prefixes_and_repetition() -> None:
     assert len(np.unique(many[:, 0])) == 70000
 
 
-def chi_square(values: np.ndarray, bins: int) -> float:
+def chi_square(values, bins):
     """Chi-square of values in [0, 1) over equal bins, less its mean, in its standard deviations."""
     counts = np.bincount((values * bins).astype(int), minlength=bins)
     expected = len(values) / bins
@@ -92,7 +90,7 @@ def chi_square(values: np.ndarray, bins: int) -> float:
 
 
 @pytest.mark.parametrize("key", ["seed", "pixel", "replicate"])
-def test_each_coordinate_is_uniform_over_scramblings(key: str) -> None:
+def test_each_coordinate_is_uniform_over_scramblings(key):
     # One point of each of many scramblings is a sample of independent uniform numbers.
     first = np.concatenate([sobol_points(8, **{key: i})[None] for i in range(3000)])
     for index in (0, 1, 5):
@@ -110,9 +108,9 @@ def test_each_coordinate_is_uniform_over_scramblings(key: str) -> None:
     "other",
     [{"seed": 1}, {"pixel": 1}, {"replicate": 1}, {"set_number": 1}, {"set_number": 2}, {"seed": 1, "pixel": 1}],
 )
-def test_streams_are_uncorrelated(other: dict[str, int]) -> None:
+def test_streams_are_uncorrelated(other):
     # Correlation over 2000 pixels of one point of two streams; its standard error is 1 / sqrt(n).
-    def of_pixels(offset: dict[str, int]) -> np.ndarray:
+    def of_pixels(offset):
         keys = {"seed": 0, "pixel": 0, "replicate": 0, "set_number": 0}
         rows = []
         for i in range(2000):
@@ -128,16 +126,16 @@ def test_streams_are_uncorrelated(other: dict[str, int]) -> None:
 
 
 @pytest.mark.parametrize(("first", "second"), [(0, 1), (0, 2), (1, 2), (1, 5)])
-def test_sets_of_one_path_are_uncorrelated_within_a_pixel(first: int, second: int) -> None:
+def test_sets_of_one_path_are_uncorrelated_within_a_pixel(first, second):
     # Bounces take their points in another order. Over 1024 points of 40 replicates, sums of products have the
     # standard error 1 / sqrt(40960) that independent uniform numbers would have at most.
     a, b = (np.concatenate([sobol_points(1024, replicate=r, set_number=k) for r in range(40)]) for k in (first, second))
     assert np.abs(np.corrcoef(a.T, b.T)[:4, 4:]).max() < 4.5 / math.sqrt(40960)
 
 
-def test_smooth_integrands_converge_faster_than_one_over_n() -> None:
+def test_smooth_integrands_converge_faster_than_one_over_n():
     # exp(-|x|^2 / 2) over the unit cube, in closed form from the error function; RMS over 64 scramblings.
-    def f(points: np.ndarray) -> np.ndarray:
+    def f(points):
         return np.exp(-0.5 * (points**2).sum(axis=-1))
 
     exact = (math.sqrt(math.pi / 2) * math.erf(1 / math.sqrt(2))) ** 4
@@ -161,7 +159,7 @@ def test_smooth_integrands_converge_faster_than_one_over_n() -> None:
         ({"n": 1, "set_number": 0.5}, "set_number is 0.5"),
     ],
 )
-def test_impossible_arguments(arguments: dict, message: str) -> None:
+def test_impossible_arguments(arguments, message):
     n = arguments.pop("n")
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         sobol_points(n, **arguments)

@@ -31,7 +31,7 @@ class Plate:
     index: float = 1.5
     label: str | None = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         set_field(self, "corners", frozen_array(self.corners, name="corners", shape=(None, 2)))
 
 
@@ -44,7 +44,7 @@ class Side(enum.IntEnum):
 class Named:
     name: str
 
-    def __repr__(self) -> str:
+    def __repr__(self):
         return f"<{self.name}>"
 
 

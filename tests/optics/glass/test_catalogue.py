@@ -1,7 +1,5 @@
 import math
 import pickle
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +12,17 @@ from plenoptic.optics.glass.air import Absolute, Air
 from plenoptic.optics.glass.bundled import glass, glass_names
 from plenoptic.optics.glass.catalogue import GlassCatalogue, GlassEntry, load_glasses
 from plenoptic.optics.glass.dispersion import DispersionFormula, Formula
-from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, VACUUM, Medium, Schott, Sellmeier
+from plenoptic.optics.glass.media import (
+    AIR,
+    C_LINE,
+    D_LINE,
+    F_LINE,
+    VACUUM,
+    ConstantMedium,
+    Schott,
+    Sellmeier,
+    abbe_number,
+)
 from plenoptic.optics.lens.files.library import lens_names, load_lens
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
@@ -85,25 +93,25 @@ CATALOGUES = {
 MODELS = {"BSF52": (1.702, 26.1), "F4": (1.61659, 36.63), "SFN64": (1.706, 30.3), "SFS5": (1.762, 27.1)}
 
 
-@pytest.mark.parametrize("name", DATA_SHEETS)
-def test_indices_at_d_c_and_f_are_those_of_the_data_sheet(name: str) -> None:
-    for wavelength, index in zip((D_LINE, C_LINE, F_LINE), DATA_SHEETS[name], strict=True):
-        assert glass(name).index(wavelength) == pytest.approx(index, abs=1e-5, rel=0)
+def test_indices_are_those_of_the_data_sheet_or_the_catalogue():
+    for name, indices in DATA_SHEETS.items():
+        for wavelength, index in zip((D_LINE, C_LINE, F_LINE), indices, strict=True):
+            assert glass(name).index(wavelength) == pytest.approx(index, abs=1e-5, rel=0), (name, wavelength)
+    for name, (nd, vd) in (CATALOGUES | MODELS).items():
+        medium = glass(name)
+        assert medium.index(D_LINE) == pytest.approx(nd, abs=1e-5, rel=0), name
+        spread = medium.index(F_LINE) - medium.index(C_LINE)
+        assert spread == pytest.approx((nd - 1) / vd, abs=1e-5, rel=0), name
+    for name, vd in (("N-BK7", 64.17), ("SF5", 32.21), ("F2", 36.37)):
+        assert abbe_number(glass(name)) == pytest.approx(vd, abs=0.01)
+    assert abbe_number(ConstantMedium(1.5)) == math.inf
 
 
-@pytest.mark.parametrize("name", CATALOGUES | MODELS)
-def test_index_and_dispersion_are_those_of_the_catalogue(name: str) -> None:
-    nd, vd = (CATALOGUES | MODELS)[name]
-    medium = glass(name)
-    assert medium.index(D_LINE) == pytest.approx(nd, abs=1e-5, rel=0)
-    assert medium.index(F_LINE) - medium.index(C_LINE) == pytest.approx((nd - 1) / vd, abs=1e-5, rel=0)
-
-
-def _named(lens: LensStack) -> set[str]:
+def _named(lens):
     return {getattr(medium, "name", "") for medium in lens.gap_media} - {""}
 
 
-def test_the_bundled_lenses_name_bundled_glasses_and_their_indices() -> None:
+def test_the_bundled_lenses_name_bundled_glasses_and_their_indices():
     named = {(name, medium) for lens in map(load_lens, lens_names()) for name in _named(lens)
              for medium in lens.gap_media if getattr(medium, "name", "") == name}  # fmt: skip
     # Old tables name glasses that no catalogue has any more.
@@ -118,7 +126,7 @@ def test_the_bundled_lenses_name_bundled_glasses_and_their_indices() -> None:
 
 
 @given(name=st.sampled_from(glass_names()), data=st.data())
-def test_case_and_signs_in_a_name_make_no_difference(name: str, data: st.DataObject) -> None:
+def test_case_and_signs_in_a_name_make_no_difference(name, data):
     plain = name.replace("-", "")
     signs = data.draw(st.lists(st.sampled_from(["", "-", "_", " "]), min_size=len(plain), max_size=len(plain)))
     upper = data.draw(st.lists(st.booleans(), min_size=len(plain), max_size=len(plain)))
@@ -126,22 +134,19 @@ def test_case_and_signs_in_a_name_make_no_difference(name: str, data: st.DataObj
     assert glass(written) == glass(name)
 
 
-def test_an_n_makes_another_glass() -> None:
+def test_an_n_makes_another_glass():
     assert glass("N-BK7") != glass("BK7")
-    assert isinstance(glass("nbk7"), Sellmeier)
-    assert isinstance(glass("bk7"), Schott)
-
-
-def test_an_unknown_name_is_told_what_is_near_and_where_to_find_more() -> None:
+    assert isinstance(glass("nbk7"), Sellmeier) and isinstance(glass("bk7"), Schott)
     with pytest.raises(InvalidValueError, match=r"no glass 'SF122'.*near to it are .*SF12.*load_glasses"):
         glass("SF122")
-    for name in ("", "ZZZZZZZZ", 7, None, b"SF10"):
+    for name in ("", "ZZZZZZZZ", 7, b"SF10"):
         with pytest.raises(InvalidValueError, match=r"no glass|name of a glass"):
-            glass(name)  # type: ignore[arg-type]
+            glass(name)
 
 
+@settings(max_examples=20)
 @given(name=st.text())
-def test_any_text_is_a_glass_or_an_error(name: str) -> None:
+def test_any_text_is_a_glass_or_an_error(name):
     try:
         assert glass(name).index(D_LINE) > 1
     except InvalidValueError as error:
@@ -151,11 +156,11 @@ def test_any_text_is_a_glass_or_an_error(name: str) -> None:
 # ---- chromatic laws ----
 
 
-def _bfl(lens: LensStack, wavelength: float) -> float:
+def _bfl(lens, wavelength):
     return cardinal_points(lens, wavelength=wavelength).bfl
 
 
-def test_the_axial_colour_of_a_singlet_is_its_focal_length_over_v() -> None:
+def test_the_axial_colour_of_a_singlet_is_its_focal_length_over_v():
     crown = glass("N-BK7")
     lens = LensStack(
         [CircularStop(5.0, 1.0), Surface(100.0, 0.0, crown, semi_diameter=9), Surface(-100.0, semi_diameter=9)]
@@ -167,7 +172,7 @@ def test_the_axial_colour_of_a_singlet_is_its_focal_length_over_v() -> None:
     assert red > blue
 
 
-def test_the_axial_colour_of_an_achromat_is_its_secondary_spectrum() -> None:
+def test_the_axial_colour_of_an_achromat_is_its_secondary_spectrum():
     # The thin cemented achromat of two glasses: powers in the ratio of the V numbers, see Kingslake, section 5.3.
     crown, flint = glass("N-BK7"), glass("SF5")
     v = [(g.index(D_LINE) - 1) / (g.index(F_LINE) - g.index(C_LINE)) for g in (crown, flint)]
@@ -189,12 +194,12 @@ def test_the_axial_colour_of_an_achromat_is_its_secondary_spectrum() -> None:
     assert 100.0 / (blue - yellow) == pytest.approx(2000.0, rel=0.15)
 
 
-def _biconvex(medium: Medium, around: Medium) -> LensStack:
+def _biconvex(medium, around):
     front, back = Surface(50.0, 5.0, medium, semi_diameter=10.0), Surface(-50.0, 0.0, around, semi_diameter=10.0)
     return LensStack([CircularStop(5.0, 1.0), front, back], ambient=around)
 
 
-def test_in_its_own_air_a_lens_of_absolute_indices_traces_as_one_of_relative_ones() -> None:
+def test_in_its_own_air_a_lens_of_absolute_indices_traces_as_one_of_relative_ones():
     crown = glass("N-BK7")
     origin = [[x, 1.0, -5.0] for x in (0.0, 1.0, 2.0, 3.0, 4.0)]
     rays = RayBundle(origin, [[0.0, 0.0, 1.0]] * 5, wavelength=D_LINE)
@@ -205,7 +210,7 @@ def test_in_its_own_air_a_lens_of_absolute_indices_traces_as_one_of_relative_one
     assert np.abs(absolute.origin - relative.origin).max() < 2e-14
 
 
-def test_in_vacuum_a_lens_is_stronger() -> None:
+def test_in_vacuum_a_lens_is_stronger():
     crown = glass("N-BK7")
     relative = cardinal_points(_biconvex(crown, AIR), wavelength=D_LINE).efl
     vacuum = cardinal_points(_biconvex(Absolute(crown), VACUUM), wavelength=D_LINE).efl
@@ -239,13 +244,13 @@ LD 0.59 4.6
 """
 
 
-def _written(folder: Path, content: str | bytes, name: str = "mine.agf") -> GlassCatalogue:
+def _written(folder, content, name="mine.agf"):
     file = folder / name
     file.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
     return load_glasses(file)
 
 
-def test_a_catalogue_is_a_mapping_from_names_to_media(tmp_path: Path) -> None:
+def test_a_catalogue_is_a_mapping_from_names_to_media(tmp_path):
     mine = _written(tmp_path, MINE)
     assert mine.names == tuple(mine) == ("MY-BK7", "OLD", "ALN", "INFRARED")
     assert len(mine) == 4
@@ -255,7 +260,7 @@ def test_a_catalogue_is_a_mapping_from_names_to_media(tmp_path: Path) -> None:
     assert mine["my_bk7"] == Sellmeier(
         (1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), "MY-BK7", (300.0, 2500.0)
     )
-    assert mine["old"] == Schott(glass("BK7").coefficients, "OLD", (365.0, 1014.0))  # type: ignore[attr-defined]
+    assert mine["old"] == Schott(glass("BK7").coefficients, "OLD", (365.0, 1014.0))
     aln = DispersionFormula(Formula.SELLMEIER_4, (3.1399, 1.3786, 0.02941, 3.861, 225.9009), "ALN", (220.0, 5000.0))
     assert mine["ALN"] == aln
     assert mine["infrared"].index(1000.0) > 2.5
@@ -265,90 +270,73 @@ def test_a_catalogue_is_a_mapping_from_names_to_media(tmp_path: Path) -> None:
     assert pickle.loads(pickle.dumps(mine))["aln"] == aln
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
-@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_encodings_and_line_ends_make_no_difference(tmp_path: Path, encoding: str, newline: str) -> None:
-    content = MINE.replace("\n", newline).encode(encoding)
-    assert _written(tmp_path, content) == _written(tmp_path, MINE)
+def test_encodings_line_ends_and_tabs_make_no_difference(tmp_path):
+    wanted = _written(tmp_path, MINE)
+    for newline in ("\n", "\r\n", "\r"):
+        for encoding in ("utf-8", "utf-8-sig", "utf-16", "latin-1"):
+            assert _written(tmp_path, MINE.replace("\n", newline).encode(encoding)) == wanted, (newline, encoding)
+    assert _written(tmp_path, b"\xfe\xff" + MINE.encode("utf-16-be")) == wanted
+    assert _written(tmp_path, MINE.replace(" ", "\t").replace("\t0.5;\tG", " 0.5; G")) == wanted
+    with pytest.raises(FileError, match=r"cannot read .*mine.agf"):  # half a character
+        _written(tmp_path, MINE.encode("utf-16")[:-1])
 
 
-def test_tabs_are_as_good_as_spaces(tmp_path: Path) -> None:
-    assert _written(tmp_path, MINE.replace(" ", "\t").replace("\t0.5;\tG", " 0.5; G")) == _written(tmp_path, MINE)
+def test_every_formula_has_its_medium(tmp_path):
+    kinds = {1: Schott, 2: Sellmeier, 6: Sellmeier, 11: Sellmeier}
+    for formula in Formula:
+        # Long lines are cut, short ones filled up, with zeros.
+        text = f"NM X {int(formula)} 0 1 0\nCD 2.25 0.01 0.01\nLD 0.4 0.7\n"
+        medium = _written(tmp_path, text)["X"]
+        assert type(medium) is kinds.get(formula, DispersionFormula), formula
+        assert _written(tmp_path, text.replace("0.01\n", "0.01" + 7 * " 0" + "\n"))["X"] == medium, formula
 
 
-def test_big_endian_utf16_is_read(tmp_path: Path) -> None:
-    assert _written(tmp_path, b"\xfe\xff" + MINE.encode("utf-16-be")) == _written(tmp_path, MINE)
+NM, CD, LD = "NM OLD 1 1 1.51680 64.17", "CD 2.2718929", "LD .365 1.014"
 
 
-@pytest.mark.parametrize("formula", Formula)
-def test_every_formula_has_its_medium(tmp_path: Path, formula: Formula) -> None:
-    # Long lines are cut, short ones filled up, with zeros.
-    text = f"NM X {int(formula)} 0 1 0\nCD 2.25 0.01 0.01\nLD 0.4 0.7\n"
-    medium = _written(tmp_path, text)["X"]
-    kinds: dict[int, type] = {1: Schott, 2: Sellmeier, 6: Sellmeier, 11: Sellmeier}
-    assert type(medium) is kinds.get(formula, DispersionFormula)
-    assert _written(tmp_path, text.replace("0.01\n", "0.01" + 7 * " 0" + "\n"))["X"] == medium
-
-
-def _with(line: str, at: str) -> str:
+def _with(line, at):
     assert at in MINE
     return MINE.replace(at, line)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("", "mine.agf has no line NM"),
-        ("CC nothing\n", "has no line NM"),
+def test_a_line_that_cannot_be_understood_is_named(tmp_path):
+    for content, message in (
+        ("CC nothing\n", "mine.agf has no line NM"),
         ("CD 1 2 3\n" + MINE, "line 1: CD stands before the first NM"),
         (_with("NM MY-BK7 2 517642.251", "NM MY-BK7 2 517642.251 1.5168 64.17 0 1"), "line 2: NM has 3 words"),
-        (_with("NM OLD 1.5 1 1.5 64", "NM OLD 1 1 1.51680 64.17"), "line 11: formula is 1.5"),
-        (_with("NM OLD -1 1 1.5 64", "NM OLD 1 1 1.51680 64.17"), "line 11: formula is -1"),
-        (_with("NM OLD one 1 1.5 64", "NM OLD 1 1 1.51680 64.17"), "line 11: formula is 'one'"),
-        (_with("NM OLD 1 1 1,5168 64", "NM OLD 1 1 1.51680 64.17"), "line 11: n_d is '1,5168'"),
-        (_with("NM OLD 1 1 1.5168 nan", "NM OLD 1 1 1.51680 64.17"), "line 11: V_d is 'nan'"),
-        (_with("LD 0.365", "LD .365 1.014"), "line 13: LD has 1 numbers"),
-        (_with("LD 0.365 1e999", "LD .365 1.014"), "line 13: LD is 1e999, too large"),
-        (_with("LD .365 1.014\nLD .365 1.014", "LD .365 1.014"), "line 14: LD stands twice for OLD"),
-        (_with("CD 2.27 x", "CD 2.2718929 -1.0108077e-2"), "line 12: CD is 'x'"),
-    ],
-)
-def test_a_line_that_cannot_be_understood_is_named(tmp_path: Path, content: str, message: str) -> None:
-    with pytest.raises(PrescriptionError, match="mine.agf.*") as caught:
-        _written(tmp_path, content)
-    assert message in str(caught.value)
+        (_with("NM OLD 1.5 1 1.5 64", NM), "line 11: formula is 1.5"),
+        (_with("NM OLD -1 1 1.5 64", NM), "line 11: formula is -1"),
+        (_with("NM OLD one 1 1.5 64", NM), "line 11: formula is 'one'"),
+        (_with("NM OLD 1 1 1,5168 64", NM), "line 11: n_d is '1,5168'"),
+        (_with("NM OLD 1 1 1.5168 nan", NM), "line 11: V_d is 'nan'"),
+        (_with("LD 0.365", LD), "line 13: LD has 1 numbers"),
+        (_with("LD 0.365 1e999", LD), "line 13: LD is 1e999, too large"),
+        (_with(f"{LD}\n{LD}", LD), "line 14: LD stands twice for OLD"),
+        (_with("CD x", CD), "line 12: CD is 'x'"),
+    ):
+        with pytest.raises(PrescriptionError, match=r"mine.agf.*") as caught:
+            _written(tmp_path, content)
+        assert message in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (_with("NM OLD 1 1 1.51880 64.17", "NM OLD 1 1 1.51680 64.17"), "its formula gives n_d 1.5168 and its line NM"),
-        (
-            _with("NM OLD 14 1 1.51680 64.17", "NM OLD 1 1 1.51680 64.17"),
-            "formula is 14; those that are known are 1 to 13",
-        ),
-        (_with("IT", "LD .365 1.014"), "it has no line CD or no line LD"),
-        (_with("LD 1.014 0.365", "LD .365 1.014"), "wavelength_range (1014, 365) is empty"),
-        (_with("LD 0 1.014", "LD .365 1.014"), "wavelength_range is 0 nm"),
-        (_with("CD 0.99", "CD 2.2718929"), "must be finite and at least 1"),
-    ],
-)
-def test_a_glass_that_makes_no_sense_is_an_error_when_it_is_asked_for(
-    tmp_path: Path, content: str, message: str
-) -> None:
-    mine = _written(tmp_path, content)
-    with pytest.raises(PrescriptionError, match=r"^mine.agf, line 11, glass OLD: ") as caught:
-        mine["OLD"]
-    assert message in str(caught.value)
-    assert mine["ALN"].index(D_LINE) > 2
+def test_a_glass_that_makes_no_sense_is_an_error_when_it_is_asked_for(tmp_path):
+    for content, message in (
+        (_with("NM OLD 1 1 1.51880 64.17", NM), "its formula gives n_d 1.5168 and its line NM"),
+        (_with("NM OLD 14 1 1.51680 64.17", NM), "formula is 14; those that are known are 1 to 13"),
+        (_with("IT", LD), "it has no line CD or no line LD"),
+        (_with("LD 1.014 0.365", LD), "wavelength_range (1014, 365) is empty"),
+        (_with("CD 0.99", CD), "must be finite and at least 1"),
+    ):
+        mine = _written(tmp_path, content)
+        with pytest.raises(PrescriptionError, match=r"^mine.agf, line 11, glass OLD: ") as caught:
+            mine["OLD"]
+        assert message in str(caught.value)
+        assert mine["ALN"].index(D_LINE) > 2, message
+    # Rounding of a stated index is none.
+    assert _written(tmp_path, _with("NM OLD 1 1 1.517 64.17", NM))["OLD"].index(D_LINE) == glass("BK7").index(D_LINE)
 
 
-def test_rounding_of_a_stated_index_is_no_error(tmp_path: Path) -> None:
-    mine = _written(tmp_path, _with("NM OLD 1 1 1.517 64.17", "NM OLD 1 1 1.51680 64.17"))
-    assert mine["OLD"].index(D_LINE) == glass("BK7").index(D_LINE)
-
-
-def test_names_that_differ_by_a_sign_are_told_apart_by_it(tmp_path: Path) -> None:
+def test_names_that_differ_by_a_sign_are_told_apart_by_it(tmp_path):
     text = "NM A-B1 5 0 1 0\nCD 1.5\nLD 0.4 0.7\nNM AB1 5 0 1 0\nCD 1.6\nLD 0.4 0.7\n"
     mine = _written(tmp_path, text)
     assert mine["a-b1"].index(500.0) == 1.5
@@ -359,26 +347,21 @@ def test_names_that_differ_by_a_sign_are_told_apart_by_it(tmp_path: Path) -> Non
     assert _written(tmp_path, text[: text.index("NM AB1")] * 2)["ab 1"].index(500.0) == 1.5
 
 
-def test_entries_are_checked_values() -> None:
-    entry = GlassEntry("X", 5, 1.5, 60, [1.5, 0, 0], [400, 700])  # type: ignore[arg-type]
+def test_entries_are_checked_values():
+    entry = GlassEntry("X", 5, 1.5, 60, [1.5, 0, 0], [400, 700])
     assert pickle.loads(pickle.dumps(entry)) == entry == GlassEntry("X", 5, 1.5, 60.0, (1.5, 0.0, 0.0), (400.0, 700.0))
     assert GlassCatalogue("mine", [entry])["x"].index(500.0) == 1.5
     for wrong in ({"name": 5}, {"formula": 2.5}, {"nd": "a"}, {"vd": math.nan}, {"coefficients": [math.inf]}):
         with pytest.raises(InvalidValueError):
-            GlassEntry(**{"name": "X", "formula": 5, "nd": 1.5, "vd": 60.0, **wrong})  # type: ignore[arg-type]
+            GlassEntry(**{"name": "X", "formula": 5, "nd": 1.5, "vd": 60.0, **wrong})
     with pytest.raises(InvalidValueError, match="an entry is a"):
-        GlassCatalogue("mine", ["X"])  # type: ignore[list-item]
+        GlassCatalogue("mine", ["X"])
 
 
-@pytest.mark.parametrize("path", ["nowhere.agf", ".", "\0", 7, None])
-def test_a_file_that_cannot_be_read_is_a_file_error(tmp_path: Path, path: Any) -> None:
-    with pytest.raises(FileError):
-        load_glasses(tmp_path / path if path == "nowhere.agf" else path)
-
-
-def test_half_a_utf16_character_is_a_file_error(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="cannot read .*mine.agf"):
-        _written(tmp_path, MINE.encode("utf-16")[:-1])
+def test_a_file_that_cannot_be_read_is_a_file_error(tmp_path):
+    for path in (tmp_path / "nowhere.agf", ".", "\0", 7):
+        with pytest.raises(FileError):
+            load_glasses(path)
 
 
 EDITS = st.lists(
@@ -389,11 +372,9 @@ EDITS = st.lists(
 )  # fmt: skip
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=300)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)
 @given(edits=EDITS, encoding=st.sampled_from(["utf-8", "utf-16", "latin-1"]), wavelength=st.floats(100.0, 6000.0))
-def test_a_mangled_file_raises_only_the_package_s_own_errors(
-    tmp_path: Path, edits: list[tuple[int, int, bytes]], encoding: str, wavelength: float
-) -> None:
+def test_a_mangled_file_raises_only_the_package_s_own_errors(tmp_path, edits, encoding, wavelength):
     content = MINE.encode(encoding)
     for at, removed, inserted in edits:
         at %= len(content) + 1
@@ -416,19 +397,7 @@ def test_a_mangled_file_raises_only_the_package_s_own_errors(
             continue
 
 
-def test_abbe_numbers_are_those_of_the_catalogue():
-    import plenoptic as pl
-
-    for name, vd in (("N-BK7", 64.17), ("SF5", 32.21), ("F2", 36.37)):
-        assert pl.optics.abbe_number(glass(name)) == pytest.approx(vd, abs=0.01)
-    assert pl.optics.abbe_number(pl.ConstantMedium(1.5)) == math.inf
-
-
 def test_bundled_lenses_have_the_glasses_of_the_table():
-    import plenoptic as pl
-
     for name in ("achromat-100mm-f4.4", "singlet-100mm-f4"):
-        media = [
-            e.medium for e in pl.load_lens(name).elements if isinstance(e, pl.Surface) and e.medium != pl.optics.AIR
-        ]
-        assert media and all(medium == glass(medium.name) for medium in media)
+        media = [e.medium for e in load_lens(name).elements if isinstance(e, Surface) and e.medium != AIR]
+        assert media and all(medium == glass(medium.name) for medium in media), name

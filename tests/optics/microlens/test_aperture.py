@@ -31,7 +31,7 @@ LARGEST = {
 }
 
 
-def cell_of(lattice: pl.Lattice, size: float = 1.0) -> np.ndarray:
+def cell_of(lattice, size=1.0):
     x, y = PITCHES[lattice]
     return cell_polygon(lattice, (size * x, size * y))
 
@@ -43,9 +43,7 @@ def cell_of(lattice: pl.Lattice, size: float = 1.0) -> np.ndarray:
     part=st.floats(1e-6, 1.0),
     size=st.sampled_from([1e-6, 1.0, 1e6]),
 )
-def test_openings_have_their_area_and_fit_their_cell(
-    lattice: pl.Lattice, shape: pl.optics.ApertureShape, part: float, size: float
-) -> None:
+def test_openings_have_their_area_and_fit_their_cell(lattice, shape, part, size):
     cell, fill_factor = cell_of(lattice, size), part * LARGEST[lattice, shape]
     opening = opening_of(pl.optics.MicrolensAperture(shape, fill_factor), cell)
     round_one = shape is Shape.CIRCLE
@@ -66,7 +64,7 @@ def test_openings_have_their_area_and_fit_their_cell(
 
 
 @pytest.mark.parametrize(("lattice", "shape"), [key for key in LARGEST if LARGEST[key] < 1])
-def test_what_sticks_out_of_its_cell_is_refused(lattice: pl.Lattice, shape: pl.optics.ApertureShape) -> None:
+def test_what_sticks_out_of_its_cell_is_refused(lattice, shape):
     cell, largest = cell_of(lattice), LARGEST[lattice, shape]
     opening_of(pl.optics.MicrolensAperture(shape, largest * (1 - 1e-12)), cell)
     with pytest.raises(
@@ -79,7 +77,7 @@ def test_what_sticks_out_of_its_cell_is_refused(lattice: pl.Lattice, shape: pl.o
     opening_of(pl.optics.MicrolensAperture(shape, named), cell)
 
 
-def test_shapes_lie_as_documented() -> None:
+def test_shapes_lie_as_documented():
     square = opening_of(pl.optics.MicrolensAperture(Shape.SQUARE, 0.25), cell_of(pl.Lattice.SQUARE)).corners
     assert np.abs(square) == pytest.approx(np.full((4, 2), 0.25), abs=4 * EPS)
     hexagon = opening_of(pl.optics.MicrolensAperture(Shape.HEXAGON, 0.5), cell_of(pl.Lattice.HEXAGONAL)).corners
@@ -90,13 +88,13 @@ def test_shapes_lie_as_documented() -> None:
     assert whole == pytest.approx(cell_of(pl.Lattice.HEXAGONAL), abs=8 * EPS)
 
 
-def test_openings_shaped_as_cells_are_similar_to_them() -> None:
+def test_openings_shaped_as_cells_are_similar_to_them():
     for lattice in PITCHES:
         opening = opening_of(pl.optics.MicrolensAperture(Shape.CELL, 0.49), cell_of(lattice))
         assert opening.corners == pytest.approx(0.7 * cell_of(lattice), rel=8 * EPS, abs=8 * EPS)
 
 
-def test_arrays_have_openings() -> None:
+def test_arrays_have_openings():
     bare = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,))
     assert np.array_equal(bare.opening.corners, bare.cell_corners) and bare.opening.reach == bare.cell_radius
     circle = pl.optics.MicrolensAperture(Shape.CIRCLE, 0.6)
@@ -112,7 +110,7 @@ def test_arrays_have_openings() -> None:
         pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=pl.optics.MicrolensAperture(Shape.CIRCLE, 0.95))
 
 
-def test_a_small_opening_allows_a_strong_plate() -> None:
+def test_a_small_opening_allows_a_strong_plate():
     # A radius of curvature of 0.1 mm is less than the cell's corner at 0.115 mm, and more than a pinhole's.
     strong = {"pitch": 0.2, "focal_lengths": (0.2,), "model": pl.optics.MicrolensModel.SPHERICAL}
     with pytest.raises(pl.errors.InvalidValueError, match="below the corner of the opening at 0.115"):
@@ -131,6 +129,6 @@ def test_a_small_opening_allows_a_strong_plate() -> None:
         ({"fill_factor": math.nan}, "fill_factor is nan; it must be finite"),
     ],
 )
-def test_impossible_apertures(changes: dict, message: str) -> None:
+def test_impossible_apertures(changes, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.optics.MicrolensAperture(**changes)

@@ -21,17 +21,17 @@ THIN, FLAT, SPHERICAL = (
 class Dense:
     """A medium for flat plates, whose index falls from blue to red."""
 
-    def index(self, wavelength: float) -> float:
+    def index(self, wavelength):
         return 100.0 + 0.01 * (587.6 - wavelength)
 
 
-def array_of(model: pl.optics.MicrolensModel, side=pl.optics.ConvexSide.SCENE, **changes) -> pl.MicrolensArray:
+def array_of(model, side=pl.optics.ConvexSide.SCENE, **changes):
     medium = Dense() if model is FLAT else FLINT
     fields = {"pitch": 0.217, "focal_lengths": (2.0,), "model": model, "convex_side": side, "medium": medium} | changes
     return pl.MicrolensArray(**fields)
 
 
-def camera_of(array: pl.MicrolensArray, **changes) -> pl.PlenopticCamera:
+def camera_of(array, **changes):
     """A thin lens in front, so that all colour is that of the microlenses."""
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
     elements = [

@@ -17,7 +17,7 @@ EPS = np.finfo(float).eps
 SENSOR = BlemishSite.SENSOR
 
 
-def blocks_of(columns: np.ndarray) -> np.ndarray:
+def blocks_of(columns):
     """Rows of rays (n, 8) as kernels want them."""
     n = len(columns)
     rows = np.zeros((8, -(-n // BLOCK) * BLOCK))
@@ -25,32 +25,23 @@ def blocks_of(columns: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2)).reshape(-1)
 
 
-def weights_of(blocks: np.ndarray, n: int) -> np.ndarray:
+def weights_of(blocks, n):
     return blocks.reshape(-1, 8, BLOCK)[:, 6].reshape(-1)[:n]
 
 
-def aims(points: np.ndarray, sensor: np.ndarray) -> np.ndarray:
+def aims(points, sensor):
     n = len(points)
     return blocks_of(np.column_stack([points, np.zeros(n), points - sensor, np.zeros(n), np.ones(n), np.zeros(n)]))
 
 
-def dimmed(
-    blemishes: Blemishes,
-    points: np.ndarray,
-    sensor: np.ndarray,
-    *,
-    distance: float,
-    tilt: np.ndarray | None = None,
-    height: float | None = None,
-    axes: np.ndarray | None = None,
-) -> np.ndarray:
+def dimmed(blemishes, points, sensor, *, distance, tilt=None, height=None, axes=None):
     """Weights of paths of weight 1."""
     blocks = aims(points, sensor)
     fill_dimmed_aims(blocks, SensorPlane(distance, tilt), height, axes, dust_record(blemishes))
     return weights_of(blocks, len(points))
 
 
-def distances(blemishes: Blemishes, points: np.ndarray) -> np.ndarray:
+def distances(blemishes, points):
     """(n, m): of points from the segments of blemishes."""
     along = blemishes.end - blemishes.start
     length = np.linalg.norm(along, axis=1)
@@ -60,16 +51,16 @@ def distances(blemishes: Blemishes, points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(off - t[..., None] * unit, axis=2)
 
 
-def passing(blemishes: Blemishes, points: np.ndarray) -> np.ndarray:
+def passing(blemishes, points):
     """What passes, blemish by blemish without a grid."""
     return np.where(distances(blemishes, points) < blemishes.radius, blemishes.transmission, 1.0).prod(axis=1)
 
 
-def clear_of_edges(blemishes: Blemishes, points: np.ndarray, off: float) -> np.ndarray:
+def clear_of_edges(blemishes, points, off):
     return (np.abs(distances(blemishes, points) - blemishes.radius) > off).all(axis=1)
 
 
-def some_blemishes(rng: np.random.Generator, n: int, *, size: float, spread: float, **fields) -> Blemishes:
+def some_blemishes(rng, n, *, size, spread, **fields):
     """Grains and scratches of radii and lengths over several powers of ten."""
     start = rng.uniform(-size, size, (n, 2))
     long = rng.integers(0, 2, n) * size * 10.0 ** rng.uniform(-spread, 0.5, n)
@@ -82,7 +73,7 @@ def some_blemishes(rng: np.random.Generator, n: int, *, size: float, spread: flo
 # Laws
 
 
-def test_a_grain_on_the_pixels_removes_its_area() -> None:
+def test_a_grain_on_the_pixels_removes_its_area():
     radius, side, n = 0.3, 2.0, 100_000
     grain = Blemishes(SENSOR, [(0.1, -0.2)], [(0.1, -0.2)], [radius], [0.0], height=0.0)
     rng = np.random.default_rng(1)
@@ -96,7 +87,7 @@ def test_a_grain_on_the_pixels_removes_its_area() -> None:
 
 
 @pytest.mark.parametrize("length", [0.0, 0.5, 1.2])
-def test_the_area_of_a_scratch(length: float) -> None:
+def test_the_area_of_a_scratch(length):
     radius, side, n = 0.1, 2.0, 100_000
     angle = 0.7
     end = 0.5 * length * np.array([math.cos(angle), math.sin(angle)])
@@ -107,7 +98,7 @@ def test_the_area_of_a_scratch(length: float) -> None:
     assert abs(lost - share) < 4 * math.sqrt(share * (1 - share) / n)
 
 
-def test_transmissions_multiply() -> None:
+def test_transmissions_multiply():
     pile = Blemishes(SENSOR, [(0, 0)] * 3, [(0, 0), (1, 0), (0, 0)], [0.5, 0.25, 0.125], [0.5, 0.25, 0.75])
     points = [(0, 0), (0.2, 0), (0, 0.3), (0.8, 0.1), (3, 3)]
     # Products of a few powers of two: exact.
@@ -119,7 +110,7 @@ def test_transmissions_multiply() -> None:
     assert np.array_equal(one_by_one, pile.at(points))
 
 
-def overlap(r: float, rho: float, d: float) -> float:
+def overlap(r, rho, d):
     """Area that discs of radii r and rho share, centres d apart."""
     if d >= r + rho:
         return 0.0
@@ -131,7 +122,7 @@ def overlap(r: float, rho: float, d: float) -> float:
 
 
 @pytest.mark.parametrize("height", [0.2, 0.6])
-def test_dust_at_a_height_has_a_penumbra(height: float) -> None:
+def test_dust_at_a_height_has_a_penumbra(height):
     # A cone from a disc of radius a, at a distance D, is at a height g a disc of radius rho = g a / D: what a grain
     # takes of it is the overlap of two discs. The penumbra is 2 rho wide.
     aperture, distance, radius, n = 0.3, 2.0, 0.05, 40_000
@@ -149,7 +140,7 @@ def test_dust_at_a_height_has_a_penumbra(height: float) -> None:
 
 
 @pytest.mark.parametrize("height", [0.0, 0.5, 1.5])
-def test_a_cone_carries_as_much_away_at_every_height(height: float) -> None:
+def test_a_cone_carries_as_much_away_at_every_height(height):
     # Over a plane of sensor points the shadow is blurred, not weakened: the lost share is the grain's area.
     radius, side, n = 0.2, 3.0, 100_000
     grain = Blemishes(SENSOR, [(0, 0)], [(0, 0)], [radius], [0.0], height=height)
@@ -164,7 +155,7 @@ def test_a_cone_carries_as_much_away_at_every_height(height: float) -> None:
 # Geometry
 
 
-def test_the_array_s_plane_is_where_paths_are_aimed() -> None:
+def test_the_array_s_plane_is_where_paths_are_aimed():
     rng = np.random.default_rng(5)
     listed = some_blemishes(rng, 200, size=1.0, spread=2.0)
     points, sensor = rng.uniform(-1, 1, (2, 1000, 2))
@@ -176,7 +167,7 @@ def test_the_array_s_plane_is_where_paths_are_aimed() -> None:
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), height=st.floats(0.0, 0.9))
-def test_a_tilted_and_decentred_sensor(seed: int, height: float) -> None:
+def test_a_tilted_and_decentred_sensor(seed, height):
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
@@ -210,13 +201,13 @@ def test_a_tilted_and_decentred_sensor(seed: int, height: float) -> None:
     assert clear.sum() > 290
 
 
-def test_axes_that_are_the_same_are_none() -> None:
+def test_axes_that_are_the_same_are_none():
     assert plane_axes(np.eye(3), np.array([0.0, 0.0, 5.0]), height=1.0) is None
     moved = plane_axes(np.eye(3), np.array([0.5, 0.0, 5.0]), height=1.0)
     assert moved is not None and moved.tolist() == [[1, 0, -0.5], [0, 1, 0]]
 
 
-def test_rays_are_dimmed_where_they_cross_a_plane() -> None:
+def test_rays_are_dimmed_where_they_cross_a_plane():
     rng = np.random.default_rng(6)
     listed = some_blemishes(rng, 300, size=1.0, spread=2.0)
     n, z = 1000, 3.0
@@ -256,7 +247,7 @@ def test_rays_are_dimmed_where_they_cross_a_plane() -> None:
     spread=st.sampled_from([0.0, 1.0, 4.0]),
     far=st.sampled_from([0.0, 1e3]),
 )
-def test_bins_find_what_a_search_of_all_finds(seed: int, n: int, size: float, spread: float, far: float) -> None:
+def test_bins_find_what_a_search_of_all_finds(seed, n, size, spread, far):
     rng = np.random.default_rng(seed)
     listed = some_blemishes(rng, n, size=size, spread=spread)
     offset = far * size * rng.uniform(-1, 1, 2)
@@ -273,7 +264,7 @@ def test_bins_find_what_a_search_of_all_finds(seed: int, n: int, size: float, sp
 
 
 @pytest.mark.parametrize("radius", [1e-4, 0.02, 5.0])
-def test_the_grid_stays_small(radius: float) -> None:
+def test_the_grid_stays_small(radius):
     rng = np.random.default_rng(7)
     n = 20_000
     start = rng.uniform(-5, 5, (n, 2))
@@ -286,7 +277,7 @@ def test_the_grid_stays_small(radius: float) -> None:
         assert np.diff(tables.first).mean() < 4
 
 
-def test_a_row_of_grains_makes_a_row_of_bins() -> None:
+def test_a_row_of_grains_makes_a_row_of_bins():
     start = np.column_stack([np.arange(1000.0), np.zeros(1000)])
     row = Blemishes(SENSOR, start, start, 1e-3, 0.5)
     assert dust_record(row).first.size <= 6002
@@ -294,7 +285,7 @@ def test_a_row_of_grains_makes_a_row_of_bins() -> None:
 
 
 @pytest.mark.parametrize("site", list(BlemishSite))
-def test_no_blemishes_dim_nothing(site: BlemishSite) -> None:
+def test_no_blemishes_dim_nothing(site):
     none = Blemishes(site, [], [], [], [])
     assert len(none) == 0
     rng = np.random.default_rng(8)
@@ -305,7 +296,7 @@ def test_no_blemishes_dim_nothing(site: BlemishSite) -> None:
     assert np.all(weights_of(blocks, 300) == 1.0)
 
 
-def test_one_grain_larger_than_the_sensor() -> None:
+def test_one_grain_larger_than_the_sensor():
     cap = Blemishes(SENSOR, [(0, 0)], [(0, 0)], 100.0, 0.5)
     assert cap.at([(0, 0), (99.9, 0), (100.1, 0), (-1e9, 1e9)]).tolist() == [0.5, 0.5, 1.0, 1.0]
 
@@ -313,7 +304,7 @@ def test_one_grain_larger_than_the_sensor() -> None:
 # Values
 
 
-def test_blemishes_are_values() -> None:
+def test_blemishes_are_values():
     listed = some_blemishes(np.random.default_rng(10), 20, size=1.0, spread=1.0, height=0.5)
     again = pickle.loads(pickle.dumps(listed))
     assert again == listed and hash(again) == hash(listed)
@@ -344,6 +335,6 @@ GRAIN = {"site": SENSOR, "start": [(0, 0)], "end": [(0, 0)], "radius": [0.1], "t
         ({"height": 0.1, "site": BlemishSite.ARRAY}, "height of the blemishes is 0.1 mm at the site ARRAY"),
     ],
 )
-def test_impossible_blemishes(changes: dict, message: str) -> None:
+def test_impossible_blemishes(changes, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         Blemishes(**(GRAIN | changes))

@@ -12,17 +12,17 @@ from plenoptic.optics.microlens.imperfections import deviations_of, largest_offs
 ALL = {"pitch_jitter": 0.01, "decentre": 0.02, "focal_length_spread": 0.05, "missing": 0.1, "dark": 0.2}
 
 
-def indices(around: int) -> np.ndarray:
+def indices(around):
     """(n, 2): all lenses up to `around` from the centre."""
     i, j = np.mgrid[-around : around + 1, -around : around + 1]
     return np.stack([i.ravel(), j.ravel()], axis=1)
 
 
-def drawn(around: int = 100, **changes) -> pl.optics.MicrolensDeviations:
+def drawn(around=100, **changes):
     return pl.MicrolensImperfections(**(ALL | changes)).deviations(indices(around))
 
 
-def normal_columns(found: pl.optics.MicrolensDeviations) -> np.ndarray:
+def normal_columns(found):
     """(5, n) standard normal numbers."""
     return np.concatenate(
         [found.shift.T / ALL["pitch_jitter"], found.decentre.T / ALL["decentre"], [found.focal_length_factor - 1]]
@@ -33,7 +33,7 @@ def normal_columns(found: pl.optics.MicrolensDeviations) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 12345])
-def test_deviations_are_normal(seed: int) -> None:
+def test_deviations_are_normal(seed):
     z = normal_columns(drawn(seed=seed, missing=0.0))
     n = z.shape[1]
     # Means and variances of n independent normal numbers.
@@ -46,7 +46,7 @@ def test_deviations_are_normal(seed: int) -> None:
     assert np.all(chi2 < 31 + 5 * math.sqrt(62))
 
 
-def test_deviations_are_cut_at_four_standard_deviations() -> None:
+def test_deviations_are_cut_at_four_standard_deviations():
     # Of 2.5 million numbers, 63 per million lie beyond: some 160 are cut.
     z = normal_columns(drawn(around=350, missing=0.0))
     assert np.abs(z).max() == pytest.approx(4.0, rel=1e-12)
@@ -56,7 +56,7 @@ def test_deviations_are_cut_at_four_standard_deviations() -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 7])
-def test_neither_numbers_nor_neighbours_are_correlated(seed: int) -> None:
+def test_neither_numbers_nor_neighbours_are_correlated(seed):
     around = 60
     z = normal_columns(drawn(around, seed=seed, missing=0.0)).reshape(5, 2 * around + 1, 2 * around + 1)
     # The circular correlation of n independent pairs has a standard deviation of 1 / sqrt(n); 5 x 5 x 17 x 17 of them
@@ -74,7 +74,7 @@ def test_neither_numbers_nor_neighbours_are_correlated(seed: int) -> None:
             assert np.abs(found).max() < limit
 
 
-def test_missing_and_dark_lenses_are_a_fraction_of_all_and_never_both() -> None:
+def test_missing_and_dark_lenses_are_a_fraction_of_all_and_never_both():
     found = drawn(seed=3)
     n = len(found)
     missing, dark = np.isinf(found.focal_length_factor), found.transmission == 0
@@ -90,7 +90,7 @@ def test_missing_and_dark_lenses_are_a_fraction_of_all_and_never_both() -> None:
 
 
 @pytest.mark.parametrize(("missing", "dark"), [(1.0, 0.0), (0.0, 1.0), (0.3, 0.7)])
-def test_all_lenses_can_be_lost(missing: float, dark: float) -> None:
+def test_all_lenses_can_be_lost(missing, dark):
     found = drawn(20, missing=missing, dark=dark)
     lost = np.isinf(found.focal_length_factor)
     if found.transmission is not None:
@@ -98,7 +98,7 @@ def test_all_lenses_can_be_lost(missing: float, dark: float) -> None:
     assert lost.all()
 
 
-def test_what_is_not_there_takes_no_memory() -> None:
+def test_what_is_not_there_takes_no_memory():
     found = pl.MicrolensImperfections(seed=1).deviations(indices(3))
     assert found.shift is found.decentre is found.focal_length_factor is found.transmission is None
     assert pl.MicrolensImperfections(dark=0.1).deviations(indices(3)).shift is None
@@ -110,7 +110,7 @@ def test_what_is_not_there_takes_no_memory() -> None:
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**64 - 1), choice=st.integers(0, 10_000))
-def test_a_lens_s_numbers_depend_on_the_seed_and_its_index_alone(seed: int, choice: int) -> None:
+def test_a_lens_s_numbers_depend_on_the_seed_and_its_index_alone(seed, choice):
     spoiled = pl.MicrolensImperfections(**ALL, seed=seed)
     index = np.random.default_rng(choice).permutation(indices(6))[:20]
     together = spoiled.deviations(index)
@@ -120,7 +120,7 @@ def test_a_lens_s_numbers_depend_on_the_seed_and_its_index_alone(seed: int, choi
             assert np.array_equal(getattr(alone, name)[0], getattr(together, name)[k])
 
 
-def test_effects_are_switched_on_and_off_alone() -> None:
+def test_effects_are_switched_on_and_off_alone():
     index = indices(5)
     whole = pl.MicrolensImperfections(**ALL, seed=4).deviations(index)
     jitter = pl.MicrolensImperfections(pitch_jitter=ALL["pitch_jitter"], seed=4).deviations(index)
@@ -129,12 +129,12 @@ def test_effects_are_switched_on_and_off_alone() -> None:
     assert np.array_equal(dark.transmission, whole.transmission)
 
 
-def test_another_seed_is_another_array() -> None:
+def test_another_seed_is_another_array():
     a, b = normal_columns(drawn(seed=1, missing=0.0)), normal_columns(drawn(seed=2, missing=0.0))
     assert np.all(np.abs((a * b).mean(axis=1)) < 4 / math.sqrt(a.shape[1]))
 
 
-def test_far_lenses_have_numbers_too() -> None:
+def test_far_lenses_have_numbers_too():
     far = [(-(2**62), 2**62), (2**62, -(2**62)), (0, -1), (-1, 0)]
     found = pl.MicrolensImperfections(**ALL).deviations(far)
     assert np.isfinite(found.shift).all() and len(np.unique(found.shift)) == 8
@@ -143,7 +143,7 @@ def test_far_lenses_have_numbers_too() -> None:
 # Listed deviations
 
 
-def test_listed_deviations_concern_listed_lenses_only() -> None:
+def test_listed_deviations_concern_listed_lenses_only():
     listed = pl.optics.MicrolensDeviations(
         index=[(2, -1), (0, 3)],
         shift=[(0.1, 0.2), (0.3, 0.4)],
@@ -159,7 +159,7 @@ def test_listed_deviations_concern_listed_lenses_only() -> None:
     assert found.decentre is None
 
 
-def test_an_empty_list_changes_nothing() -> None:
+def test_an_empty_list_changes_nothing():
     empty = pl.optics.MicrolensDeviations(np.zeros((0, 2)), shift=np.zeros((0, 2)), transmission=[])
     found = deviations_of(empty, indices(2))
     assert len(empty) == 0 and len(found) == 25
@@ -167,14 +167,14 @@ def test_an_empty_list_changes_nothing() -> None:
     assert largest_offset(empty) == 0.0
 
 
-def test_drawn_deviations_can_be_listed() -> None:
+def test_drawn_deviations_can_be_listed():
     # What is drawn, written down and read again is the same, lens for lens.
     spoiled, index = pl.MicrolensImperfections(**ALL, seed=9), indices(7)
     again = deviations_of(spoiled.deviations(index), index[::-1])
     assert again == spoiled.deviations(index[::-1])
 
 
-def test_no_axis_lies_farther_off_than_the_largest_offset() -> None:
+def test_no_axis_lies_farther_off_than_the_largest_offset():
     found = drawn(around=350)
     off = np.hypot(*(found.shift + found.decentre).T)
     limit = largest_offset(pl.MicrolensImperfections(**ALL))
@@ -185,7 +185,7 @@ def test_no_axis_lies_farther_off_than_the_largest_offset() -> None:
 # Values
 
 
-def test_imperfections_are_values() -> None:
+def test_imperfections_are_values():
     for made in (pl.MicrolensImperfections(**ALL, seed=2), drawn(3)):
         again = pickle.loads(pickle.dumps(made))
         assert again == made and hash(again) == hash(made)
@@ -206,7 +206,7 @@ def test_imperfections_are_values() -> None:
         ({"seed": 1.5}, "seed is 1.5; it must be a whole number"),
     ],
 )
-def test_impossible_imperfections(changes: dict, message: str) -> None:
+def test_impossible_imperfections(changes, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.MicrolensImperfections(**changes)
 
@@ -224,6 +224,6 @@ def test_impossible_imperfections(changes: dict, message: str) -> None:
         ({"transmission": [1.0]}, r"transmission has shape \(1,\)"),
     ],
 )
-def test_impossible_deviations(changes: dict, message: str) -> None:
+def test_impossible_deviations(changes, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.optics.MicrolensDeviations(**({"index": [(0, 0), (1, 0)]} | changes))

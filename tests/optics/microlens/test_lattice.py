@@ -26,7 +26,7 @@ NEIGHBOURS = {
 }
 
 
-def cut_polygon(corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def cut_polygon(corners, edges):
     """The part of a convex polygon inside all edges (k, 3), cut by the kernel."""
     polygon, n = np.zeros((3, 32)), len(corners)
     polygon[:2, :n] = corners.T
@@ -40,7 +40,7 @@ def cut_polygon(corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize(("lattice", "pitch"), LATTICES)
-def test_a_cell_has_the_area_of_the_basis(lattice: pl.Lattice, pitch: tuple[float, float], size: float) -> None:
+def test_a_cell_has_the_area_of_the_basis(lattice, pitch, size):
     pitches = (size * pitch[0], size * pitch[1])
     basis, cell = lattice_basis(lattice, pitches), cell_polygon(lattice, pitches)
     assert polygon_area(cell) == pytest.approx(abs(np.linalg.det(basis)), rel=32 * EPS)
@@ -50,7 +50,7 @@ def test_a_cell_has_the_area_of_the_basis(lattice: pl.Lattice, pitch: tuple[floa
 
 
 @pytest.mark.parametrize(("lattice", "pitch"), LATTICES)
-def test_cells_tile_the_plane(lattice: pl.Lattice, pitch: tuple[float, float]) -> None:
+def test_cells_tile_the_plane(lattice, pitch):
     basis, edges = lattice_basis(lattice, pitch), polygon_edges(cell_polygon(lattice, pitch))
     i, j = np.mgrid[-4:5, -4:5]
     centres = np.stack([i.ravel(), j.ravel()], axis=1) @ basis
@@ -63,7 +63,7 @@ def test_cells_tile_the_plane(lattice: pl.Lattice, pitch: tuple[float, float]) -
 
 
 @pytest.mark.parametrize(("lattice", "pitch"), LATTICES)
-def test_edges_are_half_way_to_neighbours(lattice: pl.Lattice, pitch: tuple[float, float]) -> None:
+def test_edges_are_half_way_to_neighbours(lattice, pitch):
     basis = lattice_basis(lattice, pitch)
     offsets = np.array(NEIGHBOURS.get(lattice, NEIGHBOURS[SQUARE])) @ basis
     edges = polygon_edges(cell_polygon(lattice, pitch))
@@ -71,7 +71,7 @@ def test_edges_are_half_way_to_neighbours(lattice: pl.Lattice, pitch: tuple[floa
     assert {tuple(np.round(n * d, 12) + 0.0) for n, d in zip(edges[:, :2], edges[:, 2], strict=True)} == half_way
 
 
-def test_the_largest_cell_of_listed_lenses_reaches_a_pitch() -> None:
+def test_the_largest_cell_of_listed_lenses_reaches_a_pitch():
     corners = cell_polygon(pl.Lattice.FREE, (0.3, 0.3))
     assert sorted(map(tuple, corners.tolist())) == [(-0.3, -0.3), (-0.3, 0.3), (0.3, -0.3), (0.3, 0.3)]
     assert polygon_area(corners) == pytest.approx(0.36, rel=4 * EPS)
@@ -81,7 +81,7 @@ def test_the_largest_cell_of_listed_lenses_reaches_a_pitch() -> None:
 
 
 @pytest.mark.parametrize("types", [3, 4, 5, 7])
-def test_neighbours_of_a_hexagonal_lattice_differ(types: int) -> None:
+def test_neighbours_of_a_hexagonal_lattice_differ(types):
     pattern = default_pattern(types)
     for (i, j), (di, dj) in itertools.product(np.ndindex(types, types), NEIGHBOURS[HEXAGONAL]):
         assert pattern[i, j] != pattern[(i + di) % types, (j + dj) % types]
@@ -89,7 +89,7 @@ def test_neighbours_of_a_hexagonal_lattice_differ(types: int) -> None:
     assert np.bincount(pattern.ravel()).tolist() == [types] * types
 
 
-def test_three_types_surround_each_other_in_turn() -> None:
+def test_three_types_surround_each_other_in_turn():
     # As in the multi-focus cameras of Raytrix: around each lens the two other types alternate.
     pattern = default_pattern(3)
     for i, j in np.ndindex(3, 3):
@@ -98,14 +98,14 @@ def test_three_types_surround_each_other_in_turn() -> None:
         assert {ring[0], ring[1], pattern[i, j]} == {0, 1, 2}
 
 
-def test_two_types_are_a_checkerboard() -> None:
+def test_two_types_are_a_checkerboard():
     pattern = default_pattern(2)
     for (i, j), (di, dj) in itertools.product(np.ndindex(2, 2), NEIGHBOURS[SQUARE]):
         assert pattern[i, j] != pattern[(i + di) % 2, (j + dj) % 2]
 
 
 @pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
-def test_a_pattern_repeats_over_the_array(lattice: pl.Lattice) -> None:
+def test_a_pattern_repeats_over_the_array(lattice):
     given_pattern = [[0, 1, 1], [2, 0, 2]]
     array = pl.MicrolensArray(pitch=1.0, focal_lengths=(1.0, 2.0, 3.0), lattice=lattice, pattern=given_pattern)
     found = array.lenses((-6.0, -6.0), (6.0, 6.0))
@@ -115,7 +115,7 @@ def test_a_pattern_repeats_over_the_array(lattice: pl.Lattice) -> None:
     assert array.focal_length == 1.0
 
 
-def test_the_lens_on_the_axis_is_of_the_pattern_s_first_type() -> None:
+def test_the_lens_on_the_axis_is_of_the_pattern_s_first_type():
     array = pl.MicrolensArray(pitch=1.0, focal_lengths=(1.0, 2.0), lattice=SQUARE, pattern=[[1, 0]])
     assert array.focal_length == 2.0
     assert array.lenses((-0.1, -0.1), (0.1, 0.1)).power.tolist() == [0.5]
@@ -126,7 +126,7 @@ def test_the_lens_on_the_axis_is_of_the_pattern_s_first_type() -> None:
 
 @settings(max_examples=50)
 @given(sides=st.integers(3, 24), radius=st.floats(1e-6, 1e6), first=st.floats(-7.0, 7.0))
-def test_regular_polygons(sides: int, radius: float, first: float) -> None:
+def test_regular_polygons(sides, radius, first):
     corners = regular_polygon(sides, radius, first)
     area = 0.5 * sides * radius**2 * math.sin(2 * math.pi / sides)
     # Angles of up to 13 radians are good to an eps of that.
@@ -144,7 +144,7 @@ def test_regular_polygons(sides: int, radius: float, first: float) -> None:
     offset=st.floats(-1.5, 1.5),
     size=st.sampled_from([1e-6, 1.0, 1e6]),
 )
-def test_the_two_parts_of_a_cut_polygon_add_up(sides: int, angle: float, offset: float, size: float) -> None:
+def test_the_two_parts_of_a_cut_polygon_add_up(sides, angle, offset, size):
     corners = regular_polygon(sides, size, 0.3)
     normal = np.array([math.cos(angle), math.sin(angle)])
     kept = cut_polygon(corners, np.array([[*normal, offset * size]]))
@@ -159,13 +159,13 @@ def test_the_two_parts_of_a_cut_polygon_add_up(sides: int, angle: float, offset:
     assert len(kept) <= sides + 1 and len(rest) <= sides + 1
 
 
-def test_cutting_everything_away_leaves_nothing() -> None:
+def test_cutting_everything_away_leaves_nothing():
     assert cut_polygon(regular_polygon(6, 1.0, 0.0), np.array([[1.0, 0.0, -2.0], [0.0, 1.0, 0.5]])).shape == (0, 2)
 
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
-def test_cuts_one_after_the_other_keep_what_lies_within_all(seed: int) -> None:
+def test_cuts_one_after_the_other_keep_what_lies_within_all(seed):
     rng = np.random.default_rng(seed)
     corners = regular_polygon(int(rng.integers(3, 9)), 1.0, rng.uniform(0, 6))
     edges = rng.normal(size=(4, 3))

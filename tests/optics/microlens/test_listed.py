@@ -19,17 +19,17 @@ SPOILED = pl.MicrolensImperfections(
 )
 
 
-def array_of(lattice: pl.Lattice, size: float = 1.0, **fields) -> pl.MicrolensArray:
+def array_of(lattice, size=1.0, **fields):
     both = (1.5 * size, size) if lattice is pl.Lattice.RECTANGULAR else size
     return pl.MicrolensArray(pitch=both, **({"focal_lengths": (2.0,), "lattice": lattice} | fields))
 
 
-def free_array(n: int, seed: int, **fields) -> pl.MicrolensArray:
+def free_array(n, seed, **fields):
     centres = np.random.default_rng(seed).uniform(-2, 2, (n, 2))
     return array_of(pl.Lattice.FREE, 0.5, centres=centres, **fields)
 
 
-def tables_of(array: pl.MicrolensArray, reach: float):
+def tables_of(array, reach):
     return array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=reach, margin=0.0)
 
 
@@ -46,7 +46,7 @@ def test_cells_with_very_many_sides_are_refused(around):
 
 @settings(max_examples=40)
 @given(lattice=st.sampled_from(REGULAR), size=st.sampled_from([1e-6, 1.0, 1e6]), seed=st.integers(0, 1000))
-def test_a_box_holds_the_lenses_whose_centres_lie_in_it(lattice: pl.Lattice, size: float, seed: int) -> None:
+def test_a_box_holds_the_lenses_whose_centres_lie_in_it(lattice, size, seed):
     array = array_of(lattice, size)
     low, high = np.sort(np.random.default_rng(seed).uniform(-6 * size, 6 * size, (2, 2)), axis=0)
     i, j = np.mgrid[-20:21, -20:21]
@@ -65,7 +65,7 @@ def test_a_box_holds_the_lenses_whose_centres_lie_in_it(lattice: pl.Lattice, siz
 
 @pytest.mark.parametrize("lattice", REGULAR)
 @pytest.mark.parametrize("size", [1e-6, 0.217, 1e6])
-def test_lenses_on_the_border_belong_to_the_box(lattice: pl.Lattice, size: float) -> None:
+def test_lenses_on_the_border_belong_to_the_box(lattice, size):
     array = array_of(lattice, size)
     for corner in np.array([(3, 1), (-7, 2), (11, -5), (0, 0)]) @ array.basis:
         for found in (array.lenses(corner, corner), array.lenses(corner, corner + size / 3)):
@@ -73,7 +73,7 @@ def test_lenses_on_the_border_belong_to_the_box(lattice: pl.Lattice, size: float
             np.testing.assert_allclose(found.centre, [corner], rtol=0, atol=30 * EPS * size)
 
 
-def test_a_box_between_lenses_is_empty() -> None:
+def test_a_box_between_lenses_is_empty():
     for array in (array_of(pl.Lattice.SQUARE, imperfections=SPOILED), free_array(5, 1, imperfections=SPOILED)):
         found = array.lenses((0.4, 100.4), (0.6, 100.6))
         assert len(found) == 0 and found.centre.shape == (0, 2) and found.power.shape == (0,)
@@ -81,7 +81,7 @@ def test_a_box_between_lenses_is_empty() -> None:
 
 
 @pytest.mark.parametrize("lattice", REGULAR)
-def test_boxes_side_by_side_list_the_same_lenses_as_one(lattice: pl.Lattice) -> None:
+def test_boxes_side_by_side_list_the_same_lenses_as_one(lattice):
     array = array_of(lattice, 0.217, imperfections=SPOILED, focal_lengths=(1.0, 2.0, 3.0))
     whole = array.lenses((-2.0, -2.0), (2.0, 2.0))
     cut = 0.1234
@@ -93,14 +93,14 @@ def test_boxes_side_by_side_list_the_same_lenses_as_one(lattice: pl.Lattice) -> 
         assert np.array_equal(together[order], getattr(whole, field.name))
 
 
-def test_two_unequal_pitches_of_any_size() -> None:
+def test_two_unequal_pitches_of_any_size():
     # 12 powers of ten apart: the box is as exact along the narrow axis as along the wide one.
     array = pl.MicrolensArray(pitch=(1e-6, 1e6), focal_lengths=(2.0,), lattice=pl.Lattice.RECTANGULAR)
     found = array.lenses((-3.5e-6, -1.0), (3.5e-6, 1.0))
     assert found.index.tolist() == [[i, 0] for i in range(-3, 4)]
 
 
-def test_too_many_lenses_and_no_box() -> None:
+def test_too_many_lenses_and_no_box():
     array = array_of(pl.Lattice.HEXAGONAL, 1e-6)
     with pytest.raises(
         pl.errors.InvalidValueError, match="the box holds some .* microlenses, and the limit is 20000000"
@@ -120,7 +120,7 @@ def test_too_many_lenses_and_no_box() -> None:
 # What is individual about them
 
 
-def test_listed_deviations_change_their_lenses_and_no_others() -> None:
+def test_listed_deviations_change_their_lenses_and_no_others():
     listed = pl.optics.MicrolensDeviations(
         index=[(1, 0), (0, -1)],
         shift=[(0.01, 0.02), (0.0, 0.0)],
@@ -147,7 +147,7 @@ def test_listed_deviations_change_their_lenses_and_no_others() -> None:
     assert changed.transmission[[first, second]].tolist() == [0.25, 1.0]
 
 
-def test_drawn_deviations_are_those_of_their_index() -> None:
+def test_drawn_deviations_are_those_of_their_index():
     array = array_of(pl.Lattice.HEXAGONAL, focal_lengths=(1.0, 2.0, 4.0), imperfections=SPOILED)
     found = array.lenses((-5, -5), (5, 5))
     drawn = SPOILED.deviations(found.index)
@@ -159,7 +159,7 @@ def test_drawn_deviations_are_those_of_their_index() -> None:
     assert np.array_equal(found.transmission, drawn.transmission)
 
 
-def test_free_lenses_are_numbered() -> None:
+def test_free_lenses_are_numbered():
     array = free_array(50, 2, types=np.arange(50) % 2, focal_lengths=(1.0, -4.0), imperfections=SPOILED)
     inside = ((array.centres >= -1) & (array.centres <= 1)).all(axis=1)
     found = array.lenses((-1, -1), (1, 1))
@@ -173,7 +173,7 @@ def test_free_lenses_are_numbered() -> None:
 
 @settings(max_examples=20)
 @given(seed=st.integers(0, 1000), n=st.integers(1, 60))
-def test_free_cells_hold_what_is_nearest(seed: int, n: int) -> None:
+def test_free_cells_hold_what_is_nearest(seed, n):
     array = free_array(n, seed)
     points = np.random.default_rng(seed + 1).uniform(-2.5, 2.5, (400, 2))
     off = points[:, None] - array.centres
@@ -206,7 +206,7 @@ def test_free_cells_hold_what_is_nearest(seed: int, n: int) -> None:
         {"aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.SQUARE, 0.5, pl.optics.Gaps.CLEAR)},
     ],
 )
-def test_arrays_take_no_memory_for_each_lens(fields: dict) -> None:
+def test_arrays_take_no_memory_for_each_lens(fields):
     # The same 30 mm of an array with some 20 000 and with some 2e10 microlenses.
     coarse, fine = (array_of(pl.Lattice.HEXAGONAL, size, **fields) for size in (0.217, 0.000217))
     sizes = [len(pickle.dumps(tables_of(array, 15.0))) for array in (coarse, fine)]
@@ -215,7 +215,7 @@ def test_arrays_take_no_memory_for_each_lens(fields: dict) -> None:
     assert len(pickle.dumps(coarse)) == len(pickle.dumps(fine)) < 2000
 
 
-def test_individual_lenses_are_listed_as_far_as_they_matter() -> None:
+def test_individual_lenses_are_listed_as_far_as_they_matter():
     array = array_of(pl.Lattice.SQUARE, imperfections=pl.optics.MicrolensDeviations([(0, 0)], transmission=[0.5]))
     near, far = (tables_of(array, reach).listed for reach in (3.0, 30.0))
     assert 7**2 <= len(near.lenses) < 11**2 and 61**2 <= len(far.lenses) < 65**2
@@ -255,7 +255,7 @@ FULL = [
 
 
 @pytest.mark.parametrize("array", FULL, ids=["hexagonal", "rectangular", "free"])
-def test_arrays_are_values_with_all_their_fields(array: pl.MicrolensArray) -> None:
+def test_arrays_are_values_with_all_their_fields(array):
     for again in (pickle.loads(pickle.dumps(array)), serialization.restore(serialization.describe(array))):
         assert again == array and hash(again) == hash(array) and repr(again) == repr(array)
         assert again.lenses((-2, -2), (2, 2)) == array.lenses((-2, -2), (2, 2))
@@ -276,11 +276,11 @@ def test_arrays_are_values_with_all_their_fields(array: pl.MicrolensArray) -> No
         {"pitch": 0.3},
     ],
 )
-def test_arrays_that_differ_in_one_field_differ(changes: dict) -> None:
+def test_arrays_that_differ_in_one_field_differ(changes):
     assert dataclasses.replace(FULL[0], **changes) != FULL[0]
 
 
-def test_lenslets_are_values() -> None:
+def test_lenslets_are_values():
     found = FULL[0].lenses((-1, -1), (1, 1))
     again = pickle.loads(pickle.dumps(found))
     assert again == found and hash(again) == hash(found)

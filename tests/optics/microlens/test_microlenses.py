@@ -20,19 +20,19 @@ SPHERICAL = pl.optics.MicrolensModel.SPHERICAL
 RECTANGULAR, FREE = pl.Lattice.RECTANGULAR, pl.Lattice.FREE
 
 
-def array_of(pitch: float, lattice: pl.Lattice) -> pl.MicrolensArray:
+def array_of(pitch, lattice):
     """An array of thin lenses; rectangular ones are 1.25 times as wide as high."""
     both = (1.25 * pitch, pitch) if lattice is pl.Lattice.RECTANGULAR else pitch
     return pl.MicrolensArray(pitch=both, focal_lengths=(2.0,), lattice=lattice)
 
 
-def fill_uncut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_array: float) -> None:
+def fill_uncut(blocks, array, distance, z_array):
     """Plates of which each lens goes on for ever."""
     lens = lone_lens(array, 1.0 / array.focal_length, 587.6)
     array.model.rules.to_lens(blocks, None, Crossing(lens, SensorPlane(distance, None), z_array), None)
 
 
-def fill_cut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_array: float) -> None:
+def fill_cut(blocks, array, distance, z_array):
     """Plates whose lenses end at their cells."""
     record = array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, margin=0.0)
     fill_plano_convex(
@@ -40,12 +40,12 @@ def fill_cut(blocks: np.ndarray, array: pl.MicrolensArray, distance: float, z_ar
     )
 
 
-def plano_convex(side: pl.optics.ConvexSide, **changes) -> pl.MicrolensArray:
+def plano_convex(side, **changes):
     given_fields = {"pitch": 0.2, "focal_lengths": (2.0,), "thickness": 0.3, "index": 1.5} | changes
     return pl.MicrolensArray(model=SPHERICAL, convex_side=side, **given_fields)
 
 
-def all_centres(array: pl.MicrolensArray, around: int = 4) -> np.ndarray:
+def all_centres(array, around=4):
     i, j = np.mgrid[-around : around + 1, -around : around + 1]
     return np.stack([i.ravel(), j.ravel()], axis=1) @ array.basis
 
@@ -55,7 +55,7 @@ def all_centres(array: pl.MicrolensArray, around: int = 4) -> np.ndarray:
 
 @settings(max_examples=20)
 @given(pitch=st.floats(1e-3, 10.0), lattice=st.sampled_from(REGULAR))
-def test_neighbours_are_a_pitch_apart(pitch: float, lattice: pl.Lattice) -> None:
+def test_neighbours_are_a_pitch_apart(pitch, lattice):
     centres = all_centres(array_of(pitch, lattice))
     distance = np.sort(np.linalg.norm(centres, axis=1))
     neighbours = {pl.Lattice.HEXAGONAL: 6, pl.Lattice.SQUARE: 4, pl.Lattice.RECTANGULAR: 2}[lattice]
@@ -70,7 +70,7 @@ def test_neighbours_are_a_pitch_apart(pitch: float, lattice: pl.Lattice) -> None
 
 @settings(max_examples=20)
 @given(pitch=st.floats(1e-3, 10.0), lattice=st.sampled_from(REGULAR))
-def test_corners_edges_and_area_belong_together(pitch: float, lattice: pl.Lattice) -> None:
+def test_corners_edges_and_area_belong_together(pitch, lattice):
     array = array_of(pitch, lattice)
     corners, edges = array.cell_corners, array.cell_edges
     x, y = corners.T
@@ -89,7 +89,7 @@ def test_corners_edges_and_area_belong_together(pitch: float, lattice: pl.Lattic
 
 @settings(max_examples=20)
 @given(lattice=st.sampled_from(REGULAR), seed=st.integers(0, 1000))
-def test_cells_are_what_is_nearest(lattice: pl.Lattice, seed: int) -> None:
+def test_cells_are_what_is_nearest(lattice, seed):
     array = array_of(0.217, lattice)
     points = np.random.default_rng(seed).uniform(-0.5, 0.5, (500, 2))
     centres = all_centres(array)
@@ -103,7 +103,7 @@ def test_cells_are_what_is_nearest(lattice: pl.Lattice, seed: int) -> None:
     assert np.array_equal(inside[clear], (np.abs(nearest).max(axis=1) < 1e-12)[clear])
 
 
-def test_nearest_of_centres_are_the_centres() -> None:
+def test_nearest_of_centres_are_the_centres():
     for lattice in REGULAR:
         array = array_of(0.217, lattice)
         centres = all_centres(array, around=50)
@@ -167,19 +167,19 @@ def test_nearest_of_centres_are_the_centres() -> None:
         ),
     ],
 )
-def test_impossible_arrays(changes: dict, message: str) -> None:
+def test_impossible_arrays(changes, message):
     fields = {"pitch": 0.2, "focal_lengths": (2.0,)} | changes
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.MicrolensArray(**fields)
 
 
 @pytest.mark.parametrize(("name", "item"), [("lattice", 7), ("model", 5), ("convex_side", 2)])
-def test_choices_outside_the_enums(name: str, item: int) -> None:
+def test_choices_outside_the_enums(name, item):
     with pytest.raises(pl.errors.InvalidValueError, match=f"{name} is {item}; it must be .* or "):
         pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), **{name: item})
 
 
-def test_principal_planes() -> None:
+def test_principal_planes():
     assert array_of(0.2, pl.Lattice.SQUARE).principal_separation == 0
     for side in pl.optics.ConvexSide:
         # d (1 - 1/n), two roundings.
@@ -187,7 +187,7 @@ def test_principal_planes() -> None:
         assert plano_convex(side).radius == 1.0
 
 
-def test_an_array_is_a_value() -> None:
+def test_an_array_is_a_value():
     array = plano_convex(pl.optics.ConvexSide.SENSOR)
     assert array == plano_convex(pl.optics.ConvexSide.SENSOR, focal_lengths=[2])
     assert array == plano_convex(pl.optics.ConvexSide.SENSOR, focal_lengths=2.0)
@@ -201,7 +201,7 @@ def test_an_array_is_a_value() -> None:
 # Rays
 
 
-def as_blocks(points: np.ndarray, sensor: np.ndarray, centres: np.ndarray, weight: float) -> np.ndarray:
+def as_blocks(points, sensor, centres, weight):
     """Aimed samples as `to_lens` wants them."""
     n = len(points)
     rows = np.zeros((8, -(-n // BLOCK) * BLOCK))
@@ -211,13 +211,13 @@ def as_blocks(points: np.ndarray, sensor: np.ndarray, centres: np.ndarray, weigh
     return np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2)).reshape(-1)
 
 
-def from_blocks(blocks: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def from_blocks(blocks, n):
     """Points, directions, weights and statuses."""
     rows = blocks.reshape(-1, 8, BLOCK).transpose(1, 0, 2).reshape(8, -1)[:, :n]
     return rows[:3].T, rows[3:6].T, rows[6], rows[7]
 
 
-def aimed(array: pl.MicrolensArray, n: int, *, height: float, slope: float, distance: float):
+def aimed(array, n, *, height, slope, distance):
     """Random points of three cells and sensor points below them."""
     rng = np.random.default_rng(8)
     centres = (rng.integers(-2, 3, (n, 2)) @ array.basis) * 1.0
@@ -227,7 +227,7 @@ def aimed(array: pl.MicrolensArray, n: int, *, height: float, slope: float, dist
 
 
 @pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.optics.ConvexSide) -> None:
+def test_exact_microlenses_are_lenses_of_two_surfaces(side):
     array = plano_convex(side)
     distance, z_array, n = 1.7, 123.3, 1000
     points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
@@ -259,11 +259,11 @@ def test_exact_microlenses_are_lenses_of_two_surfaces(side: pl.optics.ConvexSide
 
 
 @pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_focal_length_and_principal_planes_in_the_paraxial_limit(side: pl.optics.ConvexSide) -> None:
+def test_focal_length_and_principal_planes_in_the_paraxial_limit(side):
     array = plano_convex(side, focal_lengths=(1.8,), index=1.6)
     distance, z_array, n = 1.3, 50.0, 200
 
-    def slope_errors(h: float) -> float:
+    def slope_errors(h):
         points, sensor, centres = aimed(array, n, height=h, slope=h, distance=distance)
         blocks = as_blocks(points, sensor, centres, 1.0)
         fill_uncut(blocks, array, distance, z_array)
@@ -281,7 +281,7 @@ def test_focal_length_and_principal_planes_in_the_paraxial_limit(side: pl.optics
     assert errors[-1] < 1e-5
 
 
-def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
+def test_thin_microlenses_bend_by_height_over_focal_length():
     array = array_of(0.2, pl.Lattice.HEXAGONAL)
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks = as_blocks(points, sensor, centres, 2.5)
@@ -297,7 +297,7 @@ def test_thin_microlenses_bend_by_height_over_focal_length() -> None:
     assert weight == pytest.approx(2.5 * cos**4 / 1.7**2, rel=16 * EPS)
 
 
-def test_without_microlenses_rays_go_straight_on() -> None:
+def test_without_microlenses_rays_go_straight_on():
     points, sensor, centres = aimed(array_of(0.2, pl.Lattice.SQUARE), 300, height=2.0, slope=0.3, distance=90.0)
     blocks = as_blocks(points, sensor, centres, 1.0)
     fill_straight(blocks, SensorPlane(90.0, None), 30.3)
@@ -310,7 +310,7 @@ def test_without_microlenses_rays_go_straight_on() -> None:
 
 
 @pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.optics.ConvexSide) -> None:
+def test_rays_beside_their_own_sphere_are_another_microlens_s(side):
     array = plano_convex(side, pitch=0.6, thickness=0.3, focal_lengths=(2.0,))
     points, sensor, centres = aimed(array, 2000, height=0.35, slope=0.3, distance=1.7)
     n = len(points)
@@ -337,7 +337,7 @@ def test_rays_beside_their_own_sphere_are_another_microlens_s(side: pl.optics.Co
     assert np.array_equal((status == 0)[margin], inside[margin])
 
 
-def test_pinholes_let_light_through_their_centres() -> None:
+def test_pinholes_let_light_through_their_centres():
     array = array_of(0.2, pl.Lattice.HEXAGONAL)
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks, thin = as_blocks(points, sensor, centres, 2.5), as_blocks(points, sensor, centres, 2.5)
@@ -350,7 +350,7 @@ def test_pinholes_let_light_through_their_centres() -> None:
     assert np.array_equal(weight, from_blocks(thin, 300)[2])
 
 
-def flat_plates(side: pl.optics.ConvexSide, index: float, thickness: float) -> pl.MicrolensArray:
+def flat_plates(side, index, thickness):
     return pl.MicrolensArray(
         pitch=0.2,
         focal_lengths=(2.0,),
@@ -362,10 +362,10 @@ def flat_plates(side: pl.optics.ConvexSide, index: float, thickness: float) -> p
 
 
 @pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_flat_plates_of_high_index_tend_to_thin_lenses(side: pl.optics.ConvexSide) -> None:
+def test_flat_plates_of_high_index_tend_to_thin_lenses(side):
     # f = R / (n - 1). What differs is the plate's depth, thickness / n, and the aberrations of a flat lens, O(h^2) of
     # the slope, which tend to those of a thin lens that keeps slopes in sines: they stay.
-    def off(index: float, thickness: float, height: float) -> float:
+    def off(index, thickness, height):
         array = flat_plates(side, index, thickness)
         points, sensor, centres = aimed(array, 400, height=height, slope=height, distance=1.7)
         blocks = as_blocks(points, sensor, centres, 1.0)
@@ -383,7 +383,7 @@ def test_flat_plates_of_high_index_tend_to_thin_lenses(side: pl.optics.ConvexSid
 
 
 @pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_a_flat_plate_has_the_cells_of_its_curved_side(side: pl.optics.ConvexSide) -> None:
+def test_a_flat_plate_has_the_cells_of_its_curved_side(side):
     array = flat_plates(side, 100.0, 0.1)
     points, sensor, centres = aimed(array, 4000, height=0.2, slope=0.1, distance=1.7)
     blocks = as_blocks(points, sensor, centres, 1.0)
@@ -396,6 +396,6 @@ def test_a_flat_plate_has_the_cells_of_its_curved_side(side: pl.optics.ConvexSid
     assert np.all(status[~inside & ~near] == pl.RayStatus.OUTSIDE_MICROLENS)
 
 
-def test_a_flat_plate_of_low_index_is_refused() -> None:
+def test_a_flat_plate_of_low_index_is_refused():
     with pytest.raises(pl.errors.InvalidValueError, match="give index=100.0, or choose SPHERICAL"):
         flat_plates(pl.optics.ConvexSide.SCENE, 1.5, 0.1)

@@ -9,12 +9,12 @@ from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 EPS = np.finfo(float).eps
 
 
-def scattered(**changes) -> Blemishes:
+def scattered(**changes):
     fields = {"half_size": (10.0, 5.0), "dust_per_mm2": 20.0, "scratches": 300, "seed": 3} | changes
     return Blemishes.scattered(BlemishSite.SENSOR, **fields)
 
 
-def test_a_seed_gives_the_same_blemishes() -> None:
+def test_a_seed_gives_the_same_blemishes():
     assert scattered() == scattered()
     assert scattered(seed=4) != scattered()
     # Scratches do not move the dust.
@@ -23,7 +23,7 @@ def test_a_seed_gives_the_same_blemishes() -> None:
     assert len(scattered()) == dust + 300
 
 
-def test_dust_is_poisson_in_number_and_log_normal_in_size() -> None:
+def test_dust_is_poisson_in_number_and_log_normal_in_size():
     counts = np.array([len(scattered(scratches=0, dust_per_mm2=0.5, seed=seed)) for seed in range(300)])
     mean = 0.5 * 200.0
     # Poisson: variance = mean; the variance's own standard deviation over its value is sqrt(2/300 + 1/(300 mean)).
@@ -40,7 +40,7 @@ def test_dust_is_poisson_in_number_and_log_normal_in_size() -> None:
     assert np.all(scattered(scratches=0, dust_spread=0.0).radius == 0.005)
 
 
-def test_scratches_have_their_length_width_and_any_direction() -> None:
+def test_scratches_have_their_length_width_and_any_direction():
     lines = scattered(dust_per_mm2=0.0, scratches=2000, scratch_length=0.8, scratch_width=0.03)
     along = lines.end - lines.start
     # Ends are good to an eps of up to 10.4 mm each.
@@ -52,7 +52,7 @@ def test_scratches_have_their_length_width_and_any_direction() -> None:
     assert max(abs(doubled.real), abs(doubled.imag)) < 4 / math.sqrt(2 * 2000)
 
 
-def test_the_area_that_dust_covers() -> None:
+def test_the_area_that_dust_covers():
     # Grains of one radius placed at random: the share of the plane they leave open is exp(-density pi r^2).
     radius, density = 0.05, 30.0
     dust = scattered(scratches=0, dust_per_mm2=density, dust_radius=radius, dust_spread=0.0)
@@ -80,6 +80,6 @@ def test_the_area_that_dust_covers() -> None:
         ({"seed": -1}, "seed is -1; it must be at least 0"),
     ],
 )
-def test_impossible_scatterings(changes: dict, message: str) -> None:
+def test_impossible_scatterings(changes, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         scattered(**changes)

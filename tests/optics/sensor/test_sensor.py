@@ -13,7 +13,7 @@ EPS = np.finfo(float).eps
 
 @settings(max_examples=40)
 @given(rows=st.integers(1, 9), columns=st.integers(1, 9), pitch=st.floats(1e-4, 1.0))
-def test_pixels_tile_the_sensor_around_the_axis(rows: int, columns: int, pitch: float) -> None:
+def test_pixels_tile_the_sensor_around_the_axis(rows, columns, pitch):
     sensor = pl.Sensor(shape=(rows, columns), pixel_pitch=pitch)
     row, column = np.mgrid[:rows, :columns]
     centres = sensor.centre_of(row, column)
@@ -29,7 +29,7 @@ def test_pixels_tile_the_sensor_around_the_axis(rows: int, columns: int, pitch: 
     assert sensor.half_diagonal == pytest.approx(math.hypot(rows, columns) * pitch / 2, rel=4 * EPS)
 
 
-def test_centres_broadcast() -> None:
+def test_centres_broadcast():
     sensor = pl.Sensor(shape=(4, 6), pixel_pitch=2.0)
     assert sensor.centre_of(3, np.arange(2)).tolist() == [[5.0, 3.0], [3.0, 3.0]]
 
@@ -50,12 +50,12 @@ def test_centres_broadcast() -> None:
         ((4, 4), None, "pixel_pitch is None; it must be a number"),
     ],
 )
-def test_impossible_sensors(shape: object, pitch: object, message: str) -> None:
+def test_impossible_sensors(shape, pitch, message):
     with pytest.raises(pl.errors.InvalidValueError, match=message):
         pl.Sensor(shape=shape, pixel_pitch=pitch)
 
 
-def test_a_sensor_is_a_value() -> None:
+def test_a_sensor_is_a_value():
     sensor = pl.Sensor(shape=(np.int64(4), 5), pixel_pitch=1)
     assert sensor == pl.Sensor(shape=[4, 5], pixel_pitch=1.0)
     assert hash(sensor) == hash(pl.Sensor(shape=(4, 5), pixel_pitch=1.0))

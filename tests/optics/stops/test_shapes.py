@@ -17,7 +17,6 @@ from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.record import CIRCLE
 from plenoptic.optics.stops.mask import MaskStop
-from plenoptic.optics.stops.registry import Stop
 from plenoptic.optics.stops.star import StarStop
 from plenoptic.plots.lens import plot_stop
 
@@ -27,7 +26,7 @@ RNG = np.random.default_rng(4)
 HALF = np.array([[0.0, 1.0, 0.25], [1.0, 0.5, 0.0]])
 
 
-def curved(blades: int, size: float, rotation: float, beyond: float, sign: float) -> pl.PolygonStop:
+def curved(blades, size, rotation, beyond, sign):
     """Blades whose radius is `beyond` times the smallest one."""
     least = size if sign > 0 else size * math.tan(math.pi / blades)
     return pl.PolygonStop(blades, size, rotation, blade_radius=sign * least * beyond)
@@ -41,7 +40,7 @@ STARS = st.builds(
 )
 
 
-def any_mask(seed: int, rows: int, columns: int, size: float) -> MaskStop:
+def any_mask(seed, rows, columns, size):
     cells = np.random.default_rng(seed).choice([0.0, 0.3, 1.0], (rows, columns))
     return MaskStop(cells if cells.any() else 1.0 - cells, size)
 
@@ -55,7 +54,7 @@ SHAPES = {
 }
 
 
-def enclosed_area(points: np.ndarray) -> float:
+def enclosed_area(points):
     x, y = points.T
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
@@ -64,7 +63,7 @@ def enclosed_area(points: np.ndarray) -> float:
 
 
 @given(stop=st.one_of(CURVED, STARS))
-def test_the_outline_is_the_border(stop: Stop) -> None:
+def test_the_outline_is_the_border(stop):
     outline = stop.outline(50)
     # Along the radius: points are off by a few eps of size and angle, over the cosine between border and radius, at
     # least sin(pi / 20) (1 - 0.05) for a star and vanishing only at the tips of blades that touch, which are left out.
@@ -77,14 +76,14 @@ def test_the_outline_is_the_border(stop: Stop) -> None:
 
 
 @given(stop=STARS)
-def test_a_star_has_the_area_of_its_outline(stop: StarStop) -> None:
+def test_a_star_has_the_area_of_its_outline(stop):
     # Sums of 40 terms, and angles of up to 14 that are good to an eps of 14, over a share of 0.05.
     assert enclosed_area(stop.outline(3)) == pytest.approx(stop.area, rel=1e4 * EPS)
     assert len(stop.outline(3)) == 2 * stop.points
 
 
 @given(stop=CURVED)
-def test_curved_blades_have_the_area_of_their_outline(stop: pl.PolygonStop) -> None:
+def test_curved_blades_have_the_area_of_their_outline(stop):
     # Chords of an arc of the angle a that is divided by n cut off (a / n)^2 / 6 of the segment, relatively, at
     # most; a < 2 pi / 3 for outward blades, pi for inward ones; the segment is below the square of the semi-diameter.
     n = 200
@@ -93,7 +92,7 @@ def test_curved_blades_have_the_area_of_their_outline(stop: pl.PolygonStop) -> N
 
 
 @pytest.mark.parametrize("name", list(SHAPES))
-def test_the_area_is_what_a_grid_counts(name: str) -> None:
+def test_the_area_is_what_a_grid_counts(name):
     stop, n = SHAPES[name], 1000
     at = stop.semi_diameter * ((np.arange(n) + 0.37) * (2 / n) - 1)
     x, y = np.meshgrid(at, at)
@@ -104,7 +103,7 @@ def test_the_area_is_what_a_grid_counts(name: str) -> None:
 
 
 @given(blades=st.integers(3, 12), size=SIZES, rotation=TURNS)
-def test_blades_of_the_radius_of_the_stop_are_a_circle(blades: int, size: float, rotation: float) -> None:
+def test_blades_of_the_radius_of_the_stop_are_a_circle(blades, size, rotation):
     stop, circle = pl.PolygonStop(blades, size, rotation, blade_radius=size), pl.CircularStop(size)
     assert stop.area == pytest.approx(circle.area, rel=64 * EPS)
     assert stop.apothem == pytest.approx(size, rel=8 * EPS)
@@ -114,7 +113,7 @@ def test_blades_of_the_radius_of_the_stop_are_a_circle(blades: int, size: float,
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_blades_become_straight_with_order_1_of_the_curvature(sign: float) -> None:
+def test_blades_become_straight_with_order_1_of_the_curvature(sign):
     straight = pl.PolygonStop(6, 5.0)
     radii = np.geomspace(1e3, 1e9, 7)
     # The height of an arc over its half chord h is h^2 / 2 R, and its area 2 / 3 of height times chord.
@@ -125,7 +124,7 @@ def test_blades_become_straight_with_order_1_of_the_curvature(sign: float) -> No
     assert pl.PolygonStop(6, 5.0, blade_radius=-math.inf) == straight
 
 
-def test_inward_blades_touch_at_the_least_radius() -> None:
+def test_inward_blades_touch_at_the_least_radius():
     # Of three blades, tangent to each other at the corners: the area between three circles of radius r that touch is
     # r^2 (sqrt(3) - pi / 2).
     radius = 2.0 * math.tan(math.pi / 3)
@@ -135,7 +134,7 @@ def test_inward_blades_touch_at_the_least_radius() -> None:
         pl.PolygonStop(3, 2.0, blade_radius=-3.4)
 
 
-def test_the_blunt_star_is_a_polygon() -> None:
+def test_the_blunt_star_is_a_polygon():
     star, polygon = StarStop(5, 3.0, 3.0 * math.cos(math.pi / 5), 0.2), pl.PolygonStop(5, 3.0, 0.2)
     x, y = RNG.uniform(-3, 3, (2, 5000))
     clear = np.abs(np.max(np.stack([x, y], axis=1) @ polygon.normals.T, axis=1) - polygon.apothem) > 1e-12
@@ -146,7 +145,7 @@ def test_the_blunt_star_is_a_polygon() -> None:
 # ---- masks ----
 
 
-def test_a_mask_looks_like_its_image_from_behind() -> None:
+def test_a_mask_looks_like_its_image_from_behind():
     # From the sensor along -z, with y up, x runs to the right: row 0 is up, column 0 on the left.
     mask = MaskStop([[1.0, 0.0], [0.25, 0.5]], semi_diameter=2 * math.sqrt(2))
     assert mask.cell_size == pytest.approx(2.0, rel=4 * EPS)
@@ -156,7 +155,7 @@ def test_a_mask_looks_like_its_image_from_behind() -> None:
     assert not mask.contains(math.nan, 0.0)
 
 
-def test_the_semi_diameter_is_that_of_the_opening() -> None:
+def test_the_semi_diameter_is_that_of_the_opening():
     bare, framed = MaskStop(HALF, 3.0), MaskStop(np.pad(HALF, ((1, 1), (3, 3))), 3.0)
     assert bare.cell_size == framed.cell_size
     x, y = RNG.uniform(-4, 4, (2, 1000))
@@ -167,7 +166,7 @@ def test_the_semi_diameter_is_that_of_the_opening() -> None:
 
 
 @given(mask=MASKS)
-def test_the_outline_of_a_mask_holds_its_opening(mask: MaskStop) -> None:
+def test_the_outline_of_a_mask_holds_its_opening(mask):
     outline = mask.outline(20)
     assert np.hypot(*outline.T).max() == pytest.approx(mask.semi_diameter, rel=8 * EPS)
     rows, columns = np.nonzero(mask.transmission)
@@ -180,7 +179,7 @@ def test_the_outline_of_a_mask_holds_its_opening(mask: MaskStop) -> None:
     assert away.min() >= 0.5 * mask.cell_size * (1 - 1e-9)
 
 
-def test_masks_come_from_images(tmp_path) -> None:
+def test_masks_come_from_images(tmp_path):
     grey = np.array([[0, 65535], [32768, 65535]], dtype=np.uint16)[..., None]
     pl.images.write_16bit(tmp_path / "mask.png", np.repeat(grey, 3, axis=2))
     mask = MaskStop.load(tmp_path / "mask.png", 5.0, thickness=1.0)
@@ -198,7 +197,7 @@ def test_masks_come_from_images(tmp_path) -> None:
 
 @given(stop=st.one_of(CURVED, STARS, MASKS))
 @settings(max_examples=50)
-def test_stops_are_values(stop: Stop) -> None:
+def test_stops_are_values(stop):
     again = pickle.loads(pickle.dumps(stop))
     assert again == stop and hash(again) == hash(stop) and repr(again) == repr(stop)
     assert dataclasses.replace(stop, semi_diameter=2000.0 if not isinstance(stop, pl.PolygonStop) else 1e-4) != stop
@@ -227,7 +226,7 @@ def test_stops_are_values(stop: Stop) -> None:
         (lambda: MaskStop([[1.0]], 0.0), "semi_diameter is 0 mm"),
     ],
 )
-def test_what_cannot_be_is_refused(make, message: str) -> None:
+def test_what_cannot_be_is_refused(make, message):
     with pytest.raises(InvalidValueError, match=message):
         make()
 
@@ -235,28 +234,28 @@ def test_what_cannot_be_is_refused(make, message: str) -> None:
 # ---- lenses ----
 
 
-def plate(stop: Stop) -> pl.LensStack:
+def plate(stop):
     """A stop and a surface that does nothing."""
     return pl.LensStack([stop, pl.Surface(math.inf, semi_diameter=50.0)])
 
 
-def along_axis(x: np.ndarray, y: np.ndarray, z: float) -> pl.RayBundle:
+def along_axis(x, y, z):
     along = np.tile([0.0, 0.0, -math.copysign(1.0, z)], (len(x), 1))
     return pl.RayBundle(np.column_stack([x, y, np.full(len(x), z)]), along, weight=np.full(len(x), 3.0))
 
 
-def transmission(stop: Stop, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def transmission(stop, x, y):
     return stop.transmission_at(x, y) if isinstance(stop, MaskStop) else stop.contains(x, y).astype(float)
 
 
-def far_from_borders(stop: Stop, x: np.ndarray, y: np.ndarray, by: float) -> np.ndarray:
+def far_from_borders(stop, x, y, by):
     """Where the transmission does not change within `by` mm."""
     around = [transmission(stop, x + by * dx, y + by * dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
     return np.ptp(around, axis=0) == 0
 
 
 @pytest.mark.parametrize("name", list(SHAPES))
-def test_rays_pass_where_the_stop_is_open(name: str) -> None:
+def test_rays_pass_where_the_stop_is_open(name):
     stop = SHAPES[name]
     x, y = RNG.uniform(-5, 5, (2, 5000))
     expected = transmission(stop, x, y)
@@ -272,7 +271,7 @@ def test_rays_pass_where_the_stop_is_open(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(SHAPES))
-def test_a_moved_stop_is_open_elsewhere(name: str) -> None:
+def test_a_moved_stop_is_open_elsewhere(name):
     stop, turn = SHAPES[name], 0.4
     lens = plate(stop).moved(0, shift=(0.5, -0.3, 0.0), tilt=(0.0, 0.0, turn))
     x, y = RNG.uniform(-5, 5, (2, 3000))
@@ -284,7 +283,7 @@ def test_a_moved_stop_is_open_elsewhere(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(SHAPES))
-def test_irises_and_further_stops_of_any_shape(name: str) -> None:
+def test_irises_and_further_stops_of_any_shape(name):
     stop = SHAPES[name]
     lens = GAUSS.with_stop(stop).inserted(stop, z=31.0)
     assert lens.stop == dataclasses.replace(stop, thickness=lens.stop.thickness)
@@ -303,7 +302,7 @@ def test_irises_and_further_stops_of_any_shape(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(SHAPES))
 @pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.PARAXIAL, pl.LensModel.NONE])
-def test_ideal_lenses_show_the_image_of_the_iris(name: str, model: pl.LensModel) -> None:
+def test_ideal_lenses_show_the_image_of_the_iris(name, model):
     lens = GAUSS.with_stop(SHAPES[name])
     ideal, points = lens.with_model(model), pl.paraxial.cardinal_points(lens)
     rows = lens_record(ideal, 587.6, reverse=True).rows
@@ -321,7 +320,7 @@ def test_ideal_lenses_show_the_image_of_the_iris(name: str, model: pl.LensModel)
 
 
 @pytest.mark.parametrize("name", list(SHAPES))
-def test_an_inverted_image_of_the_iris_is_turned(name: str) -> None:
+def test_an_inverted_image_of_the_iris_is_turned(name):
     # The iris stands two focal lengths before a thin lens: its image stands as far behind, inverted.
     stop, glass = SHAPES[name], pl.ConstantMedium(1.5)
     surfaces = [pl.Surface(100.0, 1e-9, glass, semi_diameter=40.0), pl.Surface(-100.0, semi_diameter=40.0)]
@@ -336,7 +335,7 @@ def test_an_inverted_image_of_the_iris_is_turned(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(SHAPES))
-def test_bounds_are_made_of_the_circle_around(name: str) -> None:
+def test_bounds_are_made_of_the_circle_around(name):
     lens = GAUSS.with_stop(SHAPES[name])
     round_lens = GAUSS.with_stop(pl.CircularStop(4.0))
     wanted = lens_record(round_lens, 587.6, reverse=True)
@@ -349,7 +348,7 @@ def test_bounds_are_made_of_the_circle_around(name: str) -> None:
 
 @settings(max_examples=20)
 @given(stop=st.one_of(CURVED, STARS, MASKS))
-def test_files_keep_every_bit(stop: Stop) -> None:
+def test_files_keep_every_bit(stop):
     lens = plate(dataclasses.replace(stop, thickness=0.7)).moved(0, shift=(0.1, 0.0, 0.0), tilt=(0.0, 0.0, 0.3))
     assert lens_from_json(json_of_lens(lens), "it.json") == lens
 
@@ -365,7 +364,7 @@ def test_files_keep_every_bit(stop: Stop) -> None:
         ({"stop": "star", "points": 5, "inner_semi_diameter": 9.0, "rotation": 0.0}, "inner_semi_diameter is 9 mm"),
     ],
 )
-def test_wrong_entries_of_files_are_named(change: dict, message: str) -> None:
+def test_wrong_entries_of_files_are_named(change, message):
     data = json.loads(json_of_lens(plate(pl.CircularStop(5.0))))
     data["elements"][0] |= change
     with pytest.raises(PrescriptionError) as caught:
@@ -374,7 +373,7 @@ def test_wrong_entries_of_files_are_named(change: dict, message: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(SHAPES))
-def test_lenses_draw_and_check_with_any_stop(name: str) -> None:
+def test_lenses_draw_and_check_with_any_stop(name):
     lens = GAUSS.with_stop(SHAPES[name])
     assert lens._repr_svg_().startswith("<svg")
     assert lens.check() == ()
@@ -390,12 +389,12 @@ def test_lenses_draw_and_check_with_any_stop(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(SHAPES))
-def test_on_the_axis_all_of_the_iris_is_filled(name: str) -> None:
+def test_on_the_axis_all_of_the_iris_is_filled(name):
     found = pl.aberrations.vignetting(GAUSS.with_stop(SHAPES[name]), [0.0], grid=64)
     assert (found.fraction[0], found.standard_error[0]) == (1.0, 0.0)
 
 
-def test_a_grey_mask_dims() -> None:
+def test_a_grey_mask_dims():
     clear, grey = (GAUSS.with_stop(MaskStop(t * np.ones((3, 3)), 6.0)) for t in (1.0, 0.25))
     fields = [0.0, 0.1]
     white, dim = (pl.aberrations.relative_illumination(lens, fields, grid=24) for lens in (clear, grey))
@@ -408,7 +407,7 @@ def test_a_grey_mask_dims() -> None:
     assert pl.aberrations.vignetting(grey, [0.0], grid=32).fraction[0] == 1.0
 
 
-def test_a_grid_that_misses_the_opening_is_refused() -> None:
+def test_a_grid_that_misses_the_opening_is_refused():
     cells = np.zeros((401, 401))
     cells[0, 0] = 1.0
     with pytest.raises(InvalidValueError, match="grid is 8; none of its points"):

@@ -15,7 +15,7 @@ EPS = np.finfo(float).eps
 OK, MISSED, CLIPPED = pl.RayStatus.OK, pl.RayStatus.MISSED, pl.RayStatus.CLIPPED
 
 
-def one_surface(radius: float, index: float, *, ahead: float = 1.0, **shape) -> pl.LensStack:
+def one_surface(radius, index, *, ahead=1.0, **shape):
     """A surface from a medium of index `ahead` to one of `index`; its vertex is at z = 0."""
     medium, before = pl.ConstantMedium(index), pl.ConstantMedium(ahead)
     surface = pl.Surface(radius, thickness=1e4, medium=medium, **shape)
@@ -24,7 +24,7 @@ def one_surface(radius: float, index: float, *, ahead: float = 1.0, **shape) -> 
     return pl.LensStack([*front, surface, pl.Surface(math.inf, semi_diameter=1e5)])
 
 
-def refracted(lens: pl.LensStack, origin, direction, *, reverse: bool = False) -> pl.RayBundle:
+def refracted(lens, origin, direction, *, reverse=False):
     """Through the surface alone."""
     return traced_part(lens, pl.RayBundle(origin, direction), 2, 2, reverse=reverse)
 
