@@ -66,21 +66,18 @@ def test_defaults_and_types():
     assert len(pl.RayBundle(np.zeros((0, 3)), np.zeros((0, 3)))) == 0
 
 
-@pytest.mark.parametrize(
-    ("origin", "direction"),
-    [
+def test_impossible_rows_are_lost_and_no_error():
+    for origin, direction in [
         ([math.nan, 0, 0], [0, 0, 1]),
         ([0, math.inf, 0], [0, 0, 1]),
         ([0, 0, 0], [0, 0, 0]),
         ([0, 0, 0], [0, math.nan, 1]),
         ([0, 0, 0], [0, -math.inf, 1]),
         ([0, 0, 0], [math.inf, math.inf, math.inf]),
-    ],
-)
-def test_impossible_rows_are_lost_and_no_error(origin, direction):
-    rays = pl.RayBundle([origin, [0, 0, 0]], [direction, [0, 0, 1]])
-    assert rays.status.tolist() == [pl.RayStatus.NOT_FINITE, pl.RayStatus.OK]
-    assert rays.weight.tolist() == [0.0, 1.0]
+    ]:
+        rays = pl.RayBundle([origin, [0, 0, 0]], [direction, [0, 0, 1]])
+        assert rays.status.tolist() == [pl.RayStatus.NOT_FINITE, pl.RayStatus.OK], (origin, direction)
+        assert rays.weight.tolist() == [0.0, 1.0], (origin, direction)
 
 
 def test_a_lost_ray_has_weight_0_and_keeps_its_cause():
@@ -90,23 +87,19 @@ def test_a_lost_ray_has_weight_0_and_keeps_its_cause():
     assert rays.lost_at.tolist() == [5, -1]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
+def test_wrong_shapes():
+    for arguments, message in [
         (([0, 0, 0], [[0, 0, 1]]), r"origin has shape \(3,\); it must have shape \(n, 3\)"),
         (([[0, 0, 0]], [[0, 1]]), r"direction has shape \(1, 2\); it must have shape \(1, 3\)"),
         (([[0, 0, 0]], [[0, 0, 1]] * 2), r"direction has shape \(2, 3\); it must have shape \(1, 3\)"),
         (([["a", 0, 0]], [[0, 0, 1]]), "origin is not an array of numbers"),
-    ],
-)
-def test_wrong_shapes(arguments, message):
-    with pytest.raises(pl.errors.InvalidValueError, match=message):
-        pl.RayBundle(*arguments)
+    ]:
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            pl.RayBundle(*arguments)
 
 
-@pytest.mark.parametrize(
-    ("name", "item", "message"),
-    [
+def test_wrong_fields():
+    for name, item, message in [
         ("weight", [1.0, 2.0], r"weight has shape \(2,\); it must have shape \(1"),
         ("weight", [math.nan], "weight holds a number that is not finite"),
         ("weight", [-math.inf], "weight holds a number that is not finite"),
@@ -115,11 +108,9 @@ def test_wrong_shapes(arguments, message):
         ("status", [77], "status 77 is not one of RayStatus"),
         ("wavelength", 0.0, "wavelength is 0 nm; it must be above 0"),
         ("wavelength", math.nan, "wavelength is nan; it must be finite"),
-    ],
-)
-def test_wrong_fields(name, item, message):
-    with pytest.raises(pl.errors.InvalidValueError, match=message):
-        pl.RayBundle([[0, 0, 0]], [[0, 0, 1]], **{name: item})
+    ]:
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            pl.RayBundle([[0, 0, 0]], [[0, 0, 1]], **{name: item})
 
 
 def test_points_on_rays():
@@ -161,7 +152,7 @@ def test_traced_bundles_are_values_too():
     assert not out.origin.flags.writeable
 
 
-@pytest.mark.parametrize("wavelength", [0.5876, 5.876e-7, 1e7])
-def test_wavelengths_in_other_units_are_refused(wavelength):
-    with pytest.raises(pl.errors.InvalidValueError, match="wavelengths are in nanometres"):
-        pl.RayBundle([[0, 0, 0]], [[0, 0, 1]], wavelength=wavelength)
+def test_wavelengths_in_other_units_are_refused():
+    for wavelength in [0.5876, 5.876e-7, 1e7]:
+        with pytest.raises(pl.errors.InvalidValueError, match="wavelengths are in nanometres"):
+            pl.RayBundle([[0, 0, 0]], [[0, 0, 1]], wavelength=wavelength)

@@ -58,16 +58,16 @@ def test_response_is_linear_between_samples_and_zero_beyond():
     )
 
 
-@pytest.mark.parametrize("name", PRESETS)
-def test_normalised_channels_integrate_to_one(name):
-    made = PRESETS[name]()
-    scaled = made.normalised
-    integral = np.diff(scaled.wavelengths) @ (scaled.response[1:] + scaled.response[:-1]) / 2
-    # A sum of n positive numbers errs by n eps at most; those of linear_srgb cancel by a factor below 3.
-    assert integral == pytest.approx(1.0, abs=3 * len(made.wavelengths) * EPS)
-    assert scaled.response == pytest.approx(scaled.normalised.response, rel=1e-12)
-    shape = made.response / made.response.max(axis=0)
-    assert scaled.response / scaled.response.max(axis=0) == pytest.approx(shape, abs=1e-12)
+def test_normalised_channels_integrate_to_one():
+    for name in PRESETS:
+        made = PRESETS[name]()
+        scaled = made.normalised
+        integral = np.diff(scaled.wavelengths) @ (scaled.response[1:] + scaled.response[:-1]) / 2
+        # A sum of n positive numbers errs by n eps at most; those of linear_srgb cancel by a factor below 3.
+        assert integral == pytest.approx(1.0, abs=3 * len(made.wavelengths) * EPS), name
+        assert scaled.response == pytest.approx(scaled.normalised.response, rel=1e-12), name
+        shape = made.response / made.response.max(axis=0)
+        assert scaled.response / scaled.response.max(axis=0) == pytest.approx(shape, abs=1e-12), name
 
 
 def test_one_column_is_one_channel():
@@ -86,21 +86,20 @@ def test_the_range_ends_where_nothing_is_seen():
     assert Sensitivity.lines(LINES).wavelength_range == (465.0, 610.0)
 
 
-@pytest.mark.parametrize("made", [*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)])
-def test_sensitivities_are_values(made, monkeypatch):
-    assert pickle.loads(pickle.dumps(made)) == made == copy.deepcopy(made)
-    assert len({made, copy.deepcopy(made), made.normalised}) in (1, 2)
-    with pytest.raises(ValueError, match="read-only"):
-        made.wavelengths[0] = 1.0
-    monkeypatch.setattr(plenoptic, "Sensitivity", Sensitivity, raising=False)
-    again = restore(describe(made))
-    assert again == made
-    assert type(again) is Sensitivity
+def test_sensitivities_are_values(monkeypatch):
+    for made in [*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)]:
+        assert pickle.loads(pickle.dumps(made)) == made == copy.deepcopy(made), made
+        assert len({made, copy.deepcopy(made), made.normalised}) in (1, 2), made
+        with pytest.raises(ValueError, match="read-only"):
+            made.wavelengths[0] = 1.0
+        monkeypatch.setattr(plenoptic, "Sensitivity", Sensitivity, raising=False)
+        again = restore(describe(made))
+        assert again == made, made
+        assert type(again) is Sensitivity, made
 
 
-@pytest.mark.parametrize(
-    ("wavelengths", "response", "message"),
-    [
+def test_what_cannot_be_is_refused():
+    for wavelengths, response, message in [
         ([0.4, 0.7], [1.0, 1.0], "0.4 nm; it must be from 10"),
         ([500.0, 400.0], [1.0, 1.0], "ascend"),
         ([500.0, 500.0], [1.0, 1.0], "ascend"),
@@ -115,11 +114,9 @@ def test_sensitivities_are_values(made, monkeypatch):
         ([400.0, 500.0], None, "lines have 1 or 3"),
         ([[400.0]], None, "shape"),
         ([400.0, np.inf], [1.0, 1.0], "finite"),
-    ],
-)
-def test_what_cannot_be_is_refused(wavelengths, response, message):
-    with pytest.raises(InvalidValueError, match=message):
-        Sensitivity(wavelengths, response)
+    ]:
+        with pytest.raises(InvalidValueError, match=message):
+            Sensitivity(wavelengths, response)
 
 
 def test_lines_have_no_response():
@@ -171,29 +168,26 @@ def test_spectra_are_linear_in_the_colour(a, b, scale):
     assert together == pytest.approx(apart, rel=1e-14, abs=1e-300)
 
 
-@pytest.mark.parametrize("shape", [(3,), (5, 3), (2, 4, 3), (0, 3)])
-def test_images_of_colours_become_images_of_spectra(shape):
-    rgb = np.random.default_rng(1).random(shape)
-    spectra = rgb_to_spectrum(rgb, [450.0, 550.0])
-    assert spectra.shape == (*shape[:-1], 2)
-    for place in np.ndindex(shape[:-1]):
-        assert spectra[place] == pytest.approx(rgb_to_spectrum(rgb[place], [450.0, 550.0]), rel=1e-15)
+def test_images_of_colours_become_images_of_spectra():
+    for shape in [(3,), (5, 3), (2, 4, 3), (0, 3)]:
+        rgb = np.random.default_rng(1).random(shape)
+        spectra = rgb_to_spectrum(rgb, [450.0, 550.0])
+        assert spectra.shape == (*shape[:-1], 2), shape
+        for place in np.ndindex(shape[:-1]):
+            assert spectra[place] == pytest.approx(rgb_to_spectrum(rgb[place], [450.0, 550.0]), rel=1e-15), shape
 
 
-@pytest.mark.parametrize(
-    ("rgb", "wavelengths", "message"),
-    [
+def test_what_is_no_colour_or_wavelength_is_refused():
+    for rgb, wavelengths, message in [
         (0.5, [500.0], "last axis must be 3"),
         ((0.5, 0.5), [500.0], "last axis must be 3"),
         ((0.5, np.nan, 0.5), [500.0], "not finite"),
         ("red", [500.0], "not an array of numbers"),
         ((0.5, 0.5, 0.5), 500.0, "shape"),
         ((0.5, 0.5, 0.5), [0.55], "nanometres"),
-    ],
-)
-def test_what_is_no_colour_or_wavelength_is_refused(rgb, wavelengths, message):
-    with pytest.raises(InvalidValueError, match=message):
-        rgb_to_spectrum(rgb, wavelengths)
+    ]:
+        with pytest.raises(InvalidValueError, match=message):
+            rgb_to_spectrum(rgb, wavelengths)
 
 
 def test_colours_come_back_through_linear_srgb():
@@ -265,69 +259,73 @@ SAMPLED = [
 ]
 
 
-@pytest.mark.parametrize("sensitivity", SAMPLED)
-@pytest.mark.parametrize("step", [0.3, 1.0, 7.0, 1000.0])
-def test_white_is_measured_as_one_in_every_channel(sensitivity, step):
-    tables = colour_tables(sensitivity, step=step)
-    assert tables.cdf[-1] == 1.0
-    assert (probability(tables) > 0).all()
-    drawn = probability(tables)
-    # Sums of n terms of at most `most` together.
-    most = np.abs(drawn[:, None] * tables.weights).sum()
-    assert drawn @ tables.weights == pytest.approx(1.0, abs=len(drawn) * EPS * most)
-    assert (drawn[:, None] * tables.weights).T @ tables.basis.sum(axis=1) == pytest.approx(1.0, abs=1e-12)
-    low, high = sensitivity.wavelength_range
-    assert low < tables.wavelengths[0] and tables.wavelengths[-1] < high
-    assert (np.diff(tables.wavelengths) > 0).all()
-    assert tables.basis == pytest.approx(rgb_basis(tables.wavelengths), abs=0.0)
+def test_white_is_measured_as_one_in_every_channel():
+    for sensitivity in SAMPLED:
+        for step in [0.3, 1.0, 7.0, 1000.0]:
+            tables = colour_tables(sensitivity, step=step)
+            assert tables.cdf[-1] == 1.0, (sensitivity, step)
+            assert (probability(tables) > 0).all(), (sensitivity, step)
+            drawn = probability(tables)
+            # Sums of n terms of at most `most` together.
+            most = np.abs(drawn[:, None] * tables.weights).sum()
+            assert drawn @ tables.weights == pytest.approx(1.0, abs=len(drawn) * EPS * most), (sensitivity, step)
+            assert (drawn[:, None] * tables.weights).T @ tables.basis.sum(axis=1) == pytest.approx(1.0, abs=1e-12), (
+                sensitivity,
+                step,
+            )
+            low, high = sensitivity.wavelength_range
+            assert low < tables.wavelengths[0] and tables.wavelengths[-1] < high, (sensitivity, step)
+            assert (np.diff(tables.wavelengths) > 0).all(), (sensitivity, step)
+            assert tables.basis == pytest.approx(rgb_basis(tables.wavelengths), abs=0.0), (sensitivity, step)
 
 
-@pytest.mark.parametrize("sensitivity", SAMPLED)
-def test_no_weight_exceeds_the_sum_of_all_magnitudes(sensitivity):
-    tables = colour_tables(sensitivity)
-    shares = probability(tables)[:, None] * tables.weights
-    total = np.abs(shares).sum()
-    # The cdf is rounded by eps, which is 1e-6 of the probability of the rarest bins (1e-7 / 400).
-    assert np.abs(tables.weights).sum(axis=1) == pytest.approx(total, rel=1e-5)
-    if sensitivity.response.min() >= 0:
-        assert total == pytest.approx(sensitivity.channels, rel=1e-12)
+def test_no_weight_exceeds_the_sum_of_all_magnitudes():
+    for sensitivity in SAMPLED:
+        tables = colour_tables(sensitivity)
+        shares = probability(tables)[:, None] * tables.weights
+        total = np.abs(shares).sum()
+        # The cdf is rounded by eps, which is 1e-6 of the probability of the rarest bins (1e-7 / 400).
+        assert np.abs(tables.weights).sum(axis=1) == pytest.approx(total, rel=1e-5), sensitivity
+        if sensitivity.response.min() >= 0:
+            assert total == pytest.approx(sensitivity.channels, rel=1e-12), sensitivity
 
 
-@pytest.mark.parametrize("sensitivity", SAMPLED)
-def test_shares_are_integrals_over_bins(sensitivity):
-    tables = colour_tables(sensitivity, step=5.0)
-    low, high = sensitivity.wavelength_range
-    width = (high - low) / np.ceil((high - low) / 5.0)
-    fine = low + (np.arange(round((high - low) / width) * 2000) + 0.5) * width / 2000
-    shares = probability(tables)[:, None] * tables.weights
-    heights = sensitivity.normalised.at(fine).reshape(-1, 2000, sensitivity.channels)
-    middles = fine.reshape(-1, 2000).mean(axis=1)
-    kept = np.abs(middles[:, None] - tables.wavelengths).min(axis=1) < 0.5 * width
-    assert kept.sum() == len(tables.wavelengths)
-    # A midpoint sum errs by its step times the height of a kink's cell: width / 2000 squared times the steepest slope.
-    steepest = np.abs(
-        np.diff(sensitivity.normalised.response, axis=0) / np.diff(sensitivity.wavelengths)[:, None]
-    ).max()
-    expected = heights.mean(axis=1)[kept] * width
-    assert shares == pytest.approx(expected, abs=1e-6 + (width / 2000) ** 2 * steepest)
+def test_shares_are_integrals_over_bins():
+    for sensitivity in SAMPLED:
+        tables = colour_tables(sensitivity, step=5.0)
+        low, high = sensitivity.wavelength_range
+        width = (high - low) / np.ceil((high - low) / 5.0)
+        fine = low + (np.arange(round((high - low) / width) * 2000) + 0.5) * width / 2000
+        shares = probability(tables)[:, None] * tables.weights
+        heights = sensitivity.normalised.at(fine).reshape(-1, 2000, sensitivity.channels)
+        middles = fine.reshape(-1, 2000).mean(axis=1)
+        kept = np.abs(middles[:, None] - tables.wavelengths).min(axis=1) < 0.5 * width
+        assert kept.sum() == len(tables.wavelengths), sensitivity
+        # A midpoint sum errs by its step times the height of a kink's cell: width / 2000 squared times the steepest slope.
+        steepest = np.abs(
+            np.diff(sensitivity.normalised.response, axis=0) / np.diff(sensitivity.wavelengths)[:, None]
+        ).max()
+        expected = heights.mean(axis=1)[kept] * width
+        assert shares == pytest.approx(expected, abs=1e-6 + (width / 2000) ** 2 * steepest), sensitivity
 
 
-@pytest.mark.parametrize("sensitivity", SAMPLED[:4])
-def test_the_mean_is_what_channels_see_of_any_spectrum(sensitivity):
-    def smooth(wavelengths):
-        return np.stack([1 + np.sin(wavelengths / 25.0), np.exp(-(((wavelengths - 540.0) / 30.0) ** 2))], axis=-1)
+def test_the_mean_is_what_channels_see_of_any_spectrum():
+    for sensitivity in SAMPLED[:4]:
 
-    fine = np.linspace(*sensitivity.wavelength_range, 200001)
-    right = np.einsum("ic,ik->ck", sensitivity.normalised.at(fine), smooth(fine)) * (fine[1] - fine[0])
-    errors = []
-    for step in (4.0, 2.0, 1.0):
-        tables = colour_tables(sensitivity, step=step)
-        found = np.einsum("w,wc,wk->ck", probability(tables), tables.weights, smooth(tables.wavelengths))
-        errors.append(np.abs(found - right).max())
-    # A middle stands for its bin: h^2 / 24 times the second derivative, at most 1 / 25^2 and 2 / 30^2 here, over |s|.
-    magnitude = np.abs(sensitivity.normalised.at(fine)).mean(axis=0).max() * (fine[-1] - fine[0])
-    assert errors[2] < 1.0 / 24 * 2 / 30**2 * magnitude * 3
-    assert errors[0] / errors[2] == pytest.approx(16.0, rel=0.3)
+        def smooth(wavelengths):
+            return np.stack([1 + np.sin(wavelengths / 25.0), np.exp(-(((wavelengths - 540.0) / 30.0) ** 2))], axis=-1)
+
+        fine = np.linspace(*sensitivity.wavelength_range, 200001)
+        right = np.einsum("ic,ik->ck", sensitivity.normalised.at(fine), smooth(fine)) * (fine[1] - fine[0])
+        errors = []
+        for step in (4.0, 2.0, 1.0):
+            tables = colour_tables(sensitivity, step=step)
+            found = np.einsum("w,wc,wk->ck", probability(tables), tables.weights, smooth(tables.wavelengths))
+            errors.append(np.abs(found - right).max())
+        # A middle stands for its bin: h^2 / 24 times the second derivative, at most 1 / 25^2 and 2 / 30^2 here, over |s|.
+        magnitude = np.abs(sensitivity.normalised.at(fine)).mean(axis=0).max() * (fine[-1] - fine[0])
+        assert errors[2] < 1.0 / 24 * 2 / 30**2 * magnitude * 3, sensitivity
+        assert errors[0] / errors[2] == pytest.approx(16.0, rel=0.3), sensitivity
 
 
 @given(st.tuples(UNIT, UNIT, UNIT))
@@ -365,26 +363,26 @@ def test_a_single_line_sees_the_spectrum():
     assert (tables.basis == rgb_basis([632.8])).all()
 
 
-@pytest.mark.parametrize("channels", [1, 3])
-def test_tables_are_what_kernels_take(channels):
-    made = Sensitivity([450.0, 650.0], np.ones((2, channels)))
-    for sensitivity in (made, Sensitivity.lines(LINES[:channels])):
-        tables = colour_tables(sensitivity)
-        w = len(tables.wavelengths)
-        assert [part.shape for part in tables] == [(w,), (w,), (w, channels), (w, 3)]
-        for part in tables:
-            assert part.dtype == np.float64 and part.flags.c_contiguous and not part.flags.writeable
-        assert w == (200 if sensitivity is made else channels)
+def test_tables_are_what_kernels_take():
+    for channels in [1, 3]:
+        made = Sensitivity([450.0, 650.0], np.ones((2, channels)))
+        for sensitivity in (made, Sensitivity.lines(LINES[:channels])):
+            tables = colour_tables(sensitivity)
+            w = len(tables.wavelengths)
+            assert [part.shape for part in tables] == [(w,), (w,), (w, channels), (w, 3)], channels
+            for part in tables:
+                assert part.dtype == np.float64 and part.flags.c_contiguous and not part.flags.writeable, channels
+            assert w == (200 if sensitivity is made else channels), channels
 
 
 def test_tables_of_presets_stay_small():
     assert max(len(tables.wavelengths) for _, tables, _ in COMPILED) <= 400
 
 
-@pytest.mark.parametrize("step", [0.0, -1.0, np.nan])
-def test_a_step_is_positive(step):
-    with pytest.raises(InvalidValueError, match="step"):
-        colour_tables(PRESETS["silicon"](), step=step)
+def test_a_step_is_positive():
+    for step in [0.0, -1.0, np.nan]:
+        with pytest.raises(InvalidValueError, match="step"):
+            colour_tables(PRESETS["silicon"](), step=step)
 
 
 def test_tables_are_of_sensitivities():
@@ -423,13 +421,13 @@ def test_camera_channels_peak_where_they_should():
     assert made.at([580.0, 490.0, 490.0])[[0, 1, 2], [0, 1, 2]] == pytest.approx(0.5, abs=1e-12)
 
 
-@pytest.mark.parametrize("make", [sensitivities.colour_camera, sensitivities.silicon])
-def test_cut_filters_transmit_half_at_their_limits(make):
-    wide, narrow = make(band=(400.0, 1000.0)), make(band=(500.0, 600.0))
-    assert narrow.wavelength_range == (490.0, 610.0)
-    ratio = narrow.at([500.0, 510.0, 550.0, 590.0, 600.0]) / wide.at([500.0, 510.0, 550.0, 590.0, 600.0])
-    inside = ratio[2]
-    assert ratio == pytest.approx(np.array([0.5, 1.0, 1.0, 1.0, 0.5])[:, None] * inside, rel=1e-9)
+def test_cut_filters_transmit_half_at_their_limits():
+    for make in [sensitivities.colour_camera, sensitivities.silicon]:
+        wide, narrow = make(band=(400.0, 1000.0)), make(band=(500.0, 600.0))
+        assert narrow.wavelength_range == (490.0, 610.0), make
+        ratio = narrow.at([500.0, 510.0, 550.0, 590.0, 600.0]) / wide.at([500.0, 510.0, 550.0, 590.0, 600.0])
+        inside = ratio[2]
+        assert ratio == pytest.approx(np.array([0.5, 1.0, 1.0, 1.0, 0.5])[:, None] * inside, rel=1e-9), make
 
 
 def test_silicon_absorbs_less_red_than_blue():
@@ -441,41 +439,38 @@ def test_silicon_absorbs_less_red_than_blue():
     assert (np.diff(thin.at(inside)[:, 0]) < 0).all()
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
+def test_impossible_sensors_are_refused():
+    for make, message in [
         (lambda: sensitivities.silicon(depth=0.0), "depth"),
         (lambda: sensitivities.silicon(band=(365.0, 700.0)), "within 370 to 1090 nm"),
         (lambda: sensitivities.silicon(band=(700.0, 400.0)), "ascend"),
         (lambda: sensitivities.colour_camera(band=(500.0, 510.0)), "at least 20 nm wide"),
         (lambda: sensitivities.colour_camera(widths=(1.0, 0.0, 1.0)), "a width"),
         (lambda: sensitivities.colour_camera(peaks=(0.6, 0.5, 0.4)), "nanometres"),
-    ],
-)
-def test_impossible_sensors_are_refused(make, message):
-    with pytest.raises(InvalidValueError, match=message):
-        make()
+    ]:
+        with pytest.raises(InvalidValueError, match=message):
+            make()
 
 
 # The figure
 
 
-@pytest.mark.parametrize("made", [*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)])
-def test_a_figure_draws_each_channel(made):
-    import matplotlib.pyplot as plt
+def test_a_figure_draws_each_channel():
+    for made in [*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)]:
+        import matplotlib.pyplot as plt
 
-    ax = plot_sensitivity(made)
-    curves = [line for line in ax.lines if line.get_label().startswith("channel")]
-    assert len(curves) == made.channels
-    assert (ax.get_legend() is not None) == (made.channels == 3)
-    for channel, curve in enumerate(curves):
-        if made.response is None:
-            assert set(curve.get_xdata()) == {made.wavelengths[channel]}
-        else:
-            assert (curve.get_xdata() == made.wavelengths).all()
-            assert (curve.get_ydata() == made.normalised.response[:, channel]).all()
-    assert plot_sensitivity(made, ax) is ax
-    plt.close("all")
+        ax = plot_sensitivity(made)
+        curves = [line for line in ax.lines if line.get_label().startswith("channel")]
+        assert len(curves) == made.channels, made
+        assert (ax.get_legend() is not None) == (made.channels == 3), made
+        for channel, curve in enumerate(curves):
+            if made.response is None:
+                assert set(curve.get_xdata()) == {made.wavelengths[channel]}, made
+            else:
+                assert (curve.get_xdata() == made.wavelengths).all(), made
+                assert (curve.get_ydata() == made.normalised.response[:, channel]).all(), made
+        assert plot_sensitivity(made, ax) is ax, made
+        plt.close("all")
 
 
 def test_a_figure_is_of_a_sensitivity():

@@ -72,12 +72,10 @@ def test_equal_values_are_equal_and_hash_alike():
     assert len({plate(), plate(), plate(index=1.6)}) == 2
 
 
-@pytest.mark.parametrize(
-    "change", [{"corners": [[0, 1]]}, {"corners": [[0, 1], [2, 3]]}, {"index": 1.6}, {"label": "x"}]
-)
-def test_a_changed_field_makes_another_value(change):
-    assert plate() != plate(**change)
-    assert plate() != dataclasses.replace(plate(), **change)
+def test_a_changed_field_makes_another_value():
+    for change in [{"corners": [[0, 1]]}, {"corners": [[0, 1], [2, 3]]}, {"index": 1.6}, {"label": "x"}]:
+        assert plate() != plate(**change), change
+        assert plate() != dataclasses.replace(plate(), **change), change
 
 
 def test_zeros_of_either_sign_are_equal_and_hash_alike():
@@ -90,14 +88,14 @@ def test_values_of_other_classes_are_not_equal():
     assert plate() != "plate"
 
 
-@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda made: pickle.loads(pickle.dumps(made))])
-def test_copies_are_equal_and_stay_read_only(copied):
-    again = copied(plate())
-    assert again == plate()
-    assert hash(again) == hash(plate())
-    assert not again.corners.flags.writeable
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        again.index = 2.0
+def test_copies_are_equal_and_stay_read_only():
+    for copied in [copy.copy, copy.deepcopy, lambda made: pickle.loads(pickle.dumps(made))]:
+        again = copied(plate())
+        assert again == plate(), copied
+        assert hash(again) == hash(plate()), copied
+        assert not again.corners.flags.writeable, copied
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            again.index = 2.0
 
 
 def test_repr_is_short_and_leaves_defaults_out():
@@ -119,9 +117,8 @@ def test_read_only_leaves_the_original_writable():
     assert np.shares_memory(original, view)
 
 
-@pytest.mark.parametrize(
-    ("check", "sentence"),
-    [
+def test_what_cannot_be_is_named():
+    for check, sentence in [
         (lambda: finite(np.inf, "gap"), "gap is inf; it must be finite"),
         (lambda: finite("wide", "gap"), "gap is 'wide'; it must be a number"),
         (lambda: finite(10**400, "gap"), "gap is 1000.*; it must be a number"),
@@ -149,11 +146,9 @@ def test_read_only_leaves_the_original_writable():
         (lambda: length_in_mm(1e-300, "pitch"), "pitch is 1e-300 mm; it must be from 1e-15 to 1e\\+15 mm"),
         (lambda: positions([0, 1e38, 0], name="shift", shape=(3,)), "shift holds 1e\\+38 mm, which is not finite"),
         (lambda: alike(x=[1, 2], y=[1, 2, 3]), r"the shapes of x \(2,\) and y \(3,\) do not fit"),
-    ],
-)
-def test_what_cannot_be_is_named(check, sentence):
-    with pytest.raises(InvalidValueError, match=sentence):
-        check()
+    ]:
+        with pytest.raises(InvalidValueError, match=sentence):
+            check()
 
 
 def test_another_kind_is_named_with_a_way_out():

@@ -118,9 +118,8 @@ def test_xarray_opens_it_a_part_at_a_time_and_unseen_pixels_are_none(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(
-    ("region", "arrays", "frame", "sentence"),
-    [
+def test_what_does_not_fit_is_refused(whole):
+    for region, arrays, frame, sentence in [
         ((0, 500, 0, 512), {}, None, "rows 0:500 of 600; it must begin and end at multiples of 512 or at the end"),
         ((0, 512, 512, 1000), {}, None, "columns 512:1000 of 1100"),
         ((100, 600, 0, 1100), {}, None, "rows 100:600"),
@@ -132,15 +131,13 @@ def test_xarray_opens_it_a_part_at_a_time_and_unseen_pixels_are_none(tmp_path):
         ((0, 512, 0, 512), {"object": np.full((512, 512), 1 << 40)}, None, "object must hold whole numbers"),
         ((0, 512, 0, 512), {"object": [["a"]]}, None, "object is not an array of numbers"),
         ((0, 512, 0, 512), {}, 0, "frame is 0, and .* is no sequence"),
-    ],
-)
-def test_what_does_not_fit_is_refused(whole, region, arrays, frame, sentence):
-    before = content(whole)
-    with pytest.raises(pl.errors.InvalidValueError, match=sentence):
-        Store(whole).put(
-            region, arrays or {"object": np.ones((region[1] - region[0], region[3] - region[2]))}, frame=frame
-        )
-    assert content(whole) == before
+    ]:
+        before = content(whole)
+        with pytest.raises(pl.errors.InvalidValueError, match=sentence):
+            Store(whole).put(
+                region, arrays or {"object": np.ones((region[1] - region[0], region[3] - region[2]))}, frame=frame
+            )
+        assert content(whole) == before, (region, arrays, frame, sentence)
 
 
 def test_a_sequence_is_written_frame_by_frame_and_grows(tmp_path):
@@ -237,10 +234,10 @@ def test_links_and_large_stores_are_refused(whole, tmp_path):
         read_arrays(path, ("object",))
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"node_type": "array", "attributes": {}}', "[" * 10_000])
-def test_what_is_no_store_has_no_attributes(tmp_path, text):
-    (tmp_path / "zarr.json").write_text(text)
-    assert attributes_of(tmp_path) is None and attributes_of(tmp_path / "nothing") is None
+def test_what_is_no_store_has_no_attributes(tmp_path):
+    for text in ["", "[]", "{}", '{"node_type": "array", "attributes": {}}', "[" * 10_000]:
+        (tmp_path / "zarr.json").write_text(text)
+        assert attributes_of(tmp_path) is None and attributes_of(tmp_path / "nothing") is None, text
 
 
 # ---- whole or not at all ----

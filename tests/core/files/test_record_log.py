@@ -102,11 +102,13 @@ def test_every_nan_and_zero_keeps_its_bits(path):
         np.testing.assert_array_equal(log.read(log.append({}, {"a": bits.view(float)}))["a"].view(np.uint64), bits)
 
 
-@pytest.mark.parametrize("make", [lambda a: a.astype(">f8"), lambda a: a.T, lambda a: a[:, ::-2], np.asfortranarray])
-def test_how_numbers_lie_in_memory_does_not_matter(path, make):
-    array = make(np.random.default_rng(1).normal(size=(5, 7)))
-    with opened(path) as log:
-        assert same_bits(log.read(log.append({}, {"a": array}))["a"], np.ascontiguousarray(array, dtype=float))
+def test_how_numbers_lie_in_memory_does_not_matter(path):
+    for make in [lambda a: a.astype(">f8"), lambda a: a.T, lambda a: a[:, ::-2], np.asfortranarray]:
+        array = make(np.random.default_rng(1).normal(size=(5, 7)))
+        with opened(path) as log:
+            assert same_bits(log.read(log.append({}, {"a": array}))["a"], np.ascontiguousarray(array, dtype=float)), (
+                make
+            )
 
 
 def test_header_and_facts_come_back(tmp_path):
@@ -195,9 +197,8 @@ def framed(head, length, body=b""):
     return MARK + sizes + hashlib.blake2b(sizes + digest + head, digest_size=16).digest() + digest + head + body
 
 
-@pytest.mark.parametrize(
-    "array",
-    [
+def test_heads_that_lie_are_passed_over_before_any_memory_is_taken(path):
+    for array in [
         ["a", "<f8", [1 << 45]],
         ["a", "<f8", [1 << 61, 1 << 61]],
         ["a", "<f8", [10**400]],
@@ -208,22 +209,20 @@ def framed(head, length, body=b""):
         ["a", [["f", "|O"]], [0]],
         ["a", "<f8"],
         None,
-    ],
-)
-def test_heads_that_lie_are_passed_over_before_any_memory_is_taken(path, array):
-    # 2^45 numbers would be 280 TB: numpy could not allocate them.
-    head = json.dumps({"facts": {"n": 9}, "arrays": [array]}).encode()
-    lies = framed(head, 0) + framed(head, 8 << 45)
-    with path.open("ab") as file:
-        file.write(lies)
-    assert numbers_in(path) == (WHOLE, len(lies))
+    ]:
+        # 2^45 numbers would be 280 TB: numpy could not allocate them.
+        head = json.dumps({"facts": {"n": 9}, "arrays": [array]}).encode()
+        lies = framed(head, 0) + framed(head, 8 << 45)
+        with path.open("ab") as file:
+            file.write(lies)
+        assert numbers_in(path) == (WHOLE, len(lies)), array
 
 
-@pytest.mark.parametrize("head", [b"[]", b"{}", b"7", b"[" * 100_000, b'{"facts": ', b"\xff\xfe", b"9" * 5000])
-def test_heads_that_are_none_are_passed_over(path, head):
-    with path.open("ab") as file:
-        file.write(framed(head, 0))
-    assert numbers_in(path)[0] == WHOLE
+def test_heads_that_are_none_are_passed_over(path):
+    for head in [b"[]", b"{}", b"7", b"[" * 100_000, b'{"facts": ', b"\xff\xfe", b"9" * 5000]:
+        with path.open("ab") as file:
+            file.write(framed(head, 0))
+        assert numbers_in(path)[0] == WHOLE, head
 
 
 def test_an_array_of_nothing_in_impossible_rows_is_refused_in_words(path):
@@ -259,10 +258,10 @@ def test_every_damage_to_the_header_is_refused(path, ends):
     assert "remove it to begin anew" in refused(path, content[: PREAMBLE + 3])
 
 
-@pytest.mark.parametrize("header", [b"[]", b"7", b"null", b"[" * 100_000, b'{"owner": ', b"\xff\xfe", b"9" * 5000])
-def test_headers_that_are_none_are_refused(tmp_path, header):
-    start = KIND.first_line + b"%s %016d\n" % (hashlib.sha256(header).hexdigest().encode(), len(header))
-    assert "its header cannot be understood" in refused(tmp_path / "log", start + header)
+def test_headers_that_are_none_are_refused(tmp_path):
+    for header in [b"[]", b"7", b"null", b"[" * 100_000, b'{"owner": ', b"\xff\xfe", b"9" * 5000]:
+        start = KIND.first_line + b"%s %016d\n" % (hashlib.sha256(header).hexdigest().encode(), len(header))
+        assert "its header cannot be understood" in refused(tmp_path / "log", start + header), header
 
 
 def test_other_kinds_and_versions_are_told_apart(path):

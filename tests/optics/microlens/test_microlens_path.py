@@ -75,100 +75,109 @@ def exact_path(array, power, axis, origin, direction, wavelength):
     return total, sizes
 
 
-@pytest.mark.parametrize("reverse", [False, True])
-@pytest.mark.parametrize("distance", [0.5, 100.0, 1e6])
-@pytest.mark.parametrize(("model", "side"), PLATES)
-def test_paths_are_those_of_fifty_digits(model, side, distance, reverse):
+def test_paths_are_those_of_fifty_digits():
     """To 1e-6 waves, or where that is more, 4 eps of all lengths on the way."""
-    array, wavelength = array_of(model, side), 486.1
-    rays, number = rays_through(array, distance=distance, reverse=reverse, wavelength=wavelength)
-    behind, path = microlens_path(array, rays, reverse=reverse)
-    assert (behind.status == 0).all()
-    lenses, flip = array.lenses((-1, -1), (1, 1)), np.array([1, 1, -1])
-    other = Side.SENSOR if side is Side.SCENE else Side.SCENE
-    for i, k in enumerate(number):
-        given = rays.origin[i], rays.direction[i]
-        seen = array
-        if reverse:
-            seen = dataclasses.replace(array, convex_side=other)
-            given = [0, 0, array.thickness] + flip * given[0], flip * given[1]
-        exact, sizes = exact_path(seen, lenses.power[k], lenses.centre[k], *given, wavelength)
-        # Where the ray is given, and how long its direction is, is good to eps of the distance.
-        assert abs(float(path[i] - exact)) < max(1e-6 * 1e-6 * wavelength, 4 * EPS * float(sizes))
+    for reverse in [False, True]:
+        for distance in [0.5, 100.0, 1e6]:
+            for model, side in PLATES:
+                array, wavelength = array_of(model, side), 486.1
+                rays, number = rays_through(array, distance=distance, reverse=reverse, wavelength=wavelength)
+                behind, path = microlens_path(array, rays, reverse=reverse)
+                assert (behind.status == 0).all(), (reverse, distance, model, side)
+                lenses, flip = array.lenses((-1, -1), (1, 1)), np.array([1, 1, -1])
+                other = Side.SENSOR if side is Side.SCENE else Side.SCENE
+                for i, k in enumerate(number):
+                    given = rays.origin[i], rays.direction[i]
+                    seen = array
+                    if reverse:
+                        seen = dataclasses.replace(array, convex_side=other)
+                        given = [0, 0, array.thickness] + flip * given[0], flip * given[1]
+                    exact, sizes = exact_path(seen, lenses.power[k], lenses.centre[k], *given, wavelength)
+                    # Where the ray is given, and how long its direction is, is good to eps of the distance.
+                    assert abs(float(path[i] - exact)) < max(1e-6 * 1e-6 * wavelength, 4 * EPS * float(sizes)), (
+                        reverse,
+                        distance,
+                        model,
+                        side,
+                    )
 
 
-@pytest.mark.parametrize(("model", "side"), PLATES)
-def test_there_and_back_is_as_long(model, side):
-    array = array_of(model, side)
-    rays, _ = rays_through(array)
-    behind, path = microlens_path(array, rays)
-    back, again = microlens_path(array, pl.RayBundle(behind.origin, -behind.direction), reverse=True)
-    np.testing.assert_allclose(back.direction, -rays.direction, rtol=0, atol=30 * EPS * array.index)
-    missing = np.linalg.norm(rays.origin - back.origin, axis=1)
-    np.testing.assert_allclose(again + missing, path, rtol=0, atol=30 * EPS * path.max())
-    end = array.thickness
-    assert (behind.origin[:, 2] <= end + 1e-15).all() if side is Side.SENSOR else (behind.origin[:, 2] == end).all()
+def test_there_and_back_is_as_long():
+    for model, side in PLATES:
+        array = array_of(model, side)
+        rays, _ = rays_through(array)
+        behind, path = microlens_path(array, rays)
+        back, again = microlens_path(array, pl.RayBundle(behind.origin, -behind.direction), reverse=True)
+        np.testing.assert_allclose(back.direction, -rays.direction, rtol=0, atol=30 * EPS * array.index)
+        missing = np.linalg.norm(rays.origin - back.origin, axis=1)
+        np.testing.assert_allclose(again + missing, path, rtol=0, atol=30 * EPS * path.max())
+        end = array.thickness
+        assert (
+            (behind.origin[:, 2] <= end + 1e-15).all() if side is Side.SENSOR else (behind.origin[:, 2] == end).all()
+        ), (model, side)
 
 
-@pytest.mark.parametrize(("model", "side"), PLATES)
-def test_the_rays_are_those_of_the_renderer(model, side):
+def test_the_rays_are_those_of_the_renderer():
     """Which aims from the sensor: the kernels towards the lens, of one lens that nothing ends."""
-    array = dataclasses.replace(array_of(model, side), focal_lengths=(2.0,))
-    rays, _ = rays_through(array, reverse=True)
-    rays = pl.RayBundle([*np.zeros(2), 1.5] + rays.origin * [0.05, 0.05, 0], rays.direction)
-    behind, _ = microlens_path(array, rays, reverse=True)
-    depths = model.rules.depths(array)
-    h = 1.5 - array.thickness + depths.rear  # from the sensor, where rays begin, to the rear principal plane
-    aimed = rays.origin + h / abs(rays.direction[:, 2:]) * rays.direction
-    block = np.zeros((8, BLOCK))
-    block[0, :60], block[1, :60] = aimed[:, :2].T
-    block[3:5, :60] = (aimed - rays.origin)[:, :2].T
-    blocks = block.reshape(-1)
-    assert blocks.size == RAY
-    lens = lone_lens(array, 0.5, 587.6)
-    model.rules.to_lens(blocks, None, Crossing(lens, SensorPlane(h, None), depths.front), None)
-    found = blocks.reshape(8, BLOCK)[:, :60]
-    passed = np.hypot(*rays.at_z(0)[:, :2].T) < 0.08
-    assert passed.sum() > 15 and (behind.status[passed] == 0).all()
-    # 1 - n^2 (1 - cos^2) of light that leaves the plate is good to some roundings of cos^2, times n^2.
-    atol = EPS * (20 + 4 * array.index**2)
-    np.testing.assert_allclose(found[3:6].T[passed], behind.direction[passed], rtol=0, atol=atol)
-    np.testing.assert_allclose(found[:3].T[passed], behind.origin[passed], rtol=0, atol=20 * EPS)
+    for model, side in PLATES:
+        array = dataclasses.replace(array_of(model, side), focal_lengths=(2.0,))
+        rays, _ = rays_through(array, reverse=True)
+        rays = pl.RayBundle([*np.zeros(2), 1.5] + rays.origin * [0.05, 0.05, 0], rays.direction)
+        behind, _ = microlens_path(array, rays, reverse=True)
+        depths = model.rules.depths(array)
+        h = 1.5 - array.thickness + depths.rear  # from the sensor, where rays begin, to the rear principal plane
+        aimed = rays.origin + h / abs(rays.direction[:, 2:]) * rays.direction
+        block = np.zeros((8, BLOCK))
+        block[0, :60], block[1, :60] = aimed[:, :2].T
+        block[3:5, :60] = (aimed - rays.origin)[:, :2].T
+        blocks = block.reshape(-1)
+        assert blocks.size == RAY, (model, side)
+        lens = lone_lens(array, 0.5, 587.6)
+        model.rules.to_lens(blocks, None, Crossing(lens, SensorPlane(h, None), depths.front), None)
+        found = blocks.reshape(8, BLOCK)[:, :60]
+        passed = np.hypot(*rays.at_z(0)[:, :2].T) < 0.08
+        assert passed.sum() > 15 and (behind.status[passed] == 0).all(), (model, side)
+        # 1 - n^2 (1 - cos^2) of light that leaves the plate is good to some roundings of cos^2, times n^2.
+        atol = EPS * (20 + 4 * array.index**2)
+        np.testing.assert_allclose(found[3:6].T[passed], behind.direction[passed], rtol=0, atol=atol)
+        np.testing.assert_allclose(found[:3].T[passed], behind.origin[passed], rtol=0, atol=20 * EPS)
 
 
-@pytest.mark.parametrize("reverse", [False, True])
-@pytest.mark.parametrize(("model", "side"), PLATES)
-def test_neighbouring_rays_obey_malus_and_dupin(model, side, reverse):
+def test_neighbouring_rays_obey_malus_and_dupin():
     """Paths change by d' . dE - d . dO; flat lenses leave the height times the change of n cos i - n' cos t."""
-    array = array_of(model, side)
-    rays, number = rays_through(array, reverse=reverse)
-    random = np.random.default_rng(5)
-    h = 3e-4
-    moved = rays.origin + h * random.normal(size=rays.origin.shape) * [1, 1, 0.5]
-    other = pl.RayBundle(moved, rays.direction + h * random.normal(size=rays.direction.shape))
-    (one, path), (two, there) = (microlens_path(array, part, reverse=reverse) for part in (rays, other))
-    both = (one.status == 0) & (two.status == 0)
-    assert both.sum() > 40
-    mean, before = 0.5 * (one.direction + two.direction), 0.5 * (rays.direction + other.direction)
-    expected = ((two.origin - one.origin) * mean).sum(axis=1) - ((other.origin - rays.origin) * before).sum(axis=1)
-    if model.is_flat:
-        lenses, n = array.lenses((-1, -1), (1, 1)), array.index
-        curved_first = (side is Side.SCENE) is not reverse
-        radius = (n - 1) / lenses.power[number]
-        height, bracket = [], []
-        for part, behind in ((rays, one), (other, two)):
-            z = array.thickness if reverse else 0.0
-            outside = part if curved_first else behind
-            at = part.at_z(z) if curved_first else behind.origin
-            r2 = ((at[:, :2] - lenses.centre[number]) ** 2).sum(axis=1)
-            height.append(r2 / (radius + np.sqrt(radius**2 - r2)))
-            away = behind if curved_first else part
-            inside = np.sqrt(n**2 - (away.direction[:, :2] ** 2).sum(axis=1))
-            bracket.append(np.abs(outside.direction[:, 2]) - inside)
-        expected += 0.5 * (height[0] + height[1]) * (bracket[1] - bracket[0])
-    # The trapezium leaves the third order: h^3 over squares of radii of 0.8 mm, and of angles h per mm.
-    np.testing.assert_allclose(there - path, expected, rtol=0, atol=30 * h**3)
-    assert np.abs(expected).max() > 0.02 * h
+    for reverse in [False, True]:
+        for model, side in PLATES:
+            array = array_of(model, side)
+            rays, number = rays_through(array, reverse=reverse)
+            random = np.random.default_rng(5)
+            h = 3e-4
+            moved = rays.origin + h * random.normal(size=rays.origin.shape) * [1, 1, 0.5]
+            other = pl.RayBundle(moved, rays.direction + h * random.normal(size=rays.direction.shape))
+            (one, path), (two, there) = (microlens_path(array, part, reverse=reverse) for part in (rays, other))
+            both = (one.status == 0) & (two.status == 0)
+            assert both.sum() > 40, (reverse, model, side)
+            mean, before = 0.5 * (one.direction + two.direction), 0.5 * (rays.direction + other.direction)
+            expected = ((two.origin - one.origin) * mean).sum(axis=1) - ((other.origin - rays.origin) * before).sum(
+                axis=1
+            )
+            if model.is_flat:
+                lenses, n = array.lenses((-1, -1), (1, 1)), array.index
+                curved_first = (side is Side.SCENE) is not reverse
+                radius = (n - 1) / lenses.power[number]
+                height, bracket = [], []
+                for part, behind in ((rays, one), (other, two)):
+                    z = array.thickness if reverse else 0.0
+                    outside = part if curved_first else behind
+                    at = part.at_z(z) if curved_first else behind.origin
+                    r2 = ((at[:, :2] - lenses.centre[number]) ** 2).sum(axis=1)
+                    height.append(r2 / (radius + np.sqrt(radius**2 - r2)))
+                    away = behind if curved_first else part
+                    inside = np.sqrt(n**2 - (away.direction[:, :2] ** 2).sum(axis=1))
+                    bracket.append(np.abs(outside.direction[:, 2]) - inside)
+                expected += 0.5 * (height[0] + height[1]) * (bracket[1] - bracket[0])
+            # The trapezium leaves the third order: h^3 over squares of radii of 0.8 mm, and of angles h per mm.
+            np.testing.assert_allclose(there - path, expected, rtol=0, atol=30 * h**3)
+            assert np.abs(expected).max() > 0.02 * h, (reverse, model, side)
 
 
 def test_a_flat_lens_of_high_index_is_a_parabola_of_phase():
@@ -196,30 +205,34 @@ def test_a_sphere_brings_paraxial_light_to_its_focus_in_step():
     assert 1e-9 < abs(left(0.04)) < 1e-3 * 0.04**2 / 4
 
 
-@pytest.mark.parametrize("z", [-3.0, -1.0, -1e5])
-@pytest.mark.parametrize("reverse", [False, True])
-def test_thin_lenses_take_a_point_to_their_images_in_step(reverse, z):
-    array = array_of(Model.THIN)
-    point = np.array([0.1, -0.05, -z if reverse else z])
-    random = np.random.default_rng(2)
-    lenses = array.lenses((-0.5, -0.5), (0.5, 0.5))
-    number = random.integers(0, len(lenses), 80)
-    away = np.column_stack([lenses.centre[number] + random.uniform(-0.07, 0.07, (80, 2)), np.zeros(80)]) - point
-    rays = pl.RayBundle(point + random.uniform(0, 0.9, (80, 1)) * away, away)
-    behind, path = microlens_path(array, rays, reverse=reverse, point=point)
-    assert (behind.status == 0).all()
-    f = 1 / lenses.power[number]
-    image_distance = -z * f / (-z - f)
-    size = -image_distance / -z
-    axis = lenses.centre[number]
-    image = np.column_stack([axis + size[:, None] * (point[:2] - axis), -image_distance if reverse else image_distance])
-    to_image = ((image - behind.origin) * behind.direction).sum(axis=1)
-    # The nearer a point is to a focal plane, the more digits its image takes.
-    lost = 20 * EPS * (np.abs(image_distance) + abs(z))
-    assert (np.linalg.norm(image - behind.origin - to_image[:, None] * behind.direction, axis=1) < 20 * lost).all()
-    whole = np.linalg.norm(rays.origin - point, axis=1) + path + to_image
-    straight = np.hypot(np.hypot(*(point[:2] - axis).T), z) * (1 - size)  # through the middle of the lens
-    assert (np.abs(whole - straight) < np.maximum(lost, 1e-6 * WAVE)).all()
+def test_thin_lenses_take_a_point_to_their_images_in_step():
+    for z in [-3.0, -1.0, -1e5]:
+        for reverse in [False, True]:
+            array = array_of(Model.THIN)
+            point = np.array([0.1, -0.05, -z if reverse else z])
+            random = np.random.default_rng(2)
+            lenses = array.lenses((-0.5, -0.5), (0.5, 0.5))
+            number = random.integers(0, len(lenses), 80)
+            away = np.column_stack([lenses.centre[number] + random.uniform(-0.07, 0.07, (80, 2)), np.zeros(80)]) - point
+            rays = pl.RayBundle(point + random.uniform(0, 0.9, (80, 1)) * away, away)
+            behind, path = microlens_path(array, rays, reverse=reverse, point=point)
+            assert (behind.status == 0).all(), (z, reverse)
+            f = 1 / lenses.power[number]
+            image_distance = -z * f / (-z - f)
+            size = -image_distance / -z
+            axis = lenses.centre[number]
+            image = np.column_stack(
+                [axis + size[:, None] * (point[:2] - axis), -image_distance if reverse else image_distance]
+            )
+            to_image = ((image - behind.origin) * behind.direction).sum(axis=1)
+            # The nearer a point is to a focal plane, the more digits its image takes.
+            lost = 20 * EPS * (np.abs(image_distance) + abs(z))
+            assert (
+                np.linalg.norm(image - behind.origin - to_image[:, None] * behind.direction, axis=1) < 20 * lost
+            ).all(), (z, reverse)
+            whole = np.linalg.norm(rays.origin - point, axis=1) + path + to_image
+            straight = np.hypot(np.hypot(*(point[:2] - axis).T), z) * (1 - size)  # through the middle of the lens
+            assert (np.abs(whole - straight) < np.maximum(lost, 1e-6 * WAVE)).all(), (z, reverse)
 
 
 def test_light_beside_openings_goes_straight_on():
@@ -235,27 +248,27 @@ def test_light_beside_openings_goes_straight_on():
     assert behind.status.tolist() == [pl.RayStatus.OUTSIDE_MICROLENS, 0] and np.isnan(path).tolist() == [True, False]
 
 
-@pytest.mark.parametrize("model", [Model.SPHERICAL, Model.THIN])
-def test_lenses_that_differ_have_paths_of_their_own(model):
+def test_lenses_that_differ_have_paths_of_their_own():
     """A dark lens, one off its place, one of another power, in a list."""
-    centres = [(0.0, 0.0), (0.2, 0.0), (0.0, 0.2)]
-    deviations = pl.optics.MicrolensDeviations(
-        index=[(0, 0), (1, 0), (2, 0)], shift=[(0, 0), (0.01, 0), (0, 0)], transmission=[0.0, 1.0, 1.0]
-    )
-    free = {"lattice": pl.Lattice.FREE, "centres": centres, "types": [0, 0, 1]}
-    array = pl.MicrolensArray(0.2, (2.0, 1.5), model=model, imperfections=deviations, **free)
-    point = np.array([0.02, 0.03, -4.0])
-    aims = np.array([(x + 0.03, y + 0.02, 0.0) for x, y in centres])
-    rays = pl.RayBundle(np.tile(point, (3, 1)), aims - point)
-    how = {} if model.is_plate else {"point": point}
-    behind, path = microlens_path(array, rays, **how)
-    assert behind.weight.tolist() == [0.0, 1.0, 1.0]
-    for k, (axis, f) in enumerate(zip([(0, 0), (0.21, 0), (0, 0.2)], (2.0, 2.0, 1.5), strict=True)):
-        lone = pl.MicrolensArray(0.5, (f,), lattice=pl.Lattice.SQUARE, model=model)
-        moved = point - [*axis, 0]
-        ray = pl.RayBundle([moved], [aims[k] - point])
-        _, alone = microlens_path(lone, ray, **({} if model.is_plate else {"point": moved}))
-        assert path[k] == pytest.approx(alone[0], abs=50 * EPS)
+    for model in [Model.SPHERICAL, Model.THIN]:
+        centres = [(0.0, 0.0), (0.2, 0.0), (0.0, 0.2)]
+        deviations = pl.optics.MicrolensDeviations(
+            index=[(0, 0), (1, 0), (2, 0)], shift=[(0, 0), (0.01, 0), (0, 0)], transmission=[0.0, 1.0, 1.0]
+        )
+        free = {"lattice": pl.Lattice.FREE, "centres": centres, "types": [0, 0, 1]}
+        array = pl.MicrolensArray(0.2, (2.0, 1.5), model=model, imperfections=deviations, **free)
+        point = np.array([0.02, 0.03, -4.0])
+        aims = np.array([(x + 0.03, y + 0.02, 0.0) for x, y in centres])
+        rays = pl.RayBundle(np.tile(point, (3, 1)), aims - point)
+        how = {} if model.is_plate else {"point": point}
+        behind, path = microlens_path(array, rays, **how)
+        assert behind.weight.tolist() == [0.0, 1.0, 1.0], model
+        for k, (axis, f) in enumerate(zip([(0, 0), (0.21, 0), (0, 0.2)], (2.0, 2.0, 1.5), strict=True)):
+            lone = pl.MicrolensArray(0.5, (f,), lattice=pl.Lattice.SQUARE, model=model)
+            moved = point - [*axis, 0]
+            ray = pl.RayBundle([moved], [aims[k] - point])
+            _, alone = microlens_path(lone, ray, **({} if model.is_plate else {"point": moved}))
+            assert path[k] == pytest.approx(alone[0], abs=50 * EPS), model
 
 
 def test_origins_behind_the_array_have_negative_paths_and_turned_rays_none():

@@ -114,9 +114,8 @@ def test_nearest_of_centres_are_the_centres():
 # Values
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
+def test_impossible_arrays():
+    for changes, message in [
         ({"pitch": 0.0}, "pitch is 0 mm; it must be above 0"),
         ({"pitch": -0.2}, "pitch is -0.2 mm; it must be above 0"),
         ({"pitch": math.nan}, "pitch is nan; it must be finite"),
@@ -165,18 +164,16 @@ def test_nearest_of_centres_are_the_centres():
             {"model": SPHERICAL, "focal_lengths": (0.3,), "thickness": 0.03},
             "thickness 0.03 mm is below the sag 0.0542573",
         ),
-    ],
-)
-def test_impossible_arrays(changes, message):
-    fields = {"pitch": 0.2, "focal_lengths": (2.0,)} | changes
-    with pytest.raises(pl.errors.InvalidValueError, match=message):
-        pl.MicrolensArray(**fields)
+    ]:
+        fields = {"pitch": 0.2, "focal_lengths": (2.0,)} | changes
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            pl.MicrolensArray(**fields)
 
 
-@pytest.mark.parametrize(("name", "item"), [("lattice", 7), ("model", 5), ("convex_side", 2)])
-def test_choices_outside_the_enums(name, item):
-    with pytest.raises(pl.errors.InvalidValueError, match=f"{name} is {item}; it must be .* or "):
-        pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), **{name: item})
+def test_choices_outside_the_enums():
+    for name, item in [("lattice", 7), ("model", 5), ("convex_side", 2)]:
+        with pytest.raises(pl.errors.InvalidValueError, match=f"{name} is {item}; it must be .* or "):
+            pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), **{name: item})
 
 
 def test_principal_planes():
@@ -226,59 +223,59 @@ def aimed(array, n, *, height, slope, distance):
     return points, sensor, centres
 
 
-@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_exact_microlenses_are_lenses_of_two_surfaces(side):
-    array = plano_convex(side)
-    distance, z_array, n = 1.7, 123.3, 1000
-    points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
-    blocks = as_blocks(points, sensor, centres, 1.0)
-    fill_uncut(blocks, array, distance, z_array)
-    found, along, _, status = from_blocks(blocks, n)
-
-    glass = pl.ConstantMedium(array.index)
-    wide = {"semi_diameter": 0.9}
-    if side is pl.optics.ConvexSide.SCENE:
-        z_first, z_rear = z_array, z_array + array.principal_separation
-        surfaces = [pl.Surface(array.radius, array.thickness, glass, **wide), pl.Surface(math.inf, **wide)]
-    else:
-        z_first = z_array - array.thickness / array.index
-        z_rear = z_first + array.thickness
-        surfaces = [pl.Surface(math.inf, array.thickness, glass, **wide), pl.Surface(-array.radius, **wide)]
-    # A lens's frame starts at its stop: 100 mm before the array.
-    lens = pl.LensStack([pl.CircularStop(1e3, 100.0), *surfaces])
-    start = np.column_stack([sensor - centres, np.full(n, z_rear - z_first + 100 + distance)])
-    aim = np.column_stack([points - centres, np.full(n, z_rear - z_first + 100)])
-    out = lens.trace_reverse(pl.RayBundle(start, aim - start))
-    assert np.all(status == 0) and np.all(out.status == 0)
-    # Slopes are good to a few eps of what they are computed from: sensor points and aims of 1 mm, 1.7 mm apart; heights
-    # on the stop, 100 mm on, to as much times 100 mm.
-    assert np.abs(along - out.direction).max() <= 32 * EPS
-    t = (z_first - 100 - found[:, 2]) / along[:, 2]
-    on_stop = found[:, :2] + t[:, None] * along[:, :2] - centres
-    assert np.abs(on_stop - out.origin[:, :2]).max() <= 32 * EPS * 100
-
-
-@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_focal_length_and_principal_planes_in_the_paraxial_limit(side):
-    array = plano_convex(side, focal_lengths=(1.8,), index=1.6)
-    distance, z_array, n = 1.3, 50.0, 200
-
-    def slope_errors(h):
-        points, sensor, centres = aimed(array, n, height=h, slope=h, distance=distance)
+def test_exact_microlenses_are_lenses_of_two_surfaces():
+    for side in list(pl.optics.ConvexSide):
+        array = plano_convex(side)
+        distance, z_array, n = 1.7, 123.3, 1000
+        points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
         blocks = as_blocks(points, sensor, centres, 1.0)
         fill_uncut(blocks, array, distance, z_array)
-        found, along, _, _ = from_blocks(blocks, n)
-        # Through the front principal plane at the height of the rear one, bent by height over focal length.
-        t = (z_array - found[:, 2]) / along[:, 2]
-        at_front = found[:, :2] + t[:, None] * along[:, :2]
-        bent = (points - sensor) / distance - (points - centres) / array.focal_length
-        return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
+        found, along, _, status = from_blocks(blocks, n)
 
-    # Third-order aberrations: errors are O(h^3) with coefficients of order 1 / f^2.
-    sizes = np.array([0.08, 0.04, 0.02, 0.01])
-    errors = [slope_errors(h) for h in sizes]
-    assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] == pytest.approx(3.0, abs=0.1)
-    assert errors[-1] < 1e-5
+        glass = pl.ConstantMedium(array.index)
+        wide = {"semi_diameter": 0.9}
+        if side is pl.optics.ConvexSide.SCENE:
+            z_first, z_rear = z_array, z_array + array.principal_separation
+            surfaces = [pl.Surface(array.radius, array.thickness, glass, **wide), pl.Surface(math.inf, **wide)]
+        else:
+            z_first = z_array - array.thickness / array.index
+            z_rear = z_first + array.thickness
+            surfaces = [pl.Surface(math.inf, array.thickness, glass, **wide), pl.Surface(-array.radius, **wide)]
+        # A lens's frame starts at its stop: 100 mm before the array.
+        lens = pl.LensStack([pl.CircularStop(1e3, 100.0), *surfaces])
+        start = np.column_stack([sensor - centres, np.full(n, z_rear - z_first + 100 + distance)])
+        aim = np.column_stack([points - centres, np.full(n, z_rear - z_first + 100)])
+        out = lens.trace_reverse(pl.RayBundle(start, aim - start))
+        assert np.all(status == 0) and np.all(out.status == 0), side
+        # Slopes are good to a few eps of what they are computed from: sensor points and aims of 1 mm, 1.7 mm apart; heights
+        # on the stop, 100 mm on, to as much times 100 mm.
+        assert np.abs(along - out.direction).max() <= 32 * EPS, side
+        t = (z_first - 100 - found[:, 2]) / along[:, 2]
+        on_stop = found[:, :2] + t[:, None] * along[:, :2] - centres
+        assert np.abs(on_stop - out.origin[:, :2]).max() <= 32 * EPS * 100, side
+
+
+def test_focal_length_and_principal_planes_in_the_paraxial_limit():
+    for side in list(pl.optics.ConvexSide):
+        array = plano_convex(side, focal_lengths=(1.8,), index=1.6)
+        distance, z_array, n = 1.3, 50.0, 200
+
+        def slope_errors(h):
+            points, sensor, centres = aimed(array, n, height=h, slope=h, distance=distance)
+            blocks = as_blocks(points, sensor, centres, 1.0)
+            fill_uncut(blocks, array, distance, z_array)
+            found, along, _, _ = from_blocks(blocks, n)
+            # Through the front principal plane at the height of the rear one, bent by height over focal length.
+            t = (z_array - found[:, 2]) / along[:, 2]
+            at_front = found[:, :2] + t[:, None] * along[:, :2]
+            bent = (points - sensor) / distance - (points - centres) / array.focal_length
+            return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
+
+        # Third-order aberrations: errors are O(h^3) with coefficients of order 1 / f^2.
+        sizes = np.array([0.08, 0.04, 0.02, 0.01])
+        errors = [slope_errors(h) for h in sizes]
+        assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] == pytest.approx(3.0, abs=0.1), side
+        assert errors[-1] < 1e-5, side
 
 
 def test_thin_microlenses_bend_by_height_over_focal_length():
@@ -309,32 +306,32 @@ def test_without_microlenses_rays_go_straight_on():
     assert weight == pytest.approx(90.0**2 / length**4, rel=16 * EPS)
 
 
-@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_rays_beside_their_own_sphere_are_another_microlens_s(side):
-    array = plano_convex(side, pitch=0.6, thickness=0.3, focal_lengths=(2.0,))
-    points, sensor, centres = aimed(array, 2000, height=0.35, slope=0.3, distance=1.7)
-    n = len(points)
-    with_edges, without = (as_blocks(points, sensor, centres, 1.0) for _ in range(2))
-    fill_cut(with_edges, array, 1.7, 40.0)
-    fill_uncut(without, array, 1.7, 40.0)
-    found, along, _, status = from_blocks(with_edges, n)
-    free_found, free_along, _, free_status = from_blocks(without, n)
-    assert np.array_equal(found, free_found) and np.array_equal(along, free_along)
-    assert np.all(free_status == 0)
-    assert set(status.tolist()) == {0.0, float(pl.RayStatus.OUTSIDE_MICROLENS)}
-    if side is pl.optics.ConvexSide.SCENE:
-        # The curved side is met last: rays end on it.
-        on_sphere = found[:, :2] - centres
-    else:
-        # It is met first, on the straight line from the sensor. A height w above its vertex, which is the aim's plane,
-        # the line has moved by u w; the sphere bulges towards the sensor: |start + u w|^2 + (w - R)^2 = R^2.
-        u, start = (points - sensor) / 1.7, points - centres
-        a, b, c = 1 + (u**2).sum(axis=1), array.radius - (start * u).sum(axis=1), (start**2).sum(axis=1)
-        w = c / (b + np.sqrt(b * b - a * c))
-        on_sphere = start + u * w[:, None]
-    inside = np.all(on_sphere @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
-    margin = np.abs((on_sphere @ array.cell_edges[:, :2].T - array.cell_edges[:, 2]).max(axis=1)) > 1e-12
-    assert np.array_equal((status == 0)[margin], inside[margin])
+def test_rays_beside_their_own_sphere_are_another_microlens_s():
+    for side in list(pl.optics.ConvexSide):
+        array = plano_convex(side, pitch=0.6, thickness=0.3, focal_lengths=(2.0,))
+        points, sensor, centres = aimed(array, 2000, height=0.35, slope=0.3, distance=1.7)
+        n = len(points)
+        with_edges, without = (as_blocks(points, sensor, centres, 1.0) for _ in range(2))
+        fill_cut(with_edges, array, 1.7, 40.0)
+        fill_uncut(without, array, 1.7, 40.0)
+        found, along, _, status = from_blocks(with_edges, n)
+        free_found, free_along, _, free_status = from_blocks(without, n)
+        assert np.array_equal(found, free_found) and np.array_equal(along, free_along), side
+        assert np.all(free_status == 0), side
+        assert set(status.tolist()) == {0.0, float(pl.RayStatus.OUTSIDE_MICROLENS)}, side
+        if side is pl.optics.ConvexSide.SCENE:
+            # The curved side is met last: rays end on it.
+            on_sphere = found[:, :2] - centres
+        else:
+            # It is met first, on the straight line from the sensor. A height w above its vertex, which is the aim's plane,
+            # the line has moved by u w; the sphere bulges towards the sensor: |start + u w|^2 + (w - R)^2 = R^2.
+            u, start = (points - sensor) / 1.7, points - centres
+            a, b, c = 1 + (u**2).sum(axis=1), array.radius - (start * u).sum(axis=1), (start**2).sum(axis=1)
+            w = c / (b + np.sqrt(b * b - a * c))
+            on_sphere = start + u * w[:, None]
+        inside = np.all(on_sphere @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
+        margin = np.abs((on_sphere @ array.cell_edges[:, :2].T - array.cell_edges[:, 2]).max(axis=1)) > 1e-12
+        assert np.array_equal((status == 0)[margin], inside[margin]), side
 
 
 def test_pinholes_let_light_through_their_centres():
@@ -361,39 +358,39 @@ def flat_plates(side, index, thickness):
     )
 
 
-@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_flat_plates_of_high_index_tend_to_thin_lenses(side):
-    # f = R / (n - 1). What differs is the plate's depth, thickness / n, and the aberrations of a flat lens, O(h^2) of
-    # the slope, which tend to those of a thin lens that keeps slopes in sines: they stay.
-    def off(index, thickness, height):
-        array = flat_plates(side, index, thickness)
-        points, sensor, centres = aimed(array, 400, height=height, slope=height, distance=1.7)
+def test_flat_plates_of_high_index_tend_to_thin_lenses():
+    for side in list(pl.optics.ConvexSide):
+        # f = R / (n - 1). What differs is the plate's depth, thickness / n, and the aberrations of a flat lens, O(h^2) of
+        # the slope, which tend to those of a thin lens that keeps slopes in sines: they stay.
+        def off(index, thickness, height):
+            array = flat_plates(side, index, thickness)
+            points, sensor, centres = aimed(array, 400, height=height, slope=height, distance=1.7)
+            blocks = as_blocks(points, sensor, centres, 1.0)
+            fill_uncut(blocks, array, 1.7, 123.3)
+            found, along, _, status = from_blocks(blocks, 400)
+            assert np.all(status == 0), side
+            bent = (points - sensor) / 1.7 - (points - centres) / 2.0
+            at_front = found[:, :2] + ((123.3 - found[:, 2]) / along[:, 2])[:, None] * along[:, :2]
+            return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
+
+        errors = [off(1000.0, 0.1, h) for h in (0.08, 0.04, 0.02)]
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.2), side
+        assert np.log2(errors[1] / errors[2]) == pytest.approx(3.0, abs=0.2), side
+        assert errors[2] < 2e-5, side
+
+
+def test_a_flat_plate_has_the_cells_of_its_curved_side():
+    for side in list(pl.optics.ConvexSide):
+        array = flat_plates(side, 100.0, 0.1)
+        points, sensor, centres = aimed(array, 4000, height=0.2, slope=0.1, distance=1.7)
         blocks = as_blocks(points, sensor, centres, 1.0)
-        fill_uncut(blocks, array, 1.7, 123.3)
-        found, along, _, status = from_blocks(blocks, 400)
-        assert np.all(status == 0)
-        bent = (points - sensor) / 1.7 - (points - centres) / 2.0
-        at_front = found[:, :2] + ((123.3 - found[:, 2]) / along[:, 2])[:, None] * along[:, :2]
-        return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
-
-    errors = [off(1000.0, 0.1, h) for h in (0.08, 0.04, 0.02)]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.2)
-    assert np.log2(errors[1] / errors[2]) == pytest.approx(3.0, abs=0.2)
-    assert errors[2] < 2e-5
-
-
-@pytest.mark.parametrize("side", list(pl.optics.ConvexSide))
-def test_a_flat_plate_has_the_cells_of_its_curved_side(side):
-    array = flat_plates(side, 100.0, 0.1)
-    points, sensor, centres = aimed(array, 4000, height=0.2, slope=0.1, distance=1.7)
-    blocks = as_blocks(points, sensor, centres, 1.0)
-    fill_cut(blocks, array, 1.7, 123.3)
-    status = from_blocks(blocks, 4000)[3]
-    inside = np.all((points - centres) @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
-    # On the sensor's side the curved plane is the plane of aims; on the other, thickness / n = 1e-3 mm away.
-    near = np.abs(((points - centres) @ array.cell_edges[:, :2].T).max(axis=1) - 0.1) < 2e-3
-    assert np.array_equal((status == 0)[~near], inside[~near])
-    assert np.all(status[~inside & ~near] == pl.RayStatus.OUTSIDE_MICROLENS)
+        fill_cut(blocks, array, 1.7, 123.3)
+        status = from_blocks(blocks, 4000)[3]
+        inside = np.all((points - centres) @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
+        # On the sensor's side the curved plane is the plane of aims; on the other, thickness / n = 1e-3 mm away.
+        near = np.abs(((points - centres) @ array.cell_edges[:, :2].T).max(axis=1) - 0.1) < 2e-3
+        assert np.array_equal((status == 0)[~near], inside[~near]), side
+        assert np.all(status[~inside & ~near] == pl.RayStatus.OUTSIDE_MICROLENS), side
 
 
 def test_a_flat_plate_of_low_index_is_refused():

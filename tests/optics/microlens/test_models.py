@@ -1,3 +1,4 @@
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -23,30 +24,23 @@ def test_no_other_file_tells_models_apart():
     assert naming == NAMED_IN
 
 
-@pytest.mark.parametrize("side", Side)
-@pytest.mark.parametrize("model", Model)
-def test_depths_add_up_to_the_glass(model, side):
-    array = array_of(model, side)
-    depths = model.rules.depths(array)
-    assert min(depths) >= 0
-    assert sum(depths) == pytest.approx(array.thickness if model.is_plate else 0.0, rel=4 * EPS)
-    assert depths.separation == array.principal_separation
-
-
-@pytest.mark.parametrize("side", Side)
-@pytest.mark.parametrize("model", Model)
-def test_rays_along_the_axis_are_not_displaced(model, side):
+def test_depths_add_up_to_the_glass_and_rays_along_the_axis_are_not_displaced():
     points, slopes = np.array([[0.1, -0.2], [0.0, 0.3]]), np.zeros((2, 2))
-    for rear in (False, True):
-        found = model.rules.displaced(array_of(model, side), points, slopes, 550.0, rear)
-        np.testing.assert_array_equal(found, points)
+    for model, side in itertools.product(Model, Side):
+        array = array_of(model, side)
+        depths = model.rules.depths(array)
+        assert min(depths) >= 0, (model, side)
+        assert sum(depths) == pytest.approx(array.thickness if model.is_plate else 0.0, rel=4 * EPS), (model, side)
+        assert depths.separation == array.principal_separation, (model, side)
+        for rear in (False, True):
+            np.testing.assert_array_equal(model.rules.displaced(array, points, slopes, 550.0, rear), points)
 
 
-@pytest.mark.parametrize("model", Model)
-def test_rules_say_what_the_enumeration_says(model):
-    assert (model.focuses, model.is_plate, model.is_flat) == (
-        model is not Model.PINHOLE,
-        model in (Model.FLAT_HIGH_INDEX, Model.SPHERICAL),
-        model is Model.FLAT_HIGH_INDEX,
-    )
-    assert model.rules.is_thin == (model is Model.THIN)
+def test_rules_say_what_the_enumeration_says():
+    for model in Model:
+        assert (model.focuses, model.is_plate, model.is_flat) == (
+            model is not Model.PINHOLE,
+            model in (Model.FLAT_HIGH_INDEX, Model.SPHERICAL),
+            model is Model.FLAT_HIGH_INDEX,
+        ), model
+        assert model.rules.is_thin == (model is Model.THIN), model

@@ -64,9 +64,8 @@ def test_the_area_that_dust_covers():
     assert abs(dust.at(points).mean() - open_share) < 4 * sigma
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
+def test_impossible_scatterings():
+    for changes, message in [
         ({"half_size": (0.0, 1.0)}, "half_size is 0 mm; it must be above 0"),
         ({"half_size": (1.0,)}, "half_size has shape"),
         ({"dust_per_mm2": -1.0}, "dust_per_mm2 is -1; it must be at least 0"),
@@ -78,8 +77,6 @@ def test_the_area_that_dust_covers():
         ({"scratch_width": math.nan}, "scratch_width is nan"),
         ({"transmission": 2.0}, "transmission of the blemishes holds a number outside 0 to 1"),
         ({"seed": -1}, "seed is -1; it must be at least 0"),
-    ],
-)
-def test_impossible_scatterings(changes, message):
-    with pytest.raises(pl.errors.InvalidValueError, match=message):
-        scattered(**changes)
+    ]:
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            scattered(**changes)

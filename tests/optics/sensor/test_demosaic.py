@@ -28,51 +28,51 @@ def with_filters(filters, **changes):
     return dataclasses.replace(IDEAL, colour_filters=filters, **changes)
 
 
-@pytest.mark.parametrize(("pattern", "method"), EVERY)
-def test_what_is_even_stays_even_up_to_the_border(pattern, method):
-    even = np.broadcast_to(np.float32([0.2, 0.7, 0.4]), (8, 11, 3))
-    for region in (None, (3, 11, 4, 15), (2, 10, 5, 16), (3, 11, 5, 16)):
-        shot = through(even, method, with_filters(pattern), region)
-        assert shot.image.shape == even.shape and shot.region == region
-        # Weights are dyadic, or sums of at most 25 of them.
-        np.testing.assert_allclose(shot.image, even, atol=8 * EPS)
+def test_what_is_even_stays_even_up_to_the_border():
+    for pattern, method in EVERY:
+        even = np.broadcast_to(np.float32([0.2, 0.7, 0.4]), (8, 11, 3))
+        for region in (None, (3, 11, 4, 15), (2, 10, 5, 16), (3, 11, 5, 16)):
+            shot = through(even, method, with_filters(pattern), region)
+            assert shot.image.shape == even.shape and shot.region == region, (pattern, method)
+            # Weights are dyadic, or sums of at most 25 of them.
+            np.testing.assert_allclose(shot.image, even, atol=8 * EPS)
 
 
-@pytest.mark.parametrize(("pattern", "method"), EVERY)
-def test_what_is_linear_stays_linear(pattern, method):
-    rows, columns = np.mgrid[:12, :14]
-    ramp = np.stack([1 + 0.1 * rows, 3 - 0.2 * columns, 0.05 * rows + 0.1 * columns], axis=-1)
-    found = through(ramp, method, with_filters(pattern)).image
-    inner = np.s_[2:-2, 2:-2]  # at the border the neighbours are on one side
-    np.testing.assert_allclose(found[inner], ramp[inner], atol=16 * EPS)
+def test_what_is_linear_stays_linear():
+    for pattern, method in EVERY:
+        rows, columns = np.mgrid[:12, :14]
+        ramp = np.stack([1 + 0.1 * rows, 3 - 0.2 * columns, 0.05 * rows + 0.1 * columns], axis=-1)
+        found = through(ramp, method, with_filters(pattern)).image
+        inner = np.s_[2:-2, 2:-2]  # at the border the neighbours are on one side
+        np.testing.assert_allclose(found[inner], ramp[inner], atol=16 * EPS)
 
 
-@pytest.mark.parametrize(("pattern", "method"), EVERY)
-def test_measured_values_stay(pattern, method):
-    model = with_filters(pattern)
-    raw = develop(pl.Exposure(np.random.default_rng(0).uniform(0, 1, (9, 12, 3))), model)
-    found = np.take_along_axis(raw.demosaic(method).image, raw.channels[:, :, np.newaxis], axis=2)
-    np.testing.assert_allclose(found[:, :, 0], raw.data, atol=4 * EPS)
+def test_measured_values_stay():
+    for pattern, method in EVERY:
+        model = with_filters(pattern)
+        raw = develop(pl.Exposure(np.random.default_rng(0).uniform(0, 1, (9, 12, 3))), model)
+        found = np.take_along_axis(raw.demosaic(method).image, raw.channels[:, :, np.newaxis], axis=2)
+        np.testing.assert_allclose(found[:, :, 0], raw.data, atol=4 * EPS)
 
 
-@pytest.mark.parametrize("pattern", list(BayerPattern))
-def test_the_weighted_mean_is_the_bilinear_one_for_bayer_patterns(pattern):
-    raw = develop(pl.Exposure(np.random.default_rng(0).uniform(0, 1, (10, 12, 3))), with_filters(pattern))
-    one, two = (raw.demosaic(method).image for method in (DemosaicMethod.LINEAR, DemosaicMethod.WEIGHTED_MEAN))
-    np.testing.assert_allclose(one[1:-1, 1:-1], two[1:-1, 1:-1], atol=8 * EPS)
+def test_the_weighted_mean_is_the_bilinear_one_for_bayer_patterns():
+    for pattern in list(BayerPattern):
+        raw = develop(pl.Exposure(np.random.default_rng(0).uniform(0, 1, (10, 12, 3))), with_filters(pattern))
+        one, two = (raw.demosaic(method).image for method in (DemosaicMethod.LINEAR, DemosaicMethod.WEIGHTED_MEAN))
+        np.testing.assert_allclose(one[1:-1, 1:-1], two[1:-1, 1:-1], atol=8 * EPS)
 
 
-@pytest.mark.parametrize(("pattern", "method"), EVERY)
-@pytest.mark.parametrize("axis", [0, 1])
-def test_a_white_edge_gets_false_colours_there_and_only_there(pattern, method, axis):
-    white = np.zeros((16, 20, 3))
-    edge = 8
-    np.moveaxis(white, axis, 0)[edge:] = 1.0
-    colour = np.moveaxis(np.ptp(through(white, method, with_filters(pattern)).image, axis=2), axis, 0)
-    near = slice(edge - REACH[method], edge + REACH[method])
-    assert colour[near].max() > 0.2
-    far = np.delete(colour, near, axis=0)
-    assert far.max() <= 8 * EPS
+def test_a_white_edge_gets_false_colours_there_and_only_there():
+    for pattern, method in EVERY:
+        for axis in [0, 1]:
+            white = np.zeros((16, 20, 3))
+            edge = 8
+            np.moveaxis(white, axis, 0)[edge:] = 1.0
+            colour = np.moveaxis(np.ptp(through(white, method, with_filters(pattern)).image, axis=2), axis, 0)
+            near = slice(edge - REACH[method], edge + REACH[method])
+            assert colour[near].max() > 0.2, (pattern, method, axis)
+            far = np.delete(colour, near, axis=0)
+            assert far.max() <= 8 * EPS, (pattern, method, axis)
 
 
 def test_a_region_away_from_its_border_is_that_of_the_whole():
@@ -99,16 +99,14 @@ def test_the_sensor_is_undone_before_interpolation():
     np.testing.assert_allclose(balanced, 0.5, rtol=16 * EPS)
 
 
-@pytest.mark.parametrize(
-    "filters", [[[0, 1, 2], [1, 2, 0], [2, 0, 1]], np.kron([[0, 1], [1, 2]], np.ones((2, 2), int)), [[0, 1, 1, 2]]]
-)
-def test_other_patterns_take_weighted_means(filters):
-    model = with_filters(filters)
-    even = np.broadcast_to([0.2, 0.7, 0.4], (9, 13, 3))
-    np.testing.assert_allclose(through(even, DemosaicMethod.WEIGHTED_MEAN, model).image, even, atol=8 * EPS)
-    for method in (DemosaicMethod.LINEAR, DemosaicMethod.MHC):
-        with pytest.raises(InvalidValueError, match="knows Bayer patterns only; use WEIGHTED_MEAN"):
-            through(even, method, model)
+def test_other_patterns_take_weighted_means():
+    for filters in [[[0, 1, 2], [1, 2, 0], [2, 0, 1]], np.kron([[0, 1], [1, 2]], np.ones((2, 2), int)), [[0, 1, 1, 2]]]:
+        model = with_filters(filters)
+        even = np.broadcast_to([0.2, 0.7, 0.4], (9, 13, 3))
+        np.testing.assert_allclose(through(even, DemosaicMethod.WEIGHTED_MEAN, model).image, even, atol=8 * EPS)
+        for method in (DemosaicMethod.LINEAR, DemosaicMethod.MHC):
+            with pytest.raises(InvalidValueError, match="knows Bayer patterns only; use WEIGHTED_MEAN"):
+                through(even, method, model)
 
 
 def test_what_cannot_be_demosaiced_is_refused():

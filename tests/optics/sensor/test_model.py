@@ -12,9 +12,8 @@ from plenoptic.optics.sensor.model import SensorModel
 from plenoptic.optics.sensor.radiometry import dark_current_at, photon_rate
 
 
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
+def test_what_no_sensor_has_is_refused():
+    for change, sentence in [
         ({"photon_rate": 0.0}, "photon_rate is 0; it must be above 0"),
         ({"photon_rate": (1.0, 2.0)}, "photon_rate has 2 numbers; give one, or one for each of red, green and blue"),
         ({"photon_rate": 1e300, "exposure_time": 1e300}, "overflows"),
@@ -44,12 +43,10 @@ from plenoptic.optics.sensor.radiometry import dark_current_at, photon_rate
         ({"hot_current": -1.0}, "hot_current is -1 electrons/s"),
         ({"hot": 0.1, "bits": None}, "hot_current is inf, but neither full_well nor bits limits"),
         ({"pattern_seed": -1}, "pattern_seed is -1"),
-    ],
-)
-def test_what_no_sensor_has_is_refused(change, sentence):
-    with pytest.raises(InvalidValueError) as caught:
-        SensorModel(**{"photon_rate": 1.0, **change})
-    assert sentence in str(caught.value)
+    ]:
+        with pytest.raises(InvalidValueError) as caught:
+            SensorModel(**{"photon_rate": 1.0, **change})
+        assert sentence in str(caught.value), (change, sentence)
 
 
 def test_saturation_is_that_of_what_comes_first():
@@ -73,18 +70,18 @@ def test_a_value_that_compares_hashes_and_pickles():
     assert repr(SensorModel(2.0, read_noise=3.0)) == "SensorModel(photon_rate=2.0, read_noise=3.0)"
 
 
-@pytest.mark.parametrize("pattern", list(BayerPattern))
-def test_bayer_patterns_are_found_again_wherever_they_begin(pattern):
-    assert bayer_from(pattern, (0, 0)) == pattern
-    assert bayer_from(np.tile(pattern.channels, (2, 3)), (4, 6)) == pattern
-    shifted = bayer_from(pattern, (1, 1))
-    assert {pattern.name, shifted.name} in ({"RGGB", "BGGR"}, {"GRBG", "GBRG"})
-    assert bayer_from(pattern, (0, 1)).name[0] == pattern.name[1]
+def test_bayer_patterns_are_found_again_wherever_they_begin():
+    for pattern in list(BayerPattern):
+        assert bayer_from(pattern, (0, 0)) == pattern, pattern
+        assert bayer_from(np.tile(pattern.channels, (2, 3)), (4, 6)) == pattern, pattern
+        shifted = bayer_from(pattern, (1, 1))
+        assert {pattern.name, shifted.name} in ({"RGGB", "BGGR"}, {"GRBG", "GBRG"}), pattern
+        assert bayer_from(pattern, (0, 1)).name[0] == pattern.name[1], pattern
 
 
-@pytest.mark.parametrize("pattern", [[[0, 1], [2, 1]], [[0]], [[0, 1, 1], [1, 2, 1]], [[0, 1, 1, 1], [1, 2, 1, 2]]])
-def test_other_patterns_are_no_bayer_pattern(pattern):
-    assert bayer_from(np.array(pattern), (0, 0)) is None
+def test_other_patterns_are_no_bayer_pattern():
+    for pattern in [[[0, 1], [2, 1]], [[0]], [[0, 1, 1], [1, 2, 1]], [[0, 1, 1, 1], [1, 2, 1, 2]]]:
+        assert bayer_from(np.array(pattern), (0, 0)) is None, pattern
 
 
 def test_photons_carry_the_energy_that_falls():

@@ -39,14 +39,14 @@ def counts(mean, shape, seed=0):
     return out
 
 
-@pytest.mark.parametrize("seed", [0, 12345, MASK])
-def test_uniforms_are_those_of_the_documented_hash(seed):
-    found = uniforms((3, 4), seed, 7, 1000, 2**31)
-    for i in range(3):
-        for j in range(4):
-            state = mix(mix(mix(seed, 1), 7), 1000 + i + 1)
-            key = mix(mix(state, 2**31 + j + 1), 1)
-            assert found[i, j] == ((mix(key, 1) >> 12) + 0.5) * 2.0**-52
+def test_uniforms_are_those_of_the_documented_hash():
+    for seed in [0, 12345, MASK]:
+        found = uniforms((3, 4), seed, 7, 1000, 2**31)
+        for i in range(3):
+            for j in range(4):
+                state = mix(mix(mix(seed, 1), 7), 1000 + i + 1)
+                key = mix(mix(state, 2**31 + j + 1), 1)
+                assert found[i, j] == ((mix(key, 1) >> 12) + 0.5) * 2.0**-52, seed
 
 
 def test_a_part_has_the_numbers_of_the_whole():
@@ -92,47 +92,49 @@ def test_numbers_of_different_keys_do_not_correlate():
         assert abs(product.mean()) < FIVE_SIGMA / math.sqrt(product.size / (3 if name == "next channel" else 1)), name
 
 
-@pytest.mark.parametrize("mean", [0.1, 0.7, 3.0, 9.99, 10.0, 14.0, 55.0, 1234.5, 1e5])
-def test_counts_follow_poisson_probabilities(mean):
-    n = 1 << 22  # a wrong constant of the rejection shifts probabilities near a mean of 10 by less than a per cent
-    found = counts(mean, (2048, 2048), seed=21)
-    assert np.array_equal(found, np.floor(found)) and found.min() >= 0
-    spread = math.sqrt(mean)
-    low = max(int(mean - 6 * spread) - 6, 0)
-    high = int(mean + 6 * spread) + 12
-    k = np.arange(low, high)
-    probability = np.array([float(mpmath.exp(j * mpmath.log(mean) - mean - mpmath.loggamma(j + 1))) for j in k])
-    edges = [low]  # bins of at least 200 expected counts, for which chi-square holds
-    for j in range(low, high):
-        if n * probability[edges[-1] - low : j - low].sum() >= 200 and n * probability[j - low :].sum() >= 200:
-            edges.append(j)
-    edges.append(high)
-    expected = np.array([n * probability[a - low : b - low].sum() for a, b in itertools.pairwise(edges)])
-    seen = np.histogram(found, bins=[*edges[:-1], np.inf])[0]
-    assert seen.sum() == n
-    freedom = len(expected) - 1
-    square = np.sum((seen - expected) ** 2 / expected)
-    # Wilson and Hilferty: the cube root of chi-square over its mean is close to normal, also for few bins.
-    assert abs((square / freedom) ** (1 / 3) - (1 - 2 / (9 * freedom))) < FIVE_SIGMA * math.sqrt(2 / (9 * freedom))
+def test_counts_follow_poisson_probabilities():
+    for mean in [0.1, 0.7, 3.0, 9.99, 10.0, 14.0, 55.0, 1234.5, 1e5]:
+        n = 1 << 22  # a wrong constant of the rejection shifts probabilities near a mean of 10 by less than a per cent
+        found = counts(mean, (2048, 2048), seed=21)
+        assert np.array_equal(found, np.floor(found)) and found.min() >= 0, mean
+        spread = math.sqrt(mean)
+        low = max(int(mean - 6 * spread) - 6, 0)
+        high = int(mean + 6 * spread) + 12
+        k = np.arange(low, high)
+        probability = np.array([float(mpmath.exp(j * mpmath.log(mean) - mean - mpmath.loggamma(j + 1))) for j in k])
+        edges = [low]  # bins of at least 200 expected counts, for which chi-square holds
+        for j in range(low, high):
+            if n * probability[edges[-1] - low : j - low].sum() >= 200 and n * probability[j - low :].sum() >= 200:
+                edges.append(j)
+        edges.append(high)
+        expected = np.array([n * probability[a - low : b - low].sum() for a, b in itertools.pairwise(edges)])
+        seen = np.histogram(found, bins=[*edges[:-1], np.inf])[0]
+        assert seen.sum() == n, mean
+        freedom = len(expected) - 1
+        square = np.sum((seen - expected) ** 2 / expected)
+        # Wilson and Hilferty: the cube root of chi-square over its mean is close to normal, also for few bins.
+        assert abs((square / freedom) ** (1 / 3) - (1 - 2 / (9 * freedom))) < FIVE_SIGMA * math.sqrt(
+            2 / (9 * freedom)
+        ), mean
 
 
-@pytest.mark.parametrize("mean", [1e6, 1e10, 1e15])
-def test_large_counts_have_the_moments_of_poisson(mean):
-    scaled = (counts(mean, (512, 512), seed=2) - mean) / math.sqrt(mean)
-    n = scaled.size
-    assert abs(scaled.mean()) < FIVE_SIGMA / math.sqrt(n)
-    assert abs(scaled.var() - 1) < FIVE_SIGMA * math.sqrt(2 / n)
-    assert abs(np.mean(scaled**3) - 1 / math.sqrt(mean)) < FIVE_SIGMA * math.sqrt(15 / n)
+def test_large_counts_have_the_moments_of_poisson():
+    for mean in [1e6, 1e10, 1e15]:
+        scaled = (counts(mean, (512, 512), seed=2) - mean) / math.sqrt(mean)
+        n = scaled.size
+        assert abs(scaled.mean()) < FIVE_SIGMA / math.sqrt(n), mean
+        assert abs(scaled.var() - 1) < FIVE_SIGMA * math.sqrt(2 / n), mean
+        assert abs(np.mean(scaled**3) - 1 / math.sqrt(mean)) < FIVE_SIGMA * math.sqrt(15 / n), mean
 
 
-@pytest.mark.parametrize("mean", [10.0, 333.3, 1e9, 1e15])
-def test_log_probabilities_keep_their_digits(mean):
-    # The textbook form loses k log k eps, 1e4 at 1e15 electrons; here only the terms themselves are rounded.
-    with mpmath.workdps(60):
-        for k in {float(math.floor(mean + step * math.sqrt(mean))) for step in (-3, -1, 0, 0.5, 4, 12)}:
-            exact = mpmath.mpf(k) * mpmath.log(mean) - mean - mpmath.loggamma(mpmath.mpf(k) + 1)
-            eps = float(np.finfo(float).eps)
-            assert abs(noise.log_probability(k, mean) - exact) <= 32 * eps * max(1, abs(exact)), k
+def test_log_probabilities_keep_their_digits():
+    for mean in [10.0, 333.3, 1e9, 1e15]:
+        # The textbook form loses k log k eps, 1e4 at 1e15 electrons; here only the terms themselves are rounded.
+        with mpmath.workdps(60):
+            for k in {float(math.floor(mean + step * math.sqrt(mean))) for step in (-3, -1, 0, 0.5, 4, 12)}:
+                exact = mpmath.mpf(k) * mpmath.log(mean) - mean - mpmath.loggamma(mpmath.mpf(k) + 1)
+                eps = float(np.finfo(float).eps)
+                assert abs(noise.log_probability(k, mean) - exact) <= 32 * eps * max(1, abs(exact)), k
 
 
 def test_limits():

@@ -34,9 +34,8 @@ def test_centres_broadcast():
     assert sensor.centre_of(3, np.arange(2)).tolist() == [[5.0, 3.0], [3.0, 3.0]]
 
 
-@pytest.mark.parametrize(
-    ("shape", "pitch", "message"),
-    [
+def test_impossible_sensors():
+    for shape, pitch, message in [
         ((0, 4), 0.01, "rows of the sensor is 0; it must be at least 1"),
         ((4, -2), 0.01, "columns of the sensor is -2; it must be at least 1"),
         ((4, 2.5), 0.01, "columns of the sensor is 2.5; it must be a whole number"),
@@ -48,11 +47,9 @@ def test_centres_broadcast():
         ((4, 4), math.nan, "pixel_pitch is nan; it must be finite"),
         ((4, 4), math.inf, "pixel_pitch is inf; it must be finite"),
         ((4, 4), None, "pixel_pitch is None; it must be a number"),
-    ],
-)
-def test_impossible_sensors(shape, pitch, message):
-    with pytest.raises(pl.errors.InvalidValueError, match=message):
-        pl.Sensor(shape=shape, pixel_pitch=pitch)
+    ]:
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            pl.Sensor(shape=shape, pixel_pitch=pitch)
 
 
 def test_a_sensor_is_a_value():

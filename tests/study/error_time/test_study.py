@@ -309,25 +309,21 @@ def test_variants_change_what_they_name():
     assert list(default_variants(None, thin)) == ["THIN lens", "RANDOM sampler", "1 replicate"]
 
 
-@pytest.mark.parametrize(
-    "make, message",
-    [
+def test_impossible_variants_are_refused():
+    for make, message in [
         (lambda: Variant(lens="THIN"), "lens is 'THIN'"),
         (lambda: Variant(replicates=0), "replicates is 0"),
         (lambda: Variant(clamp=-1.0), "clamp is -1"),
         (lambda: Variant(camera=3), "camera is an int"),
         (lambda: Variant(microlenses=1).camera_from(conventional(5.0)), "the camera has no microlenses"),
         (lambda: Variant(camera=conventional(5.0)).camera_from(smooth_camera()), r"has \(24, 24\) pixels"),
-    ],
-)
-def test_impossible_variants_are_refused(make, message):
-    with pytest.raises(pl.errors.InvalidValueError, match=message):
-        make()
+    ]:
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            make()
 
 
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
+def test_impossible_studies_are_refused():
+    for arguments, message in [
         ({"variants": {}}, "variants is empty"),
         ({"variants": {"a|b": Variant()}}, "name of a variant is 'a|b'"),
         ({"variants": {"a": 3}}, r"variants\['a'\] is an int"),
@@ -337,12 +333,10 @@ def test_impossible_variants_are_refused(make, message):
         ({"reference": 3}, "reference is an int"),
         ({"reference": Variant(replicates=1)}, "no standard errors"),
         ({"reference": pl.Exposure(np.ones((3, 3, 1)))}, r"the reference has \(3, 3\) pixels"),
-    ],
-)
-def test_impossible_studies_are_refused(arguments, message):
-    given = {"samples": (4,), "seeds": 2, "progress": False} | arguments
-    with pytest.raises(pl.errors.InvalidValueError, match=message):
-        pl.study.error_against_time(None, conventional(5.0, side=8), given.pop("variants", None), **given)
+    ]:
+        given = {"samples": (4,), "seeds": 2, "progress": False} | arguments
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            pl.study.error_against_time(None, conventional(5.0, side=8), given.pop("variants", None), **given)
 
 
 def test_a_reference_that_was_rendered_before_is_used():
