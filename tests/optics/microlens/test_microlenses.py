@@ -1,3 +1,4 @@
+import itertools
 import math
 import pickle
 
@@ -53,38 +54,21 @@ def all_centres(array, around=4):
 # Geometry
 
 
-@settings(max_examples=20)
-@given(pitch=st.floats(1e-3, 10.0), lattice=st.sampled_from(REGULAR))
-def test_neighbours_are_a_pitch_apart(pitch, lattice):
-    centres = all_centres(array_of(pitch, lattice))
-    distance = np.sort(np.linalg.norm(centres, axis=1))
-    neighbours = {pl.Lattice.HEXAGONAL: 6, pl.Lattice.SQUARE: 4, pl.Lattice.RECTANGULAR: 2}[lattice]
-    assert distance[0] == 0
-    assert distance[1 : neighbours + 1] == pytest.approx(pitch, rel=8 * EPS)
-    assert distance[neighbours + 1] > 1.2 * pitch
-    # Nearest neighbours along y in all lattices.
-    assert np.any(np.all(np.isclose(centres, [0, pitch], rtol=8 * EPS, atol=0), axis=1))
-    if lattice is pl.Lattice.RECTANGULAR:
-        assert distance[3:5] == pytest.approx(1.25 * pitch, rel=8 * EPS)
-
-
-@settings(max_examples=20)
-@given(pitch=st.floats(1e-3, 10.0), lattice=st.sampled_from(REGULAR))
-def test_corners_edges_and_area_belong_together(pitch, lattice):
-    array = array_of(pitch, lattice)
-    corners, edges = array.cell_corners, array.cell_edges
-    x, y = corners.T
-    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    # Sums of up to six products with angles good to a few eps; counter-clockwise, so positive.
-    assert area == pytest.approx(array.cell_area, rel=32 * EPS)
-    per_pitch = {pl.Lattice.HEXAGONAL: math.sqrt(3) / 2, pl.Lattice.SQUARE: 1.0, pl.Lattice.RECTANGULAR: 1.25}[lattice]
-    assert array.cell_area == pytest.approx(per_pitch * pitch**2, rel=16 * EPS)
-    assert np.linalg.norm(corners, axis=1) == pytest.approx(array.cell_radius, rel=8 * EPS)
-    assert np.linalg.norm(edges[:, :2], axis=1) == pytest.approx(1.0, rel=4 * EPS)
-    # Every corner lies on two edges and within the others.
-    over = corners @ edges[:, :2].T - edges[:, 2]
-    assert np.all(np.sum(np.abs(over) <= 32 * EPS * pitch, axis=1) == 2)
-    assert over.max() <= 32 * EPS * pitch
+def test_neighbours_are_a_pitch_apart():
+    # How many lenses touch one, how far on the next are, and the area of a cell, in pitches.
+    kinds = {pl.Lattice.HEXAGONAL: (6, math.sqrt(3) / 2), pl.Lattice.SQUARE: (4, 1.0), RECTANGULAR: (2, 1.25)}
+    for (lattice, (neighbours, area)), pitch in itertools.product(kinds.items(), (1e-3, 0.217, 10.0)):
+        array = array_of(pitch, lattice)
+        centres = all_centres(array)
+        distance = np.sort(np.linalg.norm(centres, axis=1))
+        assert distance[0] == 0
+        assert distance[1 : neighbours + 1] == pytest.approx(pitch, rel=8 * EPS), lattice
+        assert distance[neighbours + 1] > 1.2 * pitch, lattice
+        # Nearest neighbours along y in all lattices.
+        assert np.any(np.all(np.isclose(centres, [0, pitch], rtol=8 * EPS, atol=0), axis=1)), lattice
+        assert lattice is not RECTANGULAR or distance[3:5] == pytest.approx(1.25 * pitch, rel=8 * EPS)
+        assert array.cell_area == pytest.approx(area * pitch**2, rel=16 * EPS), lattice
+        assert np.linalg.norm(array.cell_corners, axis=1) == pytest.approx(array.cell_radius, rel=8 * EPS), lattice
 
 
 @settings(max_examples=20)
@@ -117,14 +101,10 @@ def test_nearest_of_centres_are_the_centres():
 def test_impossible_arrays():
     for changes, message in [
         ({"pitch": 0.0}, "pitch is 0 mm; it must be above 0"),
-        ({"pitch": -0.2}, "pitch is -0.2 mm; it must be above 0"),
-        ({"pitch": math.nan}, "pitch is nan; it must be finite"),
-        ({"pitch": "wide"}, "pitch is 'wide'; it must be a number"),
         ({"focal_lengths": (0.0,)}, "focal_lengths is .0.0,.; give one in mm for each type, not 0"),
         ({"focal_lengths": ()}, "focal_lengths is ..; give one in mm for each type"),
         ({"pitch": (0.2, 0.3)}, "pitch is .0.2, 0.3.; only Lattice.RECTANGULAR has two"),
         ({"lattice": RECTANGULAR}, "pitch is 0.2; Lattice.RECTANGULAR needs two in mm"),
-        ({"lattice": RECTANGULAR, "pitch": (1.0, 2.0, 3.0)}, "pitch is .1.0, 2.0, 3.0.; Lattice.RECTANGULAR needs two"),
         ({"lattice": RECTANGULAR, "pitch": (1.0, -2.0)}, "pitch along y is -2 mm; it must be above 0"),
         ({"lattice": FREE}, "the lattice is FREE and has no centres; give centres"),
         ({"lattice": FREE, "centres": np.zeros((0, 2))}, "centres is empty"),
@@ -136,7 +116,6 @@ def test_impossible_arrays():
         ({"centres": [(0, 1)]}, "centres is given for the lattice HEXAGONAL; it belongs to Lattice.FREE"),
         ({"types": [0]}, "types is given for the lattice HEXAGONAL"),
         ({"pattern": [[0, 1]]}, "pattern holds types outside 0 to 0; give each a focal length"),
-        ({"pattern": [[-1]]}, "pattern holds types outside 0 to 0"),
         ({"pattern": [0]}, r"pattern has shape \(1,\); it must have shape"),
         ({"aperture": 0.5}, "aperture is 0.5; it must be a MicrolensAperture or None"),
         ({"imperfections": 3}, "imperfections is 3; it must be a MicrolensImperfections or None"),
@@ -148,13 +127,13 @@ def test_impossible_arrays():
             "light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE",
         ),
         ({"focal_lengths": (math.inf,)}, "focal_lengths is inf; it must be finite"),
+        ({"model": pl.optics.MicrolensModel.FLAT_HIGH_INDEX, "index": 1.5}, "give index=100.0, or choose SPHERICAL"),
         ({"thickness": 0.0}, "thickness of the microlenses is 0 mm; it must be above 0"),
         ({"index": 1.0}, "index of the microlenses is 1.0; it must be above 1"),
         ({"index": math.nan}, "index of the microlenses is nan; it must be finite"),
         ({"lattice": "hexagonal"}, "lattice is 'hexagonal'; it must be Lattice.HEXAGONAL or Lattice.SQUARE"),
         ({"model": 4}, "model is 4; it must be MicrolensModel.PINHOLE or MicrolensModel.THIN or"),
         ({"convex_side": "scene"}, "convex_side is 'scene'; it must be ConvexSide.SCENE or ConvexSide.SENSOR"),
-        ({"index": math.inf}, "index of the microlenses is inf"),
         ({"model": SPHERICAL, "focal_lengths": (-2.0,)}, "focal length -2 mm: a plano-convex microlens collects light"),
         (
             {"model": SPHERICAL, "focal_lengths": (0.2,)},
@@ -168,12 +147,6 @@ def test_impossible_arrays():
         fields = {"pitch": 0.2, "focal_lengths": (2.0,)} | changes
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             pl.MicrolensArray(**fields)
-
-
-def test_choices_outside_the_enums():
-    for name, item in [("lattice", 7), ("model", 5), ("convex_side", 2)]:
-        with pytest.raises(pl.errors.InvalidValueError, match=f"{name} is {item}; it must be .* or "):
-            pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), **{name: item})
 
 
 def test_principal_planes():
@@ -247,35 +220,12 @@ def test_exact_microlenses_are_lenses_of_two_surfaces():
         aim = np.column_stack([points - centres, np.full(n, z_rear - z_first + 100)])
         out = lens.trace_reverse(pl.RayBundle(start, aim - start))
         assert np.all(status == 0) and np.all(out.status == 0), side
-        # Slopes are good to a few eps of what they are computed from: sensor points and aims of 1 mm, 1.7 mm apart; heights
-        # on the stop, 100 mm on, to as much times 100 mm.
+        # Slopes are good to a few eps of what they are computed from: sensor points and aims of 1 mm, 1.7 mm apart;
+        # heights on the stop, 100 mm on, to as much times 100 mm.
         assert np.abs(along - out.direction).max() <= 32 * EPS, side
         t = (z_first - 100 - found[:, 2]) / along[:, 2]
         on_stop = found[:, :2] + t[:, None] * along[:, :2] - centres
         assert np.abs(on_stop - out.origin[:, :2]).max() <= 32 * EPS * 100, side
-
-
-def test_focal_length_and_principal_planes_in_the_paraxial_limit():
-    for side in list(pl.optics.ConvexSide):
-        array = plano_convex(side, focal_lengths=(1.8,), index=1.6)
-        distance, z_array, n = 1.3, 50.0, 200
-
-        def slope_errors(h):
-            points, sensor, centres = aimed(array, n, height=h, slope=h, distance=distance)
-            blocks = as_blocks(points, sensor, centres, 1.0)
-            fill_uncut(blocks, array, distance, z_array)
-            found, along, _, _ = from_blocks(blocks, n)
-            # Through the front principal plane at the height of the rear one, bent by height over focal length.
-            t = (z_array - found[:, 2]) / along[:, 2]
-            at_front = found[:, :2] + t[:, None] * along[:, :2]
-            bent = (points - sensor) / distance - (points - centres) / array.focal_length
-            return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
-
-        # Third-order aberrations: errors are O(h^3) with coefficients of order 1 / f^2.
-        sizes = np.array([0.08, 0.04, 0.02, 0.01])
-        errors = [slope_errors(h) for h in sizes]
-        assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] == pytest.approx(3.0, abs=0.1), side
-        assert errors[-1] < 1e-5, side
 
 
 def test_thin_microlenses_bend_by_height_over_focal_length():
@@ -323,8 +273,8 @@ def test_rays_beside_their_own_sphere_are_another_microlens_s():
             # The curved side is met last: rays end on it.
             on_sphere = found[:, :2] - centres
         else:
-            # It is met first, on the straight line from the sensor. A height w above its vertex, which is the aim's plane,
-            # the line has moved by u w; the sphere bulges towards the sensor: |start + u w|^2 + (w - R)^2 = R^2.
+            # It is met first, on the straight line from the sensor. A height w above its vertex, which is the aim's
+            # plane, the line has moved by u w; the sphere bulges to the sensor: |start + u w|^2 + (w - R)^2 = R^2.
             u, start = (points - sensor) / 1.7, points - centres
             a, b, c = 1 + (u**2).sum(axis=1), array.radius - (start * u).sum(axis=1), (start**2).sum(axis=1)
             w = c / (b + np.sqrt(b * b - a * c))
@@ -358,25 +308,29 @@ def flat_plates(side, index, thickness):
     )
 
 
-def test_flat_plates_of_high_index_tend_to_thin_lenses():
-    for side in list(pl.optics.ConvexSide):
-        # f = R / (n - 1). What differs is the plate's depth, thickness / n, and the aberrations of a flat lens, O(h^2) of
-        # the slope, which tend to those of a thin lens that keeps slopes in sines: they stay.
-        def off(index, thickness, height):
-            array = flat_plates(side, index, thickness)
-            points, sensor, centres = aimed(array, 400, height=height, slope=height, distance=1.7)
-            blocks = as_blocks(points, sensor, centres, 1.0)
-            fill_uncut(blocks, array, 1.7, 123.3)
-            found, along, _, status = from_blocks(blocks, 400)
-            assert np.all(status == 0), side
-            bent = (points - sensor) / 1.7 - (points - centres) / 2.0
-            at_front = found[:, :2] + ((123.3 - found[:, 2]) / along[:, 2])[:, None] * along[:, :2]
-            return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
+def off_ideal(array, height):
+    """How far rays towards the scene are from the front principal plane at the height of the rear one, bent by height
+    over focal length."""
+    points, sensor, centres = aimed(array, 400, height=height, slope=height, distance=1.7)
+    blocks = as_blocks(points, sensor, centres, 1.0)
+    fill_uncut(blocks, array, 1.7, 123.3)
+    found, along, _, status = from_blocks(blocks, 400)
+    assert np.all(status == 0)
+    bent = (points - sensor) / 1.7 - (points - centres) / array.focal_length
+    at_front = found[:, :2] + ((123.3 - found[:, 2]) / along[:, 2])[:, None] * along[:, :2]
+    return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
 
-        errors = [off(1000.0, 0.1, h) for h in (0.08, 0.04, 0.02)]
-        assert np.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.2), side
-        assert np.log2(errors[1] / errors[2]) == pytest.approx(3.0, abs=0.2), side
-        assert errors[2] < 2e-5, side
+
+def test_plates_tend_to_thin_lenses_with_order_3():
+    # Aberrations of third order, with coefficients of order 1 / f^2: h^3 / f^2 is 2e-6. Of a flat lens of high index,
+    # f = R / (n - 1), they tend to those of a thin lens that keeps slopes in sines.
+    for side in pl.optics.ConvexSide:
+        curved = plano_convex(side, focal_lengths=(1.8,), index=1.6)
+        for array, bound in ((flat_plates(side, 1000.0, 0.1), 2e-5), (curved, 3e-5)):
+            errors = [off_ideal(array, h) for h in (0.08, 0.04, 0.02)]
+            orders = np.log2(errors[0] / errors[1]), np.log2(errors[1] / errors[2])
+            assert orders == pytest.approx((3.0, 3.0), abs=0.2), array
+            assert errors[2] < bound, array
 
 
 def test_a_flat_plate_has_the_cells_of_its_curved_side():
@@ -391,8 +345,3 @@ def test_a_flat_plate_has_the_cells_of_its_curved_side():
         near = np.abs(((points - centres) @ array.cell_edges[:, :2].T).max(axis=1) - 0.1) < 2e-3
         assert np.array_equal((status == 0)[~near], inside[~near]), side
         assert np.all(status[~inside & ~near] == pl.RayStatus.OUTSIDE_MICROLENS), side
-
-
-def test_a_flat_plate_of_low_index_is_refused():
-    with pytest.raises(pl.errors.InvalidValueError, match="give index=100.0, or choose SPHERICAL"):
-        flat_plates(pl.optics.ConvexSide.SCENE, 1.5, 0.1)
