@@ -73,17 +73,6 @@ def some_blemishes(rng, n, *, size, spread, **fields):
 # Laws
 
 
-def test_a_grain_on_the_pixels_removes_its_area():
-    radius, side, n = 0.3, 2.0, 100_000
-    grain = Blemishes(SENSOR, [(0.1, -0.2)], [(0.1, -0.2)], [radius], [0.0], height=0.0)
-    rng = np.random.default_rng(1)
-    sensor = rng.uniform(-side / 2, side / 2, (n, 2))
-    # On the pixels it does not matter where paths are aimed.
-    weight = dimmed(grain, sensor + rng.uniform(-1, 1, (n, 2)), sensor, distance=1.7, height=0.0)
-    assert set(weight.tolist()) == {0.0, 1.0}
-    share = math.pi * radius**2 / side**2
-    # Binomial.
-    assert abs((1 - weight).mean() - share) < 4 * math.sqrt(share * (1 - share) / n)
 
 
 def test_the_area_of_a_scratch():

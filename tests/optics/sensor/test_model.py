@@ -13,7 +13,7 @@ from plenoptic.optics.sensor.radiometry import dark_current_at, photon_rate
 
 
 def test_what_no_sensor_has_is_refused():
-    for change, sentence in [
+    for change, sentence in (
         ({"photon_rate": 0.0}, "photon_rate is 0; it must be above 0"),
         ({"photon_rate": (1.0, 2.0)}, "photon_rate has 2 numbers; give one, or one for each of red, green and blue"),
         ({"photon_rate": 1e300, "exposure_time": 1e300}, "overflows"),
@@ -23,7 +23,6 @@ def test_what_no_sensor_has_is_refused():
         ({"gain": 0.0}, "gain is 0 DN per electron"),
         ({"bits": 7}, "bits is 7; it must be at least 8"),
         ({"bits": 17}, "bits is 17; it must be at most 16"),
-        ({"bits": 8.5}, "bits is 8.5; it must be a whole number"),
         ({"black_level": -1.0}, "black_level is -1 DN; it must be at least 0"),
         ({"black_level": 4095.0}, "black_level is 4095 DN; it must be below 4095, the largest of 12 bits"),
         ({"full_well": 0.0}, "full_well is 0 electrons"),
@@ -31,7 +30,6 @@ def test_what_no_sensor_has_is_refused():
         ({"dark_current": math.inf}, "dark_current is inf; it must be finite"),
         ({"prnu": -0.1}, "prnu is -0.1; it must be at least 0"),
         ({"shot_noise": 2}, "shot_noise is 2; it must be ShotNoise.NONE or ShotNoise.POISSON"),
-        ({"colour_filters": 4}, "colour_filters is 4; it must be BayerPattern.RGGB"),
         ({"colour_filters": "RGGB"}, "colour_filters is 'RGGB'; it must be BayerPattern.RGGB"),
         ({"colour_filters": [[0, 3]]}, "its entries must be channels"),
         ({"colour_filters": [[0, 0.5]]}, "its entries must be channels"),
@@ -43,10 +41,10 @@ def test_what_no_sensor_has_is_refused():
         ({"hot_current": -1.0}, "hot_current is -1 electrons/s"),
         ({"hot": 0.1, "bits": None}, "hot_current is inf, but neither full_well nor bits limits"),
         ({"pattern_seed": -1}, "pattern_seed is -1"),
-    ]:
+    ):
         with pytest.raises(InvalidValueError) as caught:
             SensorModel(**{"photon_rate": 1.0, **change})
-        assert sentence in str(caught.value), (change, sentence)
+        assert sentence in str(caught.value)
 
 
 def test_saturation_is_that_of_what_comes_first():
@@ -77,11 +75,8 @@ def test_bayer_patterns_are_found_again_wherever_they_begin():
         shifted = bayer_from(pattern, (1, 1))
         assert {pattern.name, shifted.name} in ({"RGGB", "BGGR"}, {"GRBG", "GBRG"}), pattern
         assert bayer_from(pattern, (0, 1)).name[0] == pattern.name[1], pattern
-
-
-def test_other_patterns_are_no_bayer_pattern():
-    for pattern in [[[0, 1], [2, 1]], [[0]], [[0, 1, 1], [1, 2, 1]], [[0, 1, 1, 1], [1, 2, 1, 2]]]:
-        assert bayer_from(np.array(pattern), (0, 0)) is None, pattern
+    for other in ([[0, 1], [2, 1]], [[0]], [[0, 1, 1], [1, 2, 1]], [[0, 1, 1, 1], [1, 2, 1, 2]]):
+        assert bayer_from(np.array(other), (0, 0)) is None, other
 
 
 def test_photons_carry_the_energy_that_falls():

@@ -29,25 +29,16 @@ def test_pixels_tile_the_sensor_around_the_axis(rows, columns, pitch):
     assert sensor.half_diagonal == pytest.approx(math.hypot(rows, columns) * pitch / 2, rel=4 * EPS)
 
 
-def test_centres_broadcast():
-    sensor = pl.Sensor(shape=(4, 6), pixel_pitch=2.0)
-    assert sensor.centre_of(3, np.arange(2)).tolist() == [[5.0, 3.0], [3.0, 3.0]]
-
-
 def test_impossible_sensors():
-    for shape, pitch, message in [
+    for shape, pitch, message in (
         ((0, 4), 0.01, "rows of the sensor is 0; it must be at least 1"),
         ((4, -2), 0.01, "columns of the sensor is -2; it must be at least 1"),
         ((4, 2.5), 0.01, "columns of the sensor is 2.5; it must be a whole number"),
-        ((4, True), 0.01, "columns of the sensor is True"),
         ((4,), 0.01, r"shape is \(4,\); it must be \(rows, columns\)"),
         (4, 0.01, r"shape is 4; it must be \(rows, columns\)"),
         ((4, 4), 0.0, "pixel_pitch is 0 mm; it must be above 0"),
-        ((4, 4), -1.0, "pixel_pitch is -1 mm; it must be above 0"),
         ((4, 4), math.nan, "pixel_pitch is nan; it must be finite"),
-        ((4, 4), math.inf, "pixel_pitch is inf; it must be finite"),
-        ((4, 4), None, "pixel_pitch is None; it must be a number"),
-    ]:
+    ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             pl.Sensor(shape=shape, pixel_pitch=pitch)
 
@@ -59,3 +50,5 @@ def test_a_sensor_is_a_value():
     assert sensor != pl.Sensor(shape=(5, 4), pixel_pitch=1.0)
     assert pickle.loads(pickle.dumps(sensor)) == sensor
     assert repr(sensor) == "Sensor(shape=(4, 5), pixel_pitch=1.0)"
+    centres = pl.Sensor(shape=(4, 6), pixel_pitch=2.0).centre_of(3, np.arange(2))
+    assert centres.tolist() == [[5.0, 3.0], [3.0, 3.0]]
