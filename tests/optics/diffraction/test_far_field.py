@@ -100,8 +100,3 @@ def test_light_beside_openings_is_all_there():
     for fill in [0.5, 0.9, 0.99, 0.999]:
         bends = drawn(Opening(math.sqrt(fill) * SQUARE), SQUARE)
         assert_allclose(bends[:, 2:].mean(axis=0), 1.0, atol=2e-3)
-
-
-def test_small_openings_bend_more():
-    one, other = drawn(Opening(HEXAGON)), drawn(Opening(HEXAGON * 1e-3))
-    assert_allclose(other[:, :2], 1e3 * one[:, :2], rtol=1e-9)

@@ -1,5 +1,6 @@
 """Conics, even aspheres and surfaces beyond their equator: laws of refraction and stigmatic surfaces."""
 
+import itertools
 import math
 
 import numpy as np
@@ -41,34 +42,33 @@ SHAPES = [
 
 
 def test_snell_and_the_way_back():
-    for shape in SHAPES:
-        for reverse in [False, True]:
-            lens, surface = one_surface(index=1.6, **shape), pl.Surface(**shape)
-            rng, n, size = np.random.default_rng(3), 4000, shape["semi_diameter"]
-            s = -1.0 if reverse else 1.0
-            target = np.column_stack([rng.uniform(-size, size, (n, 2)), np.zeros(n)])
-            start = np.column_stack([rng.uniform(-size, size, (n, 2)), np.full(n, -s * 4 * size)])
-            rays = pl.RayBundle(start, target - start)
-            out = refracted(lens, rays.origin, rays.direction, reverse=reverse)
-            kept = out.status == OK
-            assert kept.mean() > 0.3 and out.status.max() <= pl.RayStatus.TOTAL_REFLECTION, (shape, reverse)
-            p, d, bent = out.origin[kept], rays.direction[kept], out.direction[kept]
-            r = np.hypot(p[:, 0], p[:, 1])
-            assert r.max() <= size * (1 + 4 * EPS), (shape, reverse)
-            normal = np.column_stack([-surface.slope(r)[:, None] * p[:, :2] / r[:, None], np.ones(len(p))])
-            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-            # A point is good to a few eps of its coordinates, and its height over the surface to that over cos i.
-            scale = np.abs(p).max(axis=1) + np.abs(surface.sag(r))
-            cos_i = np.abs(np.einsum("ij,ij->i", normal, d))
-            assert np.all(np.abs(p[:, 2] - surface.sag(r)) <= 16 * EPS * scale / cos_i), (shape, reverse)
-            n_before, n_behind = (1.6, 1.0) if reverse else (1.0, 1.6)
-            off = n_behind * np.cross(normal, bent) - n_before * np.cross(normal, d)
-            assert np.abs(off).max() <= 32 * EPS, (shape, reverse)
-            # Back: from a point further on.
-            there = p + size * bent
-            back = refracted(lens, there, -bent, reverse=not reverse)
-            assert np.all(back.status == OK), (shape, reverse)
-            assert np.all(np.abs(back.origin - p).max(axis=1) <= 64 * EPS * (size + scale) / cos_i), (shape, reverse)
+    for shape, reverse in itertools.product(SHAPES, [False, True]):
+        lens, surface = one_surface(index=1.6, **shape), pl.Surface(**shape)
+        rng, n, size = np.random.default_rng(3), 4000, shape["semi_diameter"]
+        s = -1.0 if reverse else 1.0
+        target = np.column_stack([rng.uniform(-size, size, (n, 2)), np.zeros(n)])
+        start = np.column_stack([rng.uniform(-size, size, (n, 2)), np.full(n, -s * 4 * size)])
+        rays = pl.RayBundle(start, target - start)
+        out = refracted(lens, rays.origin, rays.direction, reverse=reverse)
+        kept = out.status == OK
+        assert kept.mean() > 0.3 and out.status.max() <= pl.RayStatus.TOTAL_REFLECTION, (shape, reverse)
+        p, d, bent = out.origin[kept], rays.direction[kept], out.direction[kept]
+        r = np.hypot(p[:, 0], p[:, 1])
+        assert r.max() <= size * (1 + 4 * EPS), (shape, reverse)
+        normal = np.column_stack([-surface.slope(r)[:, None] * p[:, :2] / r[:, None], np.ones(len(p))])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        # A point is good to a few eps of its coordinates, and its height over the surface to that over cos i.
+        scale = np.abs(p).max(axis=1) + np.abs(surface.sag(r))
+        cos_i = np.abs(np.einsum("ij,ij->i", normal, d))
+        assert np.all(np.abs(p[:, 2] - surface.sag(r)) <= 16 * EPS * scale / cos_i), (shape, reverse)
+        n_before, n_behind = (1.6, 1.0) if reverse else (1.0, 1.6)
+        off = n_behind * np.cross(normal, bent) - n_before * np.cross(normal, d)
+        assert np.abs(off).max() <= 32 * EPS, (shape, reverse)
+        # Back: from a point further on.
+        there = p + size * bent
+        back = refracted(lens, there, -bent, reverse=not reverse)
+        assert np.all(back.status == OK), (shape, reverse)
+        assert np.all(np.abs(back.origin - p).max(axis=1) <= 64 * EPS * (size + scale) / cos_i), (shape, reverse)
 
 
 @settings(max_examples=30)
@@ -107,28 +107,22 @@ def test_a_hyperboloid_collects_parallel_light_out_of_glass(index, radius, apert
 
 
 def test_a_hyper_hemisphere_is_stigmatic():
-    for way in ["aplanatic", "from the centre"]:
-        # Weierstrass: rays from the point R / n beyond the centre leave the sphere as if from n R beyond it; and those from
-        # the centre leave undeviated. The rays go beyond the equator, which a hemisphere's root does not reach.
-        radius, index = 5.0, 1.8
-        depth = radius * (1 + 1 / index)
-        lens = one_surface(radius, index, semi_diameter=radius, depth=depth)
-        inside = radius * (1 + 1 / index) if way == "aplanatic" else radius
-        angle = np.linspace(-1.54 if way == "aplanatic" else -2.0, 1.54 if way == "aplanatic" else 2.0, 401)
+    # Weierstrass: rays from the point R / n beyond the centre leave the sphere as if from n R beyond it; and those from
+    # the centre leave undeviated. The rays go beyond the equator, which a hemisphere's root does not reach.
+    radius, index = 5.0, 1.8
+    lens = one_surface(radius, index, semi_diameter=radius, depth=radius * (1 + 1 / index))
+    for inside, source, steepest in ((radius / index, index * radius, 1.54), (0.0, 0.0, 2.0)):
+        angle = np.linspace(-steepest, steepest, 401)
         # In reverse: from within the glass towards -z and beyond.
         along = np.column_stack([0 * angle, np.sin(angle), -np.cos(angle)])
-        out = refracted(lens, np.broadcast_to([0.0, 0.0, inside], (401, 3)), along, reverse=True)
-        reached = radius - np.sqrt(radius**2 - np.where(np.abs(out.origin[:, 1]) <= radius, out.origin[:, 1], 0.0) ** 2)
-        expected = out.status == OK
-        assert expected.mean() > 0.95 and np.nanmax(out.origin[expected, 2]) > 1.2 * radius, way
-        assert np.all(np.isfinite(reached)), way
-        source = radius + (index * radius if way == "aplanatic" else 0.0)
-        p, d = out.origin[expected], out.direction[expected]
+        out = refracted(lens, np.broadcast_to([0.0, 0.0, radius + inside], (401, 3)), along, reverse=True)
+        found = out.status == OK
+        assert found.mean() > 0.95 and np.nanmax(out.origin[found, 2]) > 1.2 * radius, inside
         # Distance of the rays' lines from the point they seem to come from.
-        off = np.linalg.norm(np.cross(p - [0, 0, source], d), axis=1)
-        assert off.max() <= 64 * EPS * source, way
+        off = np.linalg.norm(np.cross(out.origin[found] - [0, 0, radius + source], out.direction[found]), axis=1)
+        assert off.max() <= 64 * EPS * (radius + source), inside
         # What meets the sphere deeper than its rim has missed it.
-        assert np.all(out.status[~expected] == MISSED), way
+        assert np.all(out.status[~found] == MISSED), inside
 
 
 def test_light_enters_a_hyper_hemisphere_beyond_its_equator():
@@ -201,9 +195,6 @@ def test_impossible_surfaces_are_refused():
         ({"conic": 0.5}, "exceeds the semi-axis of the ellipsoid, 8.16497 mm"),
         ({"aspheric": (0.0, math.inf)}, "aspheric.1. is inf"),
         ({"aspheric": 1e-5}, "must be a sequence of coefficients"),
-        ({"aspheric": {4: 1e-7}}, "must be a sequence of coefficients"),
-        ({"aspheric": "12"}, "must be a sequence of coefficients"),
-        ({"conic": "1"}, "conic is '1'; it must be a number"),
         ({"aspheric": (1e300,) * 30}, "gives slopes of inf"),
         ({"depth": 4.0}, "has a depth from 10 to 20"),
         ({"depth": 12.0}, "a semi_diameter of 10"),
@@ -233,15 +224,14 @@ def test_slope_is_the_derivative_of_sag(radius, conic, a, share, sign):
 
 
 def test_rays_along_the_axis_meet_the_vertex():
-    for shape in SHAPES:
-        for reverse in [False, True]:
-            lens = one_surface(index=1.6, **shape)
-            s = -1.0 if reverse else 1.0
-            starts = np.array([[0.0, 0.0, -s * z] for z in (0.0, 1e-16, 3e-9, 0.1, 17.3, 1e9)])
-            out = refracted(lens, starts, np.broadcast_to([0.0, 0.0, s], starts.shape), reverse=reverse)
-            assert np.all(out.status == OK), (shape, reverse)
-            assert np.abs(out.direction - [0.0, 0.0, s]).max() <= 2 * EPS, (shape, reverse)
-            assert np.all(np.abs(out.origin) <= 1e-20 * shape["semi_diameter"]), (shape, reverse)
+    for shape, reverse in itertools.product(SHAPES, [False, True]):
+        lens = one_surface(index=1.6, **shape)
+        s = -1.0 if reverse else 1.0
+        starts = np.array([[0.0, 0.0, -s * z] for z in (0.0, 1e-16, 3e-9, 0.1, 17.3, 1e9)])
+        out = refracted(lens, starts, np.broadcast_to([0.0, 0.0, s], starts.shape), reverse=reverse)
+        assert np.all(out.status == OK), (shape, reverse)
+        assert np.abs(out.direction - [0.0, 0.0, s]).max() <= 2 * EPS, (shape, reverse)
+        assert np.all(np.abs(out.origin) <= 1e-20 * shape["semi_diameter"]), (shape, reverse)
 
 
 CHEBYSHEV = tuple(0.1 * np.polynomial.chebyshev.cheb2poly(np.eye(17)[16])[2::2] / 5.0 ** np.arange(2, 17, 2))
@@ -267,20 +257,20 @@ def test_bounds_on_aspheres_are_bounds_and_not_much_more():
 
 
 def test_grazing_rays_end_on_the_asphere():
-    for shape in STEEP:
-        for reverse in [False, True]:
-            lens, surface = one_surface(index=1.5, **shape), pl.Surface(**shape)
-            rng, n = np.random.default_rng(4), 20_000
-            radius = surface.semi_diameter * rng.uniform(0.5, 1.0, n)
-            target = np.column_stack([np.zeros(n), radius, surface.sag(radius)])
-            tilt = rng.uniform(1.2, 1.57, n) * rng.choice([-1, 1], n)
-            along = np.column_stack([np.zeros(n), np.sin(tilt), np.cos(tilt)]) * (-1.0 if reverse else 1.0)
-            out = refracted(lens, target, along, reverse=reverse)
-            ok = out.status == OK
-            # The rounding of the sag is that of the sum of its terms' sizes, over the sine of how flatly the ray meets it.
-            r = np.minimum(np.hypot(out.origin[ok, 0], out.origin[ok, 1]), surface.semi_diameter)
-            size = r + sum(abs(a) * r ** (2 * i + 2) for i, a in enumerate(surface.aspheric))
-            assert ok.sum() > 1000, (shape, reverse)
-            assert np.all(
-                np.abs(out.origin[ok, 2] - surface.sag(r)) <= 200 * EPS * size * (1 + np.abs(surface.slope(r)))
-            ), (shape, reverse)
+    for shape, reverse in itertools.product(STEEP, [False, True]):
+        lens, surface = one_surface(index=1.5, **shape), pl.Surface(**shape)
+        rng, n = np.random.default_rng(4), 20_000
+        radius = surface.semi_diameter * rng.uniform(0.5, 1.0, n)
+        target = np.column_stack([np.zeros(n), radius, surface.sag(radius)])
+        tilt = rng.uniform(1.2, 1.57, n) * rng.choice([-1, 1], n)
+        along = np.column_stack([np.zeros(n), np.sin(tilt), np.cos(tilt)]) * (-1.0 if reverse else 1.0)
+        out = refracted(lens, target, along, reverse=reverse)
+        ok = out.status == OK
+        # The rounding of the sag is that of the sum of its terms' sizes, over the sine of how flatly the ray meets
+        # it.
+        r = np.minimum(np.hypot(out.origin[ok, 0], out.origin[ok, 1]), surface.semi_diameter)
+        size = r + sum(abs(a) * r ** (2 * i + 2) for i, a in enumerate(surface.aspheric))
+        assert ok.sum() > 1000, (shape, reverse)
+        assert np.all(
+            np.abs(out.origin[ok, 2] - surface.sag(r)) <= 200 * EPS * size * (1 + np.abs(surface.slope(r)))
+        ), (shape, reverse)
