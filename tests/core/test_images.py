@@ -1,3 +1,4 @@
+import itertools
 import os
 
 import numpy as np
@@ -7,9 +8,6 @@ from PIL import Image
 from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
 from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
-
-# One step of 16 bits, halved: what rounding to the nearest may cost. float32 adds its own eps.
-HALF_STEP = 0.5 / 65535 + np.finfo(np.float32).eps
 
 
 @pytest.fixture
@@ -21,64 +19,47 @@ def left_over(folder):
     return [name for name in os.listdir(folder) if name.startswith(".")]
 
 
-def test_srgb_and_back_is_the_identity():
+def test_srgb_is_that_of_the_standard():
     # Each way rounds a power of 2.4 at most: a few eps, relative.
     linear = np.concatenate([np.linspace(-2, 2, 1001), [1e-9, 0.0031308]])
     np.testing.assert_allclose(srgb_to_linear(linear_to_srgb(linear)), linear, rtol=1e-14, atol=0)
-
-
-def test_srgb_pieces_meet():
-    # The standard's rounded constants leave a step below 1e-7 in value.
+    # The standard's rounded constants leave a step below 1e-7 in value where the pieces meet.
     below, above = srgb_to_linear(np.nextafter(0.04045, [0.0, 1.0]))
     assert abs(above - below) < 1e-7
-
-
-def test_srgb_known_values():
     # IEC 61966-2-1: 18 % grey is code 117.6 of 255, full is full.
     np.testing.assert_allclose(linear_to_srgb([0.0, 0.18, 1.0]) * 255, [0, 117.64, 255], atol=0.02)
+    for dtype in (np.float32, np.float64):
+        assert srgb_to_linear(np.ones(2, dtype)).dtype == linear_to_srgb(np.ones(2, dtype)).dtype == dtype
 
 
-def test_srgb_keeps_the_floating_type():
-    for dtype in [np.float32, np.float64]:
-        assert srgb_to_linear(np.ones(2, dtype)).dtype == dtype, dtype
-        assert linear_to_srgb(np.ones(2, dtype)).dtype == dtype, dtype
-
-
-def test_8_bit_colours_are_decoded_from_srgb(tmp_path):
-    for ending in [".png", ".tif"]:
-        codes = np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5
+def test_8_bit_colours_are_decoded_from_srgb_and_alpha_does_not_darken(tmp_path):
+    codes = np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5
+    for ending in (".png", ".tif"):
         Image.fromarray(codes).save(tmp_path / f"a{ending}")
         read = images.read_linear(tmp_path / f"a{ending}")
         assert read.dtype == np.float32, ending
         np.testing.assert_allclose(read, srgb_to_linear(codes / 255), rtol=4 * np.finfo(np.float32).eps)
-
-
-def test_grey_has_one_channel(tmp_path):
     Image.fromarray(np.full((4, 6), 128, np.uint8)).save(tmp_path / "grey.jpg")
     assert images.read_linear(tmp_path / "grey.jpg").shape == (4, 6, 1)
-
-
-def test_alpha_is_dropped_and_does_not_darken(tmp_path):
-    for mode in ["RGBA", "LA"]:
-        Image.new(mode, (3, 2), (255,) * (len(mode) - 1) + (64,)).save(tmp_path / "a.png")
+    for mode, channels in (("RGBA", 3), ("LA", 1)):
+        Image.new(mode, (3, 2), (255,) * channels + (64,)).save(tmp_path / "a.png")
         read = images.read_linear(tmp_path / "a.png")
-        assert read.shape == (2, 3, 3 if mode == "RGBA" else 1), mode
-        assert (read == 1).all(), mode
+        assert read.shape == (2, 3, channels) and (read == 1).all(), mode
 
 
 def test_16_bits_come_back(tmp_path, ramp):
-    for ending in [".png", ".tif", ".tiff", ".PNG"]:
-        for encoding in ["Linear", "sRGB"]:
-            for channels in [1, 3]:
-                path = tmp_path / f"a{ending}"
-                written = ramp[:, :, :channels]
-                images.write_16bit(path, written, {images.COLOR_SPACE: encoding, "note": 'é "quoted"'})
-                stored, metadata = images.read_channels(path)
-                np.testing.assert_array_equal(np.rint(np.stack(list(stored.values()), -1) * 65535), written)
-                assert metadata["note"] == 'é "quoted"', (ending, encoding, channels)
-                expected = written / 65535 if encoding == "Linear" else srgb_to_linear(written / 65535)
-                np.testing.assert_allclose(images.read_linear(path), expected, atol=4 * np.finfo(np.float32).eps)
-                assert not left_over(tmp_path), (ending, encoding, channels)
+    for ending, encoding, channels in itertools.product((".png", ".tif", ".PNG"), ("Linear", "sRGB"), (1, 3)):
+        path, written = tmp_path / f"a{ending}", ramp[:, :, :channels]
+        images.write_16bit(path, written, {images.COLOR_SPACE: encoding, "note": 'é "quoted"'})
+        stored, metadata = images.read_channels(path)
+        np.testing.assert_array_equal(np.rint(np.stack(list(stored.values()), -1) * 65535), written)
+        assert metadata["note"] == 'é "quoted"', (ending, encoding, channels)
+        expected = written / 65535 if encoding == "Linear" else srgb_to_linear(written / 65535)
+        np.testing.assert_allclose(images.read_linear(path), expected, atol=4 * np.finfo(np.float32).eps)
+        # Data are not decoded whatever the file says.
+        read = images.read_linear(path, encoding=Encoding.LINEAR)
+        np.testing.assert_array_equal(np.rint(read * 65535), written)
+        assert not left_over(tmp_path), (ending, encoding, channels)
 
 
 def test_channels_keep_names_values_and_texts(tmp_path):
@@ -97,22 +78,6 @@ def test_channels_keep_names_values_and_texts(tmp_path):
     )
 
 
-def test_doubles_are_rounded_to_float32(tmp_path):
-    images.write_channels(tmp_path / "a.exr", {"Z": np.full((2, 2), np.pi)})
-    assert images.read_channels(tmp_path / "a.exr")[0]["Z"][0, 0] == np.float32(np.pi)
-
-
-def test_a_single_channel_of_any_name_is_a_picture(tmp_path):
-    images.write_channels(tmp_path / "a.exr", {"Z": np.ones((2, 3)), "A": np.zeros((2, 3))})
-    assert images.read_linear(tmp_path / "a.exr").shape == (2, 3, 1)
-
-
-def test_channels_that_make_no_picture_are_named(tmp_path):
-    images.write_channels(tmp_path / "a.exr", {"U": np.ones((2, 3)), "V": np.ones((2, 3))})
-    with pytest.raises(FileError, match="holds the channels U, V; a picture needs R, G, B"):
-        images.read_linear(tmp_path / "a.exr")
-
-
 def test_one_channel_of_a_file(tmp_path):
     planes = {name: np.full((2, 3), 0.25 * k) for k, name in enumerate("RGBA", 1)}
     images.write_channels(tmp_path / "colours.exr", planes)
@@ -122,6 +87,13 @@ def test_one_channel_of_a_file(tmp_path):
         assert colours.shape == (2, 3, 1) and (colours == 0.25 * (channel + 1)).all()
         grey = images.read_linear(tmp_path / "grey.exr", channel=channel)
         assert grey.shape == (2, 3, 1) and (grey == (1 if channel == 3 else 0.5)).all()
+    # Beside it there may be an opacity.
+    images.write_channels(tmp_path / "a.exr", {"Z": np.full((2, 3), np.pi), "A": np.zeros((2, 3))})
+    read = images.read_linear(tmp_path / "a.exr")
+    assert read.shape == (2, 3, 1) and (read == np.float32(np.pi)).all()
+    images.write_channels(tmp_path / "a.exr", {"U": np.ones((2, 3)), "V": np.ones((2, 3))})
+    with pytest.raises(FileError, match="holds the channels U, V; a picture needs R, G, B"):
+        images.read_linear(tmp_path / "a.exr")
 
 
 def test_names_of_channels_that_do_not_come_back_are_refused(tmp_path):
@@ -132,13 +104,6 @@ def test_names_of_channels_that_do_not_come_back_are_refused(tmp_path):
         assert not os.listdir(tmp_path), name
 
 
-def test_data_are_not_decoded_whatever_the_file_says(tmp_path, ramp):
-    for said in ("Linear", "sRGB"):
-        images.write_16bit(tmp_path / "a.png", ramp, {images.COLOR_SPACE: said})
-        read = images.read_linear(tmp_path / "a.png", encoding=Encoding.LINEAR)
-        np.testing.assert_array_equal(np.rint(read * 65535), ramp)
-
-
 def test_a_limit_on_pixels(tmp_path):
     images.write_channels(tmp_path / "a.exr", {"Y": np.ones((3, 4))})
     assert images.read_linear(tmp_path / "a.exr", max_pixels=12).shape == (3, 4, 1)
@@ -146,31 +111,21 @@ def test_a_limit_on_pixels(tmp_path):
         images.read_linear(tmp_path / "a.exr", max_pixels=11)
 
 
-def test_a_missing_file_and_a_folder(tmp_path):
+def test_what_is_no_image(tmp_path, ramp):
+    for ending, content in itertools.product((".png", ".exr", ".tif", ".jpg", ".xyz", ""), (b"", b"not an image")):
+        (tmp_path / f"a{ending}").write_bytes(content)
+        with pytest.raises(FileError, match="cannot be read as an image"):
+            images.read_linear(tmp_path / f"a{ending}")
+    images.write_channels(tmp_path / "a.exr", {"Y": ramp[:, :, 0]})
+    images.write_16bit(tmp_path / "a.png", ramp)
+    for path in (tmp_path / "a.exr", tmp_path / "a.png"):
+        path.write_bytes(path.read_bytes()[:-40])
+        with pytest.raises(FileError, match="is damaged"):
+            images.read_linear(path)
     with pytest.raises(FileError, match="does not exist"):
         images.read_linear(tmp_path / "none.png")
     with pytest.raises(FileError, match="is a folder"):
         images.read_linear(tmp_path)
-
-
-def test_what_is_no_image(tmp_path):
-    for ending in [".png", ".exr", ".tif", ".jpg", ".hdr", ".xyz", ""]:
-        for content in [b"", b"not an image"]:
-            (tmp_path / f"a{ending}").write_bytes(content)
-            with pytest.raises(FileError, match="cannot be read as an image"):
-                images.read_linear(tmp_path / f"a{ending}")
-
-
-def test_a_truncated_file_is_damaged(tmp_path, ramp):
-    for ending in [".png", ".exr"]:
-        path = tmp_path / f"a{ending}"
-        if ending == ".exr":
-            images.write_channels(path, {"Y": ramp[:, :, 0]})
-        else:
-            images.write_16bit(path, ramp)
-        path.write_bytes(path.read_bytes()[:-40])
-        with pytest.raises(FileError, match="is damaged"):
-            images.read_linear(path)
 
 
 def test_damage_that_is_quoted_as_no_text_is_damage(tmp_path):
@@ -205,28 +160,28 @@ def test_names_that_no_file_can_have(tmp_path):
         assert not list(tmp_path.iterdir()), name
 
 
-def test_places_that_cannot_be_written(tmp_path):
-    plane = {"Y": np.ones((2, 2))}
-    with pytest.raises(FileError, match="does not exist; make it first"):
-        images.write_channels(tmp_path / "none" / "a.exr", plane)
-    with pytest.raises(FileError, match=r"ends in '.xyz'; it must end in .exr"):
-        images.write_channels(tmp_path / "a.xyz", plane)
-    with pytest.raises(FileError, match="must end in .png or .tif or .tiff"):
-        images.write_16bit(tmp_path / "a.exr", np.ones((2, 2, 1), np.uint16))
+def test_places_that_cannot_be_written(tmp_path, monkeypatch):
+    plane, grey = {"Y": np.ones((2, 2))}, np.ones((2, 2, 1), np.uint16)
     (tmp_path / "folder.exr").mkdir()
-    with pytest.raises(FileError, match="is a folder"):
-        images.write_channels(tmp_path / "folder.exr", plane)
-
-
-def test_a_folder_without_rights(tmp_path, monkeypatch):
+    for write, name, given, text in (
+        (images.write_channels, "none/a.exr", plane, "does not exist; make it first"),
+        (images.write_channels, "a.xyz", plane, r"ends in '.xyz'; it must end in .exr"),
+        (images.write_16bit, "a.exr", grey, "must end in .png or .tif or .tiff"),
+        (images.write_channels, "folder.exr", plane, "is a folder"),
+    ):
+        with pytest.raises(FileError, match=text):
+            write(tmp_path / name, given)
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(FileError, match="is not writable; choose another one"):
-        images.write_channels(tmp_path / "a.exr", {"Y": np.ones((2, 2))})
+        images.write_channels(tmp_path / "a.exr", plane)
 
 
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+def test_a_failed_write_leaves_the_old_file_and_a_link_stays_a_link(tmp_path, monkeypatch):
     path = tmp_path / "a.exr"
     images.write_channels(path, {"Y": np.ones((2, 2))})
+    (tmp_path / "link.exr").symlink_to(path)
+    images.write_channels(tmp_path / "link.exr", {"Y": np.zeros((2, 2))})
+    assert (tmp_path / "link.exr").is_symlink() and images.read_linear(path).max() == 0
     before = path.read_bytes()
 
     def fail(*_):
@@ -234,17 +189,9 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
 
     monkeypatch.setattr(os, "replace", fail)
     with pytest.raises(FileError, match="No space left"):
-        images.write_channels(path, {"Y": np.zeros((2, 2))})
+        images.write_channels(path, {"Y": np.ones((2, 2))})
     assert path.read_bytes() == before
-    assert os.listdir(tmp_path) == ["a.exr"]
-
-
-def test_a_link_stays_a_link(tmp_path):
-    images.write_channels(tmp_path / "real.exr", {"Y": np.ones((2, 2))})
-    (tmp_path / "link.exr").symlink_to(tmp_path / "real.exr")
-    images.write_channels(tmp_path / "link.exr", {"Y": np.zeros((2, 2))})
-    assert (tmp_path / "link.exr").is_symlink()
-    assert images.read_linear(tmp_path / "real.exr").max() == 0
+    assert sorted(os.listdir(tmp_path)) == ["a.exr", "link.exr"]
 
 
 def test_shapes_that_are_no_image(tmp_path):

@@ -1,5 +1,6 @@
 """The error of an image is found some rows at a time, and is what all of it at once would give."""
 
+import itertools
 import math
 
 import numpy as np
@@ -11,19 +12,15 @@ from plenoptic.core.color.percentile import HighPercentile
 
 
 def test_a_percentile_of_parts_is_that_of_all():
-    for kind in [np.float32, np.float64]:
-        for percentile, count in [(99, 1), (99, 2), (99, 101), (99.9, 50_000), (50, 999), (100, 40)]:
-            numbers = np.random.default_rng(1).normal(size=count).astype(kind)
-            level = HighPercentile(percentile, most=count + 1000)  # fewer may come
-            for part in np.array_split(numbers, 7):
-                level.add(part)
-            # In float64 the place between two numbers is exact; between 32-bit ones there are a few roundings.
-            assert level.found() == pytest.approx(
-                np.percentile(numbers.astype(float), percentile), rel=4 * float(np.finfo(kind).eps)
-            ), (kind, percentile, count)
-
-
-def test_a_percentile_of_nothing_is_not_known():
+    cases = [(99, 1), (99, 2), (99, 101), (99.9, 50_000), (50, 999), (100, 40)]
+    for (percentile, count), kind in itertools.product(cases, (np.float32, np.float64)):
+        numbers = np.random.default_rng(1).normal(size=count).astype(kind)
+        level = HighPercentile(percentile, most=count + 1000)  # fewer may come
+        for part in np.array_split(numbers, 7):
+            level.add(part)
+        # In float64 the place between two numbers is exact; between 32-bit ones there are a few roundings.
+        wanted = np.percentile(numbers.astype(float), percentile)
+        assert level.found() == pytest.approx(wanted, rel=4 * float(np.finfo(kind).eps)), (percentile, count, kind)
     assert math.isnan(HighPercentile(99, most=5).found())
 
 

@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import numpy as np
@@ -90,53 +91,35 @@ def chi_square(values, bins):
 
 
 def test_each_coordinate_is_uniform_over_scramblings():
-    for key in ["seed", "pixel", "replicate"]:
+    for key in ("seed", "pixel", "replicate"):
         # One point of each of many scramblings is a sample of independent uniform numbers.
         first = np.concatenate([sobol_points(8, **{key: i})[None] for i in range(3000)])
-        for index in (0, 1, 5):
-            for dimension in range(4):
-                # 24 comparisons: 4.5 standard deviations of a chi-square with 63 degrees of freedom is a chance of 1e-4.
-                assert abs(chi_square(first[:, index, dimension], 64)) < 4.5, key
+        # 24 comparisons: 4.5 standard deviations of a chi-square with 63 degrees of freedom is a chance of 1e-4.
+        for index, dimension in itertools.product((0, 1, 5), range(4)):
+            assert abs(chi_square(first[:, index, dimension], 64)) < 4.5, key
         # In pairs of dimensions too, on an 8 x 8 grid.
-        for a in range(4):
-            for b in range(a):
-                pairs = (np.floor(first[:, 3, a] * 8) + first[:, 3, b]) / 8
-                assert abs(chi_square(pairs, 64)) < 4.5, key
+        for a, b in itertools.combinations(range(4), 2):
+            pairs = (np.floor(first[:, 3, a] * 8) + first[:, 3, b]) / 8
+            assert abs(chi_square(pairs, 64)) < 4.5, key
 
 
 def test_streams_are_uncorrelated():
-    for other in [
-        {"seed": 1},
-        {"pixel": 1},
-        {"replicate": 1},
-        {"set_number": 1},
-        {"set_number": 2},
-        {"seed": 1, "pixel": 1},
-    ]:
-        # Correlation over 2000 pixels of one point of two streams; its standard error is 1 / sqrt(n).
-        def of_pixels(offset):
-            keys = {"seed": 0, "pixel": 0, "replicate": 0, "set_number": 0}
-            rows = []
-            for i in range(2000):
-                step = {k: keys[k] + offset.get(k, 0) for k in keys}
-                step["pixel"] += 2 * i
-                rows.append(sobol_points(4, **step)[3])
-            return np.array(rows)
+    # Correlation over 2000 pixels of one point of two streams; its standard error is 1 / sqrt(n).
+    def of_pixels(seed=0, pixel=0, replicate=0, set_number=0):
+        keys = {"seed": seed, "replicate": replicate, "set_number": set_number}
+        return np.array([sobol_points(4, pixel=pixel + 2 * i, **keys)[3] for i in range(2000)])
 
-        a, b = of_pixels({}), of_pixels(other)
-        correlation = np.corrcoef(a.T, b.T)[:4, 4:]
+    one, keys = of_pixels(), ("seed", "pixel", "replicate", "set_number")
+    for other in (*({key: 1} for key in keys), {"set_number": 2}, {"seed": 1, "pixel": 1}):
+        correlation = np.corrcoef(one.T, of_pixels(**other).T)[:4, 4:]
         # 16 of them: 4.5 standard errors.
         assert np.abs(correlation).max() < 4.5 / math.sqrt(2000), other
-
-
-def test_sets_of_one_path_are_uncorrelated_within_a_pixel():
-    for first, second in [(0, 1), (0, 2), (1, 2), (1, 5)]:
-        # Bounces take their points in another order. Over 1024 points of 40 replicates, sums of products have the
-        # standard error 1 / sqrt(40960) that independent uniform numbers would have at most.
-        a, b = (
-            np.concatenate([sobol_points(1024, replicate=r, set_number=k) for r in range(40)]) for k in (first, second)
-        )
-        assert np.abs(np.corrcoef(a.T, b.T)[:4, 4:]).max() < 4.5 / math.sqrt(40960), (first, second)
+    # Bounces of one pixel take their points in another order. Over 1024 points of 40 replicates, sums of products have
+    # the standard error 1 / sqrt(40960) that independent uniform numbers would have at most.
+    sets = {k: np.concatenate([sobol_points(1024, replicate=r, set_number=k) for r in range(40)]) for k in (0, 1, 2, 5)}
+    for first, second in ((0, 1), (0, 2), (1, 2), (1, 5)):
+        correlation = np.corrcoef(sets[first].T, sets[second].T)[:4, 4:]
+        assert np.abs(correlation).max() < 4.5 / math.sqrt(40960), (first, second)
 
 
 def test_smooth_integrands_converge_faster_than_one_over_n():
@@ -156,13 +139,12 @@ def test_smooth_integrands_converge_faster_than_one_over_n():
 
 
 def test_impossible_arguments():
-    for arguments, message in [
+    for arguments, message in (
         ({"n": -1}, "n is -1; it must be at least 0"),
         ({"n": 1.5}, "n is 1.5; it must be a whole number"),
         ({"n": 1, "seed": -1}, "seed is -1"),
         ({"n": 1, "pixel": -1}, "pixel is -1"),
         ({"n": 1, "set_number": 0.5}, "set_number is 0.5"),
-    ]:
-        n = arguments.pop("n")
+    ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
-            sobol_points(n, **arguments)
+            sobol_points(**arguments)

@@ -52,9 +52,15 @@ def plate(**changes):
     return Plate(**{"corners": [[0, 1], [2, np.nan]], **changes})
 
 
-def test_fields_cannot_be_set():
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        plate().index = 2.0
+def test_equal_values_are_equal_and_hash_alike():
+    assert plate() == plate() and hash(plate()) == hash(plate())
+    assert len({plate(), plate(), plate(index=1.6)}) == 2
+    for change in ({"corners": [[0, 1]]}, {"corners": [[0, 1], [2, 3]]}, {"index": 1.6}, {"label": "x"}):
+        assert plate() != plate(**change) and plate() != dataclasses.replace(plate(), **change), change
+    positive_zero, negative_zero = Plate([[0.0, 1]]), Plate([[-0.0, 1]])
+    assert positive_zero == negative_zero and hash(positive_zero) == hash(negative_zero)
+    assert plate() != Named("plate") and plate() != "plate"
+    assert choice(1, Side, "side") is choice(Side.RIGHT, Side, "side") is Side.RIGHT
 
 
 def test_arrays_are_read_only_copies():
@@ -64,28 +70,8 @@ def test_arrays_are_read_only_copies():
     assert made.corners[0, 0] == 0
     with pytest.raises(ValueError, match="read-only"):
         made.corners[0, 0] = 1
-
-
-def test_equal_values_are_equal_and_hash_alike():
-    assert plate() == plate()
-    assert hash(plate()) == hash(plate())
-    assert len({plate(), plate(), plate(index=1.6)}) == 2
-
-
-def test_a_changed_field_makes_another_value():
-    for change in [{"corners": [[0, 1]]}, {"corners": [[0, 1], [2, 3]]}, {"index": 1.6}, {"label": "x"}]:
-        assert plate() != plate(**change), change
-        assert plate() != dataclasses.replace(plate(), **change), change
-
-
-def test_zeros_of_either_sign_are_equal_and_hash_alike():
-    assert Plate([[0.0, 1]]) == Plate([[-0.0, 1]])
-    assert hash(Plate([[0.0, 1]])) == hash(Plate([[-0.0, 1]]))
-
-
-def test_values_of_other_classes_are_not_equal():
-    assert plate() != Named("plate")
-    assert plate() != "plate"
+    view = read_only(corners)
+    assert corners.flags.writeable and not view.flags.writeable and np.shares_memory(corners, view)
 
 
 def test_copies_are_equal_and_stay_read_only():
@@ -106,24 +92,12 @@ def test_repr_is_short_and_leaves_defaults_out():
     assert repr(Named("left")) == "<left>"
 
 
-def test_a_choice_is_a_member_or_its_number():
-    assert choice(1, Side, "side") is choice(Side.RIGHT, Side, "side") is Side.RIGHT
-
-
-def test_read_only_leaves_the_original_writable():
-    original = np.zeros(3)
-    view = read_only(original)
-    assert original.flags.writeable and not view.flags.writeable
-    assert np.shares_memory(original, view)
-
-
 def test_what_cannot_be_is_named():
     for check, sentence in [
         (lambda: finite(np.inf, "gap"), "gap is inf; it must be finite"),
         (lambda: finite("wide", "gap"), "gap is 'wide'; it must be a number"),
         (lambda: finite(10**400, "gap"), "gap is 1000.*; it must be a number"),
         (lambda: positive(0, "pitch", "mm"), "pitch is 0 mm; it must be above 0"),
-        (lambda: whole(1.0, "samples", at_least=1), "samples is 1.0; it must be a whole number"),
         (lambda: whole(True, "samples", at_least=1), "samples is True; it must be a whole number"),
         (lambda: whole(0, "samples", at_least=1), "samples is 0; it must be at least 1"),
         (lambda: frozen_array([1, 2], name="axis", shape=(3,)), r"axis has shape \(2,\); it must have shape \(3,\)"),
@@ -133,7 +107,6 @@ def test_what_cannot_be_is_named():
         ),
         (lambda: number(None, "z"), "z is None; it must be a number"),
         (lambda: choice("left", Side, "side"), "side is 'left'; it must be Side.LEFT or Side.RIGHT"),
-        (lambda: choice(2, Side, "side"), "side is 2; it must be Side.LEFT or Side.RIGHT"),
         (lambda: choice([], Side, "side"), r"side is \[\]; it must be Side.LEFT or Side.RIGHT"),
         (lambda: frozen_array(["a"], name="axis", shape=(1,)), "axis is not an array of numbers"),
         (lambda: frozen_array([300], name="mask", shape=(1,), dtype=np.uint8), "mask must hold whole numbers, from 0"),
