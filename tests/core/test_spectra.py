@@ -1,6 +1,7 @@
 """Colour by wavelength: laws of the basis and of the tables, round trips, and the table's own optimisation."""
 
 import copy
+import itertools
 import pickle
 
 import matplotlib
@@ -59,23 +60,14 @@ def test_response_is_linear_between_samples_and_zero_beyond():
 
 
 def test_normalised_channels_integrate_to_one():
-    for name in PRESETS:
-        made = PRESETS[name]()
-        scaled = made.normalised
+    for name, make in PRESETS.items():
+        made, scaled = make(), make().normalised
         integral = np.diff(scaled.wavelengths) @ (scaled.response[1:] + scaled.response[:-1]) / 2
         # A sum of n positive numbers errs by n eps at most; those of linear_srgb cancel by a factor below 3.
         assert integral == pytest.approx(1.0, abs=3 * len(made.wavelengths) * EPS), name
         assert scaled.response == pytest.approx(scaled.normalised.response, rel=1e-12), name
         shape = made.response / made.response.max(axis=0)
         assert scaled.response / scaled.response.max(axis=0) == pytest.approx(shape, abs=1e-12), name
-
-
-def test_one_column_is_one_channel():
-    flat, column = Sensitivity([400.0, 700.0], [1.0, 2.0]), Sensitivity([400.0, 700.0], [[1.0], [2.0]])
-    assert flat == column
-    assert flat.channels == 1
-    assert PRESETS["silicon"]().channels == 1
-    assert PRESETS["colour_camera"]().channels == 3
 
 
 def test_the_range_ends_where_nothing_is_seen():
@@ -87,44 +79,61 @@ def test_the_range_ends_where_nothing_is_seen():
 
 
 def test_sensitivities_are_values(monkeypatch):
-    for made in [*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)]:
-        assert pickle.loads(pickle.dumps(made)) == made == copy.deepcopy(made), made
-        assert len({made, copy.deepcopy(made), made.normalised}) in (1, 2), made
+    monkeypatch.setattr(plenoptic, "Sensitivity", Sensitivity, raising=False)
+    for made in (*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)):
+        assert pickle.loads(pickle.dumps(made)) == made == copy.deepcopy(made)
+        assert len({made, copy.deepcopy(made), made.normalised}) in (1, 2)
         with pytest.raises(ValueError, match="read-only"):
             made.wavelengths[0] = 1.0
-        monkeypatch.setattr(plenoptic, "Sensitivity", Sensitivity, raising=False)
         again = restore(describe(made))
-        assert again == made, made
-        assert type(again) is Sensitivity, made
+        assert again == made and type(again) is Sensitivity
+    flat, column = Sensitivity([400.0, 700.0], [1.0, 2.0]), Sensitivity([400.0, 700.0], [[1.0], [2.0]])
+    assert flat == column and flat.channels == PRESETS["silicon"]().channels == 1
+    lines = Sensitivity.lines(LINES)
+    assert lines.channels == PRESETS["colour_camera"]().channels == 3 and lines.normalised is lines
 
 
 def test_what_cannot_be_is_refused():
-    for wavelengths, response, message in [
+    for wavelengths, response, message in (
         ([0.4, 0.7], [1.0, 1.0], "0.4 nm; it must be from 10"),
-        ([500.0, 400.0], [1.0, 1.0], "ascend"),
         ([500.0, 500.0], [1.0, 1.0], "ascend"),
         ([500.0], [1.0], "2 or more"),
         ([400.0, 500.0], [1.0, 1.0, 1.0], "shape"),
         ([400.0, 500.0], [[1.0, 1.0], [1.0, 1.0]], "2 channels; it must have 1 or 3"),
         ([400.0, 500.0], [1.0, np.nan], "not finite"),
-        ([400.0, 500.0], [[1.0], [2.0, 3.0]], "not an array of numbers"),
         ([400.0, 500.0], [0.0, 0.0], "channel 0 has the integral 0"),
         ([400.0, 500.0], [[1.0, 1.0, 1.0], [1.0, -1.0, 1.0]], "channel 1 has the integral 0"),
         ([400.0, 500.0], [-1.0, 0.0], "must be above 0"),
         ([400.0, 500.0], None, "lines have 1 or 3"),
         ([[400.0]], None, "shape"),
         ([400.0, np.inf], [1.0, 1.0], "finite"),
-    ]:
+    ):
         with pytest.raises(InvalidValueError, match=message):
             Sensitivity(wavelengths, response)
-
-
-def test_lines_have_no_response():
-    lines = Sensitivity.lines(LINES)
-    assert lines.channels == 3
-    assert lines.normalised is lines
-    with pytest.raises(InvalidValueError, match="no response"):
-        lines.at([500.0])
+    for rgb, wavelengths, message in (
+        (0.5, [500.0], "last axis must be 3"),
+        ((0.5, 0.5), [500.0], "last axis must be 3"),
+        ((0.5, np.nan, 0.5), [500.0], "not finite"),
+        ((0.5, 0.5, 0.5), 500.0, "shape"),
+        ((0.5, 0.5, 0.5), [0.55], "nanometres"),
+    ):
+        with pytest.raises(InvalidValueError, match=message):
+            rgb_to_spectrum(rgb, wavelengths)
+    for make, message in (
+        (lambda: Sensitivity.lines(LINES).at([500.0]), "no response"),
+        (lambda: colour_tables(PRESETS["silicon"](), step=0.0), "step"),
+        (lambda: colour_tables(PRESETS["silicon"](), step=np.nan), "step"),
+        (lambda: colour_tables((400.0, 700.0)), "give a Sensitivity"),
+        (lambda: plot_sensitivity((400.0, 700.0)), "give a Sensitivity"),
+        (lambda: sensitivities.silicon(depth=0.0), "depth"),
+        (lambda: sensitivities.silicon(band=(365.0, 700.0)), "within 370 to 1090 nm"),
+        (lambda: sensitivities.silicon(band=(700.0, 400.0)), "ascend"),
+        (lambda: sensitivities.colour_camera(band=(500.0, 510.0)), "at least 20 nm wide"),
+        (lambda: sensitivities.colour_camera(widths=(1.0, 0.0, 1.0)), "a width"),
+        (lambda: sensitivities.colour_camera(peaks=(0.6, 0.5, 0.4)), "nanometres"),
+    ):
+        with pytest.raises(InvalidValueError, match=message):
+            make()
 
 
 # The basis
@@ -137,10 +146,7 @@ def test_the_basis_is_a_partition_of_unity_within_bounds():
     # Three interpolations and their sum, each rounded to 1/2 eps of at most 1.
     assert np.abs(basis.sum(axis=1) - 1.0).max() <= 3 * EPS
     assert (basis_table.PARTS.sum(axis=1) == 1e6).all()
-
-
-def test_the_basis_is_constant_beyond_the_table():
-    assert (rgb_basis([100.0, 379.0]) == rgb_basis([380.0])).all()
+    assert (rgb_basis([100.0, 379.0]) == rgb_basis([380.0])).all()  # constant beyond the table
     assert (rgb_basis([731.0, 2000.0]) == rgb_basis([730.0])).all()
 
 
@@ -169,25 +175,12 @@ def test_spectra_are_linear_in_the_colour(a, b, scale):
 
 
 def test_images_of_colours_become_images_of_spectra():
-    for shape in [(3,), (5, 3), (2, 4, 3), (0, 3)]:
+    for shape in ((3,), (2, 4, 3), (0, 3)):
         rgb = np.random.default_rng(1).random(shape)
         spectra = rgb_to_spectrum(rgb, [450.0, 550.0])
-        assert spectra.shape == (*shape[:-1], 2), shape
+        assert spectra.shape == (*shape[:-1], 2)
         for place in np.ndindex(shape[:-1]):
             assert spectra[place] == pytest.approx(rgb_to_spectrum(rgb[place], [450.0, 550.0]), rel=1e-15), shape
-
-
-def test_what_is_no_colour_or_wavelength_is_refused():
-    for rgb, wavelengths, message in [
-        (0.5, [500.0], "last axis must be 3"),
-        ((0.5, 0.5), [500.0], "last axis must be 3"),
-        ((0.5, np.nan, 0.5), [500.0], "not finite"),
-        ("red", [500.0], "not an array of numbers"),
-        ((0.5, 0.5, 0.5), 500.0, "shape"),
-        ((0.5, 0.5, 0.5), [0.55], "nanometres"),
-    ]:
-        with pytest.raises(InvalidValueError, match=message):
-            rgb_to_spectrum(rgb, wavelengths)
 
 
 def test_colours_come_back_through_linear_srgb():
@@ -260,30 +253,25 @@ SAMPLED = [
 
 
 def test_white_is_measured_as_one_in_every_channel():
-    for sensitivity in SAMPLED:
-        for step in [0.3, 1.0, 7.0, 1000.0]:
-            tables = colour_tables(sensitivity, step=step)
-            assert tables.cdf[-1] == 1.0, (sensitivity, step)
-            assert (probability(tables) > 0).all(), (sensitivity, step)
-            drawn = probability(tables)
-            # Sums of n terms of at most `most` together.
-            most = np.abs(drawn[:, None] * tables.weights).sum()
-            assert drawn @ tables.weights == pytest.approx(1.0, abs=len(drawn) * EPS * most), (sensitivity, step)
-            assert (drawn[:, None] * tables.weights).T @ tables.basis.sum(axis=1) == pytest.approx(1.0, abs=1e-12), (
-                sensitivity,
-                step,
-            )
-            low, high = sensitivity.wavelength_range
-            assert low < tables.wavelengths[0] and tables.wavelengths[-1] < high, (sensitivity, step)
-            assert (np.diff(tables.wavelengths) > 0).all(), (sensitivity, step)
-            assert tables.basis == pytest.approx(rgb_basis(tables.wavelengths), abs=0.0), (sensitivity, step)
+    for sensitivity, step in itertools.product(SAMPLED, (0.3, 1.0, 7.0, 1000.0)):
+        tables = colour_tables(sensitivity, step=step)
+        drawn, case = probability(tables), (sensitivity, step)
+        assert tables.cdf[-1] == 1.0 and (drawn > 0).all(), case
+        # Sums of n terms of at most `most` together.
+        shares = drawn[:, None] * tables.weights
+        most = np.abs(shares).sum()
+        assert drawn @ tables.weights == pytest.approx(1.0, abs=len(drawn) * EPS * most), case
+        assert shares.T @ tables.basis.sum(axis=1) == pytest.approx(1.0, abs=1e-12), case
+        low, high = sensitivity.wavelength_range
+        assert low < tables.wavelengths[0] and tables.wavelengths[-1] < high, case
+        assert (np.diff(tables.wavelengths) > 0).all(), case
+        assert tables.basis == pytest.approx(rgb_basis(tables.wavelengths), abs=0.0), case
 
 
 def test_no_weight_exceeds_the_sum_of_all_magnitudes():
     for sensitivity in SAMPLED:
         tables = colour_tables(sensitivity)
-        shares = probability(tables)[:, None] * tables.weights
-        total = np.abs(shares).sum()
+        total = np.abs(probability(tables)[:, None] * tables.weights).sum()
         # The cdf is rounded by eps, which is 1e-6 of the probability of the rarest bins (1e-7 / 400).
         assert np.abs(tables.weights).sum(axis=1) == pytest.approx(total, rel=1e-5), sensitivity
         if sensitivity.response.min() >= 0:
@@ -296,34 +284,34 @@ def test_shares_are_integrals_over_bins():
         low, high = sensitivity.wavelength_range
         width = (high - low) / np.ceil((high - low) / 5.0)
         fine = low + (np.arange(round((high - low) / width) * 2000) + 0.5) * width / 2000
-        shares = probability(tables)[:, None] * tables.weights
         heights = sensitivity.normalised.at(fine).reshape(-1, 2000, sensitivity.channels)
         middles = fine.reshape(-1, 2000).mean(axis=1)
         kept = np.abs(middles[:, None] - tables.wavelengths).min(axis=1) < 0.5 * width
         assert kept.sum() == len(tables.wavelengths), sensitivity
-        # A midpoint sum errs by its step times the height of a kink's cell: width / 2000 squared times the steepest slope.
-        steepest = np.abs(
-            np.diff(sensitivity.normalised.response, axis=0) / np.diff(sensitivity.wavelengths)[:, None]
-        ).max()
-        expected = heights.mean(axis=1)[kept] * width
-        assert shares == pytest.approx(expected, abs=1e-6 + (width / 2000) ** 2 * steepest), sensitivity
+        # A midpoint sum errs by its step times the height of a kink's cell: width / 2000 squared times the steepest
+        # slope.
+        slopes = np.diff(sensitivity.normalised.response, axis=0) / np.diff(sensitivity.wavelengths)[:, None]
+        most = 1e-6 + (width / 2000) ** 2 * np.abs(slopes).max()
+        shares = probability(tables)[:, None] * tables.weights
+        assert shares == pytest.approx(heights.mean(axis=1)[kept] * width, abs=most), sensitivity
 
 
 def test_the_mean_is_what_channels_see_of_any_spectrum():
+    def smooth(wavelengths):
+        return np.stack([1 + np.sin(wavelengths / 25.0), np.exp(-(((wavelengths - 540.0) / 30.0) ** 2))], axis=-1)
+
     for sensitivity in SAMPLED[:4]:
-
-        def smooth(wavelengths):
-            return np.stack([1 + np.sin(wavelengths / 25.0), np.exp(-(((wavelengths - 540.0) / 30.0) ** 2))], axis=-1)
-
-        fine = np.linspace(*sensitivity.wavelength_range, 200001)
-        right = np.einsum("ic,ik->ck", sensitivity.normalised.at(fine), smooth(fine)) * (fine[1] - fine[0])
+        fine = np.linspace(*sensitivity.wavelength_range, 50_001)
+        seen = sensitivity.normalised.at(fine)
+        right = np.einsum("ic,ik->ck", seen, smooth(fine)) * (fine[1] - fine[0])
         errors = []
         for step in (4.0, 2.0, 1.0):
             tables = colour_tables(sensitivity, step=step)
             found = np.einsum("w,wc,wk->ck", probability(tables), tables.weights, smooth(tables.wavelengths))
             errors.append(np.abs(found - right).max())
-        # A middle stands for its bin: h^2 / 24 times the second derivative, at most 1 / 25^2 and 2 / 30^2 here, over |s|.
-        magnitude = np.abs(sensitivity.normalised.at(fine)).mean(axis=0).max() * (fine[-1] - fine[0])
+        # A middle stands for its bin: h^2 / 24 times the second derivative, at most 1 / 25^2 and 2 / 30^2 here, times
+        # |s|.
+        magnitude = np.abs(seen).mean(axis=0).max() * (fine[-1] - fine[0])
         assert errors[2] < 1.0 / 24 * 2 / 30**2 * magnitude * 3, sensitivity
         assert errors[0] / errors[2] == pytest.approx(16.0, rel=0.3), sensitivity
 
@@ -342,52 +330,27 @@ COMPILED = [(s, colour_tables(s), exact(s)) for s in (make() for make in PRESETS
 
 
 def test_a_channel_of_lines_sees_the_channel_of_the_scene():
-    tables = colour_tables(Sensitivity.lines(LINES))
-    assert tables.wavelengths.tolist() == list(LINES)
-    assert tables.cdf[-1] == 1.0
-    assert probability(tables) == pytest.approx(1 / 3)
-    assert (tables.basis == np.eye(3)).all()
-    rgb = np.array([0.2, 0.5, 3.0])
-    assert (probability(tables)[:, None] * tables.weights).T @ (tables.basis @ rgb) == pytest.approx(rgb, rel=4 * EPS)
-
-
-def test_lines_may_share_a_wavelength():
-    tables = colour_tables(Sensitivity.lines((550.0, 550.0, 550.0)))
-    assert (tables.basis == np.eye(3)).all()
-    assert probability(tables) @ tables.weights == pytest.approx(1.0)
-
-
-def test_a_single_line_sees_the_spectrum():
+    for lines in (LINES, (550.0, 550.0, 550.0)):
+        tables = colour_tables(Sensitivity.lines(lines))
+        assert tables.wavelengths.tolist() == list(lines) and tables.cdf[-1] == 1.0
+        assert probability(tables) == pytest.approx(1 / 3) and (tables.basis == np.eye(3)).all()
+        rgb = np.array([0.2, 0.5, 3.0])
+        found = (probability(tables)[:, None] * tables.weights).T @ (tables.basis @ rgb)
+        assert found == pytest.approx(rgb, rel=4 * EPS), lines
+    # A single line sees the spectrum.
     tables = colour_tables(Sensitivity.lines([632.8]))
-    assert tables.weights.tolist() == [[1.0]]
-    assert (tables.basis == rgb_basis([632.8])).all()
+    assert tables.weights.tolist() == [[1.0]] and (tables.basis == rgb_basis([632.8])).all()
 
 
 def test_tables_are_what_kernels_take():
-    for channels in [1, 3]:
+    for channels in (1, 3):
         made = Sensitivity([450.0, 650.0], np.ones((2, channels)))
-        for sensitivity in (made, Sensitivity.lines(LINES[:channels])):
+        for sensitivity, w in ((made, 200), (Sensitivity.lines(LINES[:channels]), channels)):
             tables = colour_tables(sensitivity)
-            w = len(tables.wavelengths)
-            assert [part.shape for part in tables] == [(w,), (w,), (w, channels), (w, 3)], channels
+            assert [part.shape for part in tables] == [(w,), (w,), (w, channels), (w, 3)]
             for part in tables:
-                assert part.dtype == np.float64 and part.flags.c_contiguous and not part.flags.writeable, channels
-            assert w == (200 if sensitivity is made else channels), channels
-
-
-def test_tables_of_presets_stay_small():
+                assert part.dtype == np.float64 and part.flags.c_contiguous and not part.flags.writeable
     assert max(len(tables.wavelengths) for _, tables, _ in COMPILED) <= 400
-
-
-def test_a_step_is_positive():
-    for step in [0.0, -1.0, np.nan]:
-        with pytest.raises(InvalidValueError, match="step"):
-            colour_tables(PRESETS["silicon"](), step=step)
-
-
-def test_tables_are_of_sensitivities():
-    with pytest.raises(InvalidValueError, match="give a Sensitivity"):
-        colour_tables((400.0, 700.0))
 
 
 # What comes with the package
@@ -439,19 +402,6 @@ def test_silicon_absorbs_less_red_than_blue():
     assert (np.diff(thin.at(inside)[:, 0]) < 0).all()
 
 
-def test_impossible_sensors_are_refused():
-    for make, message in [
-        (lambda: sensitivities.silicon(depth=0.0), "depth"),
-        (lambda: sensitivities.silicon(band=(365.0, 700.0)), "within 370 to 1090 nm"),
-        (lambda: sensitivities.silicon(band=(700.0, 400.0)), "ascend"),
-        (lambda: sensitivities.colour_camera(band=(500.0, 510.0)), "at least 20 nm wide"),
-        (lambda: sensitivities.colour_camera(widths=(1.0, 0.0, 1.0)), "a width"),
-        (lambda: sensitivities.colour_camera(peaks=(0.6, 0.5, 0.4)), "nanometres"),
-    ]:
-        with pytest.raises(InvalidValueError, match=message):
-            make()
-
-
 # The figure
 
 
@@ -471,8 +421,3 @@ def test_a_figure_draws_each_channel():
                 assert (curve.get_ydata() == made.normalised.response[:, channel]).all(), made
         assert plot_sensitivity(made, ax) is ax, made
         plt.close("all")
-
-
-def test_a_figure_is_of_a_sensitivity():
-    with pytest.raises(InvalidValueError, match="give a Sensitivity"):
-        plot_sensitivity((400.0, 700.0))
