@@ -1,11 +1,11 @@
 """Every kind of file that the package writes, and what is left where writing ends early: by signals, or a full disk.
 
-    python tests/core/kinds_of_saves.py FOLDER {SIGKILL,SIGINT} TIMES [KIND ...]
-    python tests/core/kinds_of_saves.py FOLDER {limit,full} [KIND ...]
+    python tests/core/kinds_of_saves.py FOLDER TIMES END[,END ...] [KIND ...]
 
-For each kind two different files take turns. Whatever happens, the one that is there is one of the two to the last
-byte, at most one temporary file is beside it after a signal, none after an error, and none after the next save.
-`limit` allows few bytes a file; `full` fills the disk, which must be a small one of its own.
+An end is SIGKILL or SIGINT, which are to meet TIMES saves; `limit`, which allows few bytes a file; or `full`, which
+fills the disk, which must be a small one of its own. For each kind two different files take turns. Whatever happens,
+the one that is there is one of the two to the last byte, at most one temporary file is beside it after a signal, none
+after an error, and none after the next save.
 """
 
 import dataclasses
@@ -186,14 +186,13 @@ def without_room(how, path, save):
 
 
 if __name__ == "__main__":
-    folder, how, *more = sys.argv[1:]
+    folder, times, ends, *kinds = sys.argv[1:]
     random.seed(SEED)
-    if how not in ("limit", "full"):
-        times, *more = more
-    for kind in more or KINDS:
-        place = Path(folder) / kind
-        if how in ("limit", "full"):
-            print(kind, *without_room(how, place, KINDS[kind]))
-        else:
-            print(kind, *ended_by(signal.Signals[how], int(times), place, KINDS[kind]))
-        place.unlink()
+    for how in ends.split(","):
+        for kind in kinds or KINDS:
+            place = Path(folder) / kind
+            if how in ("limit", "full"):
+                print(how, kind, *without_room(how, place, KINDS[kind]))
+            else:
+                print(how, kind, *ended_by(signal.Signals[how], int(times), place, KINDS[kind]))
+            place.unlink()

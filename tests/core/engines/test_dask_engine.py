@@ -69,20 +69,14 @@ def test_tasks_get_larger_once_it_is_known_how_long_orders_take(client, monkeypa
     found(client, [Order(i) for i in range(600)])
     tasks = client.calls.count("carry_out")
     assert 12 + 3 < tasks < 100  # single orders first, at most a sixth of what is left, and single ones in the end
-    monkeypatch.setattr(dask_engine, "_SECONDS", 1e-3)
     client.calls.clear()
-    found(client, [Order(i) for i in range(60)])
-    assert client.calls.count("carry_out") == 60
-
-
-def test_large_orders_are_not_put_together(client):
+    # Neither large ones nor where time is limited: each is a task of its own then.
     found(client, [Order(i, nbytes=5 << 20) for i in range(40)])
-    assert client.calls.count("carry_out") == 40
-
-
-def test_where_time_is_limited_each_order_is_a_task_of_its_own(client):
     found(client, [Order(i) for i in range(40)], late=lambda: False)
-    assert client.calls.count("carry_out") == 40
+    assert client.calls.count("carry_out") == 80
+    monkeypatch.setattr(dask_engine, "_SECONDS", 1e-3)
+    found(client, [Order(i) for i in range(60)])
+    assert client.calls.count("carry_out") == 140
 
 
 def test_few_orders_are_drawn_before_results_are_taken(client):
@@ -134,19 +128,23 @@ def test_a_job_is_made_once_in_a_worker(client, monkeypatch):
 # ---- who may take part ----
 
 
-def test_workers_with_other_versions_are_refused():
-    for name, said in [
-        ("plenoptic", r"worker tcp://10.0.0.0:8000 with plenoptic 0.0, not"),
-        ("kernels", r"worker tcp://10.0.0.0:8000 with other kernels; install"),
-        ("numba", r"with numba 0.0, not"),
-        ("numpy", r"with numpy 0.0, not"),
-    ]:
-        other = {**dask_worker.surroundings(), name: "0.0"}
-        client = fake_client.FakeClient(surroundings=other)
+def test_workers_that_cannot_take_part_are_refused():
+    here, missing = dask_worker.surroundings(), ModuleNotFoundError("No module named 'plenoptic'")
+    for surroundings, workers, said in (
+        ({**here, "plenoptic": "0.0"}, 2, r"worker tcp://10.0.0.0:8000 with plenoptic 0.0, not"),
+        ({**here, "kernels": "0.0"}, 2, r"worker tcp://10.0.0.0:8000 with other kernels; install"),
+        ({**here, "numba": "0.0"}, 2, r"with numba 0.0, not"),
+        ({**here, "numpy": "0.0"}, 2, r"with numpy 0.0, not"),
+        (missing, 2, r"cannot render \(ModuleNotFoundError: No module"),
+        (here, 0, "no workers; start some"),
+    ):
+        client = fake_client.FakeClient(workers, surroundings=surroundings)
         with pytest.raises(pl.errors.InvalidValueError, match=said):
             DaskCluster(client)
         client.close()
-        assert not client.calls, (name, said)
+        assert not client.calls, said
+    with pytest.raises(pl.errors.InvalidValueError, match=r"client is a str; it must be a distributed.Client"):
+        DaskCluster("tcp://10.0.0.1:8786")
 
 
 def test_workers_that_come_later_are_asked_too(client, monkeypatch):
@@ -154,22 +152,6 @@ def test_workers_that_come_later_are_asked_too(client, monkeypatch):
     cluster.surroundings["numpy"] = "0.0"  # what the client has
     with pytest.raises(pl.errors.InvalidValueError, match="a worker with numpy"), cluster.engine(adder, -3):
         pass
-
-
-def test_workers_without_the_package_are_refused():
-    client = fake_client.FakeClient(surroundings=ModuleNotFoundError("No module named 'plenoptic'"))
-    with pytest.raises(pl.errors.InvalidValueError, match=r"cannot render \(ModuleNotFoundError: No module"):
-        DaskCluster(client)
-    client.close()
-
-
-def test_a_cluster_without_workers_and_what_is_no_client_are_refused():
-    client = fake_client.FakeClient(workers=0)
-    with pytest.raises(pl.errors.InvalidValueError, match="no workers; start some"):
-        DaskCluster(client)
-    client.close()
-    with pytest.raises(pl.errors.InvalidValueError, match="client is a str; it must be a distributed.Client"):
-        DaskCluster("tcp://10.0.0.1:8786")
 
 
 def test_processors_of_different_kinds_are_told(client):
