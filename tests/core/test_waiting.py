@@ -49,35 +49,33 @@ def test_what_takes_long_shows_how_far_it_is_and_vanishes(capsys, quick):
     assert "waiting: " in shown and "50%" in shown and shown.endswith("\r")
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_compiling_is_told_by_a_thread_of_its_own(capsys, quick, threads):
-    def work(seconds):
-        with compiling.noted("some_kernel"):
-            time.sleep(seconds)
+def test_compiling_is_told_by_a_thread_of_its_own(capsys, quick):
+    for threads in [1, 2]:
 
-    with Waiting("waiting", kind="camera", show=True):
-        list(run_in_order(work, [0.4], threads=threads))
-    assert "compiling, first time for this kind of camera" in capsys.readouterr().err
-    assert compiling.since() is None
+        def work(seconds):
+            with compiling.noted("some_kernel"):
+                time.sleep(seconds)
+
+        with Waiting("waiting", kind="camera", show=True):
+            list(run_in_order(work, [0.4], threads=threads))
+        assert "compiling, first time for this kind of camera" in capsys.readouterr().err, threads
+        assert compiling.since() is None, threads
 
 
 def test_nothing_is_shown_where_it_is_not_wanted(capsys, quick):
+    def elsewhere():
+        with Waiting("elsewhere", kind="camera", show=True):
+            list(run_in_order(time.sleep, [0.05] * 4, threads=1))
+
     with Waiting("waiting", kind="camera", show=False):
         list(run_in_order(time.sleep, [0.05] * 4, threads=1))
         with Waiting("inside", kind="camera", show=True):  # the outermost decides
             list(run_in_order(time.sleep, [0.05] * 4, threads=1))
-    thread = threading.Thread(target=lambda: test_nothing_is_shown_there(quick))
+    thread = threading.Thread(target=elsewhere)
     thread.start()
     thread.join()
     assert capsys.readouterr().err == ""
     assert waiting_here() is None
-
-
-def test_nothing_is_shown_there(quick):
-    """Called by the one above in another thread."""
-    show = threading.current_thread() is not threading.main_thread()
-    with Waiting("elsewhere", kind="camera", show=show):
-        list(run_in_order(time.sleep, [0.05] * 4, threads=1))
 
 
 def test_a_watch_starts_no_thread_without_compiling():

@@ -219,12 +219,9 @@ def test_optics_predicts_the_floor_of_a_thin_lens():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "stop, floors, samples", [(5.0, (0.0423, 0.0094), (64, 256, 1024, 8192)), (10.0, (0.0549, 0.0225), (64, 256, 2048))]
-)
-def test_optics_predicts_all_floors(stop, floors, samples):
+def test_optics_predicts_all_floors():
     """THIN and PARAXIAL pupils in closed form, EXACT by traced pencils; without rims in the way, within 27 mm."""
-    camera = conventional(stop)
+    camera, floors = conventional(10.0), (0.0549, 0.0225)
     exact, thin, paraxial = predicted(camera, grid=400)
     variants = {
         "EXACT": Variant(),
@@ -232,7 +229,7 @@ def test_optics_predicts_all_floors(stop, floors, samples):
         "PARAXIAL": Variant(lens=pl.LensModel.PARAXIAL),
     }
     table = pl.study.error_against_time(
-        None, camera, variants, samples=samples[:-1], seeds=8, reference_samples=samples[-1], progress=False
+        None, camera, variants, samples=(64, 256), seeds=8, reference_samples=2048, progress=False
     )
     own = table.best_known_bias("EXACT")
     assert abs(own.bias_squared) < SIGMAS * own.bias_squared_error
@@ -309,23 +306,20 @@ def test_variants_change_what_they_name():
     assert list(default_variants(None, thin)) == ["THIN lens", "RANDOM sampler", "1 replicate"]
 
 
-def test_impossible_variants_are_refused():
-    for make, message in [
+def test_impossible_variants_and_studies_are_refused():
+    for make, message in (
         (lambda: Variant(lens="THIN"), "lens is 'THIN'"),
         (lambda: Variant(replicates=0), "replicates is 0"),
         (lambda: Variant(clamp=-1.0), "clamp is -1"),
         (lambda: Variant(camera=3), "camera is an int"),
         (lambda: Variant(microlenses=1).camera_from(conventional(5.0)), "the camera has no microlenses"),
         (lambda: Variant(camera=conventional(5.0)).camera_from(smooth_camera()), r"has \(24, 24\) pixels"),
-    ]:
-        with pytest.raises(pl.errors.InvalidValueError, match=message):
+    ):
+        with pytest.raises(InvalidValueError, match=message):
             make()
-
-
-def test_impossible_studies_are_refused():
-    for arguments, message in [
+    for arguments, message in (
         ({"variants": {}}, "variants is empty"),
-        ({"variants": {"a|b": Variant()}}, "name of a variant is 'a|b'"),
+        ({"variants": {"a|b": Variant()}}, r"name of a variant is 'a\|b'"),
         ({"variants": {"a": 3}}, r"variants\['a'\] is an int"),
         ({"samples": ()}, "samples is a tuple"),
         ({"samples": (32, 16)}, "each number must be above the one before"),
@@ -333,9 +327,9 @@ def test_impossible_studies_are_refused():
         ({"reference": 3}, "reference is an int"),
         ({"reference": Variant(replicates=1)}, "no standard errors"),
         ({"reference": pl.Exposure(np.ones((3, 3, 1)))}, r"the reference has \(3, 3\) pixels"),
-    ]:
+    ):
         given = {"samples": (4,), "seeds": 2, "progress": False} | arguments
-        with pytest.raises(pl.errors.InvalidValueError, match=message):
+        with pytest.raises(InvalidValueError, match=message):
             pl.study.error_against_time(None, conventional(5.0, side=8), given.pop("variants", None), **given)
 
 
