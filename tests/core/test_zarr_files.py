@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import textwrap
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -82,13 +81,6 @@ def test_what_is_not_named_at_the_end_is_gone_and_texts_are_there(whole, tmp_pat
     store.put(WHOLE, {**pixels(WHOLE), "counts": pixels(WHOLE)["object"]})
     store.finish(("image", "object"), {"a": "b"})
     assert content(path) == content(whole)
-
-
-def test_threads_write_the_store_that_one_writes(whole, tmp_path):
-    store = Store.create(tmp_path / "parts.zarr", VARIABLES, {"a": "b"})
-    with ThreadPoolExecutor(3) as pool:
-        list(pool.map(lambda region: store.put(region, pixels(region)), PARTS))
-    assert content(tmp_path / "parts.zarr") == content(whole)
 
 
 def test_chunks_of_a_colour_image_have_three_mebibytes_and_checksums(whole):

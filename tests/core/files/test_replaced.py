@@ -4,7 +4,7 @@ import errno
 import hashlib
 import itertools
 import os
-import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -109,33 +109,19 @@ def test_file_systems_without_locks_will_do(state, monkeypatch):
 
 
 def test_two_writers_and_a_reader_always_see_whole_files(state):
-    ends, trouble = threading.Event(), []
     write_file(state, bytes(40_000))
 
-    def writer(first):
-        try:
-            for n in range(first, 40, 2):
-                write_file(state, bytes([n]) * 40_000)
-        except BaseException as error:
-            trouble.append(error)
+    def written(first):
+        for n in range(first, 40, 2):
+            write_file(state, bytes([n]) * 40_000)
 
-    def reader():
-        try:
-            while not ends.is_set():
-                found = state.read_bytes()
-                assert found == found[:1] * 40_000
-        except BaseException as error:
-            trouble.append(error)
-
-    threads = [threading.Thread(target=writer, args=(first,)) for first in (0, 1)]
-    watching = threading.Thread(target=reader)
-    for thread in (watching, *threads):
-        thread.start()
-    for thread in threads:
-        thread.join()
-    ends.set()
-    watching.join()
-    assert not trouble and state.read_bytes()[0] in (38, 39) and os.listdir(state.parent) == ["state"]
+    with ThreadPoolExecutor(2) as pool:
+        writers = [pool.submit(written, first) for first in (0, 1)]
+        while not all(writer.done() for writer in writers):
+            found = state.read_bytes()
+            assert found == found[:1] * 40_000
+        assert [writer.result() for writer in writers] == [None, None]
+    assert state.read_bytes()[0] in (38, 39) and os.listdir(state.parent) == ["state"]
 
 
 def test_the_block_of_a_replaced_file_may_fail(tmp_path):

@@ -12,17 +12,7 @@ from plenoptic.optics.glass.air import Absolute, Air
 from plenoptic.optics.glass.bundled import glass, glass_names
 from plenoptic.optics.glass.catalogue import GlassCatalogue, GlassEntry, load_glasses
 from plenoptic.optics.glass.dispersion import DispersionFormula, Formula
-from plenoptic.optics.glass.media import (
-    AIR,
-    C_LINE,
-    D_LINE,
-    F_LINE,
-    VACUUM,
-    ConstantMedium,
-    Schott,
-    Sellmeier,
-    abbe_number,
-)
+from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, ConstantMedium, Schott, Sellmeier, abbe_number
 from plenoptic.optics.lens.files.library import lens_names, load_lens
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
@@ -35,40 +25,12 @@ DATA_SHEETS = {
     "BED5": (1.65844, 1.65454, 1.66749),
     "BK7": (1.51680, 1.51432, 1.52238),
     "F2": (1.62004, 1.61503, 1.63208),
-    "F5": (1.60342, 1.59875, 1.61461),
     "FCD1": (1.49700, 1.49514, 1.50123),
-    "FK5": (1.48749, 1.48535, 1.49227),
-    "K10": (1.50137, 1.49867, 1.50756),
-    "K7": (1.51112, 1.50854, 1.51700),
     "LAF2": (1.74400, 1.73906, 1.75563),
-    "LAF21": (1.78800, 1.78301, 1.79960),
-    "LAF3": (1.71700, 1.71251, 1.72745),
-    "LAFN7": (1.74950, 1.74319, 1.76464),
-    "LF5": (1.58144, 1.57723, 1.59146),
-    "LLF1": (1.54814, 1.54457, 1.55655),
-    "N-BAF10": (1.67003, 1.66578, 1.68000),
-    "N-BAF4": (1.60568, 1.60157, 1.61542),
-    "N-BAK4": (1.56883, 1.56575, 1.57591),
     "N-BK7": (1.51680, 1.51432, 1.52238),
-    "N-F2": (1.62005, 1.61506, 1.63208),
-    "N-FK5": (1.48749, 1.48535, 1.49227),
     "N-FK51A": (1.48656, 1.48480, 1.49056),
-    "N-LAF21": (1.78800, 1.78301, 1.79960),
-    "N-LAF34": (1.77250, 1.76780, 1.78337),
-    "N-LAK10": (1.72003, 1.71572, 1.72995),
-    "N-LAK14": (1.69680, 1.69297, 1.70554),
-    "N-LAK22": (1.65113, 1.64760, 1.65925),
-    "N-LASF9": (1.85025, 1.84255, 1.86898),
     "N-SF11": (1.78472, 1.77596, 1.80651),
-    "N-SF5": (1.67271, 1.66664, 1.68750),
-    "N-SF6": (1.80518, 1.79608, 1.82783),
-    "N-SK16": (1.62041, 1.61727, 1.62756),
-    "SF1": (1.71736, 1.71031, 1.73462),
     "SF10": (1.72825, 1.72085, 1.74648),
-    "SF11": (1.78472, 1.77599, 1.80645),
-    "SF15": (1.69895, 1.69221, 1.71546),
-    "SF5": (1.67270, 1.66661, 1.68750),
-    "SF56": (1.78470, 1.77605, 1.80615),
     "SF56A": (1.78470, 1.77605, 1.80615),
     "SILICA": (1.45846, 1.45637, 1.46313),  # I. H. Malitson, J. Opt. Soc. Am. 55, 1205 (1965), table 1
     "TAF2": (1.79450, 1.78925, 1.80675),
@@ -76,17 +38,10 @@ DATA_SHEETS = {
 
 # n_d and V_d of catalogues, where no indices at C and F were found: Schott, Sumita, Nikon-Hikari, Handbook of Optics.
 CATALOGUES = {
-    "BASF6": (1.667551, 42.00945),
     "CAF2": (1.433849, 94.995854),
-    "K3": (1.518230, 58.909268),
     "LAK11": (1.65830, 57.3),
-    "LASFN9": (1.85025, 32.17),
-    "N-SF64": (1.70591, 30.23),
     "PMMA": (1.491756, 57.440791),
-    "POLYCARB": (1.585470, 29.909185),
-    "POLYSTYR": (1.590481, 30.866877),
     "SAPPHIRE": (1.768172, 72.308589),
-    "SK16": (1.620409, 60.280874),
 }
 
 # As the lens tables print them; no coefficients were found.
@@ -156,67 +111,34 @@ def test_any_text_is_a_glass_or_an_error(name):
 # ---- chromatic laws ----
 
 
-def _bfl(lens, wavelength):
-    return cardinal_points(lens, wavelength=wavelength).bfl
-
-
 def test_the_axial_colour_of_a_singlet_is_its_focal_length_over_v():
     crown = glass("N-BK7")
-    lens = LensStack(
-        [CircularStop(5.0, 1.0), Surface(100.0, 0.0, crown, semi_diameter=9), Surface(-100.0, semi_diameter=9)]
-    )
-    red, blue = _bfl(lens, C_LINE), _bfl(lens, F_LINE)
+    surfaces = Surface(100.0, 0.0, crown, semi_diameter=9), Surface(-100.0, semi_diameter=9)
+    lens = LensStack([CircularStop(5.0, 1.0), *surfaces])
+    red, blue, yellow = (cardinal_points(lens, wavelength=w).bfl for w in (C_LINE, F_LINE, D_LINE))
     # Thin: f_C - f_F = f_C f_F / f_d / V_d, exactly; blue focuses nearer.
-    vd = (crown.index(D_LINE) - 1) / (crown.index(F_LINE) - crown.index(C_LINE))
-    assert red - blue == pytest.approx(red * blue / _bfl(lens, D_LINE) / vd, rel=1e-9)
+    assert red - blue == pytest.approx(red * blue / yellow / abbe_number(crown), rel=1e-9)
     assert red > blue
-
-
-def test_the_axial_colour_of_an_achromat_is_its_secondary_spectrum():
-    # The thin cemented achromat of two glasses: powers in the ratio of the V numbers, see Kingslake, section 5.3.
-    crown, flint = glass("N-BK7"), glass("SF5")
-    v = [(g.index(D_LINE) - 1) / (g.index(F_LINE) - g.index(C_LINE)) for g in (crown, flint)]
-    powers = [v[0] / (v[0] - v[1]) / 100.0, -v[1] / (v[0] - v[1]) / 100.0]
-    first = 60.0
-    second = 1 / (1 / first - powers[0] / (crown.index(D_LINE) - 1))
-    third = 1 / (1 / second - powers[1] / (flint.index(D_LINE) - 1))
-    surfaces = [Surface(first, 0.0, crown, semi_diameter=9), Surface(second, 0.0, flint, semi_diameter=9)]
-    lens = LensStack([CircularStop(5.0, 1.0), *surfaces, Surface(third, semi_diameter=9)])
-    yellow, blue, red = (_bfl(lens, wavelength) for wavelength in (D_LINE, F_LINE, C_LINE))
-    assert yellow == pytest.approx(100.0, rel=1e-12)
-    # Powers at F and C are equal by construction; their reciprocals to rounding.
-    assert blue == pytest.approx(red, rel=1e-12)
-    partial = [(g.index(F_LINE) - g.index(D_LINE)) / (g.index(F_LINE) - g.index(C_LINE)) for g in (crown, flint)]
-    # Yellow focuses nearer, by f times the difference of the partial dispersions over that of the V numbers; exact but
-    # for the second order, f_F / f_d = 1 + 5e-4.
-    assert blue - yellow == pytest.approx(100.0 * (partial[1] - partial[0]) / (v[0] - v[1]), rel=1e-3)
-    # About f / 2000, as for every pair of normal glasses.
-    assert 100.0 / (blue - yellow) == pytest.approx(2000.0, rel=0.15)
-
-
-def _biconvex(medium, around):
-    front, back = Surface(50.0, 5.0, medium, semi_diameter=10.0), Surface(-50.0, 0.0, around, semi_diameter=10.0)
-    return LensStack([CircularStop(5.0, 1.0), front, back], ambient=around)
 
 
 def test_in_its_own_air_a_lens_of_absolute_indices_traces_as_one_of_relative_ones():
     crown = glass("N-BK7")
-    origin = [[x, 1.0, -5.0] for x in (0.0, 1.0, 2.0, 3.0, 4.0)]
-    rays = RayBundle(origin, [[0.0, 0.0, 1.0]] * 5, wavelength=D_LINE)
-    relative, absolute = _biconvex(crown, AIR).trace(rays), _biconvex(Absolute(crown), Air()).trace(rays)
+    rays = RayBundle([[x, 1.0, -5.0] for x in (0.0, 1.0, 2.0, 3.0, 4.0)], [[0.0, 0.0, 1.0]] * 5, wavelength=D_LINE)
+    relative, absolute = (
+        LensStack(
+            [
+                CircularStop(5.0, 1.0),
+                Surface(50.0, 5.0, medium, semi_diameter=10.0),
+                Surface(-50.0, 0.0, air, semi_diameter=10.0),
+            ],
+            ambient=air,
+        ).trace(rays)
+        for medium, air in ((crown, AIR), (Absolute(crown), Air()))
+    )
     assert (relative.status == 0).all()
     # Snell's law sees the ratio of two indices, which differs by some eps; heights are below 10 mm.
     assert np.abs(absolute.direction - relative.direction).max() < 2e-15
     assert np.abs(absolute.origin - relative.origin).max() < 2e-14
-
-
-def test_in_vacuum_a_lens_is_stronger():
-    crown = glass("N-BK7")
-    relative = cardinal_points(_biconvex(crown, AIR), wavelength=D_LINE).efl
-    vacuum = cardinal_points(_biconvex(Absolute(crown), VACUUM), wavelength=D_LINE).efl
-    # Of a thin lens (n_abs - 1) / (n_rel - 1) = 1.0008; the thickness counts by d / 6 r = 1/60 of the change.
-    stronger = (Absolute(crown).index(D_LINE) - 1) / (crown.index(D_LINE) - 1)
-    assert relative / vacuum - 1 == pytest.approx(stronger - 1, rel=0.03)
 
 
 # ---- AGF files ----

@@ -73,8 +73,6 @@ def some_blemishes(rng, n, *, size, spread, **fields):
 # Laws
 
 
-
-
 def test_the_area_of_a_scratch():
     radius, side, n, along = 0.1, 2.0, 100_000, np.array([math.cos(0.7), math.sin(0.7)])
     for length in (0.0, 0.5, 1.2):
@@ -124,19 +122,6 @@ def test_dust_at_a_height_has_a_penumbra():
             share = overlap(radius, rho, d) / (math.pi * rho**2)
             # Binomial, and none at all beyond the penumbra.
             assert abs(lost - share) <= 4 * math.sqrt(share * (1 - share) / n) + 1e-12, height
-
-
-def test_a_cone_carries_as_much_away_at_every_height():
-    for height in [0.0, 0.5, 1.5]:
-        # Over a plane of sensor points the shadow is blurred, not weakened: the lost share is the grain's area.
-        radius, side, n = 0.2, 3.0, 100_000
-        grain = Blemishes(SENSOR, [(0, 0)], [(0, 0)], [radius], [0.0], height=height)
-        rng = np.random.default_rng(4)
-        sensor = rng.uniform(-side / 2, side / 2, (n, 2))
-        points = sensor + rng.uniform(-0.4, 0.4, (n, 2))
-        lost = 1 - dimmed(grain, points, sensor, distance=2.0, height=height).mean()
-        share = math.pi * radius**2 / side**2
-        assert abs(lost - share) < 4 * math.sqrt(share * (1 - share) / n), height
 
 
 # Geometry
@@ -297,16 +282,87 @@ GRAIN = {"site": SENSOR, "start": [(0, 0)], "end": [(0, 0)], "radius": [0.1], "t
 
 
 def test_impossible_blemishes():
-    for changes, message in [
+    for changes, message in (
         ({"site": 9}, "site of the blemishes is 9; it must be BlemishSite.SENSOR or"),
         ({"start": [(0, 0, 0)]}, r"start of the blemishes has shape \(1, 3\)"),
         ({"end": []}, r"end of the blemishes has shape \(0, 2\); it must have shape \(1, 2\)"),
         ({"end": [(0, math.inf)]}, "end of the blemishes holds a number that is not finite"),
         ({"radius": [0.0]}, "radius of a blemish is 0 mm; it must be above 0"),
         ({"transmission": [1.5]}, "transmission of the blemishes holds a number outside 0 to 1"),
-        ({"transmission": math.nan}, "transmission of the blemishes holds a number that is not finite"),
         ({"height": -0.1}, "height of the blemishes is -0.1 mm; it must be at least 0"),
         ({"height": 0.1, "site": BlemishSite.ARRAY}, "height of the blemishes is 0.1 mm at the site ARRAY"),
-    ]:
+    ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             Blemishes(**(GRAIN | changes))
+    for changes, message in (
+        ({"half_size": (0.0, 1.0)}, "half_size is 0 mm; it must be above 0"),
+        ({"half_size": (1.0,)}, "half_size has shape"),
+        ({"dust_per_mm2": -1.0}, "dust_per_mm2 is -1; it must be at least 0"),
+        ({"dust_per_mm2": 1e9}, "some 2e[+]11 blemishes are asked for, and the limit is 5000000"),
+        ({"dust_radius": 0.0}, "dust_radius is 0 mm"),
+        ({"dust_spread": -0.1}, "dust_spread is -0.1; it must be at least 0"),
+        ({"scratches": 1.5}, "scratches is 1.5; it must be a whole number"),
+        ({"scratch_length": 0.0}, "scratch_length is 0 mm"),
+        ({"scratch_width": math.nan}, "scratch_width is nan"),
+        ({"seed": -1}, "seed is -1; it must be at least 0"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            scattered(**changes)
+
+
+# Scattered by a seed
+
+
+def scattered(**changes):
+    fields = {"half_size": (10.0, 5.0), "dust_per_mm2": 20.0, "scratches": 300, "seed": 3} | changes
+    return Blemishes.scattered(SENSOR, **fields)
+
+
+def test_a_seed_gives_the_same_blemishes():
+    assert scattered() == scattered()
+    assert scattered(seed=4) != scattered()
+    # Scratches do not move the dust.
+    dust = len(scattered(scratches=0))
+    assert np.array_equal(scattered(scratches=0).start, scattered().start[:dust])
+    assert len(scattered()) == dust + 300
+
+
+def test_dust_is_poisson_in_number_and_log_normal_in_size():
+    counts = np.array([len(scattered(scratches=0, dust_per_mm2=0.5, seed=seed)) for seed in range(300)])
+    mean = 0.5 * 200.0
+    # Poisson: variance = mean; the variance's own standard deviation over its value is sqrt(2/300 + 1/(300 mean)).
+    assert abs(counts.mean() - mean) < 4 * math.sqrt(mean / 300)
+    assert abs(counts.var(ddof=1) / mean - 1) < 4 * math.sqrt(2 / 300 + 1 / (300 * mean))
+    dust = scattered(scratches=0, dust_radius=0.02, dust_spread=0.7)
+    n, logs = len(dust), np.log(dust.radius / 0.02)
+    assert abs(logs.mean()) < 4 * 0.7 / math.sqrt(n)
+    assert abs(logs.std() / 0.7 - 1) < 4 / math.sqrt(2 * n)
+    # Uniform: variance side^2 / 12 over a side.
+    assert np.all(np.abs(dust.start) <= [10.0, 5.0])
+    assert np.all(np.abs(dust.start.mean(axis=0)) < 4 * np.array([20.0, 10.0]) / math.sqrt(12 * n))
+    assert np.array_equal(dust.start, dust.end)
+    assert np.all(scattered(scratches=0, dust_spread=0.0).radius == 0.005)
+
+
+def test_scratches_have_their_length_width_and_any_direction():
+    lines = scattered(dust_per_mm2=0.0, scratches=2000, scratch_length=0.8, scratch_width=0.03)
+    along = lines.end - lines.start
+    # Ends are good to an eps of up to 10.4 mm each.
+    assert np.linalg.norm(along, axis=1) == pytest.approx(0.8, abs=32 * EPS * 10.4)
+    assert np.all(lines.radius == 0.015) and np.all(lines.transmission == 0.0)
+    assert np.all(np.abs(0.5 * (lines.start + lines.end)) <= [10.0 + 1e-12, 5.0 + 1e-12])
+    # Directions without a sign: the mean of exp(2 i angle) has real and imaginary parts of variance 1 / (2 n).
+    doubled = np.exp(2j * np.arctan2(along[:, 1], along[:, 0])).mean()
+    assert max(abs(doubled.real), abs(doubled.imag)) < 4 / math.sqrt(2 * 2000)
+
+
+def test_the_area_that_dust_covers():
+    # Grains of one radius placed at random: the share of the plane they leave open is exp(-density pi r^2).
+    radius, density = 0.05, 30.0
+    dust = scattered(scratches=0, dust_per_mm2=density, dust_radius=radius, dust_spread=0.0)
+    points = np.random.default_rng(9).uniform(-1, 1, (20_000, 2)) * [9.9, 4.9]
+    open_share = math.exp(-density * math.pi * radius**2)
+    # Points closer than 2 r share grains: some 200 / (pi (2 r)^2) independent places.
+    places = 4 * 9.9 * 4.9 / (math.pi * (2 * radius) ** 2)
+    sigma = math.sqrt(open_share * (1 - open_share) * (1 / places + 1 / 20_000))
+    assert abs(dust.at(points).mean() - open_share) < 4 * sigma

@@ -94,28 +94,18 @@ def test_boxes_side_by_side_list_the_same_lenses_as_one():
             assert np.array_equal(together[order], getattr(whole, field.name)), lattice
 
 
-def test_two_unequal_pitches_of_any_size():
-    # 12 powers of ten apart: the box is as exact along the narrow axis as along the wide one.
-    array = pl.MicrolensArray(pitch=(1e-6, 1e6), focal_lengths=(2.0,), lattice=pl.Lattice.RECTANGULAR)
-    found = array.lenses((-3.5e-6, -1.0), (3.5e-6, 1.0))
-    assert found.index.tolist() == [[i, 0] for i in range(-3, 4)]
-
-
 def test_too_many_lenses_and_no_box():
-    array = array_of(pl.Lattice.HEXAGONAL, 1e-6)
-    with pytest.raises(
-        pl.errors.InvalidValueError, match="the box holds some .* microlenses, and the limit is 20000000"
+    array, free = array_of(pl.Lattice.HEXAGONAL, 1e-6), free_array(5, 1)
+    for made, low, high, text in (
+        (array, (-1.0, -1.0), (1.0, 1.0), "the box holds some .* microlenses, and the limit is 20000000"),
+        *((array_of(lattice), (0.0, 0.0), (math.inf, 1.0), "is infinite, and so is") for lattice in REGULAR),
+        (array, (math.nan, 0.0), (1.0, 1.0), "has a corner that is no number"),
+        (free, (math.nan, 0.0), (1.0, 1.0), "has a corner that is no number"),
+        (array, (0, 0, 0), (1, 1), r"low has shape \(3,\); it must have shape \(2,\)"),
     ):
-        array.lenses((-1.0, -1.0), (1.0, 1.0))
-    for lattice in REGULAR:
-        with pytest.raises(pl.errors.InvalidValueError, match="is infinite, and so is the lattice; take a smaller one"):
-            array_of(lattice).lenses((0.0, 0.0), (math.inf, 1.0))
-    assert len(free_array(5, 1).lenses((-math.inf, -math.inf), (math.inf, math.inf))) == 5
-    for any_array in (array, free_array(5, 1)):
-        with pytest.raises(pl.errors.InvalidValueError, match="has a corner that is no number"):
-            any_array.lenses((math.nan, 0.0), (1.0, 1.0))
-    with pytest.raises(pl.errors.InvalidValueError, match=r"low has shape \(3,\); it must have shape \(2,\)"):
-        array.lenses((0, 0, 0), (1, 1))
+        with pytest.raises(pl.errors.InvalidValueError, match=text):
+            made.lenses(low, high)
+    assert len(free.lenses((-math.inf, -math.inf), (math.inf, math.inf))) == 5
 
 
 # What is individual about them
@@ -129,23 +119,21 @@ def test_listed_deviations_change_their_lenses_and_no_others():
         focal_length_factor=[2.0, math.inf],
         transmission=[0.25, 1.0],
     )
-    plain, changed = (
-        array_of(pl.Lattice.SQUARE, imperfections=which).lenses((-1.5, -1.5), (1.5, 1.5)) for which in (None, listed)
-    )
-    first, second = (plain.index.tolist().index(pair) for pair in ([1, 0], [0, -1]))
-    others = np.delete(np.arange(len(plain)), [first, second])
-    for field in dataclasses.fields(plain):
-        assert np.array_equal(getattr(changed, field.name)[others], getattr(plain, field.name)[others])
-    assert np.array_equal(changed.design, plain.design)
-    # The shift takes the axis along, and an opening of its own; the decentre the axis alone.
-    assert np.array_equal(changed.centre, plain.design)
     opening = pl.optics.MicrolensAperture(fill_factor=0.5)
-    opened = array_of(pl.Lattice.SQUARE, imperfections=listed, aperture=opening).lenses((-1.5, -1.5), (1.5, 1.5))
-    assert opened.centre[[first, second]].tolist() == [[1.01, 0.02], [0.0, -1.0]]
-    assert np.array_equal(opened.axis, changed.axis)
-    assert changed.axis[[first, second]].tolist() == [[1.01, 0.06], [-0.03, -1.0]]
-    assert changed.power[[first, second]].tolist() == [0.25, 0.0]
-    assert changed.transmission[[first, second]].tolist() == [0.25, 1.0]
+    plain, changed, opened = (
+        array_of(pl.Lattice.SQUARE, imperfections=which, aperture=opening_of).lenses((-1.5, -1.5), (1.5, 1.5))
+        for which, opening_of in ((None, None), (listed, None), (listed, opening))
+    )
+    both = [plain.index.tolist().index(pair) for pair in ([1, 0], [0, -1])]
+    others = np.delete(np.arange(len(plain)), both)
+    for field in dataclasses.fields(plain):
+        assert np.array_equal(getattr(changed, field.name)[others], getattr(plain, field.name)[others]), field.name
+    # The shift takes the axis along, and an opening of its own; the decentre the axis alone.
+    assert np.array_equal(changed.design, plain.design) and np.array_equal(changed.centre, plain.design)
+    assert opened.centre[both].tolist() == [[1.01, 0.02], [0.0, -1.0]]
+    assert changed.axis[both].tolist() == opened.axis[both].tolist() == [[1.01, 0.06], [-0.03, -1.0]]
+    assert changed.power[both].tolist() == [0.25, 0.0]
+    assert changed.transmission[both].tolist() == [0.25, 1.0]
 
 
 def test_drawn_deviations_are_those_of_their_index():

@@ -99,10 +99,13 @@ def test_nearest_of_centres_are_the_centres():
 
 
 def test_impossible_arrays():
-    for changes, message in [
+    model, centres = pl.optics.MicrolensModel, {"lattice": FREE, "centres": [(0, 1)]}
+    clear = pl.optics.MicrolensAperture(fill_factor=0.5, gaps=pl.optics.Gaps.CLEAR)
+    for changes, message in (
         ({"pitch": 0.0}, "pitch is 0 mm; it must be above 0"),
         ({"focal_lengths": (0.0,)}, "focal_lengths is .0.0,.; give one in mm for each type, not 0"),
         ({"focal_lengths": ()}, "focal_lengths is ..; give one in mm for each type"),
+        ({"focal_lengths": (math.inf,)}, "focal_lengths is inf; it must be finite"),
         ({"pitch": (0.2, 0.3)}, "pitch is .0.2, 0.3.; only Lattice.RECTANGULAR has two"),
         ({"lattice": RECTANGULAR}, "pitch is 0.2; Lattice.RECTANGULAR needs two in mm"),
         ({"lattice": RECTANGULAR, "pitch": (1.0, -2.0)}, "pitch along y is -2 mm; it must be above 0"),
@@ -110,24 +113,17 @@ def test_impossible_arrays():
         ({"lattice": FREE, "centres": np.zeros((0, 2))}, "centres is empty"),
         ({"lattice": FREE, "centres": [(0, math.nan)]}, "centres holds nan mm, which is not finite"),
         ({"lattice": FREE, "centres": [(0, 1), (2, 0), (0, 1)]}, "centres lists a place twice"),
-        ({"lattice": FREE, "centres": [(0, 1)], "pattern": [[0]]}, "pattern is given for the lattice FREE; list types"),
-        ({"lattice": FREE, "centres": [(0, 1)], "types": [0, 0]}, r"types has shape \(2,\); it must have shape \(1,\)"),
-        ({"lattice": FREE, "centres": [(0, 1)], "types": [1]}, "types holds types outside 0 to 0"),
+        ({**centres, "pattern": [[0]]}, "pattern is given for the lattice FREE; list types"),
+        ({**centres, "types": [0, 0]}, r"types has shape \(2,\); it must have shape \(1,\)"),
+        ({**centres, "types": [1]}, "types holds types outside 0 to 0"),
         ({"centres": [(0, 1)]}, "centres is given for the lattice HEXAGONAL; it belongs to Lattice.FREE"),
         ({"types": [0]}, "types is given for the lattice HEXAGONAL"),
         ({"pattern": [[0, 1]]}, "pattern holds types outside 0 to 0; give each a focal length"),
         ({"pattern": [0]}, r"pattern has shape \(1,\); it must have shape"),
         ({"aperture": 0.5}, "aperture is 0.5; it must be a MicrolensAperture or None"),
         ({"imperfections": 3}, "imperfections is 3; it must be a MicrolensImperfections or None"),
-        (
-            {
-                "model": pl.optics.MicrolensModel.PINHOLE,
-                "aperture": pl.optics.MicrolensAperture(fill_factor=0.5, gaps=pl.optics.Gaps.CLEAR),
-            },
-            "light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE",
-        ),
-        ({"focal_lengths": (math.inf,)}, "focal_lengths is inf; it must be finite"),
-        ({"model": pl.optics.MicrolensModel.FLAT_HIGH_INDEX, "index": 1.5}, "give index=100.0, or choose SPHERICAL"),
+        ({"model": model.PINHOLE, "aperture": clear}, "light passes a PINHOLE only at its centre"),
+        ({"model": model.FLAT_HIGH_INDEX, "index": 1.5}, "give index=100.0, or choose SPHERICAL"),
         ({"thickness": 0.0}, "thickness of the microlenses is 0 mm; it must be above 0"),
         ({"index": 1.0}, "index of the microlenses is 1.0; it must be above 1"),
         ({"index": math.nan}, "index of the microlenses is nan; it must be finite"),
@@ -135,18 +131,11 @@ def test_impossible_arrays():
         ({"model": 4}, "model is 4; it must be MicrolensModel.PINHOLE or MicrolensModel.THIN or"),
         ({"convex_side": "scene"}, "convex_side is 'scene'; it must be ConvexSide.SCENE or ConvexSide.SENSOR"),
         ({"model": SPHERICAL, "focal_lengths": (-2.0,)}, "focal length -2 mm: a plano-convex microlens collects light"),
-        (
-            {"model": SPHERICAL, "focal_lengths": (0.2,)},
-            "radius of curvature 0.1 mm is below the corner of the opening at 0.115",
-        ),
-        (
-            {"model": SPHERICAL, "focal_lengths": (0.3,), "thickness": 0.03},
-            "thickness 0.03 mm is below the sag 0.0542573",
-        ),
-    ]:
-        fields = {"pitch": 0.2, "focal_lengths": (2.0,)} | changes
+        ({"model": SPHERICAL, "focal_lengths": (0.2,)}, "radius of curvature 0.1 mm is below the corner .* at 0.115"),
+        ({"model": SPHERICAL, "focal_lengths": (0.3,), "thickness": 0.03}, "thickness 0.03 mm is below the sag"),
+    ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
-            pl.MicrolensArray(**fields)
+            pl.MicrolensArray(**({"pitch": 0.2, "focal_lengths": (2.0,)} | changes))
 
 
 def test_principal_planes():
@@ -306,31 +295,6 @@ def flat_plates(side, index, thickness):
         thickness=thickness,
         convex_side=side,
     )
-
-
-def off_ideal(array, height):
-    """How far rays towards the scene are from the front principal plane at the height of the rear one, bent by height
-    over focal length."""
-    points, sensor, centres = aimed(array, 400, height=height, slope=height, distance=1.7)
-    blocks = as_blocks(points, sensor, centres, 1.0)
-    fill_uncut(blocks, array, 1.7, 123.3)
-    found, along, _, status = from_blocks(blocks, 400)
-    assert np.all(status == 0)
-    bent = (points - sensor) / 1.7 - (points - centres) / array.focal_length
-    at_front = found[:, :2] + ((123.3 - found[:, 2]) / along[:, 2])[:, None] * along[:, :2]
-    return max(np.abs(at_front - points).max(), np.abs(along[:, :2] / -along[:, 2:] - bent).max())
-
-
-def test_plates_tend_to_thin_lenses_with_order_3():
-    # Aberrations of third order, with coefficients of order 1 / f^2: h^3 / f^2 is 2e-6. Of a flat lens of high index,
-    # f = R / (n - 1), they tend to those of a thin lens that keeps slopes in sines.
-    for side in pl.optics.ConvexSide:
-        curved = plano_convex(side, focal_lengths=(1.8,), index=1.6)
-        for array, bound in ((flat_plates(side, 1000.0, 0.1), 2e-5), (curved, 3e-5)):
-            errors = [off_ideal(array, h) for h in (0.08, 0.04, 0.02)]
-            orders = np.log2(errors[0] / errors[1]), np.log2(errors[1] / errors[2])
-            assert orders == pytest.approx((3.0, 3.0), abs=0.2), array
-            assert errors[2] < bound, array
 
 
 def test_a_flat_plate_has_the_cells_of_its_curved_side():

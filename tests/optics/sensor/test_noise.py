@@ -54,17 +54,6 @@ def test_a_part_has_the_numbers_of_the_whole():
     assert np.array_equal(whole[5:11, 7:20], normals((6, 13, 3), seed=4, row=5, column=7))
 
 
-def test_uniforms_fill_the_unit_interval_evenly():
-    n, bins = 1 << 18, 256
-    found = uniforms((512, 512), seed=3).ravel()
-    assert found.min() > 0
-    assert found.max() < 1
-    expected = n / bins
-    square = np.sum((np.bincount((found * bins).astype(int), minlength=bins) - expected) ** 2) / expected
-    # chi-square with k degrees of freedom has mean k and variance 2 k.
-    assert abs(square - (bins - 1)) < FIVE_SIGMA * math.sqrt(2 * (bins - 1))
-
-
 def test_normals_have_the_moments_of_a_normal_variable():
     found = normals((512, 512, 1), seed=8).ravel()
     n = found.size
