@@ -64,18 +64,19 @@ def test_16_bits_come_back(tmp_path, ramp):
 
 def test_channels_keep_names_values_and_texts(tmp_path):
     random = np.random.default_rng(2)
-    names = ["R", "G", "B", "error.R", "error.G", "error.B", "depth.Z"]
-    written = {name: random.normal(size=(3, 5)).astype(np.float32) for name in names}
-    written["depth.Z"][0, 0] = np.inf
+    names = ["R", "G", "B", "error.R", "error.G", "error.B", "depth.Z", "odd"]
+    written = {name: random.normal(size=(150, 7)).astype(np.float32) for name in names}
+    # Infinities, zeros of both signs, nan with other bits than usual, and more rows than are compared at a time.
+    written["depth.Z"][0] = 0.0, -0.0, np.inf, -np.inf, np.nan, 1e-45, 3e38
+    written["odd"] = (np.arange(1050, dtype=np.uint32).reshape(150, 7) | 0x7FC00000).view(np.float32)
     images.write_channels(tmp_path / "a.exr", written, {"plenoptic:camera": "é" * 100_000})
     read, metadata = images.read_channels(tmp_path / "a.exr")
     assert set(read) == set(names)
     for name in names:
-        np.testing.assert_array_equal(read[name], written[name])
+        np.testing.assert_array_equal(read[name].view(np.uint32), written[name].view(np.uint32), name)
     assert metadata["plenoptic:camera"] == "é" * 100_000
-    np.testing.assert_array_equal(
-        images.read_linear(tmp_path / "a.exr"), np.stack([written[name] for name in "RGB"], axis=-1)
-    )
+    picture = np.stack([written[name] for name in "RGB"], axis=-1)
+    np.testing.assert_array_equal(images.read_linear(tmp_path / "a.exr"), picture)
 
 
 def test_one_channel_of_a_file(tmp_path):

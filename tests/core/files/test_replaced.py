@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import plenoptic as pl
-from plenoptic.core.files.atomic_file import _temporary, replaced, write_file
+from plenoptic.core.files.atomic_file import _temporary, write_file
 
 
 @pytest.fixture
@@ -122,12 +122,3 @@ def test_two_writers_and_a_reader_always_see_whole_files(state):
             assert found == found[:1] * 40_000
         assert [writer.result() for writer in writers] == [None, None]
     assert state.read_bytes()[0] in (38, 39) and os.listdir(state.parent) == ["state"]
-
-
-def test_the_block_of_a_replaced_file_may_fail(tmp_path):
-    path = tmp_path / "text"
-    path.write_text("old")
-    with pytest.raises(KeyError), replaced(path, check=lambda: None) as file:
-        file.write(b"new")
-        raise KeyError
-    assert path.read_text() == "old" and os.listdir(tmp_path) == ["text"]

@@ -13,7 +13,7 @@ from plenoptic.optics.glass.bundled import glass, glass_names
 from plenoptic.optics.glass.catalogue import GlassCatalogue, GlassEntry, load_glasses
 from plenoptic.optics.glass.dispersion import DispersionFormula, Formula
 from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, ConstantMedium, Schott, Sellmeier, abbe_number
-from plenoptic.optics.lens.files.library import lens_names, load_lens
+from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
@@ -60,21 +60,6 @@ def test_indices_are_those_of_the_data_sheet_or_the_catalogue():
     for name, vd in (("N-BK7", 64.17), ("SF5", 32.21), ("F2", 36.37)):
         assert abbe_number(glass(name)) == pytest.approx(vd, abs=0.01)
     assert abbe_number(ConstantMedium(1.5)) == math.inf
-
-
-def _named(lens):
-    return {getattr(medium, "name", "") for medium in lens.gap_media} - {""}
-
-
-def test_the_bundled_lenses_name_bundled_glasses_and_their_indices():
-    named = {(name, medium) for lens in map(load_lens, lens_names()) for name in _named(lens)
-             for medium in lens.gap_media if getattr(medium, "name", "") == name}  # fmt: skip
-    # Old tables name glasses that no catalogue has any more.
-    bundled = {(name, medium) for name, medium in named if name in glass_names()}
-    assert len(bundled) > 0.7 * len(named)
-    for name, medium in bundled:
-        # Lens tables have three decimals, of other makers' melts at times.
-        assert glass(name).index(D_LINE) == pytest.approx(medium.index(D_LINE), abs=1.1e-3), name
 
 
 # ---- names ----

@@ -12,7 +12,6 @@ from plenoptic.optics.glass.media import (
     C_LINE,
     D_LINE,
     F_LINE,
-    MODEL_GLASS_RANGE,
     ConstantMedium,
     Medium,
     ModelGlass,
@@ -33,13 +32,6 @@ def test_model_glass_has_the_index_and_the_dispersion_it_was_made_from(nd, vd):
     # Differences of numbers below 4, each good to 4 eps, that are themselves above 0.43 / 95 / 3:
     # 16 * 2.2e-16 * 2 / 1.5e-3 = 5e-12.
     assert (nd - 1) / (f - c) == pytest.approx(vd, rel=5e-12)
-
-
-@given(**REAL_GLASSES, pair=st.tuples(st.floats(*MODEL_GLASS_RANGE), st.floats(*MODEL_GLASS_RANGE)))
-def test_the_index_of_a_model_glass_falls_with_the_wavelength(nd, vd, pair):
-    glass = ModelGlass(nd, vd)
-    # Equal up to rounding for wavelengths that are almost equal.
-    assert glass.index(min(pair)) >= glass.index(max(pair)) - 1e-14
 
 
 def test_sellmeier_gives_the_indices_of_the_data_sheet():

@@ -109,17 +109,6 @@ def test_a_line_that_paths_draw_gives_the_image_of_that_wavelength():
         assert chi2(one, red) > 3.0, model
 
 
-def test_microlens_images_are_red_at_their_rim_in_front_of_the_focus():
-    # A ray through the height y of a microlens lands at y (1 - distance / f) beside the ray through its centre: nearer
-    # than the focus, blue light, whose focal length is shorter, lands nearer to it.
-    array = array_of(SPHERICAL, medium=pl.ModelGlass(1.62, 20.0))
-    shot = pl.render_white(camera_of(array, sensitivity=COLOURS), samples=1024, progress=False)
-    x = (np.arange(22) - 10.5) * 0.01
-    light = shot.image.astype(float)
-    spread = np.einsum("ij,ijc->c", x[:, None] ** 2 + x**2, light) / light.sum(axis=(0, 1))
-    assert spread[0] > spread[1] > spread[2]
-
-
 def test_light_of_points_meets_microlenses_of_its_wavelength():
     for model in (THIN, FLAT, SPHERICAL):
         camera = camera_of(array_of(model), wavelength=450.0)
