@@ -1,20 +1,18 @@
 """Colour by wavelength: laws of the basis and of the tables, round trips, and the table's own optimisation."""
 
-import copy
 import itertools
 import pickle
 
 import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import plenoptic
 from plenoptic.core.color import rgb_basis as basis_table
 from plenoptic.core.color import sensitivities
 from plenoptic.core.color.spectra import Sensitivity, colour_tables, rgb_basis, rgb_to_spectrum
-from plenoptic.core.files.serialization import describe, restore
 from plenoptic.errors import InvalidValueError
 from plenoptic.plots.sensor import plot_sensitivity
 
@@ -78,19 +76,13 @@ def test_the_range_ends_where_nothing_is_seen():
     assert Sensitivity.lines(LINES).wavelength_range == (465.0, 610.0)
 
 
-def test_sensitivities_are_values(monkeypatch):
-    monkeypatch.setattr(plenoptic, "Sensitivity", Sensitivity, raising=False)
-    for made in (*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)):
-        assert pickle.loads(pickle.dumps(made)) == made == copy.deepcopy(made)
-        assert len({made, copy.deepcopy(made), made.normalised}) in (1, 2)
-        with pytest.raises(ValueError, match="read-only"):
-            made.wavelengths[0] = 1.0
-        again = restore(describe(made))
-        assert again == made and type(again) is Sensitivity
+def test_sensitivities_have_one_channel_or_three():
     flat, column = Sensitivity([400.0, 700.0], [1.0, 2.0]), Sensitivity([400.0, 700.0], [[1.0], [2.0]])
     assert flat == column and flat.channels == PRESETS["silicon"]().channels == 1
     lines = Sensitivity.lines(LINES)
     assert lines.channels == PRESETS["colour_camera"]().channels == 3 and lines.normalised is lines
+    for made in (*(make() for make in PRESETS.values()), lines):
+        assert pickle.loads(pickle.dumps(made)) == made and not made.wavelengths.flags.writeable
 
 
 def test_what_cannot_be_is_refused():
@@ -98,23 +90,16 @@ def test_what_cannot_be_is_refused():
         ([0.4, 0.7], [1.0, 1.0], "0.4 nm; it must be from 10"),
         ([500.0, 500.0], [1.0, 1.0], "ascend"),
         ([500.0], [1.0], "2 or more"),
-        ([400.0, 500.0], [1.0, 1.0, 1.0], "shape"),
         ([400.0, 500.0], [[1.0, 1.0], [1.0, 1.0]], "2 channels; it must have 1 or 3"),
-        ([400.0, 500.0], [1.0, np.nan], "not finite"),
         ([400.0, 500.0], [0.0, 0.0], "channel 0 has the integral 0"),
         ([400.0, 500.0], [[1.0, 1.0, 1.0], [1.0, -1.0, 1.0]], "channel 1 has the integral 0"),
         ([400.0, 500.0], [-1.0, 0.0], "must be above 0"),
         ([400.0, 500.0], None, "lines have 1 or 3"),
-        ([[400.0]], None, "shape"),
-        ([400.0, np.inf], [1.0, 1.0], "finite"),
     ):
         with pytest.raises(InvalidValueError, match=message):
             Sensitivity(wavelengths, response)
     for rgb, wavelengths, message in (
-        (0.5, [500.0], "last axis must be 3"),
         ((0.5, 0.5), [500.0], "last axis must be 3"),
-        ((0.5, np.nan, 0.5), [500.0], "not finite"),
-        ((0.5, 0.5, 0.5), 500.0, "shape"),
         ((0.5, 0.5, 0.5), [0.55], "nanometres"),
     ):
         with pytest.raises(InvalidValueError, match=message):
@@ -122,9 +107,6 @@ def test_what_cannot_be_is_refused():
     for make, message in (
         (lambda: Sensitivity.lines(LINES).at([500.0]), "no response"),
         (lambda: colour_tables(PRESETS["silicon"](), step=0.0), "step"),
-        (lambda: colour_tables(PRESETS["silicon"](), step=np.nan), "step"),
-        (lambda: colour_tables((400.0, 700.0)), "give a Sensitivity"),
-        (lambda: plot_sensitivity((400.0, 700.0)), "give a Sensitivity"),
         (lambda: sensitivities.silicon(depth=0.0), "depth"),
         (lambda: sensitivities.silicon(band=(365.0, 700.0)), "within 370 to 1090 nm"),
         (lambda: sensitivities.silicon(band=(700.0, 400.0)), "ascend"),
@@ -379,18 +361,14 @@ def test_silicon_absorbs_less_red_than_blue():
 
 
 def test_a_figure_draws_each_channel():
-    for made in [*(make() for make in PRESETS.values()), Sensitivity.lines(LINES)]:
-        import matplotlib.pyplot as plt
-
+    for made in (PRESETS["colour_camera"](), PRESETS["silicon"](), Sensitivity.lines(LINES)):
         ax = plot_sensitivity(made)
         curves = [line for line in ax.lines if line.get_label().startswith("channel")]
-        assert len(curves) == made.channels, made
-        assert (ax.get_legend() is not None) == (made.channels == 3), made
+        assert len(curves) == made.channels and (ax.get_legend() is not None) == (made.channels == 3), made
         for channel, curve in enumerate(curves):
             if made.response is None:
-                assert set(curve.get_xdata()) == {made.wavelengths[channel]}, made
+                assert set(curve.get_xdata()) == {made.wavelengths[channel]}
             else:
-                assert (curve.get_xdata() == made.wavelengths).all(), made
-                assert (curve.get_ydata() == made.normalised.response[:, channel]).all(), made
-        assert plot_sensitivity(made, ax) is ax, made
-        plt.close("all")
+                assert (curve.get_xdata() == made.wavelengths).all()
+                assert (curve.get_ydata() == made.normalised.response[:, channel]).all()
+        plt.close(ax.figure)

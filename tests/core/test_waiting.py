@@ -173,7 +173,7 @@ def test_what_nobody_waits_for_gives_up():
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="sends SIGINT")
-@pytest.mark.parametrize("what", ["render", "ground_truth", "project"])
+@pytest.mark.parametrize("what", ["render", "project"])
 def test_ctrl_c_in_a_cold_process_ends_it_soon(tmp_path, what):
     code = """
 import os, signal, sys, threading, time

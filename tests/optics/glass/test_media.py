@@ -1,5 +1,4 @@
 import math
-import pickle
 
 import pytest
 from hypothesis import given
@@ -7,17 +6,7 @@ from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
-from plenoptic.optics.glass.media import (
-    AIR,
-    C_LINE,
-    D_LINE,
-    F_LINE,
-    ConstantMedium,
-    Medium,
-    ModelGlass,
-    Schott,
-    Sellmeier,
-)
+from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, ConstantMedium, ModelGlass, Schott, Sellmeier
 
 N_BK7 = Sellmeier((1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), "N-BK7")
 BK7 = Schott((2.2718929, -1.0108077e-2, 1.0592509e-2, 2.0816965e-4, -7.6472538e-6, 4.9240991e-7), "BK7")
@@ -50,17 +39,11 @@ def test_formulas_of_one_glass_agree():
         assert model == pytest.approx(N_BK7.index(wavelength), abs=3.8e-4), wavelength
 
 
-def test_media_are_values():
-    assert ConstantMedium(1.67).index(300.0) == ConstantMedium(1.67).index(1e6) == 1.67
-    assert ConstantMedium(1) == AIR and AIR.index(587.6) == 1.0
+def test_lists_and_numbers_make_the_same_media():
     basf5 = DispersionFormula(Formula.CONRADY, [1.57410327, 1.39786149e-2, 8.3004511e-4], "BASF5", [334, 2325])
     assert DispersionFormula(5, basf5.coefficients, "BASF5", (334.0, 2325.0)) == basf5
-    assert isinstance(basf5.coefficients, tuple)
     assert Sellmeier(list(N_BK7.b), list(N_BK7.c), "N-BK7", [365, 2325]) == N_BK7
-    for medium in (AIR, ModelGlass(1.67, 47.1, "BAF10"), N_BK7, BK7, basf5):
-        assert isinstance(medium, Medium)
-        again = pickle.loads(pickle.dumps(medium))
-        assert again == medium and hash(again) == hash(medium)
+    assert ConstantMedium(1) == AIR and AIR.index(587.6) == 1.0 and ConstantMedium(1.67).index(1e6) == 1.67
 
 
 def test_a_wavelength_outside_the_range_names_the_range():
@@ -81,26 +64,18 @@ def test_a_wavelength_outside_the_range_names_the_range():
 def test_impossible_media_are_refused():
     for make, text in (
         (lambda: ConstantMedium(0.999), "refractive_index is"),
-        (lambda: ConstantMedium(math.nan), "refractive_index is"),
-        (lambda: ConstantMedium("glass"), "refractive_index is"),
         (lambda: ModelGlass(1.0, 50), "^nd is"),
-        (lambda: ModelGlass(math.nan, 50), "^nd is"),
         (lambda: ModelGlass(1.5, -30), "^vd is"),
         (lambda: ModelGlass(64.17, 1.5168), r"nd is 64\.17; .*give the index first"),
         (lambda: ModelGlass(1.5, 4.9), "vd is 4.9; it must be at least 5"),
-        (lambda: ModelGlass(1.5, 60, 5), "name is"),
-        (lambda: Sellmeier((), ()), "b has 0 numbers"),
         (lambda: Sellmeier((1.0, 0.2), (0.006,)), "c has 1 numbers"),
         (lambda: Sellmeier((1.0, math.nan), (0.006, 0.02)), "b"),
         (lambda: Sellmeier((-5.0,), (0.006,)), "at least 1"),
-        (lambda: Sellmeier(1.0, 0.006), "b"),
         (lambda: Sellmeier((1.0,), (0.25,), wavelength_range=(500.0, 2000.0)), "at 500 nm"),  # a resonance
         (lambda: Schott(BK7.coefficients, wavelength_range=(700.0, 400.0)), "wavelength_range"),
         (lambda: Schott(BK7.coefficients, wavelength_range=(400.0,)), "wavelength_range"),
         (lambda: Schott(BK7.coefficients, wavelength_range=(0.0, 700.0)), "wavelength_range"),
-        (lambda: Schott(BK7.coefficients, wavelength_range=500.0), "wavelength_range"),
         (lambda: DispersionFormula(14, (1.5, 0.0, 0.0)), r"formula is .*; it must be Formula\.SCHOTT"),
-        (lambda: DispersionFormula(Formula.CONRADY, (1.5, 0.0, 0.0), 5), "name is"),
         *(
             (lambda f=f, n=n: DispersionFormula(f, (0.5,) * n), f"coefficients has {n} numbers")
             for f, count in COEFFICIENT_COUNTS.items()

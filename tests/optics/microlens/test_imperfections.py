@@ -1,5 +1,4 @@
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -165,14 +164,6 @@ def test_no_axis_lies_farther_off_than_the_largest_offset():
 
 
 # Values
-
-
-def test_imperfections_are_values():
-    for made in (pl.MicrolensImperfections(**ALL, seed=2), drawn(3)):
-        again = pickle.loads(pickle.dumps(made))
-        assert again == made and hash(again) == hash(made)
-    assert drawn(3, seed=1) != drawn(3, seed=2)
-    assert not drawn(3).shift.flags.writeable
 
 
 def test_impossible_imperfections():

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.core.files import serialization
 from plenoptic.optics.microlens.lattice import polygon_area
 from plenoptic.optics.microlens.record import array_record
 
@@ -210,50 +209,3 @@ def test_individual_lenses_are_listed_as_far_as_they_matter():
 
 
 # Values
-
-
-FULL = [
-    array_of(
-        pl.Lattice.HEXAGONAL,
-        0.2,
-        focal_lengths=(1.0, 2.0, 3.0),
-        pattern=[[0, 1, 2], [2, 1, 0]],
-        aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.6, pl.optics.Gaps.CLEAR),
-        imperfections=SPOILED,
-    ),
-    array_of(
-        pl.Lattice.RECTANGULAR,
-        0.2,
-        model=pl.optics.MicrolensModel.SPHERICAL,
-        thickness=0.3,
-        index=1.6,
-        convex_side=pl.optics.ConvexSide.SENSOR,
-        imperfections=pl.optics.MicrolensDeviations(
-            [(0, 0), (2, -3)],
-            shift=[(0.01, 0.0), (0.0, -0.0)],
-            decentre=[(0.0, 0.01), (0.0, 0.0)],
-            focal_length_factor=[math.inf, 1.1],
-            transmission=[0.0, 0.5],
-        ),
-    ),
-    free_array(20, 3, types=np.arange(20) % 2, focal_lengths=(1.0, -2.0)),
-]
-
-
-def test_arrays_are_values_with_all_their_fields():
-    for array in FULL:
-        for again in (pickle.loads(pickle.dumps(array)), serialization.restore(serialization.describe(array))):
-            assert again == array and hash(again) == hash(array) and repr(again) == repr(array)
-            one, other = (made.lenses((-2, -2), (2, 2)) for made in (again, array))
-            assert one == other and hash(one) == hash(other) and pickle.loads(pickle.dumps(one)) == one
-            for field in dataclasses.fields(array):
-                item = getattr(again, field.name)
-                assert not isinstance(item, np.ndarray) or not item.flags.writeable
-    seed = dataclasses.replace(SPOILED, seed=6)
-    for name, changed in (
-        ("pattern", [[0, 1, 2], [2, 1, 1]]),
-        ("aperture", None),
-        ("imperfections", seed),
-        ("pitch", 0.3),
-    ):
-        assert dataclasses.replace(FULL[0], **{name: changed}) != FULL[0], name

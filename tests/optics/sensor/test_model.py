@@ -1,7 +1,6 @@
 """Sensor models: what they say of themselves, what they refuse, and radiometry."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ def test_what_no_sensor_has_is_refused():
         ({"photon_rate": 1e300, "exposure_time": 1e300}, "overflows"),
         ({"exposure_time": -1.0}, "exposure_time is -1 s; it must be above 0"),
         ({"quantum_efficiency": 1.1}, "quantum_efficiency is 1.1; it must be at most 1"),
-        ({"quantum_efficiency": (0.5, 0.5, math.nan)}, "quantum_efficiency is nan"),
         ({"gain": 0.0}, "gain is 0 DN per electron"),
         ({"bits": 7}, "bits is 7; it must be at least 8"),
         ({"bits": 17}, "bits is 17; it must be at most 16"),
@@ -27,20 +25,13 @@ def test_what_no_sensor_has_is_refused():
         ({"black_level": 4095.0}, "black_level is 4095 DN; it must be below 4095, the largest of 12 bits"),
         ({"full_well": 0.0}, "full_well is 0 electrons"),
         ({"read_noise": -1.0}, "read_noise is -1 electrons"),
-        ({"dark_current": math.inf}, "dark_current is inf; it must be finite"),
         ({"prnu": -0.1}, "prnu is -0.1; it must be at least 0"),
-        ({"shot_noise": 2}, "shot_noise is 2; it must be ShotNoise.NONE or ShotNoise.POISSON"),
-        ({"colour_filters": "RGGB"}, "colour_filters is 'RGGB'; it must be BayerPattern.RGGB"),
         ({"colour_filters": [[0, 3]]}, "its entries must be channels"),
         ({"colour_filters": [[0, 0.5]]}, "its entries must be channels"),
-        ({"colour_filters": [0, 1]}, "colour_filters has shape"),
         ({"dead": 1.5}, "dead is 1.5; a fraction of the pixels must be at most 1"),
         ({"dead": [(1, -1)]}, "whole numbers from 0 on"),
         ({"dead": [(1.0, 1.5)]}, "whole numbers from 0 on"),
-        ({"hot": [1, 2, 3]}, "hot has shape"),
-        ({"hot_current": -1.0}, "hot_current is -1 electrons/s"),
         ({"hot": 0.1, "bits": None}, "hot_current is inf, but neither full_well nor bits limits"),
-        ({"pattern_seed": -1}, "pattern_seed is -1"),
     ):
         with pytest.raises(InvalidValueError) as caught:
             SensorModel(**{"photon_rate": 1.0, **change})
@@ -54,18 +45,6 @@ def test_saturation_is_that_of_what_comes_first():
     assert SensorModel(1.0, full_well=1e9).white_level == 4095
     assert SensorModel(1.0, full_well=1e300, gain=1e300).white_level == 4095
     assert SensorModel(1.0, full_well=1000, gain=0.5, bits=None).white_level == 500
-
-
-def test_a_value_that_compares_hashes_and_pickles():
-    def make(dead):
-        return SensorModel((1.0, 2.0, 3.0), colour_filters=[[0, 1], [1, 2]], dead=dead, hot=())
-
-    one = make([(1, 2)])
-    assert one == make([(1, 2)]) == pickle.loads(pickle.dumps(one))
-    assert hash(one) == hash(make([(1, 2)]))
-    assert one != make([(1, 3)])
-    assert not one.dead.flags.writeable and not one.colour_filters.flags.writeable
-    assert repr(SensorModel(2.0, read_noise=3.0)) == "SensorModel(photon_rate=2.0, read_noise=3.0)"
 
 
 def test_bayer_patterns_are_found_again_wherever_they_begin():

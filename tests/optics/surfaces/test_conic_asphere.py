@@ -139,15 +139,12 @@ def test_spherical_lenses_have_no_columns_for_what_they_lack():
 
 def test_impossible_surfaces_are_refused():
     for fields, message in [
-        ({"conic": math.nan}, "conic is nan"),
         ({"conic": 0.5}, "exceeds the semi-axis of the ellipsoid, 8.16497 mm"),
         ({"aspheric": (0.0, math.inf)}, "aspheric.1. is inf"),
-        ({"aspheric": 1e-5}, "must be a sequence of coefficients"),
         ({"aspheric": (1e300,) * 30}, "gives slopes of inf"),
         ({"depth": 4.0}, "has a depth from 10 to 20"),
         ({"depth": 12.0}, "a semi_diameter of 10"),
         ({"depth": 12.0, "conic": -1.0}, "surface without equator"),
-        ({"placement": (0, 0, 1)}, "must be a Placement"),
     ]:
         with pytest.raises(pl.PlenopticError, match=message):
             pl.Surface(10.0, semi_diameter=9.0, **fields)

@@ -1,5 +1,4 @@
 import math
-import pickle
 import sys
 
 import numpy as np
@@ -8,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.media import AIR, ConstantMedium
+from plenoptic.optics.glass.media import ConstantMedium
 from plenoptic.optics.surfaces.surface import Surface
 
 EPS = np.finfo(float).eps
@@ -39,15 +38,6 @@ def test_a_plane_has_no_curvature_and_no_sag():
     assert plane.curvature == 0.0
     assert plane.sag([0.0, 5.0, 1e9]).tolist() == [0.0, 0.0, 0.0]
     assert Surface(-math.inf, semi_diameter=10.0) == plane
-
-
-def test_a_surface_is_a_value():
-    surface = Surface(50.0, 3.0, ConstantMedium(1.5), semi_diameter=10)
-    assert pickle.loads(pickle.dumps(surface)) == surface
-    assert hash(surface) == hash(Surface(50, 3, ConstantMedium(1.5), semi_diameter=10.0))
-    assert eval(repr(surface)) == surface
-    assert (Surface(50.0, semi_diameter=10.0).thickness, Surface(50.0, semi_diameter=10.0).medium) == (0.0, AIR)
-    assert surface.sag(np.zeros((3, 2))).shape == (3, 2)
 
 
 def test_impossible_surfaces_are_refused():

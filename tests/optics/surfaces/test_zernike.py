@@ -276,20 +276,18 @@ def freeform_lens():
 
 @pytest.mark.slow
 def test_bounds_on_the_pupil_hold_all_round():
-    for azimuth in [0.3, 2.0, 4.5]:
-        lens, z_plane = freeform_lens(), 50.0
-        bounds = pupil_bounds(lens, z_plane=z_plane, largest_radius=10.0, cell_radius=0.1, wavelength=587.6)
-        record = lens_record(lens, 587.6, reverse=True)
+    lens, z_plane = freeform_lens(), 50.0
+    bounds = pupil_bounds(lens, z_plane=z_plane, largest_radius=10.0, cell_radius=0.1, wavelength=587.6)
+    parts, side = up_to_stops(lens_record(lens, 587.6, reverse=True)), np.linspace(-7, 7, 101)
+    grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    for azimuth, rho in itertools.product((0.3, 2.0, 4.5), (0.0, 4.0, 9.5)):
         cos, sin = math.cos(azimuth), math.sin(azimuth)
-        for rho in (0.0, 4.0, 9.5):
-            side = np.linspace(-7, 7, 101)
-            grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-            sight = Sight(up_to_stops(record), np.array([rho * cos, rho * sin, z_plane]), bounds.z)
-            passing = grid[sight.fates(grid).code == 0]
-            assert len(passing) > 100, azimuth
-            turned = passing @ np.array([[cos, -sin], [sin, cos]])
-            row = min(int(rho / bounds.step), len(bounds.support) - 1)
-            assert np.all(turned @ bounds.normals.T <= bounds.support[row]), azimuth
+        sight = Sight(parts, np.array([rho * cos, rho * sin, z_plane]), bounds.z)
+        passing = grid[sight.fates(grid).code == 0]
+        assert len(passing) > 100, (azimuth, rho)
+        turned = passing @ np.array([[cos, -sin], [sin, cos]])
+        row = min(int(rho / bounds.step), len(bounds.support) - 1)
+        assert np.all(turned @ bounds.normals.T <= bounds.support[row]), (azimuth, rho)
 
 
 @pytest.mark.slow
@@ -317,12 +315,9 @@ def test_a_departure_is_simplified_away():
 def test_what_cannot_be_is_refused():
     for made, message in [
         (lambda: ZernikeSag([0.0] * 91 + [1.0], 5.0), "coefficients has 92 terms, up to degree 13; at most 91"),
-        (lambda: ZernikeSag("ab", 5.0), "it must be a sequence of numbers, that of piston first"),
-        (lambda: ZernikeSag([1.0, math.nan], 5.0), r"coefficients\[1\]"),
         (lambda: ZernikeSag([1.0], 0.0), "norm_radius"),
         (lambda: ZernikeSag([1.0], 1e-160), "norm_radius is 1e-160 mm; it must be from 1e-09"),
         (lambda: ZernikeSag([1.0], 1e300), "norm_radius"),
-        (lambda: pl.Surface(9.0, semi_diameter=5.0, departure=(0.0, 1.0)), "departure is .*; it must be ZernikeSag"),
         (lambda: pl.Surface(9.0, semi_diameter=9.0, depth=10.0, departure=ZernikeSag([], 9.0)), "without equator"),
         (lambda: pl.Surface(9.0, semi_diameter=5.0, departure=ZernikeSag([0, 0, 0, 1e300], 1e-9)), "no finite height"),
     ]:
