@@ -97,14 +97,6 @@ def test_one_channel_of_a_file(tmp_path):
         images.read_linear(tmp_path / "a.exr")
 
 
-def test_names_of_channels_that_do_not_come_back_are_refused(tmp_path):
-    for name in ["", "a" * 300]:
-        # OpenImageIO calls the first R and cuts the second at 255 characters.
-        with pytest.raises(FileError, match="what was written does not come back"):
-            images.write_channels(tmp_path / "a.exr", {name: np.ones((2, 3)), "Y": np.ones((2, 3))})
-        assert not os.listdir(tmp_path), name
-
-
 def test_a_limit_on_pixels(tmp_path):
     images.write_channels(tmp_path / "a.exr", {"Y": np.ones((3, 4))})
     assert images.read_linear(tmp_path / "a.exr", max_pixels=12).shape == (3, 4, 1)
@@ -139,26 +131,21 @@ def test_damage_that_is_quoted_as_no_text_is_damage(tmp_path):
             read(path)
 
 
-def test_what_is_no_path():
-    plane = np.ones((2, 2))
-    for path in (None, 5, b"a.exr", ["a.exr"]):
-        for call, *more in (
-            (images.read_linear,),
-            (images.read_channels,),
-            (images.write_channels, {"Y": plane}),
-            (images.write_16bit, np.ones((2, 2, 1), np.uint16)),
-        ):
+def test_names_that_no_file_can_have(tmp_path):
+    plane = {"Y": np.ones((2, 2))}
+    for path in (None, 5, b"a.exr"):
+        for call, *more in ((images.read_linear,), (images.write_channels, plane)):
             with pytest.raises(FileError, match="is not a path; give the name of a file"):
                 call(path, *more)
-
-
-def test_names_that_no_file_can_have(tmp_path):
-    for name in ["a\0b", "a" * 5000]:
+    for name in ("a\0b", "a" * 5000):
         with pytest.raises(FileError, match=r"cannot be read \(.*; check its name"):
             images.read_linear(tmp_path / f"{name}.exr")
         with pytest.raises(FileError, match=r"cannot be (read|used) \(.*; check its name"):
-            images.write_channels(tmp_path / f"{name}.exr", {"Y": np.ones((2, 2))})
-        assert not list(tmp_path.iterdir()), name
+            images.write_channels(tmp_path / f"{name}.exr", plane)
+    for name in ("", "a" * 300):  # of channels: OpenImageIO calls the first R and cuts the second at 255 characters
+        with pytest.raises(FileError, match="what was written does not come back"):
+            images.write_channels(tmp_path / "a.exr", {name: np.ones((2, 2)), **plane})
+    assert not os.listdir(tmp_path)
 
 
 def test_places_that_cannot_be_written(tmp_path, monkeypatch):

@@ -15,9 +15,6 @@ def test_numba_num_threads_is_the_most_that_is_taken_unasked(monkeypatch):
         monkeypatch.setenv("NUMBA_NUM_THREADS", given)
         assert thread_count(None) == taken
     assert thread_count(5) == 5
-
-
-def test_more_threads_than_a_system_starts_are_refused():
     with pytest.raises(InvalidValueError, match=f"threads is {MOST_THREADS + 1}; it must be at most {MOST_THREADS}"):
         thread_count(MOST_THREADS + 1)
 

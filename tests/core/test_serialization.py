@@ -76,27 +76,19 @@ def test_numbers_and_arrays_come_back_exactly():
 
 
 def test_values_and_enums_come_back(public):
-    cloth = Cloth(Weave.TWILL, [[0.1, np.nan]], parts=(None, Cloth(Weave.PLAIN, [[1, 2]])), area=math.inf)
-    again = restore(describe(cloth))
-    assert again == cloth
-    assert type(again.weave) is Weave
-    assert not again.threads.flags.writeable
-
-
-def test_the_text_is_strict_json_in_ascii(public):
-    text = describe((Cloth(Weave.TWILL, [[np.inf, 1]]), "é", math.nan))
-    assert text.isascii()
+    cloth = Cloth(Weave.TWILL, [[0.1, np.nan]], parts=(None, Cloth(Weave.PLAIN, [[1, 2]]), "é"), area=math.inf)
+    text = describe(cloth)
+    again = restore(text)
+    assert again == cloth and type(again.weave) is Weave and not again.threads.flags.writeable
 
     def refuse(constant):
         raise AssertionError(constant)
 
-    json.loads(text, parse_constant=refuse)
-
-
-def test_a_value_is_found_wherever_it_is_public():
+    assert text.isascii()
+    json.loads(text, parse_constant=refuse)  # strict
+    # A value is found wherever it is public.
     pane = plenoptic.materials.ThinGlass()
-    assert not hasattr(plenoptic, "ThinGlass")
-    assert restore(describe(pane)) == pane
+    assert not hasattr(plenoptic, "ThinGlass") and restore(describe(pane)) == pane
     with pytest.raises(FileError, match="'Pane' is no value of this package"):
         restore(describe(pane).replace("ThinGlass", "Pane"))
 

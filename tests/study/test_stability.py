@@ -178,6 +178,9 @@ def test_bounds_of_one_surface_are_those_of_the_book():
         size = float(mpmath.norm(crossing.hit))
         assert found.position == pytest.approx(4 * EPS * size / cos_i, rel=1e-12, abs=1e-29)
         assert found.direction == found.snell == pytest.approx(4 * EPS * (1 + mu * mu) / cos_t, rel=1e-12)
+    lens, k = single(pl.Surface(10.0, semi_diameter=5.0), 1.7, 1.5, iris=3.0)
+    assert lens.indices()[k : k + 2].tolist() == [1.7, 1.5]
+    assert lens.vertices[k] == -3.0 and lens.stop.semi_diameter == WIDE
 
 
 def test_bounds_grow_from_surface_to_surface():
@@ -189,20 +192,10 @@ def test_bounds_grow_from_surface_to_surface():
     # The whole lens is held to less than what its surfaces might add up to.
     assert bounds[-1].position > LENS_POSITION and bounds[-1].direction > LENS_DIRECTION
     assert CASES["double Gauss, full field"].law == Law.LENS
-
-
-def test_polygons_and_placements_are_refused():
-    lens = pl.load_lens("singlet-100mm-f4")
     rays = pl.RayBundle([[0, 0, -100.0]], [[0, 0, 1.0]])
     for unknown in (lens.with_stop(pl.PolygonStop(blades=6, semi_diameter=3.0)), lens.moved(1, shift=(0.1, 0, 0))):
         with pytest.raises(pl.errors.PrescriptionError, match="centred surfaces of revolution and circular stops"):
             exact_rays(unknown, rays)
-
-
-def test_a_bare_surface_stands_between_its_indices():
-    lens, k = single(pl.Surface(10.0, semi_diameter=5.0), 1.7, 1.5, iris=3.0)
-    assert lens.indices()[k : k + 2].tolist() == [1.7, 1.5]
-    assert lens.vertices[k] == -3.0 and lens.stop.semi_diameter == WIDE
 
 
 # Tables

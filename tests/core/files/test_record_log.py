@@ -168,15 +168,6 @@ def test_garbage_between_records_is_passed_over(path, ends, garbage):
     assert numbers_in(damaged) == (WHOLE, sum(map(len, garbage)))
 
 
-def test_a_body_that_changes_while_the_file_is_open_is_not_read(path, ends):
-    with opened(path) as log:
-        with open(path, "r+b") as file:
-            file.seek(ends[2] - 1)
-            file.write(b"?")
-            file.truncate(ends[3] - 1)
-        assert [log.read(entry) is None for entry in log.entries] == [False, True, True]
-
-
 def framed(head, length, body=b""):
     """A record whose head is as it should be by its digest, whatever it says."""
     digest = hashlib.blake2b(body, digest_size=16).digest()
@@ -277,14 +268,6 @@ def test_a_log_is_begun_once_and_under_the_longest_name(tmp_path):
         begin_log(path, KIND, {"other": 1})
     with opened(path) as log:
         assert log.header == {} and log.entries == []
-
-
-def test_a_link_stays_a_link(path):
-    link = path.with_name("link")
-    link.symlink_to(path)
-    with opened(link) as log:
-        log.append(*record(5))
-    assert link.is_symlink() and numbers_in(path)[0] == numbers_in(link)[0] == {**WHOLE, 5: [5] * 9}
 
 
 # ---- while it is written ----

@@ -81,18 +81,6 @@ def test_the_area_of_a_scratch():
         assert abs(lost - share) < 4 * math.sqrt(share * (1 - share) / n), length
 
 
-def test_transmissions_multiply():
-    pile = Blemishes(SENSOR, [(0, 0)] * 3, [(0, 0), (1, 0), (0, 0)], [0.5, 0.25, 0.125], [0.5, 0.25, 0.75])
-    points = [(0, 0), (0.2, 0), (0, 0.3), (0.8, 0.1), (3, 3)]
-    # Products of a few powers of two: exact.
-    assert pile.at(points).tolist() == [0.5 * 0.25 * 0.75, 0.5 * 0.25, 0.5, 0.25, 1.0]
-    one_by_one = np.ones(5)
-    for k in range(3):
-        part = Blemishes(SENSOR, pile.start[k : k + 1], pile.end[k : k + 1], pile.radius[k], pile.transmission[k])
-        one_by_one *= part.at(points)
-    assert np.array_equal(one_by_one, pile.at(points))
-
-
 def overlap(r, rho, d):
     """Area that discs of radii r and rho share, centres d apart."""
     if d >= r + rho:
@@ -133,6 +121,10 @@ def test_the_array_s_plane_is_where_paths_are_aimed():
     # A plane at the array's distance is the same one, to rounding.
     clear = clear_of_edges(listed, points, 8 * EPS)
     assert np.array_equal(dimmed(listed, points, sensor, distance=1.7, height=1.7)[clear], listed.at(points)[clear])
+    # Axes that are the same are none.
+    assert plane_axes(np.eye(3), np.array([0.0, 0.0, 5.0]), height=1.0) is None
+    moved = plane_axes(np.eye(3), np.array([0.5, 0.0, 5.0]), height=1.0)
+    assert moved is not None and moved.tolist() == [[1, 0, -0.5], [0, 1, 0]]
 
 
 @settings(max_examples=30)
@@ -169,12 +161,6 @@ def test_a_tilted_and_decentred_sensor(seed, height):
     # Points of a few mm through some twenty operations; products of up to 50 numbers.
     assert found[clear] == pytest.approx(passing(listed, own)[clear], rel=64 * EPS)
     assert clear.sum() > 290
-
-
-def test_axes_that_are_the_same_are_none():
-    assert plane_axes(np.eye(3), np.array([0.0, 0.0, 5.0]), height=1.0) is None
-    moved = plane_axes(np.eye(3), np.array([0.5, 0.0, 5.0]), height=1.0)
-    assert moved is not None and moved.tolist() == [[1, 0, -0.5], [0, 1, 0]]
 
 
 def test_rays_are_dimmed_where_they_cross_a_plane():

@@ -72,23 +72,17 @@ def test_no_bias_is_found_where_there_is_none():
     assert max(scores) < 4
 
 
-def test_without_standard_errors_nothing_is_reported():
-    rng = np.random.default_rng(5)
-    shots = [pl.Exposure(rng.uniform(1, 2, SHAPE)) for _ in range(2)]
-    assert split_error(shots, reference_of(shot(1.5, 0.1, rng))).reported_variance is None
-
-
 def test_what_cannot_be_split_is_refused():
     rng = np.random.default_rng(6)
-    reference = reference_of(shot(1.0, 0.1, rng))
-    with pytest.raises(pl.errors.InvalidValueError, match="1 renders; a split needs at least 2"):
-        split_error([shot(1.0, 0.1, rng)], reference)
-    with pytest.raises(pl.errors.InvalidValueError, match="no standard errors"):
-        reference_of(pl.Exposure(np.ones(SHAPE)))
-    with pytest.raises(pl.errors.InvalidValueError, match="black"):
-        reference_of(pl.Exposure(np.zeros(SHAPE), standard_error=np.zeros(SHAPE)))
-    with pytest.raises(pl.errors.InvalidValueError, match="infinite standard errors"):
-        reference_of(pl.Exposure(np.ones(SHAPE), standard_error=np.full(SHAPE, np.inf)))
-    grey = pl.Exposure(np.ones((*SHAPE[:2], 1)), standard_error=np.ones((*SHAPE[:2], 1)))
-    with pytest.raises(pl.errors.InvalidValueError, match="1 and 3 channels"):
-        split_error([grey, grey], reference)
+    reference, ones, one = reference_of(shot(1.0, 0.1, rng)), np.ones(SHAPE), np.ones((*SHAPE[:2], 1))
+    grey = pl.Exposure(one, standard_error=one)
+    for split, text in (
+        (lambda: split_error([shot(1.0, 0.1, rng)], reference), "1 renders; a split needs at least 2"),
+        (lambda: reference_of(pl.Exposure(ones)), "no standard errors"),
+        (lambda: reference_of(pl.Exposure(0 * ones, standard_error=0 * ones)), "black"),
+        (lambda: reference_of(pl.Exposure(ones, standard_error=np.inf * ones)), "infinite standard errors"),
+        (lambda: split_error([grey, grey], reference), "1 and 3 channels"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=text):
+            split()
+    assert split_error([pl.Exposure(rng.uniform(1, 2, SHAPE)) for _ in range(2)], reference).reported_variance is None
