@@ -32,12 +32,6 @@ def quick(monkeypatch):
     monkeypatch.setattr(bar, "_INTERVAL", 0.02)
 
 
-def test_what_is_quick_shows_nothing(capsys):
-    with Waiting("waiting", kind="camera", show=True):
-        assert list(run_in_order(abs, range(-3, 0), threads=2)) == [3, 2, 1]
-    assert capsys.readouterr() == ("", "")
-
-
 def test_what_takes_long_shows_how_far_it_is_and_vanishes(capsys, quick):
     with Waiting("waiting", kind="camera", show=True):
         list(run_in_order(time.sleep, [0.05] * 8, threads=1))
@@ -50,12 +44,11 @@ def test_what_takes_long_shows_how_far_it_is_and_vanishes(capsys, quick):
 
 
 def test_compiling_is_told_by_a_thread_of_its_own(capsys, quick):
-    for threads in [1, 2]:
+    def work(seconds):
+        with compiling.noted("some_kernel"):
+            time.sleep(seconds)
 
-        def work(seconds):
-            with compiling.noted("some_kernel"):
-                time.sleep(seconds)
-
+    for threads in (1, 2):
         with Waiting("waiting", kind="camera", show=True):
             list(run_in_order(work, [0.4], threads=threads))
         assert "compiling, first time for this kind of camera" in capsys.readouterr().err, threads
@@ -78,13 +71,15 @@ def test_nothing_is_shown_where_it_is_not_wanted(capsys, quick):
     assert waiting_here() is None
 
 
-def test_a_watch_starts_no_thread_without_compiling():
+def test_what_is_quick_shows_nothing_and_starts_no_thread(capsys):
     before = threading.active_count()
+    with Waiting("waiting", kind="camera", show=True):
+        assert list(run_in_order(abs, range(-3, 0), threads=2)) == [3, 2, 1]
     with Watch(lambda: None):
         assert threading.active_count() == before
         with compiling.noted(None):
             assert threading.active_count() == before + 1
-    assert threading.active_count() == before
+    assert threading.active_count() == before and capsys.readouterr() == ("", "")
 
 
 def test_what_is_left_is_told_by_the_bytes_of_code_and_the_pace(monkeypatch):
@@ -130,21 +125,17 @@ def test_the_text_is_as_exact_as_what_is_known(monkeypatch):
 
 
 def test_ctrl_c_while_compiling_is_obeyed_afterwards():
-    done = False
+    done, heard = False, []
     with pytest.raises(KeyboardInterrupt), interrupts_deferred():
         signal.raise_signal(signal.SIGINT)
         assert compiling.interrupted
         done = True
     assert done and not compiling.interrupted
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-def test_handlers_of_others_hear_it_at_once():
-    heard = []
     signal.signal(signal.SIGINT, lambda *_: heard.append(1))
     with interrupts_deferred():
         signal.raise_signal(signal.SIGINT)
-        assert heard == [1]
+        assert heard == [1]  # handlers of others hear it at once
 
 
 def test_what_nobody_waits_for_gives_up():

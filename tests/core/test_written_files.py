@@ -3,7 +3,6 @@
 import ast
 import itertools
 import os
-import shutil
 import subprocess
 import sys
 import time
@@ -22,13 +21,13 @@ ROOT = Path(pl.__file__).parent
 WRITERS = {"write_text", "write_bytes", "tofile", "savetxt", "savez", "touch", "mkstemp"}
 
 
-def run(folder, times, ends, *kinds, within=()):
+def run(folder, times, ends, *kinds):
     """That for each end and kind as many saves were met as were to be."""
-    command = [*within, sys.executable, str(HARNESS), str(folder), str(times), ends, *kinds]
+    command = [sys.executable, str(HARNESS), str(folder), str(times), ends, *kinds]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     found = [line.split() for line in done.stdout.splitlines()]
-    assert len(found) == len(ends.split(",")) * (len(kinds) or 9)
+    assert len(found) == len(ends.split(",")) * (len(kinds) or 6)
     for how, kind, met, tried in found:
         assert int(met) == (times if how.startswith("SIG") else int(tried)) > 0, (how, kind)
 
@@ -41,17 +40,8 @@ def test_a_signal_or_no_room_leaves_the_old_file_or_the_new_one(tmp_path):
 @FORKS
 @pytest.mark.slow
 def test_no_end_of_any_save_leaves_anything_else(tmp_path):
-    # One writer writes all nine kinds: of 45 saves that are met, one in 16 that goes wrong is seen in 94 runs of 100.
-    run(tmp_path, 5, "SIGKILL,SIGINT,limit")
-
-
-@FORKS
-@pytest.mark.slow
-def test_a_full_disk_leaves_the_old_file(tmp_path):
-    mounting = ["unshare", "-rm", "sh", "-c", f"mount -t tmpfs -o size=4m none {tmp_path} && exec " + '"$@"', "sh"]
-    if shutil.which("unshare") is None or subprocess.run([*mounting, "true"], capture_output=True).returncode:
-        pytest.skip("needs rights to mount a file system")
-    run(tmp_path, 0, "full", within=mounting)
+    # One writer writes all six kinds: of 48 saves that are met, one in 16 that goes wrong is seen in 95 runs of 100.
+    run(tmp_path, 8, "SIGKILL,SIGINT,limit")
 
 
 def test_an_image_that_does_not_come_back_is_not_put_in_place(tmp_path, monkeypatch):

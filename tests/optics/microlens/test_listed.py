@@ -73,13 +73,6 @@ def test_lenses_on_the_border_belong_to_the_box():
                 np.testing.assert_allclose(found.centre, [corner], rtol=0, atol=30 * EPS * size)
 
 
-def test_a_box_between_lenses_is_empty():
-    for array in (array_of(pl.Lattice.SQUARE, imperfections=SPOILED), free_array(5, 1, imperfections=SPOILED)):
-        found = array.lenses((0.4, 100.4), (0.6, 100.6))
-        assert len(found) == 0 and found.centre.shape == (0, 2) and found.power.shape == (0,)
-    assert len(array_of(pl.Lattice.SQUARE).lenses((1.0, 1.0), (-1.0, -1.0))) == 0
-
-
 def test_boxes_side_by_side_list_the_same_lenses_as_one():
     for lattice in REGULAR:
         array = array_of(lattice, 0.217, imperfections=SPOILED, focal_lengths=(1.0, 2.0, 3.0))
@@ -105,6 +98,10 @@ def test_too_many_lenses_and_no_box():
         with pytest.raises(pl.errors.InvalidValueError, match=text):
             made.lenses(low, high)
     assert len(free.lenses((-math.inf, -math.inf), (math.inf, math.inf))) == 5
+    for made in (array_of(pl.Lattice.SQUARE, imperfections=SPOILED), free_array(5, 1, imperfections=SPOILED)):
+        found = made.lenses((0.4, 100.4), (0.6, 100.6))  # between lenses
+        assert len(found) == 0 and found.centre.shape == (0, 2) and found.power.shape == (0,)
+    assert len(array_of(pl.Lattice.SQUARE).lenses((1.0, 1.0), (-1.0, -1.0))) == 0
 
 
 # What is individual about them
