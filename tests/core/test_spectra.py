@@ -46,9 +46,6 @@ def probability(tables):
     return np.diff(tables.cdf, prepend=0.0)
 
 
-# Sensitivities
-
-
 def test_response_is_linear_between_samples_and_zero_beyond():
     made = Sensitivity([500.0, 520.0, 600.0], [[1.0, 0.0, -1.0], [3.0, 1.0, 2.0], [2.0, 0.5, 2.0]])
     found = made.at([499.9, 500.0, 505.0, 560.0, 600.0, 600.1])
@@ -116,9 +113,6 @@ def test_what_cannot_be_is_refused():
     ):
         with pytest.raises(InvalidValueError, match=message):
             make()
-
-
-# The basis
 
 
 def test_the_basis_is_a_partition_of_unity_within_bounds():
@@ -216,8 +210,6 @@ def test_the_table_is_the_smoothest_that_measures_right():
     assert (np.round(basis_table.PARTS) == basis_table.PARTS).all()
 
 
-# Tables to draw from
-
 SAMPLED = [
     *(make() for make in PRESETS.values()),
     Sensitivity([500.0, 500.4, 700.0], [0.0, 1.0, 0.0]),
@@ -308,9 +300,6 @@ def test_tables_are_what_kernels_take():
     assert max(len(tables.wavelengths) for _, tables, _ in COMPILED) <= 400
 
 
-# What comes with the package
-
-
 def test_the_observer_follows_the_tables_of_the_cie():
     # CIE 15:2018, table of the 1931 observer at 400, 450, ... 700 nm.
     table = [
@@ -355,9 +344,6 @@ def test_silicon_absorbs_less_red_than_blue():
     assert thick.at(inside)[:, 0] / thick.at([700.0]) == pytest.approx(inside[None] / 700.0, rel=1e-12)
     # A thin one absorbs depth alpha = 4 pi k depth / wavelength: the response is k, which falls all the way.
     assert (np.diff(thin.at(inside)[:, 0]) < 0).all()
-
-
-# The figure
 
 
 def test_a_figure_draws_each_channel():

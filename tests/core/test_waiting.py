@@ -121,9 +121,6 @@ def test_the_text_is_as_exact_as_what_is_known(monkeypatch):
         assert compiling_text("scene", after=1.0) == ENDING
 
 
-# ---- Ctrl-C ----
-
-
 def test_ctrl_c_while_compiling_is_obeyed_afterwards():
     done, heard = False, []
     with pytest.raises(KeyboardInterrupt), interrupts_deferred():

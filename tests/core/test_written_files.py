@@ -27,7 +27,7 @@ def run(folder, times, ends, *kinds):
     done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     found = [line.split() for line in done.stdout.splitlines()]
-    assert len(found) == len(ends.split(",")) * (len(kinds) or 6)
+    assert len(found) == len(ends.split(",")) * (len(kinds) or 5)
     for how, kind, met, tried in found:
         assert int(met) == (times if how.startswith("SIG") else int(tried)) > 0, (how, kind)
 
@@ -40,8 +40,8 @@ def test_a_signal_or_no_room_leaves_the_old_file_or_the_new_one(tmp_path):
 @FORKS
 @pytest.mark.slow
 def test_no_end_of_any_save_leaves_anything_else(tmp_path):
-    # One writer writes all six kinds: of 48 saves that are met, one in 16 that goes wrong is seen in 95 runs of 100.
-    run(tmp_path, 8, "SIGKILL,SIGINT,limit")
+    # One writer writes all five kinds: of 45 saves that are met, one in 16 that goes wrong is seen in 94 runs of 100.
+    run(tmp_path, 9, "SIGKILL,SIGINT,limit")
 
 
 def test_an_image_that_does_not_come_back_is_not_put_in_place(tmp_path, monkeypatch):

@@ -163,9 +163,6 @@ def test_a_new_store_takes_no_place_of_another(whole, tmp_path):
         Store.create(tmp_path / "file", VARIABLES, {})
 
 
-# ---- damaged and hostile ----
-
-
 def copied(whole, tmp_path):
     return Path(shutil.copytree(whole, tmp_path / "copy.zarr"))
 
@@ -218,8 +215,6 @@ def test_what_is_no_store_has_no_attributes(tmp_path):
         (tmp_path / "zarr.json").write_text(text)
         assert attributes_of(tmp_path) is None and attributes_of(tmp_path / "nothing") is None, text
 
-
-# ---- whole or not at all ----
 
 SAVING = """
     import sys, numpy as np, plenoptic as pl

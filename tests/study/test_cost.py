@@ -26,9 +26,6 @@ def furnished():
     return COST_CASES["furnished"]()
 
 
-# ---- plans ----
-
-
 def test_a_plan_knows_what_it_was_made_for():
     camera, scene = reference_camera(), pl.shapes.white_plane()
     plan = pl.plan(scene, camera, samples=16, max_bounces=2, truth=pl.Truth.NONE)
@@ -40,22 +37,14 @@ def test_a_plan_knows_what_it_was_made_for():
     assert repr(plan) == repr(Plan(plan.decisions)) and "Subject" not in repr(plan)
 
 
-# ---- leaving out ----
-
-
 NOT_FURNISHED = {Stage.DIFFRACTION, Stage.CERTAIN_LIGHT}
 
 
-def test_the_furnished_case_runs_every_stage(furnished):
-    # But for the one that white images alone have, and for light that would bend at walls.
-    assert {decision.stage for decision in furnished.decisions if not decision.runs} == NOT_FURNISHED
-
-
 def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
-    white = COST_CASES["white"]()
-    bent = dataclasses.replace(
-        white.subject, camera=dataclasses.replace(white.subject.camera, diffraction=pl.Diffraction())
-    )
+    # The furnished case runs all but the one that white images alone have, and light that would bend at walls.
+    assert {decision.stage for decision in furnished.decisions if not decision.runs} == NOT_FURNISHED
+    white = COST_CASES["white"]().subject
+    bent = dataclasses.replace(white, camera=dataclasses.replace(white.camera, diffraction=pl.Diffraction()))
     here = list(ablations(furnished))
     found = [*ablations(ablation.plan_for(bent)), *here]
     assert {one.stage for one in found} == set(Stage)
@@ -70,7 +59,7 @@ def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
 
 
 def test_nothing_is_listed_that_does_not_run():
-    for case in [case for case in COST_CASES if case != "furnished"]:
+    for case in COST_CASES.keys() - {"furnished"}:
         plan = COST_CASES[case]()
         assert {one.stage for one in ablations(plan)} == {d.stage for d in plan.decisions if d.runs}, case
 
@@ -125,8 +114,6 @@ def test_without_its_pose_a_camera_sees_the_same():
     np.testing.assert_allclose(shots[0].image, shots[1].image, rtol=1e-6)
 
 
-# ---- bookkeeping ----
-
 SET_UP, PER_PATH = 0.3, 1e-6
 PARTS = {Stage.LENS: 0.4, Stage.STANDARD_ERROR: 0.1, Stage.POSE: 0.25, Stage.BLEMISHES: 0.05}
 """What stages take of the whole, in a rendering that is made up."""
@@ -168,13 +155,17 @@ def test_known_costs_are_found(made_up):
         assert row.percent == pytest.approx(100 * part, abs=0.05)
         assert row.standard_error < 0.05 and abs(row.set_up) < 1e-4
     assert table.dearest[0].stage is Stage.LENS
-
-
-def test_pictures_that_change_are_told_from_noise(made_up):
-    table = cost_of(made_up, rounds=5)
     # Without dust the picture is brighter by 0.1 / 0.9; the noise of the square is 3 sqrt(2) 0.05^2 / 40 / sqrt(5).
     assert table.row(Stage.BLEMISHES).picture_change == pytest.approx(100 / 9, rel=0.05)
     assert table.row(Stage.POSE).picture_change == 0.0
+    plan = pl.plan(None, reference_camera())
+    for given, options, said in (
+        (plan, {"rounds": 1}, "rounds is 1"),
+        (plan, {"samples": 0}, "samples is 0"),
+        (Plan(plan.decisions), {}, "make it by pl.plan"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=said):
+            cost_of(given, **options)
 
 
 def test_a_share_is_the_median_of_ratios_in_the_same_round():
@@ -190,17 +181,6 @@ def test_a_share_is_the_median_of_ratios_in_the_same_round():
         for _ in range(3):
             picture.add(np.zeros((2, 2, 3), np.float32))
     assert picture_change(*pictures) is None
-
-
-def test_impossible_measurements_are_refused():
-    plan = pl.plan(None, reference_camera())
-    for given, options, said in (
-        (plan, {"rounds": 1}, "rounds is 1"),
-        (plan, {"samples": 0}, "samples is 0"),
-        (Plan(plan.decisions), {}, "make it by pl.plan"),
-    ):
-        with pytest.raises(pl.errors.InvalidValueError, match=said):
-            cost_of(given, **options)
 
 
 def test_a_table_is_text_markdown_and_csv(made_up, tmp_path):
@@ -235,9 +215,6 @@ def test_an_interrupted_study_keeps_the_stages_it_has(made_up, monkeypatch):
     assert [stage for stage, _ in table.kept[len(whole.kept) :]] == [row.stage for row in whole.rows[2:]]
     assert str(table).count("the study was interrupted before.") == 3
     assert table.to_csv().count("the study was interrupted before") == 3
-
-
-# ---- real renderings ----
 
 
 @pytest.mark.slow

@@ -42,9 +42,6 @@ def test_every_one_of_many_rays_is_within_its_bounds(part):
         assert row.holds, row
 
 
-# That the cases are what their names say
-
-
 def returned(name):
     return dict(quick_row(name).returned)
 
@@ -93,9 +90,6 @@ def test_some_rays_cross_their_asphere_several_times():
         above = points[..., 2] - lens.vertices[k] > surface.sag(np.minimum(r, surface.semi_diameter))
         crossings = np.count_nonzero((above[:, 1:] != above[:, :-1]) & inside[:, 1:] & inside[:, :-1], axis=1)
         assert np.count_nonzero(crossings >= 3) >= 5, shape
-
-
-# The reference itself
 
 
 def residual(surface, hit):
@@ -166,9 +160,6 @@ def test_a_hill_that_float64_only_touches_is_no_crossing():
                 assert abs(crossed + mpmath.sqrt(-a / (2 * b) + mpmath.sqrt(lift / b))) < mpmath.mpf(10) ** -40
 
 
-# Bounds
-
-
 def test_bounds_of_one_surface_are_those_of_the_book():
     lens, k = single(pl.Surface(50.0, semi_diameter=45.0), 1.0, GLASS)
     rays = pl.RayBundle([[0, 0.0, -100.0], [20.0, 0.0, -60.0]], [[0, 0, 1.0], [0, 0.1, 1.0]])
@@ -196,9 +187,6 @@ def test_bounds_grow_from_surface_to_surface():
     for unknown in (lens.with_stop(pl.PolygonStop(blades=6, semi_diameter=3.0)), lens.moved(1, shift=(0.1, 0, 0))):
         with pytest.raises(pl.errors.PrescriptionError, match="centred surfaces of revolution and circular stops"):
             exact_rays(unknown, rays)
-
-
-# Tables
 
 
 def made_up(**changed):

@@ -125,9 +125,6 @@ def test_a_job_is_made_once_in_a_worker(client, monkeypatch):
     assert len(dask_worker._made) == 2
 
 
-# ---- who may take part ----
-
-
 def test_workers_that_cannot_take_part_are_refused():
     here, missing = dask_worker.surroundings(), ModuleNotFoundError("No module named 'plenoptic'")
     for surroundings, workers, said in (

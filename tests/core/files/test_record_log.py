@@ -78,9 +78,6 @@ def ends(path):
         return [starts, *(entry.place + entry.length for entry in log.entries)]
 
 
-# ---- what is written comes back ----
-
-
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(arrays_of.arrays(st.sampled_from(TYPES), arrays_of.array_shapes(min_dims=0, min_side=0)), max_size=4))
 def test_arrays_come_back_bit_by_bit(tmp_path, given_arrays):
@@ -126,9 +123,6 @@ def test_what_is_no_array_of_numbers_or_no_fact_is_refused(path):
         with pytest.raises(TypeError):
             log.append({"camera": object()}, {})
     assert path.read_bytes() == content
-
-
-# ---- what is damaged is lost alone ----
 
 
 def test_files_cut_off_at_any_byte_lose_that_record_only_and_grow_again(path, ends):
@@ -202,9 +196,6 @@ def test_heads_that_lie_or_are_none_are_passed_over_before_any_memory_is_taken(p
         log.read(log.entries[-1])
 
 
-# ---- other files are refused ----
-
-
 def refused(path, content):
     """What is said where `content` is opened, which must stay as it is."""
     path.write_bytes(content)
@@ -268,9 +259,6 @@ def test_a_log_is_begun_once_and_under_the_longest_name(tmp_path):
         begin_log(path, KIND, {"other": 1})
     with opened(path) as log:
         assert log.header == {} and log.entries == []
-
-
-# ---- while it is written ----
 
 
 def full(monkeypatch, room):

@@ -62,9 +62,6 @@ def test_indices_are_those_of_the_data_sheet_or_the_catalogue():
     assert abbe_number(ConstantMedium(1.5)) == math.inf
 
 
-# ---- names ----
-
-
 @given(name=st.sampled_from(glass_names()), data=st.data())
 def test_case_and_signs_in_a_name_make_no_difference(name, data):
     plain = name.replace("-", "")
@@ -91,9 +88,6 @@ def test_any_text_is_a_glass_or_an_error(name):
         assert glass(name).index(D_LINE) > 1
     except InvalidValueError as error:
         assert "no glass" in str(error)
-
-
-# ---- chromatic laws ----
 
 
 def test_the_axial_colour_of_a_singlet_is_its_focal_length_over_v():
@@ -125,8 +119,6 @@ def test_in_its_own_air_a_lens_of_absolute_indices_traces_as_one_of_relative_one
     assert np.abs(absolute.direction - relative.direction).max() < 2e-15
     assert np.abs(absolute.origin - relative.origin).max() < 2e-14
 
-
-# ---- AGF files ----
 
 MINE = """\
 CC made for this test

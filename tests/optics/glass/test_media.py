@@ -112,8 +112,6 @@ def test_extreme_coefficients_never_give_an_impossible_index(data, wavelength):
         assert 1.0 <= index < math.inf
 
 
-# ---- the formulas of catalogues ----
-
 # Entries of catalogues that come with Zemax, by their source in these: coefficients, range.
 STATED = [
     DispersionFormula(formula, coefficients, wavelength_range=limits)

@@ -52,9 +52,6 @@ def camera_of(array, **changes):
     return pl.PlenopticCamera(**fields)
 
 
-# ---- focal lengths ----
-
-
 def test_the_focal_length_follows_the_index():
     for model, side, wavelength in itertools.product((THIN, FLAT, SPHERICAL), pl.optics.ConvexSide, (440.0, 680.0)):
         array = array_of(model, side)
@@ -83,9 +80,6 @@ def test_a_medium_that_does_not_disperse_is_an_index():
         cameras = (camera_of(array_of(model, **medium), sensitivity=COLOURS) for medium in media)
         shots = [pl.render_white(camera, samples=16, progress=False).image for camera in cameras]
         assert np.array_equal(*shots), model
-
-
-# ---- images ----
 
 
 def chi2(a, b):
@@ -127,9 +121,6 @@ def test_light_of_points_meets_microlenses_of_its_wavelength():
         assert landed.position == pytest.approx(expected.position, abs=1e-12), model
 
 
-# ---- what is refused ----
-
-
 def test_impossible_media_are_refused():
     for fields, said in [
         ({"medium": 1.5}, "medium of the microlenses is 1.5; it must be a medium: pl.optics.AIR"),
@@ -139,9 +130,6 @@ def test_impossible_media_are_refused():
     ]:
         with pytest.raises(pl.errors.InvalidValueError, match=said):
             pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,), "model": SPHERICAL} | fields))
-
-
-# ---- reports ----
 
 
 def test_reports_focus_and_designs_are_those_of_the_focal_length_at_the_wavelength():

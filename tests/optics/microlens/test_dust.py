@@ -68,9 +68,6 @@ def some_blemishes(rng, n, *, size, spread, **fields):
     return Blemishes(SENSOR, start, end, radius, rng.uniform(0, 1, n), **fields)
 
 
-# Laws
-
-
 def test_the_area_of_a_scratch():
     radius, side, n, along = 0.1, 2.0, 100_000, np.array([math.cos(0.7), math.sin(0.7)])
     for length in (0.0, 0.5, 1.2):
@@ -108,9 +105,6 @@ def test_dust_at_a_height_has_a_penumbra():
             share = overlap(radius, rho, d) / (math.pi * rho**2)
             # Binomial, and none at all beyond the penumbra.
             assert abs(lost - share) <= 4 * math.sqrt(share * (1 - share) / n) + 1e-12, height
-
-
-# Geometry
 
 
 def test_the_array_s_plane_is_where_paths_are_aimed():
@@ -192,9 +186,6 @@ def test_rays_are_dimmed_where_they_cross_a_plane():
     assert np.array_equal(np.delete(kept, 6, axis=1), np.delete(rays, 6, axis=1), equal_nan=True)
 
 
-# The grid
-
-
 @settings(max_examples=40)
 @given(
     seed=st.integers(0, 10_000),
@@ -249,9 +240,6 @@ def test_a_row_of_grains_makes_a_row_of_bins():
     assert np.all(weights_of(blocks, 300) == 1.0)
 
 
-# Values
-
-
 GRAIN = {"site": SENSOR, "start": [(0, 0)], "end": [(0, 0)], "radius": [0.1], "transmission": [0.5]}
 
 
@@ -276,9 +264,6 @@ def test_impossible_blemishes():
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             scattered(**changes)
-
-
-# Scattered by a seed
 
 
 def scattered(**changes):

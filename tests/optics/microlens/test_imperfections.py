@@ -28,9 +28,6 @@ def normal_columns(found):
     ) / np.array([1, 1, 1, 1, ALL["focal_length_spread"]]).reshape(-1, 1)
 
 
-# Statistics
-
-
 def test_deviations_are_normal():
     for seed in (0, 12345):
         z = normal_columns(drawn(seed=seed, missing=0.0))
@@ -88,9 +85,6 @@ def test_missing_and_dark_lenses_are_a_fraction_of_all_and_never_both():
         assert abs(correlation) < 4.5 / math.sqrt(n)
 
 
-# Reproducible
-
-
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**64 - 1), choice=st.integers(0, 10_000))
 def test_a_lens_s_numbers_depend_on_the_seed_and_its_index_alone(seed, choice):
@@ -123,9 +117,6 @@ def test_effects_are_switched_on_and_off_alone():
     far = [(-(2**62), 2**62), (2**62, -(2**62)), (0, -1), (-1, 0)]
     found = pl.MicrolensImperfections(**ALL).deviations(far)
     assert np.isfinite(found.shift).all() and len(np.unique(found.shift)) == 8
-
-
-# Listed deviations
 
 
 def test_listed_deviations_concern_listed_lenses_only():
@@ -161,9 +152,6 @@ def test_no_axis_lies_farther_off_than_the_largest_offset():
     limit = largest_offset(pl.MicrolensImperfections(**ALL))
     assert limit == pytest.approx(4 * math.sqrt(2) * 0.03, rel=1e-15)
     assert off.max() <= largest_offset(found) <= limit
-
-
-# Values
 
 
 def test_impossible_imperfections():

@@ -35,9 +35,6 @@ def cut_polygon(corners, edges):
     return polygon[:2, :n].T
 
 
-# Cells
-
-
 def test_a_cell_has_the_area_of_the_basis():
     for (lattice, pitch), size in itertools.product(LATTICES, (1e-6, 1.0, 1e6)):
         pitches, case = (size * pitch[0], size * pitch[1]), (lattice, pitch, size)
@@ -77,9 +74,6 @@ def test_the_largest_cell_of_listed_lenses_reaches_a_pitch():
     assert polygon_area(corners) == pytest.approx(0.36, rel=4 * EPS)
 
 
-# Patterns
-
-
 def test_neighbours_of_a_hexagonal_lattice_differ():
     for types in [3, 4, 5, 7]:
         pattern = default_pattern(types)
@@ -117,9 +111,6 @@ def test_a_pattern_repeats_over_the_array():
     array = pl.MicrolensArray(pitch=1.0, focal_lengths=(1.0, 2.0), lattice=SQUARE, pattern=[[1, 0]])
     assert array.focal_length == 2.0
     assert array.lenses((-0.1, -0.1), (0.1, 0.1)).power.tolist() == [0.5]
-
-
-# Polygons
 
 
 @settings(max_examples=50)

@@ -41,9 +41,6 @@ def test_cells_with_very_many_sides_are_refused():
             tables_of(array_of(pl.Lattice.FREE, 1.0, centres=centres), 1.0)
 
 
-# Which lenses
-
-
 @settings(max_examples=40)
 @given(lattice=st.sampled_from(REGULAR), size=st.sampled_from([1e-6, 1.0, 1e6]), seed=st.integers(0, 1000))
 def test_a_box_holds_the_lenses_whose_centres_lie_in_it(lattice, size, seed):
@@ -102,9 +99,6 @@ def test_too_many_lenses_and_no_box():
         found = made.lenses((0.4, 100.4), (0.6, 100.6))  # between lenses
         assert len(found) == 0 and found.centre.shape == (0, 2) and found.power.shape == (0,)
     assert len(array_of(pl.Lattice.SQUARE).lenses((1.0, 1.0), (-1.0, -1.0))) == 0
-
-
-# What is individual about them
 
 
 def test_listed_deviations_change_their_lenses_and_no_others():
@@ -179,9 +173,6 @@ def test_free_cells_hold_what_is_nearest(seed, n):
     assert abs(held.any(axis=1).mean() - share) <= 6.5 * math.sqrt(share * (1 - share) / 400) + 1e-12
 
 
-# Memory
-
-
 def test_arrays_take_no_memory_for_each_lens():
     for fields in [
         {},
@@ -203,6 +194,3 @@ def test_individual_lenses_are_listed_as_far_as_they_matter():
     assert 7**2 <= len(near.lenses) < 11**2 and 61**2 <= len(far.lenses) < 65**2
     with pytest.raises(pl.errors.InvalidValueError, match="have imperfections, and the limit is 4000000"):
         tables_of(array, 3000.0)
-
-
-# Values

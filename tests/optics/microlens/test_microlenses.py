@@ -50,9 +50,6 @@ def all_centres(array, around=4):
     return np.stack([i.ravel(), j.ravel()], axis=1) @ array.basis
 
 
-# Geometry
-
-
 def test_neighbours_are_a_pitch_apart():
     # How many lenses touch one, how far on the next are, and the area of a cell, in pitches.
     kinds = {pl.Lattice.HEXAGONAL: (6, math.sqrt(3) / 2), pl.Lattice.SQUARE: (4, 1.0), RECTANGULAR: (2, 1.25)}
@@ -84,9 +81,6 @@ def test_cells_are_what_is_nearest(lattice, seed):
     # The edges hold exactly the points that are nearer to the centre than to any other: the Voronoi cell.
     inside = np.all(points @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2], axis=1)
     assert np.array_equal(inside[clear], (np.abs(nearest).max(axis=1) < 1e-12)[clear])
-
-
-# Values
 
 
 def test_impossible_arrays():
@@ -130,9 +124,6 @@ def test_principal_planes():
         assert array == plano_convex(side, focal_lengths=[2]) == plano_convex(side, focal_lengths=2.0)
     for item in (array.basis, array.cell_edges, array.cell_corners):
         assert not item.flags.writeable
-
-
-# Rays
 
 
 def as_blocks(points, sensor, centres, weight):

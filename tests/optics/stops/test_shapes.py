@@ -61,9 +61,6 @@ def enclosed_area(points):
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-# ---- openings ----
-
-
 @given(stop=st.one_of(STOPS, CURVED, STARS))
 def test_the_outline_is_the_border(stop):
     outline = stop.outline(50)
@@ -146,9 +143,6 @@ def test_the_blunt_star_is_a_polygon():
     assert star.area == pytest.approx(polygon.area, rel=16 * EPS)
 
 
-# ---- masks ----
-
-
 def test_a_mask_looks_like_its_image_from_behind():
     # From the sensor along -z, with y up, x runs to the right: row 0 is up, column 0 on the left.
     mask = MaskStop([[1.0, 0.0], [0.25, 0.5]], semi_diameter=2 * math.sqrt(2))
@@ -196,9 +190,6 @@ def test_masks_come_from_images(tmp_path):
         MaskStop.load(tmp_path / "none.png", 5.0)
 
 
-# ---- values ----
-
-
 def test_what_cannot_be_is_refused():
     hole = np.pad([[1.0]], ((0, 400), (0, 400)))  # in a corner
     for make, message in (
@@ -218,9 +209,6 @@ def test_what_cannot_be_is_refused():
     ):
         with pytest.raises(InvalidValueError, match=message):
             make()
-
-
-# ---- lenses ----
 
 
 def plate(stop):
@@ -363,9 +351,6 @@ def test_lenses_draw_and_check_with_any_stop():
         # Bars of the iris end where the circle around the opening begins.
         ends = {round(abs(float(y)), 9) for line in ax.lines for y in np.asarray(line.get_ydata(), dtype=float)}
         assert 4.0 in ends, name
-
-
-# ---- light ----
 
 
 def test_a_grey_mask_dims():

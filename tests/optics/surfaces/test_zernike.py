@@ -62,9 +62,6 @@ def sag_of(surface, p):
     return surface.sag(p[:, 0], p[:, 1])
 
 
-# ---- the polynomials ----
-
-
 def noll_degree(j):
     """Degree and signed order of Noll's term j, by counting."""
     n, left = 0, j - 1
@@ -130,9 +127,6 @@ def test_the_vertex_is_what_the_derivatives_say():
     assert departure.vertex == pytest.approx((dx, dy, dxx, 0.5 * (dxy + dyx), dyy), rel=1e-5)
     surface = pl.Surface(40.0, semi_diameter=5.0, departure=departure)
     assert surface.vertex_curvature == pytest.approx(1 / 40 + 0.5 * (dxx + dyy), rel=1e-5)
-
-
-# ---- rays ----
 
 
 def test_snell_and_the_way_back():
@@ -236,9 +230,6 @@ def test_turned_terms_are_a_turned_surface():
         found = traced_part(same, turned_rays, 2, 2)
         assert found.origin == pytest.approx(out.origin @ matrix.T, abs=1e-12)
         assert found.direction == pytest.approx(out.direction @ matrix.T, abs=1e-13)
-
-
-# ---- lenses ----
 
 
 def freeform_lens():

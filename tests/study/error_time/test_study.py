@@ -40,9 +40,6 @@ def conventional(stop, *, side=24):
     )
 
 
-# Bookkeeping, with renderings that are made up
-
-
 def made_up(name, n, seed):
     """Noise of 1 / sqrt(n) and, by its name, a bias, on a ramp; errors reported as they are."""
     rng = np.random.default_rng([n, seed, len(name)])
@@ -108,9 +105,6 @@ def test_times_are_medians_and_setting_up_is_measured_by_itself():
     one = measured_rows(engine, ["a"], Runs([16], seeds=5), reference)[0]
     assert 0.004 <= one.wall_seconds < 0.05 and one.cpu_seconds < one.wall_seconds
     assert 0.002 <= one.setup_wall_seconds < 0.05
-
-
-# Renderings
 
 
 def test_a_cluster_finds_the_same_errors():
@@ -266,9 +260,6 @@ def told(rows):
     return statistics.mean(row.true_over_reported for row in rows)
 
 
-# Variants
-
-
 def test_variants_change_what_they_name():
     camera = reference_camera()
     assert Variant().camera_from(camera) is camera
@@ -318,9 +309,6 @@ def test_a_reference_that_was_rendered_before_is_used():
     second = pl.study.error_against_time(None, camera, {"a": Variant()}, reference_samples=256, **settings)
     assert first.reference_samples == 256 and first.reference_error == second.reference_error
     assert first.rows[0].bias_squared == second.rows[0].bias_squared
-
-
-# The command line
 
 
 def test_the_command_prints_writes_and_draws(tmp_path, capsys):

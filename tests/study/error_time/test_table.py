@@ -56,9 +56,6 @@ def _closed():
     plt.close("all")
 
 
-# Rows
-
-
 def test_a_row_says_what_its_parts_come_to():
     one = row("THIN lens", 64, noise=0.32, bias=0.03)
     assert one.noise == pytest.approx(0.04) and one.bias == pytest.approx(0.03) and one.error == pytest.approx(0.05)
@@ -67,14 +64,6 @@ def test_a_row_says_what_its_parts_come_to():
     hidden = row("THIN lens", 64, noise=0.32, bias_squared=-1e-5)
     assert hidden.bias == 0 and not hidden.bias_is_found and math.isnan(hidden.bias_error)
     assert hidden.bias_limit == pytest.approx(math.sqrt(2 * 0.02 * 0.04**2))
-
-
-def test_a_table_is_a_value():
-    assert pickle.loads(pickle.dumps(MADE)) == MADE
-    assert table([*reversed(EXACT)]) == table(EXACT) and hash(MADE) == hash(table([*EXACT, *THIN, *RANDOM]))
-
-
-# What follows from rows
 
 
 def test_slopes_are_those_of_the_noise_whatever_the_bias():
@@ -97,9 +86,6 @@ def test_no_row_beats_the_front_and_the_front_beats_all_others():
         better = [b for b in MADE.rows if b.cpu_seconds <= a.cpu_seconds and b.error <= a.error and b != a]
         assert (a in front) == (not better)
     assert {a.variant for a in front} == {"THIN lens", "EXACT lens"}
-
-
-# Recommendations
 
 
 def test_a_recommendation_inverts_the_model():
@@ -167,9 +153,6 @@ def test_what_reports_no_errors_is_named_with_what_does():
     assert "1 replicate reports no standard errors" in str(table(silent).recommend(0.02))
 
 
-# Text and files
-
-
 def test_files_give_back_every_number(tmp_path):
     path = tmp_path / "study.csv"
     no_errors = table([row("1 replicate", n, reported_variance=None) for n in NUMBERS], 'white, "quoted"')
@@ -181,6 +164,7 @@ def test_files_give_back_every_number(tmp_path):
     assert ErrorTable.from_csv(path, title="made up") == MADE
     with pytest.raises(pl.errors.FileError, match="title is None; it must be one of them"):
         ErrorTable.from_csv(path)
+    assert pickle.loads(pickle.dumps(MADE)) == MADE and table([*reversed(EXACT)]) == table(EXACT)
 
 
 def test_foreign_files_are_refused(tmp_path):
@@ -221,9 +205,6 @@ def test_markdown_shows_the_numbers():
     assert body[1][2].startswith("3.0") and body[0][2].startswith("< ")
 
 
-# Figures
-
-
 def test_the_figure_has_axes_units_title_slopes_floors_and_the_front():
     ax = MADE.plot()
     ax.figure.canvas.draw()
@@ -238,8 +219,5 @@ def test_the_figure_has_axes_units_title_slopes_floors_and_the_front():
     front = lines["Pareto front, with n"].get_xydata()
     assert np.allclose(front, [[one.cpu_seconds, 100 * one.error] for one in MADE.pareto()])
     assert len(ax.get_legend().get_texts()) == 3 + 1 + 1
-
-
-def test_several_studies_stand_side_by_side():
     figure = plot_error_studies([MADE, table(EXACT, "other")])
     assert [ax.get_title() for ax in figure.axes] == ["Error against time: made up", "Error against time: other"]
