@@ -122,22 +122,6 @@ def test_streams_are_uncorrelated():
         assert np.abs(correlation).max() < 4.5 / math.sqrt(40960), (first, second)
 
 
-def test_smooth_integrands_converge_faster_than_one_over_n():
-    # exp(-|x|^2 / 2) over the unit cube, in closed form from the error function; RMS over 64 scramblings.
-    def f(points):
-        return np.exp(-0.5 * (points**2).sum(axis=-1))
-
-    exact = (math.sqrt(math.pi / 2) * math.erf(1 / math.sqrt(2))) ** 4
-    sizes = 2 ** np.arange(4, 11)
-    errors = np.array([[f(sobol_points(int(n), replicate=r)).mean() - exact for r in range(64)] for n in sizes])
-    slope = np.polyfit(np.log(sizes), 0.5 * np.log((errors**2).mean(axis=1)), 1)[0]
-    # Owen scrambling gives n^-1.5 for smooth integrands (A. B. Owen, Ann. Stat. 25, 1541 (1997)).
-    assert slope < -1.2
-    # Unbiased at every size: within 4 standard errors of the mean over the scramblings.
-    spread = errors.std(axis=1, ddof=1) / math.sqrt(64)
-    assert np.all(np.abs(errors.mean(axis=1)) < 4 * spread)
-
-
 def test_impossible_arguments():
     for arguments, message in (
         ({"n": -1}, "n is -1; it must be at least 0"),
