@@ -51,7 +51,7 @@ def overlap(corners, shift):
     return polygon_area(np.array(kept)) / polygon_area(corners)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(3, 9), st.floats(0.1, 10.0), st.floats(0.0, 6.0), st.floats(0.0, 6.0), st.floats(0.05, 0.9))
 def test_contrast_is_the_overlap_of_a_polygon_with_itself(sides, size, first, direction, part):
     # The Wiener-Khinchin theorem. Cells of a sixteenth of a period blur 0.2 % away, and 3 % of the light, beyond the

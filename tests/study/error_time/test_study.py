@@ -200,8 +200,8 @@ def counting(bias_squared, *, grid):
 
 def test_optics_predicts_the_floors_of_ideal_lenses():
     """THIN and PARAXIAL pupils in closed form, EXACT by traced pencils; without rims in the way, within 27 mm."""
-    camera = conventional(10.0, side=16)
-    exact, thin, paraxial = predicted(camera, grid=160)
+    camera = conventional(10.0, side=12)
+    exact, thin, paraxial = predicted(camera, grid=120)
     models = {"EXACT": pl.LensModel.EXACT, "THIN": pl.LensModel.THIN, "PARAXIAL": pl.LensModel.PARAXIAL}
     variants = {name: Variant(lens=model) for name, model in models.items()}
     table = pl.study.error_against_time(None, camera, variants, samples=(64, 256), seeds=4, progress=False)
@@ -211,7 +211,7 @@ def test_optics_predicts_the_floors_of_ideal_lenses():
         assert known.bias_squared_error < 0.05 * wanted, name
         # All rows agree on the floor: noise is not taken for bias.
         for row in table.of(name):
-            doubt = SIGMAS * row.bias_squared_error + counting(wanted, grid=160)
+            doubt = SIGMAS * row.bias_squared_error + counting(wanted, grid=120)
             assert abs(row.bias_squared - wanted) < doubt, (name, row.samples)
     # With noise of 2.6 % and few seeds; a sixth of what THIN has.
     assert table.bias_floor("EXACT") == 0.0 and table.best_known_bias("EXACT").bias_limit < 0.0085
