@@ -16,7 +16,7 @@ from plenoptic.optics.microlens.record import SensorPlane, array_record, lone_le
 
 EPS = np.finfo(float).eps
 REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
-SPHERICAL = pl.optics.MicrolensModel.SPHERICAL
+SPHERICAL, FLAT = pl.optics.MicrolensModel.SPHERICAL, pl.optics.MicrolensModel.FLAT_HIGH_INDEX
 RECTANGULAR, FREE = pl.Lattice.RECTANGULAR, pl.Lattice.FREE
 
 
@@ -35,9 +35,8 @@ def fill_uncut(blocks, array, distance, z_array):
 def fill_cut(blocks, array, distance, z_array):
     """Plates whose lenses end at their cells."""
     record = array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, margin=0.0)
-    fill_plano_convex(
-        blocks, None, SensorPlane(distance, None), record.model, 1.0 / array.focal_length, record.edges, z_array, None
-    )
+    plane, power = SensorPlane(distance, None), 1.0 / array.focal_length
+    fill_plano_convex(blocks, None, plane, record.model, power, record.edges, z_array, None)
 
 
 def plano_convex(side, **changes):
@@ -130,9 +129,8 @@ def as_blocks(points, sensor, centres, weight):
     """Aimed samples as `to_lens` wants them."""
     n = len(points)
     rows = np.zeros((8, -(-n // BLOCK) * BLOCK))
-    rows[:, :n] = np.column_stack(
-        [points, centres[:, 0], points - sensor, centres[:, 1], np.full(n, weight), np.zeros(n)]
-    ).T
+    columns = points, centres[:, 0], points - sensor, centres[:, 1], np.full(n, weight), np.zeros(n)
+    rows[:, :n] = np.column_stack(columns).T
     return np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2)).reshape(-1)
 
 
@@ -152,7 +150,7 @@ def aimed(array, n, *, height, slope, distance):
 
 
 def test_exact_microlenses_are_lenses_of_two_surfaces():
-    for side in list(pl.optics.ConvexSide):
+    for side in pl.optics.ConvexSide:
         array = plano_convex(side)
         distance, z_array, n = 1.7, 123.3, 1000
         points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
@@ -197,6 +195,13 @@ def test_thin_microlenses_bend_by_height_over_focal_length():
     # Projected solid angle of an area A at distance r under cos: A cos^2 / r^2 = A cos^4 / b^2.
     cos = 1.7 / np.sqrt(((points - sensor) ** 2).sum(axis=1) + 1.7**2)
     assert weight == pytest.approx(2.5 * cos**4 / 1.7**2, rel=16 * EPS)
+    # Pinholes let light through their centres, as bright as an open cell.
+    blocks = as_blocks(points, sensor, centres, 2.5)
+    fill_pinholes(blocks, SensorPlane(1.7, None), 123.3)
+    found, along, through, status = from_blocks(blocks, 300)
+    assert np.array_equal(found, np.column_stack([centres, np.full(300, 123.3)])) and np.all(status == 0)
+    assert np.abs(along[:, :2] / -along[:, 2:] - (centres - sensor) / 1.7).max() <= 8 * EPS
+    assert np.array_equal(through, weight)
 
 
 def test_without_microlenses_rays_go_straight_on():
@@ -212,7 +217,7 @@ def test_without_microlenses_rays_go_straight_on():
 
 
 def test_rays_beside_their_own_sphere_are_another_microlens_s():
-    for side in list(pl.optics.ConvexSide):
+    for side in pl.optics.ConvexSide:
         array = plano_convex(side, pitch=0.6, thickness=0.3, focal_lengths=(2.0,))
         points, sensor, centres = aimed(array, 2000, height=0.35, slope=0.3, distance=1.7)
         n = len(points)
@@ -239,33 +244,9 @@ def test_rays_beside_their_own_sphere_are_another_microlens_s():
         assert np.array_equal((status == 0)[margin], inside[margin]), side
 
 
-def test_pinholes_let_light_through_their_centres():
-    array = array_of(0.2, pl.Lattice.HEXAGONAL)
-    points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
-    blocks, thin = as_blocks(points, sensor, centres, 2.5), as_blocks(points, sensor, centres, 2.5)
-    fill_pinholes(blocks, SensorPlane(1.7, None), 123.3)
-    fill_thin(thin, None, SensorPlane(1.7, None), 1 / 2.0, 123.3, None, None)
-    found, along, weight, status = from_blocks(blocks, 300)
-    assert np.array_equal(found, np.column_stack([centres, np.full(300, 123.3)])) and np.all(status == 0)
-    assert np.abs(along[:, :2] / -along[:, 2:] - (centres - sensor) / 1.7).max() <= 8 * EPS
-    # As bright as an open cell.
-    assert np.array_equal(weight, from_blocks(thin, 300)[2])
-
-
-def flat_plates(side, index, thickness):
-    return pl.MicrolensArray(
-        pitch=0.2,
-        focal_lengths=(2.0,),
-        model=pl.optics.MicrolensModel.FLAT_HIGH_INDEX,
-        index=index,
-        thickness=thickness,
-        convex_side=side,
-    )
-
-
 def test_a_flat_plate_has_the_cells_of_its_curved_side():
-    for side in list(pl.optics.ConvexSide):
-        array = flat_plates(side, 100.0, 0.1)
+    for side in pl.optics.ConvexSide:
+        array = pl.MicrolensArray(0.2, (2.0,), model=FLAT, index=100.0, thickness=0.1, convex_side=side)
         points, sensor, centres = aimed(array, 4000, height=0.2, slope=0.1, distance=1.7)
         blocks = as_blocks(points, sensor, centres, 1.0)
         fill_cut(blocks, array, 1.7, 123.3)
