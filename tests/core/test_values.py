@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
+import plenoptic as pl
 from plenoptic.core.values import (
     alike,
     check_has,
@@ -134,3 +135,12 @@ def test_another_kind_is_named_with_a_way_out():
     check_has(plate(), "plate", "Sensor", "plate.sensor", "__class__", "__hash__")
     with pytest.raises(InvalidValueError, match=r"plate is a Plate; give a Sensor, such as plate\.sensor"):
         check_has(plate(), "plate", "Sensor", "plate.sensor", "__class__", "pixel_pitch")
+
+
+def test_members_of_choices_are_numbered_without_a_gap():
+    found = [getattr(room, name) for room in (pl.optics, pl.sensor) for name in dir(room) if not name.startswith("_")]
+    kinds = [kind for kind in found if isinstance(kind, enum.EnumType) and issubclass(kind, enum.IntEnum)]
+    assert len(kinds) >= 12
+    for kind in [*kinds, pl.LensModel, pl.RayStatus]:
+        first, *_ = numbers = [int(member) for member in kind]
+        assert numbers == list(range(first, first + len(kind))) and first in (0, 1), kind
