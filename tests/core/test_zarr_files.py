@@ -229,18 +229,12 @@ SAVING = """
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs signals")
-@pytest.mark.parametrize(
-    "ends",
-    [
-        [(signal.SIGKILL, 0.1)],
-        pytest.param([(signal.SIGINT, 0.1), (signal.SIGINT, 0.23), (signal.SIGKILL, 0.23)], marks=pytest.mark.slow),
-    ],
-)
-def test_a_signal_while_it_is_saved_leaves_one_of_the_two(tmp_path, ends):
+@pytest.mark.slow
+def test_a_signal_while_it_is_saved_leaves_one_of_the_two(tmp_path):
     path = tmp_path / "shot.zarr"
     noise = np.random.default_rng(1).random((2, 1200, 1200, 3), dtype=np.float32)
     command = [sys.executable, "-c", textwrap.dedent(SAVING), str(path)]
-    for number, wait in ends:
+    for number, wait in ((signal.SIGKILL, 0.1), (signal.SIGINT, 0.1), (signal.SIGINT, 0.23), (signal.SIGKILL, 0.23)):
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as child:
             assert child.stdout.readline() == b"begin\n"
             with pytest.raises(subprocess.TimeoutExpired):

@@ -51,7 +51,7 @@ def overlap(corners, shift):
     return polygon_area(np.array(kept)) / polygon_area(corners)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.integers(3, 9), st.floats(0.1, 10.0), st.floats(0.0, 6.0), st.floats(0.0, 6.0), st.floats(0.05, 0.9))
 def test_contrast_is_the_overlap_of_a_polygon_with_itself(sides, size, first, direction, part):
     # The Wiener-Khinchin theorem. Cells of a sixteenth of a period blur 0.2 % away, and 3 % of the light, beyond the
@@ -97,6 +97,6 @@ def test_a_turned_opening_has_a_turned_pattern():
 
 
 def test_light_beside_openings_is_all_there():
-    for fill in [0.5, 0.9, 0.99, 0.999]:
+    for fill in (0.5, 0.999):
         bends = drawn(Opening(math.sqrt(fill) * SQUARE), SQUARE)
         assert_allclose(bends[:, 2:].mean(axis=0), 1.0, atol=2e-3)

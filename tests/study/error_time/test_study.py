@@ -204,7 +204,8 @@ def test_optics_predicts_the_floors_of_ideal_lenses():
     exact, thin, paraxial = predicted(camera, grid=120)
     models = {"EXACT": pl.LensModel.EXACT, "THIN": pl.LensModel.THIN, "PARAXIAL": pl.LensModel.PARAXIAL}
     variants = {name: Variant(lens=model) for name, model in models.items()}
-    table = pl.study.error_against_time(None, camera, variants, samples=(64, 256), seeds=4, progress=False)
+    how = {"samples": (64, 256), "seeds": 4, "progress": False}
+    table = pl.study.error_against_time(None, camera, variants, **how)
     for name, image, floor in (("THIN", thin, 0.0549), ("PARAXIAL", paraxial, 0.0225)):
         known, wanted = table.best_known_bias(name), relative_square(image, exact)
         assert math.sqrt(wanted) == pytest.approx(floor, abs=5e-4)
@@ -311,6 +312,7 @@ def test_a_reference_that_was_rendered_before_is_used():
     assert first.rows[0].bias_squared == second.rows[0].bias_squared
 
 
+@pytest.mark.slow
 def test_the_command_prints_writes_and_draws(tmp_path, capsys):
     drawn, written = tmp_path / "white.png", tmp_path / "white.csv"
     arguments = ["study", "error-against-time", "--case", "white", "--quick", "--target", "0.1", "--target", "0.001"]
