@@ -30,6 +30,14 @@ def found(monkeypatch):
     return numbers
 
 
+@pytest.fixture
+def compiled(monkeypatch):
+    """Cameras that have been compiled."""
+    cameras, compile_it = [], cache.camera_record
+    monkeypatch.setattr(cache, "camera_record", lambda camera: cameras.append(camera) or compile_it(camera))
+    return cameras
+
+
 def rendered(camera, **settings):
     budget = {} if "target_error" in settings else {"samples": 8}
     return pl.render(SCENE, camera, **{"region": REGION, "progress": False, "threads": 1, **budget, **settings})
@@ -39,9 +47,7 @@ def same(one, other):
     return one.image.tobytes() == other.image.tobytes() and np.array_equal(one.standard_error, other.standard_error)
 
 
-def test_a_camera_is_compiled_once(found, monkeypatch):
-    compiled, compile_it = [], cache.camera_record
-    monkeypatch.setattr(cache, "camera_record", lambda camera: compiled.append(camera) or compile_it(camera))
+def test_a_camera_is_compiled_once(found, compiled):
     camera = reference_camera()
     first = rendered(camera)
     assert sum(found) == 24 * 24 and not prepared_camera(camera)._fed  # who renders once has no use for it
@@ -56,11 +62,9 @@ def test_a_camera_is_compiled_once(found, monkeypatch):
     assert len(compiled) == 2 and sum(found) == 3 * 24 * 24
 
 
-def test_a_camera_that_stands_elsewhere_is_not_compiled_again(found, monkeypatch):
-    compiled, compile_it = [], cache.camera_record
-    monkeypatch.setattr(cache, "camera_record", lambda camera: compiled.append(camera) or compile_it(camera))
+def test_a_camera_that_stands_elsewhere_is_not_compiled_again(found, compiled):
     camera = reference_camera()
-    poses = [pl.Pose.look_at((x, 3.0, 5.0), (0, 0, -404)) for x in (0.0, 2.0, 4.0, 6.0)]
+    poses = [pl.Pose.look_at((x, 3.0, 5.0), (0, 0, -404)) for x in (0.0, 2.0, 4.0)]
     shots = []
     for pose in poses:
         posed = dataclasses.replace(camera, pose=pose)
@@ -70,7 +74,7 @@ def test_a_camera_that_stands_elsewhere_is_not_compiled_again(found, monkeypatch
     assert sum(found) == 2 * 24 * 24  # kept from the second time on
     for shot, pose in zip(shots, poses, strict=True):
         assert same(shot, rendered(dataclasses.replace(reference_camera(), pose=pose)))
-    assert len(compiled) == 5
+    assert len(compiled) == 4
 
 
 def test_what_feeds_pixels_is_found_once_for_all_steps(found):
@@ -84,21 +88,21 @@ def test_what_feeds_pixels_is_found_once_for_all_steps(found):
     assert same(cut, rendered(camera))
 
 
-@pytest.mark.parametrize("most", [0, 100_000])
-def test_no_more_is_kept_than_there_is_room_for(most, found, monkeypatch):
+def test_no_more_is_kept_than_there_is_room_for(found, monkeypatch):
     camera, budget = reference_camera(), {"target_error": 0.02, "tile_side": 8}
     whole = rendered(camera, **budget)
     assert sum(found) == 24 * 24
-    monkeypatch.setattr(cache, "MOST_BYTES", most)
-    found.clear()
-    other = reference_camera()
-    assert same(rendered(other, **budget), whole)
-    assert sum(found) > 24 * 24  # in each step those for which there was no room
-    kept = prepared_camera(other)._fed.values()
-    arrays = [array for fed in kept for array in (*fed[:3], *fed.regions) if array is not None]
-    assert sum(array.nbytes for array in arrays) <= most
-    assert (len(kept) > 0) == (most > 0)
-    assert all(array.base is None for fed in kept for array in fed.regions[:4])  # which would have room for more
+    for most in (0, 100_000):
+        monkeypatch.setattr(cache, "MOST_BYTES", most)
+        found.clear()
+        other = reference_camera()
+        assert same(rendered(other, **budget), whole)
+        assert sum(found) > 24 * 24  # in each step those for which there was no room
+        kept = prepared_camera(other)._fed.values()
+        arrays = [array for fed in kept for array in (*fed[:3], *fed.regions) if array is not None]
+        assert sum(array.nbytes for array in arrays) <= most
+        assert (len(kept) > 0) == (most > 0)
+        assert all(array.base is None for fed in kept for array in fed.regions[:4])  # which would have room for more
 
 
 def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
@@ -128,11 +132,11 @@ def test_it_goes_when_its_camera_goes():
 
 
 def test_threads_with_cuts_of_their_own_do_not_disturb_each_other():
-    camera, sides, shots = reference_camera(), (5, 8, 16, 24), {}
+    camera, sides, shots = reference_camera(), (5, 8, 16), {}
     alone = rendered(camera)
 
     def work(side):
-        for _ in range(5):
+        for _ in range(4):
             shots[side] = rendered(camera, tile_side=side)
 
     threads = [threading.Thread(target=work, args=[side]) for side in sides]

@@ -23,28 +23,25 @@ def design(lens=LENS, **wishes):
     return design_camera(lens, sensor=SENSOR, **wishes)
 
 
-@pytest.mark.parametrize(("kind", "sign"), [(GALILEAN, 1.0), (KEPLERIAN, -1.0)])
-@pytest.mark.parametrize("v", [1.5, 4.0, 20.0])
-def test_closed_forms_of_thin_lenses(kind: CameraKind, sign: float, v: float) -> None:
+def test_closed_forms_of_thin_lenses():
     # s = +-v b and 1/b - 1/f = 1/s: b = f (1 -+ 1/v). The image lies where the lens equation puts it, and the iris,
     # in the plane of the lens, has D / (2 R) = b / p (1 + b / D) for images that touch.
-    made = design(THIN, kind=kind, z=-404.0, pitch=0.217, focal_length=2.0, virtual_depth=v)
-    camera = made.camera
-    b = 2.0 * (1 - sign / v)
-    assert camera.microlenses_to_sensor == pytest.approx(b, rel=1e-13)
-    image = POINTS.rear_principal + 1 / (1 / POINTS.efl - 1 / (POINTS.rear_principal + 404.0))
-    # The search ends at 1e-8 of the distance, and of the fill.
-    assert camera.stop_to_microlenses == pytest.approx(image - sign * v * b, rel=1.1e-8)
-    distance = camera.stop_to_microlenses - POINTS.rear_principal
-    per_iris = POINTS.entrance_pupil_semi_diameter / LENS.stop.semi_diameter
-    radius = 0.217 * (1 + b / distance) * distance / (2 * b)
-    assert camera.lens.stop.semi_diameter == pytest.approx(radius / per_iris, rel=3e-8)
-    assert made.solved_for == ("semi_diameter", "stop_to_microlenses", "microlenses_to_sensor")
+    for kind, sign, v in ((GALILEAN, 1.0, 1.5), (GALILEAN, 1.0, 20.0), (KEPLERIAN, -1.0, 4.0)):
+        made = design(THIN, kind=kind, z=-404.0, pitch=0.217, focal_length=2.0, virtual_depth=v)
+        camera, b = made.camera, 2.0 * (1 - sign / v)
+        assert camera.microlenses_to_sensor == pytest.approx(b, rel=1e-13)
+        image = POINTS.rear_principal + 1 / (1 / POINTS.efl - 1 / (POINTS.rear_principal + 404.0))
+        # The search ends at 1e-8 of the distance, and of the fill.
+        assert camera.stop_to_microlenses == pytest.approx(image - sign * v * b, rel=1.1e-8), (kind, v)
+        distance = camera.stop_to_microlenses - POINTS.rear_principal
+        per_iris = POINTS.entrance_pupil_semi_diameter / LENS.stop.semi_diameter
+        radius = 0.217 * (1 + b / distance) * distance / (2 * b)
+        assert camera.lens.stop.semi_diameter == pytest.approx(radius / per_iris, rel=3e-8), (kind, v)
+        assert made.solved_for == ("semi_diameter", "stop_to_microlenses", "microlenses_to_sensor")
 
 
-@pytest.mark.parametrize(
-    "wishes",
-    [
+def test_reports_of_designs_say_what_was_wished_for():
+    for wishes in (
         {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0},
         {"kind": KEPLERIAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0, "image_fill": 0.9},
         {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "disparity": 3.0},
@@ -61,56 +58,51 @@ def test_closed_forms_of_thin_lenses(kind: CameraKind, sign: float, v: float) ->
         {"kind": FIRST, "focal_length": 2.0, "semi_diameter": 5.0},
         {"kind": FIRST, "pitch": 0.217, "semi_diameter": 5.0},
         {"kind": FIRST, "pitch": 0.217, "semi_diameter": 5.0, "focal_length": 2.0, "image_fill": None},
-    ],
-)
-def test_reports_of_designs_say_what_was_wished_for(wishes: dict) -> None:
-    made = design(z=-404.0, **wishes)
-    report, camera = camera_report(made.camera), made.camera
-    (focus,) = report.focus
-    assert report.kind is wishes["kind"]
-    # The search ends at 1e-8 of the array's distance, times the longitudinal magnification 1 / 0.319^2.
-    assert focus.z_traced == pytest.approx(-404.0, abs=1e-8 * 150 * 10 * 2)
-    if wishes.get("image_fill", 1.0) is not None:
-        assert report.image_fill == pytest.approx(wishes.get("image_fill", 1.0), abs=1.1e-8)
-    for name in ("virtual_depth", "disparity"):
-        if name in wishes:
-            assert getattr(focus, name) == pytest.approx(wishes[name], rel=1e-9)
-    # What is given is kept, to the bit.
-    kept = {
-        "pitch": camera.microlenses.pitch,
-        "focal_length": camera.microlenses.focal_length,
-        "semi_diameter": camera.lens.stop.semi_diameter,
-        "stop_to_microlenses": camera.stop_to_microlenses,
-        "microlenses_to_sensor": camera.microlenses_to_sensor,
-    }
-    for name, has in kept.items():
-        assert (name in made.solved_for) == (name not in wishes) or name == "semi_diameter"
-        assert name not in wishes or has == wishes[name]
+    ):
+        made = design(z=-404.0, **wishes)
+        report, camera = camera_report(made.camera), made.camera
+        (focus,) = report.focus
+        assert report.kind is wishes["kind"], wishes
+        # The search ends at 1e-8 of the array's distance, times the longitudinal magnification 1 / 0.319^2.
+        assert focus.z_traced == pytest.approx(-404.0, abs=1e-8 * 150 * 10 * 2), wishes
+        if wishes.get("image_fill", 1.0) is not None:
+            assert report.image_fill == pytest.approx(wishes.get("image_fill", 1.0), abs=1.1e-8), wishes
+        for name in ("virtual_depth", "disparity"):
+            assert name not in wishes or getattr(focus, name) == pytest.approx(wishes[name], rel=1e-9), wishes
+        # What is given is kept, to the bit.
+        kept = {
+            "pitch": camera.microlenses.pitch,
+            "focal_length": camera.microlenses.focal_length,
+            "semi_diameter": camera.lens.stop.semi_diameter,
+            "stop_to_microlenses": camera.stop_to_microlenses,
+            "microlenses_to_sensor": camera.microlenses_to_sensor,
+        }
+        for name, has in kept.items():
+            assert (name in made.solved_for) == (name not in wishes) or name == "semi_diameter", (name, wishes)
+            assert name not in wishes or has == wishes[name], (name, wishes)
 
 
-@pytest.mark.parametrize("kind", [GALILEAN, KEPLERIAN, FIRST])
-@pytest.mark.parametrize("lens", [LENS, THIN, LENS.with_model(pl.LensModel.PARAXIAL)])
-def test_designs_recover_a_camera_from_its_report(kind: CameraKind, lens: pl.LensStack) -> None:
-    b, place = {GALILEAN: (1.7, 123.3), KEPLERIAN: (2.4, 150.0), FIRST: (2.0, 134.0)}[kind]
-    camera = pl.PlenopticCamera(
-        lens=lens.with_stop(pl.CircularStop(5.0)),
-        sensor=SENSOR,
-        stop_to_microlenses=place,
-        microlenses=pl.MicrolensArray(0.217, (2.0,)),
-        microlenses_to_sensor=b,
-    )
-    report = camera_report(camera)
-    (focus,) = report.focus
-    depth = {} if kind is FIRST else {"virtual_depth": focus.virtual_depth}
-    made = design(
-        lens, kind=kind, z=focus.z_traced, pitch=0.217, focal_length=2.0, image_fill=report.image_fill, **depth
-    )
-    assert made.camera.microlenses_to_sensor == pytest.approx(b, rel=1e-12)
-    assert made.camera.stop_to_microlenses == pytest.approx(place, rel=3e-8)
-    assert made.camera.lens.stop.semi_diameter == pytest.approx(5.0, rel=3e-8)
+def test_designs_recover_a_camera_from_its_report():
+    paraxial = LENS.with_model(pl.LensModel.PARAXIAL)
+    for kind, lens, b, place in (
+        (GALILEAN, LENS, 1.7, 123.3),
+        (KEPLERIAN, THIN, 2.4, 150.0),
+        (KEPLERIAN, LENS, 2.4, 150.0),
+        (FIRST, paraxial, 2.0, 134.0),
+    ):
+        array = pl.MicrolensArray(0.217, (2.0,))
+        camera = pl.PlenopticCamera(lens.with_stop(pl.CircularStop(5.0)), SENSOR, place, array, b)
+        report = camera_report(camera)
+        (focus,) = report.focus
+        wishes = {"pitch": 0.217, "focal_length": 2.0, "image_fill": report.image_fill}
+        depth = {} if kind is FIRST else {"virtual_depth": focus.virtual_depth}
+        made = design(lens, kind=kind, z=focus.z_traced, **wishes, **depth).camera
+        assert made.microlenses_to_sensor == pytest.approx(b, rel=1e-12), kind
+        assert made.stop_to_microlenses == pytest.approx(place, rel=3e-8), kind
+        assert made.lens.stop.semi_diameter == pytest.approx(5.0, rel=3e-8), kind
 
 
-def test_the_first_step_is_paraxial_and_errors_fall() -> None:
+def test_the_first_step_is_paraxial_and_errors_fall():
     made = design(kind=GALILEAN, z=-404.0, pitch=0.217, focal_length=2.0, virtual_depth=4.0)
     first, last = made.history[0], made.history[-1]
     assert first.stop_to_microlenses == pytest.approx(pl.paraxial.image_position(LENS, -404.0) - 6.0, rel=1e-13)
@@ -124,37 +116,33 @@ def test_the_first_step_is_paraxial_and_errors_fall() -> None:
     assert all(later < 0.3 * before for before, later in pairwise(sizes))
 
 
-def test_a_paraxial_criterion_focuses_paraxially() -> None:
+def test_a_paraxial_criterion_focuses_paraxially():
     made = design(kind=FIRST, z=-404.0, pitch=0.217, focal_length=2.0, criterion=pl.FocusCriterion.PARAXIAL)
     assert made.camera.stop_to_microlenses == pl.paraxial.image_position(LENS, -404.0)
     assert camera_report(made.camera).image_fill == pytest.approx(1.0, abs=1.1e-8)
 
 
-@pytest.mark.parametrize(
-    ("kind", "fixed"), [(GALILEAN, False), (KEPLERIAN, False), (FIRST, False), (GALILEAN, True), (KEPLERIAN, True)]
-)
-def test_disparity_in_another_plane(kind: CameraKind, fixed: bool) -> None:
+def test_disparity_in_another_plane():
     # By the traced images of both planes: s = image of the other plane behind the array.
-    wanted = 0.4 if kind is FIRST else 3.0
-    free = {"focal_length": 2.0, "semi_diameter": 5.0} if kind is FIRST else {"focal_length": 2.0, "pitch": 0.217}
-    fill = None if kind is FIRST else 1.0
-    if fixed:
-        free = {"microlenses_to_sensor": 1.7, "pitch": 0.217}
-    made = design(kind=kind, z=-404.0, disparity=wanted, depth_at=-390.0, image_fill=fill, **free)
-    camera = made.camera
-    image = best_focus(camera.lens, z_object=-390.0, criterion=RMS)
-    s, b, p = image - camera.stop_to_microlenses, camera.microlenses_to_sensor, camera.microlenses.pitch
-    found = s * 0.01 / (b * p) if kind is FIRST else p * b / abs(s) / 0.01
-    assert found == pytest.approx(wanted, rel=1e-7)
-    assert camera_report(camera).focus[0].z_traced == pytest.approx(-404.0, abs=1e-5)
+    for kind, fixed in ((GALILEAN, False), (KEPLERIAN, False), (FIRST, False), (GALILEAN, True), (KEPLERIAN, True)):
+        wanted = 0.4 if kind is FIRST else 3.0
+        free = {"focal_length": 2.0, "semi_diameter": 5.0} if kind is FIRST else {"focal_length": 2.0, "pitch": 0.217}
+        free = {"microlenses_to_sensor": 1.7, "pitch": 0.217} if fixed else free
+        fill = None if kind is FIRST else 1.0
+        camera = design(kind=kind, z=-404.0, disparity=wanted, depth_at=-390.0, image_fill=fill, **free).camera
+        image = best_focus(camera.lens, z_object=-390.0, criterion=RMS)
+        s, b, p = image - camera.stop_to_microlenses, camera.microlenses_to_sensor, camera.microlenses.pitch
+        found = s * 0.01 / (b * p) if kind is FIRST else p * b / abs(s) / 0.01
+        assert found == pytest.approx(wanted, rel=1e-7), (kind, fixed)
+        assert camera_report(camera).focus[0].z_traced == pytest.approx(-404.0, abs=1e-5), (kind, fixed)
 
 
-def test_virtual_depth_in_the_plane_in_focus_is_the_default() -> None:
+def test_virtual_depth_in_the_plane_in_focus_is_the_default():
     wishes = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 5.0}
     assert design(**wishes, depth_at=-404.0).camera == design(**wishes).camera
 
 
-def test_a_camera_array_looks_at_its_plane() -> None:
+def test_a_camera_array_looks_at_its_plane():
     made = design(
         NONE, kind=CameraKind.CAMERA_ARRAY, z=-404.0, pitch=0.217, focal_length=2.0, stop_to_microlenses=100.0
     )
@@ -165,12 +153,12 @@ def test_a_camera_array_looks_at_its_plane() -> None:
     assert camera_report(made.camera).focus[0].z == pytest.approx(-404.0, rel=1e-11)
 
 
-def test_focus_at_the_horizon() -> None:
+def test_focus_at_the_horizon():
     made = design(kind=FIRST, z=-math.inf, pitch=0.217, focal_length=2.0)
     assert camera_report(made.camera).focus[0].z_traced == -math.inf
 
 
-def test_the_stop_keeps_its_shape_and_the_array_what_it_has() -> None:
+def test_the_stop_keeps_its_shape_and_the_array_what_it_has():
     array = pl.MicrolensArray(
         0.217, (2.4, 2.0), pl.Lattice.SQUARE, aperture=pl.optics.MicrolensAperture(fill_factor=0.8)
     )
@@ -184,14 +172,14 @@ def test_the_stop_keeps_its_shape_and_the_array_what_it_has() -> None:
     assert focused.stop_to_microlenses == pytest.approx(made.camera.stop_to_microlenses, rel=2e-8)
 
 
-def test_negative_microlenses_are_galilean() -> None:
+def test_negative_microlenses_are_galilean():
     # v = 0.5: b = f (1 - 2), so f is negative.
     made = design(THIN, kind=GALILEAN, z=-404.0, pitch=0.217, microlenses_to_sensor=1.0, virtual_depth=0.5)
     assert made.camera.microlenses.focal_length == pytest.approx(-1.0, rel=1e-12)
     assert camera_report(made.camera).focus[0].virtual_depth == pytest.approx(0.5, rel=1e-12)
 
 
-def test_micrometre_lenses_and_kilometres() -> None:
+def test_micrometre_lenses_and_kilometres():
     for scale in (1e-3, 1e3):
         lens = pl.LensStack(
             [
@@ -216,18 +204,19 @@ def test_micrometre_lenses_and_kilometres() -> None:
         assert report.focus[0].z_traced == pytest.approx(-1e6 * scale, rel=2e-8 * 60 * (1e6 / 61) ** 2 / 1e6)
 
 
-def test_a_design_is_a_value_and_prints_its_numbers() -> None:
+def test_a_design_is_a_value_and_prints_its_numbers():
     made = design(kind=FIRST, z=-404.0, pitch=0.217, focal_length=2.0)
     assert pickle.loads(pickle.dumps(made)) == made and hash(made) == hash(pickle.loads(pickle.dumps(made)))
     assert "stop_to_microlenses" in repr(made) and "mm" in repr(made)
 
 
 PLAIN = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0}
+TWICE = {"stop_to_microlenses": 123.3, "microlenses_to_sensor": 1.7, "semi_diameter": 5.0, "image_fill": None}
+TWICE |= {"pitch": None, "virtual_depth": None}
 
 
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
+def test_impossible_wishes():
+    for changes, says in (
         ({"semi_diameter": 5.0}, "too many; leave out 1"),
         ({"virtual_depth": None, "image_fill": None}, "too few; give 1 more"),
         ({"pitch": None, "focal_length": None}, "too few"),
@@ -256,23 +245,9 @@ PLAIN = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "vi
         ({"lens": LENS.inserted(pl.CircularStop(3.0), z=40.0)}, "image_fill 1 cannot be had"),
         ({"virtual_depth": None, "stop_to_microlenses": 150.0}, "needs its image behind the array"),
         ({"tolerance": 0.0}, "tolerance"),
-    ],
-)
-def test_impossible_wishes(changes: dict, says: str) -> None:
-    wishes = PLAIN | changes
-    with pytest.raises(pl.errors.InvalidValueError, match=says):
-        design(wishes.pop("lens", LENS), **wishes)
-
-
-def test_wishes_that_fit_in_number_but_not_together() -> None:
-    # Focus is given twice, and nothing says the pitch.
-    with pytest.raises(pl.errors.InvalidValueError, match="nothing left to choose|cannot be found"):
-        design(
-            kind=GALILEAN,
-            z=-404.0,
-            stop_to_microlenses=123.3,
-            microlenses_to_sensor=1.7,
-            focal_length=2.0,
-            semi_diameter=5.0,
-            image_fill=None,
-        )
+        # Focus is given twice, and nothing says the pitch.
+        (TWICE, "nothing left to choose|cannot be found"),
+    ):
+        wishes = PLAIN | changes
+        with pytest.raises(pl.errors.InvalidValueError, match=says):
+            design(wishes.pop("lens", LENS), **wishes)
