@@ -61,27 +61,27 @@ def in_world(camera, points):
 # ---- closed forms ----
 
 
-@pytest.mark.parametrize("b", [1.7, 2.0, 2.3])
-@pytest.mark.parametrize("z", [-150.0, -300.0, -1500.0, -1e6])
-def test_positions_of_a_thin_camera_are_closed_forms(z, b):
+def test_positions_of_a_thin_camera_are_closed_forms():
     # The image at x, a behind the array; seen through the centre c it falls at c + b (x - c) / a.
     lens = the_lens(pl.LensModel.THIN)
-    camera = reference_camera(lens=lens, b=b, to_array=112.0 if b > 2 else 123.3)
     cardinal = pl.paraxial.cardinal_points(lens)
-    s = cardinal.rear_principal - z
-    behind = 1.0 / (1.0 / cardinal.efl - 1.0 / s)
-    a = cardinal.rear_principal + behind - camera.stop_to_microlenses
-    points = np.array([[0.0, 0.0, z], [0.004 * s, -0.003 * s, z]])
-    seen = project(camera, points)
-    assert seen.visible.sum() > 6
-    found = np.isfinite(seen.position[:, 0])
-    assert found.mean() > 0.8
-    centre = seen.index[found] @ camera.microlenses.basis
-    image = -points[seen.point[found], :2] * behind / s
-    # Chief rays pass centres to 1e-9 mm; slopes to that over a, and up to 2.3 mm behind the array. From 1e6 mm away,
-    # directions are good to eps in 1e6 mm over 120 mm: no worse.
-    np.testing.assert_allclose(seen.position[found], centre + b * (image - centre) / a, rtol=0, atol=1e-8)
-    np.testing.assert_array_equal(seen.pixel, camera.sensor.pixel_of(seen.position))
+    for b, depths in ((1.7, (-150.0, -1e6)), (2.0, (-300.0, -1500.0)), (2.3, (-150.0, -1500.0))):
+        camera = reference_camera(lens=lens, b=b, to_array=112.0 if b > 2 else 123.3)
+        for z in depths:
+            s = cardinal.rear_principal - z
+            behind = 1.0 / (1.0 / cardinal.efl - 1.0 / s)
+            a = cardinal.rear_principal + behind - camera.stop_to_microlenses
+            points = np.array([[0.0, 0.0, z], [0.004 * s, -0.003 * s, z]])
+            seen = project(camera, points)
+            assert seen.visible.sum() > 6
+            found = np.isfinite(seen.position[:, 0])
+            assert found.mean() > 0.8
+            centre = seen.index[found] @ camera.microlenses.basis
+            image = -points[seen.point[found], :2] * behind / s
+            # Chief rays pass centres to 1e-9 mm; slopes to that over a, and up to 2.3 mm behind the array. From 1e6 mm
+            # away, directions are good to eps in 1e6 mm over 120 mm: no worse.
+            np.testing.assert_allclose(seen.position[found], centre + b * (image - centre) / a, rtol=0, atol=1e-8)
+            np.testing.assert_array_equal(seen.pixel, camera.sensor.pixel_of(seen.position))
 
 
 def test_points_of_the_plane_in_focus_fall_onto_one_spot_each():
@@ -106,47 +106,55 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("placed", [False, True])
-@pytest.mark.parametrize("array", KINDS.values(), ids=KINDS)
-def test_the_chief_ray_is_what_small_microlenses_leave_of_the_light(array, placed):
+def assert_chief_rays_are_what_small_microlenses_leave(names, placed, rays):
     # Light through small round openings about the optical centres is the chief ray and its neighbours: a spot of radius
     # 24 um times 2 % near the plane in focus. Its centroid differs from the chief ray by aberrations of even order, a
     # part 0.05 of those of a whole cell, up to 3e-4 mm at the edge of the light: below 2e-5 mm.
-    array = {"aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.05), **array}
-    shifted = array.pop("imperfections", None)
-    if shifted is not None:
-        # An opening that is not about the optical axis has no chief ray for its centroid.
-        array["imperfections"] = dataclasses.replace(shifted, decentre=0.0)
-    camera = reference_camera(**array)
-    camera = assembled(camera) if placed else camera
-    point = in_world(camera, [(5.0, 3.0, -400.0)])
-    seen = project(camera, point, rays=1 << 18)
-    # Openings are 0.05 mm wide, which the image point, 11 mm behind them, sees as 0.6 mm of the exit pupil. All of them
-    # are lit whose chief ray passes the iris 0.7 mm inside its edge.
-    inner = project(dataclasses.replace(camera, lens=the_lens(stop=4.3)), point, rays=8)
-    inside = {tuple(index) for index in inner.index[inner.passes].tolist()}
-    known = np.array([tuple(index) in inside for index in seen.index.tolist()]) & seen.visible
-    assert known.sum() > 10
-    off, error = (seen.centroid - seen.position)[known], np.hypot(seen.centroid_error[known], 2e-5)
-    # Errors have 7 degrees of freedom: RMS 1.2 of scores; of 60 numbers, one in a thousand is beyond 6.
-    scores = off / error
-    assert np.abs(scores).max() < 6.5 and np.sqrt(np.mean(scores**2)) < 1.2 * (1 + 3 / math.sqrt(2 * scores.size))
+    small = {"aperture": pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.05)}
+    for name in names:
+        array = small | KINDS[name]
+        if "imperfections" in array:
+            # An opening that is not about the optical axis has no chief ray for its centroid.
+            array["imperfections"] = dataclasses.replace(array["imperfections"], decentre=0.0)
+        camera = reference_camera(**array)
+        camera = assembled(camera) if placed else camera
+        point = in_world(camera, [(5.0, 3.0, -400.0)])
+        seen = project(camera, point, rays=rays)
+        # Openings are 0.05 mm wide, which the image point, 11 mm behind them, sees as 0.6 mm of the exit pupil. All of
+        # them are lit whose chief ray passes the iris 0.7 mm inside its edge.
+        inner = project(dataclasses.replace(camera, lens=the_lens(stop=4.3)), point, rays=8)
+        inside = {tuple(index) for index in inner.index[inner.passes].tolist()}
+        known = np.array([tuple(index) in inside for index in seen.index.tolist()]) & seen.visible
+        assert known.sum() > 10, name
+        off, error = (seen.centroid - seen.position)[known], np.hypot(seen.centroid_error[known], 2e-5)
+        # Errors have 7 degrees of freedom: RMS 1.2 of scores; of 60 numbers, one in a thousand is beyond 6.
+        scores = off / error
+        assert np.abs(scores).max() < 6.5, (name, placed)
+        assert np.sqrt(np.mean(scores**2)) < 1.2 * (1 + 3 / math.sqrt(2 * scores.size)), (name, placed)
 
 
+def test_the_chief_ray_is_what_small_microlenses_leave_of_the_light():
+    assert_chief_rays_are_what_small_microlenses_leave(
+        ["types", "flat", "spherical to the sensor", "imperfect"], True, 1 << 17
+    )
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("placed", [False, True])
-@pytest.mark.parametrize("array", [KINDS["thin"], KINDS["spherical to the sensor"]], ids=["thin", "spherical"])
-def test_chief_rays_pass_centres_to_a_millionth_of_a_micrometre(array, placed):
-    camera = reference_camera(**array)
-    camera = assembled(camera) if placed else camera
-    axes, made = array_axes(camera), camera.microlenses
-    bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
-    entrance, aim = EntranceRays(-40.0, 5.0, camera.wavelength, bare, bare), Aim(bare, ThroughArray(axes, made).places)
-    rng = np.random.default_rng(3)
-    wanted = rng.uniform(-1.5, 1.5, (200, 2))
-    points = np.tile([4.0, -3.0, -380.0], (200, 1))
-    found = aimed(entrance, aim, points, wanted, np.zeros((200, 2)))
-    passed = aim.places(traced_by(bare, entrance.through(points, found)))
-    np.testing.assert_allclose(passed, wanted, rtol=0, atol=1e-9)
+def test_the_chief_ray_is_what_small_microlenses_of_all_kinds_leave_of_the_light(placed):
+    assert_chief_rays_are_what_small_microlenses_leave(KINDS, placed, 1 << 18)
+
+
+def test_chief_rays_pass_centres_to_a_millionth_of_a_micrometre():
+    points, wanted = np.tile([4.0, -3.0, -380.0], (200, 1)), np.random.default_rng(3).uniform(-1.5, 1.5, (200, 2))
+    for name in ("thin", "spherical to the sensor"):
+        for camera in (reference_camera(**KINDS[name]), assembled(reference_camera(**KINDS[name]))):
+            bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
+            entrance = EntranceRays(-40.0, 5.0, camera.wavelength, bare, bare)
+            aim = Aim(bare, ThroughArray(array_axes(camera), camera.microlenses).places)
+            found = aimed(entrance, aim, points, wanted, np.zeros((200, 2)))
+            passed = aim.places(traced_by(bare, entrance.through(points, found)))
+            np.testing.assert_allclose(passed, wanted, rtol=0, atol=1e-9, err_msg=name)
 
 
 def test_free_microlenses_that_repeat_a_lattice_see_the_same():
@@ -165,19 +173,19 @@ def test_free_microlenses_that_repeat_a_lattice_see_the_same():
 # ---- without microlenses ----
 
 
-@pytest.mark.parametrize("model", [pl.LensModel.EXACT, pl.LensModel.THIN, pl.LensModel.PARAXIAL])
-def test_a_conventional_camera_has_one_row_a_point_through_the_centre_of_the_iris(model):
-    lens = the_lens(model)
-    camera = bare_camera(lens)
+def test_a_conventional_camera_has_one_row_a_point_through_the_centre_of_the_iris():
     points = np.array([(0.0, 0.0, -404.0), (6.0, -3.0, -404.0), (-2.0, 5.0, -1e6), (1.0, 1.0, -80.0)])
-    seen = project(camera, points)
-    np.testing.assert_array_equal(seen.point, np.arange(4))
-    assert seen.index is None and seen.type is None and seen.passes.all()
-    for k, (x, y, z) in enumerate(points.tolist()):
-        ray = pl.aiming.chief_ray(lens, field=(x, y), z_object=z)
-        landed = lens.trace(ray).at_z(camera.z_sensor)[0, :2]
-        # The iris is hit to 1e-9 mm on either side; 134.6 mm behind it rays are no more than 3 times as far off.
-        np.testing.assert_allclose(seen.position[k], landed, rtol=0, atol=1e-8)
+    for model in (pl.LensModel.EXACT, pl.LensModel.THIN, pl.LensModel.PARAXIAL):
+        lens = the_lens(model)
+        camera = bare_camera(lens)
+        seen = project(camera, points)
+        np.testing.assert_array_equal(seen.point, np.arange(4))
+        assert seen.index is None and seen.type is None and seen.passes.all()
+        for k, (x, y, z) in enumerate(points.tolist()):
+            ray = pl.aiming.chief_ray(lens, field=(x, y), z_object=z)
+            landed = lens.trace(ray).at_z(camera.z_sensor)[0, :2]
+            # The iris is hit to 1e-9 mm on either side; 134.6 mm behind it rays are no more than 3 times as far off.
+            np.testing.assert_allclose(seen.position[k], landed, rtol=0, atol=1e-8, err_msg=model.name)
 
 
 def test_a_conventional_camera_with_parts_out_of_place():
@@ -216,13 +224,11 @@ def test_light_of_all_microlenses_is_that_of_the_point():
     np.testing.assert_allclose(seen.centroid[k], mean, rtol=0, atol=5 * seen.centroid_error[k].max() + 1e-6)
 
 
-@pytest.mark.parametrize(
-    "array, placed", [(KINDS["types"], True), (KINDS["spherical"], False)], ids=["types", "spherical"]
-)
-def test_centroids_are_those_of_rendered_small_emitters(array, placed):
+@pytest.mark.parametrize("kind, placed", [pytest.param("types", True, marks=pytest.mark.slow), ("spherical", False)])
+def test_centroids_are_those_of_rendered_small_emitters(kind, placed):
     # Centroids over pixels are those of the light where the square's image is as wide as a pixel: the frequency at
     # which pixels repeat is missing in it then. At 2 % from that they err by 2 % / pi of a pixel, 1e-4 mm, or less.
-    camera = reference_camera(**array)
+    camera = reference_camera(**KINDS[kind])
     camera = assembled(camera) if placed else camera
     centre = np.array([3.0, 2.0, -385.0])
     pair = project(camera, in_world(camera, np.add(centre, [[-0.05, 0, 0], [0.05, 0, 0]])), rays=8)
@@ -345,13 +351,14 @@ def card(x, y, z, width, height):
     return pl.quad((x - width / 2, y - height / 2, z), (width, 0, 0), (0, height, 0), material=pl.Lambertian(0.5))
 
 
-@pytest.mark.parametrize("z", [-404.0, -1e6])
-def test_the_surface_of_a_point_does_not_hide_it(z):
-    size = -2 * z
-    scene = pl.Scene([card(0, 0, z, size, size)], background=1.0)
+def test_the_surface_of_a_point_does_not_hide_it():
     camera = reference_camera()
-    points = np.array([[0.0, 0.0, z], [-0.01 * z, 0.005 * z, z]])
-    np.testing.assert_array_equal(project(camera, points, scene=scene).visible, project(camera, points).visible)
+    for z in (-404.0, -1e6):
+        scene = pl.Scene([card(0, 0, z, -2 * z, -2 * z)], background=1.0)
+        points = np.array([[0.0, 0.0, z], [-0.01 * z, 0.005 * z, z]])
+        np.testing.assert_array_equal(project(camera, points, scene=scene).visible, project(camera, points).visible)
+    # A scene without meshes hides nothing.
+    assert project(camera, points, scene=pl.Scene(background=1.0)) == project(camera, points)
 
 
 def test_a_card_hides_what_is_behind_it():
@@ -362,28 +369,21 @@ def test_a_card_hides_what_is_behind_it():
     assert not seen.visible[seen.point == 0].any() and seen.visible[seen.point == 1].all()
 
 
-@pytest.mark.parametrize("posed", [False, True])
-def test_half_a_card_hides_the_microlenses_that_look_past_its_other_side(posed):
+def test_half_a_card_hides_the_microlenses_that_look_past_its_other_side():
     # A card over the half x > 0 right before the lens. The image of a point on the axis lies behind the array, whose
     # microlenses at x > 0 therefore get the light of the half x > 0 of the lens.
-    camera = reference_camera()
-    half = pl.box(20.0, center=(10.0, 0.0, -60.0), material=pl.Lambertian(0.5))
-    point = np.array([[0.0, 0.0, -404.0]])
-    if posed:
-        camera = camera.posed((100, 50, 700), (30, -20, 10), (0.1, 1, 0))
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = camera.pose.rotation, camera.pose.position
-        half, point = half.transformed(matrix), camera.pose.to_world(point)
-    seen = project(camera, point, scene=pl.Scene([half], background=1.0))
-    x = (seen.index @ camera.microlenses.basis)[:, 0]
-    aside = np.abs(x) > 0.1
-    np.testing.assert_array_equal(seen.visible[aside], (x < 0)[aside])
-
-
-def test_a_scene_without_meshes_hides_nothing():
-    camera = reference_camera()
-    seen = project(camera, (0.0, 0.0, -404.0), scene=pl.Scene(background=1.0))
-    assert seen == project(camera, (0.0, 0.0, -404.0))
+    straight = reference_camera()
+    for camera in (straight, straight.posed((100, 50, 700), (30, -20, 10), (0.1, 1, 0))):
+        half = pl.box(20.0, center=(10.0, 0.0, -60.0), material=pl.Lambertian(0.5))
+        if camera.pose is not None:
+            matrix = np.eye(4)
+            matrix[:3, :3], matrix[:3, 3] = camera.pose.rotation, camera.pose.position
+            half = half.transformed(matrix)
+        point = in_world(camera, [[0.0, 0.0, -404.0]])
+        seen = project(camera, point, scene=pl.Scene([half], background=1.0))
+        x = (seen.index @ camera.microlenses.basis)[:, 0]
+        aside = np.abs(x) > 0.1
+        np.testing.assert_array_equal(seen.visible[aside], (x < 0)[aside])
 
 
 # ---- values ----
@@ -427,18 +427,14 @@ def test_more_rays_leave_chief_rays_as_they_are():
     assert np.median(many.centroid_error) < 0.1 * np.median(few.centroid_error)
 
 
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
+def test_impossible_arguments():
+    for change, sentence in (
         ({"camera": 3}, "camera is an int; give a PlenopticCamera"),
         ({"points": (0, 0, -10)}, r"point 0 lies at z = -10 mm .* points must lie in front of it"),
         ({"points": (0, 0, np.nan)}, "points holds nan; all coordinates must be finite"),
         ({"points": (0, 0)}, r"points has shape \(1, 2\); it must have shape \(n, 3\)"),
         ({"rays": 0}, "rays is 0; it must be at least 1"),
         ({"scene": 3}, "scene is an int; give a Scene"),
-    ],
-)
-def test_impossible_arguments(change, sentence):
-    arguments = {"camera": reference_camera(), "points": (0, 0, -404), **change}
-    with pytest.raises(pl.errors.InvalidValueError, match=sentence):
-        project(arguments.pop("camera"), arguments.pop("points"), **arguments)
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=sentence):
+            project(**{"camera": reference_camera(), "points": (0, 0, -404), **change})

@@ -14,7 +14,9 @@ from plenoptic.camera.report.optics import corner_light
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.optics.stops.mask import MaskStop
+from plenoptic.study.cameras import reference_camera
 
+REFERENCE = reference_camera()
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
 POINT = (5.0, 3.0, -380.0)
 PIXEL = 0.01
@@ -22,14 +24,9 @@ PIXEL = 0.01
 
 def the_camera(stop=5.0, lens=GAUSS, b=1.7, pixels=None, **changes):
     stop = pl.CircularStop(stop) if isinstance(stop, float) else stop
-    return pl.PlenopticCamera(
-        lens=lens.with_stop(stop),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        sensor=pl.Sensor(shape=(512, 512), pixel_pitch=PIXEL, **(pixels or {})),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=b,
-        **changes,
-    )
+    sensor = dataclasses.replace(REFERENCE.sensor, **(pixels or {}))
+    changes = {"lens": lens.with_stop(stop), "sensor": sensor, "microlenses_to_sensor": b, **changes}
+    return dataclasses.replace(REFERENCE, **changes)
 
 
 def camera_obscura(**changes):
@@ -41,10 +38,14 @@ def camera_obscura(**changes):
     return dataclasses.replace(camera, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(1e9,)))
 
 
-def sources(n=400):
-    """Points whose images through the hole lie all over the sensor."""
-    places = np.random.default_rng(1).uniform(-8.0, 8.0, (n, 2))
-    return np.column_stack([places, np.full(n, -404.0)])
+PLACES = np.random.default_rng(1).uniform(-8.0, 8.0, (300, 2))
+SOURCES = np.column_stack([PLACES, np.full(len(PLACES), -404.0)])
+"""Points whose images through the hole lie all over the sensor."""
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return landing_points(camera_obscura(), SOURCES, rays=4)
 
 
 # ---- pixels ----
@@ -66,20 +67,17 @@ def test_light_beside_openings_is_a_fate():
     spread = point_spread(given, [(1.0, 0.5, -250.0), (8.5, 0.0, -404.0)], rays=1 << 14)
     assert ("beside_opening", None) in spread.fates
     np.testing.assert_allclose(spread.fractions.sum(axis=1), 1.0, rtol=1e-12)
-    found, plain = (
-        spread.fraction_by_fate,
-        point_spread(the_camera(), (1.0, 0.5, -250.0), rays=1 << 14).fraction_by_fate,
-    )
+    alone = point_spread(the_camera(), (1.0, 0.5, -250.0), rays=1 << 14)
+    found, plain = spread.fraction_by_fate, alone.fraction_by_fate
     # The light of a point covers some thousand pixels: 0.3 of it to a few per cent.
     assert found["landed"][0] / plain["landed"] == pytest.approx(0.3, abs=0.03)
     assert found["landed"][0] + found["beside_opening"][0] == pytest.approx(plain["landed"], rel=1e-12)
     assert "beside_opening" not in plain
 
 
-def test_response_is_that_to_the_direction_of_each_ray():
+def test_response_is_that_to_the_direction_of_each_ray(plain):
     response = AngularResponse(well_depth=2.0, index=1.3, pupil_distance=60.0, exponent=3.0)
-    plain = landing_points(camera_obscura(), sources(), rays=4)
-    found = landing_points(camera_obscura(pixels={"angular_response": response}), sources(), rays=4)
+    found = landing_points(camera_obscura(pixels={"angular_response": response}), SOURCES, rays=4)
     x, y = found.position.T
     expected = response.at(-x / 125.0, -y / 125.0, x=x, y=y)
     # The hole is 1e-4 mm wide, 125 mm away; the response changes by some 3 per unit of slope.
@@ -90,36 +88,25 @@ def test_response_is_that_to_the_direction_of_each_ray():
 # ---- dust ----
 
 
-@pytest.mark.parametrize(
-    ("site", "height", "z"),
-    [
+def test_dust_takes_its_part_where_rays_cross_its_plane(plain):
+    rng = np.random.default_rng(4)
+    for site, height, z in (
         (BlemishSite.SENSOR, 0.0, 125.0),
         (BlemishSite.SENSOR, 0.8, 124.2),
         (BlemishSite.ARRAY, 0.0, 123.3),
         (BlemishSite.LENS_REAR, 0.0, float(GAUSS.vertices[-1])),
         (BlemishSite.LENS_FRONT, 0.0, float(GAUSS.vertices[0])),
-    ],
-)
-def test_dust_takes_its_part_where_rays_cross_its_plane(site, height, z):
-    scale = z / 125.0
-    rng = np.random.default_rng(4)
-    start = scale * rng.uniform(-2.6, 2.6, (40, 2))
-    grains = Blemishes(
-        site,
-        start,
-        start + scale * rng.uniform(-0.5, 0.5, (40, 2)),
-        radius=abs(scale) * rng.uniform(0.05, 0.2, 40),
-        transmission=rng.uniform(0.0, 0.9, 40),
-        height=height,
-    )
-    plain = landing_points(camera_obscura(), sources(), rays=4)
-    found = landing_points(camera_obscura(blemishes=(grains,)), sources(), rays=4)
-    np.testing.assert_array_equal(found.position, plain.position)
-    passing = grains.at(scale * found.position)
-    ratio = found.weight / plain.weight
-    # At the edge of a grain, the width of the hole decides: 1e-4 mm of some 0.1 mm.
-    assert (np.abs(ratio - passing) < 1e-12).mean() > 0.99
-    assert 0.05 < (passing < 1).mean() < 0.9
+    ):
+        scale = z / 125.0
+        start = scale * rng.uniform(-2.6, 2.6, (40, 2))
+        end, radius = start + scale * rng.uniform(-0.5, 0.5, (40, 2)), abs(scale) * rng.uniform(0.05, 0.2, 40)
+        grains = Blemishes(site, start, end, radius, transmission=rng.uniform(0.0, 0.9, 40), height=height)
+        found = landing_points(camera_obscura(blemishes=(grains,)), SOURCES, rays=4)
+        np.testing.assert_array_equal(found.position, plain.position)
+        passing = grains.at(scale * found.position)
+        # At the edge of a grain, the width of the hole decides: 1e-4 mm of some 0.1 mm.
+        assert (np.abs(found.weight / plain.weight - passing) < 1e-12).mean() > 0.99, (site, height)
+        assert 0.05 < (passing < 1).mean() < 0.9, (site, height)
 
 
 def test_dust_moves_with_what_it_lies_on():
@@ -127,7 +114,7 @@ def test_dust_moves_with_what_it_lies_on():
     for part, site in ((pl.CameraPart.SENSOR, BlemishSite.SENSOR), (pl.CameraPart.MICROLENSES, BlemishSite.ARRAY)):
         camera = camera_obscura(blemishes=(dataclasses.replace(grain, site=site),))
         moved = camera.moved(part, shift=(0.2, 0.1, 0.0), tilt=(0.0, 0.0, 0.5))
-        found = landing_points(moved, sources(), rays=1)
+        found = landing_points(moved, SOURCES, rays=1)
         turn = np.array([[math.cos(0.5), -math.sin(0.5)], [math.sin(0.5), math.cos(0.5)]])
         # On the sensor in its own axes; on the array as its shadow, 1.7 mm behind it.
         centre = np.array([0.4, -0.3])
@@ -151,13 +138,11 @@ def test_rays_that_dust_stops_have_landed():
 def test_what_dims_nothing_changes_nothing():
     plain = point_spread(the_camera(), POINT, rays=1 << 12)
     none = Blemishes(BlemishSite.SENSOR, [], [], [], [])
-    assert point_spread(
-        the_camera(blemishes=(none,), pixels={"pixel_aperture": (1, 1)}), POINT, rays=1 << 12
-    ).light == (plain.light)
+    empty = the_camera(blemishes=(none,), pixels={"pixel_aperture": (1, 1)})
+    assert point_spread(empty, POINT, rays=1 << 12).light == plain.light
     clear = tuple(Blemishes(site, [POINT[:2]], [(0.0, 0.0)], radius=30.0, transmission=1.0) for site in BlemishSite)
-    found = point_spread(
-        the_camera(blemishes=clear, pixels={"angular_response": AngularResponse()}), POINT, rays=1 << 12
-    )
+    clear = the_camera(blemishes=clear, pixels={"angular_response": AngularResponse()})
+    found = point_spread(clear, POINT, rays=1 << 12)
     np.testing.assert_allclose(found.image, plain.image, rtol=1e-13)
 
 
@@ -195,33 +180,29 @@ def centroid_on_axis(stop):
     return centroids_of(camera, np.zeros((1, 2)))[0]
 
 
-@pytest.mark.parametrize("upright", [False, True])
-def test_the_centroid_of_two_greys_is_their_mean(upright):
+def test_the_centroid_of_two_greys_is_their_mean():
     # Two squares of 4 mm, column 0 at negative x and row 0 at positive y: the iris's light lies at
     # (1 (-2) + 0.5 (2)) / 1.5 = -2/3 mm. Through the microlens's centre it lands at -b / D of it.
-    cells, towards = ([[0.5], [1.0]], np.array([0.0, 1.0])) if upright else ([[1.0, 0.5]], np.array([1.0, 0.0]))
-    expected = 2.0 / 3.0 * 2.0 / 123.3 * towards
-    # cos^4 varies by 2 (4 / 123.3)^2 over the iris, which is 2e-3 of 0.011 mm; edges are found to 8 / 23 / 2^8 mm of
-    # the iris: 2e-5 mm.
-    np.testing.assert_allclose(centroid_on_axis(mask(cells, 4.0)), expected, atol=5e-5)
+    for cells, towards in (([[0.5], [1.0]], (0.0, 1.0)), ([[1.0, 0.5]], (1.0, 0.0))):
+        # cos^4 varies by 2 (4 / 123.3)^2 over the iris, which is 2e-3 of 0.011 mm; edges are found to 8 / 23 / 2^8 mm
+        # of the iris: 2e-5 mm.
+        expected = 2.0 / 3.0 * 2.0 / 123.3 * np.array(towards)
+        np.testing.assert_allclose(centroid_on_axis(mask(cells, 4.0)), expected, atol=5e-5)
 
 
-@pytest.mark.parametrize("cells", [3, 10, 100])
-def test_the_centroid_of_a_wedge(cells):
+def test_the_centroid_of_a_wedge():
     # Transmission (k + 1/2) / n: the mean of x is w / 6 (1 - 1 / n^2) for the width w = 8.
-    wedge = mask(np.tile((np.arange(cells) + 0.5) / cells, (cells, 1)), 8.0 / cells)
-    expected = -8.0 / 6.0 * (1 - 1 / cells**2) * 2.0 / 123.3
-    # As documented for centroids, some 0.01 pixels.
-    np.testing.assert_allclose(centroid_on_axis(wedge), [expected, 0.0], atol=0.02 * PIXEL)
+    for cells in (3, 100):
+        wedge = mask(np.tile((np.arange(cells) + 0.5) / cells, (cells, 1)), 8.0 / cells)
+        expected = -8.0 / 6.0 * (1 - 1 / cells**2) * 2.0 / 123.3
+        # As documented for centroids, some 0.01 pixels.
+        np.testing.assert_allclose(centroid_on_axis(wedge), [expected, 0.0], atol=0.02 * PIXEL)
 
 
 def test_centroids_through_a_constant_mask_are_those_without_it():
     lens = GAUSS.inserted(pl.CircularStop(3.5), 60.0)
     points = np.array([[0.0, 0.0], [2.0, 1.0], [-2.0, 0.5]])
-    found = []
-    for t in (1.0, 0.5):
-        camera = the_camera(mask([[t]], 5.0), lens)
-        found.append(centroids_of(camera, points))
+    found = [centroids_of(the_camera(mask([[t]], 5.0), lens), points) for t in (1.0, 0.5)]
     # The rays are the same, and the weights are halved exactly.
     np.testing.assert_allclose(found[1], found[0], rtol=1e-13, atol=1e-16)
 
