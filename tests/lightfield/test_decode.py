@@ -59,19 +59,22 @@ def blob(n, sigma, centre=(0.0, 0.0)):
 # ---- white images ----
 
 
-@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE, RECTANGULAR])
-@pytest.mark.parametrize("model", [pl.LensModel.THIN, pl.LensModel.EXACT])
-def test_white_decodes_to_one_wherever_it_is_lit(lattice, model):
-    camera = the_camera((190, 210), model, lattice=lattice, pitch=(0.217, 0.24) if lattice is RECTANGULAR else 0.217)
-    white = white_of(camera, samples=16)
-    field = decode(white, white)
-    lit = np.isfinite(field.views)
-    # Float32 rounding of 1.
-    np.testing.assert_allclose(field.views[lit], 1.0, rtol=1e-6)
-    inside = np.hypot(*np.moveaxis(field.pupil, -1, 0)) < 0.85
-    middle = np.s_[:, 2:-2, 2:-2]  # the border of a hexagonal lattice is ragged
-    assert lit[inside][middle].all() and lit[inside][middle].size > 1000
-    assert not lit[np.hypot(*np.moveaxis(field.pupil, -1, 0)) > 1.25].any()
+def test_white_decodes_to_one_wherever_it_is_lit():
+    thin, exact = pl.LensModel.THIN, pl.LensModel.EXACT
+    for lattice, pitch, model in (
+        (HEXAGONAL, 0.217, exact),
+        (SQUARE, 0.217, thin),
+        (RECTANGULAR, (0.217, 0.24), exact),
+    ):
+        white = white_of(the_camera((190, 210), model, lattice=lattice, pitch=pitch), samples=16)
+        field = decode(white, white)
+        lit = np.isfinite(field.views)
+        # Float32 rounding of 1.
+        np.testing.assert_allclose(field.views[lit], 1.0, rtol=1e-6)
+        inside = np.hypot(*np.moveaxis(field.pupil, -1, 0)) < 0.85
+        middle = np.s_[:, 2:-2, 2:-2]  # the border of a hexagonal lattice is ragged
+        assert lit[inside][middle].all() and lit[inside][middle].size > 1000, lattice
+        assert not lit[np.hypot(*np.moveaxis(field.pupil, -1, 0)) > 1.25].any(), lattice
 
 
 def test_errors_are_those_of_independent_pixels():
@@ -123,15 +126,14 @@ def grid_of(array, half, spacing=None):
     return lenses.design, grid, *np.meshgrid(x, y)
 
 
-@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
-@pytest.mark.parametrize("spacing", [None, 0.037])
-def test_resampling_reproduces_linear_functions_exactly(lattice, spacing):
-    design, grid, x, y = grid_of(pl.MicrolensArray(0.1, (1.0,), lattice), 1.0, spacing)
-    seen = grid.mixed((3.0 + 2.0 * design[:, 0] - 5.0 * design[:, 1])[:, None])[:, :, 0]
-    known = np.isfinite(seen)
-    # The lattice is known a row beyond all but the ragged border.
-    assert known[2:-2, 2:-2].all()
-    np.testing.assert_allclose(seen[known], (3.0 + 2.0 * x - 5.0 * y)[known], atol=1e-12)
+def test_resampling_reproduces_linear_functions_exactly():
+    for lattice, spacing in ((HEXAGONAL, None), (HEXAGONAL, 0.037), (SQUARE, None), (SQUARE, 0.037)):
+        design, grid, x, y = grid_of(pl.MicrolensArray(0.1, (1.0,), lattice), 1.0, spacing)
+        seen = grid.mixed((3.0 + 2.0 * design[:, 0] - 5.0 * design[:, 1])[:, None])[:, :, 0]
+        known = np.isfinite(seen)
+        # The lattice is known a row beyond all but the ragged border.
+        assert known[2:-2, 2:-2].all(), (lattice, spacing)
+        np.testing.assert_allclose(seen[known], (3.0 + 2.0 * x - 5.0 * y)[known], atol=1e-12)
 
 
 def test_resampling_of_a_smooth_function_errs_by_the_square_of_the_pitch():
@@ -187,24 +189,24 @@ def test_what_the_lattice_resolves_is_not_in_doubt():
     assert square.doubt(design[:, :1] ** 2, 0 * design[:, :1]).max() == 0.0
 
 
-@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
-def test_a_turned_array_shows_the_scene_upright(lattice):
+def test_a_turned_array_shows_the_scene_upright():
     """What is linear in the camera's own x and y stays so, wherever and however the array is put."""
-    built = the_camera((242, 242), lattice=lattice, imperfections=pl.MicrolensImperfections(pitch_jitter=0.01, seed=2))
-    camera = built.moved(pl.CameraPart.MICROLENSES, shift=(0.1, -0.05, 0.0), tilt=(0.0, 0.0, 0.35))
-    rows, columns = np.mgrid[0:242, 0:242]
-    place = camera.sensor.centre_of(rows, columns)
-    shot = pl.Exposure((5 + place @ [0.7, -0.4])[:, :, None], camera=camera)
-    field = decode(shot, pl.Exposure(np.ones((242, 242, 1))), views=1)
-    x = field.origin[0] - field.spacing[0] * np.arange(field.views.shape[3])
-    y = field.origin[1] + field.spacing[1] * np.arange(field.views.shape[2])
-    seen = field.centre[:, :, 0]
-    known = np.isfinite(seen)
-    table = np.column_stack([*(part[known] for part in np.meshgrid(x, y)), np.ones(known.sum())])
-    fit, *_ = np.linalg.lstsq(table, seen[known], rcond=None)
-    assert known.mean() > 0.5
-    assert fit[1] / fit[0] == pytest.approx(-0.4 / 0.7, rel=1e-3)
-    assert np.abs(table @ fit - seen[known]).max() < 1e-3
+    jitter = pl.MicrolensImperfections(pitch_jitter=0.01, seed=2)
+    for lattice in (HEXAGONAL, SQUARE):
+        built = the_camera((242, 242), lattice=lattice, imperfections=jitter)
+        camera = built.moved(pl.CameraPart.MICROLENSES, shift=(0.1, -0.05, 0.0), tilt=(0.0, 0.0, 0.35))
+        place = camera.sensor.centre_of(*np.mgrid[0:242, 0:242])
+        shot = pl.Exposure((5 + place @ [0.7, -0.4])[:, :, None], camera=camera)
+        field = decode(shot, pl.Exposure(np.ones((242, 242, 1))), views=1)
+        x = field.origin[0] - field.spacing[0] * np.arange(field.views.shape[3])
+        y = field.origin[1] + field.spacing[1] * np.arange(field.views.shape[2])
+        seen = field.centre[:, :, 0]
+        known = np.isfinite(seen)
+        table = np.column_stack([*(part[known] for part in np.meshgrid(x, y)), np.ones(known.sum())])
+        fit, *_ = np.linalg.lstsq(table, seen[known], rcond=None)
+        assert known.mean() > 0.5
+        assert fit[1] / fit[0] == pytest.approx(-0.4 / 0.7, rel=1e-3), lattice
+        assert np.abs(table @ fit - seen[known]).max() < 1e-3, lattice
 
 
 def test_square_lattices_are_taken_as_they_are():
@@ -280,14 +282,14 @@ def test_views_are_upright(in_focus):
 def test_points_out_of_focus_move_by_the_disparity_of_a_thin_lens(z, lattice):
     """Closed form, from the lens formula alone: f = 100.72, both principal planes in one."""
     camera = the_camera((352, 352), lattice=lattice)
-    white = white_of(camera, 64)
+    white = white_of(camera, 32)
     points = pl.paraxial.cardinal_points(camera.lens)
     f, plane = points.efl, points.rear_principal
     # Beside the axis, up and to the right; a spot of 1.3 microlenses, so that sampling by cells leaves no ripple
     # (exp(-2 pi^2 1.3^2) is 1e-15).
     size = 1.3 * 0.217 / 0.318
     scene = tiles(blob(21, 3.0, centre=(2.0, -2.0)), size / 3.0, z)
-    field = decode(shot_of(scene, camera, 128), white, views=13)
+    field = decode(shot_of(scene, camera, 64), white, views=11)
     image = 1 / (1 / f - 1 / (plane - z))
     behind = plane + image - camera.stop_to_microlenses
     gap = camera.stop_to_microlenses - plane
@@ -302,8 +304,8 @@ def test_points_out_of_focus_move_by_the_disparity_of_a_thin_lens(z, lattice):
             moved.append((u, v, (picture * columns).sum() / total, (picture * rows).sum() / total))
     u, v, right, down = np.array(moved).T
     across, along = np.polyfit(u, right, 1)[0], np.polyfit(v, down, 1)[0]
-    # Noise: a spot of 1.3 pixels seen with some percent in each of 20 pixels has its centre to 0.01 pixels, and slopes
-    # over 33 views some 0.001.
+    # Noise: a spot of 1.3 pixels seen with some percent in each of 20 pixels has its centre to 0.015 pixels, and slopes
+    # over 33 views some 0.0015.
     assert across == pytest.approx(wanted, abs=0.004)
     assert along == pytest.approx(wanted, abs=0.006)
     np.testing.assert_allclose(field.disparity_at(z), (-wanted, -wanted), rtol=1e-9)
@@ -365,9 +367,8 @@ def test_pupil_coordinates_and_object_space_follow_gaussian_optics():
     assert field.disparity_at(-404.0) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
-@pytest.mark.parametrize("lattice", [HEXAGONAL, SQUARE])
-def test_a_view_from_a_chosen_place_is_that_of_a_light_field_there(lattice):
-    camera = the_camera((110, 110), lattice=lattice)
+def test_a_view_from_a_chosen_place_is_that_of_a_light_field_there():
+    camera = the_camera((110, 110), lattice=HEXAGONAL)
     white, scene = white_of(camera, 8), pl.Scene([pl.sphere(12.0, center=(3, 2, -404), material=pl.Emissive(2.0))])
     shot = shot_of(scene, camera, 8)
     many = decode(shot, white, views=9, step=0.5)
@@ -429,15 +430,15 @@ def test_impossible_calls_say_what_to_do():
         decode(white, white, camera=free)
 
 
-@pytest.mark.parametrize(("viewpoint", "empty"), [((0.8, 0.0), False), ((1.4, 0.0), True), ((0.9, 0.9), True)])
-def test_a_view_from_outside_the_pupil_says_that_it_is_empty(viewpoint, empty):
+def test_a_view_from_outside_the_pupil_says_that_it_is_empty():
     white = white_of(the_camera((110, 110)), 8)
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        field = decode(white, white, views=1, viewpoint=viewpoint)
-    assert np.isnan(field.views).all() == empty
-    assert [f"viewpoint {viewpoint} is empty" in str(one.message) for one in said] == [True] * empty
-    assert all("within the iris, -1 to 1" in str(one.message) for one in said)
+    for viewpoint, empty in (((0.8, 0.0), False), ((1.4, 0.0), True), ((0.9, 0.9), True)):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            field = decode(white, white, views=1, viewpoint=viewpoint)
+        assert np.isnan(field.views).all() == empty
+        assert [f"viewpoint {viewpoint} is empty" in str(one.message) for one in said] == [True] * empty
+        assert all("within the iris, -1 to 1" in str(one.message) for one in said)
 
 
 def test_views_are_drawn_as_they_lie_in_the_pupil():

@@ -31,9 +31,8 @@ def the_camera(b=1.7, stop=5.0, types=(2.0,), lattice=HEXAGONAL, shape=(120, 120
 GALILEAN, KEPLERIAN = the_camera(), the_camera(b=2.3, stop=3.7, types=(1.95, 2.05), lattice=SQUARE)
 CAMERAS = {
     "one type": GALILEAN,
-    "three types": the_camera(types=(1.85, 2.0, 2.3)),
     "Keplerian, square": KEPLERIAN,
-    "turned and tilted": the_camera(microlenses_placement=TURNED),
+    "three types, turned and tilted": the_camera(types=(1.85, 2.0, 2.3), microlenses_placement=TURNED),
 }
 
 
@@ -88,22 +87,20 @@ def hidden():
 # ---- laws ----
 
 
-@pytest.mark.parametrize("viewpoint", [(0.0, 0.0), (-0.6, 0.5)])
-def test_a_constant_scene_gives_the_constant_whatever_the_depth(white, viewpoint):
+def test_a_constant_scene_gives_the_constant_whatever_the_depth(white):
     """Fits reproduce constants: what is left is rounding, of float32."""
     depth = np.where(np.arange(120) < 60, 3.0, 5.0) * np.ones((120, 1))
     depth[:, :20] = np.nan
-    for disparity in (depth, 4.0):
+    for disparity, viewpoint in ((4.0, (0.0, 0.0)), (depth, (0.0, 0.0)), (depth, (-0.6, 0.5))):
         view = render_view(white, white, disparity, viewpoint=viewpoint)
         seen = np.isfinite(view.picture)
-        assert seen.any() and np.abs(view.picture[seen] - 1.0).max() < 1e-6
+        assert seen.any() and np.abs(view.picture[seen] - 1.0).max() < 1e-6, viewpoint
         assert np.array_equal(np.isfinite(view.disparity), seen[..., 0])
         assert np.array_equal(view.coverage > 0, seen[..., 0])
-    view = render_view(white, white, depth, viewpoint=viewpoint)
     assert np.isnan(view.picture).any() and set(view.disparity[np.isfinite(view.disparity)].round(6)) == {3.0, 5.0}
 
 
-@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("name", [pytest.param("one type", marks=pytest.mark.slow), *list(CAMERAS)[1:]])
 def test_a_texture_lies_where_it_is(name):
     """In focus or not, from the middle of the pupil and beside it, upright.
 
@@ -127,9 +124,8 @@ def test_a_texture_lies_where_it_is(name):
         assert (off[seen] < 3 * view.standard_error[seen]).mean() > 0.97
 
 
-def test_the_rays_of_a_view_meet_at_the_viewpoint():
+def test_the_rays_of_a_view_meet_at_the_viewpoint(white):
     """In object space at the pupil, right of its middle and above it; of a thin lens, in its own plane, exactly."""
-    white = white_of(GALILEAN)
     view = render_view(white, white, z=-400.0, viewpoint=(0.5, 0.25))
     points = [view.truth(pl.Scene([glowing(z, 900.0, 1.0)])).position for z in (-300.0, -600.0)]
     pupil = pl.paraxial.cardinal_points(GALILEAN.lens, wavelength=587.6)
@@ -152,23 +148,22 @@ def _pure(view, scene, at_least=2):
     return found, same
 
 
-@pytest.mark.parametrize("fat", [0, 2])
-@pytest.mark.parametrize("viewpoint", [(0.0, 0.0), (0.5, 0.5)])
-def test_what_is_nearer_hides_what_is_behind(white, hidden, viewpoint, fat):
+def test_what_is_nearer_hides_what_is_behind(white, hidden):
     """Also where the map of disparity shows it wider than it is, as matching in windows does."""
     scene, shot = hidden
-    disparity = shot.truth.chord_disparity.copy()
-    for _ in range(fat):
-        padded = np.pad(disparity, 1, mode="edge")
+    for fat, viewpoint in ((0, (0.0, 0.0)), (2, (0.0, 0.0)), (2, (0.5, 0.5))):
+        disparity = shot.truth.chord_disparity.copy()
         rows, columns = disparity.shape
-        disparity = np.min([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0)
-    view = render_view(shot, white, disparity, viewpoint=viewpoint)
-    found, pure = _pure(view, scene)
-    for mesh, radiance in enumerate((0.2, 1.0)):
-        shown = view.picture[pure & (found == mesh) & np.isfinite(view.disparity)]
-        assert len(shown) > 100
-        # Where pixels mix both, farther out than matters elsewhere, bright and dark differ by 0.8.
-        assert (np.abs(shown - radiance) < 0.1).mean() > 0.95
+        for _ in range(fat):
+            padded = np.pad(disparity, 1, mode="edge")
+            disparity = np.min([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0)
+        view = render_view(shot, white, disparity, viewpoint=viewpoint)
+        found, pure = _pure(view, scene)
+        for mesh, radiance in enumerate((0.2, 1.0)):
+            shown = view.picture[pure & (found == mesh) & np.isfinite(view.disparity)]
+            assert len(shown) > 100
+            # Where pixels mix both, farther out than matters elsewhere, bright and dark differ by 0.8.
+            assert (np.abs(shown - radiance) < 0.1).mean() > 0.95, (fat, viewpoint)
 
 
 def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
@@ -185,12 +180,12 @@ def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
     assert np.allclose(again, sharp, atol=1e-5, equal_nan=True)
 
 
-def test_a_light_field_of_views_is_one_like_others():
+def test_a_light_field_of_views_is_one_like_others(white):
     """Its rays are those of views at its places of the pupil, and its disparities bring views of a plane together."""
     z = plane_at(GALILEAN, 4.0)
     magnified = abs(z / (GALILEAN.stop_to_microlenses + 4.0 * 1.7))
     scene, _ = waves(z, 8 * 6 * 0.217 * magnified, 6 * 0.217 * magnified)
-    shot, white = shot_of(scene, GALILEAN), white_of(GALILEAN)
+    shot = shot_of(scene, GALILEAN)
     field = render_views(shot, white, shot.truth.chord_disparity, views=3)
     assert field.views.shape[:2] == (3, 3) and np.allclose(field.pupil[2, 0], (0.6, 0.6), rtol=0, atol=1e-12)
     view = render_view(shot, white, shot.truth.chord_disparity, viewpoint=(0.6, 0.6))
@@ -228,11 +223,11 @@ def test_errors_are_those_of_independent_pixels(white):
 
 def test_the_view_of_a_region_is_part_of_the_whole_on_any_number_of_threads():
     """Inside, where no pixel beyond the region shows: 2.5 (1 + 0.5) pitches from its border."""
-    camera = the_camera(shape=(250, 250))
+    camera = the_camera(shape=(230, 240))
     scene = pl.Scene([glowing(plane_at(camera, 2.5), 60.0, 1.0)])
     white = white_of(camera)
     whole = render_view(shot := shot_of(scene, camera, 16), white, shot.truth.chord_disparity, threads=2)
-    part = np.s_[20:230, 30:240]
+    part = np.s_[20:206, 30:220]
     cut = shot_of(scene, camera, 16, region=part)
     view = render_view(cut, white, cut.truth.chord_disparity, threads=1)
     offset = np.rint((view.on_array[0, 0] - whole.on_array[0, 0]) / whole.spacing).astype(int)
@@ -245,20 +240,18 @@ def test_the_view_of_a_region_is_part_of_the_whole_on_any_number_of_threads():
         assert getattr(view, name)[inner].size > 200
 
 
-def test_spacing_and_colour():
-    camera = GALILEAN
-    scene = pl.Scene([glowing(plane_at(camera, 4.0), 60.0, (0.9, 0.5, 0.1))])
-    shot = shot_of(scene, camera, 16)
-    view = render_view(shot, white_of(camera), shot.truth.chord_disparity, spacing=0.1)
+def test_spacing_and_colour(white):
+    scene = pl.Scene([glowing(plane_at(GALILEAN, 4.0), 60.0, (0.9, 0.5, 0.1))])
+    shot = shot_of(scene, GALILEAN, 16)
+    view = render_view(shot, white, shot.truth.chord_disparity, spacing=0.1)
     assert view.picture.shape[2] == 3 and view.spacing == 0.1
     assert np.abs(np.diff(view.on_array[:, 0, 1]) - 0.1).max() < 1e-12
     middle = view.picture[2:-2, 2:-2]
     assert np.abs(middle - (0.9, 0.5, 0.1)).max() < 8 * np.nanmax(view.standard_error[2:-2, 2:-2])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
+def test_mistakes_are_named(white):
+    for arguments, message in (
         ({}, "give either disparity"),
         ({"disparity": 3.0, "z": -400.0}, "give either disparity"),
         ({"disparity": np.zeros((3, 3))}, "disparity has shape"),
@@ -267,15 +260,9 @@ def test_spacing_and_colour():
         ({"disparity": 3.0, "viewpoint": 0.5}, "viewpoint has shape"),
         ({"disparity": 3.0, "aperture": 0.0}, "aperture is 0"),
         ({"disparity": 3.0, "spacing": -1.0}, "spacing is -1"),
-    ],
-)
-def test_mistakes_are_named(white, arguments, message):
-    with pytest.raises(InvalidValueError, match=message):
-        render_view(white, white, **arguments)
-
-
-def test_unfocused_cameras_are_refused():
-    camera = the_camera(b=2.0)
-    white = white_of(camera)
+    ):
+        with pytest.raises(InvalidValueError, match=message):
+            render_view(white, white, **arguments)
+    unfocused = white_of(the_camera(b=2.0, shape=(60, 60)))
     with pytest.raises(InvalidValueError, match="decode"):
-        render_view(white, white, 3.0)
+        render_view(unfocused, unfocused, 3.0)
