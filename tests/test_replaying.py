@@ -30,6 +30,7 @@ CAMERA = reference_camera()
 LENS = CAMERA.lens
 ARRAY = CAMERA.microlenses
 REGION = np.s_[300:302, 198:201]
+CHECKER = pl.Texture(np.random.default_rng(5).random((16, 16, 3)).astype(np.float32))
 
 
 def shoot(scene, camera=CAMERA, region=REGION, **how):
@@ -52,22 +53,19 @@ def pixels_of(shot):
     return [(row, column) for row in range(first_row, end_row) for column in range(first_column, end_column)]
 
 
-def mean_of(ways):
-    """Mean of contributions, added up as the renderer does: in each replicate one after the other, then these."""
-    sums = np.zeros((1 + max(way.replicate for way in ways), len(ways[0].contribution)))
-    for way in ways:
-        sums[way.replicate] += way.contribution
-    return sums.sum(axis=0) / len(ways)
-
-
 def assert_replayed(shot, scene, pixels=None, exact=True):
     """The law of contributions, in all pixels; returns all paths."""
     found = []
     for pixel in pixels_of(shot) if pixels is None else pixels:
         ways, value = paths_of(shot, scene, pixel)
         assert [way.sample for way in ways] == list(range(len(ways)))
+        # Added up as the renderer does: in each replicate one after the other, then these.
+        sums = np.zeros((1 + max(way.replicate for way in ways), len(ways[0].contribution)))
+        for way in ways:
+            sums[way.replicate] += way.contribution
+        mean = (sums.sum(axis=0) / len(ways)).astype(np.float32)
         # Otherwise sums are added in another order: float32 rounding, and some 20 additions in float64.
-        np.testing.assert_allclose(mean_of(ways).astype(np.float32), value, rtol=0 if exact else 2e-7, atol=0)
+        np.testing.assert_allclose(mean, value, rtol=0 if exact else 2e-7, atol=0)
         found += ways
     for way in found:
         assert_connected(way, shot.camera)
@@ -154,10 +152,9 @@ def assert_along(step, direction):
 # ---- the law of contributions ----
 
 
-@pytest.mark.parametrize("name", ["white", "check"])
-def test_contributions_are_those_of_the_image(name):
-    scene = None if name == "white" else pl.check_scene()
-    shot = shoot(scene)
+@pytest.mark.parametrize("make", [lambda: None, pl.check_scene], ids=["white", "check"])
+def test_contributions_are_those_of_the_image(make):
+    shot = shoot(scene := make())
     ways = assert_replayed(shot, scene)
     assert shot.image.any()
     # And paths are lost where the statistics say, as often.
@@ -177,9 +174,8 @@ def test_contributions_are_those_of_the_image(name):
 
 def lit_room():
     """Lights of all kinds on materials of all kinds, one of them instanced and mirrored."""
-    checker = pl.Texture(np.random.default_rng(5).random((16, 16, 3)).astype(np.float32))
-    floor = pl.quad((-30, -8, -380), (60, 0, 0), (0, 0, -60), material=pl.Lambertian(checker))
-    wall = pl.quad((-40, -40, -430), (80, 0, 0), (0, 80, 0), material=pl.MetallicRoughness(checker, 0.3, 0.4))
+    floor = pl.quad((-30, -8, -380), (60, 0, 0), (0, 0, -60), material=pl.Lambertian(CHECKER))
+    wall = pl.quad((-40, -40, -430), (80, 0, 0), (0, 80, 0), material=pl.MetallicRoughness(CHECKER, 0.3, 0.4))
     gauze = pl.quad((-30, -30, -372), (60, 0, 0), (0, 60, 0), material=pl.MetallicRoughness(0.5, 0.0, 0.5, opacity=0.4))
     ball = pl.sphere(1.5, material=pl.Conductor(0.9, alpha=0.2))
     places = np.tile(np.eye(4), (2, 1, 1))
@@ -199,8 +195,7 @@ def lit_room():
 
 
 def textured():
-    checker = pl.Texture(np.random.default_rng(5).random((16, 16, 3)).astype(np.float32))
-    wall = pl.quad((-40, -40, -410), (80, 0, 0), (0, 80, 0), material=pl.Lambertian(checker))
+    wall = pl.quad((-40, -40, -410), (80, 0, 0), (0, 80, 0), material=pl.Lambertian(CHECKER))
     return pl.Scene([wall], [pl.lights.PointLight((6, 6, -370), 150.0)], background=0.1)
 
 
@@ -219,31 +214,29 @@ HOW = {
 }
 
 
-CASES = [
-    *(("objects", how) for how in HOW),
-    ("textured", "as it is"),
-    *(("room", how) for how in ("as it is", "at random", "no caustics", "many bounces")),
-]
+CASES = {
+    "objects": list(HOW),
+    "textured": ["as it is"],
+    "room": ["as it is", "at random", "no caustics", "many bounces"],
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "how"), CASES)
-def test_scenes_and_settings(name, how):
+@pytest.mark.parametrize("name", CASES)
+def test_scenes_and_settings(name):
     scene = SCENES[name]()
-    shot = shoot(scene, region=np.s_[254:255, 256:258], **HOW[how])
-    ways = assert_replayed(shot, scene, exact="random" not in how)
-    assert shot.image.all() or how == "no bounces"
-    if how == "clamped":
-        assert any(way.clamped < 1 for way in ways) and shot.stats.clamped > 0
-    if how == "one bounce":
-        assert max(len(way.bounces) for way in ways) <= 2
-    if how == "no bounces":
-        assert {way.ending for way in ways} <= {
-            PathEnding.MAX_BOUNCES,
-            PathEnding.LEFT_SCENE,
-            PathEnding.LOST,
-            PathEnding.ABSORBED,
-        }
+    for how in CASES[name]:
+        shot = shoot(scene, region=np.s_[254:255, 256:258], **HOW[how])
+        ways = assert_replayed(shot, scene, exact="random" not in how)
+        assert shot.image.all() or how == "no bounces", how
+        if how == "clamped":
+            assert any(way.clamped < 1 for way in ways) and shot.stats.clamped > 0
+        if how == "one bounce":
+            assert max(len(way.bounces) for way in ways) <= 2
+        if how == "no bounces":
+            assert {way.ending for way in ways} <= {
+                *(PathEnding.MAX_BOUNCES, PathEnding.LEFT_SCENE, PathEnding.LOST, PathEnding.ABSORBED)
+            }
 
 
 ASPHERE = dataclasses.replace(LENS.elements[0], conic=-0.5, aspheric=(0.0, 1e-8))
@@ -271,36 +264,28 @@ CAMERAS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CAMERAS)
-def test_cameras(name):
-    camera = dataclasses.replace(CAMERA, **CAMERAS[name])
-    scene = pl.objects_scene()
-    for seen in (None, scene):
-        shot = shoot(seen, camera, region=np.s_[250:251, 256:258])
+@pytest.mark.parametrize("make", [lambda: None, pl.objects_scene], ids=["white", "objects"])
+def test_cameras(make):
+    scene = make()
+    for name, changes in CAMERAS.items():
+        shot = shoot(scene, dataclasses.replace(CAMERA, **changes), region=np.s_[250:251, 256:258])
         # A fill factor multiplies the sum.
-        ways = assert_replayed(shot, seen, exact=name != "dark gaps")
-        assert shot.image.all()
-    if name == "spectral":
-        assert {way.wavelength for way in ways} == {640.0, 550.0, 450.0}
-    else:
-        assert {way.wavelength for way in ways} == {None}
-    kinds = {event.kind for way in ways for event in way.events if isinstance(event, ElementPassage)}
-    assert (ElementKind.ASPHERE in kinds) == (name == "aspheric")
-    assert (ElementKind.IDEAL_LENS in kinds) == (name == "thin")
-    assert (ElementKind.POLYGON_STOP in kinds) == (name == "polygonal stop")
+        ways = assert_replayed(shot, scene, exact=name != "dark gaps")
+        assert shot.image.all(), name
+        lines = {640.0, 550.0, 450.0} if name == "spectral" else {None}
+        assert {way.wavelength for way in ways} == lines or scene is None, name
+        kinds = {event.kind for way in ways for event in way.events if isinstance(event, ElementPassage)}
+        assert (ElementKind.ASPHERE in kinds) == (name == "aspheric")
+        assert (ElementKind.IDEAL_LENS in kinds) == (name == "thin")
+        assert (ElementKind.POLYGON_STOP in kinds) == (name == "polygonal stop")
 
 
 @pytest.mark.slow
 def test_microlenses_have_the_numbers_that_lists_have():
     centres = ARRAY.lenses((-2.0, -2.0), (2.0, 2.0)).centre[::-1]
-    arrays = {
-        "lattice": ARRAY,
-        "free": dataclasses.replace(ARRAY, lattice=pl.Lattice.FREE, centres=centres),
-        "imperfect": dataclasses.replace(
-            ARRAY, imperfections=pl.MicrolensImperfections(pitch_jitter=0.002, decentre=0.002, seed=1)
-        ),
-    }
-    for array in arrays.values():
+    spoiled = pl.MicrolensImperfections(pitch_jitter=0.002, decentre=0.002, seed=1)
+    free = {"lattice": pl.Lattice.FREE, "centres": centres}
+    for array in (ARRAY, *(dataclasses.replace(ARRAY, **how) for how in (free, {"imperfections": spoiled}))):
         shot = shoot(None, dataclasses.replace(CAMERA, microlenses=array), np.s_[281:283, 300:302], samples=4)
         listed = array.lenses((-2.0, -2.0), (2.0, 2.0))
         for way in assert_replayed(shot, None):
@@ -333,9 +318,8 @@ def test_a_saved_exposure_is_replayed_to_the_same_bits(tmp_path):
     shot.save(tmp_path / "shot.exr")
     loaded = pl.Exposure.load(tmp_path / "shot.exr")
     for sample in range(3):
-        assert replay(loaded, scene, pixel=(300, 200), sample=sample) == replay(
-            shot, scene, pixel=(300, 200), sample=sample
-        )
+        given = {"pixel": (300, 200), "sample": sample}
+        assert replay(loaded, scene, **given) == replay(shot, scene, **given)
 
 
 # ---- what is met ----
@@ -366,23 +350,14 @@ def test_the_events_of_a_room_are_what_the_scene_says():
         assert inside[0].min() > -1e-3
         assert event.material == material_of(scene, place)
         if event.light is not None and event.light.light is not None:
-            light = scene.lights[event.light.light]
-            assert isinstance(
-                light, pl.SunLight if event.light.kind is DrawnKind.SUN else pl.lights.PointLight | pl.lights.SpotLight
-            )
-            if not isinstance(light, pl.SunLight) and event.light.point is not None:
+            light, sun = scene.lights[event.light.light], event.light.kind is DrawnKind.SUN
+            assert isinstance(light, pl.SunLight if sun else pl.lights.PointLight | pl.lights.SpotLight)
+            if not sun and event.light.point is not None:
                 np.testing.assert_array_equal(event.light.point, light.position)
         if event.light is not None and event.light.blocked is not False:
             assert not event.light.contribution.any()
-    met = {type(event.material) for event in meetings}
-    assert {
-        pl.Dielectric,
-        pl.materials.ThinGlass,
-        pl.Conductor,
-        pl.Lambertian,
-        pl.MetallicRoughness,
-        pl.Emissive,
-    } <= met
+    kinds = {pl.Dielectric, pl.materials.ThinGlass, pl.Conductor, pl.Lambertian, pl.MetallicRoughness, pl.Emissive}
+    assert kinds <= {type(event.material) for event in meetings}
     assert {event.place.instance for event in meetings if event.place.object == 2} == {0, 1}
     assert {event.place.instance for event in meetings if event.place.object != 2} == {None}
     assert any(event.light is not None and event.light.blocked for event in meetings)
@@ -494,33 +469,28 @@ def test_what_cannot_be_replayed_says_why():
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             replay(shot, scene, pixel=pixel, sample=0)
-    with pytest.raises(pl.errors.InvalidValueError, match="sample is 20, and pixel .* has 20 samples"):
-        replay(shot, scene, pixel=(300, 199), sample=20)
-    with pytest.raises(pl.errors.InvalidValueError, match="sample is -1"):
-        replay(shot, scene, pixel=(300, 199), sample=-1)
-    with pytest.raises(pl.errors.InvalidValueError, match="does not know its camera, settings, seed"):
-        replay(pl.Exposure(np.ones((2, 2, 1))), scene, pixel=(0, 0), sample=0)
-    with pytest.raises(pl.errors.InvalidValueError, match="was merged of the seeds 3, 4; replay one that has"):
-        replay(dataclasses.replace(shot, seed=(4, 3)), scene, pixel=(300, 199), sample=0)
-    with pytest.raises(pl.errors.InvalidValueError, match="does not know its settings;"):
-        replay(dataclasses.replace(shot, settings=None), scene, pixel=(300, 199), sample=0)
-    with pytest.raises(pl.errors.InvalidValueError, match="exposure is a Scene; give an Exposure"):
-        replay(scene, scene, pixel=(0, 0), sample=0)
+    here = {"pixel": (300, 199), "sample": 0}
+    for exposure, seen, given, message in (
+        (shot, scene, here | {"sample": 20}, "sample is 20, and pixel .* has 20 samples"),
+        (shot, scene, here | {"sample": -1}, "sample is -1"),
+        (pl.Exposure(np.ones((2, 2, 1))), scene, here | {"pixel": (0, 0)}, "does not know its camera, settings, seed"),
+        (dataclasses.replace(shot, seed=(4, 3)), scene, here, "was merged of the seeds 3, 4; replay one that has"),
+        (dataclasses.replace(shot, settings=None), scene, here, "does not know its settings;"),
+        (scene, scene, here, "exposure is a Scene; give an Exposure"),
+        (shot, 1.0, here, "scene is a float"),
+        (shot, pl.objects_scene(), here, "the image has 1 channels, and this scene gives 3"),
+        (shot, None, here, "is the image of a scene"),
+        (shoot(None), pl.Scene(background=1.0), here, "is a white image, which has no scene; give None"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            replay(exposure, seen, **given)
     for paths, message in (
         ([(300, 199)], r"a path is \(300, 199\); it must be \(row, column, sample\)"),
         ((300, 199, 0), "a path is 300"),
         (3, "paths is an int; give a sequence of"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
-            pl.replaying.replay_all(shot, scene, paths)
-    with pytest.raises(pl.errors.InvalidValueError, match="scene is a float"):
-        replay(shot, 1.0, pixel=(300, 199), sample=0)
-    with pytest.raises(pl.errors.InvalidValueError, match="the image has 1 channels, and this scene gives 3"):
-        replay(shot, pl.objects_scene(), pixel=(300, 199), sample=0)
-    with pytest.raises(pl.errors.InvalidValueError, match="is the image of a scene"):
-        replay(shot, None, pixel=(300, 199), sample=0)
-    with pytest.raises(pl.errors.InvalidValueError, match="is a white image, which has no scene; give None"):
-        replay(shoot(None), pl.Scene(background=1.0), pixel=(300, 199), sample=0)
+            replay_all(shot, scene, paths)
 
 
 def test_pixels_that_no_light_reaches_have_no_events():
