@@ -145,9 +145,8 @@ def test_virtual_depth_in_the_plane_in_focus_is_the_default():
 
 
 def test_a_camera_array_looks_at_its_plane():
-    made = design(
-        NONE, kind=CameraKind.CAMERA_ARRAY, z=-404.0, pitch=0.217, focal_length=2.0, stop_to_microlenses=100.0
-    )
+    wishes = {"z": -404.0, "pitch": 0.217, "focal_length": 2.0, "stop_to_microlenses": 100.0}
+    made = design(NONE, kind=CameraKind.CAMERA_ARRAY, **wishes)
     # 1/b = 1/f - 1/504, and the iris at 100 mm fills images that touch.
     assert made.camera.microlenses_to_sensor == pytest.approx(1 / (1 / 2.0 - 1 / 504.0), rel=1e-12)
     b = made.camera.microlenses_to_sensor
@@ -161,9 +160,8 @@ def test_focus_at_the_horizon():
 
 
 def test_the_stop_keeps_its_shape_and_the_array_what_it_has():
-    array = pl.MicrolensArray(
-        0.217, (2.4, 2.0), pl.Lattice.SQUARE, aperture=pl.optics.MicrolensAperture(fill_factor=0.8)
-    )
+    opening = pl.optics.MicrolensAperture(fill_factor=0.8)
+    array = pl.MicrolensArray(0.217, (2.4, 2.0), pl.Lattice.SQUARE, aperture=opening)
     lens = LENS.with_stop(pl.PolygonStop(blades=5, semi_diameter=9.0, rotation=0.3))
     made = design(lens, kind=GALILEAN, z=-404.0, microlenses=array, virtual_depth=4.0, wavelength=550.0)
     stop = made.camera.lens.stop
@@ -183,22 +181,11 @@ def test_negative_microlenses_are_galilean():
 
 def test_micrometre_lenses_and_kilometres():
     for scale in (1e-3, 1e3):
-        lens = pl.LensStack(
-            [
-                pl.CircularStop(4.0 * scale, thickness=1.0 * scale),
-                pl.Surface(50.0 * scale, 4.0 * scale, pl.ConstantMedium(1.5), semi_diameter=12.0 * scale),
-                pl.Surface(-80.0 * scale, semi_diameter=12.0 * scale),
-            ]
-        )
-        made = design_camera(
-            lens,
-            sensor=pl.Sensor((100, 100), 1e-2 * scale),
-            kind=GALILEAN,
-            z=-1e6 * scale,
-            pitch=0.2 * scale,
-            focal_length=2.0 * scale,
-            virtual_depth=3.0,
-        )
+        front = pl.Surface(50.0 * scale, 4.0 * scale, pl.ConstantMedium(1.5), semi_diameter=12.0 * scale)
+        surfaces = front, pl.Surface(-80.0 * scale, semi_diameter=12.0 * scale)
+        lens = pl.LensStack([pl.CircularStop(4.0 * scale, thickness=1.0 * scale), *surfaces])
+        wishes = {"z": -1e6 * scale, "pitch": 0.2 * scale, "focal_length": 2.0 * scale, "virtual_depth": 3.0}
+        made = design_camera(lens, sensor=pl.Sensor((100, 100), 1e-2 * scale), kind=GALILEAN, **wishes)
         assert made.camera.microlenses_to_sensor == pytest.approx(4.0 / 3.0 * scale, rel=1e-12)
         report = camera_report(made.camera)
         assert report.image_fill == pytest.approx(1.0, abs=2e-8)
