@@ -17,7 +17,7 @@ from plenoptic.camera.points.chief_rays import aimed_slopes
 from plenoptic.optics.microlens.lattice import polygon_moments
 
 ORTHOGONAL, CHIEF_RAY, CENTROID = CentreMethod
-PIXEL = 0.010
+PIXEL, GLASS = 0.010, pl.ConstantMedium(1.5)
 
 
 def the_lens(stop=4.25, model=pl.LensModel.EXACT):
@@ -26,13 +26,8 @@ def the_lens(stop=4.25, model=pl.LensModel.EXACT):
 
 def the_camera(lens=None, shape=(200, 300), b=2.0, z=123.3, **array):
     """The reference camera in mode 1.0."""
-    return pl.PlenopticCamera(
-        lens=the_lens() if lens is None else lens,
-        microlenses=pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,)} | array)),
-        sensor=pl.Sensor(shape=shape, pixel_pitch=PIXEL),
-        stop_to_microlenses=z,
-        microlenses_to_sensor=b,
-    )
+    array = pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,)} | array))
+    return pl.PlenopticCamera(the_lens() if lens is None else lens, pl.Sensor(shape, PIXEL), z, array, b)
 
 
 def pupil_of(lens):
@@ -100,13 +95,10 @@ def test_thin_lenses_have_their_centroids_where_the_chief_rays_land():
 
 
 def test_a_telecentric_pupil_projects_along_the_axis():
-    lens = pl.LensStack(
-        [
-            pl.CircularStop(1.0, thickness=97.0),
-            pl.Surface(100.0, 4.0, pl.ConstantMedium(1.5), semi_diameter=30.0),
-            pl.Surface(-100.0, 0.0, pl.optics.AIR, semi_diameter=30.0),
-        ]
+    front, back = (
+        pl.Surface(r, d, m, semi_diameter=30.0) for r, d, m in ((100.0, 4.0, GLASS), (-100.0, 0.0, pl.optics.AIR))
     )
+    lens = pl.LensStack([pl.CircularStop(1.0, thickness=97.0), front, back])
     gap = pl.paraxial.cardinal_points(lens).exit_pupil
     camera = the_camera(lens, z=150.0)
     centres = microlens_centres(camera)
@@ -211,18 +203,10 @@ def test_interpolated_centroids_are_those_of_the_quadrature(monkeypatch):
     assert np.abs(found.position[rows] - direct).max() < 0.02 * PIXEL
 
 
-@pytest.mark.parametrize(
-    "cases",
-    [
-        ((pl.Lattice.SQUARE, None), (pl.Lattice.HEXAGONAL, CameraPart.MICROLENSES)),
-        pytest.param(tuple((pl.Lattice.HEXAGONAL, part) for part in (None, *CameraPart)), marks=pytest.mark.slow),
-    ],
-    ids=["two", "more"],
-)
-def test_centroids_of_a_rendered_white_image_are_those_of_the_geometry(cases):
+def test_centroids_of_a_rendered_white_image_are_those_of_the_geometry():
     region = np.s_[560:650, 150:260]
     rows, columns = np.mgrid[region]
-    for lattice, part in cases:
+    for lattice, part in ((pl.Lattice.SQUARE, None), (pl.Lattice.HEXAGONAL, CameraPart.MICROLENSES)):
         camera = dataclasses.replace(half_shut(), microlenses=pl.MicrolensArray(0.217, (2.0,), lattice))
         if part is not None:
             camera = camera.moved(part, shift=(0.03, 0.05, -0.02), tilt=(0.01, -0.015, 0.02))

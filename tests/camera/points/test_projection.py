@@ -14,7 +14,6 @@ from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughAr
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_by
-from plenoptic.truth.channels import Truth
 
 THIN, FLAT, SPHERICAL = (
     pl.optics.MicrolensModel.THIN,
@@ -188,88 +187,28 @@ def test_a_conventional_camera_has_one_row_a_point_through_the_centre_of_the_iri
             np.testing.assert_allclose(seen.position[k], landed, rtol=0, atol=1e-8, err_msg=model.name)
 
 
-def test_a_conventional_camera_with_parts_out_of_place():
-    # Everything moved together is a pose: nothing changes on the sensor.
-    camera = bare_camera()
-    turn = {"shift": (0.4, -0.2, 0.3), "tilt": (0.02, 0.01, 0.3)}
-    lens = camera.moved(pl.CameraPart.LENS, **turn)
-    placement = lens.lens_placement
-    pose = pl.Pose(placement.rotation, placement.shift)
-    z = np.array([0.0, 0.0, camera.z_sensor])
-    together = dataclasses.replace(
-        lens, sensor_placement=pl.optics.Placement(pose.to_world([z])[0] - z, placement.rotation)
-    )
-    points = np.array([(3.0, 2.0, -404.0), (-4.0, 1.0, -500.0)])
-    here, there = project(camera, points), project(together, pose.to_world(points))
-    np.testing.assert_allclose(there.position, here.position, rtol=0, atol=1e-9)
-    # Rounding decides which points of the edge of the light a search for it finds: not the same rays.
-    joint = np.hypot(there.centroid_error, here.centroid_error)
-    assert np.all(np.abs(there.centroid - here.centroid) < 4 * joint)
-
-
 # ---- light ----
 
 
 def test_light_of_all_microlenses_is_that_of_the_point():
-    camera = reference_camera()
-    point = (5.0, 3.0, -380.0)
-    seen, spread = project(camera, point, rays=1 << 15), point_spread(camera, point, rays=1 << 16)
-    error = math.hypot(np.sqrt((seen.light_error**2).sum()), spread.light_error)
-    assert abs(seen.light.sum() - spread.light) < 4 * error
-    assert error < 0.003 * spread.light
-    landed = landing_points(camera, point, rays=1 << 16)
-    k = int(np.argmax(seen.light))
-    mine = (landed.index == seen.index[k]).all(axis=1)
-    mean = np.average(landed.position[mine], weights=landed.weight[mine], axis=0)
-    np.testing.assert_allclose(seen.centroid[k], mean, rtol=0, atol=5 * seen.centroid_error[k].max() + 1e-6)
-
-
-@pytest.mark.parametrize("kind, placed", [pytest.param("types", True, marks=pytest.mark.slow), ("spherical", False)])
-def test_centroids_are_those_of_rendered_small_emitters(kind, placed):
-    # Centroids over pixels are those of the light where the square's image is as wide as a pixel: the frequency at
-    # which pixels repeat is missing in it then. At 2 % from that they err by 2 % / pi of a pixel, 1e-4 mm, or less.
-    camera = reference_camera(**KINDS[kind])
-    camera = assembled(camera) if placed else camera
-    centre = np.array([3.0, 2.0, -385.0])
-    pair = project(camera, in_world(camera, np.add(centre, [[-0.05, 0, 0], [0.05, 0, 0]])), rays=8)
-    across = [pair.selected((pair.point == k) & (pair.index == pair.index[len(pair) // 4]).all(axis=1)) for k in (0, 1)]
-    side = 0.01 / np.hypot(*(across[1].position[0] - across[0].position[0]) / 0.1)
-    grid = (np.stack(np.meshgrid(np.arange(6), np.arange(6)), axis=-1).reshape(-1, 2) + 0.5) / 6 - 0.5
-    points = np.column_stack([side * grid, np.zeros(36)]) + centre
-    seen = project(camera, in_world(camera, points), rays=1 << 11)
-    ends = in_world(camera, centre + side * np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [-0.5, 0.5, 0]]))
-    quad = pl.quad(ends[0], ends[1] - ends[0], ends[2] - ends[0], material=pl.Emissive(1.0))
-    pixels = seen.pixel[np.isfinite(seen.pixel[:, 0])]
-    low, high = pixels.min(axis=0).astype(int) - 8, pixels.max(axis=0).astype(int) + 9
-    region = tuple(slice(max(a, 0), min(b, 512)) for a, b in zip(low, high, strict=True))
-    shot = pl.render(
-        pl.Scene([quad]), camera, samples=512, region=region, replicates=16, truth=Truth.NONE, progress=False
-    )
-    rows, columns = (g.ravel() for g in np.mgrid[region])
-    light, error = (a[:, :, 0].ravel().astype(float) for a in (shot.image, shot.standard_error))
-    places = camera.sensor.centre_of(rows, columns)
-    keys = np.unique(seen.index, axis=0)
-    whole = []
-    for key in keys:
-        mine = (seen.index == key).all(axis=1)
-        if mine.sum() == 36 and seen.passes[mine].all():
-            weight = seen.light[mine]
-            whole.append((np.average(seen.centroid[mine], weights=weight, axis=0), weight.mean()))
-    brightest = max(weight for _, weight in whole)
-    middles = np.array([middle for middle, weight in whole if weight > 0.5 * brightest])
-    assert len(middles) > 8
     scores = []
-    for middle in middles:
-        # Images of neighbouring microlenses are some 0.18 mm apart.
-        mine = np.hypot(*(places - middle).T) < 0.08
-        total = light[mine].sum()
-        found = (places[mine] * light[mine, None]).sum(axis=0) / total
-        spread = np.sqrt((((places[mine] - found) * error[mine, None]) ** 2).sum(axis=0)) / total
-        scores.append((found - middle) / np.hypot(spread, 1e-4 / 2))
-    scores = np.array(scores)
-    # Within 3 standard errors; of some 50 numbers with 15 degrees of freedom one may lie outside.
-    assert np.mean(np.abs(scores) < 3) > 0.95 and np.abs(scores).max() < 5
-    assert np.sqrt(np.mean(scores**2)) < 1.07 * (1 + 3 / np.sqrt(2 * scores.size)) + 0.1
+    for kind, placed in (("thin", False), ("types", True), ("spherical", False), ("flat", True)):
+        camera = reference_camera(**KINDS[kind])
+        camera = assembled(camera) if placed else camera
+        point = in_world(camera, (5.0, 3.0, -380.0))
+        seen, spread = project(camera, point, rays=1 << 15), point_spread(camera, point, rays=1 << 16)
+        error = math.hypot(np.sqrt((seen.light_error**2).sum()), spread.light_error)
+        assert abs(seen.light.sum() - spread.light) < 4 * error, kind
+        assert error < 0.003 * spread.light, kind
+        landed = landing_points(camera, point, rays=1 << 16)
+        bright = np.flatnonzero(seen.light > 0.5 * seen.light.max())
+        assert len(bright) > 20, kind
+        for k in bright:
+            mine = (landed.index == seen.index[k]).all(axis=1)
+            mean = np.average(landed.position[mine], weights=landed.weight[mine], axis=0)
+            scores.append((seen.centroid[k] - mean) / (1.2 * seen.centroid_error[k] + 1e-6))
+    # Errors have 7 degrees of freedom, RMS 1.2 of scores, and in each thousand numbers one beyond 6.
+    assert np.abs(scores).max() < 8 and np.sqrt(np.mean(np.square(scores))) < 1.4
 
 
 def test_microlenses_at_the_edge_of_the_light_are_seen_without_their_chief_ray():

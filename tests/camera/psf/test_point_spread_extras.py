@@ -207,22 +207,6 @@ def test_centroids_through_a_constant_mask_are_those_without_it():
     np.testing.assert_allclose(found[1], found[0], rtol=1e-13, atol=1e-16)
 
 
-def test_centroids_through_a_grey_mask_are_those_of_the_white_image():
-    camera = the_camera(mask([[1.0, 0.3], [0.1, 0.6]], 2.5), GAUSS.inserted(pl.CircularStop(3.5), 60.0), b=2.0)
-    white = pl.render_white(camera, samples=128, region=np.s_[60:130, 60:130], seed=5, progress=False)
-    seen = pl.microlens_centres(camera, pl.CentreMethod.CENTROID, white=white)
-    assert len(seen) >= 2
-    computed = centroids_of(camera, seen.on_array)
-    rows, columns = np.mgrid[60:130, 60:130]
-    for place, expected in zip(seen.position, computed, strict=True):
-        offset = camera.sensor.centre_of(rows, columns) - place
-        own = np.hypot(offset[..., 0], offset[..., 1]) < 0.11
-        error = white.standard_error[own, 0].astype(float)
-        sigma = math.sqrt(np.sum((error * np.hypot(*offset[own].T)) ** 2)) / white.image[own].sum(dtype=float)
-        # Five standard errors, and the 0.02 pixels of the computed one.
-        assert np.linalg.norm(place - expected) < 5 * sigma + 0.02 * PIXEL
-
-
 # ---- the corner of the sensor ----
 
 
