@@ -15,27 +15,31 @@ from plenoptic.study.cameras import reference_camera
 
 SCENE = pl.Scene([pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Emissive(1.0))])
 REGION = np.s_[240:264, 240:264]
+ALL = 24 * 24
+
+
+class Counted:
+    """Cameras that have been compiled, and of how many pixels it has been found what feeds them."""
+
+    def __init__(self, monkeypatch):
+        find, compile_it = cache.fed_pixels, cache.camera_record
+        self.pixels, self.compiled = 0, 0
+
+        def fed_pixels(record, pixels, number, **how):
+            self.pixels += len(pixels)
+            return find(record, pixels, number, **how)
+
+        def camera_record(camera):
+            self.compiled += 1
+            return compile_it(camera)
+
+        monkeypatch.setattr(cache, "fed_pixels", fed_pixels)
+        monkeypatch.setattr(cache, "camera_record", camera_record)
 
 
 @pytest.fixture
-def found(monkeypatch):
-    """Of how many pixels it has been found what feeds them."""
-    find, numbers = cache.fed_pixels, []
-
-    def counted(record, pixels, number, **how):
-        numbers.append(len(pixels))
-        return find(record, pixels, number, **how)
-
-    monkeypatch.setattr(cache, "fed_pixels", counted)
-    return numbers
-
-
-@pytest.fixture
-def compiled(monkeypatch):
-    """Cameras that have been compiled."""
-    cameras, compile_it = [], cache.camera_record
-    monkeypatch.setattr(cache, "camera_record", lambda camera: cameras.append(camera) or compile_it(camera))
-    return cameras
+def counted(monkeypatch):
+    return Counted(monkeypatch)
 
 
 def rendered(camera, **settings):
@@ -47,57 +51,50 @@ def same(one, other):
     return one.image.tobytes() == other.image.tobytes() and np.array_equal(one.standard_error, other.standard_error)
 
 
-def test_a_camera_is_compiled_once(found, compiled):
+def test_a_camera_is_compiled_once(counted):
     camera = reference_camera()
     first = rendered(camera)
-    assert sum(found) == 24 * 24 and not prepared_camera(camera)._fed  # who renders once has no use for it
-    assert same(rendered(camera), first) and sum(found) == 2 * 24 * 24
-    assert same(rendered(camera), first) and sum(found) == 2 * 24 * 24
+    assert counted.pixels == ALL and not prepared_camera(camera)._fed  # who renders once has no use for it
+    assert same(rendered(camera), first) and counted.pixels == 2 * ALL
+    assert same(rendered(camera), first) and counted.pixels == 2 * ALL
     pl.ground_truth(SCENE, camera, region=REGION)
-    assert len(compiled) == 1
+    assert counted.compiled == 1
     # One of equal parts is another one.
     other = reference_camera()
-    assert other == camera
-    assert same(rendered(other), first)
-    assert len(compiled) == 2 and sum(found) == 3 * 24 * 24
+    assert other == camera and same(rendered(other), first)
+    assert counted.compiled == 2 and counted.pixels == 3 * ALL
 
 
-def test_a_camera_that_stands_elsewhere_is_not_compiled_again(found, compiled):
+def test_a_camera_that_stands_elsewhere_is_not_compiled_again(counted):
     camera = reference_camera()
     poses = [pl.Pose.look_at((x, 3.0, 5.0), (0, 0, -404)) for x in (0.0, 2.0, 4.0)]
-    shots = []
-    for pose in poses:
-        posed = dataclasses.replace(camera, pose=pose)
-        shots.append(rendered(posed))
-        del posed  # as in a loop over frames: what they share stays with the sensor
-    assert len(compiled) == 1
-    assert sum(found) == 2 * 24 * 24  # kept from the second time on
+    # As in a loop over frames: what they share stays with the sensor.
+    shots = [rendered(dataclasses.replace(camera, pose=pose)) for pose in poses]
+    assert counted.compiled == 1 and counted.pixels == 2 * ALL  # kept from the second time on
     for shot, pose in zip(shots, poses, strict=True):
         assert same(shot, rendered(dataclasses.replace(reference_camera(), pose=pose)))
-    assert len(compiled) == 4
+    assert counted.compiled == 4
 
 
-def test_what_feeds_pixels_is_found_once_for_all_steps(found):
+def test_what_feeds_pixels_is_found_once_for_all_steps(counted):
     camera = reference_camera()
     shot = rendered(camera, target_error=0.02)
-    assert shot.samples > 32
-    assert sum(found) == 24 * 24
+    assert shot.samples > 32 and counted.pixels == ALL
     # Other tiles take the place of these.
     cut = rendered(camera, tile_side=7)
-    assert sum(found) == 2 * 24 * 24 and not prepared_camera(camera)._fed
+    assert counted.pixels == 2 * ALL and not prepared_camera(camera)._fed
     assert same(cut, rendered(camera))
 
 
-def test_no_more_is_kept_than_there_is_room_for(found, monkeypatch):
+def test_no_more_is_kept_than_there_is_room_for(counted, monkeypatch):
     camera, budget = reference_camera(), {"target_error": 0.02, "tile_side": 8}
     whole = rendered(camera, **budget)
-    assert sum(found) == 24 * 24
+    assert counted.pixels == ALL
     for most in (0, 100_000):
         monkeypatch.setattr(cache, "MOST_BYTES", most)
-        found.clear()
-        other = reference_camera()
+        counted.pixels, other = 0, reference_camera()
         assert same(rendered(other, **budget), whole)
-        assert sum(found) > 24 * 24  # in each step those for which there was no room
+        assert counted.pixels > ALL  # in each step those for which there was no room
         kept = prepared_camera(other)._fed.values()
         arrays = [array for fed in kept for array in (*fed[:3], *fed.regions) if array is not None]
         assert sum(array.nbytes for array in arrays) <= most

@@ -15,14 +15,9 @@ LENS, SENSOR, ARRAY = GALILEAN.lens, GALILEAN.sensor, GALILEAN.microlenses
 ONE = pl.PlenopticCamera(LENS, SENSOR, 134.6, ARRAY, 2.0)
 CONVENTIONAL = pl.PlenopticCamera(LENS, SENSOR, 134.6)
 TILTED = GALILEAN.moved(pl.CameraPart.SENSOR, tilt=(0.03, 0.0, 0.0)).moved(pl.CameraPart.LENS, tilt=(0.02, 0.0, 0.0))
-WALLED = pl.PlenopticCamera(
-    pl.no_lens(25.0),
-    pl.Sensor(shape=(300, 300), pixel_pitch=0.1),
-    1.0,
-    pl.MicrolensArray(pitch=10.0, focal_lengths=(8.0,), lattice=pl.Lattice.SQUARE, walls=pl.optics.Walls.OPAQUE,
-        aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, fill_factor=0.01)),
-    8.1,
-)  # fmt: skip
+ROUND = pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, fill_factor=0.01)
+WALLED = pl.MicrolensArray(10.0, (8.0,), pl.Lattice.SQUARE, walls=pl.optics.Walls.OPAQUE, aperture=ROUND)
+WALLED = pl.PlenopticCamera(pl.no_lens(25.0), pl.Sensor(shape=(300, 300), pixel_pitch=0.1), 1.0, WALLED, 8.1)
 
 
 def test_rays_lie_on_the_pixel_and_in_its_microlens():
