@@ -64,7 +64,7 @@ def test_no_imperfection_is_none():
     for model in (MODELS.THIN, MODELS.FLAT_HIGH_INDEX, MODELS.SPHERICAL):
         camera = with_array(model=model, index=100.0 if model is MODELS.FLAT_HIGH_INDEX else 1.5)
         listed = with_array(camera, imperfections=pl.MicrolensImperfections(pitch_jitter=1e-12))
-        agree(white(listed, 256), white(camera, 256, seed=1))
+        agree(white(listed, 128), white(camera, 128, seed=1))
         types = with_array(camera, focal_lengths=(2.0, 2.0, 2.0 + 1e-12))
         assert np.allclose(white(types).image, white(camera).image, rtol=1e-4, atol=1e-7), model
 
@@ -104,9 +104,9 @@ def test_each_type_images_as_an_array_of_its_own():
     assert set(np.unique(kind)) == {0, 1, 2}
     for model in (MODELS.THIN, MODELS.SPHERICAL):
         several = with_array(small, model=model, focal_lengths=focal_lengths)
-        shot = white(several, 256)
+        shot = white(several, 128)
         for number, f in enumerate(focal_lengths):
-            alone, where = white(with_array(several, focal_lengths=(f,)), 256, seed=1), kind == number
+            alone, where = white(with_array(several, focal_lengths=(f,)), 128, seed=1), kind == number
             joint = np.hypot(shot.standard_error, alone.standard_error)[where]
             difference = float((shot.image - alone.image)[where].sum(dtype=np.float64))
             assert abs(difference) < 4 * math.sqrt(np.square(joint, dtype=float).sum()), (model, f)
