@@ -149,9 +149,6 @@ def assert_along(step, direction):
     assert np.linalg.norm(np.cross(step, direction)) < 1e-12 * max(np.linalg.norm(step), 1e2)
 
 
-# ---- the law of contributions ----
-
-
 @pytest.mark.parametrize("make", [lambda: None, pl.check_scene], ids=["white", "check"])
 def test_contributions_are_those_of_the_image(make):
     shot = shoot(scene := make())
@@ -322,9 +319,6 @@ def test_a_saved_exposure_is_replayed_to_the_same_bits(tmp_path):
         assert replay(loaded, scene, **given) == replay(shot, scene, **given)
 
 
-# ---- what is met ----
-
-
 def pinhole(half=0.2, pixels=2):
     return pl.PlenopticCamera(
         lens=pl.no_lens(1e-4),
@@ -430,9 +424,6 @@ def test_paths_that_are_not_finite_show_where_they_broke():
         assert "not finite from here on" in repr(way) and "left out of the image" in repr(way)
     ways = [way for pixel in pixels_of(shot) for way in paths_of(shot, scene, pixel)[0]]
     assert sum(not way.finite for way in ways) == shot.stats.nonfinite == shot.stats.paths_through_lens
-
-
-# ---- as a value ----
 
 
 def test_a_replay_prints_as_a_table_and_is_a_value():

@@ -45,9 +45,6 @@ def agree(a: pl.Exposure, b: pl.Exposure):
     assert abs(float((a.image - b.image).sum(dtype=np.float64))) < 4 * math.sqrt(joint)
 
 
-# ---- laws ----
-
-
 def test_what_shifts_together_changes_no_bit():
     assert np.array_equal(white(together(CAMERA, (1.0, -2.0, 4.0), (0, 0, 0))).image, white(CAMERA).image)
 
@@ -152,9 +149,6 @@ def test_what_is_shifted_moves_the_picture_the_right_way():
         assert by_lens == pytest.approx([-row * pixels * less, -column * pixels * less])
 
 
-# ---- bounds: nothing that passes is left out ----
-
-
 MOVES = (
     [(ARRAY, (0.5, -0.3, 0.2), (0.05, -0.03, 1.0))],
     [(SENSOR, (0.5, -0.3, 0.1), (0.14, -0.09, 0.3))],
@@ -190,9 +184,6 @@ def test_wider_margins_change_no_image(cases, monkeypatch):
             patch.setattr("plenoptic.camera.cache.camera_record", with_slack)
             wide = white(dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor)), 1024, region, seed=1)
         agree(narrow, wide)
-
-
-# ---- design against as built ----
 
 
 def test_the_design_is_kept_beside_what_was_built():

@@ -78,9 +78,6 @@ def test_rays_of_a_sharp_plane_meet_on_the_sensor():
     assert np.abs(on_array + 1.7 * bent).max() < 1e-5 * np.abs(on_array).max()
 
 
-# ---- by the best spot, and by models of the lens ----
-
-
 def test_the_best_spot_moves_the_back_as_far_as_the_image():
     for b, criterion in ((1.7, RMS), (2.0, RMS), (2.4, FocusCriterion.GEOMETRIC_SPOT)):
         moved = camera_with(b).focused_at(-404.0, criterion=criterion).stop_to_microlenses

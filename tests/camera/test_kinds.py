@@ -39,9 +39,6 @@ def agree(a: pl.Exposure, b: pl.Exposure, factor: float = 1.0, relative: float =
     assert abs(sum_a - factor * sum_b) < 4 * math.hypot(error_a, factor * error_b) + relative * sum_a
 
 
-# ---- one kind is another ----
-
-
 def test_equal_types_are_one_type():
     assert np.allclose(white(with_array(focal_lengths=(2.0, 2.0 + 1e-12))).image, white(CAMERA).image, rtol=1e-5)
 
@@ -112,9 +109,6 @@ def test_each_type_images_as_an_array_of_its_own():
             assert abs(difference) < 4 * math.sqrt(np.square(joint, dtype=float).sum()), (model, f)
 
 
-# ---- openings ----
-
-
 def test_opaque_gaps_take_their_area_s_part_of_the_light():
     # In mode 1.0 each point of a cell sends as much light to the image below it: a wide stop, far from its rims.
     camera = dataclasses.replace(CAMERA, microlenses_to_sensor=2.0, lens=LENS.with_stop(pl.CircularStop(3.0)))
@@ -154,9 +148,6 @@ def test_clear_gaps_pass_what_opaque_ones_stop():
 def test_pinholes_have_no_clear_gaps():
     with pytest.raises(pl.errors.InvalidValueError, match="PINHOLE"):
         with_array(model=MODELS.PINHOLE, aperture=pl.optics.MicrolensAperture(SHAPES.CELL, 0.5, GAPS.CLEAR))
-
-
-# ---- an array of cameras ----
 
 
 def camera_array(**changes):
@@ -225,9 +216,6 @@ def test_cameras_of_an_array_see_points_with_the_disparity_of_their_baseline():
     assert len(seen) == 9 and np.allclose(seen.position, 10.0 * seen.index * (1 + 8.2 / 500.0))
 
 
-# ---- pixels ----
-
-
 def test_small_pixel_openings_see_the_middle_and_their_share():
     half, third = (
         dataclasses.replace(CAMERA, sensor=dataclasses.replace(CAMERA.sensor, pixel_aperture=part))
@@ -264,9 +252,6 @@ def test_angular_response_weighs_directions():
         inner = expected > 0.2
         assert inner.sum() > 300
         assert measured[inner] == pytest.approx(expected[inner], rel=0.02)
-
-
-# ---- dust ----
 
 
 def test_dust_on_the_rear_lens_is_an_obstacle_in_the_pupil():

@@ -58,9 +58,6 @@ def circles_overlap(a, b, d):
     return sum(r * r * math.acos(part / r) - part * math.sqrt(r * r - part * part) for r, part in ((a, x), (b, y)))
 
 
-# ---- two stops: the vignetting of a tube ----
-
-
 def test_two_round_stops_pass_their_overlap():
     # No lens, a stop of radius 5 and one of radius 4, 40 mm nearer: from a microlens at c they are two discs.
     stops = pl.CircularStop(5.0, thickness=40.0), pl.CircularStop(4.0, thickness=1.0)
@@ -90,9 +87,6 @@ def plane_plate():
     )
 
 
-# ---- a real lens: the area that reverse rays find open ----
-
-
 def test_microlenses_get_what_stops_and_rims_leave_open():
     lens, pitch = GAUSS.with_stop(pl.CircularStop(5.0)), 0.08
     twice = lens.inserted(pl.CircularStop(5.5), z=60.0)
@@ -112,8 +106,6 @@ def test_microlenses_get_what_stops_and_rims_leave_open():
         assert total == pytest.approx(expected, rel=0.015, abs=4 * error), height
         assert error < 0.01 * expected, height
 
-
-# ---- shapes ----
 
 STOPS = {
     "round": pl.CircularStop(5.0),

@@ -55,9 +55,6 @@ def blob(n, sigma, centre=(0.0, 0.0)):
     return np.exp(-(y[:, None] ** 2 + x[None] ** 2) / (2 * sigma**2))
 
 
-# ---- white images ----
-
-
 def test_white_decodes_to_one_wherever_it_is_lit():
     thin, exact = pl.LensModel.THIN, pl.LensModel.EXACT
     for lattice, pitch, model in (
@@ -100,9 +97,6 @@ def test_an_exact_white_image_leaves_the_error_of_the_shot():
         np.clip(field.standard_error[known], 0.015, 0.03), field.standard_error[known], rtol=1e-6
     )
     assert decode(dataclasses.replace(shot, standard_error=None), white, views=3).standard_error is None
-
-
-# ---- reading and resampling ----
 
 
 def test_reading_between_pixels_reproduces_linear_functions_exactly():
@@ -207,9 +201,6 @@ def test_a_turned_array_shows_the_scene_upright():
         assert np.abs(table @ fit - seen[known]).max() < 1e-3, lattice
 
 
-# ---- scenes ----
-
-
 def test_in_focus_all_views_show_the_same_picture():
     pattern, camera = 0.3 + np.random.default_rng(6).uniform(0, 1, (14, 14)), the_camera((242, 242))
     white = white_of(camera, 128)
@@ -284,9 +275,6 @@ def test_refocusing_gathers_what_lies_beside_the_focus():
     assert near.sum() == pytest.approx(design.sum(), rel=0.1)
 
 
-# ---- parts of the sensor ----
-
-
 def test_a_region_decodes_to_a_part_of_the_whole():
     scene = pl.Scene([pl.sphere(12.0, center=(3, 2, -404), material=pl.Emissive(2.0))])
     for lattice, cut_white in ((HEXAGONAL, False), (SQUARE, True)):
@@ -306,9 +294,6 @@ def test_a_region_decodes_to_a_part_of_the_whole():
         inner = np.s_[:, :, 3:-3, 3:-3] if lattice is HEXAGONAL else np.s_[:]
         assert known[inner].all() or lattice is SQUARE
         np.testing.assert_array_equal(part.views[inner][known[inner]], there[inner][known[inner]])
-
-
-# ---- values, errors, figures ----
 
 
 def test_pupil_coordinates_and_object_space_follow_gaussian_optics():

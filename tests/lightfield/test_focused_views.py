@@ -84,9 +84,6 @@ def hidden():
     return scene, shot_of(scene, GALILEAN)
 
 
-# ---- laws ----
-
-
 def test_a_constant_scene_gives_the_constant_whatever_the_depth(white):
     """Fits reproduce constants: what is left is rounding, of float32."""
     depth = np.where(np.arange(120) < 60, 3.0, 5.0) * np.ones((120, 1))
@@ -200,9 +197,6 @@ def test_a_light_field_of_views_is_one_like_others(white):
     assert np.abs(off).max() < 3e-4 + 4 * np.nanmax(field.standard_error[1, 1, 8:-8, 8:-8])
     with pytest.raises(InvalidValueError, match="odd"):
         render_views(shot, white, shot.truth.chord_disparity, views=4)
-
-
-# ---- errors, bits ----
 
 
 def test_errors_are_those_of_independent_pixels(white):

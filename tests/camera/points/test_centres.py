@@ -58,9 +58,6 @@ def pairs(one, other):
     return [first[key] for key in common], [second[key] for key in common]
 
 
-# ---- closed forms ----
-
-
 def test_ideal_lenses_project_the_array_from_the_pupils_middle():
     for model in (pl.LensModel.NONE, pl.LensModel.THIN, pl.LensModel.PARAXIAL):
         for lattice in (pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE):
@@ -134,9 +131,6 @@ def test_plates_are_traced():
             np.testing.assert_allclose(centres.position[row] - centres.on_array[row], landed, atol=1e-8)
 
 
-# ---- the traced chief ray ----
-
-
 def error_of_interpolation(camera, rows):
     """mm between some centres and chief rays that are aimed one by one; all centres."""
     centres = microlens_centres(camera)
@@ -160,9 +154,6 @@ def test_a_decentred_lens_is_interpolated_in_two_dimensions():
     straight = microlens_centres(the_camera(shape=(1000, 1400)))
     here, there = pairs(centres, straight)
     assert np.abs(centres.position[here] - straight.position[there]).max() > 1e-3
-
-
-# ---- centroids ----
 
 
 def half_shut(stop=3.6):
@@ -234,9 +225,6 @@ def test_four_points_have_the_moments_of_the_opening():
         np.testing.assert_allclose(points.mean(axis=0), 0.0, atol=1e-15)
 
 
-# ---- what is listed ----
-
-
 def test_only_centres_on_the_sensor_and_its_margin_are_listed():
     camera = the_camera(shape=(90, 150))
     few, many = microlens_centres(camera), microlens_centres(camera, margin=0.3)
@@ -289,9 +277,6 @@ def test_centres_are_values():
         centres.position[0] = 0
 
 
-# ---- parts out of place ----
-
-
 def test_parts_out_of_place_project_through_space():
     """The line from the pupil's middle through each microlens meets the sensor: computed with points in space."""
     camera = the_camera(the_lens(model=pl.LensModel.THIN), shape=(200, 300))
@@ -336,9 +321,6 @@ def test_centroids_of_a_small_pupil_follow_chief_rays_where_parts_are_tilted():
         # A tilted sensor cuts the cone of a cell obliquely: (1 - b / f) is no longer 0, b differs by 0.03 x 0.1 mm
         # along the cell; <d^2> 0.03 / f = 0.0025 x 0.015 = 4e-5 mm.
         assert np.abs(centroid.position[there] - chief.position[here]).max() < 1e-4, part
-
-
-# ---- errors ----
 
 
 def test_impossible_questions_say_what_to_do():

@@ -57,9 +57,6 @@ def in_world(camera, points):
     return np.asarray(points, dtype=float) if camera.pose is None else camera.pose.to_world(points)
 
 
-# ---- closed forms ----
-
-
 def test_positions_of_a_thin_camera_are_closed_forms():
     # The image at x, a behind the array; seen through the centre c it falls at c + b (x - c) / a.
     lens = the_lens(pl.LensModel.THIN)
@@ -169,9 +166,6 @@ def test_free_microlenses_that_repeat_a_lattice_see_the_same():
     np.testing.assert_array_equal(there.passes, here.passes[matched])
 
 
-# ---- without microlenses ----
-
-
 def test_a_conventional_camera_has_one_row_a_point_through_the_centre_of_the_iris():
     points = np.array([(0.0, 0.0, -404.0), (6.0, -3.0, -404.0), (-2.0, 5.0, -1e6), (1.0, 1.0, -80.0)])
     for model in (pl.LensModel.EXACT, pl.LensModel.THIN, pl.LensModel.PARAXIAL):
@@ -185,9 +179,6 @@ def test_a_conventional_camera_has_one_row_a_point_through_the_centre_of_the_iri
             landed = lens.trace(ray).at_z(camera.z_sensor)[0, :2]
             # The iris is hit to 1e-9 mm on either side; 134.6 mm behind it rays are no more than 3 times as far off.
             np.testing.assert_allclose(seen.position[k], landed, rtol=0, atol=1e-8, err_msg=model.name)
-
-
-# ---- light ----
 
 
 def test_light_of_all_microlenses_is_that_of_the_point():
@@ -283,9 +274,6 @@ def test_points_out_of_sight_have_no_rows():
     assert len(bare) == 1 and not bare.visible.any() and not bare.passes.any()
 
 
-# ---- what hides ----
-
-
 def card(x, y, z, width, height):
     return pl.quad((x - width / 2, y - height / 2, z), (width, 0, 0), (0, height, 0), material=pl.Lambertian(0.5))
 
@@ -323,9 +311,6 @@ def test_half_a_card_hides_the_microlenses_that_look_past_its_other_side():
         x = (seen.index @ camera.microlenses.basis)[:, 0]
         aside = np.abs(x) > 0.1
         np.testing.assert_array_equal(seen.visible[aside], (x < 0)[aside])
-
-
-# ---- values ----
 
 
 def test_results_do_not_depend_on_threads_and_are_values():

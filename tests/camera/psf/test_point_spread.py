@@ -26,9 +26,6 @@ def bare_camera(lens, z=134.6, shape=(512, 512), pitch=0.010):
     return pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=shape, pixel_pitch=pitch), stop_to_microlenses=z)
 
 
-# ---- closed forms ----
-
-
 def test_light_of_a_perfect_lens_is_pi_m2_sin2():
     # All rays through the exit pupil with the slopes u / m, weighed by du dv cos^4: pi m^2 sin^2 of the image-side
     # angle. For a narrow pupil it is the projected solid angle of the entrance pupil, off it by the cosines.
@@ -73,9 +70,6 @@ def test_a_perfect_lens_in_focus_gathers_all_light_in_the_paraxial_image_point()
         np.testing.assert_allclose(spread.centroid, [-m * height, 0.3 * m * height], atol=1e-11)
         # The image of a point that lies between two or four pixels may be split by rounding.
         assert spread.image.size <= 4
-
-
-# ---- errors, seeds, threads ----
 
 
 def test_standard_errors_are_honest():
@@ -136,9 +130,6 @@ def test_spread_keeps_the_lit_pixels_and_the_fates_of_all_rays():
     assert repr(one).startswith("<CameraSpread of 1 point: ") and "3 points" in repr(spread)
     with pytest.raises(pl.errors.InvalidValueError, match="3 points"):
         spread.of(3)
-
-
-# ---- points of all kinds ----
 
 
 def test_a_point_out_of_sight_leaves_nothing():
@@ -217,9 +208,6 @@ def test_impossible_arguments_are_refused():
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             point_spread(**{"points": (0, 0, -404), **small, **changed})
-
-
-# ---- figure ----
 
 
 def test_figure_shows_the_pixels_where_the_sensor_has_them():

@@ -48,9 +48,6 @@ def plain():
     return landing_points(camera_obscura(), SOURCES, rays=4)
 
 
-# ---- pixels ----
-
-
 def test_light_lands_in_the_openings_of_pixels_only():
     plain = landing_points(the_camera(), POINT, rays=1 << 14)
     found = landing_points(the_camera(pixels={"pixel_aperture": (0.4, 0.9)}), POINT, rays=1 << 14)
@@ -83,9 +80,6 @@ def test_response_is_that_to_the_direction_of_each_ray(plain):
     # The hole is 1e-4 mm wide, 125 mm away; the response changes by some 3 per unit of slope.
     np.testing.assert_allclose(found.weight / plain.weight, expected, atol=1e-5)
     assert np.ptp(expected) > 0.02
-
-
-# ---- dust ----
 
 
 def test_dust_takes_its_part_where_rays_cross_its_plane(plain):
@@ -132,9 +126,6 @@ def test_rays_that_dust_stops_have_landed():
     assert spread.fates == point_spread(the_camera(), POINT, rays=1 << 12).fates
 
 
-# ---- absence ----
-
-
 def test_what_dims_nothing_changes_nothing():
     plain = point_spread(the_camera(), POINT, rays=1 << 12)
     none = Blemishes(BlemishSite.SENSOR, [], [], [], [])
@@ -151,9 +142,6 @@ def test_projections_leave_out_what_dims():
     pixels = {"pixel_aperture": (0.5, 0.5), "angular_response": AngularResponse(well_depth=3.0)}
     plain = pl.project(the_camera(), POINT, rays=256)
     assert plain == pl.project(the_camera(blemishes=(dusty,), pixels=pixels), POINT, rays=256)
-
-
-# ---- grey masks ----
 
 
 def mask(cells, size):
@@ -205,9 +193,6 @@ def test_centroids_through_a_constant_mask_are_those_without_it():
     found = [centroids_of(the_camera(mask([[t]], 5.0), lens), points) for t in (1.0, 0.5)]
     # The rays are the same, and the weights are halved exactly.
     np.testing.assert_allclose(found[1], found[0], rtol=1e-13, atol=1e-16)
-
-
-# ---- the corner of the sensor ----
 
 
 def test_the_corner_sees_the_same_part_of_a_grey_iris():

@@ -92,9 +92,6 @@ FREE = {"lattice": pl.Lattice.FREE, "centres": scattered(), "pitch": 0.18, "foca
 FREE["types"] = np.arange(500) % 2
 
 
-# ---- agreement with the renderer ----
-
-
 def in_world(camera, points):
     return np.asarray(points, dtype=float) if camera.pose is None else camera.pose.to_world(points)
 
@@ -300,9 +297,6 @@ def test_steep_light_of_an_ideal_lens_is_what_is_rendered():
         assert error < 0.006, model
 
 
-# ---- laws of the kernels ----
-
-
 def forwards(camera, z, x, y, u, v):
     """Place on the sensor, slopes, weight, index and status of rays of weight 1 that start at z of the lens's axes."""
     fields = np.zeros((8, -(-x.size // BLOCK) * BLOCK))
@@ -420,9 +414,6 @@ def test_rays_of_the_renderer_come_back_to_where_they_began():
         np.testing.assert_allclose(slope.T, -slopes[kept], atol=1e-11, err_msg=str(array))
 
 
-# ---- limits ----
-
-
 def assert_same_landing(found, expected, atol=1e-11):
     np.testing.assert_array_equal(found.source, expected.source)
     # Coordinates of some 100 mm, divided by focal lengths of 2 mm.
@@ -489,9 +480,6 @@ def test_a_camera_moved_as_a_whole_is_a_posed_camera():
     pupil = pl.paraxial.cardinal_points(camera.lens).entrance_pupil
     towards = posed.pose.to_world((0.0, 0.0, pupil)) - point
     np.testing.assert_allclose(found.weight / expected.weight, towards[2] / (towards @ turn[:, 2]), rtol=2e-3)
-
-
-# ---- single lenses ----
 
 
 @pytest.mark.parametrize("lattice", [{}, FREE], ids=["hexagonal", "free"])
