@@ -122,7 +122,7 @@ def test_opaque_gaps_take_their_area_s_part_of_the_light():
 
 
 def test_clear_gaps_pass_what_opaque_ones_stop():
-    region = np.s_[180:290, 180:290]
+    region = np.s_[185:280, 185:280]
     for model in (MODELS.THIN, MODELS.SPHERICAL):
         full = with_array(model=model)
         clear, opaque = (
@@ -139,7 +139,7 @@ def test_clear_gaps_pass_what_opaque_ones_stop():
             )
         )
         # All light of the cells arrives somewhere: with clear gaps, the mean over a large region is that of full
-        # lenses. 12100 pixels of 32 paths know their sum to 0.2 %, and what passes beside the openings to 0.6 %.
+        # lenses. 9025 pixels of 32 paths know their sum to 0.24 %, and what passes beside the openings to 0.7 %.
         agree(open_, whole, relative=0.01)
         expected = total(plain)[0] - total(flat)[0]
         assert total(open_)[0] - total(shut)[0] == pytest.approx(expected, rel=0.02), model
@@ -196,15 +196,16 @@ def test_cameras_of_an_array_see_points_with_the_disparity_of_their_baseline():
     camera = camera_array()
     camera = dataclasses.replace(camera, sensor=pl.Sensor(shape=(600, 600), pixel_pitch=0.05))
     emitter = pl.quad((-2.0, -2.0, -499.0), (4.0, 0, 0), (0, 4.0, 0), material=pl.Emissive(1.0))
-    shot = pl.render(pl.Scene(meshes=[emitter]), camera, samples=64, truth=pl.Truth.NONE, progress=False)
-    points = camera.sensor.centre_of(*np.mgrid[:600, :600])
-    light = shot.image[..., 0].astype(float)
-    for i in (-1, 0, 1):
-        for j in (-1, 0, 1):
-            own = (np.abs(points - 10.0 * np.array([i, j])) < 5.0).all(axis=-1)
-            centroid = (light[own, None] * points[own]).sum(axis=0) / light[own].sum()
-            # The pixel raster cuts an image 1.3 pixels wide: a tenth of a pixel, and half of that for noise.
-            assert centroid == pytest.approx(10.0 * np.array([i, j]) * (1 + 8.2 / 500.0), abs=0.0075)
+    scene, given = pl.Scene(meshes=[emitter]), {"samples": 64, "truth": pl.Truth.NONE, "progress": False}
+    for i, j in ((0, 0), (1, -1), (-1, 0)):
+        # All of the pixels behind one camera; row 0 is at the bottom, and column 0 on the right.
+        rows, columns = (slice(200 + 200 * k, 400 + 200 * k) for k in (j, -i))
+        points = camera.sensor.centre_of(*np.mgrid[rows, columns])
+        assert (np.abs(points - 10.0 * np.array([i, j])) < 5.0).all()
+        light = pl.render(scene, camera, region=(rows, columns), **given).image[..., 0].astype(float)
+        centroid = (light[..., None] * points).sum(axis=(0, 1)) / light.sum()
+        # The pixel raster cuts an image 1.3 pixels wide: a tenth of a pixel, and half of that for noise.
+        assert centroid == pytest.approx(10.0 * np.array([i, j]) * (1 + 8.2 / 500.0), abs=0.0075), (i, j)
     # Forwards, light lands where it is seen: nine images, and nothing behind other cells.
     landed = pl.camera.landing_points(camera, (0.0, 0.0, -499.0), rays=1 << 15)
     assert len(np.unique(landed.index, axis=0)) == 9
@@ -224,7 +225,7 @@ def test_small_pixel_openings_see_the_middle_and_their_share():
     agree(white(half, 256), white(CAMERA, 256, seed=1), 0.4, relative=2e-3)
     # A pixel three times as fine and in the middle of a coarse one sees what the coarse one's opening sees.
     fine = dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(1536, 1536), pixel_pitch=0.010 / 3))
-    coarse_shot, fine_shot = white(third, 1024, np.s_[230:250, 230:250]), white(fine, 1024, np.s_[690:750, 690:750], 1)
+    coarse_shot, fine_shot = white(third, 1024, np.s_[233:247, 233:247]), white(fine, 1024, np.s_[699:741, 699:741], 1)
     middle = np.s_[1::3, 1::3]
     joint = np.hypot(9 * coarse_shot.standard_error, fine_shot.standard_error[middle])
     off = float((9 * coarse_shot.image - fine_shot.image[middle]).sum())
