@@ -138,7 +138,7 @@ def deviations(camera, centre=POINT, *, side=0.8, across=4, groups=16, rays=1024
     return float(np.sqrt(np.mean(z * z))), off, joint[0] / backward[0]
 
 
-def assert_agrees(camera, centre=POINT, *, precision, name="", **how):
+def assert_agrees(camera, centre=POINT, *, precision, name="", most=3.5, **how):
     """Root mean square of deviations over errors of pixels, all the light, and the centroid.
 
     Only pixels with enough light that their error is known: it has 15 degrees of freedom, so that the mean square of
@@ -149,7 +149,7 @@ def assert_agrees(camera, centre=POINT, *, precision, name="", **how):
     """
     pixels, off, error = deviations(camera, centre, **how)
     assert pixels < 1.07 + 3 / math.sqrt(20), name
-    assert (np.abs(off) < 3.5).all(), name
+    assert (np.abs(off) < most).all(), name
     assert error < precision, name
 
 
@@ -226,7 +226,9 @@ def test_a_posed_camera_with_an_iris_of_blades_is_what_is_rendered():
 @pytest.mark.parametrize("first", [0, 5, 10])
 def test_plain_cameras_are_what_is_rendered(first):
     for camera, point in PLAIN[first : first + 5]:
-        assert_agrees(camera, point, side=0.3, rays=2048, samples=256, precision=0.01, name=camera)
+        # Of 42 numbers with 15 degrees of freedom one is beyond 4 once in twenty.
+        given = {"side": 0.3, "rays": 2048, "samples": 256, "precision": 0.01, "most": 4.0}
+        assert_agrees(camera, point, name=camera, **given)
 
 
 @pytest.mark.slow
@@ -267,11 +269,13 @@ def test_what_dims_takes_more_light_than_agreement_could_hide():
 
 
 @pytest.mark.slow
-def test_steep_tilts_are_what_is_rendered():
+@pytest.mark.parametrize("half", [0, 1])
+def test_steep_tilts_are_what_is_rendered(half):
     # cos(0.25) is 3 % below 1, four errors or more: a cosine about the wrong axis would show. Lens and array do not
     # know each other, so that not all models of one meet all of the other.
     exact = [(pl.LensModel.EXACT, name) for name in PLATES if name != "thin"]
-    for model, plate in (*exact, (pl.LensModel.THIN, "thin"), (pl.LensModel.PARAXIAL, "thin")):
+    cases = [*exact, (pl.LensModel.THIN, "thin"), (pl.LensModel.PARAXIAL, "thin")]
+    for model, plate in cases[half::2]:
         camera = camera_with(lens=the_lens(8.0, model), moved=STEEP, **PLATES[plate])
         assert_agrees(camera, (2.0, -0.5, -404.0), samples=256, precision=0.0065, name=(model, plate))
 
