@@ -468,8 +468,7 @@ def look(shot):
         f"{module.rpartition('.')[2]}.{name}"
         for module, found in list(sys.modules.items()) if module.startswith("plenoptic.")
         for name, part in vars(found).items()
-        if type(getattr(part, "_cache", None)).__name__ == "_KernelCache"
-        and part.signatures and part.__module__ == module
+        if type(part).__name__ == "Kernel" and part.signatures and part.__module__ == module
     ]
     parts = [name for name in ("standard_error", "truth", "sample_counts") if getattr(shot, name, None) is not None]
     print(json.dumps([kernels, parts, sorted(sys.modules)]))

@@ -1,8 +1,8 @@
 """Compiled kernels on disk: one file for each kernel and signature, named after all that its machine code depends on.
 
-A file is written under another name and then renamed, so that several processes may write it and each may be killed. It
-begins with its digest; a damaged one is compiled again. Files that were not used for 30 days are removed when something
-new is compiled, and so are the folders of earlier versions.
+Several processes may write a file at once, and each may be killed. A file begins with its digest; a damaged one is
+compiled again. Files that were not used for 30 days are removed when something new is compiled, and so are the folders
+of earlier versions.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import hashlib
 import importlib.util
 import os
 import pickle
-import secrets
 import shutil
 import sys
 import tempfile
@@ -26,6 +25,7 @@ from typing import Any
 from numba.core import config, types
 from numba.core.compiler import CompileResult
 
+from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.numba.code_digest import UnknownValueError, bytecode_text, code_digest
 from plenoptic.core.numba.deviations import deviations
 from plenoptic.core.warn import warn
@@ -123,15 +123,12 @@ class KernelCache:
         path = self.path(signature, result.target_context)
         if writable_folder() is None or path is None:
             return
-        partial = path.with_suffix(f".{secrets.token_hex(6)}.partial")
         try:
             if not result.library.has_dynamic_globals:  # addresses of this process
                 content = pickle.dumps(result._reduce(), protocol=pickle.HIGHEST_PROTOCOL)
-                partial.write_bytes(_digest(path.name, content) + content)
-                partial.replace(path)
+                write_file(path, _digest(path.name, content) + content)
                 _remove_unused(path.parent)
         except Exception as error:  # also of a Numba whose results look otherwise
-            partial.unlink(missing_ok=True)
             _warn_once(error)
 
     def enable(self) -> None:
@@ -190,5 +187,5 @@ def _remove_unused(folder: Path) -> None:
                 continue
             if entry.is_dir() and len(entry.name) == 20:  # an earlier version's
                 shutil.rmtree(entry, ignore_errors=True)
-            elif entry.suffix in (".nbc", ".partial"):
+            elif entry.suffix == ".nbc":
                 entry.unlink()
