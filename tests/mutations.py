@@ -22,6 +22,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+ROOT = Path(__file__).resolve().parents[1]
 MUTATIONS = """
 sphere_far_half optics/lens/kernels/sphere.py: optics/surfaces optics/lens/test_trace.py
 - or (divisor == 0.0 and g == g) or c * z > max_depth else lost
@@ -179,10 +180,11 @@ def mutations() -> dict[str, Mutation]:
     return {name: Mutation(name, file, tests.split(), old, new) for name, file, tests, old, new in found}
 
 
-def run(folder: Path, arguments: list[str], seconds: float) -> tuple[str, str] | None:
+def run(folder: Path, suite: Path, arguments: list[str], seconds: float) -> tuple[str, str] | None:
     """The first test that fails with the package in `folder` and why, "" for none; None where time is over."""
     path = os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")]))
-    command = [sys.executable, "-m", "pytest", "-xq", "-n0", "-pno:cacheprovider", "-rfE", "--tb=no", *arguments]
+    command = [sys.executable, "-m", "pytest", "-xq", "-n0", "-pno:cacheprovider", "-rfE", "--tb=no"]
+    command += ["-c", str(ROOT / "pyproject.toml"), f"--rootdir={suite.parent}", *arguments]
     env = {**os.environ, "PYTHONPATH": path, "BUILD_NUMBER": "1"}  # with which pytest cuts no reason off
     with tempfile.TemporaryFile("w+") as said:
         process = subprocess.Popen(
@@ -225,7 +227,7 @@ def verdict(folder: Path, suite: Path, one: Mutation, seconds: float) -> str:
         while True:
             path.write_text(after, encoding="utf-8")
             try:
-                found = run(folder, [*arguments, *passed_over], end - time.perf_counter())
+                found = run(folder, suite, [*arguments, *passed_over], end - time.perf_counter())
             finally:
                 path.write_text(before, encoding="utf-8")
             if found is None:
@@ -233,7 +235,7 @@ def verdict(folder: Path, suite: Path, one: Mutation, seconds: float) -> str:
             if not found[0]:
                 break
             begin, (test, why) = time.perf_counter(), found
-            without = None if test == "pytest" else run(folder, ["-m", "", test], seconds)
+            without = None if test == "pytest" else run(folder, suite, ["-m", "", test], seconds)
             if without is None or without[0] in ("", "pytest"):
                 return f"{test.removeprefix(f'{suite}/')}  [{why[:100]}]"
             print(f"# {test} fails without {one.name}, too", flush=True)
@@ -246,16 +248,15 @@ def main() -> None:
     known = mutations()
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--only", help=f"names with commas between them, of {', '.join(known)}")
-    parser.add_argument("--suite", type=Path, default=Path(__file__).parent, help="the folder of tests")
+    parser.add_argument("--suite", type=Path, default=ROOT / "tests", help="the folder of tests")
     parser.add_argument("--seconds", type=float, default=900.0, help="for each mutation")
-    parser.add_argument("--package", type=Path, help="the folder of the package; that beside the one of this file")
+    parser.add_argument("--package", type=Path, default=ROOT / "plenoptic", help="the folder of the package")
     given = parser.parse_args()
-    package = given.package or Path(__file__).resolve().parents[1] / "plenoptic"
     for one in known.values():
-        one.of(package)
+        one.of(given.package)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()
-        shutil.copytree(package, folder / "plenoptic", ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(given.package, folder / "plenoptic", ignore=shutil.ignore_patterns("__pycache__"))
         asked, env = "import plenoptic; print('#', plenoptic.__file__)", {**os.environ, "PYTHONPATH": name}
         subprocess.run([sys.executable, "-c", asked], cwd=folder, env=env, check=True)
         for one in [known[name] for name in given.only.split(",")] if given.only else known.values():
