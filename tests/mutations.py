@@ -262,7 +262,7 @@ def main() -> None:
         for one in [known[name] for name in given.only.split(",")] if given.only else known.values():
             begin = time.perf_counter()
             found = verdict(folder, given.suite.resolve(), one, given.seconds)
-            print(f"{one.name:22}{one.file:46}{time.perf_counter() - begin:6.0f} s  {found}", flush=True)
+            print(f"{one.name:24}{one.file:46}{time.perf_counter() - begin:6.0f} s  {found}", flush=True)
 
 
 if __name__ == "__main__":
