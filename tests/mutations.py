@@ -93,7 +93,7 @@ light_in_a_liquid scene/materials/kernels/absorption.py: rendering/integrator sc
 pooled_error rendering/film.py: rendering/test_film.py rendering/test_standard_error.py
 - pooled = (single + _SHARED * alike) / (1.0 + _SHARED) * (between / within)[..., None]
 + pooled = (single + _SHARED * alike) * (between / within)[..., None]
-expected_with_noise core/relative_error.py: core/test_relative_error.py rendering/schedule
+expected_with_noise core/relative_error.py: core/test_relative_error.py rendering/test_rare_light.py
 - shown = np.maximum(between - diagonal_sums(noise) / most, 0.0)
 + shown = np.maximum(between, 0.0)
 own_colour_decides rendering/schedule/progress.py: rendering/schedule rendering/test_render.py
