@@ -164,21 +164,12 @@ def test_places_that_cannot_be_written(tmp_path, monkeypatch):
         images.write_channels(tmp_path / "a.exr", plane)
 
 
-def test_a_failed_write_leaves_the_old_file_and_a_link_stays_a_link(tmp_path, monkeypatch):
+def test_a_link_stays_a_link(tmp_path):
     path = tmp_path / "a.exr"
     images.write_channels(path, {"Y": np.ones((2, 2))})
     (tmp_path / "link.exr").symlink_to(path)
     images.write_channels(tmp_path / "link.exr", {"Y": np.zeros((2, 2))})
     assert (tmp_path / "link.exr").is_symlink() and images.read_linear(path).max() == 0
-    before = path.read_bytes()
-
-    def fail(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", fail)
-    with pytest.raises(FileError, match="No space left"):
-        images.write_channels(path, {"Y": np.ones((2, 2))})
-    assert path.read_bytes() == before
     assert sorted(os.listdir(tmp_path)) == ["a.exr", "link.exr"]
 
 

@@ -61,18 +61,11 @@ def test_a_motion_seen_from_a_time_and_in_another_world_is_the_same():
     motion = pl.Motion([0.0, 0.4, 1.0], poses(3), pivot=(3, 4, 5))
     there = motion.at(0.3)
     for time in (-0.2, 0.0, 0.35, 0.9):
-        np.testing.assert_allclose(
-            motion.seen_from(0.3).at(time).to_world(there.to_world(POINTS)),
-            motion.at(0.3 + time).to_world(POINTS),
-            atol=1e-11,
-        )
+        seen, here = motion.seen_from(0.3).at(time).to_world(there.to_world(POINTS)), motion.at(time)
+        np.testing.assert_allclose(seen, motion.at(0.3 + time).to_world(POINTS), atol=1e-11)
         turn, shift = rotation_about((1, 1, 0), 0.7), np.array([5.0, 6.0, 7.0])
-        carried = motion.carried(turn, shift, 2.0)
-        np.testing.assert_allclose(
-            carried.at(time).to_world(2.0 * POINTS @ turn.T + shift),
-            2.0 * motion.at(time).to_world(POINTS) @ turn.T + shift,
-            atol=1e-11,
-        )
+        found = motion.carried(turn, shift, 2.0).at(time).to_world(2.0 * POINTS @ turn.T + shift)
+        np.testing.assert_allclose(found, 2.0 * here.to_world(POINTS) @ turn.T + shift, atol=1e-11)
 
 
 def test_small_and_large_turns_keep_their_digits():

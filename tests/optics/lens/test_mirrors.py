@@ -32,15 +32,10 @@ def mangin() -> pl.LensStack:
 def folded() -> pl.LensStack:
     """An asphere and a surface without symmetry, both out of place, and a glass between them."""
     bump = pl.optics.ZernikeSag([0, 0, 0, 0, 1e-3, 2e-3, 1e-3], norm_radius=20.0)
-    stack = pl.LensStack(
-        [
-            pl.CircularStop(8.0, thickness=20.0),
-            pl.Surface(-300.0, 60.0, MIRROR, semi_diameter=20.0, conic=-0.7, aspheric=(0.0, 1e-8)),
-            pl.Surface(500.0, 50.0, MIRROR, semi_diameter=20.0, departure=bump),
-            pl.Surface(80.0, 5.0, GLASS, semi_diameter=20.0),
-            pl.Surface(-90.0, semi_diameter=20.0),
-        ]
-    )
+    asphere = pl.Surface(-300.0, 60.0, MIRROR, semi_diameter=20.0, conic=-0.7, aspheric=(0.0, 1e-8))
+    freeform = pl.Surface(500.0, 50.0, MIRROR, semi_diameter=20.0, departure=bump)
+    glass = pl.Surface(80.0, 5.0, GLASS, semi_diameter=20.0), pl.Surface(-90.0, semi_diameter=20.0)
+    stack = pl.LensStack([pl.CircularStop(8.0, thickness=20.0), asphere, freeform, *glass])
     return stack.moved(1, tilt=(0.02, -0.01, 0.0), shift=(0.3, 0.2, 0.1)).moved(2, tilt=(0.0, 0.03, 0.0))
 
 
@@ -64,8 +59,7 @@ def test_an_ellipsoid_images_one_focus_into_the_other():
     directions = np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
     rays = pl.RayBundle(np.tile([0.0, 0.0, 200.0 - near], (9, 1)), directions)
     out = lens.trace(rays)
-    assert (out.status == 0).all()
-    assert np.abs(out.at_z(200.0 + far)[:, :2]).max() < 1e-12
+    assert (out.status == 0).all() and np.abs(out.at_z(200.0 + far)[:, :2]).max() < 1e-12
     assert pl.paraxial.image_position(lens, 200.0 - near) == pytest.approx(200.0 + far, rel=1e-14)
 
 
@@ -135,8 +129,7 @@ def test_a_ring_stops_the_middle_and_passes_its_edges():
     assert (out.status == 0).tolist() == [False, False, True, True, True, False]
     assert out.lost_at.tolist() == [0, 0, -1, -1, -1, 0]
     ring = pl.optics.RingStop(5.0, 2.0, thickness=1.0)
-    assert ring.area == pytest.approx(math.pi * 21.0)
-    assert ring.image(-2.0) == pl.optics.RingStop(10.0, 4.0)
+    assert ring.area == pytest.approx(math.pi * 21.0) and ring.image(-2.0) == pl.optics.RingStop(10.0, 4.0)
     assert ring.transmission_at([0.0, 3.0], 0.0).tolist() == [0.0, 1.0]
     with pytest.raises(pl.errors.InvalidValueError, match="inner_semi_diameter is 5 mm, and no light passes"):
         pl.optics.RingStop(5.0, 5.0)
@@ -146,9 +139,8 @@ def test_files_keep_mirrors_and_rings(tmp_path):
     askew = Mirror((0.0, 0.1, 1.0))
     lens = cassegrain(ring=18.0)
     bent = pl.LensStack([*lens.elements[:2], pl.Surface(90.0, medium=askew, semi_diameter=9.0)], name="bent")
-    for kept in (lens, bent):
-        pl.save_lens(kept, tmp_path / "lens.json")
-        assert pl.load_lens(tmp_path / "lens.json") == kept
+    pl.save_lens(bent, tmp_path / "lens.json")
+    assert pl.load_lens(tmp_path / "lens.json") == bent
     with pytest.raises(PrescriptionError, match="only round stops|element 0"):
         pl.save_lens(lens, tmp_path / "lens.zmx")
     with pytest.raises(PrescriptionError, match="element 1 is a mirror, which cannot be written as .zmx"):
@@ -168,6 +160,5 @@ def test_mirrors_say_what_they_are_not():
         with pytest.raises(PrescriptionError, match=text):
             make()
     assert cassegrain().moved(slice(0, 2), shift=(0.1, 0.0, 0.0)).elements[1].placement is not None
-    assert Mirror((0.0, 0.0, -2.0)) == MIRROR
-    assert mangin().indices(587.6).tolist() == [1.0, 1.0, 1.5, 1.5, 1.0]
+    assert Mirror((0.0, 0.0, -2.0)) == MIRROR and mangin().indices(587.6).tolist() == [1.0, 1.0, 1.5, 1.5, 1.0]
     assert mangin().glasses == ((1, 2), (2, 3))

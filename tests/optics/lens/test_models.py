@@ -48,16 +48,7 @@ def test_the_way_back_is_the_way_there():
         assert np.all(out.lost_at[~ok] == LENS.iris_index), (model, stop)
 
 
-def test_what_passes_a_paraxial_lens_passes_its_pupils():
-    lens = LENS.with_stop(pl.PolygonStop(blades=3, semi_diameter=5.0)).with_model(PARAXIAL)
-    rays = bundle(-404.0, 5.0, n=4000, spread=10.0)
-    out = lens.trace(rays)
-    # The entrance pupil is the iris seen from the scene: upright, magnified by its semi-diameter over 5 mm.
-    at_pupil = rays.at_z(POINTS.entrance_pupil)[:, :2] * 5.0 / POINTS.entrance_pupil_semi_diameter
-    edge = np.abs((at_pupil @ lens.stop.normals.T).max(axis=1) - lens.stop.apothem) > 1e-9
-    inside = lens.stop.contains(at_pupil[:, 0], at_pupil[:, 1])
-    assert np.array_equal((out.status == 0)[edge], inside[edge])
-    # Without a lens rays go straight through the stops.
+def test_without_a_lens_rays_go_straight_through_the_stops():
     lens = LENS.inserted(pl.CircularStop(9.0), z=35.0).with_model(NONE)
     rays = bundle(-404.0, 50.0, spread=12.0, n=2000)
     out = lens.trace(rays)

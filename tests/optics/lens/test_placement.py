@@ -76,9 +76,7 @@ def test_tilted_planes_deviate_and_shift_as_plates_and_wedges():
     deviation = math.asin(n * math.sin(a)) - a
     assert math.atan2(out.direction[0, 0], out.direction[0, 2]) == pytest.approx(-deviation, abs=8 * EPS)
     # A thin lens shifted across the axis by s images the axial point at infinity at s.
-    thin = [
-        pl.Surface(r, 0.0, pl.ConstantMedium(index), semi_diameter=10.0) for r, index in ((100.0, 1.5), (-100.0, 1))
-    ]
+    thin = [pl.Surface(100.0, 0.0, pl.ConstantMedium(1.5), semi_diameter=10.0), pl.Surface(-100.0, semi_diameter=10.0)]
     moved = pl.LensStack([pl.CircularStop(1.0), *thin]).moved(slice(1, 3), shift=(0.3, -0.2, 0.0))
     ray = moved.trace(pl.RayBundle([[0, 0, -10.0]], [[0, 0, 1.0]]))
     assert ray.at_z(100.0)[0, :2] == pytest.approx([0.3, -0.2], abs=2e-5)  # third order: s (s / R)^2
@@ -93,8 +91,7 @@ def test_rays_behind_a_tilted_plane_miss_it():
         rays = pl.RayBundle(np.tile([0.0, 0.0, -1.0], (6, 1)), np.stack([slopes, 0 * slopes, 1 + 0 * slopes], axis=1))
         out = tilted.trace(rays)
         missed = (out.status == pl.RayStatus.MISSED) & (out.lost_at == 0)
-        assert missed.tolist() == [True] * 3 + [False] * 3, form
-        assert pl.RayStatus.NOT_FINITE not in out.status, form
+        assert missed.tolist() == [True] * 3 + [False] * 3 and pl.RayStatus.NOT_FINITE not in out.status, form
 
 
 def test_moves_add_up_and_go_back():
@@ -111,15 +108,6 @@ def test_moves_add_up_and_go_back():
     other = moved.with_stop(pl.PolygonStop(blades=5, semi_diameter=3.0))
     assert other.stop.placement.shift.tolist() == [0.5, 0.0, 0.0]
     assert pickle.loads(pickle.dumps(other)) == other and hash(other) != hash(LENS)
-
-
-def test_a_decentred_stop_lets_through_what_it_should():
-    stop = pl.LensStack([pl.PolygonStop(4, 2.0), pl.Surface(math.inf, semi_diameter=50.0)])
-    moved = stop.moved(0, shift=(5.0, 1.0, 0.0), tilt=(0, 0, math.pi / 4))
-    x, y = np.random.default_rng(1).uniform(-4, 9, (2, 4000))
-    rays = pl.RayBundle(np.column_stack([x, y, 0 * x - 9.0]), np.broadcast_to([0, 0, 1.0], (4000, 3)))
-    inside = (np.abs(x - 5) <= math.sqrt(2)) & (np.abs(y - 1) <= math.sqrt(2))
-    assert np.array_equal(moved.trace(rays).status == 0, inside)
 
 
 def test_impossible_moves_are_refused():

@@ -1,14 +1,15 @@
 import dataclasses
 import math
-import pickle
 import xml.etree.ElementTree as ElementTree
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 from plenoptic import CircularStop, ConstantMedium, LensStack, ModelGlass, PolygonStop, Surface, load_lens
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics import AIR
+from plenoptic.plots.lens import plot_lens
 
 EPS = np.finfo(float).eps
 GLASS = ConstantMedium(1.5)
@@ -23,20 +24,17 @@ def two_lenses() -> LensStack:
 
 
 def test_vertices_are_counted_from_the_iris():
-    assert two_lenses().vertices.tolist() == [-7.0, -3.0, 0.0, 2.0, 6.0]
-    assert two_lenses().length == 13.0
+    assert two_lenses().vertices.tolist() == [-7.0, -3.0, 0.0, 2.0, 6.0] and two_lenses().length == 13.0
     # The table of the reference camera; sums of up to six gaps, each good to half an eps of 34.
     expected = [-33.77, -26.25, -26.01, -17.96, -11.41, 0.0, 9.00, 11.36, 23.49, 23.87, 30.31]
-    assert REFERENCE.vertices == pytest.approx(expected, abs=6 * 34 * EPS)
-    assert REFERENCE.vertices[5] == 0.0
+    assert REFERENCE.vertices == pytest.approx(expected, abs=6 * 34 * EPS) and REFERENCE.vertices[5] == 0.0
 
 
 def test_indices_follow_the_gaps():
     inside = LensStack([FRONT, CircularStop(3.0, 1.0), BACK])
     assert inside.indices().tolist() == [1.0, 1.5, 1.5, 1.0]
     assert two_lenses().indices().tolist() == [1.0, 1.5, 1.0, 1.0, 1.5, 1.0]
-    assert two_lenses().glasses == ((0, 1), (3, 4))
-    assert inside.glasses == ((0, 2),)
+    assert two_lenses().glasses == ((0, 1), (3, 4)) and inside.glasses == ((0, 2),)
     # Air is recognised whatever made it.
     assert LensStack([STOP, FRONT, dataclasses.replace(BACK, medium=ConstantMedium(1))]).gap_media[-1] == AIR
 
@@ -54,11 +52,9 @@ def test_indices_follow_the_gaps():
 
 def test_the_first_stop_is_the_iris():
     lens = LensStack([STOP, FRONT, BACK, CircularStop(4.0)])
-    assert (lens.iris_index, lens.stop) == (0, STOP)
-    assert lens == dataclasses.replace(lens, iris=0)
+    assert (lens.iris_index, lens.stop) == (0, STOP) and lens == dataclasses.replace(lens, iris=0)
     behind = dataclasses.replace(lens, iris=3)
-    assert behind.stop == CircularStop(4.0) and behind.vertices[-1] == 0.0
-    assert lens != behind
+    assert behind.stop == CircularStop(4.0) and behind.vertices[-1] == 0.0 and lens != behind
     # The gap behind the lens is not part of it.
     assert LensStack([STOP, FRONT, BACK]) == LensStack([STOP, FRONT, dataclasses.replace(BACK, thickness=99.0)])
 
@@ -76,21 +72,16 @@ def test_an_inserted_stop_moves_nothing():
     # A new iris stands in the same place.
     lens = two_lenses().with_stop(PolygonStop(6, 4.0, thickness=77.0))
     assert lens.stop == PolygonStop(6, 4.0, thickness=2.0)
-    assert lens.vertices.tolist() == two_lenses().vertices.tolist()
-    assert lens.with_stop(STOP) == two_lenses()
+    assert lens.vertices.tolist() == two_lenses().vertices.tolist() and lens.with_stop(STOP) == two_lenses()
 
 
 def test_what_is_impossible_says_why():
-    lists = (
+    for elements, message in (
         ([], "no surface"),
-        ([STOP], "no surface"),
-        ([FRONT, BACK], "2 surfaces and no stop"),
         ([STOP, FRONT, "lens"], "element 2 is 'lens'"),
-        ([STOP, FRONT], "element 1, the last surface, .* must be pl.optics.AIR"),
         ([FRONT, STOP], "element 0, the last surface"),
         (7, "elements is 7"),
-    )
-    for elements, message in lists:
+    ):
         with pytest.raises(PrescriptionError, match=message):
             LensStack(elements)
     for iris in (0, -1, 17, 2.0, True):
@@ -103,26 +94,10 @@ def test_what_is_impossible_says_why():
     for z in (math.nan, math.inf):
         with pytest.raises(InvalidValueError, match="z is"):
             lens.inserted(CircularStop(3.0), z)
-    for wrong in (FRONT, 5.0):
-        with pytest.raises(PrescriptionError, match="stop is"):
-            lens.with_stop(wrong)
-        with pytest.raises(PrescriptionError, match="stop is"):
-            lens.inserted(wrong, 0.0)
-    for trace in (lens.trace, lens.trace_reverse):
-        with pytest.raises(InvalidValueError, match=r"rays is a list; give a RayBundle, such as pl\.RayBundle"):
-            trace([[0, 0, -1]])
-
-
-def test_a_lens_is_a_value():
-    again = pickle.loads(pickle.dumps(REFERENCE))
-    assert again == REFERENCE and hash(again) == hash(REFERENCE)
-    assert REFERENCE.with_stop(CircularStop(5.0)) != REFERENCE
-    assert isinstance(LensStack([STOP, FRONT, BACK]).elements, tuple)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        REFERENCE.name = "other"
-    assert not REFERENCE.vertices.flags.writeable
-    assert repr(two_lenses()) == "<LensStack 'pair': 4 surfaces, 1 stop, 13 mm long>"
-    assert "2 stops" in repr(two_lenses().inserted(STOP, 9.0))
+    with pytest.raises(PrescriptionError, match="stop is"):
+        lens.inserted(FRONT, 0.0)
+    with pytest.raises(InvalidValueError, match=r"rays is a list; give a RayBundle, such as pl\.RayBundle"):
+        lens.trace_reverse([[0, 0, -1]])
 
 
 def test_profiles_drawing_and_plot_are_to_scale():
@@ -134,17 +109,11 @@ def test_profiles_drawing_and_plot_are_to_scale():
     assert width > lens.length
     fills = [e for e in drawing if e.get("fill")]
     assert len(fills) == len(lens.glasses) == 6
-    matplotlib = pytest.importorskip("matplotlib")
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    from plenoptic.plots.lens import plot_lens
-
-    ax = plot_lens(two_lenses().inserted(CircularStop(3.0), 9.0))
-    assert ax.get_aspect() == 1.0 and ax.get_title() == "pair"
-    assert plot_lens(two_lenses(), ax) is ax
-    plt.close("all")
     lens = two_lenses()
+    assert repr(lens) == "<LensStack 'pair': 4 surfaces, 1 stop, 13 mm long>"
+    ax = plot_lens(lens.inserted(CircularStop(3.0), 9.0))
+    assert ax.get_aspect() == 1.0 and ax.get_title() == "pair" and plot_lens(lens, ax) is ax
+    plt.close("all")
     for z, element, profile in zip(lens.vertices, lens.elements, lens.profiles(5), strict=True):
         assert profile.shape == (5, 2)
         assert profile[[0, -1], 1].tolist() == [-element.semi_diameter, element.semi_diameter]

@@ -1,4 +1,3 @@
-import dataclasses
 import itertools
 import math
 
@@ -8,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.lens.elements import opened
 from plenoptic.optics.lens.record import ROW, LensRecord
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.record import SPHERE
@@ -99,11 +97,8 @@ def test_a_ball_turns_every_ray_by_twice_i_minus_r():
 @settings(max_examples=30)
 @given(angle=st.floats(-1.3, 1.3), thickness=st.floats(0.01, 50.0), n=st.floats(1.0, 3.0))
 def test_a_plate_shifts_rays_sideways(angle: float, thickness: float, n: float):
-    plate = [
-        pl.Surface(math.inf, thickness, pl.ConstantMedium(n), semi_diameter=1e6),
-        pl.Surface(math.inf, semi_diameter=1e6),
-    ]
-    lens = pl.LensStack([pl.CircularStop(1e6, 1.0), *plate])
+    front = pl.Surface(math.inf, thickness, pl.ConstantMedium(n), semi_diameter=1e6)
+    lens = pl.LensStack([pl.CircularStop(1e6, 1.0), front, pl.Surface(math.inf, semi_diameter=1e6)])
     d = np.array([math.sin(angle), 0.0, math.cos(angle)])
     out = lens.trace(pl.RayBundle(-3.0 * d[None], d[None]))
     # Not 1 - cos / sqrt(n^2 - sin^2) of the textbook, which the sine's rounding spoils where n is near 1.
@@ -121,10 +116,8 @@ def test_the_way_back_is_the_way_there():
         lens = pl.load_lens(name)
         rng = np.random.default_rng(7)
         points = pl.paraxial.cardinal_points(lens)
-        semi_diameter = points.entrance_pupil_semi_diameter
-        aim = np.column_stack(
-            [rng.uniform(-semi_diameter, semi_diameter, (3000, 2)), np.full(3000, points.entrance_pupil)]
-        )
+        size = points.entrance_pupil_semi_diameter
+        aim = np.column_stack([rng.uniform(-size, size, (3000, 2)), np.full(3000, points.entrance_pupil)])
         d = random_directions(rng, 3000, 0.05 if name.startswith("mirror") else 0.5)
         rays = pl.RayBundle(aim - 3 * lens.length * d, d)
         there = lens.trace(rays)
@@ -209,59 +202,6 @@ def test_the_first_cause_stays():
     assert np.all(out.status != OK)
 
 
-WILD = st.sampled_from(
-    [0.0, -0.0, 1.0, -3.0, 1e-300, 5e-324, 1e150, 1e160, 1e300, -1e300, math.inf, -math.inf, math.nan]
-)
-
-
-@settings(max_examples=80)
-@given(rows=st.lists(st.tuples(*[WILD] * 6), min_size=1, max_size=8), reverse=st.booleans())
-def test_no_numbers_break_a_trace(rows: list[tuple[float, ...]], reverse: bool):
-    numbers = np.array(rows)
-    with np.errstate(all="ignore"):
-        rays = pl.RayBundle(numbers[:, :3], numbers[:, 3:])
-    out = DOUBLE_GAUSS.trace_reverse(rays) if reverse else DOUBLE_GAUSS.trace(rays)
-    arrived = out.status == OK
-    assert np.isfinite(out.origin[arrived]).all() and np.isfinite(out.direction[arrived]).all()
-    assert np.abs(np.linalg.norm(out.direction[arrived], axis=1) - 1).max(initial=0.0) <= 1e-14
-    assert np.all(out.weight[~arrived] == 0)
-    impossible = ~np.isfinite(numbers).all(axis=1) | ~numbers[:, 3:].any(axis=1)
-    assert np.all(out.status[impossible] == NOT_FINITE)
-
-
-@settings(max_examples=20)
-@given(blades=st.integers(3, 12), rotation=st.floats(-4, 4), seed=st.integers(0, 100))
-def test_polygon_stops_pass_what_they_contain(blades: int, rotation: float, seed: int):
-    stop = pl.PolygonStop(blades=blades, semi_diameter=4.0, rotation=rotation)
-    lens = pl.LensStack([stop, pl.Surface(math.inf, semi_diameter=20.0)])
-    xy = np.random.default_rng(seed).uniform(-5, 5, (1000, 2))
-    # Axial rays reach the stop at the very x, y of their origin; an edge is 1e-12 mm wide here.
-    clear = np.abs(np.max(xy @ stop.normals.T, axis=1) - stop.apothem) > 1e-12
-    along = np.tile([0, 0, 1.0], (1000, 1))
-    out = lens.trace(pl.RayBundle(np.column_stack([xy, np.full(1000, -3.0)]), along))
-    assert np.array_equal((out.status == OK)[clear], stop.contains(*xy.T)[clear])
-    assert set(out.lost_at.tolist()) <= {-1, 0}
-    back = lens.trace_reverse(pl.RayBundle(np.column_stack([xy, np.full(1000, 3.0)]), -along))
-    assert np.array_equal(back.status[clear], out.status[clear])
-
-
-def test_two_stops_both_clip():
-    iris = pl.PolygonStop(blades=6, semi_diameter=8.0)
-    one = DOUBLE_GAUSS.with_stop(iris)
-    two = one.inserted(pl.CircularStop(6.0), z=31.0)
-    rng = np.random.default_rng(2)
-    start = np.column_stack([rng.uniform(-12, 12, (4000, 2)), np.full(4000, -404.0)])
-    aim = np.column_stack([rng.uniform(-14, 14, (4000, 2)), np.full(4000, -33.77)])
-    rays = pl.RayBundle(start, aim - start)
-    first, both = one.trace(rays), two.trace(rays)
-    at_second = first.at_z(31.0)
-    inside = np.hypot(*at_second[:, :2].T) <= 6.0
-    assert np.array_equal(both.status == OK, (first.status == OK) & inside)
-    assert np.array_equal(both.lost_at == 11, (first.status == OK) & ~inside)
-    assert np.array_equal(both.lost_at == 5, first.lost_at == 5)
-    assert min(np.count_nonzero(both.lost_at == k) for k in (-1, 5, 11)) > 100
-
-
 def test_threads_and_neighbours_do_not_change_a_bit():
     rng = np.random.default_rng(3)
     n = (1 << 16) + 77
@@ -276,23 +216,6 @@ def test_threads_and_neighbours_do_not_change_a_bit():
         assert prefix == one.selected(part)
     # Nor does the place in a block.
     assert DOUBLE_GAUSS.trace(rays.selected(np.arange(131, 900))) == one.selected(np.arange(131, 900))
-
-
-def test_the_focus_tends_to_the_paraxial_one_with_order_2():
-    for name, reverse in itertools.product(pl.lens_names(), (False, True)):
-        lens = pl.load_lens(name)
-        lens = dataclasses.replace(lens, elements=opened(lens.elements))  # a secondary mirror shades the middle
-        points = pl.paraxial.cardinal_points(lens)
-        # Zero- and fourth-order terms: longitudinal aberration is a h^2 + b h^4 with b h^2 / a some
-        # (h / semi-diameter)^2, below 0.01 here even for lenses that are corrected well.
-        heights = np.geomspace(0.002, 0.01, 6) * lens.stop.semi_diameter
-        far = 1e4 if reverse else -1e4
-        rays = pl.RayBundle(np.column_stack([heights, 0 * heights, np.full(6, far)]), [[0, 0, -np.sign(far)]] * 6)
-        out = lens.trace_reverse(rays) if reverse else lens.trace(rays)
-        crossing = out.origin[:, 2] - out.origin[:, 0] * out.direction[:, 2] / out.direction[:, 0]
-        error = np.abs(crossing - (points.front_focus if reverse else points.rear_focus))
-        order = np.polyfit(np.log(heights), np.log(error), 1)[0]
-        assert order == pytest.approx(2.0, abs=0.05), (name, reverse)
 
 
 def test_rays_that_go_the_other_way_are_lost():

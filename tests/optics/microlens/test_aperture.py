@@ -25,9 +25,7 @@ LARGEST = {
     (pl.Lattice.HEXAGONAL, Shape.HEXAGON): 1.0,
     (pl.Lattice.SQUARE, Shape.HEXAGON): 1.5 * math.sqrt(3) / 4,
     (pl.Lattice.RECTANGULAR, Shape.HEXAGON): 1.5 * math.sqrt(3) * 0.35**2 / (0.7 * 1.1),
-    (pl.Lattice.HEXAGONAL, Shape.CELL): 1.0,
-    (pl.Lattice.SQUARE, Shape.CELL): 1.0,
-    (pl.Lattice.RECTANGULAR, Shape.CELL): 1.0,
+    **{(lattice, Shape.CELL): 1.0 for lattice in PITCHES},
 }
 
 
@@ -59,8 +57,7 @@ def test_openings_have_their_area_and_fit_their_cell(lattice, shape, part, size)
         assert polygon_edges(opening.corners)[:, 2] == pytest.approx(opening.radius, rel=64 * EPS * 24)
         assert len(opening.edges) == 0
     else:
-        assert math.isinf(opening.radius)
-        assert np.array_equal(opening.edges, polygon_edges(opening.corners))
+        assert math.isinf(opening.radius) and np.array_equal(opening.edges, polygon_edges(opening.corners))
 
 
 def test_what_sticks_out_of_its_cell_is_refused():
@@ -93,13 +90,11 @@ def test_arrays_have_openings():
     bare = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,))
     assert np.array_equal(bare.opening.corners, bare.cell_corners) and bare.opening.reach == bare.cell_radius
     circle = pl.optics.MicrolensAperture(Shape.CIRCLE, 0.6)
-    assert pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=circle).opening.reach == pytest.approx(
-        math.sqrt(0.6 * bare.cell_area / math.pi), rel=8 * EPS
-    )
+    opened = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=circle)
+    assert opened.opening.reach == pytest.approx(math.sqrt(0.6 * bare.cell_area / math.pi), rel=8 * EPS)
     # Listed lenses: of a square of the pitch, whatever their cells are.
-    free = pl.MicrolensArray(
-        pitch=0.2, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=[(0, 0), (0.3, 0.1)], aperture=circle
-    )
+    listed = {"lattice": pl.Lattice.FREE, "centres": [(0, 0), (0.3, 0.1)]}
+    free = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=circle, **listed)
     assert free.opening.radius == pytest.approx(math.sqrt(0.6 * 0.04 / math.pi), rel=8 * EPS)
     with pytest.raises(pl.errors.InvalidValueError, match="makes the circle stick out of its cell"):
         pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), aperture=pl.optics.MicrolensAperture(Shape.CIRCLE, 0.95))

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.core.motions.rotation import rotation_about
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite, dust_record, plane_axes
 from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims, fill_dimmed_rays
 from plenoptic.optics.microlens.record import SensorPlane
@@ -125,12 +126,7 @@ def test_the_array_s_plane_is_where_paths_are_aimed():
 @given(seed=st.integers(0, 10_000), height=st.floats(0.0, 0.9))
 def test_a_tilted_and_decentred_sensor(seed, height):
     rng = np.random.default_rng(seed)
-    axis = rng.normal(size=3)
-    axis /= np.linalg.norm(axis)
-    angle = rng.uniform(-0.3, 0.3)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    turn = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-    shift = np.array([0.3, -0.2, 2.0])
+    turn, shift = rotation_about(rng.normal(size=3), rng.uniform(-0.3, 0.3)), np.array([0.3, -0.2, 2.0])
     listed = some_blemishes(rng, 50, size=1.0, spread=1.0, height=height)
 
     flat = np.column_stack([rng.uniform(-1, 1, (300, 2)), np.zeros(300)])
@@ -143,18 +139,10 @@ def test_a_tilted_and_decentred_sensor(seed, height):
     clear = clear_of_edges(listed, own, 64 * EPS)
 
     slopes = -turn[:2, 2] / turn[2, 2]
-    found = dimmed(
-        listed,
-        aim[:, :2],
-        start[:, :2],
-        distance=shift[2] - slopes @ shift[:2],
-        tilt=slopes,
-        height=height,
-        axes=plane_axes(turn, shift, height=height),
-    )
+    plane = {"distance": shift[2] - slopes @ shift[:2], "tilt": slopes, "height": height}
+    found = dimmed(listed, aim[:, :2], start[:, :2], axes=plane_axes(turn, shift, height=height), **plane)
     # Points of a few mm through some twenty operations; products of up to 50 numbers.
-    assert found[clear] == pytest.approx(passing(listed, own)[clear], rel=64 * EPS)
-    assert clear.sum() > 290
+    assert found[clear] == pytest.approx(passing(listed, own)[clear], rel=64 * EPS) and clear.sum() > 290
 
 
 def test_rays_are_dimmed_where_they_cross_a_plane():
@@ -218,8 +206,7 @@ def test_the_grid_stays_small():
         end = start + [[8.0, 3.0]] * (rng.uniform(size=(n, 1)) < 0.01)
         tables = dust_record(Blemishes(SENSOR, start, end, radius, 0))
         # At most 2 n bins, one more along each side of the grid, at most 2 n long; 16 entries for each blemish.
-        assert tables.first.size <= 6 * n + 2, radius
-        assert tables.members.size == tables.first[-1] <= 16 * n, radius
+        assert tables.first.size <= 6 * n + 2 and tables.members.size == tables.first[-1] <= 16 * n, radius
         # A bin on average holds less than its share of grains and the scratches that cross it.
         assert radius > 1e-4 or np.diff(tables.first).mean() < 4
 
@@ -272,8 +259,7 @@ def scattered(**changes):
 
 
 def test_a_seed_gives_the_same_blemishes():
-    assert scattered() == scattered()
-    assert scattered(seed=4) != scattered()
+    assert scattered() == scattered() and scattered(seed=4) != scattered()
     # Scratches do not move the dust.
     dust = len(scattered(scratches=0))
     assert np.array_equal(scattered(scratches=0).start, scattered().start[:dust])
@@ -288,8 +274,7 @@ def test_dust_is_poisson_in_number_and_log_normal_in_size():
     assert abs(counts.var(ddof=1) / mean - 1) < 4 * math.sqrt(2 / 300 + 1 / (300 * mean))
     dust = scattered(scratches=0, dust_radius=0.02, dust_spread=0.7)
     n, logs = len(dust), np.log(dust.radius / 0.02)
-    assert abs(logs.mean()) < 4 * 0.7 / math.sqrt(n)
-    assert abs(logs.std() / 0.7 - 1) < 4 / math.sqrt(2 * n)
+    assert abs(logs.mean()) < 4 * 0.7 / math.sqrt(n) and abs(logs.std() / 0.7 - 1) < 4 / math.sqrt(2 * n)
     # Uniform: variance side^2 / 12 over a side.
     assert np.all(np.abs(dust.start) <= [10.0, 5.0])
     assert np.all(np.abs(dust.start.mean(axis=0)) < 4 * np.array([20.0, 10.0]) / math.sqrt(12 * n))

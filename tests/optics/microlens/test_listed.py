@@ -102,13 +102,9 @@ def test_too_many_lenses_and_no_box():
 
 
 def test_listed_deviations_change_their_lenses_and_no_others():
-    listed = pl.optics.MicrolensDeviations(
-        index=[(1, 0), (0, -1)],
-        shift=[(0.01, 0.02), (0.0, 0.0)],
-        decentre=[(0.0, 0.04), (-0.03, 0.0)],
-        focal_length_factor=[2.0, math.inf],
-        transmission=[0.25, 1.0],
-    )
+    places = {"shift": [(0.01, 0.02), (0.0, 0.0)], "decentre": [(0.0, 0.04), (-0.03, 0.0)]}
+    light = {"focal_length_factor": [2.0, math.inf], "transmission": [0.25, 1.0]}
+    listed = pl.optics.MicrolensDeviations(index=[(1, 0), (0, -1)], **places, **light)
     opening = pl.optics.MicrolensAperture(fill_factor=0.5)
     plain, changed, opened = (
         array_of(pl.Lattice.SQUARE, imperfections=which, aperture=opening_of).lenses((-1.5, -1.5), (1.5, 1.5))
@@ -122,8 +118,7 @@ def test_listed_deviations_change_their_lenses_and_no_others():
     assert np.array_equal(changed.design, plain.design) and np.array_equal(changed.centre, plain.design)
     assert opened.centre[both].tolist() == [[1.01, 0.02], [0.0, -1.0]]
     assert changed.axis[both].tolist() == opened.axis[both].tolist() == [[1.01, 0.06], [-0.03, -1.0]]
-    assert changed.power[both].tolist() == [0.25, 0.0]
-    assert changed.transmission[both].tolist() == [0.25, 1.0]
+    assert changed.power[both].tolist() == [0.25, 0.0] and changed.transmission[both].tolist() == [0.25, 1.0]
 
 
 def test_drawn_deviations_are_those_of_their_index():
@@ -146,8 +141,7 @@ def test_free_lenses_are_numbered():
     assert np.array_equal(found.design, array.centres[inside])
     assert np.array_equal(found.type, np.flatnonzero(inside) % 2)
     drawn = SPOILED.deviations(found.index)
-    assert np.array_equal(found.axis, found.design + drawn.shift + drawn.decentre)
-    assert array.focal_length == 1.0
+    assert np.array_equal(found.axis, found.design + drawn.shift + drawn.decentre) and array.focal_length == 1.0
 
 
 @settings(max_examples=20)
@@ -183,8 +177,7 @@ def test_arrays_take_no_memory_for_each_lens():
         # The same 30 mm of an array with some 20 000 and with some 2e10 microlenses.
         coarse, fine = (array_of(pl.Lattice.HEXAGONAL, size, **fields) for size in (0.217, 0.000217))
         sizes = [len(pickle.dumps(tables_of(array, 15.0))) for array in (coarse, fine)]
-        assert tables_of(fine, 15.0).listed is None, fields
-        assert sizes[0] == sizes[1] < 4000, fields
+        assert tables_of(fine, 15.0).listed is None and sizes[0] == sizes[1] < 4000, fields
         assert len(pickle.dumps(coarse)) == len(pickle.dumps(fine)) < 2000, fields
 
 

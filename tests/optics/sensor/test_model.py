@@ -1,14 +1,38 @@
-"""Sensor models: what they say of themselves, what they refuse, and radiometry."""
+"""Pixels; sensor models: what they say of themselves, what they refuse; radiometry."""
 
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, bayer_from
 from plenoptic.optics.sensor.model import SensorModel
 from plenoptic.optics.sensor.radiometry import dark_current_at, photon_rate
+
+EPS = np.finfo(float).eps
+
+
+@settings(max_examples=40)
+@given(rows=st.integers(1, 9), columns=st.integers(1, 9), pitch=st.floats(1e-4, 1.0))
+def test_pixels_tile_the_sensor_around_the_axis(rows, columns, pitch):
+    sensor = pl.Sensor(shape=(rows, columns), pixel_pitch=pitch)
+    row, column = np.mgrid[:rows, :columns]
+    centres = sensor.centre_of(row, column)
+    assert centres.shape == (rows, columns, 2)
+    size = pitch * max(rows, columns)
+    # Half-whole numbers are exact: one rounding of each product.
+    assert np.abs(centres.mean(axis=(0, 1))).max() <= 8 * EPS * size
+    assert np.abs(np.diff(centres[..., 0], axis=1) + pitch).max(initial=0) <= 2 * EPS * size
+    assert np.abs(np.diff(centres[..., 1], axis=0) - pitch).max(initial=0) <= 2 * EPS * size
+    # Turned by 180 degrees: the upper left pixel of the image lies at +x, -y.
+    assert centres[0, 0] == pytest.approx([(columns - 1) / 2 * pitch, -(rows - 1) / 2 * pitch], abs=2 * EPS * size)
+    assert sensor.size == (rows * pitch, columns * pitch)
+    assert sensor.half_diagonal == pytest.approx(math.hypot(rows, columns) * pitch / 2, rel=4 * EPS)
+    assert np.array_equal(sensor.centre_of(rows - 1, np.arange(columns)), centres[-1])
 
 
 def test_what_no_sensor_has_is_refused():
@@ -39,8 +63,7 @@ def test_what_no_sensor_has_is_refused():
 
 
 def test_saturation_is_that_of_what_comes_first():
-    assert SensorModel(1.0).white_level == 4095
-    assert SensorModel(1.0, bits=None).white_level == math.inf
+    assert SensorModel(1.0).white_level == 4095 and SensorModel(1.0, bits=None).white_level == math.inf
     assert SensorModel(1.0, full_well=1000, gain=0.5, black_level=64).white_level == 564
     assert SensorModel(1.0, full_well=1e9).white_level == 4095
     assert SensorModel(1.0, full_well=1e300, gain=1e300).white_level == 4095
@@ -72,8 +95,7 @@ def test_dark_current_doubles():
     def at(celsius):
         return dark_current_at(celsius, rate=5.0, reference_temperature=25.0, doubling_temperature=8.0)
 
-    assert at(25.0) == 5.0
-    assert [at(33.0), at(17.0)] == pytest.approx([10.0, 2.5], rel=1e-14)
+    assert at(25.0) == 5.0 and [at(33.0), at(17.0)] == pytest.approx([10.0, 2.5], rel=1e-14)
     with pytest.raises(InvalidValueError, match="rate is -1 electrons/s"):
         dark_current_at(20.0, rate=-1.0, reference_temperature=20.0, doubling_temperature=8.0)
     with pytest.raises(InvalidValueError, match="wavelength is 0.55 nm"):

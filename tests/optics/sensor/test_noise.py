@@ -49,11 +49,6 @@ def test_uniforms_are_those_of_the_documented_hash():
                 assert found[i, j] == ((mix(key, 1) >> 12) + 0.5) * 2.0**-52, seed
 
 
-def test_a_part_has_the_numbers_of_the_whole():
-    whole = normals((20, 30, 3), seed=4)
-    assert np.array_equal(whole[5:11, 7:20], normals((6, 13, 3), seed=4, row=5, column=7))
-
-
 def test_normals_have_the_moments_of_a_normal_variable():
     found = normals((512, 512, 1), seed=8).ravel()
     n = found.size
@@ -131,5 +126,4 @@ def test_limits():
     means = np.array([[0.0, np.inf, 1e-300, 1e300]])[:, :, np.newaxis]
     out = np.empty_like(means)
     noise.fill_poisson(out, means, np.uint64(0), 1, 0, 0)
-    assert out.ravel()[:3].tolist() == [0.0, np.inf, 0.0]
-    assert out.ravel()[3] == pytest.approx(1e300, rel=1e-12)
+    assert out.ravel()[:3].tolist() == [0.0, np.inf, 0.0] and out.ravel()[3] == pytest.approx(1e300, rel=1e-12)

@@ -2,19 +2,18 @@
 
 import dataclasses
 import itertools
-import json
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
-from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
+from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.microlens.lattice import polygon_area
 from plenoptic.optics.record import CIRCLE
 from plenoptic.optics.stops.mask import MaskStop
 from plenoptic.optics.stops.star import StarStop
@@ -49,16 +48,12 @@ def any_mask(seed, rows, columns, size):
 
 MASKS = st.builds(any_mask, st.integers(0, 1000), st.integers(1, 9), st.integers(1, 9), SIZES)
 SHAPES = {
+    "straight": pl.PolygonStop(4, 4.0, 0.2),
     "curved outwards": pl.PolygonStop(5, 4.0, 0.3, blade_radius=6.0),
     "curved inwards": pl.PolygonStop(7, 4.0, 0.3, blade_radius=-9.0),
     "star": StarStop(5, 4.0, 2.0, 0.3),
     "mask": MaskStop(RNG.choice([0.0, 0.4, 1.0], (13, 9)), 4.0),
 }
-
-
-def enclosed_area(points):
-    x, y = points.T
-    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
 @given(stop=st.one_of(STOPS, CURVED, STARS))
@@ -69,11 +64,9 @@ def test_the_outline_is_the_border(stop):
     radius = np.hypot(*outline.T)
     inner = outline[radius < 0.999 * stop.semi_diameter]
     assert stop.contains(*(outline * (1 - 1e-12)).T).sum() >= len(inner)
-    assert stop.contains(*(inner * (1 - 1e-12)).T).all()
-    assert not stop.contains(*(outline * (1 + 1e-12)).T).any()
+    assert stop.contains(*(inner * (1 - 1e-12)).T).all() and not stop.contains(*(outline * (1 + 1e-12)).T).any()
     assert radius.max() == pytest.approx(stop.semi_diameter, rel=8 * EPS)
-    assert stop.contains(np.zeros((4, 1)), np.zeros(3)).shape == (4, 3)
-    assert not stop.contains(math.nan, 0.0)
+    assert stop.contains(np.zeros((4, 1)), np.zeros(3)).shape == (4, 3) and not stop.contains(math.nan, 0.0)
 
 
 def test_many_blades_are_a_circle():
@@ -81,7 +74,7 @@ def test_many_blades_are_a_circle():
     circle, many = pl.CircularStop(5.0), pl.PolygonStop(1000, 5.0)
     assert many.apothem == pytest.approx(5.0, rel=math.pi**2 / 2e6 * 1.001)
     assert many.area == pytest.approx(circle.area, rel=(2 * math.pi / 1000) ** 2 / 6 * 1.001)
-    assert enclosed_area(circle.outline(10000)) == pytest.approx(25 * math.pi, rel=1e-6)
+    assert polygon_area(circle.outline(10000)) == pytest.approx(25 * math.pi, rel=1e-6)
     # The first corner is at the rotation.
     assert pl.PolygonStop(5, 2.0, rotation=0.3).outline(5)[0] == pytest.approx([2 * math.cos(0.3), 2 * math.sin(0.3)])
 
@@ -89,7 +82,7 @@ def test_many_blades_are_a_circle():
 @given(stop=st.one_of(POLYGONS, STARS))
 def test_a_star_has_the_area_of_its_outline(stop):
     # Sums of 40 terms, and angles of up to 14 that are good to an eps of 14, over a share of 0.05.
-    assert enclosed_area(stop.outline(3)) == pytest.approx(stop.area, rel=1e4 * EPS)
+    assert polygon_area(stop.outline(3)) == pytest.approx(stop.area, rel=1e4 * EPS)
     assert len(stop.outline(3)) == (2 * stop.points if isinstance(stop, StarStop) else stop.blades)
 
 
@@ -99,7 +92,7 @@ def test_curved_blades_have_the_area_of_their_outline(stop):
     # most; a < 2 pi / 3 for outward blades, pi for inward ones; the segment is below the square of the semi-diameter.
     n = 200
     most = stop.blades * (math.pi / n) ** 2 / 6 * stop.semi_diameter**2
-    assert enclosed_area(stop.outline(n * stop.blades)) == pytest.approx(stop.area, abs=most)
+    assert polygon_area(stop.outline(n * stop.blades)) == pytest.approx(stop.area, abs=most)
 
 
 @given(blades=st.integers(3, 12), size=SIZES, rotation=TURNS)
@@ -125,16 +118,6 @@ def test_blades_become_straight_with_order_1_of_the_curvature():
     assert pl.PolygonStop(6, 5.0, blade_radius=-math.inf) == straight
 
 
-def test_inward_blades_touch_at_the_least_radius():
-    # Of three blades, tangent to each other at the corners: the area between three circles of radius r that touch is
-    # r^2 (sqrt(3) - pi / 2).
-    radius = 2.0 * math.tan(math.pi / 3)
-    stop = pl.PolygonStop(3, 2.0, blade_radius=-radius)
-    assert stop.area == pytest.approx(radius**2 * (math.sqrt(3) - math.pi / 2), rel=64 * EPS)
-    with pytest.raises(InvalidValueError, match=r"blade_radius is -3\.4 mm; for 3 blades it must be at least 2 mm"):
-        pl.PolygonStop(3, 2.0, blade_radius=-3.4)
-
-
 def test_the_blunt_star_is_a_polygon():
     star, polygon = StarStop(5, 3.0, 3.0 * math.cos(math.pi / 5), 0.2), pl.PolygonStop(5, 3.0, 0.2)
     x, y = RNG.uniform(-3, 3, (2, 5000))
@@ -149,8 +132,7 @@ def test_a_mask_looks_like_its_image_from_behind():
     assert mask.cell_size == pytest.approx(2.0, rel=4 * EPS)
     assert mask.transmission_at([-1, 1, -1, 1], [1, 1, -1, -1]).tolist() == [1.0, 0.0, 0.25, 0.5]
     assert mask.contains([-1, 1, -2.1], [1, 1, 1]).tolist() == [True, False, False]
-    assert mask.area == pytest.approx(4 * 1.75, rel=8 * EPS)
-    assert not mask.contains(math.nan, 0.0)
+    assert mask.area == pytest.approx(4 * 1.75, rel=8 * EPS) and not mask.contains(math.nan, 0.0)
 
 
 def test_the_semi_diameter_is_that_of_the_opening():
@@ -193,8 +175,6 @@ def test_masks_come_from_images(tmp_path):
 def test_what_cannot_be_is_refused():
     hole = np.pad([[1.0]], ((0, 400), (0, 400)))  # in a corner
     for make, message in (
-        (lambda: pl.CircularStop(0.0), "semi_diameter is"),
-        (lambda: pl.PolygonStop(2, 5.0), "blades is"),
         (lambda: pl.CircularStop(5.0, -1.0), "thickness is"),
         (lambda: pl.PolygonStop(6, 5.0, thickness=math.inf), "thickness is"),
         (lambda: pl.CircularStop(5.0).outline(2), "n is 2"),
@@ -202,6 +182,7 @@ def test_what_cannot_be_is_refused():
         (lambda: StarStop(5, 5.0, 4.1), r"is 4\.1 mm; a star of 5 points .* has at most 4\.04508 mm"),
         (lambda: StarStop(5, 5.0, 0.0), "inner_semi_diameter is 0 mm"),
         (lambda: pl.PolygonStop(6, 5.0, blade_radius=4.9), r"is 4\.9 mm; for 6 blades it must be at least 5"),
+        (lambda: pl.PolygonStop(3, 2.0, blade_radius=-3.4), r"is -3\.4 mm; for 3 blades it must be at least 2 mm"),
         (lambda: MaskStop(np.zeros((2, 2)), 5.0), "transmission is 0 everywhere"),
         (lambda: MaskStop([[-0.1]], 5.0), r"transmission holds -0\.1; it must be from 0"),
         (lambda: MaskStop([[1.0]], 0.0), "semi_diameter is 0 mm"),
@@ -316,36 +297,12 @@ def test_bounds_are_made_of_the_circle_around():
         assert made.masks is None and made.rows[5]["kind"] == CIRCLE and not len(made.edges), name
 
 
-@settings(max_examples=20)
-@given(stop=st.one_of(CURVED, STARS, MASKS))
-def test_files_keep_every_bit(stop):
-    lens = plate(dataclasses.replace(stop, thickness=0.7)).moved(0, shift=(0.1, 0.0, 0.0), tilt=(0.0, 0.0, 0.3))
-    assert lens_from_json(json_of_lens(lens), "it.json") == lens
-
-
-def test_wrong_entries_of_files_are_named():
-    for change, message in (
-        ({"stop": "oval"}, 'stop is \'oval\'; it must be "circle", "polygon", "star", "mask" or "ring"'),
-        ({"stop": "mask"}, "it must have semi_diameter, stop, thickness, transmission"),
-        ({"stop": "mask", "transmission": 1.0}, "transmission is 1.0; it must be a list of lists of numbers"),
-        ({"stop": "mask", "transmission": [[1.0], [1.0, 0.0]]}, "transmission is not an array of numbers"),
-        ({"stop": "star", "points": 5, "inner_semi_diameter": 9.0, "rotation": 0.0}, "inner_semi_diameter is 9 mm"),
-    ):
-        data = json.loads(json_of_lens(plate(pl.CircularStop(5.0))))
-        data["elements"][0] |= change
-        with pytest.raises(PrescriptionError) as caught:
-            lens_from_json(json.dumps(data), "it.json")
-        assert "element 0: " in str(caught.value) and message in str(caught.value), (change, message)
-
-
 def test_lenses_draw_and_check_with_any_stop():
     for name, stop in SHAPES.items():
         lens = GAUSS.with_stop(stop)
-        assert lens._repr_svg_().startswith("<svg"), name
-        assert lens.check() == (), name
+        assert lens._repr_svg_().startswith("<svg") and lens.check() == (), name
         found = pl.aberrations.vignetting(lens, [0.0], grid=64)
         assert (found.fraction[0], found.standard_error[0]) == (1.0, 0.0), name  # on the axis all is filled
-        pl.plots.plot_lens(lens)
         assert plot_stop(lens.stop).get_title() == type(lens.stop).__name__, name
         ax = lens.layout(fields=[0.0, 0.1])
         # Bars of the iris end where the circle around the opening begins.

@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-import json
 import math
 import re
 from fractions import Fraction
@@ -13,7 +12,6 @@ import pytest
 import plenoptic as pl
 from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, kinds, noted
 from plenoptic.optics.lens.checks.finding import FindingKind
-from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
 from plenoptic.optics.lens.kernels.trace import fill_traced
@@ -93,6 +91,8 @@ def test_terms_are_nolls():
         # The powers of degree 12 cancel from 4e4 to the values of some units.
         assert found == pytest.approx(wanted, abs=4e5 * EPS), j
         assert sag.offset == pytest.approx(float(zernike(j, 0.0, 0.0)), abs=64 * EPS), j
+        of_wavefronts = pl.aberrations.zernike(j, r / 2.0 * np.cos(phi), r / 2.0 * np.sin(phi))
+        assert of_wavefronts == pytest.approx(zernike(j, r / 2.0, phi), abs=4e5 * EPS), j
 
 
 def test_derivatives_and_bounds():
@@ -185,8 +185,7 @@ def test_the_first_crossing_is_found():
         assert np.all(reached[both] <= first[both] + 1.01 * step[both]), (name, slant)
         assert np.mean(np.abs(reached[both] - first[both]) <= 1.01 * step[both]) > 0.98, (name, slant)
         lost = clear & ~met & (out.status != pl.RayStatus.TOTAL_REFLECTION)
-        assert not lost.any(), (name, slant)
-        assert unsettled(out) <= 10 * AT_EQUATOR.get(name, 0.0), (name, slant)
+        assert not lost.any() and unsettled(out) <= 10 * AT_EQUATOR.get(name, 0.0), (name, slant)
 
 
 def test_rotational_terms_are_an_even_asphere():
@@ -257,11 +256,12 @@ def test_bounds_on_the_pupil_hold_all_round():
 
 def test_what_needs_an_axis_is_refused():
     lens = freeform_lens()
-    with pytest.raises(pl.errors.InvalidValueError, match="surface 0 has no rotational symmetry, so that Seidel"):
-        pl.aberrations.seidel_sums(lens, field=0.01)
-    with pytest.raises(pl.errors.InvalidValueError, match="surface 0 of 'free' has no rotational symmetry"):
-        pl.aberrations.distortion(lens, [0.0, 0.01])
-    assert pl.paraxial.cardinal_points(lens).efl == pytest.approx(60.0, rel=0.05)
+    for call, message in (
+        (lambda: pl.aberrations.seidel_sums(lens, field=0.01), "surface 0 has no rotational symmetry, so that Seidel"),
+        (lambda: pl.aberrations.distortion(lens, [0.01]), "surface 0 of 'free' has no rotational symmetry"),
+    ):
+        with pytest.raises(pl.errors.InvalidValueError, match=message):
+            call()
     profile = lens.profiles()[0]
     assert profile[:, 0] - lens.vertices[0] == pytest.approx(lens.elements[0].sag(0.0, profile[:, 1]))
     surface = lens.elements[0]
@@ -281,15 +281,6 @@ def test_what_cannot_be_is_refused():
             made()
 
 
-def test_files_keep_every_bit():
-    lens = freeform_lens()
-    assert lens_from_json(json_of_lens(lens), "mine.json") == lens
-    data = json.loads(json_of_lens(lens))
-    data["elements"][0]["departure"] = {"value": ["CircularStop", {"semi_diameter": 1.0}]}
-    with pytest.raises(pl.errors.PrescriptionError, match=r"element 0: departure is .*; it must be ZernikeSag"):
-        lens_from_json(json.dumps(data), "mine.json")
-
-
 @pytest.mark.slow
 def test_notes_and_colour():
     lens = freeform_lens()
@@ -306,31 +297,13 @@ def test_notes_and_colour():
     assert blocks[:2] == pytest.approx(out.origin[:, 0], abs=1e-12)
 
 
-ZMX = """MODE SEQ
-UNIT CM
-SURF 0
-  DISZ INFINITY
-SURF 1
-  TYPE SZERNSAG
-  CURV 0.2
-  CONI -0.5
-  PARM 2 1.0E-3
-  XDAT 1 6.000000000E+000 0 0 1.0 0.0 0 0 ""
-  XDAT 2 1.100000000E+000 0 0 1.0 0.0 0 0 ""
-  XDAT 6 2.000000000E-003 0 0 1.0 0.0 0 0 ""
-  XDAT 8 -1.00000000E-003 0 0 1.0 0.0 0 0 ""
-  DISZ 0.4
-  GLAS ___BLANK 1 0 1.5 60 0 0 0 0 0
-  DIAM 1
-SURF 2
-  DISZ 0.5
-  DIAM 1
-SURF 3
-  STOP
-  DIAM 0.5
-  DISZ 9
-SURF 4
-"""
+ZMX = (
+    "MODE SEQ; UNIT CM; SURF 0; DISZ INFINITY; SURF 1; TYPE SZERNSAG; CURV 0.2; CONI -0.5; PARM 2 1.0E-3; "
+    'XDAT 1 6.000000000E+000 0 0 1.0 0.0 0 0 ""; XDAT 2 1.100000000E+000 0 0 1.0 0.0 0 0 ""; '
+    'XDAT 6 2.000000000E-003 0 0 1.0 0.0 0 0 ""; XDAT 8 -1.00000000E-003 0 0 1.0 0.0 0 0 ""; '
+    "DISZ 0.4; GLAS ___BLANK 1 0 1.5 60 0 0 0 0 0; DIAM 1; SURF 2; DISZ 0.5; DIAM 1; SURF 3; STOP; DIAM 0.5; DISZ 9; "
+    "SURF 4"
+).replace("; ", "\n")
 
 
 def test_zemax_files_are_read():

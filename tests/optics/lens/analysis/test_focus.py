@@ -126,8 +126,7 @@ def test_images_at_infinity_before_the_lens_and_nowhere():
     # A virtual image lies before the lens.
     near = 0.5 * (z + float(PARAXIAL.vertices[0]))
     assert best_focus(PARAXIAL, z_object=near) == pytest.approx(paraxial_focus(PARAXIAL, near), rel=1e-12)
-    assert paraxial_focus(PARAXIAL, near) < near
-    assert math.isnan(working_f_number(NONE))
+    assert paraxial_focus(PARAXIAL, near) < near and math.isnan(working_f_number(NONE))
     nothing = r"LensModel\.NONE, which bends no ray, so no plane is its image"
     for call, text in (
         (lambda: pl.aberrations.through_focus(PARAXIAL, z_object=z), "parallel"),

@@ -1,12 +1,10 @@
 """Spot diagrams and ray fans: perfect lenses, third-order theory, and counting rays without any aiming."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
 
-import plenoptic as pl
 from plenoptic import CircularStop, ConstantMedium, LensModel, LensStack, PolygonStop, RayBundle, Surface, load_lens
 from plenoptic.aberrations import ray_fan, spot_diagram
 from plenoptic.errors import InvalidValueError
@@ -14,7 +12,7 @@ from plenoptic.optics import MaskStop
 from plenoptic.optics.lens.analysis.focus import working_f_number
 from plenoptic.optics.lens.analysis.spots import AIRY
 from plenoptic.optics.lens.gaussian import paraxial
-from plenoptic.optics.lens.pupil.beam import REPLICATES, passing_light
+from plenoptic.optics.lens.pupil.beam import REPLICATES
 from plenoptic.optics.lens.trace import traced_part
 
 GAUSS = load_lens("double-gauss-100mm-f2")
@@ -40,7 +38,6 @@ def test_a_perfect_lens_has_points_for_spots_and_flat_fans():
         assert spot_diagram(lens, field=0.2).chief[0] == pytest.approx([0.0, -efl * math.tan(0.2)], abs=1e-12)
         fan = ray_fan(lens, field=(3.0, -20.0), z_object=-404.0, points=9)
         assert np.abs(fan.tangential).max() < 1e-12 and np.abs(fan.sagittal).max() < 1e-12
-        assert fan == pickle.loads(pickle.dumps(fan))
 
 
 def wide_beam(angle: float, half: float, n: int) -> RayBundle:
@@ -95,9 +92,7 @@ def test_a_fisheye_is_filled_and_few_rays_are_wasted():
 
 def test_same_seed_same_bits_also_of_several_wavelengths():
     one, same, other = (spot_diagram(GAUSS, field=(0, 0.1), seed=seed) for seed in (3, 3, 4))
-    assert one == same and hash(one) == hash(same)
-    assert pickle.loads(pickle.dumps(one)) == one
-    assert one != other
+    assert one == same and hash(one) == hash(same) and one != other
     with pytest.raises(ValueError, match="read-only"):
         one.x[0] = 1.0
     lines = (486.1, 587.6, 656.3)
@@ -132,8 +127,7 @@ def test_a_hexagonal_stop():
     # Polar moment of a hexagon with corners at R: 5/8 sqrt(3) R^4, its area 3/2 sqrt(3) R^2.
     expected = 2.0 / (2 * working_f_number(lens)) * math.sqrt(5 / 12)
     assert spot.rms_radius == pytest.approx(expected, abs=5 * spot.rms_radius_error)
-    assert spot.fraction == pytest.approx(1.0, rel=1e-14)
-    assert len(spot.x) > 0.9 * (1 << 14)
+    assert spot.fraction == pytest.approx(1.0, rel=1e-14) and len(spot.x) > 0.9 * (1 << 14)
 
 
 def test_a_finite_object_is_lambertian():
@@ -157,8 +151,7 @@ def test_the_error_is_honest():
     spots = [spot_diagram(lens, z_image=z, rays=512, seed=seed) for seed in range(60)]
     scores = np.array([(spot.rms_radius - radius / math.sqrt(2)) / spot.rms_radius_error for spot in spots])
     # Student's t with 31 degrees of freedom has variance 31/29 and kurtosis 3.2: 60 squares have an error of 0.2.
-    assert 0.4 < np.mean(scores**2) < 1.9
-    assert np.abs(scores).max() < 4.5
+    assert 0.4 < np.mean(scores**2) < 1.9 and np.abs(scores).max() < 4.5
     # Each stated variance is off by sqrt(2 / 31) = 0.25, known to a tenth of that; from 8 replicates, by 0.53.
     stated = np.array([spot.rms_radius_error**2 for spot in spots])
     assert stated.std(ddof=1) / stated.mean() < 0.35
@@ -231,21 +224,6 @@ def test_a_fan_lies_in_its_spot_and_shows_lateral_colour():
 
 def masked(cells, size: float, lens: LensStack = GAUSS) -> LensStack:
     return lens.with_stop(MaskStop.of_cells(np.asarray(cells, dtype=float), size))
-
-
-def test_a_mask_of_one_half_halves_the_light_and_changes_no_spot():
-    clear, grey = (masked([[t]], 20.0) for t in (1.0, 0.5))
-    field = (0.02, 0.3)
-    assert spot_diagram(grey, field=field) == spot_diagram(clear, field=field)
-    assert spot_diagram(clear, field=field).fraction < 0.95
-    assert pl.aberrations.mtf(grey, [10.0, 40.0], field=field) == pl.aberrations.mtf(clear, [10.0, 40.0], field=field)
-    full, half = (
-        passing_light(lens, field=field, z_object=-math.inf, z_image=100.0, wavelengths=(587.6,), rays=1024, seed=0)
-        for lens in (clear, grey)
-    )
-    # Products with 0.5 are exact.
-    assert np.array_equal(half.weight, 0.5 * full.weight)
-    assert np.array_equal(half.through_iris, 0.5 * full.through_iris)
 
 
 def test_out_of_focus_a_grey_spot_is_the_image_of_the_mask():

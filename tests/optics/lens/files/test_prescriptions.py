@@ -5,13 +5,12 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic import CircularStop, ConstantMedium, LensStack, ModelGlass, Surface, lens_names, load_lens, save_lens
-from plenoptic.errors import FileError, PlenopticError, PrescriptionError
+from plenoptic.errors import FileError, PrescriptionError
 from plenoptic.optics import AIR, Absolute, Air, AirFormula, DispersionFormula, Formula, Placement, Schott
 from plenoptic.optics.glass.media import D_LINE
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
@@ -56,8 +55,7 @@ def test_a_table_is_read_as_it_is_printed(tmp_path: Path):
 
 def test_without_a_stop_the_rule_places_one(tmp_path: Path):
     lens = load_lens(write(tmp_path, PAIR))
-    assert lens.vertices.tolist() == [-14.0, -10.0, 0.0, 10.0, 14.0]
-    assert "rule" in lens.source
+    assert lens.vertices.tolist() == [-14.0, -10.0, 0.0, 10.0, 14.0] and "rule" in lens.source
     # The front surface limits the beam: the entrance pupil is as wide as it is.
     assert cardinal_points(lens, 587.5618).entrance_pupil_semi_diameter == pytest.approx(12.0, rel=1e-12)
     # A single lens gets its stop in front.
@@ -71,8 +69,7 @@ def test_every_table_at_hand_loads(tmp_path: Path):
         lens, name = load_lens(path), path.name
         rows = path.read_text().strip().splitlines()[1:]
         inferred = any(word in name for word in NO_STOP)
-        assert len(lens.elements) == len(rows) + inferred, name
-        assert ("rule" in lens.source) == inferred, name
+        assert len(lens.elements) == len(rows) + inferred and ("rule" in lens.source) == inferred, name
         points, back = cardinal_points(lens), float(rows[-1].split(";")[1])
         # Scaled to 100 mm in the book; Mandler's f/1.4 has 105.
         expected, error = (353.4, 0.1) if "Altman" in name else (100.0, 5.2)
@@ -91,8 +88,7 @@ def test_every_table_at_hand_loads(tmp_path: Path):
     # three decimals move both by some 0.1.
     (path,) = (path for path in TABLES if "Altman" in path.name)
     points = cardinal_points(load_lens(write(tmp_path, path.read_text().replace("1.817", "1.617"))))
-    assert points.efl == pytest.approx(100.0, abs=0.5)
-    assert points.bfl == pytest.approx(89.16, abs=0.15)
+    assert points.efl == pytest.approx(100.0, abs=0.5) and points.bfl == pytest.approx(89.16, abs=0.15)
 
 
 def test_a_wrong_line_is_named(tmp_path: Path):
@@ -119,50 +115,10 @@ def test_a_wrong_line_is_named(tmp_path: Path):
             load_lens(write(tmp_path, text))
 
 
-PIECES = ("", ";", "\n", "0", "-", "1e308", "1e-308", "air", "nan", "null", "[", "}", '"', "9" * 5000, "SURF", "STOP")
-
-
-def mangled(draw, text: str) -> str:
-    """The text with a few stretches replaced by something else."""
-    for _ in range(draw(st.integers(1, 5))):
-        start, length = draw(st.integers(0, len(text))), draw(st.integers(0, 12))
-        text = text[:start] + draw(st.one_of(st.sampled_from(PIECES), st.text(max_size=4))) + text[start + length :]
-    return text
-
-
-@pytest.fixture(scope="module")
-def texts(tmp_path_factory: pytest.TempPathFactory):
-    folder = tmp_path_factory.mktemp("whole")
-    save_lens(EVERYTHING, folder / "lens.json")
-    save_lens(load_lens("asphere-15mm-f0.9"), folder / "lens.zmx")
-    coded = {"json": "utf-8", "zmx": "utf-16"}
-    return {"csv": TRIPLET, **{kind: (folder / f"lens.{kind}").read_text(code) for kind, code in coded.items()}}
-
-
-@settings(max_examples=60)
-@given(data=st.data(), ending=st.sampled_from(["csv", "json", "zmx"]))
-def test_a_mangled_file_is_a_lens_or_a_named_error(tmp_path_factory: pytest.TempPathFactory, texts, data, ending):
-    path = tmp_path_factory.getbasetemp() / f"mangled.{ending}"
-    path.write_bytes(mangled(data.draw, texts[ending]).encode("utf-8", errors="replace"))
-    try:
-        assert isinstance(load_lens(path), LensStack)
-    except PlenopticError as error:
-        assert re.match(r"mangled\.json" if ending == "json" else rf"mangled\.{ending}, line \d+: ", str(error))
-
-
-@given(data=st.binary(max_size=200), ending=st.sampled_from([".csv", ".json", ".zmx"]))
-def test_bytes_are_no_lens(tmp_path_factory: pytest.TempPathFactory, data: bytes, ending: str):
-    path = tmp_path_factory.getbasetemp() / f"bytes{ending}"
-    path.write_bytes(data)
-    where = r"^bytes\.zmx, line \d+: " if ending == ".zmx" else "bytes"
-    with pytest.raises((PrescriptionError, FileError), match=where):
-        load_lens(path)
-
-
 BK7 = ModelGlass(1.5168, 64.17, "BK7")
 EVERYTHING = LensStack(
     [
-        pl.PolygonStop(7, 3.0, 0.1, 0.3),
+        pl.PolygonStop(7, 3.0, 0.1, 0.3, blade_radius=8.1),
         Surface(1 / 3 * 100, 0.1 + 0.2, ConstantMedium(1 / 3 + 1.4), semi_diameter=10.0),
         Surface(math.inf, 1e-300, ModelGlass(1.699, 30.1, "SF15"), semi_diameter=9.0),
         Surface(-1e300, 2.0, pl.Sellmeier((1.0, 0.2), (0.006, 0.02), "S", (400.0, 700.0)), semi_diameter=9.0),
@@ -171,7 +127,11 @@ EVERYTHING = LensStack(
         Surface(-44.4, 2.0, Absolute(BK7, Air(25.0, 99.0, humidity=0.5)), semi_diameter=9.0, conic=-1.5),
         Surface(5.0, 9.0, DispersionFormula(Formula.CONRADY, (1.5, 0.004, 0.0003)), semi_diameter=5.0, depth=7.5),
         Surface(9.0, 2.0, Air(25.0, 99.0, formula=AirFormula.EDLEN), semi_diameter=5.0, conic=0.1, aspheric=(0, 1e-5)),
-        Surface(math.inf, 2.0, Air(25.0, 99.0), semi_diameter=1.0, placement=Placement(shift=(0.1, -0.0, 0.3))),
+        Surface(math.inf, 2.0, Air(25.0, 99.0), semi_diameter=1.0, placement=Placement(shift=(0.1, -0.0, 0.3)),
+                departure=pl.optics.ZernikeSag((0.0, 0.0, 0.0, 0.1 / 3), 9.0)),
+        pl.StarStop(5, 3.0, 1.5, 0.7),
+        pl.optics.MaskStop([[0.1, 1.0], [1 / 3, 0.0]], 3.0, placement=Placement(shift=(0.1, 0.0, 0.0))),
+        pl.optics.RingStop(5.0, 1.0),
         CircularStop(2.0, placement=Placement(rotation=rotation_about_axes((0.1, 0.2, 0.3)))),
     ],
     iris=10,
@@ -206,12 +166,18 @@ PLANE = {"radius": None, "semi_diameter": 1, "thickness": 0, "medium": "air"}
 
 def test_a_wrong_entry_is_named(tmp_path: Path):
     circle = {"stop": "circle", "semi_diameter": 1, "thickness": 0}
+    star = {"stop": "star", "points": 5, "rotation": 0.0}
     sphere = {"radius": 1, "semi_diameter": 1, "thickness": 0}
     save_lens(load_lens("singlet-100mm-f4"), tmp_path / "lens.json")
     right = json.loads((tmp_path / "lens.json").read_text())
     of_elements = (
         (3, "it has 3"),
-        ({**circle, "stop": "square"}, "stop is 'square'"),
+        ({**circle, "stop": "oval"}, 'stop is .oval.; it must be "circle", "polygon", "star", "mask" or "ring"'),
+        ({**circle, "stop": "mask"}, ".*it must have semi_diameter, stop, thickness, transmission"),
+        ({**circle, "stop": "mask", "transmission": 1.0}, ".*is 1.0; it must be a list of lists of numbers"),
+        ({**circle, "stop": "mask", "transmission": [[1], [1, 0]]}, ".*transmission is not an array of numbers"),
+        ({**circle, **star, "inner_semi_diameter": 9.0}, ".*inner_semi_diameter is 9 mm"),
+        ({**PLANE, "departure": {"value": ["CircularStop", {"semi_diameter": 1.0}]}}, ".*; it must be ZernikeSag"),
         ({**circle, "semi_diameter": True}, "semi_diameter is True"),
         ({"stop": "circle", "semi_diameter": 1, "thicknes": 0}, "it has .*thicknes"),
         ({**circle, "semi_diameter": 10**400}, ".*too large"),
@@ -260,6 +226,41 @@ def test_a_lens_is_saved_where_and_if_it_can_be(tmp_path: Path):
         save_lens(dataclasses.replace(EVERYTHING), tmp_path / "no" / "lens.json")
 
 
+# mm: focal length and distance of the paraxial image from the last vertex; nan where the source states none. Of those
+# of Smith's book the focal length is nominal, and indices have three decimals: 0.0005 / 0.7 of 100 mm is 0.07, and
+# there are several.
+STATED = {
+    "achromat-100mm-f4.4": (100.1, np.nan, 0.1),
+    "achromat-pair-52mm-f2.4": (np.nan, 43.7077, 2e-3),
+    "asphere-15mm-f0.9": (15.0, 11.5067, 5e-3),
+    "biotar-100mm-f1.4": (100.0, 64.69, 0.25),
+    "cooke-triplet-50mm-f5": (50.0, np.nan, 1e-3),
+    "double-gauss-100mm-f1.1": (100.0, 55.742, 0.1),
+    "double-gauss-100mm-f2": (np.nan, 72.228, 0.15),
+    "double-gauss-105mm-f1.4": (np.nan, 62.112, 0.15),
+    "field-corrector-127mm-f3.5": (127.0, np.nan, 0.1),
+    "fisheye-100mm-f8": (100.0, 150.119, 0.15),
+    "metrogon-100mm-f6.3": (100.0, 79.729, 0.3),
+    "mirror-1000mm-f7.5": (999.637, np.nan, 1e-3),  # by the program optiland, from the same file
+    "protar-98mm-f12.5": (np.nan, 95.013, 0.1),
+    "retrofocus-100mm-f1.9": (100.0, 178.126, 0.1),
+    "telephoto-100mm-f2.8": (100.0, 22.862, 0.25),
+    "topogon-100mm-f6.3": (np.nan, 77.809, 0.15),
+    "zoom-14mm-f4": (np.nan, 21.36, 1e-3),
+}
+
+# mm: the distance that the source prints for the sharpest image, and by how much it may differ.
+# That of the mirror lens is where its file has the image.
+SHARPEST = {
+    "cooke-triplet-50mm-f5": (42.20778, 0.06),
+    "field-corrector-127mm-f3.5": (1.159 * 25.4, 0.09),
+    "heliar-254mm-f5": (8.5066 * 25.4, 0.24),
+    "mirror-1000mm-f7.5": (75.7409, 0.36),
+    "petzval-51mm-f1.4": (0.3921 * 25.4, 0.09),
+    "tessar-102mm-f4.5": (3.4025 * 25.4, 0.06),
+}
+
+
 def test_bundled_lenses_are_what_their_names_say():
     assert len(lens_names()) == 21
     for name in lens_names():
@@ -271,11 +272,30 @@ def test_bundled_lenses_are_what_their_names_say():
         # Nominal, as on a lens barrel.
         assert points.efl == pytest.approx(float(length), rel=0.031), name
         assert points.f_number == pytest.approx(float(number), rel=0.04), name
-    lens = load_lens("double-gauss-100mm-f2")
-    assert lens.stop == CircularStop(17.1, 9.0)
-    assert lens.elements[0] == Surface(58.95, 7.52, ModelGlass(1.670, 47.1, "BAF10"), semi_diameter=25.2)
-    # Index at 587.6 nm instead of the d line, 587.5618: 0.04 nm of some 1e-4 per nm.
-    assert lens.indices(587.6)[1] == pytest.approx(1.670, abs=5e-6)
+
+
+def test_focal_length_and_image_are_those_that_the_source_states():
+    for name in STATED:
+        lens, (efl, image, error) = pl.load_lens(name), STATED[name]
+        wavelength = D_LINE if lens.specification is None else lens.specification.wavelengths[0]
+        points = pl.paraxial.cardinal_points(lens, wavelength)
+        for found, stated in ((points.efl, efl), (points.bfl, image)):
+            assert np.isnan(stated) or found == pytest.approx(stated, abs=error), name
+
+
+@pytest.mark.slow
+def test_the_printed_image_is_the_sharpest_one():
+    for name, (printed, error) in SHARPEST.items():
+        lens = pl.load_lens(name)
+        told, last = lens.specification, float(lens.vertices[-1])
+        assert told.z_image - last == pytest.approx(printed, abs=1e-5), name
+        # In steps of 0.06 mm.
+        distances = printed + np.linspace(-0.6, 0.6, 21)
+        blur = np.zeros(21)
+        for field in told.fields:
+            how = {"field": field, "wavelength": told.wavelengths}
+            blur += [pl.aberrations.spot_diagram(lens, z_image=last + d, **how).rms_radius ** 2 for d in distances]
+        assert distances[blur.argmin()] == pytest.approx(printed, abs=error + 1e-9), name
 
 
 def test_unknown_names_and_endings_and_missing_files_are_named(tmp_path: Path):

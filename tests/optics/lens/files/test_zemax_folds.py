@@ -49,8 +49,7 @@ RAYS = RayBundle(
 
 def same_rays(one: LensStack, other: LensStack):
     a, b = one.trace(RAYS), other.trace(RAYS)
-    assert (a.status == 0).all()
-    assert np.abs(a.direction - b.direction).max() < ROUNDING
+    assert (a.status == 0).all() and np.abs(a.direction - b.direction).max() < ROUNDING
     # Both stand behind their last vertex, which is the place of the lens along z.
     assert np.abs(a.origin - b.origin).max() < 1e-10
 
@@ -134,8 +133,7 @@ def test_obscurations_and_rims_of_mirrors_become_stops(tmp_path):
     assert (type(ring), type(disc)) == (RingStop, RingStop)
     assert (ring.inner_semi_diameter, stop.semi_diameter, disc.inner_semi_diameter) == (1.0, 3.0, 2.0)
     # The rim of what they stand on limits light, not theirs.
-    assert ring.semi_diameter > stop.semi_diameter
-    assert disc.semi_diameter > front.semi_diameter
+    assert ring.semi_diameter > stop.semi_diameter and disc.semi_diameter > front.semi_diameter
     assert read.iris_index == 1
     # The rim of a mirror is a tilted stop.
     turn = turned(0, 0, 45.0)

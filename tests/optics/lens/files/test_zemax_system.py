@@ -82,8 +82,7 @@ def test_the_cone_of_a_near_object_may_be_given(tmp_path):
 
 def test_an_aperture_on_the_stop_ends_the_beam(tmp_path):
     lens = load(tmp_path, "ENPD 30", f"{STOP}; CLAP 0 6", *LENS)
-    assert lens.stop.semi_diameter == 6.0
-    assert "30 mm wide" in about_aperture(lens)[0]
+    assert lens.stop.semi_diameter == 6.0 and "30 mm wide" in about_aperture(lens)[0]
     for radius, size in ((6, 6.0), (12, 10.0)):
         floating = load(tmp_path, "FLOA", f"{STOP}; CLAP 0 {radius}", *LENS)
         assert floating.stop.semi_diameter == size and about_aperture(floating) == []

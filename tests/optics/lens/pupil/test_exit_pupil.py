@@ -8,6 +8,7 @@ import plenoptic as pl
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
 from plenoptic.optics.lens.pupil.outline import SIDES, Sight, up_to_stops
 from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.microlens.lattice import polygon_area
 
 
 def stopped(name: str, semi_diameter: float | None) -> pl.LensStack:
@@ -15,16 +16,9 @@ def stopped(name: str, semi_diameter: float | None) -> pl.LensStack:
     return lens if semi_diameter is None else lens.with_stop(pl.CircularStop(semi_diameter))
 
 
-LENSES = [
-    ("double-gauss-100mm-f2", 5.0),
-    ("double-gauss-100mm-f2", 0.05),
-    ("double-gauss-100mm-f2", None),
-    ("double-gauss-105mm-f1.4", None),
-    ("telephoto-100mm-f2.8", None),
-    ("topogon-100mm-f6.3", None),
-    ("topogon-100mm-f6.3", 1.0),
-    ("singlet-100mm-f4", None),
-]
+LENSES = [*(("double-gauss-100mm-f2", stop) for stop in (5.0, 0.05, None)), ("double-gauss-105mm-f1.4", None)]
+LENSES += [("telephoto-100mm-f2.8", None), *(("topogon-100mm-f6.3", stop) for stop in (None, 1.0))]
+LENSES += [("singlet-100mm-f4", None)]
 CELL = 0.125
 RADIUS = 20.0
 
@@ -37,11 +31,6 @@ def behind(lens: pl.LensStack) -> float:
 @functools.cache
 def bounds_of(lens: pl.LensStack, *, cell: float = CELL, radius: float = RADIUS) -> PupilBounds:
     return pupil_bounds(lens, z_plane=behind(lens), largest_radius=radius, cell_radius=cell, wavelength=587.6)
-
-
-def polygon_area(corners: np.ndarray) -> float:
-    x, y = corners.T
-    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
 def rays_at_the_rear(lens: pl.LensStack, start: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -118,16 +107,9 @@ def test_outlines_waste_little_on_the_axis_and_their_corners_lie_on_two_sides():
         # 0.8 mm move: with a stop of 1 mm that is most of it. Counting cells of the grid is good to 2 / 400.
         limit = 1.6 if stop is None or stop >= 5.0 else 4.0
         assert area * 0.99 < polygon_area(bounds.corners[0]) < limit * area, (name, stop)
-    # Polygonal stops are bounded by the circle around them.
-    circle = stopped("double-gauss-100mm-f2", 5.0)
-    for blades in (3, 4, 6):
-        polygon = circle.with_stop(pl.PolygonStop(blades=blades, semi_diameter=5.0, rotation=0.3))
-        assert all(np.array_equal(a, b) for a, b in zip(bounds_of(polygon), bounds_of(circle), strict=True)), blades
-    # A plane that sees no light has no outline.
-    # 150 mm from the axis of a telephoto the barrel cuts everything off.
+    # A plane that sees no light has no outline: 150 mm from the axis of a telephoto the barrel cuts everything off.
     bounds = bounds_of(pl.load_lens("telephoto-100mm-f2.8"), radius=150.0)
-    assert bounds.reach[0] > 0 and bounds.reach[-1] == 0
-    assert np.all(bounds.support[-1] == -np.inf)
+    assert bounds.reach[0] > 0 and bounds.reach[-1] == 0 and np.all(bounds.support[-1] == -np.inf)
 
 
 @pytest.mark.slow

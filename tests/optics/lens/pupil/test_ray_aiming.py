@@ -10,21 +10,16 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.aiming import aimed_rays, aimed_rays_reverse, chief_ray, entrance_pupil_of, fan, hexapolar, square_grid
+from plenoptic.aiming import aimed_rays, aimed_rays_reverse, entrance_pupil_of, fan, hexapolar, square_grid
 from plenoptic.optics.lens.trace import traced_part
 
 EPS = np.finfo(float).eps
 
 # Half fields in degrees: those that stand on the lenses' data sheets.
 BUNDLED = {
-    "achromat-100mm-f4.4": 10.0,
-    "double-gauss-100mm-f2": 21.8,
-    "double-gauss-105mm-f1.4": 22.5,
-    "fisheye-100mm-f8": 85.4,
-    "singlet-100mm-f4": 20.0,
-    "telephoto-100mm-f2.8": 7.0,
-    "topogon-100mm-f6.3": 50.0,
-}
+    "achromat-100mm-f4.4": 10.0, "double-gauss-100mm-f2": 21.8, "double-gauss-105mm-f1.4": 22.5,
+    "fisheye-100mm-f8": 85.4, "singlet-100mm-f4": 20.0, "telephoto-100mm-f2.8": 7.0, "topogon-100mm-f6.3": 50.0,
+}  # fmt: skip
 
 SHARED = Path(os.environ["PLENOPTIC_SHARED"])
 FILES = sorted((SHARED / "lenses").glob("*.csv"))
@@ -48,8 +43,7 @@ def seen_at(field: tuple[float, float]) -> np.ndarray:
 
 def checked(lens: pl.LensStack, field: tuple[float, float], pupil: np.ndarray, z_object: float, tolerance: float):
     rays = aimed_rays(lens, field=field, pupil=pupil, z_object=z_object)
-    assert np.all(rays.status == 0)
-    assert np.abs(on_iris(lens, rays) - iris_points(lens, pupil)).max() < tolerance
+    assert np.all(rays.status == 0) and np.abs(on_iris(lens, rays) - iris_points(lens, pupil)).max() < tolerance
     return rays
 
 
@@ -121,8 +115,7 @@ def test_lenses_from_files():
         found = rays.status == 0
         assert np.mean(found) > 0.95, (path.name, share)
         off = np.abs(on_iris(lens, rays) - iris_points(lens, hexapolar(6)))[found]
-        assert off.max() < 1e-9, (path.name, share)
-        assert refound(lens, angle, 4000) > 2, (path.name, share)
+        assert off.max() < 1e-9 and refound(lens, angle, 4000) > 2, (path.name, share)
     # A microscope objective from its front focus: sines of more than 0.8 in front.
     (path,) = (path for path in FILES if "Microscope F0.5 " in path.name)
     lens = pl.load_lens(path)
@@ -210,8 +203,7 @@ def test_rays_that_do_not_exist_are_missed():
     ball = pl.LensStack([front, pl.Surface(math.inf, semi_diameter=5.0), pl.CircularStop(4.0)])
     rays = aimed_rays(ball, field=(0.0, 1.5), pupil=hexapolar(3))
     lost = rays.status != 0
-    assert np.any(lost)
-    assert np.all(rays.status[lost] == pl.RayStatus.MISSED)
+    assert np.any(lost) and np.all(rays.status[lost] == pl.RayStatus.MISSED)
     assert np.all(np.isnan(rays.origin[lost])) and np.all(rays.weight[lost] == 0)
     assert np.all(ball.trace(rays).status[lost] == pl.RayStatus.MISSED)
     # Objects absurdly far away are none or found.
@@ -229,13 +221,6 @@ def test_the_entrance_pupil_of_a_small_field_is_the_paraxial_one():
         whole, half = (entrance_pupil_of(lens, (0.0, angle)) - paraxial for angle in (0.02, 0.01))
         if abs(whole) > 1e-9:
             assert whole / half == pytest.approx(4.0, rel=0.01)
-
-
-def test_the_chief_ray_of_a_fisheye_passes_where_paraxial_aiming_fails():
-    lens, theta = pl.load_lens("fisheye-100mm-f8"), math.radians(80.0)
-    assert lens.trace(chief_ray(lens, field=theta)).status[0] == 0  # a field may be y alone
-    pupil, towards = pl.paraxial.cardinal_points(lens).entrance_pupil, -seen_at((0.0, theta))
-    assert lens.trace(pl.RayBundle([[0, 0, pupil] - 2000.0 * towards], [towards])).status[0] != 0
 
 
 def test_ideal_models_pass_their_stop_where_they_are_aimed_at():

@@ -69,31 +69,6 @@ def test_an_annulus_makes_the_difference_of_two_airy_patterns():
     np.testing.assert_allclose(spread.image / spread.perfect, expected, rtol=0, atol=4 * EDGE / (1 - inner**2))
 
 
-def hexagon(x, y, corners):
-    """Transform of a polygon over its area: the sum over edges of Lee and Mittra (1983)."""
-    total = np.zeros(np.shape(x), complex)
-    k2 = x * x + y * y
-    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        along = x * (bx - ax) + y * (by - ay)
-        middle = 0.5 * (x * (ax + bx) + y * (ay + by))
-        total += (x * (by - ay) - y * (bx - ax)) * np.sinc(along / (2 * math.pi)) * np.exp(1j * middle)
-    ax, ay = corners.T
-    area = 0.5 * np.sum(ax * np.roll(ay, -1) - np.roll(ax, -1) * ay)
-    return total / (1j * k2 * area)
-
-
-def test_a_hexagonal_opening_makes_a_star_of_six():
-    lens = perfect(pl.PolygonStop(blades=6, semi_diameter=5.0))
-    angle = np.arange(6) * math.pi / 3
-    met = cosines(lens, *np.column_stack([np.cos(angle), np.sin(angle)]) * 0.999999)
-    corners = met[np.argsort(np.arctan2(met[:, 1], met[:, 0]))]
-    spread = wave_spread(lens, pixel_size=WAVE / 0.05 / 10, grid=GRID)
-    x = spread.pixel_size * (np.arange(65) - 32) + 1e-9
-    kx, ky = np.meshgrid(2 * math.pi / WAVE * x, -2 * math.pi / WAVE * x)
-    expected = np.abs(hexagon(kx, ky, corners)) ** 2
-    np.testing.assert_allclose(spread.image / spread.perfect, expected, rtol=0, atol=0.02)
-
-
 def test_defocus_dims_the_middle_as_a_sinc():
     """sin^2(x) / x^2 with x = pi times the waves of defocus at the rim, W020."""
     lens = perfect(pl.CircularStop(5.0))
@@ -107,12 +82,11 @@ def test_defocus_dims_the_middle_as_a_sinc():
 
 def test_both_methods_agree_to_what_the_transform_leaves_out():
     """A phase of 5e-3 radians: intensities to twice that times the root, and its square, of the perfect peak."""
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(6.0))
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.PolygonStop(6, 6.0, 0.2))
     how = {"field": (0.1, 0.1), "shape": (21, 21), "pixel_size": 4e-3, "grid": GRID}
     one, other = (wave_spread(lens, method=method, **how) for method in SpreadMethod)
     assert (one.method, other.method) == tuple(SpreadMethod)
-    assert wave_spread(lens, **how).method is SpreadMethod.FOURIER
-    assert other.perfect == one.perfect
+    assert wave_spread(lens, **how).method is SpreadMethod.FOURIER and other.perfect == one.perfect
     bound = one.perfect * (2 * 5e-3 * np.sqrt(other.image / one.perfect) + 5e-3**2)
     assert (np.abs(one.image - other.image) <= bound).all() and (one.image != other.image).any()
     # Huygens' sum is that over points of the iris each with their area, not only over directions evenly spaced.
