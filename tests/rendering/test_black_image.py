@@ -92,9 +92,6 @@ def test_nothing_is_said_where_nothing_is_wrong():
         ("no mesh", pl.Scene(background=1.0), {}),
     ):
         assert said(scene, **settings)[0] == [], name
-
-
-def test_dark_pixels_of_a_scene_in_plain_view_are_no_news():
     # Between microlens images, and beside the box before a black world: single pixels, some of them dark.
     found = [said(SMALL, region=np.s_[k : k + 1, k : k + 1]) for k in range(0, 64, 2)]
     assert all(warned == [] for warned, _ in found)

@@ -172,13 +172,8 @@ def test_an_iris_spreads_a_point_as_airy_says():
     points = pl.paraxial.cardinal_points(lens, 550.0)
     distance = 1e6
     image = 1 / (1 / points.efl - 1 / distance)
-    camera = pl.PlenopticCamera(
-        lens=lens,
-        sensor=pl.Sensor(shape=(201, 201), pixel_pitch=0.002),
-        stop_to_microlenses=points.rear_principal + image,
-        wavelength=550.0,
-        diffraction=pl.Diffraction(iris=True),
-    )
+    sensor, how = pl.Sensor((201, 201), 0.002), {"wavelength": 550.0, "diffraction": pl.Diffraction(iris=True)}
+    camera = pl.PlenopticCamera(lens, sensor, points.rear_principal + image, **how)
     spread = pl.point_spread(camera, (0.0, 0.0, points.front_principal - distance), rays=1 << 18, progress=False)
     ring = 550e-6 * image / (2 * points.entrance_pupil_semi_diameter)
     row, column = np.indices((201, 201)) - 100

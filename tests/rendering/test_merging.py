@@ -41,19 +41,11 @@ def made_up(rng, region, **changes):
     """An exposure of random numbers that EXR files hold too, with all that there may be."""
     shape = region[1] - region[0], region[3] - region[2]
     depth, normal = (rng.random(part, dtype=np.float32) for part in (shape, (*shape, 3)))
-    fields = {
-        "standard_error": rng.random((*shape, 3)),
-        "truth": pl.GroundTruth(depth=depth, normal=normal, object=rng.integers(-1, 9, shape)),
-        "samples": 8,
-        "replicates": 2,
-        "seed": 5,
-        "region": region,
-        "sample_counts": rng.integers(0, 9, shape),
-        "settings": pl.rendering.RenderSettings(),
-        "white": False,
-        "object_names": ("a", ""),
-    }
-    return pl.Exposure(rng.random((*shape, 3)), **{**fields, **changes})
+    truth = pl.GroundTruth(depth=depth, normal=normal, object=rng.integers(-1, 9, shape))
+    fields = {"standard_error": rng.random((*shape, 3)), "truth": truth, "sample_counts": rng.integers(0, 9, shape)}
+    fields |= {"samples": 8, "replicates": 2, "seed": 5, "region": region, "white": False, "object_names": ("a", "")}
+    fields |= {"settings": pl.rendering.RenderSettings()}
+    return pl.Exposure(rng.random((*shape, 3)), **(fields | changes))
 
 
 def part_of(whole, region):
@@ -64,6 +56,10 @@ def part_of(whole, region):
     changes = {name: getattr(whole, name)[rows, columns] for name in ("image", "standard_error", "sample_counts")}
     truth = {name: array[rows, columns] for name, array in whole.truth.arrays().items()}
     return dataclasses.replace(whole, region=region, truth=pl.GroundTruth(**truth), **changes)
+
+
+def counts_of(shot):
+    return np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts
 
 
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 12))
@@ -78,8 +74,7 @@ def test_any_cuts_come_together_and_what_is_left_out_is_named(seed, n):
     together = merged(parts)
     assert np.array_equal(together.image, whole.image) and together.truth == whole.truth
     assert np.array_equal(together.standard_error, whole.standard_error)
-    found = np.full(whole.image.shape[:2], together.samples)
-    assert np.array_equal(found if together.sample_counts is None else together.sample_counts, whole.sample_counts)
+    assert np.array_equal(counts_of(together), whole.sample_counts)
     assert (together.region, together.seed, together.replicates) == (region, 5, 2)
     assert together.object_names == ("a", "")
     missing = int(rng.integers(len(regions)))
@@ -97,10 +92,8 @@ def test_tiles_have_the_bits_of_the_whole():
             parts = [pl.render(SCENE, CAMERA, region=region, **given) for region in regions]
             together = merged(parts)
             assert np.array_equal(together.image, whole.image) and together.truth == whole.truth
-            if replicates == 1:
-                assert together.standard_error is None
-            else:
-                assert np.array_equal(together.standard_error, whole.standard_error)
+            assert (together.standard_error is None) == (replicates == 1)
+            assert replicates == 1 or np.array_equal(together.standard_error, whole.standard_error)
             for name in ("samples", "replicates", "seed", "region", "camera", "settings", "white", "object_names"):
                 assert getattr(together, name) == getattr(whole, name), name
             assert together.sample_counts is None
@@ -114,29 +107,20 @@ def test_tiles_have_the_bits_of_the_whole():
     assert np.array_equal(together.standard_error, white.standard_error)
 
 
-REGION = np.s_[0:24, 8:40]
+def seeds(*numbers, **given):
+    given = {"region": np.s_[0:24, 8:40], "truth": pl.Truth.NONE, "progress": False, **given}
+    return [pl.render(SCENE, CAMERA, seed=k, **given) for k in numbers]
 
 
-def seeds(n, **given):
-    given = {"region": REGION, "truth": pl.Truth.NONE, "progress": False, **given}
-    return [pl.render(SCENE, CAMERA, seed=k, **given) for k in range(n)]
-
-
-@pytest.fixture(scope="module")
-def reference():
-    """Its error is an eighth of those it is held against, or less."""
-    given = {"region": REGION, "seed": 99, "replicates": 16, "truth": pl.Truth.NONE, "progress": False}
-    return pl.render(SCENE, CAMERA, samples=4096, **given)
-
-
-def test_single_replicates_get_their_errors_from_each_other(reference):
+def test_single_replicates_get_their_errors_from_each_other():
     """Right on average: squares of true errors and of those told have sums within four standard errors of each other.
 
     That of a sum of independent differences is the root of the sum of their squares.
     """
+    (reference,) = seeds(99, samples=4096, replicates=16)  # its error is an eighth of those held against it, or less
     lit = reference.image[..., 0] > 0.1 * np.percentile(reference.image, 99)
     for n in (2, 8):
-        shots = seeds(n, samples=8, replicates=1)
+        shots = seeds(*range(n), samples=8, replicates=1)
         assert shots[0].standard_error is None
         together = merged(shots)
         assert (together.samples, together.replicates) == (8 * n, n)
@@ -148,7 +132,7 @@ def test_single_replicates_get_their_errors_from_each_other(reference):
 
 
 def test_seeds_are_weighed_by_their_samples():
-    one, two = seeds(1, samples=8)[0], seeds(2, samples=32)[1]
+    one, two = *seeds(0, samples=8), *seeds(1, samples=32)
     together = merged([one, two])
     mean = (8 * one.image.astype(float) + 32 * two.image) / 40
     np.testing.assert_allclose(together.image, mean, rtol=2**-24)
@@ -159,8 +143,8 @@ def test_seeds_are_weighed_by_their_samples():
     assert together.seed == (0, 1) and together.sample_counts is None
     # In tiles, whatever their order.
     tiles = (np.s_[0:24, 8:16], np.s_[0:24, 16:40])
-    parts = [part for tile in tiles for part in seeds(2, samples=8, region=tile)]
-    whole = merged(seeds(2, samples=8))
+    parts = [part for tile in tiles for part in seeds(0, 1, samples=8, region=tile)]
+    whole = merged(seeds(0, 1, samples=8))
     for order in ((3, 0, 2, 1), (1, 2, 0, 3)):
         again = merged(parts[i] for i in order)
         assert np.array_equal(again.image, whole.image) and again.region == whole.region
@@ -173,8 +157,7 @@ def test_pixels_without_samples_count_nothing():
     two = dataclasses.replace(made_up(rng, (0, 4, 0, 6)), seed=6)
     together = merged([one, two])
     counts = one.sample_counts + two.sample_counts
-    found = np.full((4, 6), together.samples) if together.sample_counts is None else together.sample_counts
-    assert np.array_equal(found, counts)
+    assert np.array_equal(counts_of(together), counts)
     only = (one.sample_counts > 0) & (two.sample_counts == 0)
     np.testing.assert_allclose(together.image[only], one.image[only], rtol=2**-23)
     np.testing.assert_allclose(together.standard_error[only], one.standard_error[only], rtol=2**-23)

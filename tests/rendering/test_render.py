@@ -1,17 +1,20 @@
 """Rendering: laws of light, closed forms, honest errors, and bits that do not depend on scheduling."""
 
 import dataclasses
-import itertools
 import math
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import plenoptic as pl
 from plenoptic.camera.sampling import bounds
-from plenoptic.scene.geometry.embree_run import SceneRunTriangles
 from plenoptic.study import cameras
 from plenoptic.truth.channels import Truth
+
+sys.path.insert(0, str(Path(__file__).parent / "integrator"))
+from pinholes import irradiance_of_polygon  # noqa: E402
 
 
 def reference_camera(b=1.7, stop=5.0, shape=(512, 512), pitch=0.010, **array):
@@ -25,19 +28,17 @@ def reference_camera(b=1.7, stop=5.0, shape=(512, 512), pitch=0.010, **array):
     )
 
 
-def hexagon_solid_angle(pitch, distance):
-    """Projected solid angle of a hexagonal cell seen from the point below its centre: Lambert's polygon formula.
+def conventional(stop, pixels, pitch, distance=134.6):
+    """Without microlenses; in focus at z = -404 mm by default."""
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=stop))
+    return pl.PlenopticCamera(lens, pl.Sensor((pixels, pixels), pitch), stop_to_microlenses=distance)
 
-    E = 1/2 sum over edges of (angle subtended by the edge) times (normal of its plane) . (normal of the receiver).
-    """
-    angle = math.pi / 3 * np.arange(7)
-    corners = np.stack([np.cos(angle), np.sin(angle), np.full(7, distance / (pitch / math.sqrt(3)))], axis=1)
-    corners /= np.linalg.norm(corners, axis=1, keepdims=True)
-    total = 0.0
-    for a, b in itertools.pairwise(corners):
-        across = np.cross(a, b)
-        total += math.acos(a @ b) * across[2] / np.linalg.norm(across)
-    return abs(total) / 2
+
+def hexagon_solid_angle(pitch, distance):
+    """Projected solid angle of a hexagonal cell seen from the point below its centre."""
+    angle = math.pi / 3 * np.arange(6)
+    corners = np.column_stack([np.cos(angle), np.sin(angle), np.full(6, distance / (pitch / math.sqrt(3)))])
+    return irradiance_of_polygon(np.zeros((1, 3)), (0.0, 0.0, 1.0), corners)[0]
 
 
 def test_white_pixel_is_projected_solid_angle_of_its_cell():
@@ -56,9 +57,8 @@ def test_white_pixel_is_projected_solid_angle_of_its_cell():
 def test_conventional_camera_measures_projected_solid_angle_of_its_pupil():
     # On the axis, the exit pupil is a disc of semi-diameter a at distance d: E = pi a^2 / (a^2 + d^2), exactly where
     # pupil imaging is perfect. A narrow stop makes it so up to its spherical aberration, O((stop / 100)^2).
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=1.0))
-    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(1, 1), pixel_pitch=1e-3), stop_to_microlenses=134.6)
-    points = pl.paraxial.cardinal_points(lens)
+    camera = conventional(1.0, 1, 1e-3)
+    points = pl.paraxial.cardinal_points(camera.lens)
     a, d = points.exit_pupil_semi_diameter, 134.6 - points.exit_pupil
     white = pl.render_white(camera, samples=1 << 14, progress=False)
     expected = math.pi * a * a / (a * a + d * d)
@@ -94,19 +94,13 @@ def microlens_image_pitch(camera):
     # Along the column of lenses through x = 0 (nearest neighbours along y).
     middle = camera.sensor.shape[1] // 2
     white = pl.render_white(camera, samples=64, region=np.s_[:, middle - 11 : middle + 11], progress=False)
-    image = white.image[:, :, 0].astype(np.float64)
-    rows = np.arange(camera.sensor.shape[0]) + 0.5
+    rows, k = np.arange(camera.sensor.shape[0]) + 0.5, np.arange(-11, 12)
     expected = 0.217 / 0.010 * (1 + camera.microlenses_to_sensor / 128.5)
-    centre = camera.sensor.shape[0] / 2
-    found = []
-    for k in range(-11, 12):
-        place = centre + k * expected
-        # A window of one pitch: what leaks in from the neighbours is the same on both sides.
-        weight = np.clip(expected / 2 + 0.5 - np.abs(rows - place), 0, 1)
-        profile = image.sum(axis=1) * weight
-        found.append((k, (profile * rows).sum() / profile.sum()))
-    k, place = np.array(found).T
-    return np.polyfit(k, place, 1)[0]
+    places = camera.sensor.shape[0] / 2 + k[:, None] * expected
+    # A window of one pitch: what leaks in from the neighbours is the same on both sides.
+    weight = np.clip(expected / 2 + 0.5 - np.abs(rows - places), 0, 1)
+    profiles = weight * white.image.sum(axis=(1, 2), dtype=np.float64)
+    return np.polyfit(k, profiles @ rows / profiles.sum(axis=1), 1)[0]
 
 
 def test_microlens_images_repeat_at_the_reference_pitch():
@@ -141,22 +135,17 @@ def disparities_in_mode_2():
     points = pl.paraxial.cardinal_points(camera.lens)
     a = pl.paraxial.image_position(camera.lens, -404.0) - 123.3
     spots = spots_by_microlens(camera, small_light(0, 0, -404, 0.2), 1 - 1.7 / a)
-    along_y = sorted((c[1], s[0][1]) for c, s in spots.items() if abs(c[0]) < 1e-6)
-    assert len(along_y) >= 5
-    cell, spot = np.array([pair for pair in along_y if abs(pair[0]) < 0.5]).T
+    cell, spot = np.array([(c[1], s[0][1]) for c, s in spots.items() if abs(c[0]) < 1e-6 and abs(c[1]) < 0.5]).T
+    assert len(cell) >= 5
     step = np.polyfit(cell / 0.217, spot / 0.010, 1)[0]
     return 21.7 - step, 21.7 * (1 + 1.7 / (123.3 - points.exit_pupil)) - step
 
 
 def test_disparity_between_neighbouring_microlenses_in_mode_2():
-    # The point's main-lens image lies a = 11.33 behind the array, and seen through the centre of the microlens at c
-    # it falls on the sensor at c (1 - b / a), b = 1.7: disparity of neighbours relative to the lens centres
-    # p b / a = 3.255 pixels, relative to the chief-ray centres c (1 + b / L) it is p b (1 / a + 1 / L) = 3.542 pixels.
-    relative_to_lenses, relative_to_chief_rays = disparities_in_mode_2()
-    a = pl.paraxial.image_position(pl.load_lens("double-gauss-100mm-f2"), -404.0) - 123.3
-    assert relative_to_lenses == pytest.approx(21.7 * 1.7 / a, abs=0.02)
-    assert relative_to_lenses == pytest.approx(3.255, abs=0.02)
-    assert relative_to_chief_rays == pytest.approx(3.542, abs=0.02)
+    # The point's image lies a = 11.33 behind the array, and through the centre of the microlens at c it falls on the
+    # sensor at c (1 - b / a), b = 1.7: disparity of neighbours relative to the lens centres p b / a = 3.255 pixels,
+    # relative to the chief-ray centres c (1 + b / L) it is p b (1 / a + 1 / L) = 3.542 pixels.
+    assert disparities_in_mode_2() == pytest.approx((3.255, 3.542), abs=0.02)
 
 
 def test_direction_in_mode_1_decides_the_place_under_the_microlens():
@@ -171,12 +160,7 @@ def test_direction_in_mode_1_decides_the_place_under_the_microlens():
 
 def test_image_stands_upright_and_is_not_mirrored():
     # A light up and to the right of the axis appears in the upper right of the image, with and without microlenses.
-    conventional = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=2.0)),
-        sensor=pl.Sensor(shape=(32, 32), pixel_pitch=0.16),
-        stop_to_microlenses=130.0,
-    ).focused_at(z=-404.0)
-    for camera in (conventional, reference_camera()):
+    for camera in (conventional(2.0, 32, 0.16, 130.0).focused_at(z=-404.0), reference_camera()):
         shot = pl.render(small_light(5.0, 3.0, -404, 0.5), camera, samples=4, progress=False)
         row, column = np.argwhere(shot.image[:, :, 0] > 0).mean(axis=0)
         height, width = camera.sensor.shape
@@ -205,16 +189,13 @@ def test_pose_moves_the_camera_and_not_the_picture():
 
 
 def test_depth_of_a_plane_is_exact():
-    shot = pl.render(
-        pl.shapes.white_plane(), reference_camera(), samples=1, region=np.s_[200:232, 200:232], progress=False
-    )
+    region = np.s_[200:232, 200:232]
+    shot = pl.render(pl.shapes.white_plane(), reference_camera(), samples=1, region=region, progress=False)
     finite = np.isfinite(shot.depth)
     assert finite.mean() > 0.95
     # A few roundings of coordinates near 404.
     np.testing.assert_allclose(shot.depth[finite], 404.0, rtol=8 * np.finfo(float).eps)
-
-
-def test_nothing_in_view_is_infinitely_far():
+    # Nothing in view is infinitely far.
     behind = pl.Scene([pl.box(10.0, center=(0, 0, 500), material=pl.Emissive(1.0))])
     camera, settings = reference_camera(), {"samples": 1, "region": np.s_[:8, :8], "progress": False}
     shot = pl.render(behind, camera, **settings)
@@ -227,9 +208,7 @@ def test_nothing_in_view_is_infinitely_far():
 @pytest.mark.parametrize("sampler", list(pl.rendering.Sampler))
 def test_bits_do_not_depend_on_what_fits_into_a_batch(monkeypatch, sampler):
     # Where replicates do not divide the samples, a batch with just room for all of them holds all but a few.
-    camera = pl.PlenopticCamera(
-        lens=pl.no_lens(1.0), sensor=pl.Sensor(shape=(5, 4), pixel_pitch=0.5), stop_to_microlenses=10.0
-    )
+    camera = pl.PlenopticCamera(pl.no_lens(1.0), pl.Sensor((5, 4), 0.5), stop_to_microlenses=10.0)
     numbers = np.random.default_rng(5)
     for samples, replicates in numbers.integers(1, (70, 13), size=(12, 2)).tolist():
         how = {"samples": samples, "replicates": replicates, "sampler": sampler, "progress": False}
@@ -277,21 +256,9 @@ def test_statistics_count_every_path():
         assert (shot.standard_error is None) == (left == 1) and shot.replicates == left and shot.seed == 2**64 - 1
 
 
-def test_fallback_intersector_gives_the_same_picture(monkeypatch):
-    camera, region = reference_camera(), np.s_[300:316, 160:176]
-    scene = pl.objects_scene()
-    direct = pl.render(scene, camera, samples=16, region=region, progress=False)
-    monkeypatch.setattr("plenoptic.scene.cache.build_intersector", SceneRunTriangles)
-    run = pl.render(pl.objects_scene(), camera, samples=16, region=region, progress=False)
-    # Both are Embree: only rays that graze an edge may be decided otherwise.
-    assert np.mean(np.isclose(run.image, direct.image, rtol=1e-6)) > 0.97
-    np.testing.assert_allclose(run.depth, direct.depth, rtol=1e-9)
-
-
 def test_spherical_microlenses_approach_thin_ones():
-    # A higher index makes the same focal length with a flatter sphere. What differs from the thin lens under the middle
-    # of a microlens is where its edge stands: at the sag h = r^2 / (2 R) above or below the plane, which changes the
-    # solid angle by about 2 h / b: 0.9 % for index 1.5 and a tenth of it for index 6.
+    # A higher index makes the same focal length with a flatter sphere. Its edge stands at the sag h = r^2 / (2 R) above
+    # or below the plane, which changes the solid angle by about 2 h / b: 0.9 % for index 1.5, a tenth of it for 6.
     settings = {"samples": 512, "region": np.s_[250:262, 250:262], "progress": False}
     thin = pl.render_white(reference_camera(), **settings).image.sum(dtype=np.float64)
     for side in pl.optics.ConvexSide:
@@ -318,9 +285,8 @@ def test_pinholes_show_the_pupil_under_every_microlens():
 
 
 def test_all_light_through_an_array_arrives_somewhere():
-    # Thin microlenses of any focal length only redistribute: the sum over a large patch of the sensor equals the
-    # projected solid angle of the exit pupil at the array, per area of the sensor, scaled by magnification of the
-    # patch. Compared between two focal lengths: the same to within edge effects of the patch.
+    # Thin microlenses only redistribute: the sum over a large patch of the sensor is the same for two focal lengths, to
+    # within edge effects of the patch.
     def white(side, samples=16, **changes):
         region = np.s_[side:356, side:356]
         return pl.render_white(reference_camera(**changes), samples=samples, region=region, progress=False).image
@@ -339,20 +305,15 @@ def test_impossible_arguments_are_refused_before_anything_runs():
     )
     for arguments, message in (
         ({"samples": 0}, "samples is 0; it must be at least 1"),
-        ({"samples": 1.5}, "samples is 1.5; it must be a whole number"),
         ({"seed": -1}, "seed is -1"),
         ({"seed": 2**64}, "at most 18446744073709551615"),
         ({"replicates": 0}, "replicates is 0"),
         ({"threads": 0}, "threads is 0"),
-        ({"region": np.s_[600:700, 0:4]}, "rows"),
-        ({"region": 3}, "two slices"),
         ({"region": np.s_[0.0:2.0, 0:2]}, "whole numbers"),
         ({"camera": crowded}, "each pixel sees about"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             pl.render_white(**{"camera": reference_camera(), "samples": 1, "progress": False, **arguments})
-    with pytest.raises(pl.errors.InvalidValueError, match="it must be a Scene"):
-        pl.render(reference_camera(), pl.shapes.white_plane(), samples=1)
 
 
 BLOCK = pl.box((4, 4, 4), center=(0, 0, -402), material=pl.Lambertian(0.7))
@@ -360,11 +321,7 @@ BLOCK = pl.box((4, 4, 4), center=(0, 0, -402), material=pl.Lambertian(0.7))
 
 def seen_on_a_floor(half, lights=(), background=1.0, place=None):
     """A block on a floor in a wide view, in a place of the world."""
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-        sensor=pl.Sensor(shape=(8, 8), pixel_pitch=0.4),
-        stop_to_microlenses=134.6,
-    )
+    camera = conventional(5.0, 8, 0.4)
     meshes = [pl.quad((-half, -half, -404), (2 * half, 0, 0), (0, 2 * half, 0), material=pl.Lambertian(0.7)), BLOCK]
     if place is not None:
         camera, meshes = camera.posed(place, place - [0, 0, 1]), [mesh.translated(*place) for mesh in meshes]

@@ -18,17 +18,12 @@ def trial(number):
     rng = np.random.default_rng(number)
     odd = int(rng.integers(2))
     microlenses = rng.random() < 0.7
-    stop = pl.CircularStop(float(rng.choice([5.0, 1.0, 0.2])))
-    model = [pl.LensModel.EXACT, pl.LensModel.THIN][rng.integers(2)]
+    lens = LENS.with_stop(pl.CircularStop(float(rng.choice([5.0, 1.0, 0.2]))))
+    lens = lens.with_model([pl.LensModel.EXACT, pl.LensModel.THIN][rng.integers(2)])
     lattice = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE][rng.integers(2)]
     array = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=lattice) if microlenses else None
-    camera = pl.PlenopticCamera(
-        lens=LENS.with_stop(stop).with_model(model),
-        microlenses=array,
-        sensor=pl.Sensor(shape=(32 + odd, 32 + odd), pixel_pitch=0.02 if microlenses else 0.7),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=float(rng.choice([1.7, 2.0])) if microlenses else 0.0,
-    )
+    sensor = pl.Sensor(shape=(32 + odd, 32 + odd), pixel_pitch=0.02 if microlenses else 0.7)
+    camera = pl.PlenopticCamera(lens, sensor, 123.3, array, float(rng.choice([1.7, 2.0])) if microlenses else 0.0)
     ball = pl.sphere(180.0, center=(0, 0, -400), segments=(256, 128), material=pl.Lambertian(0.6))
     lamp = pl.QuadLight((-150, 150, -100), (300, 0, 0), (0, 0, 90), radiance=3.0)
     scene = pl.Scene([ball], lights=[lamp], background=0.3)
@@ -86,11 +81,8 @@ def test_the_same_bits_however_it_is_rendered(numbers, tmp_path, monkeypatch):
 
 def test_a_sensor_tilted_about_both_axes_has_the_same_bits_in_parts():
     """Centres of groups of pixels lie where outlines of the pupil change; products of arrays round by their length."""
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-105mm-f1.4"),
-        sensor=pl.Sensor(shape=(12, 12), pixel_pitch=0.025),
-        stop_to_microlenses=128.4,
-    ).moved(pl.CameraPart.SENSOR, tilt=(0.01, 0.005, 0.0))
+    camera = pl.PlenopticCamera(pl.load_lens("double-gauss-105mm-f1.4"), pl.Sensor((12, 12), 0.025), 128.4)
+    camera = camera.moved(pl.CameraPart.SENSOR, tilt=(0.01, 0.005, 0.0))
     scene = pl.Scene([pl.quad((-90, -90, -400), (180, 0, 0), (0, 180, 0), material=pl.Lambertian(0.6))], background=1.0)
     settings = {"samples": 16, "replicates": 8, "progress": False}
     for taken in (lambda **more: pl.render_white(camera, **more), lambda **more: pl.render(scene, camera, **more)):

@@ -27,12 +27,13 @@ def camera(shutter=None, **changes):
 
 def scene():
     """Matt and smooth things that move before a wall that does not."""
-    die = pl.box(3.0, material=pl.Lambertian((0.8, 0.3, 0.1))).translated(1.5, 0, -404)
-    ball = pl.sphere(1.2, center=(-3, 0, -400), material=pl.Conductor(0.9))
-    glass = pl.sphere(1.0, center=(0, -2, -396), material=pl.Dielectric(1.5))
-    wall = pl.quad((-80, -80, -440), (160, 0, 0), (0, 160, 0), material=pl.Lambertian((0.2, 0.4, 0.6)))
     lamp = pl.QuadLight.facing((0, 60, -300), (0, 0, -404), (40, 40), radiance=2.0)
-    parts = {"wall": wall, "die": die, "ball": ball, "glass": glass}
+    parts = {
+        "wall": pl.quad((-80, -80, -440), (160, 0, 0), (0, 160, 0), material=pl.Lambertian((0.2, 0.4, 0.6))),
+        "die": pl.box(3.0, center=(1.5, 0, -404), material=pl.Lambertian((0.8, 0.3, 0.1))),
+        "ball": pl.sphere(1.2, center=(-3, 0, -400), material=pl.Conductor(0.9)),
+        "glass": pl.sphere(1.0, center=(0, -2, -396), material=pl.Dielectric(1.5)),
+    }
     return pl.Scene([dataclasses.replace(part, name=name) for name, part in parts.items()], [lamp], background=1.0)
 
 
@@ -45,9 +46,7 @@ def rendered(frame, **settings):
     return pl.render(frame.scene, frame.camera, **{"progress": False, "truth": pl.Truth.NONE, **settings})
 
 
-@pytest.mark.parametrize(
-    ("count", "each", "samples"), [(64, 16, 1024), pytest.param(256, 32, 8192, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("count, each, samples", [(64, 16, 1024), pytest.param(256, 32, 8192, marks=pytest.mark.slow)])
 def test_motion_blur_is_the_mean_of_still_frames(count, each, samples):
     # A blurred exposure against the mean of still frames at the middles of equal intervals.
     duration = 0.4
@@ -76,12 +75,9 @@ def test_a_rolling_shutter_slants_an_edge():
     world = pl.Scene([dataclasses.replace(blind, name="blind")], background=1.0)
     rolling = dataclasses.replace(bare, shutter=Shutter(1e-4, row_time=row_time))
     (frame,) = pl.Sequence(world, rolling, [0.5], motions={"blind": slide})
-    dark = (
-        1.0
-        - rendered(frame, samples=1024).image[:, :, 0]
-        / rendered(dataclasses.replace(frame, scene=pl.Scene(background=1.0)), samples=1024).image[:, :, 0]
-    )
-    edge = dark.sum(axis=1)
+    sky = dataclasses.replace(frame, scene=pl.Scene(background=1.0))
+    seen, bright = (rendered(each, samples=1024).image[:, :, 0] for each in (frame, sky))
+    edge = (1.0 - seen / bright).sum(axis=1)
     rows = np.arange(24)
     slope, middle = np.polyfit(rows - 11.5, edge, 1)
     per_mm = [bare.project([(x, 0, -404.0)], progress=False).pixel[0, 1] for x in (-0.5, 0.5)]

@@ -14,12 +14,13 @@ REGION = np.s_[200:224, 230:262]
 LINES = pl.sensor.Sensitivity.lines((640.0, 550.0, 450.0))
 
 
-def coloured_scene():
-    floor = pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian((0.8, 0.5, 0.1)))
-    wall = pl.quad((-3, -3, -402), (3, 0, 1), (0, 6, 0), material=pl.Lambertian((0.1, 0.3, 0.9)))
-    light = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=(3.0, 5.0, 9.0), two_sided=True)
-    lamp = pl.quad((1, -3, -403), (2, 0, 0), (0, 6, 0), material=pl.Emissive((0.5, 0.2, 0.05)))
-    return pl.Scene(meshes=[floor, wall, lamp], lights=[light], background=(0.2, 0.1, 0.3))
+def coloured_scene(seen=lambda colour: colour):
+    """Of colours, or of what is seen of them."""
+    floor = pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(seen((0.8, 0.5, 0.1))))
+    wall = pl.quad((-3, -3, -402), (3, 0, 1), (0, 6, 0), material=pl.Lambertian(seen((0.1, 0.3, 0.9))))
+    light = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=seen((3.0, 5.0, 9.0)), two_sided=True)
+    lamp = pl.quad((1, -3, -403), (2, 0, 0), (0, 6, 0), material=pl.Emissive(seen((0.5, 0.2, 0.05))))
+    return pl.Scene(meshes=[floor, wall, lamp], lights=[light], background=seen((0.2, 0.1, 0.3)))
 
 
 @pytest.mark.parametrize("bounces", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 1))])
@@ -42,19 +43,17 @@ def test_one_spectral_pass_is_the_weighted_sum_of_monochrome_ones():
     peaks, widths = np.array([600.0, 540.0, 470.0]), np.array([40.0, 40.0, 30.0])
     response = np.exp(-0.5 * ((wavelengths[:, None] - peaks) / widths) ** 2)
     seen = pl.sensor.Sensitivity(wavelengths, response)
-    scene, region = coloured_scene(), np.s_[8:24, 16:40]
-    shot = pl.render(
-        scene, dataclasses.replace(CAMERA, sensitivity=seen), samples=1024, region=region, max_bounces=2, progress=False
-    )
+    scene, settings = coloured_scene(), {"region": np.s_[8:24, 16:40], "max_bounces": 2, "progress": False}
+    shot = pl.render(scene, dataclasses.replace(CAMERA, sensitivity=seen), samples=1024, **settings)
     nodes, weights = np.polynomial.legendre.leggauss(14)
     nodes, weights = 550.0 + 130.0 * nodes, 130.0 * weights
     share = weights[:, None] * seen.normalised.at(nodes)
     total, variance = np.zeros(3), np.zeros(3)
     for k, wavelength in enumerate(nodes):
         # A monochrome camera sees the scene's lift at its wavelength: as a grey scene of these values.
-        grey = grey_at(float(wavelength))
+        grey = coloured_scene(lambda colour, at=wavelength: float(pl.sensor.rgb_to_spectrum(colour, [at])[0]))
         at = dataclasses.replace(CAMERA, wavelength=float(wavelength))
-        alone = pl.render(grey, at, samples=256, region=region, max_bounces=2, seed=k + 1, progress=False)
+        alone = pl.render(grey, at, samples=256, seed=k + 1, **settings)
         total += share[k] * float(alone.image.sum(dtype=float))
         variance += share[k] ** 2 * float(np.square(alone.standard_error, dtype=float).sum())
     error = np.sqrt(variance + np.square(shot.standard_error, dtype=float).sum(axis=(0, 1)))
@@ -64,27 +63,10 @@ def test_one_spectral_pass_is_the_weighted_sum_of_monochrome_ones():
     assert np.all(error < 0.02 * total)
 
 
-def grey_at(wavelength):
-    """`coloured_scene` as it looks at one wavelength."""
-    scene = coloured_scene()
-
-    def value(colour):
-        return float(pl.sensor.rgb_to_spectrum(np.broadcast_to(colour, 3), np.array([wavelength]))[..., 0].ravel()[0])
-
-    def grey(material):
-        shines = isinstance(material, pl.Emissive)
-        return pl.Emissive(value(material.radiance)) if shines else pl.Lambertian(value(material.albedo))
-
-    meshes = [dataclasses.replace(m, material=grey(m.material)) for m in scene.meshes]
-    lights = [dataclasses.replace(light, radiance=value(light.radiance)) for light in scene.lights]
-    return pl.Scene(meshes=meshes, lights=lights, background=value((0.2, 0.1, 0.3)))
-
-
 def test_white_stays_white():
     # Radiance 1 is 1 at every wavelength, and sensitivities are normalised: channels differ by vignetting alone.
-    seen = pl.sensor.Sensitivity(
-        np.array([450.0, 550.0, 650.0]), np.array([[0.0, 0.2, 1.0], [0.3, 1.0, 0.1], [1.0, 0.1, 0.0]])
-    )
+    response = np.array([[0.0, 0.2, 1.0], [0.3, 1.0, 0.1], [1.0, 0.1, 0.0]])
+    seen = pl.sensor.Sensitivity(np.array([450.0, 550.0, 650.0]), response)
     shot = pl.render_white(dataclasses.replace(CAMERA, sensitivity=seen), samples=1024, region=REGION, progress=False)
     plain = pl.render_white(CAMERA, samples=256, region=REGION, seed=1, progress=False)
     ratio = shot.image.sum(axis=(0, 1), dtype=float) / float(plain.image.sum(dtype=float))

@@ -1,7 +1,8 @@
-"""Meshes, places and glTF files that tests of scenes share."""
+"""Meshes, places, directions and glTF files that tests of scenes share."""
 
 import base64
 import json
+import math
 
 import numpy as np
 
@@ -11,21 +12,44 @@ CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]])
 FACES = np.array([[0, 1, 2], [1, 3, 2]])
 GREY = pl.Lambertian()
 UV = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
+GREY_MAP = pl.Texture(np.full((2, 3, 1), 0.5))
+LAMP = pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=2.0)
+SKY = pl.EnvironmentMap(np.ones((2, 4, 1)))
 
 
 def square(material=GREY, **more):
     return pl.Mesh(CORNERS, FACES, material, **more)
 
 
+def corners_of(mesh):
+    """(n, 3 corners, 3)."""
+    return mesh.vertices[mesh.faces]
+
+
 def area_vectors(mesh):
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    a, b, c = np.moveaxis(corners_of(mesh), 1, 0)
     return 0.5 * np.cross(b - a, c - a)
+
+
+def area(mesh):
+    return np.linalg.norm(area_vectors(mesh), axis=1).sum()
 
 
 def volume(mesh):
     """Positive where the fronts are outside."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    a, b, c = np.moveaxis(corners_of(mesh), 1, 0)
     return (np.cross(a, b) * c).sum() / 6
+
+
+def towards(angle_deg, azimuth_deg=0.0):
+    """(1, 3): the unit vector at an angle from the normal; more than 90 degrees are behind the surface."""
+    t, p = math.radians(angle_deg), math.radians(azimuth_deg)
+    return np.array([[math.sin(t) * math.cos(p), math.sin(t) * math.sin(p), math.cos(t)]])
+
+
+def smith(z, alpha):
+    """Smith's Lambda of GGX (Heitz 2014, eq. 72): (sqrt(1 + alpha^2 tan^2) - 1) / 2."""
+    return 0.5 * (np.sqrt(1 + alpha**2 * (1 / z**2 - 1)) - 1)
 
 
 def turned(rng, count, *, reach=100.0, mirrored=False):

@@ -1,8 +1,8 @@
 """Tables and trees are kept for the scene that was compiled last, and for no other."""
 
 import dataclasses
-import threading
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -11,9 +11,7 @@ import plenoptic as pl
 from plenoptic.scene import cache
 from plenoptic.scene.cache import prepared_scene
 
-CAMERA = pl.PlenopticCamera(
-    lens=pl.no_lens(1.0), sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.5), stop_to_microlenses=10.0
-)
+CAMERA = pl.PlenopticCamera(pl.no_lens(1.0), pl.Sensor((4, 4), pixel_pitch=0.5), stop_to_microlenses=10.0)
 
 
 @pytest.fixture
@@ -33,10 +31,13 @@ def scene(side=50.0):
     return pl.Scene([pl.box(side, material=pl.Emissive(1.0)).translated(z=-404)])
 
 
+def rendered(scene):
+    return pl.render(scene, CAMERA, samples=8, progress=False)
+
+
 def test_a_scene_is_compiled_once_and_another_one_anew(built):
     one = scene()
-    first = pl.render(one, CAMERA, samples=8, progress=False)
-    again = pl.render(one, CAMERA, samples=8, progress=False)
+    first, again = rendered(one), rendered(one)
     pl.ground_truth(one, CAMERA)
     pl.replay(again, one, pixel=(1, 2), sample=3)
     assert built == [12]
@@ -48,12 +49,12 @@ def test_a_scene_is_compiled_once_and_another_one_anew(built):
     assert built == [12]
     # Another one is compiled even if it is equal.
     one = scene()
-    images = [pl.render(each, CAMERA, samples=8, progress=False).image for each in (one, scene(), one, scene(20.0))]
+    images = [rendered(each).image for each in (one, scene(), one, scene(20.0))]
     assert built == [12] * 5
     assert images[0].tobytes() == images[1].tobytes() == images[2].tobytes() != images[3].tobytes()
     # A scene that is changed is another one.
     brighter = dataclasses.replace(one, background=2.0)
-    assert np.all(pl.render(brighter, CAMERA, samples=8, progress=False).image >= images[0])
+    assert np.all(rendered(brighter).image >= images[0])
 
 
 def test_it_goes_when_its_scene_goes():
@@ -72,17 +73,7 @@ def test_it_goes_when_its_scene_goes():
 
 def test_threads_with_scenes_of_their_own_do_not_disturb_each_other():
     sides = [20.0, 30.0, 40.0, 50.0]
-    alone = [pl.render(scene(side), CAMERA, samples=8, progress=False).image for side in sides]
-    found = {}
-
-    def work(k):
-        for _ in range(5):
-            found[k] = pl.render(scene(sides[k]), CAMERA, samples=8, progress=False).image
-
-    threads = [threading.Thread(target=work, args=[k]) for k in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for k in range(4):
-        assert found[k].tobytes() == alone[k].tobytes()
+    alone = [rendered(scene(side)).image.tobytes() for side in sides]
+    with ThreadPoolExecutor(4) as pool:
+        found = pool.map(lambda side: [rendered(scene(side)).image.tobytes() for _ in range(5)], sides)
+        assert list(found) == [5 * [image] for image in alone]

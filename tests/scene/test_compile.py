@@ -1,12 +1,9 @@
 import numpy as np
-from scene_helpers import UV, square
+from scene_helpers import GREY_MAP, LAMP, SKY, UV, corners_of, square
 
 import plenoptic as pl
 
 UP = np.tile([0.0, 0.0, 1.0], (4, 1))
-LAMP = pl.QuadLight((0, 0, 9), (3, 0, 0), (0, 4, 0), radiance=2.0)
-GREY_MAP = pl.Texture(np.full((2, 2, 1), 0.5))
-SKY = pl.EnvironmentMap(np.ones((2, 4, 1)))
 PLACES = np.array([np.eye(4), np.diag([-1.0, 1.0, 1.0, 1.0])])
 
 
@@ -99,15 +96,10 @@ def test_what_is_absent_is_none_and_tables_are_read_only_and_contiguous():
 def test_indices_are_global_and_lights_come_last():
     first, second = square(), square(pl.Lambertian(0.1)).translated(z=5)
     tables = pl.Scene([first, second], [LAMP]).tables()
-    assert tables.geometry.triangles.dtype == np.int32 and tables.geometry.triangles.shape == (6, 3)
-    np.testing.assert_array_equal(
-        tables.geometry.vertices[tables.geometry.triangles[2:4]], second.vertices[second.faces]
-    )
-    np.testing.assert_array_equal(
-        tables.geometry.vertices[tables.geometry.triangles[4:]], LAMP.mesh().vertices[LAMP.mesh().faces]
-    )
-    assert tables.triangle_mesh.tolist() == [0, 0, 1, 1, 2, 2]
-    assert tables.geometry.triangle_material.tolist() == [0, 0, 1, 1, 2, 2]
+    geometry, found = tables.geometry, tables.geometry.vertices[tables.geometry.triangles]
+    assert geometry.triangles.dtype == np.int32
+    np.testing.assert_array_equal(found, np.concatenate([corners_of(mesh) for mesh in (first, second, LAMP.mesh())]))
+    assert tables.triangle_mesh.tolist() == geometry.triangle_material.tolist() == [0, 0, 1, 1, 2, 2]
     # A mesh without normals has rows of zeros.
     tables = pl.Scene([square(), square(normals=UP)]).tables()
     np.testing.assert_array_equal(tables.geometry.normals, np.concatenate([np.zeros((4, 3)), UP]))
@@ -115,35 +107,18 @@ def test_indices_are_global_and_lights_come_last():
 
 def test_instanced_triangles_come_after_lights_once_each():
     red, blue = square(pl.Lambertian((1, 0, 0))), square(pl.Lambertian((0, 0, 1))).translated(z=1)
-    scene = pl.Scene(
-        [
-            pl.scene.Instances(red, PLACES),
-            square(),
-            pl.scene.Instances(blue, PLACES),
-            pl.scene.Instances(red, PLACES[:1]),
-        ]
-    )
-    tables = scene.with_lights([LAMP, pl.lights.SphereLight((9, 9, 9), 1.0)]).tables()
+    groups = [pl.scene.Instances(mesh, places) for mesh, places in ((red, PLACES), (blue, PLACES), (red, PLACES[:1]))]
+    scene = pl.Scene([groups[0], square(), *groups[1:]], [LAMP, pl.lights.SphereLight((9, 9, 9), 1.0)])
+    tables = scene.tables()
     # Meshes 0 to 3, then the two lights: plain ones first, then each instanced mesh under its first number.
     assert tables.triangle_mesh.tolist() == [1, 1, 4, 4, *[5] * 1280, 0, 0, 2, 2]
     plain = 2 + 2 + 1280
     assert tables.instances.plain == plain
     assert tables.instances.first.tolist() == [plain, plain, plain + 2, plain + 2, plain]
     assert tables.instances.faces.tolist() == [2] * 5
-    np.testing.assert_array_equal(tables.geometry.vertices[tables.geometry.triangles[-2:]], blue.vertices[blue.faces])
-    np.testing.assert_array_equal(
-        tables.bsdf.base_color[tables.geometry.triangle_material[-4:]], [[1, 0, 0]] * 2 + [[0, 0, 1]] * 2
-    )
-
-
-def test_equal_materials_are_one_row():
-    texture, copy = (pl.Lambertian(pl.Texture(np.full((2, 3, 1), 0.5))) for _ in range(2))
-    meshes = [square(texture, uv=UV), square(pl.Lambertian(0.2)), square(copy, uv=UV), square(pl.Lambertian(0.2))]
-    tables = pl.Scene(meshes).tables()
-    assert tables.geometry.triangle_material.tolist() == [0, 0, 1, 1, 0, 0, 1, 1]
-    assert tables.bsdf.base_color.tolist() == [[1.0], [0.2]]
-    column = tables.textures.base_color
-    assert column.textures[["start", "rows", "columns"]].tolist() == [(0, 2, 3)] and len(column.texels) == 6
+    np.testing.assert_array_equal(tables.geometry.vertices[tables.geometry.triangles[-2:]], corners_of(blue))
+    colours = tables.bsdf.base_color[tables.geometry.triangle_material[-4:]]
+    np.testing.assert_array_equal(colours, [[1, 0, 0]] * 2 + [[0, 0, 1]] * 2)
 
 
 def test_materials_keep_their_numbers():
@@ -181,9 +156,6 @@ def test_textures_lie_one_after_the_other_row_by_row():
     meshes = [square(pl.Lambertian(pl.Texture(t)), uv=UV) for t in (one, two)] + [square(pl.Lambertian(0.3))]
     tables = pl.Scene(meshes).tables()
     assert tables.channels == 3 and tables.textures.base_color.row.tolist() == [0, 1, -1]
-    # Start, rows, columns and channels: what is grey keeps one channel.
-    where = tables.textures.base_color.textures[["start", "rows", "columns", "channels"]]
-    assert where.tolist() == [(0, 2, 3, 1), (6, 2, 2, 3)]
     np.testing.assert_array_equal(tables.textures.base_color.texels, np.concatenate([one.ravel(), two.ravel()]))
     np.testing.assert_array_equal(tables.geometry.uv, np.concatenate([UV, UV, np.zeros((4, 2))]))
     # Each use of a texture names its row, and equal ones share it.
@@ -196,20 +168,21 @@ def test_textures_lie_one_after_the_other_row_by_row():
         assert column.row.tolist() == [-1, grey]
     assert tables.textures.base_color.row[0] == -1
     assert {grey, int(tables.textures.normal.row[1]), int(tables.emission.texture.row[1])} == {0, 1, 2}
+    # Equal materials are one row.
+    copies = [pl.Lambertian(pl.Texture(np.full((2, 3, 1), 0.5))), pl.Lambertian(0.2), pl.Lambertian(GREY_MAP)]
+    equal = pl.Scene([square(material, uv=UV) for material in copies]).tables()
+    assert equal.geometry.triangle_material.tolist() == [0, 0, 1, 1, 0, 0]
+    assert equal.bsdf.base_color.tolist() == [[1.0], [0.2]] and len(equal.textures.base_color.texels) == 6
     # Lights are drawn by the mean of a texture.
     assert tables.emission.radiance.tolist() == [[0, 0, 0], [1, 2, 6]]
 
 
-def with_material(material):
-    return pl.Scene([square(material, uv=UV)])
-
-
 RED, TINT = (1, 0, 0), (0.5, 0.5, 0.4)
+COLOURLESS = [pl.Lambertian(pl.Texture(np.full((2, 2, 3), 0.25))), pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 1j))]
+COLOURLESS += [pl.MetallicRoughness(normal_map=pl.Texture(np.array([[[0.5, 0.5, 1.0]]])))]
 GREY_SCENES = [
     pl.Scene([square(pl.Lambertian((0.5, 0.5, 0.5)))], background=(1, 1, 1)),
-    with_material(pl.Lambertian(pl.Texture(np.full((2, 2, 3), 0.25)))),
-    with_material(pl.Conductor(index=(2 + 1j, 2 + 1j, 2 + 1j))),
-    with_material(pl.MetallicRoughness(normal_map=pl.Texture(np.array([[[0.5, 0.5, 1.0]]])))),
+    *(pl.Scene([square(material, uv=UV)]) for material in COLOURLESS),
     pl.Scene([square()], background=pl.EnvironmentMap(np.full((1, 2, 3), 0.5))),
 ]
 COLOURED = [pl.Emissive((1, 2, 3)), pl.Lambertian(pl.Texture(np.array([[[0, 0, 0.1]]]))), pl.Conductor(TINT)]
@@ -220,7 +193,7 @@ COLOURED_LIGHTS = [pl.QuadLight((0, 0, 9), (1, 0, 0), (0, 1, 0), RED), pl.lights
 COLOURED_LIGHTS += [pl.lights.PointLight((0, 0, 9), RED), pl.SunLight((0, 0, -1), RED)]
 COLOURED_LIGHTS += [pl.lights.SpotLight((0, 0, 9), (0, 0, -1), RED)]
 COLOURED_SCENES = [
-    *map(with_material, COLOURED),
+    *(pl.Scene([square(material, uv=UV)]) for material in COLOURED),
     *(pl.Scene([square()], [light]) for light in COLOURED_LIGHTS),
     pl.Scene([square()], background=(1, 1, 0.9)),
     pl.Scene([square()], background=pl.EnvironmentMap(np.array([[[0.5, 0.5, 0.4]]]))),
@@ -230,10 +203,8 @@ COLOURED_SCENES = [
 
 def test_three_channels_only_where_something_is_coloured():
     last = ("bsdf.base_color", "absorption", "emission.radiance", "lights.point_colors", "lights.sky.sun_colors")
-    axes = dict.fromkeys([*last, "lights.sky.background"], -1) | {
-        "lights.sky.environment.texels": 2,
-        "bsdf.metal_index": 1,
-    }
+    axes = dict.fromkeys([*last, "lights.sky.background"], -1)
+    axes |= {"lights.sky.environment.texels": 2, "bsdf.metal_index": 1}
     for scenes, channels in ((GREY_SCENES, 1), (COLOURED_SCENES, 3)):
         for scene in scenes:
             tables = scene.tables()

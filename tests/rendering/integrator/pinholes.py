@@ -10,11 +10,8 @@ import plenoptic as pl
 
 def pinhole(half=0.2, pixels=8, opening=1e-4):
     """A camera without a lens, with a tiny opening, that looks along -z and sees tangents up to `half` to each side."""
-    return pl.PlenopticCamera(
-        lens=pl.no_lens(opening),
-        sensor=pl.Sensor(shape=(pixels, pixels), pixel_pitch=20.0 * half / pixels),
-        stop_to_microlenses=10.0,
-    )
+    sensor = pl.Sensor(shape=(pixels, pixels), pixel_pitch=20.0 * half / pixels)
+    return pl.PlenopticCamera(pl.no_lens(opening), sensor, stop_to_microlenses=10.0)
 
 
 @functools.lru_cache(maxsize=64)
@@ -49,3 +46,19 @@ def fresnel(cosine, index):
     s = (cosine - index * inner) / (cosine + index * inner)
     p = (index * cosine - inner) / (index * cosine + inner)
     return 0.5 * (s * s + p * p)
+
+
+def irradiance_of_polygon(places, normal, corners):
+    """(n,) irradiance by a polygon of radiance 1 above the horizon: Lambert's formula.
+
+    E = 1/2 sum over edges of (angle that the edge subtends) times (normal of its plane) . (normal of the receiver).
+    """
+    total = np.zeros(len(places))
+    for first, second in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        a, b = (corner - places for corner in (first, second))
+        a, b = (x / np.linalg.norm(x, axis=1, keepdims=True) for x in (a, b))
+        across = np.cross(a, b)
+        sine = np.linalg.norm(across, axis=1)
+        angle = np.arctan2(sine, np.sum(a * b, axis=1))
+        total += angle * (across @ normal) / np.where(sine > 0, sine, 1)
+    return np.abs(total) / 2

@@ -35,11 +35,8 @@ def counts_of(shot):
 
 
 def same_bits(a, b):
-    return (
-        np.array_equal(a.image, b.image)
-        and np.array_equal(a.standard_error, b.standard_error)
-        and np.array_equal(counts_of(a), counts_of(b))
-    )
+    pairs = (a.image, b.image), (a.standard_error, b.standard_error), (counts_of(a), counts_of(b))
+    return all(np.array_equal(*pair) for pair in pairs)
 
 
 def test_budgets_that_cannot_end_a_render_are_refused():

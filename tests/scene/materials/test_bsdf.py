@@ -10,6 +10,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
+from scene_helpers import smith, towards
 
 import plenoptic as pl
 
@@ -46,12 +47,6 @@ WHITE = {
     "pane": pl.materials.ThinGlass(1.5),
 }
 ANGLES_DEG = (0.0, 30.0, 60.0, 80.0, 89.0, 89.9)
-
-
-def towards(angle_deg, azimuth_deg=0.0):
-    """(1, 3): the unit vector at an angle from the normal; more than 90 degrees are behind the surface."""
-    t, p = math.radians(angle_deg), math.radians(azimuth_deg)
-    return np.array([[math.sin(t) * math.cos(p), math.sin(t) * math.sin(p), math.cos(t)]])
 
 
 def points(n):
@@ -135,11 +130,16 @@ def bins_about(material, viewer):
     return edges, refined(0, 2 * math.pi, math.pi, 0.25)
 
 
-def expected_in_bins(material, viewer, z_edges, azimuth_edges, order=6):
-    """Integral of the density over each bin, by Gauss-Legendre quadrature."""
+def nodes(edges, order):
+    """(n, order) places and weights of Gauss-Legendre quadrature between n + 1 edges."""
     x, w = np.polynomial.legendre.leggauss(order)
-    z, az = (0.5 * (e[:-1, None] + e[1:, None] + np.diff(e)[:, None] * x) for e in (z_edges, azimuth_edges))
-    wz, waz = (0.5 * np.diff(e)[:, None] * w for e in (z_edges, azimuth_edges))
+    half = 0.5 * np.diff(edges)[:, None]
+    return 0.5 * (edges[:-1, None] + edges[1:, None]) + half * x, half * w
+
+
+def expected_in_bins(material, viewer, z_edges, azimuth_edges):
+    """Integral of the density over each bin, by quadrature."""
+    (z, wz), (az, waz) = nodes(z_edges, 6), nodes(azimuth_edges, 6)
     z, az = np.broadcast_arrays(z[:, :, None, None], az)
     s = np.sqrt(1 - z * z)
     light = np.stack([s * np.cos(az), s * np.sin(az), z], axis=-1).reshape(-1, 3)
@@ -185,50 +185,36 @@ def test_directions_are_drawn_as_often_as_their_density_says(others):
 
 def test_weights_are_values_over_densities():
     polished = {"polished mirror": pl.Conductor(0.9, alpha=1e-3)}
-    for name, material in (ROUGH | polished).items():
-        for angle_deg in (3.0, 75.0, 140.0):
-            viewer = towards(angle_deg, 20.0)
-            direction, weight, density = drawn(material, viewer, np.random.default_rng(3).random((2000, 3)))
-            alive = (weight > 0).any(axis=1)
-            assert alive.mean() > 0.5, (name, angle_deg)
-            np.testing.assert_allclose(np.linalg.norm(direction[alive], axis=1), 1.0, rtol=1e-12)
-            value, again = evaluated(material, viewer, direction[alive])
-            # Half vectors found again from directions, cosines down to 1e-4 or so: 1e-6 is what is left of eps at the
-            # worst.
-            np.testing.assert_allclose(again, density[alive], rtol=1e-6, err_msg=name)
-            np.testing.assert_allclose(weight[alive] * density[alive, None], value, rtol=1e-6, atol=1e-12, err_msg=name)
+    for (name, material), angle_deg in itertools.product((ROUGH | polished).items(), (3.0, 75.0, 140.0)):
+        viewer = towards(angle_deg, 20.0)
+        direction, weight, density = drawn(material, viewer, np.random.default_rng(3).random((2000, 3)))
+        alive = (weight > 0).any(axis=1)
+        assert alive.mean() > 0.5, (name, angle_deg)
+        np.testing.assert_allclose(np.linalg.norm(direction[alive], axis=1), 1.0, rtol=1e-12)
+        value, again = evaluated(material, viewer, direction[alive])
+        # Half vectors found again from directions, cosines down to 1e-4 or so: 1e-6 is what is left of eps at worst.
+        np.testing.assert_allclose(again, density[alive], rtol=1e-6, err_msg=name)
+        np.testing.assert_allclose(weight[alive] * density[alive, None], value, rtol=1e-6, atol=1e-12, err_msg=name)
 
 
 def test_no_surface_gives_back_more_than_it_gets():
     # 4 standard errors; where directions are exact there is no error but rounding.
-    for name, material in ROUGH.items():
-        for angle_deg in ANGLES_DEG:
-            for side in (1, -1):
-                share, error = returned(material, side * towards(angle_deg, 10.0))
-                assert np.all(share <= 1 + 4 * error + 1e-9), (name, side, angle_deg, share, error)
+    for name, angle_deg, side in itertools.product(ROUGH, ANGLES_DEG, (1, -1)):
+        share, error = returned(ROUGH[name], side * towards(angle_deg, 10.0))
+        assert np.all(share <= 1 + 4 * error + 1e-9), (name, side, angle_deg, share, error)
 
 
 def test_what_absorbs_nothing_loses_nothing():
-    for name, material in WHITE.items():
-        for angle_deg in ANGLES_DEG:
-            for side in (1, -1):
-                share, error = returned(material, side * towards(angle_deg, 10.0))
-                assert np.all(share <= 1 + 4 * error + 1e-9), (name, side, angle_deg, share, error)
-                assert np.all(share >= 1 - 4 * error - 1e-6), (name, side, angle_deg, share, error)
+    for name, angle_deg, side in itertools.product(WHITE, ANGLES_DEG, (1, -1)):
+        share, error = returned(WHITE[name], side * towards(angle_deg, 10.0))
+        assert np.all(share <= 1 + 4 * error + 1e-9), (name, side, angle_deg, share, error)
+        assert np.all(share >= 1 - 4 * error - 1e-6), (name, side, angle_deg, share, error)
 
 
 def reflected_by_quadrature(material, viewer, width):
     """Integrals of value and density over the directions before the front, places dense about the mirror's."""
-    x, w = np.polynomial.legendre.leggauss(8)
-    z_edges = refined(0, 1, viewer[0, 2], 0.3 * width, n=64)
-    azimuth_edges = refined(0, 2 * math.pi, math.pi, 0.5 * width, n=64)
-    (z, wz), (azimuth, wa) = (
-        (
-            (0.5 * (edges[:-1, None] + edges[1:, None] + np.diff(edges)[:, None] * x)).ravel(),
-            (0.5 * np.diff(edges)[:, None] * w).ravel(),
-        )
-        for edges in (z_edges, azimuth_edges)
-    )
+    edges = refined(0, 1, viewer[0, 2], 0.3 * width, n=64), refined(0, 2 * math.pi, math.pi, 0.5 * width, n=64)
+    z, wz, azimuth, wa = (part.ravel() for some in edges for part in nodes(some, 8))
     sine = np.sqrt(1 - z * z)[:, None]
     light = np.stack(np.broadcast_arrays(sine * np.cos(azimuth), sine * np.sin(azimuth), z[:, None]), axis=-1)
     value, density = evaluated(material, viewer, light.reshape(-1, 3))
@@ -258,11 +244,6 @@ def test_white_plastic_reflects_all_by_quadrature(others):
         reflected, drawn_at_all = reflected_by_quadrature(plastic, towards(angle_deg), max(roughness**2, 1e-3))
         assert reflected == pytest.approx(1, abs=2e-3), (roughness, angle_deg)
         assert 0.5 < drawn_at_all < 1 + 2e-3, (roughness, angle_deg)
-
-
-def smith(z, alpha):
-    """Smith's Lambda for GGX: (sqrt(1 + alpha^2 tan^2) - 1) / 2."""
-    return 0.5 * (np.sqrt(1 + alpha**2 * (1 / z**2 - 1)) - 1)
 
 
 def facets(viewer, alpha, n=512):
@@ -317,15 +298,8 @@ def reflected_share(material, viewer, n=1 << 14):
     return float(np.mean(weight[:, 0] * (direction[:, 2] * viewer[0, 2] > 0)))
 
 
-def test_normal_incidence():
-    for index in (1.0001, 1.33, 1.5, 2.42, 0.7):
-        for angle_deg in (0, 180):
-            share = reflected_share(pl.Dielectric(index), towards(angle_deg))
-            assert share == pytest.approx(((index - 1) / (index + 1)) ** 2, abs=2**-13), (index, angle_deg)
-
-
 def test_any_incidence_on_glass_panes_and_metals():
-    for angle_deg in (20.0, 50.0, math.degrees(math.atan(1.5)), 70.0, 85.0, 89.9):  # the third one is Brewster's
+    for angle_deg in (0.0, 20.0, 50.0, math.degrees(math.atan(1.5)), 70.0, 85.0, 89.9):  # the fourth one is Brewster's
         viewer = towards(angle_deg)
         one = sum(fresnel(viewer[0, 2], 1.5)) / 2
         # An absolute index does not matter, only the ratio. Both surfaces of a pane, to and fro: R + T^2 R / (1 - R^2)
@@ -416,13 +390,11 @@ def test_rough_metals_are_what_the_formula_says():
 
 def test_grazing_and_exact_directions_stay_finite():
     tiny = np.array([[1.0, 0.0, 1e-12], [1.0, 0.0, -1e-12], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
-    ends = (0.0, 1 - 2**-32)
-    corners = np.array([[a, b, c] for a in ends for b in ends for c in ends])
-    for material in (ROUGH | WHITE).values():
-        for viewer in tiny:
-            direction, weight, density = drawn(material, viewer[None], corners)
-            alive = (weight > 0).any(axis=1)
-            assert np.isfinite(weight).all() and not np.isnan(density).any(), material
-            assert np.isfinite(direction[alive]).all(), material
-            values, density = evaluated(material, viewer[None], tiny)
-            assert np.isfinite(values).all() and np.isfinite(density).all(), material
+    corners = np.array(list(itertools.product((0.0, 1 - 2**-32), repeat=3)))
+    for material, viewer in itertools.product((ROUGH | WHITE).values(), tiny):
+        direction, weight, density = drawn(material, viewer[None], corners)
+        alive = (weight > 0).any(axis=1)
+        assert np.isfinite(weight).all() and not np.isnan(density).any(), material
+        assert np.isfinite(direction[alive]).all(), material
+        values, density = evaluated(material, viewer[None], tiny)
+        assert np.isfinite(values).all() and np.isfinite(density).all(), material

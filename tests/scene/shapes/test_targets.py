@@ -1,11 +1,12 @@
-import pickle
 from collections import Counter
 
 import numpy as np
 import pytest
+from scene_helpers import area, area_vectors, corners_of
 
 from plenoptic import targets
 from plenoptic.errors import InvalidValueError
+from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.shapes.targets.target import Target
@@ -34,11 +35,8 @@ CASES = {
     "dots of five sides": (targets.point_grid(2, 1, pitch=2.0, radius=0.7, sides=5), 8.0, 2 * np.pi * 0.49),
     "star": (targets.siemens_star(3.0, 7), regular_polygon(14, 3.0), regular_polygon(14, 3.0) / 2),
     "star on a square": (targets.siemens_star(3.0, 8, margin=0.5), 49.0, regular_polygon(16, 3.0) / 2),
-    "star with a hole": (
-        targets.siemens_star(3.0, 9, inner_radius=1.0, margin=0.5),
-        49.0,
-        regular_polygon(18, 2.0),
-    ),  # half of 3^2 - 1^2 is 2^2
+    # Half of 3^2 - 1^2 is 2^2.
+    "star with a hole": (targets.siemens_star(3.0, 9, inner_radius=1.0, margin=0.5), 49.0, regular_polygon(18, 2.0)),
     "edge": (targets.slanted_edge(10.0, angle_deg=-12.0), 100.0, 50.0),
     "USAF": with_areas(USAF),
     "USAF without margin": with_areas(targets.usaf_1951([-2, 0, 1, 9], margin=0.0)),
@@ -47,18 +45,9 @@ CASES = {
 TARGETS = {name: case[0] for name, case in CASES.items()}
 
 
-def crosses(mesh):
-    a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
-    return (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-
-
-def area(mesh):
-    return 0.5 * float(np.sum(crosses(mesh)))
-
-
 def counted(mesh, points):
     """How many triangles of a mesh each point (n, 2) lies in."""
-    corner = mesh.vertices[mesh.faces, :2]
+    corner = corners_of(mesh)[:, :, :2]
     inside = np.ones((len(points), len(mesh.faces)), dtype=bool)
     for k in range(3):
         a, b = corner[:, k], corner[:, (k + 1) % 3]
@@ -77,10 +66,10 @@ def is_dark(target, points):
 def test_dark_and_bright_have_their_areas_and_triangles_face_the_camera_in_one_plane():
     for name, (target, whole, dark) in CASES.items():
         # Sums of less than 1e4 products, each rounded a few times.
-        assert area(target.meshes[0]) == pytest.approx(dark, rel=1e4 * EPS), name
-        assert area(target.meshes[0]) + area(target.meshes[1]) == pytest.approx(whole, rel=1e4 * EPS), name
+        areas = [area(mesh) for mesh in target.meshes]
+        assert (areas[0], sum(areas)) == pytest.approx((dark, whole), rel=1e4 * EPS), name
         for mesh in target.meshes:
-            assert (crosses(mesh) > 0).all() and not mesh.vertices[:, 2].any(), name
+            assert (area_vectors(mesh)[:, 2] > 0).all() and not mesh.vertices[:, 2].any(), name
             assert len(np.unique(mesh.faces)) == len(mesh.vertices), name
 
 
@@ -88,10 +77,9 @@ def test_triangles_share_whole_edges_so_that_nothing_can_crack():
     """With the areas: every point lies in exactly one triangle."""
     for name, (target, whole, _) in CASES.items():
         edges = Counter()
-        for mesh in target.meshes:
-            for k in range(3):
-                for a, b in zip(mesh.faces[:, k], mesh.faces[:, (k + 1) % 3], strict=True):
-                    edges[tuple(mesh.vertices[a, :2]), tuple(mesh.vertices[b, :2])] += 1
+        for corners in np.concatenate([corners_of(mesh)[:, :, :2] for mesh in target.meshes]):
+            a, b, c = map(tuple, corners)
+            edges.update([(a, b), (b, c), (c, a)])
         assert set(edges.values()) == {1}, name
         rim = [edge for edge in edges if edge[::-1] not in edges]
         # What has no neighbour is the outline: a chain around everything, and no more.
@@ -211,17 +199,15 @@ MOVES = [
 
 def test_meshes_and_points_move_together():
     for name, moves in (("star with a hole", MOVES), ("USAF", MOVES[1:2]), ("edge", MOVES[3:])):
-        target = TARGETS[name]
-        # A map keeps combinations of vertices whose weights sum to 1: each point by three far vertices of the plane.
-        far = np.concatenate([mesh.vertices for mesh in target.meshes])
-        chosen = [np.argmin(far @ axis) for axis in ([1, 1, 0], [1, -1, 0], [-1, 0, 0])]
-        places = np.vstack([target.points[:, :2].T, np.ones(len(target.points))])
-        weights = np.linalg.solve(np.vstack([far[chosen, :2].T, np.ones(3)]), places)
+        target, n = TARGETS[name], len(TARGETS[name].points)
+        # A body that has the points among its vertices, and what the target shows.
+        bodies = [Mesh(np.vstack([target.points, np.eye(3)]), [[n, n + 1, n + 2]]), *target.meshes]
         for move in moves:
             moved = move(target)
             assert (moved.index is None and target.index is None) or (moved.index == target.index).all()
-            there = np.concatenate([mesh.vertices for mesh in moved.meshes])
-            np.testing.assert_allclose(moved.points, weights.T @ there[chosen], rtol=0, atol=404 * 100 * EPS)
+            expected = [move(body).vertices for body in bodies]
+            found = [moved.points, expected[0][n:], *(mesh.vertices for mesh in moved.meshes)]
+            np.testing.assert_allclose(np.concatenate(found), np.concatenate(expected), rtol=0, atol=404 * 100 * EPS)
     # Frequencies follow the scale and nothing else.
     chart = TARGETS["USAF, one group"]
     turned = chart.rotated_deg((1, 1, 0), 40).translated(z=-300)
@@ -234,15 +220,7 @@ def test_meshes_and_points_move_together():
     assert TARGETS["board"].transformed(np.diag([1, 2, 1, 1])).points[0, 1] == 2 * TARGETS["board"].points[0, 1]
 
 
-def test_targets_are_values():
-    for name in ("board", "edge", "USAF, one group"):
-        target = TARGETS[name]
-        again = pickle.loads(pickle.dumps(target))
-        assert again == target and hash(again) == hash(target) and not again.points.flags.writeable
-        assert target.translated(x=1.0) != target and repr(target).startswith("Target(")
-        with pytest.raises(ValueError, match="read-only"):
-            target.points[0] = 0.0
-    # Materials are those given.
+def test_materials_are_those_given():
     lamp, black = Emissive(3.0), Emissive(0.0)
     for target in (
         targets.checkerboard(3, 3, square=1.0, dark=lamp, bright=black),
@@ -259,27 +237,18 @@ def test_impossible_targets_are_refused():
     meshes, origin = TARGETS["board"].meshes, [[0, 0, 0]]
     for make, sentence in (
         (lambda: targets.checkerboard(1, 4, square=1), "columns is 1; it must be at least 2"),
-        (lambda: targets.checkerboard(4, 4, square=0), "square is 0 mm; it must be above 0"),
         (lambda: targets.checkerboard(4, 4, square=1, margin=-1), "margin is -1 mm; it must be at least 0"),
         (lambda: targets.point_grid(4, 4, pitch=1, radius=0.5), r"reduce radius 0\.5 mm until that is below half"),
         (lambda: targets.point_grid(4, 4, pitch=1, radius=0.1, sides=3), "sides is 3; it must be at least 4"),
         (lambda: targets.random_dots(4, 4, dot=1, density=1.5), "density is 1.5; it must be within 0 and 1"),
-        (lambda: targets.random_dots(4, 4, dot=1, seed=-1), "seed is -1; it must be at least 0"),
-        (lambda: targets.random_dots(4, 4, dot=1, dark=1.5), "dark is 1.5; it must be within 0 and 1"),
         (lambda: targets.siemens_star(1, 1), "spokes is 1; it must be at least 2"),
         (lambda: targets.siemens_star(1, 9, inner_radius=1), "inner_radius is 1 mm; it must be 0 or more, and below"),
         (lambda: targets.slanted_edge(1, angle_deg=45), "angle_deg is 45; it must be within -45 and 45"),
-        (lambda: targets.usaf_1951([]), "give one or more, each once"),
         (lambda: targets.usaf_1951([1, 1]), r"groups are \[1, 1\]; give one or more, each once"),
-        (lambda: targets.usaf_1951(3), "groups is 3; it must be a sequence of whole numbers"),
-        (lambda: targets.usaf_1951([0.5]), "group is 0.5; it must be a whole number"),
         (lambda: targets.usaf_1951([11]), "from -10 to 10"),
         (lambda: Target([], np.zeros((1, 3))), "it must be one Mesh or more"),
-        (lambda: Target(meshes, [[0, 0]]), "points has shape"),
-        (lambda: Target(meshes, [[0, 0, np.nan]]), "not finite"),
         (lambda: Target(meshes, origin, index=[[1, 2], [3, 4]]), "index has shape"),
         (lambda: Target(meshes, origin, frequencies=[0.0]), "frequencies hold numbers"),
-        (lambda: Target(meshes, origin, name=3), "name is 3; it must be a text"),
     ):
         with pytest.raises(InvalidValueError, match=sentence):
             make()

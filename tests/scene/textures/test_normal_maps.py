@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scene_helpers import FACES, UV
 
 import plenoptic as pl
 from plenoptic.truth.channels import Truth
@@ -13,8 +14,6 @@ from plenoptic.truth.channels import Truth
 pytestmark = pytest.mark.slow
 
 CORNERS = np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
-FACES = [[0, 1, 2], [1, 3, 2]]
-UV = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -39,9 +38,7 @@ def mapped(n=LEAN, uv=UV, normals=None, material=PLASTIC):
 def camera_from(view, target=(0.0, 0.0, 0.0), half=1e-6):
     """A camera with a tiny opening that sees a point of the scene, and next to nothing around it."""
     target = np.asarray(target)
-    camera = pl.PlenopticCamera(
-        lens=pl.no_lens(1e-5), sensor=pl.Sensor(shape=(1, 1), pixel_pitch=20.0 * half), stop_to_microlenses=10.0
-    )
+    camera = pl.PlenopticCamera(pl.no_lens(1e-5), pl.Sensor((1, 1), pixel_pitch=20.0 * half), stop_to_microlenses=10.0)
     return camera.posed(target + 10 * np.asarray(view), target, up=(0.3, 1.0, 0.2))
 
 
