@@ -2,11 +2,13 @@
 
 import dataclasses
 import gc
-import threading
 import weakref
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camera_helpers import the_lens, with_array
 
 import plenoptic as pl
 from plenoptic.camera import cache
@@ -18,28 +20,22 @@ REGION = np.s_[240:264, 240:264]
 ALL = 24 * 24
 
 
-class Counted:
-    """Cameras that have been compiled, and of how many pixels it has been found what feeds them."""
-
-    def __init__(self, monkeypatch):
-        find, compile_it = cache.fed_pixels, cache.camera_record
-        self.pixels, self.compiled = 0, 0
-
-        def fed_pixels(record, pixels, number, **how):
-            self.pixels += len(pixels)
-            return find(record, pixels, number, **how)
-
-        def camera_record(camera):
-            self.compiled += 1
-            return compile_it(camera)
-
-        monkeypatch.setattr(cache, "fed_pixels", fed_pixels)
-        monkeypatch.setattr(cache, "camera_record", camera_record)
-
-
 @pytest.fixture
 def counted(monkeypatch):
-    return Counted(monkeypatch)
+    """Cameras that have been compiled, and of how many pixels it has been found what feeds them."""
+    count, find, compile_it = SimpleNamespace(pixels=0, compiled=0), cache.fed_pixels, cache.camera_record
+
+    def fed_pixels(record, pixels, number, **how):
+        count.pixels += len(pixels)
+        return find(record, pixels, number, **how)
+
+    def camera_record(camera):
+        count.compiled += 1
+        return compile_it(camera)
+
+    monkeypatch.setattr(cache, "fed_pixels", fed_pixels)
+    monkeypatch.setattr(cache, "camera_record", camera_record)
+    return count
 
 
 def rendered(camera, **settings):
@@ -104,9 +100,8 @@ def test_no_more_is_kept_than_there_is_room_for(counted, monkeypatch):
 
 def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
     camera = reference_camera()
-    typed = dataclasses.replace(camera.microlenses, focal_lengths=(1.8, 2.0, 2.2))
-    dark = dataclasses.replace(camera, lens=camera.lens.with_stop(pl.CircularStop(0.05)))
-    for each in (dataclasses.replace(camera, microlenses=typed), dark):
+    dark = dataclasses.replace(camera, lens=the_lens(0.05))
+    for each in (with_array(camera, focal_lengths=(1.8, 2.0, 2.2)), dark):
         first = rendered(each, tile_side=3)
         assert all(same(rendered(each, tile_side=3), first) for _ in range(2))
         assert prepared_camera(each)._fed
@@ -136,9 +131,6 @@ def test_threads_with_cuts_of_their_own_do_not_disturb_each_other():
         for _ in range(4):
             shots[side] = rendered(camera, tile_side=side)
 
-    threads = [threading.Thread(target=work, args=[side]) for side in sides]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(len(sides)) as threads:
+        list(threads.map(work, sides))
     assert all(same(shots[side], alone) for side in sides)

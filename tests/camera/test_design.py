@@ -1,8 +1,9 @@
 import math
-import pickle
 from itertools import pairwise
 
 import pytest
+from camera_helpers import GAUSS as LENS
+from camera_helpers import refused
 
 import plenoptic as pl
 from plenoptic.camera.design.design import design_camera
@@ -10,35 +11,17 @@ from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.report import camera_report
 from plenoptic.optics.lens.analysis.focus import best_focus
 
-LENS = pl.load_lens("double-gauss-100mm-f2")
-THIN = LENS.with_model(pl.LensModel.THIN)
-NONE = LENS.with_model(pl.LensModel.NONE)
-PARAXIAL = LENS.with_model(pl.LensModel.PARAXIAL)  # whose reports cost less
+# Reports of paraxial lenses cost less.
+THIN, NONE, PARAXIAL = (LENS.with_model(pl.LensModel[name]) for name in ("THIN", "NONE", "PARAXIAL"))
 POINTS = pl.paraxial.cardinal_points(LENS)
 SENSOR = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
 GALILEAN, KEPLERIAN, FIRST = CameraKind.GALILEAN, CameraKind.KEPLERIAN, CameraKind.PLENOPTIC_1
 RMS = pl.FocusCriterion.RMS_SPOT
+PLAIN = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0}
 
 
 def design(lens=LENS, **wishes):
     return design_camera(lens, sensor=SENSOR, **wishes)
-
-
-def test_closed_forms_of_thin_lenses():
-    # s = +-v b and 1/b - 1/f = 1/s: b = f (1 -+ 1/v). The image lies where the lens equation puts it, and the iris,
-    # in the plane of the lens, has D / (2 R) = b / p (1 + b / D) for images that touch.
-    for kind, sign, v in ((GALILEAN, 1.0, 1.5), (GALILEAN, 1.0, 20.0), (KEPLERIAN, -1.0, 4.0)):
-        made = design(THIN, kind=kind, z=-404.0, pitch=0.217, focal_length=2.0, virtual_depth=v)
-        camera, b = made.camera, 2.0 * (1 - sign / v)
-        assert camera.microlenses_to_sensor == pytest.approx(b, rel=1e-13)
-        image = POINTS.rear_principal + 1 / (1 / POINTS.efl - 1 / (POINTS.rear_principal + 404.0))
-        # The search ends at 1e-8 of the distance, and of the fill.
-        assert camera.stop_to_microlenses == pytest.approx(image - sign * v * b, rel=1.1e-8), (kind, v)
-        distance = camera.stop_to_microlenses - POINTS.rear_principal
-        per_iris = POINTS.entrance_pupil_semi_diameter / LENS.stop.semi_diameter
-        radius = 0.217 * (1 + b / distance) * distance / (2 * b)
-        assert camera.lens.stop.semi_diameter == pytest.approx(radius / per_iris, rel=3e-8), (kind, v)
-        assert made.solved_for == ("semi_diameter", "stop_to_microlenses", "microlenses_to_sensor")
 
 
 def test_reports_of_designs_say_what_was_wished_for():
@@ -55,6 +38,8 @@ def test_reports_of_designs_say_what_was_wished_for():
         {"kind": GALILEAN, "pitch": 0.217, "stop_to_microlenses": 123.3, "virtual_depth": 5.0},
         {"kind": KEPLERIAN, "pitch": 0.217, "focal_length": 2.0, "stop_to_microlenses": 150.0},
         {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 3.0, "lattice": pl.Lattice.SQUARE},
+        # Negative microlenses are Galilean: b = f (1 - 2).
+        {"kind": GALILEAN, "pitch": 0.217, "microlenses_to_sensor": 1.0, "virtual_depth": 0.5},
         {"kind": FIRST, "pitch": 0.217, "focal_length": 2.0},
         {"kind": FIRST, "focal_length": 2.0, "semi_diameter": 5.0},
         {"kind": FIRST, "pitch": 0.217, "semi_diameter": 5.0},
@@ -103,7 +88,7 @@ def test_designs_recover_a_camera_from_its_report():
 
 
 def test_the_first_step_is_paraxial_and_errors_fall():
-    made = design(kind=GALILEAN, z=-404.0, pitch=0.217, focal_length=2.0, virtual_depth=4.0)
+    made = design(**PLAIN)
     first, last = made.history[0], made.history[-1]
     assert first.stop_to_microlenses == pytest.approx(pl.paraxial.image_position(LENS, -404.0) - 6.0, rel=1e-13)
     cone = (first.stop_to_microlenses - POINTS.exit_pupil) / (2 * POINTS.pupil_magnification * first.semi_diameter)
@@ -116,10 +101,14 @@ def test_the_first_step_is_paraxial_and_errors_fall():
     assert all(later < 0.3 * before for before, later in pairwise(sizes))
 
 
-def test_a_paraxial_criterion_focuses_paraxially():
+def test_where_a_design_is_in_focus():
     made = design(kind=FIRST, z=-404.0, pitch=0.217, focal_length=2.0, criterion=pl.FocusCriterion.PARAXIAL)
     assert made.camera.stop_to_microlenses == pl.paraxial.image_position(LENS, -404.0)
     assert camera_report(made.camera).image_fill == pytest.approx(1.0, abs=1.1e-8)
+    horizon = design(kind=FIRST, z=-math.inf, pitch=0.217, focal_length=2.0)
+    assert camera_report(horizon.camera).focus[0].z_traced == -math.inf
+    # A virtual depth is that of the plane in focus.
+    assert design(PARAXIAL, **PLAIN, depth_at=-404.0).camera == design(PARAXIAL, **PLAIN).camera
 
 
 def test_disparity_in_another_plane():
@@ -139,11 +128,6 @@ def test_disparity_in_another_plane():
         assert camera_report(camera).focus[0].z_traced == pytest.approx(-404.0, abs=1e-5), (kind, fixed)
 
 
-def test_virtual_depth_in_the_plane_in_focus_is_the_default():
-    wishes = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 5.0}
-    assert design(PARAXIAL, **wishes, depth_at=-404.0).camera == design(PARAXIAL, **wishes).camera
-
-
 def test_a_camera_array_looks_at_its_plane():
     wishes = {"z": -404.0, "pitch": 0.217, "focal_length": 2.0, "stop_to_microlenses": 100.0}
     made = design(NONE, kind=CameraKind.CAMERA_ARRAY, **wishes)
@@ -152,11 +136,6 @@ def test_a_camera_array_looks_at_its_plane():
     b = made.camera.microlenses_to_sensor
     assert made.camera.lens.stop.semi_diameter == pytest.approx(0.217 * (1 + b / 100) * 100 / (2 * b), rel=2e-8)
     assert camera_report(made.camera).focus[0].z == pytest.approx(-404.0, rel=1e-11)
-
-
-def test_focus_at_the_horizon():
-    made = design(kind=FIRST, z=-math.inf, pitch=0.217, focal_length=2.0)
-    assert camera_report(made.camera).focus[0].z_traced == -math.inf
 
 
 def test_the_stop_keeps_its_shape_and_the_array_what_it_has():
@@ -170,13 +149,6 @@ def test_the_stop_keeps_its_shape_and_the_array_what_it_has():
     assert made.camera.microlenses_to_sensor == pytest.approx(2.4 * 0.75, rel=1e-12)
     focused = made.camera.focused_at(-404.0, criterion=RMS, microlens_type=0)
     assert focused.stop_to_microlenses == pytest.approx(made.camera.stop_to_microlenses, rel=2e-8)
-
-
-def test_negative_microlenses_are_galilean():
-    # v = 0.5: b = f (1 - 2), so f is negative.
-    made = design(THIN, kind=GALILEAN, z=-404.0, pitch=0.217, microlenses_to_sensor=1.0, virtual_depth=0.5)
-    assert made.camera.microlenses.focal_length == pytest.approx(-1.0, rel=1e-12)
-    assert camera_report(made.camera).focus[0].virtual_depth == pytest.approx(0.5, rel=1e-12)
 
 
 def test_micrometre_lenses_and_kilometres():
@@ -193,13 +165,6 @@ def test_micrometre_lenses_and_kilometres():
         assert report.focus[0].z_traced == pytest.approx(-1e6 * scale, rel=2e-8 * 60 * (1e6 / 61) ** 2 / 1e6)
 
 
-def test_a_design_is_a_value_and_prints_its_numbers():
-    made = design(kind=FIRST, z=-404.0, pitch=0.217, focal_length=2.0)
-    assert pickle.loads(pickle.dumps(made)) == made and hash(made) == hash(pickle.loads(pickle.dumps(made)))
-    assert "stop_to_microlenses" in repr(made) and "mm" in repr(made)
-
-
-PLAIN = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0}
 TWICE = {"stop_to_microlenses": 123.3, "microlenses_to_sensor": 1.7, "semi_diameter": 5.0, "image_fill": None}
 TWICE |= {"pitch": None, "virtual_depth": None}
 
@@ -208,20 +173,17 @@ def test_impossible_wishes():
     for changes, says in (
         ({"semi_diameter": 5.0}, "too many; leave out 1"),
         ({"virtual_depth": None, "image_fill": None}, "too few; give 1 more"),
-        ({"pitch": None, "focal_length": None}, "too few"),
         ({"disparity": 3.0}, "say the same"),
         ({"virtual_depth": 0.9}, "virtual depth above 1"),
         ({"virtual_depth": -4.0}, "above 0"),
         ({"virtual_depth": None, "disparity": 30.0, "pitch": None, "semi_diameter": 5.0}, "smaller disparity"),
         ({"z": 404.0}, "in front of the camera"),
-        ({"z": math.nan}, "in front of the camera"),
         ({"z": POINTS.front_focus}, "image at infinity"),
         ({"depth_at": 0.0}, "in front of the camera"),
         ({"virtual_depth": None, "depth_at": -300.0, "stop_to_microlenses": 120.0}, "depth_at says where"),
         ({"kind": FIRST}, "another plane depth_at"),
         ({"kind": CameraKind.CONVENTIONAL}, "focused_at"),
         ({"kind": CameraKind.CAMERA_ARRAY}, "LensModel.NONE"),
-        ({"kind": 7}, "kind is 7"),
         ({"lens": NONE}, "LensModel.NONE"),
         ({"lens": 3}, "lens is"),
         ({"lattice": pl.Lattice.FREE}, "give microlenses"),
@@ -238,5 +200,5 @@ def test_impossible_wishes():
         (TWICE, "nothing left to choose|cannot be found"),
     ):
         wishes = PLAIN | changes
-        with pytest.raises(pl.errors.InvalidValueError, match=says):
+        with refused(says):
             design(wishes.pop("lens", PARAXIAL), **wishes)

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from camera_helpers import CAMERA, agree, bare_camera, camera_with, compiled_anew, out_of_blocks, the_lens, total
 
 import plenoptic as pl
 from plenoptic.camera import cache, record
@@ -16,31 +17,10 @@ from plenoptic.camera.record import camera_record
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.camera.sampling.record import batch_record
 from plenoptic.camera.sampling.through_array import fill_through_array
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, N, Z
 from plenoptic.optics.lens.kernels.trace import fill_traced
-from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.lens.pupil.outline import polygon_around
 from plenoptic.rendering import Stage
-from plenoptic.study.cameras import reference_camera
-
-LENS = pl.load_lens("double-gauss-100mm-f2")
-REFERENCE = reference_camera()
-ARRAY, SENSOR = REFERENCE.microlenses, REFERENCE.sensor
-
-
-def camera_of(stop, array=ARRAY, distance=1.7, **changes):
-    hole = pl.CircularStop(stop) if isinstance(stop, float) else stop
-    given = {"lens": LENS.with_stop(hole), "microlenses_to_sensor": 0.0 if array is None else distance} | changes
-    return dataclasses.replace(REFERENCE, microlenses=array, **given)
-
-
-def of(**changes):
-    return dataclasses.replace(ARRAY, **changes)
-
-
-def moved(part, **how):
-    return camera_of(5.0).moved(part, **how)
 
 
 def opening(fill, gaps):
@@ -60,38 +40,39 @@ def ball(index=1.8, stop=9.0):
     return pl.LensStack(surfaces)
 
 
+COLOURS = {"sensitivity": pl.sensitivities.cie_1931()}
 CAMERAS = {
-    "2.0": camera_of(5.0),
-    "1.0, small stop": camera_of(1.0, distance=2.0),
-    "small stop": camera_of(1.0),
-    "tiny stop": camera_of(0.1),
-    "barrel": camera_of(14.0),
-    "blades": camera_of(pl.PolygonStop(6, 5.0, rotation=0.2)),
-    "pinholes": camera_of(0.5, of(model=pl.optics.MicrolensModel.PINHOLE)),
-    "overlap": camera_of(8.0, of(pitch=0.1)),
-    "types": camera_of(5.0, of(focal_lengths=(1.6, 2.0, 2.4))),
-    "spoiled": camera_of(5.0, of(imperfections=pl.MicrolensImperfections(pitch_jitter=0.003, dark=0.2, missing=0.1))),
-    "tilted array": moved(pl.CameraPart.MICROLENSES, tilt=(0.02, -0.01, 0.3)),
-    "tilted sensor": moved(pl.CameraPart.SENSOR, tilt=(0.02, -0.01, 0.3), shift=(0.0, 0.1, 0.02)),
-    "displaced stop": camera_of(5.0, lens=LENS.with_stop(pl.CircularStop(5.0)).moved(5, shift=(1.0, 0.5, 0.0))),
-    "no array": camera_of(5.0, None),
-    "no array, barrel": camera_of(17.0, None),
-    "colours": camera_of(3.0, sensitivity=pl.sensitivities.cie_1931()),
-    "thin lens": camera_of(5.0, lens=dataclasses.replace(LENS.with_stop(pl.CircularStop(5.0)), model=LensModel.THIN)),
-    "ball": camera_of(5.0, None, lens=ball(), stop_to_microlenses=40.0),
-    "large sensor": camera_of(5.0, sensor=pl.Sensor(shape=(8192, 8192), pixel_pitch=0.003)),
+    "2.0": CAMERA,
+    "1.0, small stop": camera_with(2.0, 1.0),
+    "small stop": camera_with(stop=1.0),
+    "tiny stop": camera_with(stop=0.1),
+    "barrel": camera_with(stop=14.0),
+    "blades": camera_with(stop=pl.PolygonStop(6, 5.0, rotation=0.2)),
+    "pinholes": camera_with(stop=0.5, model=pl.optics.MicrolensModel.PINHOLE),
+    "overlap": camera_with(stop=8.0, pitch=0.1),
+    "types": camera_with(focal_lengths=(1.6, 2.0, 2.4)),
+    "spoiled": camera_with(imperfections=pl.MicrolensImperfections(pitch_jitter=0.003, dark=0.2, missing=0.1)),
+    "tilted array": CAMERA.moved(pl.CameraPart.MICROLENSES, tilt=(0.02, -0.01, 0.3)),
+    "tilted sensor": CAMERA.moved(pl.CameraPart.SENSOR, tilt=(0.02, -0.01, 0.3), shift=(0.0, 0.1, 0.02)),
+    "displaced stop": camera_with(lens=the_lens().moved(5, shift=(1.0, 0.5, 0.0))),
+    "no array": bare_camera(z=123.3),
+    "no array, barrel": bare_camera(the_lens(17.0), 123.3),
+    "colours": dataclasses.replace(camera_with(stop=3.0), **COLOURS),
+    "thin lens": camera_with(lens=the_lens(model=pl.LensModel.THIN)),
+    "ball": bare_camera(ball(), 40.0),
+    "large sensor": dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(8192, 8192), pixel_pitch=0.003)),
 }
 MORE_CAMERAS = {
-    "round openings": camera_of(5.0, of(aperture=opening(0.8, pl.optics.Gaps.OPAQUE))),
-    "clear gaps": camera_of(5.0, of(aperture=opening(0.7, pl.optics.Gaps.CLEAR))),
-    "walls": camera_of(5.0, of(walls=pl.optics.Walls.OPAQUE)),
-    "plates": camera_of(5.0, of(model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5)),
-    "star": camera_of(pl.StarStop(5, 5.0, 2.0)),
-    "curved blades": camera_of(pl.PolygonStop(6, 5.0, blade_radius=9.0)),
-    "mask off the axis": camera_of(pl.optics.MaskStop(np.eye(4)[[2]].T @ np.eye(4)[[3]], 7.0)),
-    "tilted element": camera_of(5.0, lens=LENS.with_stop(pl.CircularStop(5.0)).moved(0, tilt=(0.02, 0.01, 0.0))),
-    "two parts": camera_of(5.0, None, lens=strong_lens(), stop_to_microlenses=18.04),
-    "two parts, microlenses": camera_of(5.0, of(pitch=0.1), 0.5, lens=strong_lens(), stop_to_microlenses=18.04),
+    "round openings": camera_with(aperture=opening(0.8, pl.optics.Gaps.OPAQUE)),
+    "clear gaps": camera_with(aperture=opening(0.7, pl.optics.Gaps.CLEAR)),
+    "walls": camera_with(walls=pl.optics.Walls.OPAQUE),
+    "plates": camera_with(model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.3, index=1.5),
+    "star": camera_with(stop=pl.StarStop(5, 5.0, 2.0)),
+    "curved blades": camera_with(stop=pl.PolygonStop(6, 5.0, blade_radius=9.0)),
+    "mask off the axis": camera_with(stop=pl.optics.MaskStop(np.eye(4)[[2]].T @ np.eye(4)[[3]], 7.0)),
+    "tilted element": camera_with(lens=the_lens().moved(0, tilt=(0.02, 0.01, 0.0))),
+    "two parts": bare_camera(strong_lens(), 18.04),
+    "two parts, microlenses": camera_with(0.5, lens=strong_lens(), to_array=18.04, pitch=0.1),
 }
 
 
@@ -102,11 +83,6 @@ def some_regions(camera):
         ((row, row + 12), (column, column + 12))
         for row, column in ((rows // 2, columns // 2 - 5), (rows // 2, 0), (rows - 12, columns - 12))
     ]
-
-
-def compiled_anew(camera):
-    """The same camera: what one with these very parts was compiled into is kept."""
-    return dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor))
 
 
 def sky(camera, **settings):
@@ -126,20 +102,17 @@ def certain_of(name):
         n = 64 * fed.place.size
         ways = CameraPaths(camera, fed, batch_record(np.uint64(7), 0, 64, 1, 0, 0), n)
         ways.started(0, n)
-        sure = ways.sure
-        fields = sure.reshape(-1, RAY // BLOCK, BLOCK)
-        lanes = None
+        sure, lanes = ways.sure, None
+        *_, axis_x, _, _, axis_y, weights, _ = out_of_blocks(sure, sure.size // 8)
         if fed.regions.details is not None:
             # The microlens of a path beside is another one; that of what is certain is known by its axis.
             rows_of = {(d["axis_x"], d["axis_y"]): d for d in fed.regions.details[: fed.regions.first[-1]]}
             lanes = camera.own(sure.size // 8)
-            axes = zip(fields[:, Z // BLOCK].ravel(), fields[:, N // BLOCK].ravel(), strict=True)
-            for k, axis in enumerate(axes):
+            for k, axis in enumerate(zip(axis_x, axis_y, strict=True)):
                 lanes[k] = rows_of.get(axis, lanes[k])
-        weights = fields[:, WEIGHT // BLOCK].ravel().copy()
         fill_through_array(sure, lanes, camera, ways.waves)
         fill_traced(sure, ways.lens, ways.waves)
-        lost = fields[:, STATUS // BLOCK].ravel() != 0
+        lost = out_of_blocks(sure, sure.size // 8)[7] != 0
         assert not (lost & (weights > 0)).any(), name
         added += int((weights > 0).sum())
     return added
@@ -165,56 +138,48 @@ def test_where_something_else_stops_light_none_is_certain():
         (MORE_CAMERAS["round openings"], "round"),
         (MORE_CAMERAS["plates"], "plates"),
         (MORE_CAMERAS["walls"], "walls"),
-        (camera_of(10.0, of(pitch=0.07)), "microlenses are near a pixel"),
-        (camera_of(5.0, distance=2.0), "changes more over a pixel than over a microlens"),
+        (camera_with(stop=10.0, pitch=0.07), "microlenses are near a pixel"),
+        (camera_with(2.0), "changes more over a pixel than over a microlens"),
         (MORE_CAMERAS["star"], "no circle and no polygon"),
-        (camera_of(5.0, sensitivity=pl.sensitivities.cie_1931()), "wavelengths"),
+        (dataclasses.replace(CAMERA, **COLOURS), "wavelengths"),
     ):
         (said,) = (d for d in pl.plan(None, camera).decisions if d.stage is Stage.CERTAIN_LIGHT)
         assert not said.runs and why in said.reason, why
+    scene = pl.plan(pl.Scene([], background=1.0), CAMERA)
+    assert scene.runs(Stage.EXACT_PUPILS) and not scene.runs(Stage.CERTAIN_LIGHT)
     for name in ("star", "curved blades"):
         camera = camera_record(MORE_CAMERAS[name])
         regions = fed_pixels(camera, pixel_centres(camera, (250, 258), (250, 258)), np.arange(64), certain=True).regions
         assert not regions.pieces["certain"][: regions.first[-1]].any(), name
 
 
-def total_error(*shots):
-    return math.sqrt(sum(float(np.square(shot.standard_error, dtype=float).sum()) for shot in shots))
-
-
 def test_pixels_that_see_very_many_microlenses_are_traced_whole():
     # Few are near a point of such large pixels, but a hundred near all of them.
     for pitch, stop in ((0.1, 8.0), (0.2, 3.0)):
-        array = pl.MicrolensArray(pitch=pitch, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE)
-        camera = camera_of(stop, array, sensor=pl.Sensor(shape=(64, 64), pixel_pitch=pitch))
+        camera = camera_with(stop=stop, pitch=pitch, lattice=pl.Lattice.SQUARE)
+        camera = dataclasses.replace(camera, sensor=pl.Sensor(shape=(64, 64), pixel_pitch=pitch))
         settings = {"samples": 256, "replicates": 8, "region": np.s_[32:40, 32:40], "progress": False}
         white, traced = pl.render_white(camera, **settings), sky(camera, seed=1, **settings)
-        assert abs(float(white.image.sum()) - float(traced.image.sum())) <= 4 * total_error(white, traced), pitch
-
-
-def test_a_scene_is_traced_whole():
-    plan = pl.plan(pl.Scene([], background=1.0), camera_of(5.0))
-    assert plan.runs(Stage.EXACT_PUPILS)
-    assert not plan.runs(Stage.CERTAIN_LIGHT)
+        agree(white, traced, case=pitch)
 
 
 def test_exact_regions_bring_the_light_of_bounds(monkeypatch):
     # Pinholes send all rays of a cell alike: no movement of their regions with the point on the pixel can be known.
-    for camera in (CAMERAS["2.0"], camera_of(0.5), CAMERAS["pinholes"]):
+    for camera in (CAMERA, camera_with(stop=0.5), CAMERAS["pinholes"]):
         arguments = {"samples": 256, "replicates": 16, "region": np.s_[:32, :32], "progress": False}
         exact = sky(camera, seed=1, **arguments)
         with monkeypatch.context() as patch:
             patch.setattr(record, "why_bounds", lambda *_, **__: "they do")
             bounds = sky(compiled_anew(camera), seed=2, **arguments)
-        assert abs(float(exact.image.sum()) - float(bounds.image.sum())) <= 4 * total_error(exact, bounds)
+        agree(exact, bounds)
         assert exact.stats.paths_through_lens / exact.stats.paths > bounds.stats.paths_through_lens / bounds.stats.paths
 
 
 def test_many_microlenses_and_clear_gaps_are_left_to_bounds():
-    large = camera_of(4.0, sensor=pl.Sensor(shape=(8192, 8192), pixel_pitch=0.01))
+    large = camera_with(stop=4.0, shape=(8192, 8192))
     for camera, exact in (
-        *((camera_of(5.0), True), (large, True), (camera_of(20.0), False)),
-        *((camera_of(8.0, of(pitch=0.08)), False), (MORE_CAMERAS["clear gaps"], False)),
+        *((CAMERA, True), (large, True), (camera_with(stop=20.0), False)),
+        *((camera_with(stop=8.0, pitch=0.08), False), (MORE_CAMERAS["clear gaps"], False)),
     ):
         assert camera_record(camera).exact == exact
 
@@ -232,15 +197,12 @@ def blind(made, camera):
     return made._replace(exact=False, pupil=made.pupil._replace(**everything, reach=1.1 * support[:, 0]))
 
 
-GROUPS = 6
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("group", range(GROUPS))
+@pytest.mark.parametrize("group", range(6))
 def test_images_are_those_of_paths_drawn_anywhere(group, monkeypatch):
     # Of a tiny stop, too few paths would arrive.
     names = [name for name in (*CAMERAS, *MORE_CAMERAS) if name != "tiny stop"]
-    for name in names[group::GROUPS]:
+    for name in names[group::6]:
         assert_as_drawn_anywhere(name, monkeypatch)
 
 
@@ -259,7 +221,7 @@ def assert_as_drawn_anywhere(name, monkeypatch):
         for kind, shot in (("white", white), ("traced", traced)):
             off = shot.image - value
             error = np.hypot(shot.standard_error, anywhere.standard_error).astype(float)
-            assert abs(off.sum()) <= 4 * total_error(shot, anywhere), (name, kind)
+            assert abs(off.sum()) <= 4 * math.hypot(total(shot)[1], total(anywhere)[1]), (name, kind)
             # Of what a single path makes, such as the only one that is lost, no standard error knows.
             single = np.hypot(value / samples, value / max(many * useful, 1.0))
             over[kind].extend((off / np.hypot(error, single))[known])

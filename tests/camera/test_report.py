@@ -1,26 +1,24 @@
 import dataclasses
 import math
-import pickle
 
 import numpy as np
 import pytest
+from camera_helpers import CAMERA, refused, the_lens
 
 import plenoptic as pl
 from plenoptic.camera.report import optics
 from plenoptic.camera.report.findings import CameraFindingKind
 from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.report import camera_report
-from plenoptic.study.cameras import reference_camera
 
-REFERENCE = reference_camera()
-LENS, SENSOR = REFERENCE.lens, REFERENCE.sensor
+LENS, SENSOR = CAMERA.lens, CAMERA.sensor
 THIN, PARAXIAL = (LENS.with_model(model) for model in (pl.LensModel.THIN, pl.LensModel.PARAXIAL))
 POINTS = pl.paraxial.cardinal_points(LENS)
 PITCH, FOCAL = 0.217, 2.0
 EPS = 2.0**-52
 
 
-def camera_with(b, place=123.3, lens=LENS, microlenses=REFERENCE.microlenses):
+def camera_with(b, place=123.3, lens=LENS, microlenses=CAMERA.microlenses):
     return pl.PlenopticCamera(lens, SENSOR, place, microlenses, b)
 
 
@@ -46,7 +44,13 @@ def behind_lens(camera, z, half_width=None, n=41):
     return out.at_z(camera.stop_to_microlenses)[:, 1], out.direction[:, 1] / out.direction[:, 2]
 
 
-def on_sensor(camera: pl.PlenopticCamera, y, slope, centre):
+def width_of_light(camera, z):
+    """Of the axial point z on the array, by its marginal rays through the thin lens."""
+    reach = POINTS.entrance_pupil_semi_diameter * z / (z - POINTS.rear_principal)
+    return np.ptp(behind_lens(camera, z, (1 - 1e-12) * reach, 2)[0])
+
+
+def on_sensor(camera, y, slope, centre):
     """Through a thin microlens at `centre` to the sensor."""
     return y + camera.microlenses_to_sensor * (slope - (y - centre) / camera.microlenses.focal_length)
 
@@ -54,7 +58,7 @@ def on_sensor(camera: pl.PlenopticCamera, y, slope, centre):
 def test_reference_camera_in_mode_2():
     # The reference: 1.7 mm, stop 10 mm: images every 21.987 pixels, a = 11.33 behind the array, z = -404 to within 0.1;
     # 12 % of its pixels are fed by several microlenses, here counted on 1024 points of a cell (+- 1.5 %).
-    report = camera_report(REFERENCE)
+    report = camera_report(CAMERA)
     (focus,) = report.focus
     assert report.kind is CameraKind.GALILEAN
     assert report.image_pitch_pixels == pytest.approx(21.987, abs=5e-4)
@@ -64,28 +68,14 @@ def test_reference_camera_in_mode_2():
     assert focus.z == pytest.approx(-404.0, abs=0.1)
     assert report.overlap_fraction == pytest.approx(0.12, abs=0.02)
     assert [finding.kind for finding in report.warnings] == [CameraFindingKind.OVERLAP]
-
-
-def test_the_plane_imaged_onto_the_array_is_named():
-    # There virtual depth passes 0 from either side, and with it the disparity has no bound.
-    report = camera_report(REFERENCE)
-    plane = report.array_plane
-    assert plane == pytest.approx(pl.paraxial.object_position(LENS, 123.3), rel=1e-14)
-    assert f"{plane:.6g} mm" in repr(report) and report.focus[0].z != plane
-    depths, disparities = [], []
-    for off in (-4.0, -1.0, 1.0, 4.0):
-        wall = pl.Scene([pl.quad((-40, -40, plane + off), (80, 0, 0), (0, 80, 0))])
-        truth = pl.ground_truth(wall, REFERENCE, region=np.s_[256:257, 256:257])
-        depths.append(truth.virtual_depth[0, 0])
-        disparities.append(truth.disparity[0, 0])
-    # Linear in the distance to first order: a quarter of it is a quarter of the depth, to the 4 mm over some 400 mm.
-    assert np.abs(np.divide(depths[1:3], [depths[0], depths[3]])) == pytest.approx(0.25, rel=0.05)
-    assert np.abs(np.divide(disparities[1:3], [disparities[0], disparities[3]])) == pytest.approx(4.0, rel=0.05)
+    # The plane imaged onto the array is named.
+    assert report.array_plane == pytest.approx(pl.paraxial.object_position(LENS, 123.3), rel=1e-14)
+    assert f"{report.array_plane:.6g} mm" in repr(report) and focus.z != report.array_plane
     assert camera_report(KINDS[CameraKind.CONVENTIONAL]).array_plane is None
 
 
 def test_reference_camera_in_mode_1():
-    report = camera_report(camera_with(2.0, lens=LENS.with_stop(pl.CircularStop(semi_diameter=4.25))))
+    report = camera_report(camera_with(2.0, lens=the_lens(4.25)))
     assert report.kind is CameraKind.PLENOPTIC_1
     assert report.image_pitch_pixels == pytest.approx(22.038, abs=5e-4)
     assert report.focus[0].image_distance == report.focus[0].virtual_depth == 0.0
@@ -114,6 +104,20 @@ def test_rays_of_the_plane_in_focus_meet_on_the_sensor():
         np.testing.assert_allclose(landed, centre * (1.0 - sign * per_neighbour), atol=error, err_msg=kind.name)
 
 
+def test_disparity_of_the_real_lens():
+    # Rays that fill the iris, from the plane in focus as traced: where neighbouring microlenses, on average over
+    # all that see the point, put its image. Rays of a microlens at c land at c (1 - b/s) on average, up to the
+    # aberrations of the lens and to how evenly the rays of a microlens lie in it.
+    focus = camera_report(CAMERA).focus[0]
+    rays = pl.aiming.aimed_rays(LENS, field=(0.0, 0.0), z_object=focus.z_traced, pupil=pl.aiming.square_grid(129))
+    out = LENS.trace(rays)
+    out = out.selected(out.status == 0)
+    at, slope = out.at_z(123.3)[:, :2], out.direction[:, :2] / out.direction[:, 2:]
+    centre = CAMERA.microlenses.nearest(at)
+    moved = float(((on_sensor(CAMERA, at, slope, centre) - centre) * centre).sum() / (centre**2).sum())
+    assert -moved * PITCH / SENSOR.pixel_pitch == pytest.approx(focus.disparity, rel=5e-3)
+
+
 def test_depth_of_field_ends_where_the_blur_is_a_pixel():
     for kind in (CameraKind.GALILEAN, CameraKind.KEPLERIAN, CameraKind.CAMERA_ARRAY):
         camera, focus = KINDS[kind], camera_report(KINDS[kind]).focus[0]
@@ -123,15 +127,19 @@ def test_depth_of_field_ends_where_the_blur_is_a_pixel():
             ends = on_sensor(camera, y[[0, -1]], slope[[0, -1]], 0.0)
             blur = abs(np.diff(ends)[0] / np.diff(y[[0, -1]])[0]) * PITCH
             assert blur == pytest.approx(SENSOR.pixel_pitch, rel=1e-9), (kind, z)
-
-
-def test_depth_of_field_of_a_conventional_camera():
-    # The spread of the marginal rays, of the thin lens with the iris as large as the entrance pupil, is a pixel.
+    # In a conventional camera the spread of the marginal rays, with an iris as large as the entrance pupil.
     camera, focus = KINDS[CameraKind.CONVENTIONAL], camera_report(KINDS[CameraKind.CONVENTIONAL]).focus[0]
     for z in (focus.z_far, focus.z_near):
-        reach = POINTS.entrance_pupil_semi_diameter * z / (z - POINTS.rear_principal)
-        y, _ = behind_lens(camera, z, (1 - 1e-12) * reach, 2)
-        assert np.ptp(y) == pytest.approx(SENSOR.pixel_pitch, rel=1e-8)
+        assert width_of_light(camera, z) == pytest.approx(SENSOR.pixel_pitch, rel=1e-8)
+
+
+def test_light_of_a_point_covers_as_many_microlenses_as_said():
+    for kind in (CameraKind.GALILEAN, CameraKind.KEPLERIAN):
+        camera, focus = KINDS[kind], camera_report(KINDS[kind]).focus[0]
+        across = width_of_light(camera, focus.z) / PITCH
+        assert across == pytest.approx(focus.lenses_across, rel=1e-9)
+        area = math.pi / 4 * (PITCH * across) ** 2
+        assert focus.lenses_seeing == pytest.approx(area / camera.microlenses.cell_area, rel=1e-9)
 
 
 def test_depth_of_field_of_a_plenoptic_1():
@@ -148,16 +156,6 @@ def test_depth_of_field_of_a_plenoptic_1():
     y, slope = behind_lens(camera, focus.z_near)
     height = np.interp(0.01 / 2.0, *(array[np.argsort(slope)] for array in (slope, y)))
     assert abs(height) == pytest.approx(PITCH, rel=1e-6)
-
-
-def test_light_of_a_point_covers_as_many_microlenses_as_said():
-    for kind in (CameraKind.GALILEAN, CameraKind.KEPLERIAN):
-        camera, focus = KINDS[kind], camera_report(KINDS[kind]).focus[0]
-        reach = POINTS.entrance_pupil_semi_diameter * focus.z / (focus.z - POINTS.rear_principal)
-        y, _ = behind_lens(camera, focus.z, (1 - 1e-12) * reach, 2)
-        assert np.ptp(y) / PITCH == pytest.approx(focus.lenses_across, rel=1e-9)
-        area = math.pi / 4 * np.ptp(y) ** 2
-        assert focus.lenses_seeing == pytest.approx(area / camera.microlenses.cell_area, rel=1e-9)
 
 
 def test_closed_forms_of_thin_lenses():
@@ -188,32 +186,13 @@ def test_closed_forms_of_thin_lenses():
 
 def test_traced_focus_is_what_focused_at_inverts():
     for z in (-300.0, -5000.0):
-        focused = REFERENCE.focused_at(z, criterion=pl.FocusCriterion.RMS_SPOT)
+        focused = CAMERA.focused_at(z, criterion=pl.FocusCriterion.RMS_SPOT)
         # The search ends at 1e-11 of the image distance, times the longitudinal magnification (z / efl)^2.
         error = 1e-11 * 150 * (z / 50) ** 2
         assert camera_report(focused).focus[0].z_traced == pytest.approx(z, abs=error)
-        assert camera_report(REFERENCE.focused_at(z)).focus[0].z == pytest.approx(z, rel=1e-9)
-
-
-def test_disparity_of_the_real_lens():
-    # Rays that fill the iris, from the plane in focus as traced: where neighbouring microlenses, on average over
-    # all that see the point, put its image. Rays of a microlens at c land at c (1 - b/s) on average, up to the
-    # aberrations of the lens and to how evenly the rays of a microlens lie in it.
-    focus = camera_report(REFERENCE).focus[0]
-    rays = pl.aiming.aimed_rays(LENS, field=(0.0, 0.0), z_object=focus.z_traced, pupil=pl.aiming.square_grid(129))
-    out = LENS.trace(rays)
-    out = out.selected(out.status == 0)
-    at, slope = out.at_z(123.3)[:, :2], out.direction[:, :2] / out.direction[:, 2:]
-    centre = REFERENCE.microlenses.nearest(at)
-    landed = on_sensor(REFERENCE, at, slope, centre)
-    moved = float(((landed - centre) * centre).sum() / (centre**2).sum())
-    assert -moved * PITCH / SENSOR.pixel_pitch == pytest.approx(focus.disparity, rel=5e-3)
-
-
-def test_focus_at_the_horizon():
+        assert camera_report(CAMERA.focused_at(z)).focus[0].z == pytest.approx(z, rel=1e-9)
     for lens in (THIN, LENS):
-        camera = camera_with(2.0, lens=lens).focused_at(-math.inf, criterion=pl.FocusCriterion.RMS_SPOT)
-        report = camera_report(camera)
+        report = camera_report(camera_with(2.0, lens=lens).focused_at(-math.inf, criterion=pl.FocusCriterion.RMS_SPOT))
         assert report.focus[0].z_traced == report.focus[0].z_far == -math.inf
         assert CameraFindingKind.FOCUS_OUT_OF_REACH not in [finding.kind for finding in report.warnings]
 
@@ -232,7 +211,7 @@ def test_traced_f_number_tends_to_the_paraxial_one():
 
 
 def test_f_numbers_and_images_follow_the_exit_pupil():
-    report = camera_report(REFERENCE)
+    report = camera_report(CAMERA)
     distance, diameter = 123.3 - POINTS.exit_pupil, 2 * POINTS.exit_pupil_semi_diameter
     assert report.exit_pupil_distance == pytest.approx(distance, rel=1e-12)
     assert report.working_f_number_paraxial == pytest.approx(distance / diameter, rel=1e-12)
@@ -302,11 +281,12 @@ def test_the_corner_sees_the_iris_at_an_angle():
 
 
 def test_several_types_are_each_what_they_are_alone():
-    together = camera_report(camera_with(1.7, lens=THIN, microlenses=pl.MicrolensArray(PITCH, (1.7, 2.0, 2.4))))
-    for focus, f in zip(together.focus, (1.7, 2.0, 2.4), strict=True):
-        (alone,) = camera_report(camera_with(1.7, lens=THIN, microlenses=pl.MicrolensArray(PITCH, (f,)))).focus
-        assert dataclasses.replace(focus, type=0) == alone
-    assert [focus.kind.name for focus in together.focus] == ["PLENOPTIC_1", "GALILEAN", "GALILEAN"]
+    together, *alone = (
+        camera_report(camera_with(1.7, lens=THIN, microlenses=pl.MicrolensArray(PITCH, focal_lengths))).focus
+        for focal_lengths in ((1.7, 2.0, 2.4), (1.7,), (2.0,), (2.4,))
+    )
+    assert [(dataclasses.replace(focus, type=0),) for focus in together] == alone
+    assert [focus.kind.name for focus in together] == ["PLENOPTIC_1", "GALILEAN", "GALILEAN"]
 
 
 def test_microlenses_are_counted_as_listed():
@@ -319,15 +299,14 @@ def test_microlenses_are_counted_as_listed():
         camera = camera_with(1.7, microlenses=array)
         for vergence in (0.0, 1 / 128.5, -0.01):
             half = 2.56 / (1 + 1.7 * vergence)
-            assert optics.images_on_sensor(camera, vergence) == len(array.lenses((-half, -half), (half, half))), (
-                array.lattice
-            )
+            listed = array.lenses((-half, -half), (half, half))
+            assert optics.images_on_sensor(camera, vergence) == len(listed), array.lattice
 
 
 def test_distance_of_neighbours():
     hexagonal = pl.MicrolensArray(0.2, (2.0,))
     centres = hexagonal.lenses((-2, -2), (2, 2)).centre
-    free = pl.MicrolensArray(0.2, (2.0,), pl.Lattice.FREE, centres=centres)
+    free = dataclasses.replace(hexagonal, lattice=pl.Lattice.FREE, centres=centres)
     assert optics.neighbour_distance(free) == pytest.approx(0.2, rel=1e-12)
     assert optics.neighbour_distance(pl.MicrolensArray((0.3, 0.1), (2.0,), pl.Lattice.RECTANGULAR)) == 0.1
     listed, regular = (camera_report(camera_with(1.7, lens=THIN, microlenses=array)) for array in (free, hexagonal))
@@ -340,9 +319,9 @@ def kinds_of(camera):
 
 def test_findings():
     # An ideal lens, whose report costs less, where rims do not matter.
-    ideal = PARAXIAL
-    assert {"DARK_GAPS", "F_NUMBER_MISMATCH"} <= kinds_of(camera_with(1.7, lens=ideal.with_stop(pl.CircularStop(3.0))))
-    open_iris = kinds_of(camera_with(1.7, lens=ideal.with_stop(pl.CircularStop(8.0))))
+    ideal, small, wide = (PARAXIAL.with_stop(pl.CircularStop(stop)) for stop in (5.0, 3.0, 8.0))
+    assert {"DARK_GAPS", "F_NUMBER_MISMATCH"} <= kinds_of(camera_with(1.7, lens=small))
+    open_iris = kinds_of(camera_with(1.7, lens=wide))
     assert {"OVERLAP", "F_NUMBER_MISMATCH"} <= open_iris and "DARK_GAPS" not in open_iris
     assert "TOUCHES_LENS" in kinds_of(camera_with(1.7, 30.35, lens=ideal))
     assert "TOUCHES_LENS" not in kinds_of(camera_with(1.7, 31.0, lens=ideal))
@@ -353,10 +332,16 @@ def test_findings():
     assert "CUT_OFF_IMAGES" in kinds_of(camera_with(1.7, lens=LENS.inserted(pl.CircularStop(4.5), z=60.0)))
     assert "DEPTH_GAP" in kinds_of(camera_with(1.7, lens=ideal, microlenses=pl.MicrolensArray(PITCH, (1.8, 2.4))))
     # 51.2 mm hold 235.9 microlenses and 232.9 images: 1.7 / 128.5 of them fewer.
-    large = dataclasses.replace(REFERENCE, lens=ideal, sensor=pl.Sensor((5120, 512), 0.01))
-    assert "PERSPECTIVE" not in kinds_of(REFERENCE)
+    large = dataclasses.replace(CAMERA, lens=ideal, sensor=pl.Sensor((5120, 512), 0.01))
+    assert "PERSPECTIVE" not in kinds_of(CAMERA)
     (message,) = (f for f in camera_report(large).warnings if f.kind is CameraFindingKind.PERSPECTIVE)
     assert "3.1 fewer images" in str(message)
+
+
+def test_the_iris_named_for_dark_gaps_matches():
+    small = LENS.with_stop(pl.CircularStop(3.0))
+    matched = LENS.with_stop(pl.CircularStop(3.0 / camera_report(camera_with(1.7, lens=small)).image_fill))
+    assert camera_report(camera_with(1.7, lens=matched)).image_fill == pytest.approx(1.0, abs=0.01)
 
 
 def test_array_inside_a_concave_last_surface():
@@ -366,12 +351,6 @@ def test_array_inside_a_concave_last_surface():
     report = camera_report(camera_with(1.7, 7.0, lens=lens))
     assert report.clearance == pytest.approx(-2.0, abs=1e-9)
     assert CameraFindingKind.INSIDE_LENS in [finding.kind for finding in report.warnings]
-
-
-def test_matching_iris_of_the_findings_matches():
-    small = camera_report(camera_with(1.7, lens=LENS.with_stop(pl.CircularStop(3.0))))
-    matched = LENS.with_stop(pl.CircularStop(3.0 / small.image_fill))
-    assert camera_report(camera_with(1.7, lens=matched)).image_fill == pytest.approx(1.0, abs=0.01)
 
 
 def test_every_model_has_a_report():
@@ -389,23 +368,19 @@ def test_every_model_has_a_report():
 
 
 def test_polygons_count_as_their_circles():
-    hexagon = camera_report(camera_with(1.7, lens=LENS.with_stop(pl.PolygonStop(6, 5.0))))
-    circle = camera_report(REFERENCE)
+    hexagon, circle = camera_report(camera_with(1.7, lens=the_lens(pl.PolygonStop(6, 5.0)))), camera_report(CAMERA)
     assert hexagon.working_f_number == circle.working_f_number
     assert hexagon.dark_fraction > circle.dark_fraction + 0.03
 
 
-def test_a_report_is_a_value_and_prints_as_a_table():
-    report = camera_report(REFERENCE)
-    assert report == camera_report(REFERENCE) and hash(report) == hash(camera_report(REFERENCE))
-    assert pickle.loads(pickle.dumps(report)) == report
-    text = repr(report)
+def test_a_report_prints_as_a_table():
+    text = repr(camera_report(CAMERA))
     for words in ("Galilean", "mm", "pixels", "virtual depth", "6.66667", "OVERLAP", "12 %"):
         assert words in text
     assert max(map(len, text.splitlines())) <= 110
     plain = repr(camera_report(KINDS[CameraKind.CONVENTIONAL]))
     assert "virtual depth" not in plain and "microlens" not in plain and "no warnings" in plain
-    with pytest.raises(pl.errors.InvalidValueError, match="camera is a"):
+    with refused("camera is a"):
         camera_report(LENS)
 
 
@@ -413,8 +388,8 @@ def test_the_figure_draws_what_the_report_says():
     plt = pytest.importorskip("matplotlib.pyplot")
     from plenoptic.plots.camera import plot_camera
 
-    report = camera_report(REFERENCE)
-    section, microlenses = plot_camera(REFERENCE, report).axes
+    report = camera_report(CAMERA)
+    section, microlenses = plot_camera(CAMERA, report).axes
     lines = {line.get_label(): line for line in section.lines}
     assert set(lines["array"].get_xdata()) == {123.3} and set(lines["sensor"].get_xdata()) == {125.0}
     # The light under the microlens on the axis ends on the sensor as wide as its image; the next one is a pitch away.
@@ -425,7 +400,4 @@ def test_the_figure_draws_what_the_report_says():
     np.testing.assert_allclose(np.diff(middles), report.image_pitch, rtol=1e-12)
     conventional = KINDS[CameraKind.CONVENTIONAL]
     assert len(plot_camera(conventional, camera_report(conventional)).axes) == 1
-    for given in ((LENS, report), (REFERENCE, 3)):
-        with pytest.raises(pl.errors.InvalidValueError):
-            plot_camera(*given)
     plt.close("all")

@@ -2,9 +2,11 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camera_helpers import CAMERA, the_lens, with_array
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -14,22 +16,17 @@ from plenoptic.camera.record import camera_record
 from plenoptic.camera.sampling.spread import EVERY, rest_of
 from plenoptic.optics import ApertureShape, Gaps, MicrolensAperture
 from plenoptic.optics.diffraction.kernels.far_field import fill_bends
+from plenoptic.rendering.context import batch_of
 from plenoptic.rendering.kernels import film_sums
 from plenoptic.rendering.settings import RenderSettings
-from plenoptic.study.cameras import reference_camera
 
 CLEAR = MicrolensAperture(ApertureShape.CIRCLE, 0.6, Gaps.CLEAR)
 
 
 def camera(pixel=0.01, *, aperture=None, pixel_aperture=(1.0, 1.0), **more):
-    plain = reference_camera()
-    given = {
-        "lens": plain.lens.with_stop(pl.CircularStop(8.0)),
-        "microlenses": dataclasses.replace(plain.microlenses, aperture=aperture),
-        "sensor": pl.Sensor((32, 32), pixel, pixel_aperture=pixel_aperture),
-        "diffraction": pl.Diffraction(),
-    }
-    return dataclasses.replace(plain, **(given | more))
+    sensor = pl.Sensor((32, 32), pixel, pixel_aperture=pixel_aperture)
+    given = {"lens": the_lens(8.0), "sensor": sensor, "diffraction": pl.Diffraction()}
+    return dataclasses.replace(with_array(CAMERA, aperture=aperture), **(given | more))
 
 
 def shoot(scene, made, **given):
@@ -95,9 +92,7 @@ def test_shares_are_those_of_bends_that_are_drawn(pixel, turned, more):
 
 def batches(samples, replicates, cuts):
     """The batches of some samples, cut into whole numbers of each replicate, the last with what is left."""
-    context = _Context(replicates)
-    from plenoptic.rendering.context import batch_of
-
+    context = SimpleNamespace(seed=np.uint64(1), replicates=replicates, settings=RenderSettings())
     first = 0
     for cut in [*cuts, samples]:
         n = min(cut * replicates, samples - first)
@@ -106,32 +101,23 @@ def batches(samples, replicates, cuts):
             first += n
 
 
-class _Context:
-    """What `batch_of` reads of a context."""
-
-    def __init__(self, replicates):
-        self.seed, self.replicates, self.settings = np.uint64(1), replicates, RenderSettings()
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 70), st.integers(1, 5), st.lists(st.integers(1, 9), max_size=4))
 def test_drawn_bends_stand_for_all_samples_whichever_batches_these_come_in(samples, replicates, cuts):
     # Light that is the index of the bend plus one: what comes in must be that of a whole render, for each replicate.
-    found, expected = np.zeros(replicates), np.zeros(replicates)
+    found = np.zeros(replicates)
     for batch in batches(samples, replicates, cuts):
         drawn = rest_of(batch)
-        n = drawn.samples
+        n, blocks = drawn.samples, np.zeros(8 * 256)
         sums = np.zeros((1, replicates, 1)), np.zeros((1, 1))
-        blocks = np.zeros(8 * 256)
         longest = -(-n // drawn.streams)
         order = [(s, i) for s in range(drawn.streams) for i in range(longest) if i * drawn.streams + s < n]
         for k, (_, index) in enumerate(order):
             blocks[6 * 256 + k] = drawn.first_index + index + 1
         film_sums.fill_drawn(sums, film_sums.Light(blocks, None, None, None), 0, n, drawn, batch, EVERY)
         found += sums[0][0, :, 0]
-    for r in range(replicates):
-        expected[r] = sum(i // EVERY + 1 for i in range(len(range(r, samples, replicates))))
-    assert_allclose(found, expected)
+    own = [np.arange(len(range(r, samples, replicates))) for r in range(replicates)]
+    assert_allclose(found, [(indices // EVERY + 1).sum() for indices in own])
 
 
 def test_few_samples_are_right_on_average():

@@ -5,23 +5,16 @@ import math
 
 import numpy as np
 import pytest
+from camera_helpers import camera_with, the_lens, total, white, with_array
 
 import plenoptic as pl
 
-GAUSS = pl.load_lens("double-gauss-100mm-f2")
 FOCAL = 2.0
-SENSOR = pl.Sensor(shape=(600, 600), pixel_pitch=0.010)
 
 
 def camera_of(lens, distance=123.3, pitch=0.217):
     """A plenoptic 1.0 camera."""
-    return pl.PlenopticCamera(
-        lens=lens,
-        microlenses=pl.MicrolensArray(pitch=pitch, focal_lengths=(FOCAL,), lattice=pl.Lattice.SQUARE),
-        sensor=SENSOR,
-        stop_to_microlenses=distance,
-        microlenses_to_sensor=FOCAL,
-    )
+    return camera_with(FOCAL, shape=(600, 600), lens=lens, to_array=distance, pitch=pitch, lattice=pl.Lattice.SQUARE)
 
 
 def alone(camera, centre):
@@ -30,7 +23,7 @@ def alone(camera, centre):
     mine = np.round(centre / camera.microlenses.pitch).astype(int)
     others = index[(index != mine).any(axis=1)]
     dark = pl.optics.MicrolensDeviations(others, transmission=np.zeros(len(others)))
-    return dataclasses.replace(camera, microlenses=dataclasses.replace(camera.microlenses, imperfections=dark))
+    return with_array(camera, imperfections=dark)
 
 
 def around(camera, centre, half):
@@ -43,9 +36,8 @@ def around(camera, centre, half):
 
 def light_in(camera, centre, half, samples):
     """Light on the pixels within `half` (mm) of a point of the sensor, and its standard error, times mm^2."""
-    shot = pl.render_white(camera, samples=samples, region=around(camera, centre, half)[0], progress=False)
-    pixel = camera.sensor.pixel_pitch**2
-    return float(shot.image.sum(dtype=float)) * pixel, float(np.linalg.norm(shot.standard_error)) * pixel
+    shot = white(camera, samples, around(camera, centre, half)[0])
+    return np.multiply(total(shot), camera.sensor.pixel_pitch**2)
 
 
 def circles_overlap(a, b, d):
@@ -58,16 +50,21 @@ def circles_overlap(a, b, d):
     return sum(r * r * math.acos(part / r) - part * math.sqrt(r * r - part * part) for r, part in ((a, x), (b, y)))
 
 
+def tube(*stops):
+    sides = (1.0, pl.ConstantMedium(1.5)), (0.0, pl.optics.AIR)
+    plate = [pl.Surface(math.inf, thickness, medium, semi_diameter=20.0) for thickness, medium in sides]
+    return pl.LensStack([*stops, *plate], iris=0).with_model(pl.LensModel.NONE)
+
+
 def test_two_round_stops_pass_their_overlap():
     # No lens, a stop of radius 5 and one of radius 4, 40 mm nearer: from a microlens at c they are two discs.
-    stops = pl.CircularStop(5.0, thickness=40.0), pl.CircularStop(4.0, thickness=1.0)
-    tube = pl.LensStack([*stops, *plane_plate()], iris=0).with_model(pl.LensModel.NONE)
+    stops = tube(pl.CircularStop(5.0, thickness=40.0), pl.CircularStop(4.0, thickness=1.0))
     distance, pitch = 70.0, 0.1
     for height in (0.0, 1.6, 2.2):
-        camera = camera_of(tube, distance, pitch)
+        camera = camera_of(stops, distance, pitch)
         centre = np.round(np.array([height / math.sqrt(2)] * 2) / pitch) * pitch
         # The image of stops as seen through the microlens, b = f: it lies around c (1 + b / D).
-        total, error = light_in(alone(camera, centre), centre * (1 + FOCAL / 50.0), 0.45, 256)
+        light, error = light_in(alone(camera, centre), centre * (1 + FOCAL / 50.0), 0.45, 256)
         # Both discs as seen from c on the plane of the far one; the near one is larger there by 70 / 30.
         scale = distance / (distance - 40.0)
         rho = float(np.hypot(*centre))
@@ -76,19 +73,12 @@ def test_two_round_stops_pass_their_overlap():
         expected = pitch**2 * area / distance**2
         # cos^4 over the sensor's slopes (at most 0.1) is 1 to 1 %, the cell's width of 0.1 mm enters by its square.
         assert (rho / distance) ** 2 < 0.01
-        assert total == pytest.approx(expected, rel=0.02, abs=4 * error), height
+        assert light == pytest.approx(expected, rel=0.02, abs=4 * error), height
         assert error < 0.01 * max(expected, 1e-9), height
 
 
-def plane_plate():
-    return (
-        pl.Surface(radius=math.inf, thickness=1.0, medium=pl.ConstantMedium(1.5), semi_diameter=20.0),
-        pl.Surface(radius=math.inf, semi_diameter=20.0),
-    )
-
-
 def test_microlenses_get_what_stops_and_rims_leave_open():
-    lens, pitch = GAUSS.with_stop(pl.CircularStop(5.0)), 0.08
+    lens, pitch = the_lens(), 0.08
     twice = lens.inserted(pl.CircularStop(5.5), z=60.0)
     # Rays in reverse from the microlens through a fine grid of a plane behind the lens.
     z, step = 62.0, 0.04
@@ -97,13 +87,13 @@ def test_microlenses_get_what_stops_and_rims_leave_open():
     for stops, height in ((lens, 0.0), (lens, 2.6), (twice, 1.5), (twice, 2.6)):
         camera = camera_of(stops, pitch=pitch)
         centre = np.round(np.array([height * 0.8, height * 0.6]) / pitch) * pitch
-        total, error = light_in(alone(camera, centre), centre * (1 + FOCAL / 128.5), 0.25, 512)
+        light, error = light_in(alone(camera, centre), centre * (1 + FOCAL / 128.5), 0.25, 512)
         start = np.array([*centre, 123.3])
         out = stops.trace_reverse(pl.RayBundle(np.tile(start, (len(plane), 1)), plane - start))
         open_area = np.count_nonzero(out.status == 0) * step**2
         # Ideal microlenses keep dx dy du dv; at the sensor it is weighed by cos^4 of slopes up to 0.1: 1 to 1 %.
         expected = pitch**2 * open_area / (123.3 - z) ** 2
-        assert total == pytest.approx(expected, rel=0.015, abs=4 * error), height
+        assert light == pytest.approx(expected, rel=0.015, abs=4 * error), height
         assert error < 0.01 * expected, height
 
 
@@ -116,55 +106,46 @@ STOPS = {
 }
 
 
-def assert_lit_and_dark(shot, lit, dark, expected, name):
-    """Pixels whose whole beam is open or shut; cos^4 at the corners of the cell is 2 % off that of its centre."""
+def assert_shape(camera, centre, half, holes, name):
+    """Under the microlens at `centre` light is where holes (stop, its distance, its scale, from where) let it pass.
+
+    With b = f, the pixel at s under the microlens at c sees, through all of the cell, the parallel beam of slope
+    (s - c) / f, which crosses a hole at the distance D around P = c - (s - c) D / f, as wide as the cell. So it is
+    fully lit where P +- half a cell is open in all holes, and dark where all of it is closed in one of them.
+    """
+    pitch, away = camera.microlenses.pitch, holes[0][1]
+    region, places = around(camera, centre * (1 + FOCAL / away), half)
+    shot = white(alone(camera, centre), 128, region).image[..., 0]
+    slope, inside = (places - centre) / FOCAL, []
+    steps = np.mgrid[-1:1:9j, -1:1:9j].reshape(2, -1).T  # between the corners too, where a hole is not convex
+    for stop, away, scale in holes:
+        reach = 0.5 * (pitch + camera.sensor.pixel_pitch * away / FOCAL)
+        beams = ((centre - slope * away + reach * step) / scale for step in steps)
+        inside.append([stop.contains(*beam.transpose(2, 0, 1)) for beam in beams])
+    lit, dark = np.all(inside, axis=(0, 1)), ~np.any(inside, axis=1)
+    # A second stop really cuts: pixels that the first one alone would light are dark.
+    assert len(holes) == 1 or (dark[1] & ~dark[0]).sum() > 5, name
+    dark = np.any(dark, axis=0)
+    full = pitch**2 / FOCAL**2 * (1 + (slope**2).sum(axis=-1)) ** -2
+    # cos^4 at the corners of the cell is 2 % off that of its centre.
     assert lit.sum() > 20 and dark.sum() > 20, name
-    assert shot[lit] == pytest.approx(expected[lit], rel=0.03), name
+    assert shot[lit] == pytest.approx(full[lit], rel=0.03), name
     assert np.all(shot[dark] == 0), name
 
 
 def test_the_stop_s_shape_appears_under_each_microlens():
-    # A thin lens and a thin microlens with b = f: the pixel at s under the microlens at c sees, through all of the
-    # cell, the parallel beam of slope (s - c) / f, which crosses the stop around P = c - (s - c) D / f, as wide as the
-    # cell times 1 (parallel). So it is fully lit where P +- half a cell is open, and dark where all of it is closed.
-    pitch = 0.217
-    steps = np.mgrid[-1:1:9j, -1:1:9j].reshape(2, -1).T  # between the corners too, where a hole is not convex
     for name, offset in (*((name, (6, -4)) for name in STOPS), ("6 blades", (0, 0)), ("star", (0, 0))):
-        lens = GAUSS.with_model(pl.LensModel.THIN).with_stop(STOPS[name])
-        camera, points = camera_of(lens, pitch=pitch), pl.paraxial.cardinal_points(lens, 587.6)
-        away = 123.3 - points.rear_principal
-        centre = np.array(offset) * pitch
-        region, places = around(camera, centre * (1 + FOCAL / away), 0.12)
-        shot = pl.render_white(alone(camera, centre), samples=128, region=region, progress=False).image[..., 0]
-        slope = (places - centre) / FOCAL
-        reach = 0.5 * (pitch + camera.sensor.pixel_pitch * away / FOCAL)
-        scale = points.entrance_pupil_semi_diameter / 5.0
-        inside = [
-            lens.stop.contains(*((centre - slope * away + reach * step) / scale).transpose(2, 0, 1)) for step in steps
-        ]
-        full = pitch**2 / FOCAL**2 * (1 + (slope**2).sum(axis=-1)) ** -2
-        assert_lit_and_dark(shot, np.all(inside, axis=0), ~np.any(inside, axis=0), full, name)
+        lens = the_lens(STOPS[name], pl.LensModel.THIN)
+        points = pl.paraxial.cardinal_points(lens, 587.6)
+        hole = (lens.stop, 123.3 - points.rear_principal, points.entrance_pupil_semi_diameter / 5.0)
+        assert_shape(camera_of(lens), np.array(offset) * 0.217, 0.12, [hole], name)
 
 
 def test_images_are_cut_off_where_the_second_stop_cuts():
-    # Two stops and no lens: the beam of a pixel, as wide as the cell, crosses both. It is fully lit where all of it is
-    # open in both, and dark where all of it is closed in one of them.
-    distance, pitch, steps = 70.0, 0.1, np.mgrid[-1:1:9j, -1:1:9j].reshape(2, -1).T
+    # Two stops and no lens.
+    distance, pitch = 70.0, 0.1
     for name, height in (("6 blades", 1.3), ("star", 2.0)):
         stop, near = dataclasses.replace(STOPS[name], thickness=40.0), pl.CircularStop(2.2, thickness=1.0)
-        tube = pl.LensStack([stop, near, *plane_plate()], iris=0).with_model(pl.LensModel.NONE)
-        camera = camera_of(tube, distance, pitch)
         centre = np.round(np.array([0.8, 0.6]) * height / pitch) * pitch
-        region, places = around(camera, centre * (1 + FOCAL / distance), 0.22)
-        shot = pl.render_white(alone(camera, centre), samples=128, region=region, progress=False).image[..., 0]
-        slope = (places - centre) / FOCAL
-        lit, dark = [], []
-        for hole, away in ((stop, distance), (near, distance - 40.0)):
-            reach = 0.5 * (pitch + camera.sensor.pixel_pitch * away / FOCAL)
-            inside = [hole.contains(*(centre - slope * away + reach * step).transpose(2, 0, 1)) for step in steps]
-            lit.append(np.all(inside, axis=0))
-            dark.append(~np.any(inside, axis=0))
-        # The second stop really cuts: pixels that the first one alone would light are dark.
-        assert (dark[1] & ~dark[0]).sum() > 5, name
-        full = pitch**2 / FOCAL**2 * (1 + (slope**2).sum(axis=-1)) ** -2
-        assert_lit_and_dark(shot, np.all(lit, axis=0), np.any(dark, axis=0), full, name)
+        holes = [(stop, distance, 1.0), (near, distance - 40.0, 1.0)]
+        assert_shape(camera_of(tube(stop, near), distance, pitch), centre, 0.22, holes, name)

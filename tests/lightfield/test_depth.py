@@ -1,4 +1,4 @@
-"""Depth: planes, edges and what must not matter, of raw images and of views; accuracy in a table (slow)."""
+"""Depth: planes, edges and what must not matter, of raw images and of views; accuracy in a table (slow); scores."""
 
 import dataclasses
 import sys
@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, strategies
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield import depth, disparity_scores
+from plenoptic.lightfield import depth, disparity_edges, disparity_scores
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
@@ -56,18 +57,17 @@ def test_a_plane_is_found_where_it_is(white):
     assert scores.kept == 1 and abs(scores.bias) < 0.005 and scores.relative[1] < 1
     assert abs(np.nanmedian((found.depth / shot.truth.depth)[where]) - 1) < 0.002
     np.testing.assert_allclose((found.virtual_depth * found.disparity)[where], 21.7)
-    assert repr(found) == "DepthMap(110 x 110)"
 
 
 def test_both_sides_of_an_edge_lie_in_order(edge, found):
     """All of these few microlenses see the edge, and windows reach across: a tenth of the step between the planes."""
     truth, where = edge.truth, scenes.near_centres(CAMERA, edge)
     near = truth.depth < 0.5 * (np.nanmin(truth.depth) + np.nanmax(truth.depth))
+    step = np.nanmax(truth.chord_disparity) - np.nanmin(truth.chord_disparity)
     for side in (near, ~near):
-        off = np.abs(found.disparity - truth.chord_disparity)[where & side]
-        assert np.nanmedian(off) < 0.1 * (np.nanmax(truth.chord_disparity) - np.nanmin(truth.chord_disparity))
-    assert np.nanmedian(found.disparity[where & near]) < np.nanmedian(found.disparity[where & ~near])
-    assert np.nanmedian(found.depth[where & near]) < np.nanmedian(found.depth[where & ~near])
+        assert np.nanmedian(np.abs(found.disparity - truth.chord_disparity)[where & side]) < 0.1 * step
+    for map_ in (found.disparity, found.depth):
+        assert np.nanmedian(map_[where & near]) < np.nanmedian(map_[where & ~near])
 
 
 def test_threads_and_the_scale_of_radiance_do_not_matter(edge, white, found):
@@ -87,10 +87,8 @@ def test_a_region_has_the_bits_of_the_whole_away_from_its_border():
     white, shot = white_of(camera, whole), shown(camera, scenes.plane(camera, 5.0, 3), region=whole, samples=8)
 
     def cut(exposure):
-        errors = exposure.standard_error[8:, 8:]
-        region = (208, 296, 208, 296)
-        image = exposure.image[8:, 8:]
-        return dataclasses.replace(exposure, image=image, standard_error=errors, region=region, truth=None)
+        part = {name: getattr(exposure, name)[8:, 8:] for name in ("image", "standard_error")}
+        return dataclasses.replace(exposure, **part, region=(208, 296, 208, 296), truth=None)
 
     part, all_ = depth(cut(shot), white), depth(shot, white)
     inner = np.s_[48:, 48:]
@@ -111,7 +109,7 @@ def test_without_texture_errors_are_large_and_confidence_is_low(white):
 
 def test_what_cannot_be_matched_is_refused(edge, white):
     free = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=[(0.0, 0.0), (0.2, 0.0)])
-    for given, said in (
+    for arguments, said in (
         ({"camera": dataclasses.replace(CAMERA, microlenses=None, microlenses_to_sensor=0.0)}, "no microlenses"),
         ({"camera": dataclasses.replace(CAMERA, microlenses=free)}, "on no lattice"),
         ({"camera": dataclasses.replace(CAMERA, microlenses_to_sensor=2.0)}, "focused at infinity"),
@@ -123,42 +121,36 @@ def test_what_cannot_be_matched_is_refused(edge, white):
         ({"seen": "views"}, "seen"),
     ):
         with pytest.raises(InvalidValueError, match=said):
-            depth(**({"seen": edge, "white": white} | given))
+            depth(**({"seen": edge, "white": white} | arguments))
 
 
-def field(disparity, slant=0.0, count=5, shape=(40, 48), steps=1.0):
+def field(disparity, slant=0.0, count=5, steps=1.0):
     """Views of smooth random waves whose disparity is `disparity` and grows to the right, without a camera."""
     rng = np.random.default_rng(4)
     waves = rng.uniform(0.2, 1.2, (30, 2)) * rng.choice([-1, 1], (30, 2))
     phase = rng.uniform(0, 2 * np.pi, 30)
-    row, column = np.mgrid[: shape[0], : shape[1]]
-    views = np.empty((count, count, *shape, 1), dtype=np.float32)
-    for i, j in np.ndindex(count, count):
-        u, v = steps * (i - count // 2), steps * (j - count // 2)
-        # A point p of the central view, with the disparity d(p), is seen at p - d (v, u).
-        seen = column.astype(float)
-        for _ in range(60 if slant else 1):
-            seen = column + u * (disparity + slant * seen)
-        d = disparity + slant * seen
-        angle = np.multiply.outer(waves[:, 0], row + v * d) + np.multiply.outer(waves[:, 1], seen)
-        views[i, j, ..., 0] = 2 + 0.2 * np.cos(angle + phase[:, None, None]).sum(axis=0)
-    nothing = np.full((*shape, 2), np.nan)
     offsets = steps * (np.arange(count) - count // 2.0)
+    row, column = np.ogrid[:40, :48]
+    u, v, seen = offsets[:, None, None, None], offsets[:, None, None], column
+    # A point p of the central view, with the disparity d(p), is seen at p - d (v, u).
+    for _ in range(60 if slant else 1):
+        seen = column + u * (disparity + slant * seen)
+    down = row + v * (disparity + slant * seen)
+    angle = np.multiply.outer(down, waves[:, 0]) + np.multiply.outer(seen, waves[:, 1])
+    views = (2 + 0.2 * np.cos(angle + phase).sum(axis=-1, keepdims=True)).astype(np.float32)
+    nothing, nowhere = np.full((40, 48, 2), np.nan), np.full((count, count, 2), np.nan)
     return pl.lightfield.LightField(
         **{"views": views, "standard_error": None, "u": offsets, "v": offsets, "pixel": nothing, "on_array": nothing},
-        **{"exit_pupil": np.full((count, count, 2), np.nan), "pupil": np.full((count, count, 2), np.nan)},
-        **{"origin": np.full(2, np.nan), "spacing": (np.nan, np.nan), "object_spacing": (np.nan, np.nan)},
-        **{"z_focus": np.nan, "camera": None},
+        **{"exit_pupil": nowhere, "pupil": nowhere, "origin": np.full(2, np.nan), "spacing": (np.nan, np.nan)},
+        **{"object_spacing": (np.nan, np.nan), "z_focus": np.nan, "camera": None},
     )
 
 
 def test_slopes_of_epipolar_lines():
     """Cubic convolution of these waves is good to a percent of their amplitude, which a gradient turns into place."""
     for disparity, slant in ((-1.3, 0.0), (0.02, 0.0), (0.2, 0.01)):
-        found = depth(field(disparity, slant), between=(-2.0, 2.0))
-        true = disparity + slant * np.arange(48)[None, :] + np.zeros((40, 1))
-        inside = np.s_[5:-5, 5:-5]
-        error = (found.disparity - true)[inside]
+        found, inside = depth(field(disparity, slant), between=(-2.0, 2.0)), np.s_[5:-5, 5:-5]
+        error = (found.disparity - (disparity + slant * np.arange(48)))[inside]
         assert np.isfinite(error).all() and np.abs(error).max() < 0.02, (disparity, slant)
         assert np.sqrt((error**2).mean()) < 0.006, (disparity, slant)
         assert np.isnan(found.depth).all() and (found.confidence[inside] > 0.9).all()
@@ -178,9 +170,9 @@ def test_views_of_cameras_side_by_side_have_depth():
     assert views.disparity_at(z) == pytest.approx((0.5, 0.5), abs=5e-3)
     halved = depth(field(0.5, steps=0.5), between=(-1.0, 1.0))
     assert np.nanmedian(halved.disparity) == pytest.approx(0.5, abs=1e-2)  # half the lever
-    for given, said in (({"white": views}, "neither white"), ({"between": (-900, 900)}, "planes to compare")):
+    for arguments, said in (({"white": views}, "neither white"), ({"between": (-900, 900)}, "planes to compare")):
         with pytest.raises(InvalidValueError, match=said):
-            depth(views, **given)
+            depth(views, **arguments)
     with pytest.raises(InvalidValueError, match="no views beside"):
         depth(field(0.5, count=1))
 
@@ -205,8 +197,8 @@ def test_refocusing_by_disparity_knows_pixels_that_are_not_square():
     views = apart(spacing=(0.8, 0.4))
     across, down = views.disparity_at(-450.0)
     assert down == pytest.approx(2 * across)
-    by_plane, by_disparity = (pl.lightfield.refocus(views, **given) for given in ({"z": -450.0}, {"disparity": across}))
-    np.testing.assert_allclose(by_disparity, by_plane, rtol=1e-5)
+    by_disparity = pl.lightfield.refocus(views, disparity=across)
+    np.testing.assert_allclose(by_disparity, pl.lightfield.refocus(views, z=-450.0), rtol=1e-5)
 
 
 def test_decoded_views_have_the_disparity_of_their_plane():
@@ -266,3 +258,78 @@ def test_the_order_of_focal_lengths_does_not_say_on_which_side_images_are(focal_
     assert np.nanmedian(found.disparity) == pytest.approx(np.nanmedian(shot.truth.chord_disparity), rel=0.03)
     other = depth(shot, white, between=(-25.0, -1.8))
     assert not np.nanmax(other.disparity, initial=-1.0) > 0
+
+
+def test_uniform_errors_have_closed_forms():
+    """Errors uniform in (-a, a): MSE a^2 / 3, shares 1 - t / a above t, a quarter below a / 4."""
+    a, n = 0.1, 400
+    error = a * (2 * (np.arange(n * n) + 0.5) / n**2 - 1).reshape(n, n)
+    truth = np.full((n, n), 2.0)
+    scores = disparity_scores(truth + error, truth)
+    assert scores.mse == pytest.approx(100 * a**2 / 3, rel=1e-4)
+    np.testing.assert_allclose(scores.bad, [100 * (1 - t / a) for t in (0.07, 0.03, 0.01)], atol=0.01)
+    assert scores.q25 == pytest.approx(100 * a / 4, rel=1e-3) and scores.kept == 1.0 and scores.pixels == n * n
+    np.testing.assert_allclose(scores.relative, [0, 100 * (1 - 0.06 / a), 100 * (1 - 0.02 / a)], atol=0.01)
+    assert abs(scores.bias) < 1e-5
+
+
+@given(scale=strategies.floats(0.1, 10), factor=strategies.floats(0.5, 2), seed=strategies.integers(0, 99))
+def test_relative_scores_do_not_know_units(scale, factor, seed):
+    random = np.random.default_rng(seed)
+    truth = random.uniform(1, 9, (7, 9))
+    found = truth * factor * random.normal(1, 0.03, truth.shape)
+    one, other = disparity_scores(found, truth), disparity_scores(scale * found, scale * truth)
+    np.testing.assert_allclose(other.relative, one.relative, atol=100 / 63 + 1e-9)
+    assert other.bias == pytest.approx(one.bias, abs=1e-12)
+    assert other.mse == pytest.approx(one.mse * scale**2)
+
+
+def test_what_is_not_known_does_not_count_and_types_add_up():
+    random = np.random.default_rng(3)
+    truth, types = random.uniform(2, 3, (20, 30)), random.integers(-1, 3, (20, 30))
+    found = truth + random.normal(0, 0.05, truth.shape)
+    found[:5], truth[:, :3] = np.nan, np.nan
+    where = np.arange(20)[:, None] * np.ones(30) >= 2
+    scores = disparity_scores(found, truth, where=where, types=types)
+    assert scores.pixels == 15 * 27 and scores.kept == pytest.approx(15 / 18)
+    assert sum(part.pixels for part in scores.of_types) == ((types >= 0)[5:, 3:]).sum()
+    alone = disparity_scores(found, truth, where=where & (types == 1))
+    assert scores.of_types[1] == alone
+    assert str(scores).splitlines()[0].split()[:3] == ["pixels", "kept", "%"] and len(str(scores).splitlines()) == 5
+    nothing = disparity_scores(np.full((2, 2), np.nan), np.ones((2, 2)))
+    assert nothing.pixels == 0 and nothing.kept == 0 and np.isnan(nothing.mse)
+
+
+def test_bumpiness_is_the_norm_of_second_derivatives():
+    """Of the error a (x^2 + 2 x y): Hessian (2 a, 2 a; 2 a, 0), norm 2 a sqrt(3), exact by central differences."""
+    y, x = np.mgrid[0:20, 0:30].astype(float)
+    truth = np.full(x.shape, 3.0)
+    for a in (1e-3, 0.1):
+        found = disparity_scores(truth + a * (x**2 + 2 * x * y), truth)
+        assert found.bumpiness == pytest.approx(100 * min(2 * a * np.sqrt(3), 0.05), rel=1e-9)
+    slanted = disparity_scores(truth + 0.3 * x - 0.2 * y, truth, where=x < 15)
+    assert slanted.bumpiness == pytest.approx(0.0, abs=1e-9)
+    assert np.isnan(disparity_scores(truth[:4], truth[:4]).bumpiness)
+
+
+def test_edges_are_where_the_truth_steps():
+    truth = np.full((9, 9), 4.0)
+    truth[4, 4], truth[0, 0] = 4.3, np.nan
+    edges = disparity_edges(truth)
+    expected = np.zeros((9, 9), dtype=bool)
+    expected[4, 2:7] = expected[2:7, 4] = expected[0, :3] = expected[:3, 0] = True
+    np.testing.assert_array_equal(edges, expected)
+    assert not disparity_edges(np.full((5, 5), 4.0) + 0.04 * np.eye(5)).any()
+    with pytest.raises(InvalidValueError, match="step"):
+        disparity_edges(truth, step=-1.0)
+
+
+def test_impossible_maps_are_refused():
+    for arguments, said in (
+        ({"estimate": np.ones((2, 3))}, "estimate has shape"),
+        ({"truth": np.ones(4)}, "truth has shape"),
+        ({"where": np.ones((2, 2))}, "it must be booleans"),
+        ({"types": np.full((2, 2), 0.5)}, "whole numbers"),
+    ):
+        with pytest.raises(InvalidValueError, match=said):
+            disparity_scores(**({"estimate": np.ones((2, 2)), "truth": np.ones((2, 2))} | arguments))

@@ -44,10 +44,8 @@ def test_a_light_field_of_the_benchmark_comes_back(field, folder):
         assert found.disparity_at(z - pupil) == pytest.approx(field.disparity_at(z), abs=1e-9)
     # Refocused alike, where no view was dark.
     ours, theirs = refocus(field, -390.0) / scale, refocus(found, -390.0 - pupil)
-    known = np.isfinite(field.views).all(axis=(0, 1, 4))
-    np.testing.assert_allclose(
-        theirs[2:-2, 2:-2, :1][known[2:-2, 2:-2]], np.clip(ours, 0, 1)[2:-2, 2:-2][known[2:-2, 2:-2]], atol=0.03
-    )
+    known = np.pad(np.isfinite(field.views).all(axis=(0, 1, 4))[2:-2, 2:-2], 2)
+    np.testing.assert_allclose(theirs[known][:, :1], np.clip(ours[known], 0, 1), atol=0.03)
 
 
 def test_views_and_macro_pixels_come_back(tmp_path):
@@ -64,27 +62,16 @@ def test_views_and_macro_pixels_come_back(tmp_path):
         np.testing.assert_allclose(found.views, linear, atol=1e-5)
         np.testing.assert_array_equal(found.view(0, -1), found.views[1, 0])
         assert np.isfinite(refocus(found, disparity=0.4)).any()
-        with pytest.raises(InvalidValueError, match="refocus it by disparity"):
-            found.disparity_at(-300.0)
-        with pytest.raises(InvalidValueError, match="names no camera"):
-            found.truth(pl.shapes.white_plane())
-        with pytest.raises(InvalidValueError, match="names no camera"):
-            pl.export.hci(tmp_path / "other", square(found))
-
-
-def square(found):
-    """As many views along u as along v."""
-    views = np.concatenate([found.views, found.views[:, :1]], axis=1)
-    return dataclasses.replace(found, views=views, v=np.arange(3.0) - 1)
-
-
-def test_refocusing_by_disparity_is_refocusing_on_the_plane(field):
-    across, down = field.disparity_at(-390.0)
-    assert across == pytest.approx(down)
-    np.testing.assert_allclose(refocus(field, disparity=across), refocus(field, -390.0), rtol=1e-5)
-    for given in ({}, {"z": -390.0, "disparity": 0.1}):
-        with pytest.raises(InvalidValueError, match="give either z"):
-            refocus(field, **given)
+        # As many views along u as along v.
+        views = np.concatenate([found.views, found.views[:, :1]], axis=1)
+        square = dataclasses.replace(found, views=views, v=np.arange(3.0) - 1)
+        for call, said in (
+            (lambda found=found: found.disparity_at(-300.0), "refocus it by disparity"),
+            (lambda found=found: found.truth(pl.shapes.white_plane()), "names no camera"),
+            (lambda square=square: pl.export.hci(tmp_path / "other", square), "names no camera"),
+        ):
+            with pytest.raises(InvalidValueError, match=said):
+                call()
 
 
 def test_damaged_folders_are_refused(folder, tmp_path):
@@ -97,8 +84,7 @@ def test_damaged_folders_are_refused(folder, tmp_path):
         with pytest.raises(FileError, match=said):
             read()
     text = (folder / "parameters.cfg").read_text()
-    big = ("num_cams_x = 5", "num_cams_x = 5000", "cannot be")
-    for old, new, said in (big, ("baseline_mm", "base", "cannot be unders")):
+    for old, new, said in (("cams_x = 5", "cams_x = 5000", "cannot be"), ("baseline_mm", "base", "cannot be unders")):
         (folder / "parameters.cfg").write_text(text.replace(old, new))
         with pytest.raises(FileError, match=said):
             read_hci(folder)

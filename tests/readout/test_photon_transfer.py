@@ -3,41 +3,24 @@
 import dataclasses
 import math
 
-import matplotlib
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise
+from plenoptic.plots.sensor import plot_photon_transfer
 from plenoptic.readout.photon_transfer import photon_transfer
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt  # noqa: E402
-
-from plenoptic.plots.sensor import plot_photon_transfer  # noqa: E402
 
 SHAPE = (200, 200)
 PIXELS = 200 * 200
 FIVE_SIGMA = 5.0
 
-SENSOR = SensorModel(
-    photon_rate=(20000.0, 60000.0, 40000.0),
-    exposure_time=0.5,
-    quantum_efficiency=0.6,
-    gain=0.3,
-    black_level=200.0,
-    bits=14,
-    colour_filters=BayerPattern.RGGB,
-    read_noise=8.0,
-    dark_current=60.0,
-    prnu=0.015,
-    dsnu=10.0,
-    dead=0.1,
-    hot=0.1,
-)
-
+LIGHT = {"photon_rate": (20000.0, 60000.0, 40000.0), "exposure_time": 0.5, "quantum_efficiency": 0.6}
+NUMBERS = {"gain": 0.3, "black_level": 200.0, "bits": 14, "colour_filters": BayerPattern.RGGB}
+NOISE = {"read_noise": 8.0, "dark_current": 60.0, "prnu": 0.015, "dsnu": 10.0, "dead": 0.1, "hot": 0.1}
+SENSOR = SensorModel(**LIGHT, **NUMBERS, **NOISE)
 
 CHANGES = [
     {},
@@ -97,33 +80,25 @@ def test_a_full_well_ends_variance_and_mean():
 
 
 def test_impossible_requests_are_refused_and_seeds_kept():
-    for model, levels, more, text in (
-        (SENSOR, [1.0], {"channel": 3}, "channel is 3"),
-        (SENSOR, [1.0], {"shape": (1, 4)}, "rows is 1; it must be at least 2"),
-        ("sensor", [1.0], {}, "model is a str"),
-        (SENSOR, [-1.0], {}, "light must be finite and at least 0"),
+    for levels, more, text in (
+        ([1.0], {"channel": 3}, "channel is 3"),
+        ([1.0], {"shape": (1, 4)}, "rows is 1; it must be at least 2"),
+        ([-1.0], {}, "light must be finite and at least 0"),
     ):
         with pytest.raises(InvalidValueError, match=text):
-            photon_transfer(model, levels, **more)
+            photon_transfer(SENSOR, levels, **more)
     assert np.isnan(photon_transfer(SENSOR, [0.5]).gain)
     # The same seed gives the same curve.
-    levels = [0.1, 0.2]
-    assert photon_transfer(SENSOR, levels, seed=3) == photon_transfer(SENSOR, levels, seed=3)
-    assert photon_transfer(SENSOR, levels, seed=3) != photon_transfer(SENSOR, levels, seed=4)
+    one, same, other = (photon_transfer(SENSOR, [0.1, 0.2], seed=seed) for seed in (3, 3, 4))
+    assert one == same != other
 
 
 def test_the_figure_shows_what_there_is():
     levels = np.append(0.0, np.geomspace(1e-3, 1, 7))
-    ax = plot_photon_transfer(photon_transfer(SENSOR, levels, shape=(32, 32)))
-    names = [
-        "temporal noise, measured",
-        "temporal noise, expected",
-        "fixed pattern, measured",
-        "fixed pattern, expected",
-    ]
+    ax = plot_photon_transfer(photon_transfer(SENSOR, levels, shape=(32, 32)), Figure().subplots())
+    names = [f"{what}, {how}" for what in ("temporal noise", "fixed pattern") for how in ("measured", "expected")]
     assert [line.get_label() for line in ax.lines] == [*names, "white level"]
     curve = photon_transfer(SensorModel(100.0, bits=None), levels, shape=(32, 32))
-    bare = plot_photon_transfer(curve, plt.subplots()[1])
-    assert len(bare.lines) == 2
-    assert bare.lines[0].get_ydata() == pytest.approx(curve.variance[1:])  # all but the dark one
-    plt.close("all")
+    bare = plot_photon_transfer(curve, Figure().subplots())
+    # All but the dark one.
+    assert len(bare.lines) == 2 and bare.lines[0].get_ydata() == pytest.approx(curve.variance[1:])

@@ -1,4 +1,4 @@
-"""Ground truth of pixels: geometry, identities, images of points in closed form, and bits."""
+"""Ground truth of pixels: geometry, identities, images of points in closed form and by chords, and bits."""
 
 import dataclasses
 import math
@@ -8,6 +8,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.points.projection import project
+from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.truth.channels import NO_MICROLENS, Truth
 from plenoptic.truth.ground_truth import ground_truth
 
@@ -56,12 +57,7 @@ def test_depth_distance_and_position_are_one_point():
         np.testing.assert_allclose(truth.depth[met], -seen[met][:, 2], rtol=0, atol=1e-11)
         np.testing.assert_allclose(truth.distance[met], np.linalg.norm(seen[met], axis=1), rtol=0, atol=1e-11)
         assert np.isnan(truth.position[~met]).all() and np.isinf(truth.distance[~met]).all()
-
-
-def test_position_lies_on_the_plane_that_is_seen():
-    plain = reference_camera()
-    placed = plain.moved(pl.CameraPart.LENS, tilt=(0.02, 0.01, 0.0)).posed((5, 5, 9), (0, 0, -400), (0, 1, 0))
-    for camera in (plain, placed):
+        # It lies on the plane that is seen, whose normal faces the camera.
         truth = ground_truth(plane(-404.0), camera, region=SOME)
         met = np.isfinite(truth.depth)
         assert met.any()
@@ -86,8 +82,8 @@ def test_normals_of_a_sphere_are_those_of_its_facets():
 
 def test_normals_face_the_camera_from_either_side():
     for order in ((4000, 0, 0), (0, 4000, 0)), ((0, 4000, 0), (4000, 0, 0)):
-        sheet = pl.quad((-2000, -2000, -404), *order, material=pl.Lambertian(0.5))
-        truth = ground_truth(pl.Scene([sheet], background=1.0), reference_camera(), region=np.s_[250:252, 250:252])
+        sheet = pl.Scene([pl.quad((-2000, -2000, -404), *order)], background=1.0)
+        truth = ground_truth(sheet, reference_camera(), region=np.s_[250:252, 250:252])
         np.testing.assert_array_equal(truth.normal[0, 0], [0.0, 0.0, 1.0])
 
 
@@ -222,12 +218,18 @@ def test_virtual_depth_and_disparity_of_a_thin_lens_are_closed_forms():
             assert np.isnan(truth.virtual_depth[~met]).all()
 
 
-def test_a_point_imaged_on_the_array_has_no_virtual_depth_and_stands_still_in_views():
-    lens = the_lens(THIN_LENS)
-    camera = reference_camera(lens=lens, b=2.0, to_array=thin_image(lens, -404.0))
+def middle_of(camera):
+    """Ground truth of the plane at z = -404 in the middle of the sensor, and which pixels meet it."""
     truth = ground_truth(plane(-404.0), camera, region=np.s_[250:262, 250:262])
     met = np.isfinite(truth.depth)
     assert met.any()
+    return truth, met
+
+
+def test_a_point_imaged_on_the_array_has_no_virtual_depth_and_stands_still_in_views():
+    lens = the_lens(THIN_LENS)
+    camera = reference_camera(lens=lens, b=2.0, to_array=thin_image(lens, -404.0))
+    truth, met = middle_of(camera)
     np.testing.assert_allclose(truth.virtual_depth[met], 0.0, atol=1e-9)
     np.testing.assert_allclose(truth.view_disparity[met], 0.0, atol=1e-9)
     assert not np.isnan(truth.disparity[met]).any()
@@ -235,30 +237,22 @@ def test_a_point_imaged_on_the_array_has_no_virtual_depth_and_stands_still_in_vi
 
 def test_without_main_lens_the_scene_is_its_own_image():
     # A camera array: a is minus the distance from the array to the plane.
-    camera = reference_camera(lens=the_lens(pl.LensModel.NONE, stop=16.0), to_array=40.0, b=2.0)
-    truth = ground_truth(plane(-404.0), camera, region=np.s_[250:262, 250:262])
-    met = np.isfinite(truth.depth)
-    assert met.any()
+    truth, met = middle_of(reference_camera(lens=the_lens(pl.LensModel.NONE, stop=16.0), to_array=40.0, b=2.0))
     np.testing.assert_allclose(truth.virtual_depth[met], -444.0 / 2.0, rtol=3e-9)
 
 
 def test_virtual_depth_on_a_tilted_array_and_sensor():
     # Both distances are along the array's normal: a from its plane to the image point, b to the pixel.
-    lens = the_lens(THIN_LENS)
-    tilt = 0.05
+    lens, tilt = the_lens(THIN_LENS), 0.05
     camera = reference_camera(lens=lens).moved(pl.CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0))
     truth = ground_truth(plane(-404.0), camera, region=np.s_[250:262, 40:472])
     met = np.isfinite(truth.depth)
     rows, columns = np.mgrid[250:262, 40:472]
-    x = camera.sensor.centre_of(rows, columns)[met][:, 0]
-    sensor_point = np.column_stack([x, np.zeros(len(x)), np.full(len(x), 125.0)])
-    normal = np.array([math.sin(tilt), 0.0, math.cos(tilt)])
-    b = (sensor_point - [0, 0, 123.3]) @ normal
+    b = camera.sensor.centre_of(rows, columns)[met][:, 0] * math.sin(tilt) + 1.7 * math.cos(tilt)
     # A thin lens images points along rays through its centre.
     z_image, principal = thin_image(lens, -404.0), pl.paraxial.cardinal_points(lens).rear_principal
     share = (z_image - principal) / (-404.0 - principal)
-    image = truth.position[met][:, :2] * share
-    a = (np.column_stack([image, np.full(len(image), z_image)]) - [0, 0, 123.3]) @ normal
+    a = truth.position[met][:, 0] * share * math.sin(tilt) + (z_image - 123.3) * math.cos(tilt)
     # Where the centre is dark the ray starts half a pixel aside at most: 0.005 mm of 1.7, times the tilt.
     off = np.abs(truth.virtual_depth[met] * b / a - 1.0)
     assert (off < 1e-8).mean() > 0.98 and off.max() < 1.1 * tilt * 0.005 / 1.7
@@ -271,11 +265,9 @@ def test_disparity_of_the_real_lens_is_that_of_neighbouring_projections():
     truth = ground_truth(plane(-404.0), camera, region=np.s_[256:257, 256:257])
     seen = project(camera, truth.position[0, 0])
     at = {tuple(index): k for k, index in enumerate(seen.index.tolist())}
-    steps = [((0, 1), (0, 0)), ((0, 0), (0, -1)), ((1, 0), (0, 0)), ((0, 0), (-1, 0))]
-    basis = camera.microlenses.basis
     found = []
-    for after, before in steps:
-        step = (np.array(after) - before) @ basis
+    for after, before in (((0, 1), (0, 0)), ((0, 0), (0, -1)), ((1, 0), (0, 0)), ((0, 0), (-1, 0))):
+        step = (np.array(after) - before) @ camera.microlenses.basis
         moved = seen.position[at[after]] - seen.position[at[before]] - step
         found.append(-(moved @ step) / (step @ step) * 21.7)
     np.testing.assert_allclose(np.mean(found), truth.disparity[0, 0], rtol=2e-3)
@@ -309,15 +301,6 @@ def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre():
         assert np.mean(np.array(off) < 1e-6) > 0.6 and max(off) < 0.5, (placed, array)
 
 
-def test_regions_and_threads_have_the_same_bits_as_the_whole():
-    camera = reference_camera(shape=(64, 64), focal_lengths=(1.7, 2.0, 2.4))
-    scene = pl.objects_scene()
-    whole = ground_truth(scene, camera, threads=1)
-    part = ground_truth(scene, camera, region=np.s_[11:40, 5:23], threads=2)
-    for name, array in part.arrays().items():
-        np.testing.assert_array_equal(array, getattr(whole, name)[11:40, 5:23])
-
-
 def test_a_rendering_has_the_same_truth_and_only_what_is_asked_for():
     camera, scene, region = reference_camera(), pl.objects_scene(), np.s_[230:250, 240:280]
     whole = ground_truth(scene, camera, region=region)
@@ -338,15 +321,14 @@ def test_what_is_not_there_is_not_found():
     with pytest.raises(pl.errors.InvalidValueError, match="nothing of .*DEPTH.* can be found"):
         ground_truth(None, camera, truth=Truth.DEPTH)
     # A conventional camera has no microlenses.
-    camera = pl.PlenopticCamera(lens=the_lens(), sensor=pl.Sensor((32, 32), 0.1), stop_to_microlenses=134.6)
-    truth = ground_truth(plane(-404.0), camera)
+    bare = pl.PlenopticCamera(lens=the_lens(), sensor=pl.Sensor((32, 32), 0.1), stop_to_microlenses=134.6)
+    truth = ground_truth(plane(-404.0), bare)
     assert truth.kinds == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     np.testing.assert_allclose(truth.depth, 404.0, rtol=1e-14)
     with pytest.raises(pl.errors.InvalidValueError, match="no meshes and the camera no microlenses"):
-        ground_truth(None, camera, truth=Truth.ALL & ~(Truth.INCIDENCE_ANGLE | Truth.STATE))
+        ground_truth(None, bare, truth=Truth.ALL & ~(Truth.INCIDENCE_ANGLE | Truth.STATE))
     # The plan says so.
-    camera, white = reference_camera(), pl.shapes.white_plane()
-    bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
+    white = pl.shapes.white_plane()
     for scene, made, truth, runs, reason in (
         (white, camera, Truth.DEPTH | Truth.OBJECT, True, "depth, object"),
         (white, camera, Truth.NONE, False, "not asked for"),
@@ -355,13 +337,62 @@ def test_what_is_not_there_is_not_found():
     ):
         decision = next(d for d in pl.plan(scene, made, truth=truth).decisions if d.stage is pl.rendering.Stage.TRUTH)
         assert (decision.runs, decision.reason) == (runs, reason)
-    for change, sentence in (
-        ({"truth": True}, "truth is a bool; give a Truth"),
-        ({"region": np.s_[0:0, :]}, "region has rows"),
-        ({"threads": 0}, "threads"),
-        ({"scene": 3}, "scene is a int; it must be a Scene"),
-        ({"camera": 3}, "camera is a int; it must be a PlenopticCamera"),
-    ):
-        given = {"scene": pl.shapes.white_plane(), "camera": reference_camera(shape=(4, 4)), **change}
-        with pytest.raises(pl.errors.InvalidValueError, match=sentence):
-            ground_truth(**given)
+
+
+WANTED = Truth.POSITION | Truth.MICROLENS | Truth.DISPARITY | Truth.CHORD_DISPARITY
+LEANING = pl.Scene([pl.quad((-900, -900, -380.0), (1800, 0, -90), (0, 1800, 200), material=pl.Emissive(1.0))])
+SMALL = {"shape": (400, 400)}
+TILTED = pl.optics.Placement(rotation=rotation_about_axes((0.01, 0.02, 0.05)), shift=(0.03, -0.02, 0.01))
+CAMERAS = {
+    "hexagonal": reference_camera(**SMALL),
+    "Keplerian, square": reference_camera(b=2.3, lattice=pl.Lattice.SQUARE, **SMALL).focused_at(z=-300.0),
+    "rectangular": reference_camera(lattice=pl.Lattice.RECTANGULAR, pitch=(0.2, 0.25), **SMALL),
+    "out of place": dataclasses.replace(
+        reference_camera(imperfections=pl.MicrolensImperfections(decentre=0.002, seed=3), **SMALL),
+        microlenses_placement=TILTED,
+        sensor_placement=TILTED,
+    ),
+}
+
+
+def slope_of_projection(camera, point, lens):
+    """As `project` gives it, from a microlens to all around it; through a wider stop, which shows more."""
+    wide = dataclasses.replace(camera, lens=the_lens(stop=22.0))
+    seen, array = project(wide, point, rays=8), camera.microlenses
+    centres = pl.microlens_centres(camera, pl.CentreMethod.ORTHOGONAL, margin=1.0)
+    steps = [(1, 0), (0, 1), (-1, 0), (0, -1)]
+    steps += [(1, -1), (-1, 1)] if array.lattice is pl.Lattice.HEXAGONAL else []
+    found = []
+    for index in [lens, *(lens + np.array(step) for step in steps)]:
+        centre = centres.pixel[(centres.index == index).all(axis=1)][0]
+        found.append((seen.pixel[(seen.index == index).all(axis=1)][0] - centre, centre))
+    offset, centre = np.moveaxis(found, 1, 0)
+    moved, apart = offset[1:] - offset[0], centre[1:] - centre[0]
+    return -min(array.pitches) / 0.01 * (moved * apart).sum() / (apart**2).sum()
+
+
+def test_disparity_of_chords_is_that_of_projections_through_neighbours():
+    # To 1e-8 pixels: chief rays pass their centres to 1e-10 mm, and lenses are 0.2 mm apart.
+    for name, made in CAMERAS.items():
+        found = ground_truth(LEANING, made, truth=WANTED, region=np.s_[190:214, 150:174], threads=2)
+        for pixel in ((3, 4), (12, 12), (20, 7)):
+            expected = slope_of_projection(made, found.position[pixel], found.microlens[pixel])
+            assert found.chord_disparity[pixel] == pytest.approx(expected, rel=0, abs=1e-8), name
+        # Aberrations over a pitch.
+        assert np.nanmax(np.abs(found.chord_disparity / found.disparity - 1)) < 0.05
+        part = ground_truth(LEANING, made, truth=WANTED, region=np.s_[197:209, 155:168], threads=1)
+        assert np.array_equal(part.chord_disparity, found.chord_disparity[7:19, 5:18], equal_nan=True)
+
+
+def test_without_aberrations_disparity_of_chords_is_that_of_rays_near_the_pixels_own():
+    # Both are pitch / (v pixel pitch); derivatives of the latter are differences, good to 1e-8 of it.
+    for model, region in ((THIN_LENS, np.s_[100:130, 20:60]), (pl.LensModel.NONE, np.s_[190:200, 190:200])):
+        found = ground_truth(LEANING, reference_camera(lens=the_lens(model), **SMALL), truth=WANTED, region=region)
+        seen = np.isfinite(found.disparity)
+        assert seen.any() and np.array_equal(np.isfinite(found.chord_disparity), seen)
+        assert np.abs(found.chord_disparity / found.disparity - 1)[seen].max() < 1e-7
+    # Lenses without a lattice have no neighbours.
+    centres = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)).lenses((-1.0, -1.0), (1.0, 1.0)).design
+    free = reference_camera(pitch=0.12, lattice=pl.Lattice.FREE, centres=centres, **SMALL)
+    found = ground_truth(LEANING, free, truth=WANTED, region=np.s_[184:216, 184:216])
+    assert np.isfinite(found.disparity).any() and np.isnan(found.chord_disparity).all()

@@ -12,6 +12,7 @@ from plenoptic.camera.record import camera_record
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.images import PixelState
 from plenoptic.rendering.schedule import orders
+from plenoptic.study.cameras import reference_camera
 from plenoptic.truth.channels import NO_MICROLENS, Truth
 from plenoptic.truth.representative_rays import representative_rays
 
@@ -19,13 +20,12 @@ CORNER, MIDDLE = np.s_[0:24, 0:24], np.s_[244:268, 244:268]
 
 
 def camera_of(stop, b=1.7, aperture=1.0, sensor=None, **array):
-    stop = pl.CircularStop(stop) if isinstance(stop, float) else stop
-    made = {"pitch": 0.217, "focal_lengths": (2.0,)} | array
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(stop),
-        microlenses=pl.MicrolensArray(**made),
-        sensor=sensor or pl.Sensor(shape=(512, 512), pixel_pitch=0.01, pixel_aperture=(aperture, aperture)),
-        stop_to_microlenses=123.3,
+    stop, plain = pl.CircularStop(stop) if isinstance(stop, float) else stop, reference_camera()
+    return dataclasses.replace(
+        plain,
+        lens=plain.lens.with_stop(stop),
+        microlenses=dataclasses.replace(plain.microlenses, **array),
+        sensor=sensor or dataclasses.replace(plain.sensor, pixel_aperture=(aperture, aperture)),
         microlenses_to_sensor=b,
     )
 
@@ -40,9 +40,8 @@ def rays_of(record, pixels):
 
 
 def tilted(camera):
-    return camera.moved(pl.CameraPart.SENSOR, tilt=(0.02, -0.01, 0.3)).moved(
-        pl.CameraPart.LENS, shift=(0.5, -0.3, 0.2), tilt=(0.01, -0.02, 0.3)
-    )
+    leaning = camera.moved(pl.CameraPart.SENSOR, tilt=(0.02, -0.01, 0.3))
+    return leaning.moved(pl.CameraPart.LENS, shift=(0.5, -0.3, 0.2), tilt=(0.01, -0.02, 0.3))
 
 
 def two_rims(camera):
@@ -65,9 +64,7 @@ CAMERAS = {
     "thick": camera_of(1.0, 2.0, model=pl.optics.MicrolensModel.SPHERICAL),
 }
 
-
 QUICK = ["2.0 0.1", "1.7 2.3", "star", "tilted", "irregular", "multi-focus", "wide open", "thick"]
-
 
 OTHERS = [name for name in CAMERAS if name not in QUICK]
 

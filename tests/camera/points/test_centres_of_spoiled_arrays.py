@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from camera_helpers import the_lens
 
 import plenoptic as pl
 from plenoptic.camera.camera import CameraPart
@@ -70,7 +71,7 @@ def the_camera(changes, deviations, **camera):
         given[name][mine] = amount
     lit = (np.arange(len(around)) == mine).astype(float)
     spoiled = pl.optics.MicrolensDeviations(index=around.index, transmission=lit, **given)
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(3.6)).inserted(pl.CircularStop(3.5), 60.0)
+    lens = the_lens(3.6).inserted(pl.CircularStop(3.5), 60.0)
     given = {"lens": lens, "stop_to_microlenses": 123.3, "microlenses_to_sensor": 1.7} | camera
     array = dataclasses.replace(array, imperfections=spoiled)
     return pl.PlenopticCamera(microlenses=array, sensor=pl.Sensor((800, 800), PIXEL), **given), around.index[mine]
@@ -114,9 +115,11 @@ QUICK = (
     *("round, displaced, cut", "clear gaps, decentred", "pinhole, displaced", "plate towards the sensor, displaced"),
     "free, round, displaced, cut",
 )
+MORE = [case for case in CASES if case not in QUICK]
 
 
-def assert_centroids_are_those_of_white_images(cases):
+@pytest.mark.parametrize("cases", [QUICK, pytest.param(MORE, marks=pytest.mark.slow)], ids=["few", "more"])
+def test_centroids_are_those_of_white_images(cases):
     for case in cases:
         camera, index = the_camera(*CASES[case])
         white, centroid, sigma = seen(camera, index)
@@ -128,15 +131,6 @@ def assert_centroids_are_those_of_white_images(cases):
             # All but a trace of its light lies in the cell around its chief ray.
             of_image = centre(camera, index, CentreMethod.CENTROID, white)
             assert np.linalg.norm(of_image - centroid) < 0.02 * PIXEL, case
-
-
-def test_centroids_are_those_of_white_images():
-    assert_centroids_are_those_of_white_images(QUICK)
-
-
-@pytest.mark.slow
-def test_centroids_of_more_kinds_are_those_of_white_images():
-    assert_centroids_are_those_of_white_images(case for case in CASES if case not in QUICK)
 
 
 @pytest.mark.slow
@@ -152,7 +146,7 @@ def test_centroids_where_parts_are_out_of_place_too(part):
 
 def test_chief_rays_are_the_middle_of_white_images_of_the_iris():
     """An ideal microlens images the pupil, at the distance D, behind b = f D / (D - f), whatever its opening."""
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(2.5)).with_model(pl.LensModel.THIN)
+    lens = the_lens(2.5, pl.LensModel.THIN)
     away = 123.3 - pl.paraxial.cardinal_points(lens).rear_principal
     for case in ("decentred", "missing, displaced", "round, displaced, cut", "free, displaced"):
         camera, index = the_camera(*CASES[case], lens=lens, microlenses_to_sensor=2.0 * away / (away - 2.0))
@@ -166,9 +160,8 @@ def test_chief_rays_are_the_middle_of_white_images_of_the_iris():
 def test_many_spoiled_lenses_are_as_few(monkeypatch):
     """Interpolated between fields, or each by itself."""
     spoiled = pl.MicrolensImperfections(pitch_jitter=0.02, decentre=0.01, focal_length_spread=0.05, missing=0.1, seed=2)
-    array = {"imperfections": spoiled} | opened(SHAPE.CIRCLE, 0.7)
-    camera, _ = the_camera({}, {}, lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(3.6)))
-    array = pl.MicrolensArray(PITCH, (1.8, 2.0, 2.2), **array)
+    camera, _ = the_camera({}, {}, lens=the_lens(3.6))
+    array = pl.MicrolensArray(PITCH, (1.8, 2.0, 2.2), imperfections=spoiled, **opened(SHAPE.CIRCLE, 0.7))
     camera = dataclasses.replace(camera, microlenses=array, sensor=pl.Sensor((250, 250), PIXEL))
     each = microlens_centres(camera, CentreMethod.CENTROID)
     assert len(each) > 3 * 6 * 6

@@ -2,28 +2,16 @@
 
 import dataclasses
 import math
-import pickle
 import warnings
 
 import numpy as np
 import pytest
+from camera_helpers import CAMERA, bare_camera, refused, the_lens, with_array
 
 import plenoptic as pl
 from plenoptic.camera.psf import sensor_hits
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.optics.lens.pupil.entrance_pupil import entering_polygon, entrance
-from plenoptic.study.cameras import reference_camera
-
-GAUSS = pl.load_lens("double-gauss-100mm-f2")
-CAMERA = reference_camera()
-
-
-def the_lens(stop, model=pl.LensModel.EXACT):
-    return GAUSS.with_stop(pl.CircularStop(semi_diameter=stop)).with_model(model)
-
-
-def bare_camera(lens, z=134.6, shape=(512, 512), pitch=0.010):
-    return pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=shape, pixel_pitch=pitch), stop_to_microlenses=z)
 
 
 def test_light_of_a_perfect_lens_is_pi_m2_sin2():
@@ -60,14 +48,12 @@ def test_a_perfect_lens_in_focus_gathers_all_light_in_the_paraxial_image_point()
     camera = bare_camera(lens).focused_at(z=-404.0)
     m = points.efl / (points.front_focus + 404.0)
     for height in (0.0, 5.0):
-        landed = landing_points(camera, (height, -0.3 * height, -404))
+        point, image = (height, -0.3 * height, -404), [-m * height, 0.3 * m * height]
+        landed, spread = landing_points(camera, point), point_spread(camera, point)
         # eps times lengths of some 500 mm, times a few.
-        np.testing.assert_allclose(
-            landed.position, [[-m * height, 0.3 * m * height]] * len(landed.position), atol=1e-11
-        )
+        np.testing.assert_allclose(landed.position, np.tile(image, (len(landed.position), 1)), atol=1e-11)
+        np.testing.assert_allclose(spread.centroid, image, atol=1e-11)
         assert landed.microlens is None
-        spread = point_spread(camera, (height, -0.3 * height, -404))
-        np.testing.assert_allclose(spread.centroid, [-m * height, 0.3 * m * height], atol=1e-11)
         # The image of a point that lies between two or four pixels may be split by rounding.
         assert spread.image.size <= 4
 
@@ -91,8 +77,7 @@ def test_standard_errors_are_honest():
 
 def test_threads_and_other_points_do_not_change_a_bit(monkeypatch):
     camera, points = CAMERA, [(5, 3, -380), (0, 0, -404), (-2, 1, -500)]
-    alone = point_spread(camera, points[0], rays=5000, threads=1)
-    one = point_spread(camera, points, rays=5000, threads=1)
+    alone, one = (point_spread(camera, given, rays=5000, threads=1) for given in (points[0], points))
     assert one == point_spread(camera, points, rays=5000, threads=3)
     np.testing.assert_array_equal(alone.whole(), one.whole()[0])
     assert point_spread(camera, points[0], rays=5000, seed=1) != alone
@@ -126,9 +111,8 @@ def test_spread_keeps_the_lit_pixels_and_the_fates_of_all_rays():
     one = spread.of(1)
     np.testing.assert_array_equal(one.whole(), spread.whole()[1])
     assert one.of(0) is one and spread.of(2).light == spread.light[2]
-    assert pickle.loads(pickle.dumps(spread)) == spread and not spread.image.flags.writeable
     assert repr(one).startswith("<CameraSpread of 1 point: ") and "3 points" in repr(spread)
-    with pytest.raises(pl.errors.InvalidValueError, match="3 points"):
+    with refused("3 points"):
         spread.of(3)
 
 
@@ -143,14 +127,13 @@ def test_a_point_out_of_sight_leaves_nothing():
 
 def test_near_far_and_tiny():
     lens = the_lens(0.01)
-    points = pl.paraxial.cardinal_points(lens)
     # A stop of a hundredth of a millimetre, 1000 km away: E = pi a^2 / d^2.
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         far = point_spread(bare_camera(lens, z=102.52), (0, 0, -1e9), rays=1 << 14)
         near = point_spread(bare_camera(the_lens(5.0), shape=(16, 16), pitch=10.0), (0, 0, -33.771), rays=1 << 14)
         beyond = point_spread(CAMERA, [(0, 0, -1e300), (1e300, 0, -100)], rays=64)
-    a = points.entrance_pupil_semi_diameter
+    a = pl.paraxial.cardinal_points(lens).entrance_pupil_semi_diameter
     assert far.light == pytest.approx(math.pi * a * a / 1e18, rel=1e-4)
     assert 0 < near.light < math.pi
     assert not beyond.light.any() and not np.isnan(beyond.image).any()
@@ -180,12 +163,8 @@ def test_polygons_around_the_light_hold_all_of_it():
 
 
 def test_impossible_arguments_are_refused():
-    pinholes = dataclasses.replace(CAMERA.microlenses, model=pl.optics.MicrolensModel.PINHOLE)
-    pinholes = dataclasses.replace(CAMERA, microlenses=pinholes)
-    small, behind = (
-        {"camera": dataclasses.replace(CAMERA, sensor=pl.Sensor((8, 8), 0.01))},
-        CAMERA.posed((0, 0, 900), (0, 0, 0)),
-    )
+    pinholes = with_array(CAMERA, model=pl.optics.MicrolensModel.PINHOLE)
+    small, behind = dataclasses.replace(CAMERA, sensor=pl.Sensor((8, 8), 0.01)), CAMERA.posed((0, 0, 900), (0, 0, 0))
     assert point_spread(behind, (0, 0, 500), rays=64).light > 0
     for changed, message in (
         ({"points": (0, 0, -30)}, "in front of it"),
@@ -195,19 +174,16 @@ def test_impossible_arguments_are_refused():
         ({"points": (0, float("nan"), -404)}, "finite"),
         ({"points": (0, -404)}, "shape"),
         ({"points": np.zeros((0, 3))}, "at least one point"),
-        ({"points": "here"}, "points"),
-        ({"points": None}, "points"),
         ({"points": [(0, 0, -404), (0, -404)]}, "points"),
         ({"rays": 0}, "rays"),
         ({"replicates": 0}, "replicates"),
-        ({"seed": -1}, "seed"),
         ({"seed": 1 << 64}, "at most 18446744073709551615"),
         ({"threads": 0}, "threads"),
         ({"camera": "camera"}, "PlenopticCamera"),
         ({"camera": pinholes}, "PINHOLE"),
     ):
-        with pytest.raises(pl.errors.InvalidValueError, match=message):
-            point_spread(**{"points": (0, 0, -404), **small, **changed})
+        with refused(message):
+            point_spread(**{"camera": small, "points": (0, 0, -404), **changed})
 
 
 def test_figure_shows_the_pixels_where_the_sensor_has_them():
@@ -224,12 +200,11 @@ def test_figure_shows_the_pixels_where_the_sensor_has_them():
     np.testing.assert_allclose(shown, cut, rtol=1e-12)
     # The cross lies at the mean of the pixels, to within a pixel's half.
     rows, columns = np.indices(whole.shape)
-    mine = spread.of(0).whole()
-    place = [(mine * rows).sum() / mine.sum(), (mine * columns).sum() / mine.sum()]
+    mine = spread.of(0).whole() / spread.of(0).whole().sum()
+    place = [(mine * rows).sum(), (mine * columns).sum()]
     np.testing.assert_allclose(ax.lines[0].get_xydata()[0][::-1], place, atol=0.5)
-    plt.close("all")
     dark = plot_camera_spread(point_spread(CAMERA, (1e4, 0, -50), rays=8))
     assert "no light" in [text.get_text() for text in dark.texts]
     plt.close("all")
-    with pytest.raises(pl.errors.InvalidValueError, match="CameraSpread"):
+    with refused("CameraSpread"):
         plot_camera_spread("spread")

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from camera_helpers import GAUSS, camera_with, the_lens
 
 import plenoptic as pl
 from plenoptic.camera.assembly import array_axes
@@ -14,19 +15,9 @@ from plenoptic.camera.report.optics import corner_light
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.optics.stops.mask import MaskStop
-from plenoptic.study.cameras import reference_camera
 
-REFERENCE = reference_camera()
-GAUSS = pl.load_lens("double-gauss-100mm-f2")
 POINT = (5.0, 3.0, -380.0)
 PIXEL = 0.01
-
-
-def the_camera(stop=5.0, lens=GAUSS, b=1.7, pixels=None, **changes):
-    stop = pl.CircularStop(stop) if isinstance(stop, float) else stop
-    sensor = dataclasses.replace(REFERENCE.sensor, **(pixels or {}))
-    changes = {"lens": lens.with_stop(stop), "sensor": sensor, "microlenses_to_sensor": b, **changes}
-    return dataclasses.replace(REFERENCE, **changes)
 
 
 def camera_obscura(**changes):
@@ -34,8 +25,7 @@ def camera_obscura(**changes):
 
     The microlenses hardly bend.
     """
-    camera = the_camera(1e-4, GAUSS.with_model(pl.LensModel.NONE), **changes)
-    return dataclasses.replace(camera, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(1e9,)))
+    return camera_with(lens=the_lens(1e-4, pl.LensModel.NONE), focal_lengths=(1e9,), **changes)
 
 
 PLACES = np.random.default_rng(1).uniform(-8.0, 8.0, (300, 2))
@@ -49,10 +39,10 @@ def plain():
 
 
 def test_light_lands_in_the_openings_of_pixels_only():
-    plain = landing_points(the_camera(), POINT, rays=1 << 14)
-    found = landing_points(the_camera(pixels={"pixel_aperture": (0.4, 0.9)}), POINT, rays=1 << 14)
+    cameras = camera_with(), camera_with(pixels={"pixel_aperture": (0.4, 0.9)})
+    plain, found = (landing_points(camera, POINT, rays=1 << 14) for camera in cameras)
     # Row and column are whole at the centres of pixels.
-    row, column = the_camera().sensor.pixel_of(plain.position).T
+    row, column = camera_with().sensor.pixel_of(plain.position).T
     inside = (np.abs(column - np.rint(column)) <= 0.2) & (np.abs(row - np.rint(row)) <= 0.45)
     np.testing.assert_array_equal(found.position, plain.position[inside])
     np.testing.assert_array_equal(found.weight, plain.weight[inside])
@@ -60,11 +50,11 @@ def test_light_lands_in_the_openings_of_pixels_only():
 
 
 def test_light_beside_openings_is_a_fate():
-    given = the_camera(pixels={"pixel_aperture": (0.5, 0.6)})
+    given = camera_with(pixels={"pixel_aperture": (0.5, 0.6)})
     spread = point_spread(given, [(1.0, 0.5, -250.0), (8.5, 0.0, -404.0)], rays=1 << 14)
     assert ("beside_opening", None) in spread.fates
     np.testing.assert_allclose(spread.fractions.sum(axis=1), 1.0, rtol=1e-12)
-    alone = point_spread(the_camera(), (1.0, 0.5, -250.0), rays=1 << 14)
+    alone = point_spread(camera_with(), (1.0, 0.5, -250.0), rays=1 << 14)
     found, plain = spread.fraction_by_fate, alone.fraction_by_fate
     # The light of a point covers some thousand pixels: 0.3 of it to a few per cent.
     assert found["landed"][0] / plain["landed"] == pytest.approx(0.3, abs=0.03)
@@ -121,27 +111,24 @@ def test_dust_moves_with_what_it_lies_on():
 
 def test_rays_that_dust_stops_have_landed():
     everywhere = Blemishes(BlemishSite.ARRAY, [(0.0, 0.0)], [(0.0, 0.0)], radius=50.0, transmission=0.0)
-    spread = point_spread(the_camera(blemishes=(everywhere,)), POINT, rays=1 << 12)
+    spread = point_spread(camera_with(blemishes=(everywhere,)), POINT, rays=1 << 12)
     assert spread.light == 0 and not spread.image.any() and np.isnan(spread.centroid).all()
-    assert spread.fates == point_spread(the_camera(), POINT, rays=1 << 12).fates
+    assert spread.fates == point_spread(camera_with(), POINT, rays=1 << 12).fates
 
 
 def test_what_dims_nothing_changes_nothing():
-    plain = point_spread(the_camera(), POINT, rays=1 << 12)
-    none = Blemishes(BlemishSite.SENSOR, [], [], [], [])
-    empty = the_camera(blemishes=(none,), pixels={"pixel_aperture": (1, 1)})
-    assert point_spread(empty, POINT, rays=1 << 12).light == plain.light
     clear = tuple(Blemishes(site, [POINT[:2]], [(0.0, 0.0)], radius=30.0, transmission=1.0) for site in BlemishSite)
-    clear = the_camera(blemishes=clear, pixels={"angular_response": AngularResponse()})
-    found = point_spread(clear, POINT, rays=1 << 12)
+    clear += (Blemishes(BlemishSite.SENSOR, [], [], [], []),)
+    clear = camera_with(blemishes=clear, pixels={"angular_response": AngularResponse(), "pixel_aperture": (1, 1)})
+    found, plain = (point_spread(camera, POINT, rays=1 << 12) for camera in (clear, camera_with()))
     np.testing.assert_allclose(found.image, plain.image, rtol=1e-13)
 
 
 def test_projections_leave_out_what_dims():
     dusty = Blemishes.scattered(BlemishSite.ARRAY, half_size=(3.0, 3.0), dust_per_mm2=40.0, dust_radius=0.03)
     pixels = {"pixel_aperture": (0.5, 0.5), "angular_response": AngularResponse(well_depth=3.0)}
-    plain = pl.project(the_camera(), POINT, rays=256)
-    assert plain == pl.project(the_camera(blemishes=(dusty,), pixels=pixels), POINT, rays=256)
+    plain = pl.project(camera_with(), POINT, rays=256)
+    assert plain == pl.project(camera_with(blemishes=(dusty,), pixels=pixels), POINT, rays=256)
 
 
 def mask(cells, size):
@@ -149,57 +136,28 @@ def mask(cells, size):
 
 
 def test_a_mask_of_one_half_halves_the_light_and_moves_nothing():
-    clear, grey = (point_spread(the_camera(mask([[t]], 8.0)), POINT, rays=1 << 13) for t in (1.0, 0.5))
+    clear, grey = (point_spread(camera_with(stop=mask([[t]], 8.0)), POINT, rays=1 << 13) for t in (1.0, 0.5))
     # Products with 0.5 are exact.
     np.testing.assert_array_equal(grey.image, 0.5 * clear.image)
     np.testing.assert_array_equal(grey.centroid, clear.centroid)
     assert grey.light == 0.5 * clear.light and grey.fates == clear.fates
 
 
-def centroids_of(camera, points):
-    """Of ideal microlenses of f = 2 mm on a lattice of hexagons, whose variance along x and y is 5 pitch^2 / 72."""
-    offsets = moment_points(np.full(2, 5.0 * camera.microlenses.pitch**2 / 72.0))
-    return centroids_at(array_axes(camera), camera.microlenses, points, 0.5, offsets)
-
-
-def centroid_on_axis(stop):
-    """Of the white image of the microlens on the axis, without a main lens; the iris is 123.3 mm before the array."""
-    camera = the_camera(stop, GAUSS.with_model(pl.LensModel.NONE), b=2.0)
-    return centroids_of(camera, np.zeros((1, 2)))[0]
-
-
-def test_the_centroid_of_two_greys_is_their_mean():
-    # Two squares of 4 mm, column 0 at negative x and row 0 at positive y: the iris's light lies at
-    # (1 (-2) + 0.5 (2)) / 1.5 = -2/3 mm. Through the microlens's centre it lands at -b / D of it.
-    for cells, towards in (([[0.5], [1.0]], (0.0, 1.0)), ([[1.0, 0.5]], (1.0, 0.0))):
-        # cos^4 varies by 2 (4 / 123.3)^2 over the iris, which is 2e-3 of 0.011 mm; edges are found to 8 / 23 / 2^8 mm
-        # of the iris: 2e-5 mm.
-        expected = 2.0 / 3.0 * 2.0 / 123.3 * np.array(towards)
-        np.testing.assert_allclose(centroid_on_axis(mask(cells, 4.0)), expected, atol=5e-5)
-
-
-def test_the_centroid_of_a_wedge():
-    # Transmission (k + 1/2) / n: the mean of x is w / 6 (1 - 1 / n^2) for the width w = 8.
-    for cells in (3, 100):
-        wedge = mask(np.tile((np.arange(cells) + 0.5) / cells, (cells, 1)), 8.0 / cells)
-        expected = -8.0 / 6.0 * (1 - 1 / cells**2) * 2.0 / 123.3
-        # As documented for centroids, some 0.01 pixels.
-        np.testing.assert_allclose(centroid_on_axis(wedge), [expected, 0.0], atol=0.02 * PIXEL)
-
-
-def test_centroids_through_a_constant_mask_are_those_without_it():
-    lens = GAUSS.inserted(pl.CircularStop(3.5), 60.0)
-    points = np.array([[0.0, 0.0], [2.0, 1.0], [-2.0, 0.5]])
-    found = [centroids_of(the_camera(mask([[t]], 5.0), lens), points) for t in (1.0, 0.5)]
-    # The rays are the same, and the weights are halved exactly.
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-13, atol=1e-16)
-
-
-def test_the_corner_sees_the_same_part_of_a_grey_iris():
-    corner, z = (24.0, 16.0), 123.3
-    clear, grey = (corner_light(GAUSS.with_stop(mask([[t]], 25.0)), corner, z, 587.6) for t in (1.0, 0.5))
-    assert grey == clear
-    assert 0.2 < clear.pupil_fraction < 0.95
+def test_the_centroid_of_greys_is_that_of_their_light():
+    """Through the microlens on the axis, 123.3 mm behind the iris and without a main lens, it lands at -b / D of it."""
+    # Two squares of 4 mm, column 0 at negative x and row 0 at positive y: (1 (-2) + 0.5 (2)) / 1.5 = -2/3 mm. A wedge
+    # of n cells of transmission (k + 1/2) / n: the mean of x is w / 6 (1 - 1 / n^2) for the width w = 8. cos^4 varies
+    # by 2 (4 / 123.3)^2 over the iris, which is 2e-3 of 0.011 mm; edges are found to 8 / 23 / 2^8 mm of it: 2e-5 mm.
+    wedges = [np.tile((np.arange(n) + 0.5) / n, (n, 1)) for n in (3, 100)]
+    for cells, size, x, y, atol in (
+        *(([[0.5], [1.0]], 4.0, 0.0, -2 / 3, 5e-5), ([[1.0, 0.5]], 4.0, -2 / 3, 0.0, 5e-5)),
+        *((wedge, 8.0 / len(wedge), 8 / 6 * (1 - 1 / len(wedge) ** 2), 0.0, 0.02 * PIXEL) for wedge in wedges),
+    ):
+        camera = camera_with(2.0, lens=the_lens(mask(cells, size), pl.LensModel.NONE))
+        # Of hexagons, whose variance along x and y is 5 pitch^2 / 72.
+        offsets = moment_points(np.full(2, 5.0 * camera.microlenses.pitch**2 / 72.0))
+        found = centroids_at(array_axes(camera), camera.microlenses, np.zeros((1, 2)), 0.5, offsets)[0]
+        np.testing.assert_allclose(found, -2.0 / 123.3 * np.array([x, y]), atol=atol)
 
 
 def test_the_corner_sees_what_is_left_of_the_light_of_the_iris():
