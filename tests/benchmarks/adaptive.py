@@ -7,7 +7,7 @@ import numpy as np
 import reference
 from honesty import Converged, Subject, expose
 from table import Table
-from timing import Task, cost_of
+from timing import timed
 
 import plenoptic as pl
 
@@ -21,8 +21,8 @@ def tables(*, quick):
     side, seeds, converged = (16, 2, 256) if quick else (128, 5, 1 << 12)
     rows = [row for subject in subjects(side) for row in _rows(subject, range(seeds), converged)]
     columns = (
-        *("scene", "target %", "reported %", "true %", "samples on average", "paths of a pixel", "CPU s"),
-        *("over fixed", "from", "to"),
+        "scene | target % | reported % | true % | samples on average | paths of a pixel | CPU s | "
+        "over fixed | from | to"
     )
     remark = (
         f"{side} x {side} pixels, one thread, {seeds} seeds, calls in turns, each with a camera of its own. True "
@@ -33,31 +33,19 @@ def tables(*, quick):
 
 
 def subjects(side):
-    camera, first = reference.camera(), 256 - side // 2
-    region = np.s_[first : first + side, first : first + side]
-    return [
-        Subject("white", None, camera, region),
-        Subject("matt board", board(), camera, region),
-        Subject("dim and bright", dim_and_bright(), camera, region),
-        Subject("`objects`", pl.objects_scene(), camera, region),
-    ]
-
-
-def board():
-    """A matt board under a lamp."""
+    """A matt board under a lamp; and beside a small one, half in the shadow of a plate: there it has the sky alone."""
+    wall = pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.7))
     lamp = pl.QuadLight.facing((20, 30, -360), (0, 0, -404), (12, 12), radiance=20.0)
-    return pl.Scene([_wall()], [lamp])
-
-
-def dim_and_bright():
-    """A matt board beside a small lamp, half in the shadow of a plate: only the sky lights what is there."""
-    lamp = pl.QuadLight.facing((-4, 0, -402), (0, 0, -404), (1, 1), radiance=40.0)
+    small = pl.QuadLight.facing((-4, 0, -402), (0, 0, -404), (1, 1), radiance=40.0)
     plate = pl.quad((0.5, -0.5, -404), (0, 0, 0.5), (0, 9, 0), material=pl.Lambertian(0.3))
-    return pl.Scene([_wall(), plate], [lamp], background=0.05)
-
-
-def _wall():
-    return pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.7))
+    scenes = {
+        "white": None,
+        "matt board": pl.Scene([wall], [lamp]),
+        "dim and bright": pl.Scene([wall, plate], [small], background=0.05),
+        "`objects`": pl.objects_scene(),
+    }
+    camera = reference.camera()
+    return [Subject(name, scene, camera, reference.middle(side)) for name, scene in scenes.items()]
 
 
 def _rows(subject, seeds, converged):
@@ -65,17 +53,15 @@ def _rows(subject, seeds, converged):
     said = [float(expose(subject, samples=n).relative_error or 0.0) for n in FIXED]
     targets = np.exp(np.interp(np.log(AIMED), np.log(FIXED), np.log(said))).tolist()
     budgets = {f"{n}": {"samples": n} for n in FIXED} | {f"{e}": {"target_error": e} for e in targets}
-    shots = {name: [] for name in budgets}
-    costs = {name: [] for name in budgets}
+    found = {name: [] for name in budgets}
     for seed in (seeds[0], *seeds):
         for name, budget in budgets.items():
             # A camera of its own: nothing is known from the call before.
             new = subject._replace(camera=dataclasses.replace(subject.camera))
-            to = shots[name]
-            task = Task(lambda _, b=budget, n=new, s=seed, to=to: to.append(expose(n, threads=1, seed=s, **b)))
-            costs[name].append(cost_of(task).cpu)
+            found[name].append(timed(expose, new, threads=1, seed=seed, **budget))
+    shots = {name: [shot for _, shot in each] for name, each in found.items()}
     true = {name: true_error(truth, shots[name][1:]) for name in budgets}
-    cpu = {name: np.array(costs[name][1:]) for name in budgets}
+    cpu = {name: np.array([cost.cpu for cost, _ in each[1:]]) for name, each in found.items()}
     for target in targets:
         name = f"{target}"
         fixed = np.array([_fixed_cost([(true[f"{n}"], cpu[f"{n}"][k]) for n in FIXED], true[name]) for k in seeds])

@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from starting import in_new_process
 from table import Table
+from timing import apart, count_peak_anew, memory, timed
 
 import plenoptic as pl
 from plenoptic.study.cameras import reference_camera
@@ -28,32 +28,6 @@ def sequence(frames):
     return pl.Sequence(pl.Scene([WALL, DIE], background=0.3), camera, np.linspace(0, 1, frames), motions={"die": turn})
 
 
-BANDS = """
-import dataclasses, json, sys, time
-from pathlib import Path
-import plenoptic as pl
-from plenoptic.study.cameras import reference_camera
-
-def memory(name):
-    found = [line.split() for line in open("/proc/self/status") if line.startswith(name)] if LINUX else []
-    return int(found[0][1]) / 1e3 if found else 0.0
-
-def frame(side):
-    sensor = pl.Sensor(shape=(side, side), pixel_pitch=5.12 / side)
-    return pl.Sequence(scene, dataclasses.replace(reference_camera(), sensor=sensor), [0.0])
-
-LINUX, scene, folder = sys.platform == "linux", pl.objects_scene(), Path({folder!r})
-pl.dataset.write(folder / "small", frame(64), samples=2, progress=False)
-if LINUX:
-    Path("/proc/self/clear_refs").write_text("5")
-before, wall, cpu = memory("VmRSS"), time.perf_counter(), time.process_time()
-made = pl.dataset.write(folder / "large", frame({side}), samples=2, progress=False)
-spent = time.perf_counter() - wall, time.process_time() - cpu
-peak, begin = memory("VmHWM") - before, time.perf_counter()
-assert made.open().image[0, -512:, -512:].values.any()
-size = sum(path.stat().st_size for path in (folder / "large").rglob("*") if path.is_file()) / 1e6
-print(json.dumps([*spent, size, peak, time.perf_counter() - begin]))
-"""
 HOW = {"samples": 16, "truth": pl.Truth.DEPTH | pl.Truth.OBJECT, "progress": False}
 
 
@@ -68,8 +42,7 @@ def tables(*, quick):
         columns = (
             "megapixels | wall s | CPU-s | MB on the disk | MB of memory beside what was there | a chunk read in s"
         )
-        code = BANDS.replace("{folder!r}", repr(folder)).replace("{side}", str(side))
-        yield Table(title, columns, [(side**2 / 1e6, *in_new_process(code))])
+        yield Table(title, columns, [(side**2 / 1e6, *apart(banded, folder, side))])
         title = "The sequence, killed by SIGKILL at random moments and called again"
         columns = "kills | frames there at each | hashes of all arrays, and the manifest"
         yield Table(title, columns, [killed(Path(folder), frames, kills)])
@@ -78,11 +51,7 @@ def tables(*, quick):
 def costs(folder, frames):
     pl.dataset.write(folder / "warm", sequence(2), motion=True, **HOW)
 
-    def timed(what, work):
-        begin, cpu = time.perf_counter(), time.process_time()
-        work()
-        took, cpu = time.perf_counter() - begin, time.process_time() - cpu
-        return what, took, cpu, 1e3 * cpu / frames
+    whole = folder / "whole"
 
     def rendered():
         found = list(sequence(frames))
@@ -91,11 +60,39 @@ def costs(folder, frames):
             if k:
                 pl.sequences.motion_truth(found[k - 1], frame, progress=False)
 
-    yield *timed("`render` and `motion_truth`", rendered), None
-    whole = folder / "whole"
-    facts = timed("`dataset.write`", lambda: pl.dataset.write(whole, sequence(frames), motion=True, **HOW))
-    yield *facts, sum(path.stat().st_size for path in whole.rglob("*") if path.is_file()) / 1e6
-    yield *timed("called again", lambda: pl.dataset.write(whole, sequence(frames), motion=True, **HOW)), None
+    def written():
+        pl.dataset.write(whole, sequence(frames), motion=True, **HOW)
+
+    for what, work in (
+        ("`render` and `motion_truth`", rendered),
+        ("`dataset.write`", written),
+        ("called again", written),
+    ):
+        cost, _ = timed(work)
+        yield what, *cost, 1e3 * cost.cpu / frames, size_of(whole) if what == "`dataset.write`" else None
+
+
+def size_of(folder):
+    """MB on the disk."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6
+
+
+def banded(folder, side):
+    """Of a large frame in a process of its own: seconds, MB on the disk and of memory, seconds to read a chunk."""
+    scene, folder = pl.objects_scene(), Path(folder)
+
+    def frame(side):
+        sensor = pl.Sensor(shape=(side, side), pixel_pitch=5.12 / side)
+        return pl.Sequence(scene, dataclasses.replace(reference_camera(), sensor=sensor), [0.0])
+
+    pl.dataset.write(folder / "small", frame(64), samples=2, progress=False)
+    count_peak_anew()
+    before = memory()
+    spent, made = timed(pl.dataset.write, folder / "large", frame(side), samples=2, progress=False)
+    peak = (memory("VmHWM") - before) / 1e6
+    chunk, values = timed(lambda: made.open().image[0, -512:, -512:].values)
+    assert values.any()
+    return [*spent, size_of(folder / "large"), peak, chunk.wall]
 
 
 def killed(folder, frames, kills):

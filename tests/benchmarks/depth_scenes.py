@@ -44,10 +44,9 @@ def plane(camera, v, seed, *, contrast=0.2, tilt=0.0, right=False, colours=1):
     common = reference.noise(seed, _TEXELS)
     own = [0.5 * (common + reference.noise(seed + 100 * k, _TEXELS)) for k in range(colours)]
     picture = np.stack(own if colours > 1 else [common], -1)
-    texture = pl.Texture(np.clip(0.5 + contrast * picture, 0.02, 1.0).astype(np.float32))
     left = 0.3 * scale if right else -0.5 * side
     corner = (left, -0.5 * side, z - 0.5 * slope * side)
-    return pl.quad(corner, (side, 0.0, slope * side), (0.0, side, 0.0), material=pl.Emissive(texture))
+    return reference.glowing(picture, corner, (side, 0.0, slope * side), (0.0, side, 0.0), contrast=contrast)
 
 
 def near_centres(camera, shot, part=7.0 / 22.0):

@@ -18,9 +18,7 @@ def tables(*, quick):
     camera = dataclasses.replace(reference.camera(), wavelength=550.0)
     bends = {"at microlenses": pl.Diffraction(), "and at the iris": pl.Diffraction(iris=True)}
     bent = {name: Variant(camera=dataclasses.replace(camera, diffraction=bend)) for name, bend in bends.items()}
-    middle = slice(256 - side // 2, 256 + side // 2)
-
-    how = {"samples": samples, "region": np.s_[middle, middle], "seeds": seeds, "progress": False}
+    how = {"samples": samples, "region": reference.middle(side), "seeds": seeds, "progress": False}
     how |= {"reference": bent["at microlenses"], "reference_samples": 4 * samples[-1]}
 
     def study(scene, variants):
@@ -33,8 +31,10 @@ def tables(*, quick):
     rows = [*_rows("`objects`", scene, {RAYS: scene.of(RAYS)})]
     for of in (uncut, white):
         rows += _rows("white", of, {RAYS: white.of(RAYS), UNCUT: uncut.of(UNCUT)})
-    columns = ("scene", "bends", "samples", "CPU us per pixel and sample", "noise %", "bias %")
-    columns += ("CPU at equal noise", "over that where nothing is certain")
+    columns = (
+        "scene | bends | samples | CPU us per pixel and sample | noise % | bias % | CPU at equal noise | "
+        "over that where nothing is certain"
+    )
     remark = (
         f"The reference camera at 550 nm, central {side} x {side} pixels, {seeds} seeds, one thread, without setting "
         "up. Noise and bias are relative RMS over lit pixels, the bias beside bends at microlenses. CPU at equal noise "

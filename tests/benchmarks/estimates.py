@@ -1,14 +1,12 @@
 """Does the interval hold that `pl.estimate` gives where a target error ends a render? Ten renders, each asked about."""
 
-import time
-
 import numpy as np
 import reference
 from honesty import Subject, caustic, expose, scenes
 from table import Table
+from timing import timed
 
 import plenoptic as pl
-from plenoptic.truth.channels import Truth
 
 WARM = 4
 """Samples of a render before, which compiles."""
@@ -31,8 +29,8 @@ def tables(*, quick):
 
 def subjects(side):
     """Scenes, and the errors that are aimed at."""
-    camera, first = reference.camera(), 256 - side // 2
-    middle, thin = np.s_[first : first + side, first : first + side], scenes.camera(pixel_pitch=7.2 / side, pixels=side)
+    camera, middle = reference.camera(), reference.middle(side)
+    thin = scenes.camera(pixel_pitch=7.2 / side, pixels=side)
     return [
         (Subject("`objects`", pl.objects_scene(), camera, middle), (0.2, 0.1)),
         (Subject("`check`", pl.check_scene(), camera, middle), (0.05, 0.025)),
@@ -45,13 +43,10 @@ def subjects(side):
 def _row(subject, target):
     given = {"target_error": target, "region": subject.region}
     expose(subject, samples=WARM)
-    begin = time.process_time()
-    found = pl.estimate(subject.scene, subject.camera, truth=Truth.NONE, progress=False, **given)
-    took, begin = time.process_time() - begin, time.process_time()
-    shot = expose(subject, target_error=target)
-    cpu = time.process_time() - begin
-    asked = *_cells(found.cpu_seconds, cpu), *_cells(found.samples, _paths_of_a_pixel(shot))
-    return f"{subject.name}, {100 * target:g} %", *asked, took
+    took, found = timed(pl.estimate, subject.scene, subject.camera, truth=pl.Truth.NONE, progress=False, **given)
+    cost, shot = timed(expose, subject, target_error=target)
+    asked = *_cells(found.cpu_seconds, cost.cpu), *_cells(found.samples, _paths_of_a_pixel(shot))
+    return f"{subject.name}, {100 * target:g} %", *asked, took.cpu
 
 
 def _paths_of_a_pixel(shot):

@@ -23,12 +23,11 @@ MEAN_OVER = 128
 
 def tables(*, quick):
     yield Table("The reference camera", ("figure", "unit", "reference", "found"), [*paraxial(), *traced(quick)])
-    columns = ("alpha", *(f"metal, {a:.0f} degrees" for a in ANGLES_DEG), "mean")
-    columns = (*columns, *(f"glass, {a:.0f} degrees" for a in ANGLES_DEG))
+    metal, glass = ([f"{name}, {a:.0f} degrees" for a in ANGLES_DEG] for name in ("metal", "glass"))
     drawn = 1 << (12 if quick else 17)
     remark = f"Per cent of all light, by {drawn} drawn directions each. The mean is weighed by the cosine."
     rows = [(alpha, *losses(alpha, drawn)) for alpha in ALPHAS[:: 3 if quick else 1]]
-    yield Table("What rough surfaces lose", columns, rows, (remark,))
+    yield Table("What rough surfaces lose", ("alpha", *metal, "mean", *glass), rows, [remark])
 
 
 def paraxial():
@@ -48,18 +47,20 @@ def traced(quick):
         if not quick:
             found = f"{render.microlens_image_pitch(camera):.3f}"
             yield f"pitch of microlens images, {mode.title}", "pixels", expected, found
-        square = dataclasses.replace(
-            camera,
-            microlenses=dataclasses.replace(camera.microlenses, lattice=pl.Lattice.SQUARE),
-            sensor=pl.Sensor(shape=(70, 70), pixel_pitch=0.010),
-        )
+        array = dataclasses.replace(camera.microlenses, lattice=pl.Lattice.SQUARE)
+        square = dataclasses.replace(camera, microlenses=array, sensor=pl.Sensor((70, 70), 0.010))
         apart = np.diff(np.unique(pl.microlens_centres(square).pixel[:, 0].round(6))).max()
         yield f"the same by chief rays, {mode.title}", "pixels", expected, f"{apart:.3f}"
         yield f"the same by `report()`, {mode.title}", "pixels", expected, f"{camera.report().image_pitch_pixels:.3f}"
     lenses, chief_rays = render.disparities_in_mode_2()
     yield "disparity of neighbours, relative to lens centres, 2.0", "pixels", "3.255", f"{lenses:.3f}"
     yield "the same, relative to chief-ray centres", "pixels", "3.542", f"{chief_rays:.3f}"
-    yield from reported(reference.camera().report())
+    report = reference.camera().report()
+    focus = report.focus[0]
+    yield "virtual depth of the plane in focus by `report()`, 2.0", "", "6.667", f"{focus.virtual_depth:.3f}"
+    yield "disparity of the same", "pixels", "3.255", f"{focus.disparity:.3f}"
+    yield "pixels that several microlenses feed, 2.0", "%", "12", f"{100 * report.overlap_fraction:.1f}"
+    yield "plane in focus, Gaussian optics, 2.0", "mm", "-404", f"{focus.z:.2f}"
     camera = reference.camera(sensor=pl.Sensor(shape=(1, 1), pixel_pitch=1e-4))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", pl.errors.ImplausibleCameraWarning)  # the pixel is a point
@@ -71,22 +72,13 @@ def traced(quick):
         yield "RMS of true error over RMS of standard error, `check`", "", "1", f"{ratio:.2f}"
 
 
-def reported(report):
-    focus = report.focus[0]
-    yield "virtual depth of the plane in focus by `report()`, 2.0", "", "6.667", f"{focus.virtual_depth:.3f}"
-    yield "disparity of the same", "pixels", "3.255", f"{focus.disparity:.3f}"
-    yield "pixels that several microlenses feed, 2.0", "%", "12", f"{100 * report.overlap_fraction:.1f}"
-    yield "plane in focus, Gaussian optics, 2.0", "mm", "-404", f"{focus.z:.2f}"
-
-
 def losses(alpha, n):
     """Per cent: of metal by angles and on average, of glass by angles."""
+
+    def lost(material, angles, n):
+        return [100 * (1 - float(bsdf.returned(material, bsdf.towards(angle), n)[0][0])) for angle in angles]
+
     metal, glass = pl.Conductor(alpha=alpha), pl.Dielectric(1.5, alpha=alpha)
-    yield from (lost(metal, angle, n) for angle in ANGLES_DEG)
     angles = np.degrees(np.arccos(np.sqrt((np.arange(MEAN_OVER) + 0.5) / MEAN_OVER)))
-    yield float(np.mean([lost(metal, angle, n // 16) for angle in angles]))
-    yield from (lost(glass, angle, n) for angle in ANGLES_DEG)
-
-
-def lost(material, angle_deg, n):
-    return 100 * (1 - float(bsdf.returned(material, bsdf.towards(angle_deg), n)[0][0]))
+    mean = float(np.mean(lost(metal, angles, n // 16)))
+    return *lost(metal, ANGLES_DEG, n), mean, *lost(glass, ANGLES_DEG, n)

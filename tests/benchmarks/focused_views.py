@@ -1,12 +1,13 @@
 """Views of focused cameras against exact pictures, beside those that take one patch of each microlens."""
 
 import dataclasses
-import time
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import reference
 from table import Table
+from timing import timed
 
 import plenoptic as pl
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
@@ -30,9 +31,8 @@ class Card(NamedTuple):
     texels: int = _TEXELS
     centre: tuple[float, float] = (0.0, 0.0)  # in its image, mm
 
-    def texture(self):
-        noise = 0.5 + 0.2 * reference.noise(int(100 * self.virtual_depth), _TEXELS)
-        return np.clip(noise, 0.02, 1.0)[: self.texels, : self.texels]
+    def noise(self):
+        return reference.noise(int(100 * self.virtual_depth), _TEXELS)[: self.texels, : self.texels]
 
     def placed(self, camera):
         """Its lower left corner and side, mm."""
@@ -44,13 +44,12 @@ class Card(NamedTuple):
 
     def mesh(self, camera):
         x, y, z, side = self.placed(camera)
-        shine = pl.Emissive(pl.Texture(self.texture()[..., None].astype(np.float32)))
-        return pl.quad((x, y, z), (side, 0, 0), (0, side, 0), material=shine)
+        return reference.glowing(self.noise(), (x, y, z), (side, 0, 0), (0, side, 0))
 
     def radiance(self, camera, position):
         """At points (..., 3) of it, between the middles of texels."""
         x, y, _, side = self.placed(camera)
-        texture = self.texture()
+        texture = reference.grey(self.noise())
         at = np.stack([y + side - position[..., 1], position[..., 0] - x], axis=-1) * (self.texels / side) - 0.5
         low = np.floor(np.nan_to_num(at)).astype(np.int64)
         (row, column), (down, along) = np.moveaxis(low, -1, 0), np.moveaxis(at - low, -1, 0)
@@ -59,68 +58,57 @@ class Card(NamedTuple):
             return texture[np.clip(row + i, 0, self.texels - 1), np.clip(column + j, 0, self.texels - 1)]
 
         upper, lower = ((1 - along) * texel(i, 0) + along * texel(i, 1) for i in (0, 1))
-        return np.asarray((1 - down) * upper + down * lower)
-
-
-class Case(NamedTuple):
-    title: str
-    types: tuple[float, ...]
-    cards: tuple[Card, ...]
+        return (1 - down) * upper + down * lower
 
 
 _HIDING = (Card(8.0, 40, (0.3, 0.2)), Card(4.0))
 CASES = (
-    Case("three types, one in focus", _THREE, (Card(6.667),)),
-    Case("one type, in focus", (2.0,), (Card(6.667),)),
-    Case("three types, none in focus", _THREE, (Card(3.0),)),
-    Case("three types, occlusion", _THREE, _HIDING),
-    Case("one type, occlusion", (2.0,), _HIDING),
+    ("three types, one in focus", _THREE, (Card(6.667),)),
+    ("one type, in focus", (2.0,), (Card(6.667),)),
+    ("three types, none in focus", _THREE, (Card(3.0),)),
+    ("three types, occlusion", _THREE, _HIDING),
+    ("one type, occlusion", (2.0,), _HIDING),
 )
 
 
 def tables(*, quick):
-    shape, samples = ((120, 120), 16) if quick else ((330, 330), 256)
-    margin = 6 if quick else _MARGIN
-    rows = [row for case in (CASES[-1:] if quick else CASES) for row in _rows(case, shape, samples, margin)]
+    side, samples, margin = (120, 16, 6) if quick else (330, 256, _MARGIN)
+    rows = [row for case in (CASES[-1:] if quick else CASES) for row in _rows(*case, side, samples, margin)]
     remark = (
-        f"{shape[0]} x {shape[1]} pixels, {samples} samples. The exact picture is the mean of {_FINE} x {_FINE} "
+        f"{side} x {side} pixels, {samples} samples. The exact picture is the mean of {_FINE} x {_FINE} "
         f"lookups in each pixel along its rays; {margin} pixels at each border do not count. Patches have the "
         "median disparity of their microlens's middle. One thread."
     )
-    yield Table(
-        "Views of focused cameras: PSNR in dB over a peak of 1",
-        ("scene", "depth", "viewpoint", "one patch a microlens", "render_view", "gain", "us per raw pixel"),
-        rows,
-        [remark],
-    )
+    columns = "scene | depth | viewpoint | one patch a microlens | render_view | gain | us per raw pixel"
+    yield Table("Views of focused cameras: PSNR in dB over a peak of 1", columns, rows, [remark])
 
 
-def _rows(case, shape, samples, margin):
-    camera = reference.built(shape, focal_lengths=case.types)
-    scene = pl.Scene([card.mesh(camera) for card in case.cards])
+def _rows(title, types, cards, side, samples, margin):
+    camera = reference.built((side, side), focal_lengths=types)
+    scene = pl.Scene([card.mesh(camera) for card in cards])
     shot = pl.render(scene, camera, samples=samples, max_bounces=0, truth=Truth.CHORD_DISPARITY, progress=False)
     white = pl.render_white(camera, samples=samples, seed=5, progress=False)
     maps = {"true": shot.truth.chord_disparity, "estimated": pl.lightfield.depth(shot, white).disparity}
     for viewpoint in ((0.0, 0.0), (0.5, 0.0)):
         for name, disparity in maps.items():
-            pl.lightfield.render_view(shot, white, disparity, viewpoint=viewpoint, threads=1)
-            begin = time.perf_counter()
-            view = pl.lightfield.render_view(shot, white, disparity, viewpoint=viewpoint, threads=1)
-            spent = 1e6 * (time.perf_counter() - begin) / shot.image[..., 0].size
-            exact = _exact(case, scene, view)
+            taken = partial(pl.lightfield.render_view, shot, white, disparity, viewpoint=viewpoint, threads=1)
+            taken()
+            cost, view = timed(taken)
+            exact = _exact(cards, scene, view)
             pictures = view.picture[..., 0], _patches(shot, white, disparity, view)
             ours, patches = (_psnr(picture - exact, margin) for picture in pictures)
-            yield case.title, name, str(viewpoint), f"{patches:.1f}", f"{ours:.1f}", f"{ours - patches:.1f}", spent
+            found = (f"{value:.1f}" for value in (patches, ours, ours - patches))
+            yield title, name, str(viewpoint), *found, 1e6 * cost.wall / shot.image[..., 0].size
 
 
-def _exact(case, scene, view):
+def _exact(cards, scene, view):
     """The mean radiance of a view's pixels."""
     steps = (np.arange(_FINE) - (_FINE - 1) / 2) / _FINE * view.spacing
     total = np.zeros(view.disparity.shape)
     for step in np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2):
         moved = dataclasses.replace(view, on_array=view.on_array + step)
         found = moved.truth(scene, truth=Truth.POSITION | Truth.OBJECT)
-        for number, card in enumerate(case.cards):
+        for number, card in enumerate(cards):
             total += np.where(found.object == number, card.radiance(view.camera, found.position), 0.0)
     return total / len(steps) ** 2
 

@@ -29,15 +29,15 @@ def tables(*, quick):
     numbers = (64,) if quick else (64, 256, 1024)
     fixed, adaptive = [], []
     for subject in subjects(side):
-        truth = Converged(subject, converged)
+        name, truth = subject.name, Converged(subject, converged)
         for samples in numbers:
             found = honesty(truth, range(seeds), samples=samples)
-            fixed.append((subject.name, samples, 100 * found.error, *_cells(found)))
-        if subject.name in TARGETS:
-            target = 5 * TARGETS[subject.name] if quick else TARGETS[subject.name]
+            fixed.append((name, samples, 100 * found.error, *_cells(found)))
+        if name in TARGETS:
+            target = 5 * TARGETS[name] if quick else TARGETS[name]
             found = honesty(truth, range(seeds), target_error=target)
-            reached = (100 * target, 100 * found.stated, 100 * found.error, round(found.samples))
-            adaptive.append((subject.name, *reached, *_cells(found)))
+            reached = 100 * target, 100 * found.stated, 100 * found.error, round(found.samples)
+            adaptive.append((name, *reached, *_cells(found)))
     shared = (
         "true over standard error | mean error / its standard error | 95 % intervals that hold: all lit pixels % | "
         "where one sample weighs less than the true error % | these pixels %"
@@ -60,19 +60,17 @@ def _reported(*, quick):
     rows = []
     for film in films(side):
         truth = Converged(film, converged)
-        budgets = [{"samples": n} for n in ((32,) if quick else (32, 128))]
-        budgets.append({"target_error": 0.5 if quick else FILM_TARGET})
-        for budget in budgets:
+        target = 0.5 if quick else FILM_TARGET
+        budgets = {f"{n} samples": {"samples": n} for n in ((32,) if quick else (32, 128))}
+        for name, budget in (budgets | {f"target {100 * target:g} %": {"target_error": target}}).items():
             found = honesty(truth, range(seeds), replicates=2, **budget)
-            name = "samples" if "samples" in budget else f"target {100 * float(str(budget['target_error'])):g} %"
-            ratio = f"{found.stated / found.error:.3f}"
-            errors = (f"{100 * found.error:.2f}", f"{100 * found.stated:.2f}", ratio)
+            errors = f"{100 * found.error:.2f}", f"{100 * found.stated:.2f}", f"{found.stated / found.error:.3f}"
             rows.append((film.name, name, round(found.samples), *errors, round(found.rare * seeds)))
     remark = (
         f"{side} x {side} pixels, 2 replicates, {seeds} seeds a row, references of {converged} samples. RMS over seeds "
         "and lit pixels of the reference. Rare: how many exposures say that light is too rare to know their error."
     )
-    columns = ("scene", "ends by", "samples", "true error %", "reported %", "reported over true", "rare")
+    columns = "scene | ends by | samples | true error % | reported % | reported over true | rare"
     return Table("What exposures report", columns, rows, [remark])
 
 
@@ -109,16 +107,12 @@ class Honesty(NamedTuple):
 
 def room():
     """Four matt walls under a ceiling that shines, open to the camera: three fifths of its light come by bounces."""
-    matt, shining = pl.Lambertian(0.7), pl.Emissive(1.0, two_sided=True)
-    left, low, back, side, deep = -7.0, -7.0, -411.0, 14.0, 24.0
-    walls = [
-        pl.quad((left, low, back), (side, 0, 0), (0, side, 0), material=matt),
-        pl.quad((left, low, back), (0, 0, deep), (side, 0, 0), material=matt),
-        pl.quad((left, low, back), (0, side, 0), (0, 0, deep), material=matt),
-        pl.quad((-left, low, back), (0, 0, deep), (0, side, 0), material=matt),
-        pl.quad((left, -low, back), (side, 0, 0), (0, 0, deep), material=shining),
-    ]
-    return pl.Scene(meshes=walls)
+    right, up, deep, matt = (14, 0, 0), (0, 14, 0), (0, 0, 24), pl.Lambertian(0.7)
+    edges = (right, up), (deep, right), (up, deep)
+    walls = [pl.quad((-7, -7, -411), *both, material=matt) for both in edges]
+    walls.append(pl.quad((7, -7, -411), deep, up, material=matt))
+    ceiling = pl.quad((-7, 7, -411), right, deep, material=pl.Emissive(1.0, two_sided=True))
+    return pl.Scene([*walls, ceiling])
 
 
 def coloured():
@@ -137,6 +131,7 @@ def subjects(side):
         return np.s_[row : row + side, column : column + side]
 
     objects, direct = pl.objects_scene(), {"max_bounces": 1}
+    places = {"board": (40, 40), "metal ball": (310, 340), "glass ball": (110, 200), "beside the cube": (310, 150)}
     return [
         Subject("white", None, camera, crop(240, 240)),
         Subject("`check`", pl.check_scene(), camera, crop(240, 240)),
@@ -144,10 +139,7 @@ def subjects(side):
         Subject("coloured plates, spectral", coloured(), colour, crop(224, 150)),
         Subject("`objects`: board, 1 bounce", objects, camera, crop(40, 40), direct),
         Subject("`objects`: cube, 1 bounce", objects, camera, crop(310, 150), direct),
-        Subject("`objects`: board", objects, camera, crop(40, 40)),
-        Subject("`objects`: metal ball", objects, camera, crop(310, 340)),
-        Subject("`objects`: glass ball", objects, camera, crop(110, 200)),
-        Subject("`objects`: beside the cube", objects, camera, crop(310, 150)),
+        *(Subject(f"`objects`: {name}", objects, camera, crop(*place)) for name, place in places.items()),
     ]
 
 

@@ -1,10 +1,8 @@
 """Scenes of up to five million triangles, and of many more by instances: seconds and memory to build, rays a second."""
 
-import time
-
 import numpy as np
-from starting import in_new_process
 from table import Table
+from timing import apart, memory, timed
 
 import plenoptic as pl
 from plenoptic.scene.geometry.accel import build_intersector
@@ -18,16 +16,12 @@ FULL = (
     *(("balls, copied", 1000), ("balls, instances", 1000), ("balls, instances", 100_000)),
 )
 SMALL = (("terrain", 20), ("balls, copied", 3), ("balls, instances", 3))
-CODE = "import json, large_scenes; print(json.dumps(large_scenes.measured({name!r}, {size}, {rays})))"
 BUNDLE = 4096
 
 
 def tables(*, quick):
-    rows = []
-    for name, size in SMALL if quick else FULL:
-        side = 64 if quick else 512
-        met, stored, *costs = in_new_process(CODE.format(name=name, size=size, rays=side))
-        rows.append((name, int(met), int(stored), *costs))
+    scenes, rays = (SMALL, 64) if quick else (FULL, 512)
+    rows = [(name, *apart(measured, name, size, rays)) for name, size in scenes]
     remark = (
         "MB are what the process holds more afterwards. Tables: `Scene.tables()`; Embree: float32 copies and the "
         "tree. First rays come from one point, those of neighbouring pixels together; random ones go on from where "
@@ -46,18 +40,19 @@ def measured(name, size, side):
     triangle = geometry_record(np.eye(3), np.arange(3, dtype=np.int32)[None], np.zeros(1, np.int32))
     build_intersector(triangle)  # loads the library
     scene = terrain(size) if name == "terrain" else balls(size, copied="copied" in name)
-    start, before = time.perf_counter(), memory()
-    compiled = scene.tables()
-    spent = [time.perf_counter() - start, memory() - before]
-    wall, cpu, before = time.perf_counter(), time.process_time(), memory()
-    intersector = build_intersector(compiled.geometry, compiled.instances)
-    spent += [time.perf_counter() - wall, time.process_time() - cpu, memory() - before, memory("VmHWM")]
+    held = [memory()]
+    tables, compiled = timed(scene.tables)
+    held.append(memory())
+    tree, intersector = timed(build_intersector, compiled.geometry, compiled.instances)
+    held.append(memory())
+    more, most = np.diff(held) / 2**20, memory("VmHWM") / 2**20
+    spent = [tables.wall, float(more[0]), *tree, float(more[1]), most]
     stored = len(compiled.geometry.triangles)
     met = stored if compiled.instances is None else compiled.instances.plain + int(compiled.instances.faces.sum())
     first = from_a_point(side)
     random, shadow = onwards(intersector, first)
-    rates = [speed(intersector, rays, kind) for kind, rays in (("first", first), ("random", random))]
-    return [met, stored, *spent, *rates, speed(intersector, shadow, "shadow")]
+    rates = speed(intersector, first), speed(intersector, random), speed(intersector, shadow, shadow=True)
+    return [met, stored, *spent, *rates]
 
 
 def terrain(side):
@@ -111,27 +106,17 @@ def onwards(intersector, first):
     return np.concatenate([points, direction], axis=1), np.concatenate([points, lamp - points], axis=1)
 
 
-def speed(intersector, rays, kind):
+def speed(intersector, rays, shadow=False):
     """Million rays a CPU-second, the best of five rounds."""
-    hits, placed, blocked = np.empty(BUNDLE, np.int32), np.empty(BUNDLE, np.int32), np.empty(BUNDLE, np.uint8)
-    times = []
-    for _ in range(6):
-        begin = time.process_time()
+    hits, placed, blocked = (np.empty(BUNDLE, dtype) for dtype in (np.int32, np.int32, np.uint8))
+
+    def answered():
         for start in range(0, len(rays), BUNDLE):
             part = rays[start : start + BUNDLE]
-            if kind == "shadow":
-                intersector.fill_blocked(blocked[: len(part)], part)
+            n = len(part)
+            if shadow:
+                intersector.fill_blocked(blocked[:n], part)
             else:
-                n = len(part)
                 intersector.fill_closest(Hits(hits[:n], placed[:n], None), part)
-        times.append(time.process_time() - begin)
-    return 1e-6 * len(rays) / min(times[1:])
 
-
-def memory(which="VmRSS"):
-    """MB that this process holds, or with VmHWM has held at most; 0 where the system does not tell."""
-    try:
-        with open("/proc/self/status") as status:
-            return next(int(line.split()[1]) for line in status if line.startswith(which)) / 1024
-    except OSError:
-        return 0.0
+    return 1e-6 * len(rays) / min(timed(answered)[0].cpu for _ in range(6))

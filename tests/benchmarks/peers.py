@@ -4,19 +4,17 @@ import functools
 import importlib.util
 import os
 import sys
-from collections import defaultdict
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from table import Table
-from timing import Task, cost_of, median
+from timing import median, timed
 
 import plenoptic as pl
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "validation"))
 import mitsuba_scenes
-from thin_lens import projected_solid_angles
 
 SIDE = 64
 PIXELS = SIDE * SIDE
@@ -34,23 +32,30 @@ OURS = "plenoptic"
 
 def tables(*, quick):
     programs, absent = installed()
-    rows = ([], [], [])
+    seeds, converged, one, several = (1, 8, 4, (1, 4)) if quick else (3, 256, 256, (4, 16, 64))
+    at_one, at_several, means = [], [], []
     for name in SCENES[-1:] if quick else SCENES:
         # Each scene is gone before the next: Mitsuba's calls take longer with others about.
-        for found, more in zip(rows, _rows(name, programs, quick=quick), strict=True):
-            found += more
-    for title, found in zip(("one number of samples", "several"), rows, strict=False):
-        yield _errors_table(f"Other renderers: error against time, {title}", found, absent)
-    if rows[2]:
+        shown = Shown(name, programs, converged)
+        at_one += shown.errors(one, seeds)
+        if name in (SCENES[0], SCENES[-1]):
+            at_several += [row for samples in several for row in shown.errors(samples, seeds)]
+        means += shown.compared()
+        del shown
+    columns = (
+        "scene | samples | program | CPU ms per pixel | median relative error % | relative RMS error % | "
+        "RMS^2 x CPU, us per pixel | over plenoptic's"
+    )
+    remark = (
+        f"{SIDE} x {SIDE} pixels through a thin lens, at most {BOUNCES} bounces, each program with its own Russian "
+        f"roulette, one thread, whole warm calls in turns, one replicate. Lit pixels, mean of the channels, against a "
+        f"reference of the program's own. {absent}"
+    )
+    yield Table("Other renderers: error against time, one number of samples", columns, at_one, [remark])
+    yield Table("Other renderers: error against time, several", columns, at_several, [remark])
+    if means:
         columns = "scene | program | its mean over plenoptic's, less 1, % | standard error % | RMS z of lit pixels"
-        yield Table("Other renderers: their references beside plenoptic's", columns, rows[2])
-
-
-def _rows(name, programs, *, quick):
-    seeds, converged = (1, 8) if quick else (3, 256)
-    shown = Shown(name, programs, converged)
-    several = ((1, 4) if quick else (4, 16, 64)) if name in (SCENES[0], SCENES[-1]) else ()
-    return shown.errors((4 if quick else 256,), seeds), shown.errors(several, seeds), shown.compared()
+        yield Table("Other renderers: their references beside plenoptic's", columns, means)
 
 
 def installed():
@@ -73,7 +78,7 @@ def installed():
 
 
 def plenoptic(scene, camera):
-    white = projected_solid_angles(camera)
+    white = mitsuba_scenes.projected_solid_angles(camera)
 
     def render(samples, seed):
         settings = {"max_bounces": BOUNCES, "replicates": 1, "threads": 1, "truth": pl.Truth.NONE, "progress": False}
@@ -115,10 +120,10 @@ class Reference(NamedTuple):
     image: np.ndarray
     standard_error: np.ndarray
 
-    @classmethod
-    def made(cls, render, samples):
-        parts = np.array([render(samples, REFERENCE_SEED + part) for part in range(PARTS)])
-        return cls(parts.mean(axis=0), parts.std(axis=0, ddof=1) / np.sqrt(PARTS))
+
+def reference_of(render, samples):
+    parts = np.array([render(samples, REFERENCE_SEED + part) for part in range(PARTS)])
+    return Reference(parts.mean(axis=0), parts.std(axis=0, ddof=1) / np.sqrt(PARTS))
 
 
 class Shown:
@@ -130,63 +135,33 @@ class Shown:
         self.name, scene = name, getattr(mitsuba_scenes, name)()
         self.renderers = {program: maker(scene, camera) for program, maker in programs.items()}
         best = {program.split()[0]: program for program in programs}  # the last of a family converges fastest
-        self.references = {family: Reference.made(self.renderers[best[family]], converged) for family in best}
+        self.references = {family: reference_of(self.renderers[best[family]], converged) for family in best}
         image = self.references[OURS].image
         self.lit = image > LIT * np.percentile(image, 99)
 
-    def costs_and_errors(self, samples, seeds):
-        """Of each program: CPU ms per pixel, median and RMS of relative errors; all of them in turns, first unseen."""
-        costs = defaultdict(list)
-        off = defaultdict(list)
+    def errors(self, samples, seeds):
+        """Of each program: what a number of samples costs, and how far it is off; all in turns, first unseen."""
+        found = {program: [] for program in self.renderers}
         for seed in range(seeds + 1):
             for program, render in self.renderers.items():
-                images = []
-                cost = cost_of(Task(lambda _, r=render, s=seed, to=images: to.append(r(samples, s))))
-                if seed:
-                    costs[program].append(cost)
-                    off[program].append(images[0][self.lit] / self._reference(program).image[self.lit] - 1.0)
-        for program in self.renderers:
-            reference = self._reference(program)
+                found[program].append(timed(render, samples, seed))
+        first = None
+        for program, (_, *runs) in found.items():
+            reference = self.references[program.split()[0]]
+            off = np.array([image[self.lit] / reference.image[self.lit] - 1.0 for _, image in runs])
             own = np.mean((reference.standard_error[self.lit] / reference.image[self.lit]) ** 2)
-            ms, found = 1e3 * median(costs[program]).cpu / PIXELS, np.array(off[program])
-            rms = np.sqrt(max(np.mean(found**2) - own, 0.0))
-            yield program, ms, float(np.median(np.abs(found))), float(rms)
-
-    def _reference(self, program):
-        return self.references[program.split()[0]]
-
-    def errors(self, numbers, seeds):
-        """What numbers of samples cost, and how far they are off."""
-        rows = []
-        for samples in numbers:
-            first = None
-            for program, ms, middle, rms in self.costs_and_errors(samples, seeds):
-                worth = rms**2 * ms
-                first = worth if first is None else first
-                rows.append((self.name, samples, program, ms, 100 * middle, 100 * rms, 1e3 * worth, worth / first))
-        return rows
+            ms, rms = 1e3 * median([cost for cost, _ in runs]).cpu / PIXELS, np.sqrt(max(np.mean(off**2) - own, 0.0))
+            worth = rms**2 * ms
+            first = worth if first is None else first
+            errors = 100 * float(np.median(np.abs(off))), 100 * float(rms)
+            yield self.name, samples, program, ms, *errors, 1e3 * float(worth), float(worth / first)
 
     def compared(self):
         """Whether references show the same as this package's."""
-        rows = []
         ours = self.references[OURS]
         for family, theirs in list(self.references.items())[1:]:
             error = np.hypot(ours.standard_error, theirs.standard_error)
             z = ((theirs.image - ours.image) / error)[self.lit & (error > 0)]
             of_mean = 100 * np.sqrt(np.mean(error**2) / PIXELS) / ours.image.mean()
             mean = 100 * (theirs.image.mean() / ours.image.mean() - 1)
-            rows.append((self.name, family, float(mean), float(of_mean), float(np.sqrt(np.mean(z**2)))))
-        return rows
-
-
-def _errors_table(title, rows, absent):
-    columns = (
-        *("scene", "samples", "program", "CPU ms per pixel", "median relative error %", "relative RMS error %"),
-        *("RMS^2 x CPU, us per pixel", "over plenoptic's"),
-    )
-    remark = (
-        f"{SIDE} x {SIDE} pixels through a thin lens, at most {BOUNCES} bounces, each program with its own Russian "
-        f"roulette, one thread, whole warm calls in turns, one replicate. Lit pixels, mean of the channels, against a "
-        f"reference of the program's own. {absent}"
-    )
-    return Table(title, columns, rows, [remark])
+            yield self.name, family, float(mean), float(of_mean), float(np.sqrt(np.mean(z**2)))

@@ -32,6 +32,12 @@ def built(sensor, *, stop=5.0, z=123.3, b=1.7, pitch=0.217, focal_lengths=(2.0,)
     return pl.PlenopticCamera(lens, sensor, z, pl.MicrolensArray(pitch, focal_lengths, **array), b)
 
 
+def middle(side, *, of=512):
+    """The square region of so many pixels a side in the middle of a sensor."""
+    part = slice(of // 2 - side // 2, of // 2 + side // 2)
+    return part, part
+
+
 def exposed(scene, camera, **settings):
     """`render`, or `render_white` where the scene is None, which knows no truth."""
     if scene is None:
@@ -40,8 +46,8 @@ def exposed(scene, camera, **settings):
     return pl.render(scene, camera, progress=False, **settings)
 
 
-def noise(seed, size, *, sides=(1.0, 1.0), shortest=0.0):
-    """(size, size): noise whose amplitudes fall as 1 / frequency, of mean 0 and standard deviation 1.
+def noise(seed, size, *, sides=(1.0, 1.0), shortest=0.0, power=1.0):
+    """(size, size): noise whose amplitudes fall as 1 / frequency (or a power), of mean 0 and standard deviation 1.
 
     On a rectangle of some height and width; waves shorter than `shortest` are left out.
     """
@@ -49,5 +55,17 @@ def noise(seed, size, *, sides=(1.0, 1.0), shortest=0.0):
     frequency = np.hypot(down, right)
     passed = frequency * shortest < 1.0
     frequency[0, 0] = np.inf
-    found = np.fft.ifft2(np.fft.fft2(np.random.default_rng(seed).normal(size=(size, size))) / frequency * passed).real
+    white = np.fft.fft2(np.random.default_rng(seed).normal(size=(size, size)))
+    found = np.fft.ifft2(white / frequency**power * passed).real
     return found / found.std()
+
+
+def grey(noise, contrast=0.2):
+    """Radiance of noise: some 0.5, and not dark."""
+    return np.clip(0.5 + contrast * noise, 0.02, 1.0)
+
+
+def glowing(noise, corner, right, up, *, contrast=0.2):
+    """A quad that glows with noise, of one channel or several."""
+    texels = grey(noise, contrast).reshape(*noise.shape[:2], -1).astype(np.float32)
+    return pl.quad(corner, right, up, material=pl.Emissive(pl.Texture(texels)))

@@ -1,11 +1,11 @@
 """Sequences: what the next frame costs before it is rendered, and what moving while the shutter is open does."""
 
 import dataclasses
-import time
 
 import numpy as np
 from large_scenes import terrain
 from table import Table
+from timing import timed
 
 import plenoptic as pl
 from plenoptic.camera.cache import prepared_camera
@@ -52,24 +52,23 @@ def sequence(scene, name, *, shutter=None):
 
 def prepared(scene, name):
     """Triangles in all and moving; CPU-ms of the first frame, the next ones, and a frame made of copies."""
-    frames, spent = sequence(scene, name), []
-    for k in range(6):
-        begin = time.process_time()
+    frames, number = sequence(scene, name), scene.object_names.index(name)
+
+    def prepare(scene, camera):
+        assert prepared_scene(scene).intersector is not None
+        prepared_camera(camera)
+
+    def of_frame(k):
         frame = frames[k]
         prepare(frame.scene, frame.camera)
-        spent.append(1e3 * (time.process_time() - begin))
-    number = scene.object_names.index(name)
-    begin = time.process_time()
-    meshes = [mesh.rotated_deg((0, 1, 0), 5) if k == number else mesh for k, mesh in enumerate(scene.meshes)]
-    prepare(dataclasses.replace(scene, meshes=tuple(meshes)), reference_camera())
-    copied = 1e3 * (time.process_time() - begin)
-    triangles = sum(len(mesh.faces) for mesh in scene.meshes)
-    return [triangles, len(scene.meshes[number].faces), spent[0], min(spent[1:]), copied]
 
+    def of_copies():
+        meshes = [mesh.rotated_deg((0, 1, 0), 5) if k == number else mesh for k, mesh in enumerate(scene.meshes)]
+        prepare(dataclasses.replace(scene, meshes=tuple(meshes)), reference_camera())
 
-def prepare(scene, camera):
-    assert prepared_scene(scene).intersector is not None
-    prepared_camera(camera)
+    first, *more, copied = (1e3 * cost.cpu for cost, _ in (*(timed(of_frame, k) for k in range(6)), timed(of_copies)))
+    triangles = [len(mesh.faces) for mesh in scene.meshes]
+    return [sum(triangles), triangles[number], first, min(more), copied]
 
 
 def blurred(samples):
@@ -85,11 +84,7 @@ def blurred(samples):
         "an object": (unmoved.scene, unmoved.camera),
         "both": (moving.scene, moving.camera),
     }
-    for name, (scene, camera) in cases.items():
-        times = []
-        for _ in range(4):  # the first one compiles
-            begin = time.process_time()
-            how = {"samples": samples, "region": region, "threads": 1, "truth": pl.Truth.NONE}
-            shot = pl.render(scene, camera, progress=False, **how)
-            times.append(time.process_time() - begin)
-        yield name, min(times[1:]), 100 * shot.relative_error
+    how = {"samples": samples, "region": region, "threads": 1, "truth": pl.Truth.NONE, "progress": False}
+    for name, shown in cases.items():
+        _, *costs = (timed(pl.render, *shown, **how) for _ in range(4))  # the first one compiles
+        yield name, min(cost.cpu for cost, _ in costs), 100 * costs[-1][1].relative_error

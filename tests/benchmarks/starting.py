@@ -1,14 +1,13 @@
-"""What starting costs: the import, and the first rendering from an empty and from a warm cache of kernels."""
+"""What new processes take: the import, the first rendering from an empty and a warm cache, a large image's memory."""
 
-import json
-import os
 import statistics
-import subprocess
-import sys
 import tempfile
-from pathlib import Path
 
+import reference
 from table import Table
+from timing import apart, in_new_process, memory, timed
+
+import plenoptic as pl
 
 IMPORT = """
 import json, time
@@ -31,19 +30,12 @@ SCENES |= {"still life": "pl.still_life()"}
 
 def tables(*, quick):
     yield starting(runs=1 if quick else 7, scenes=("white",) if quick else tuple(SCENES))
-
-
-def in_new_process(code, cache=None):
-    """What a program prints as JSON; its kernels are cached in a folder of its own where one is given."""
-    here = Path(__file__).resolve().parent
-    paths = [str(here), str(here.parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-    if cache is not None:
-        environment["NUMBA_CACHE_DIR"] = str(cache)
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(f"a timed process failed with exit code {done.returncode}:\n{done.stderr}")
-    return list(json.loads(done.stdout.splitlines()[-1]))
+    shape = (438, 657) if quick else (4384, 6576)  # a full-frame sensor
+    apart(large, (16, 16))  # compiles
+    row = f"{shape[0]} x {shape[1]}", *apart(large, shape)
+    remark = "Peak resident memory of the whole process, libraries included."
+    title = "Memory: white image at 1 sample per pixel, in a process of its own"
+    yield Table(title, "rows x columns | threads | peak GiB | wanted below | wall s | CPU s", [row], [remark])
 
 
 def starting(*, runs, scenes):
@@ -53,14 +45,21 @@ def starting(*, runs, scenes):
     for name in scenes:
         code = RENDER.format(scene=SCENES[name])
         with tempfile.TemporaryDirectory() as cache:
-            rows.append((f"first rendering of {name}, empty cache", 1, *in_new_process(code, cache), "11"))
-            warm = [in_new_process(code, cache) for _ in range(min(runs, 3))]
+            rows.append((f"first rendering of {name}, empty cache", 1, *in_new_process(code, cache=cache), "11"))
+            warm = [in_new_process(code, cache=cache) for _ in range(min(runs, 3))]
         rows.append((f"first rendering of {name}, warm cache", len(warm), *_medians(warm), "3"))
     remark = (
         "Renderings have 32 x 32 pixels and 8 samples, and take all processors; importing and making camera and "
         "scene included, and in the CPU time the processes that help to compile."
     )
     return Table("Starting, in new processes", "what | runs | wall s | CPU s | wanted: wall s below", rows, [remark])
+
+
+def large(shape):
+    """A white image: threads, peak GiB, those wanted, seconds."""
+    camera = reference.camera(sensor=pl.Sensor(shape=shape, pixel_pitch=0.0055))
+    cost, shot = timed(reference.exposed, None, camera, samples=1)
+    return [shot.stats.threads, memory("VmHWM") / 2**30, 2, *cost]
 
 
 def _medians(runs):

@@ -20,8 +20,10 @@ def tables(*, quick):
     side, samples, kinds = (300, 16, 1) if quick else (900, 256, 2)
     rows = []
     for waves, shortest in (("6 pitches and longer", RESOLVED), ("all", 0.0))[:kinds]:
-        for lattice in (Lattice.HEXAGONAL, Lattice.SQUARE)[:kinds]:
-            for u, v, *found in scored(camera_of(lattice, side), shortest, samples):
+        for lattice, pitch in ((Lattice.HEXAGONAL, PITCH), (Lattice.SQUARE, PITCH * 0.75**0.25))[:kinds]:
+            array = {"pitch": pitch, "focal_lengths": (1.2,), "lattice": lattice}
+            camera = reference.built((side, side), stop=STOP, z=134.6, b=1.2, **array)
+            for u, v, *found in scored(camera, shortest, samples):
                 rows.append((lattice.name, waves, f"{u}, {v}", *found))
     remark = (
         "PSNR against a conventional camera with a stop of 0.25 mm at the place of the view in the pupil. Planes "
@@ -31,11 +33,6 @@ def tables(*, quick):
     )
     title = f"Views of 1.0 cameras beside pinholes: {side} x {side} pixels, three planes with 1/f texture"
     yield Table(title, "lattice | waves | u, v | decode: dB | linear: dB | true over stated error", rows, [remark])
-
-
-def camera_of(lattice, side):
-    pitch = PITCH if lattice is Lattice.HEXAGONAL else PITCH * 0.75**0.25
-    return reference.built((side, side), stop=STOP, z=134.6, b=1.2, pitch=pitch, focal_lengths=(1.2,), lattice=lattice)
 
 
 def scored(camera, shortest, samples):
@@ -64,10 +61,8 @@ def planes(z, shortest):
     quads = []
     for number, (left, width, part) in enumerate(places):
         height = max(width, 40)
-        grey = 0.5 + 0.2 * reference.noise(number, 1024, sides=(height, width), shortest=shortest)
-        texture = pl.Texture(np.clip(grey, 0.02, 1.0)[..., None].astype(np.float32))
-        corner = (left, -height / 2, part * z)
-        quads.append(pl.quad(corner, (width, 0, 0), (0, height, 0), material=pl.Emissive(texture)))
+        noise = reference.noise(number, 1024, sides=(height, width), shortest=shortest)
+        quads.append(reference.glowing(noise, (left, -height / 2, part * z), (width, 0, 0), (0, height, 0)))
     return pl.Scene(quads)
 
 

@@ -9,9 +9,7 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).resolve().parent
-BENCHMARKS = sorted(
-    path.stem for path in HERE.glob("*.py") if "def tables(" in path.read_text() and path != Path(__file__)
-)
+BENCHMARKS = sorted(path.stem for path in HERE.glob("*.py") if "\ndef tables(" in path.read_text())
 
 pytestmark = pytest.mark.benchmark
 
@@ -35,8 +33,7 @@ def test_prints_whole_tables(name):
         assert not {"nan", "inf", "None"} & {cell for row in rows for cell in row}
 
 
-def test_runs_all_of_them_by_default_and_names_an_unknown_one():
-    text = command("--help").stdout
-    assert BENCHMARKS and all(name in text for name in BENCHMARKS)
+def test_an_unknown_one_is_named():
+    assert len(BENCHMARKS) > 20
     done = command("--only", "tracing,soldering")
-    assert done.returncode == 2 and "soldering" in done.stderr
+    assert done.returncode == 2 and "soldering" in done.stderr and all(name in done.stderr for name in BENCHMARKS)

@@ -11,7 +11,6 @@ import pickle
 import statistics
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,10 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import reference
 from table import Table
+from timing import timed
 
 import plenoptic as pl
-
-MIDDLE, BALL = np.s_[224:288, 224:288], np.s_[256:384, 192:320]
 
 
 class Wanted(NamedTuple):
@@ -42,7 +40,7 @@ class Case(NamedTuple):
 
     stop: Any = pl.CircularStop(5.0)
     scene: Callable[[], Any] = lambda: None
-    region: Any = MIDDLE
+    region: Any = reference.middle(64)
     bounces: int = 8
     lit: float = 0.1
     converged: int = 4096
@@ -56,7 +54,7 @@ CASES = {
     "white, 20 mm": Case(stop=pl.CircularStop(20.0)),
     "`check`": Case(scene=pl.check_scene),
     "still life, 1 bounce": Case(scene=pl.still_life, bounces=1),
-    "`objects`": Case(scene=pl.objects_scene, region=BALL, bounces=128, converged=1024),
+    "`objects`": Case(scene=pl.objects_scene, region=np.s_[256:384, 192:320], bounces=128, converged=1024),
 }
 AT_ERROR = (
     Wanted("white, round", 1.0, (128, 256, 512, 1024), (2, 4, 8, 16, 32)),
@@ -68,23 +66,19 @@ AT_ERROR = (
 def tables(*, quick):
     here = Path(sys.executable)
     other = Path(os.environ.get("PLENOPTIC_BEFORE", here))
-    before, now, rounds = _Version(other, own=other == here), _Version(here, own=True), 1 if quick else 7
+    versions, rounds = (_Version(other, own=other == here), _Version(here, own=True)), 1 if quick else 7
     remark = f"One thread, whole warm calls in turns, each with its own camera; CPU ms a pixel, medians of {rounds}."
-    at_error = AT_ERROR[:1] if quick else AT_ERROR
-    named = {row.name for row in AT_ERROR}
-    names = [name for name in CASES if name not in named][: 1 if quick else None]
-    chosen = [row.name for row in at_error] + names
-    truths = {name: _Truth(now, CASES[name], 64 if quick else CASES[name].converged) for name in chosen}
-    rows = [_at_error(row, truths[row.name], (before, now), rounds) for row in at_error]
-    columns = ("image", "error %", "before, 8 replicates", "samples", "now, 2", "samples", "less by")
+    rows = [_at_error(wanted, versions, rounds, quick) for wanted in (AT_ERROR[:1] if quick else AT_ERROR)]
+    columns = "image | error % | before, 8 replicates | samples | now, 2 | samples | less by"
     yield Table("CPU time at an error", columns, rows, [remark])
-    rows = [_variance_times_cpu(name, truths[name], (before, now), rounds) for name in names]
-    columns = ("image", "before, 8 replicates", "now, 2", "less by", "before, 1", "now, 1", "less by")
+    names = [name for name in CASES if name not in {row.name for row in AT_ERROR}]
+    rows = [_variance_times_cpu(name, versions, rounds, quick) for name in (names[:1] if quick else names)]
+    columns = "image | before, 8 replicates | now, 2 | less by | before, 1 | now, 1 | less by"
     yield Table("Relative variance (%^2) times CPU time, 64 samples", columns, rows, [remark])
 
 
 class _Version:
-    """A process that renders what it is told to."""
+    """A process that renders what it is told to: CPU seconds, the image and its standard error."""
 
     def __init__(self, python, *, own):
         here = Path(__file__).resolve()
@@ -93,13 +87,10 @@ class _Version:
         pipe = subprocess.PIPE
         self._process = subprocess.Popen([python, str(here)], env=environment, stdin=pipe, stdout=pipe)
 
-    def __call__(self, case, **settings):
-        """CPU seconds, the image and its standard error."""
-        name = next(name for name, one in CASES.items() if one is case)
+    def __call__(self, name, **settings):
         pickle.dump((name, settings), self._process.stdin)
         self._process.stdin.flush()
-        answer = pickle.load(self._process.stdout)
-        return answer
+        return pickle.load(self._process.stdout)
 
 
 def serve():
@@ -118,63 +109,48 @@ def serve():
         if scene is not None:
             settings |= {"max_bounces": case.bounces, "truth": pl.Truth.NONE}
         new = dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor))
-        cpu = time.process_time()
-        shot = reference.exposed(scene, new, region=case.region, threads=1, **settings)
-        cpu = time.process_time() - cpu
-        pickle.dump((cpu, shot.image, shot.standard_error), sys.stdout.buffer)
+        cost, shot = timed(reference.exposed, scene, new, region=case.region, threads=1, **settings)
+        pickle.dump((cost.cpu, shot.image, shot.standard_error), sys.stdout.buffer)
         sys.stdout.buffer.flush()
 
 
-class _Truth:
-    """A converged image, and the errors of others."""
+def _measured(name, of_versions, tasks, rounds, quick):
+    """Median CPU ms a pixel and relative squared errors (rounds, lit pixels) of each task; one round only warms up.
 
-    def __init__(self, now, case, samples):
-        _, self.image, error = now(case, samples=samples, replicates=8, seed=1000)
-        self.case, self.variance = case, np.square(error)
-        grey = self.image.mean(axis=2)
-        self.lit = grey > case.lit * np.percentile(grey, 99)
-
-    def relative(self, image):
-        """Squared errors of lit pixels, relative, with the reference's own variance taken off."""
-        off = (np.square(image - self.image) - self.variance).mean(axis=2)
-        return off[self.lit] / np.square(self.image.mean(axis=2)[self.lit])
-
-    def pixels(self):
-        return int(self.lit.size)
-
-
-def _measured(truth, versions, tasks, rounds):
-    """Median CPU ms a pixel and squared errors (rounds, pixels) of each task; the first round only warms up."""
+    The variance of the converged image, which the last version renders, is taken off.
+    """
+    case = CASES[name]
+    _, truth, error = of_versions[-1](name, samples=64 if quick else case.converged, replicates=8, seed=1000)
+    grey = truth.mean(axis=2)
+    lit = grey > case.lit * np.percentile(grey, 99)
     found = [[] for _ in tasks]
     for seed in range(rounds + 1):
-        for of_task, version, task in zip(found, versions, tasks, strict=True):
-            cpu, image, _ = version(truth.case, seed=seed, **task)
-            of_task.append((cpu, truth.relative(image)))
-    return [
-        (1e3 * statistics.median(cpu for cpu, _ in one[1:]) / truth.pixels(), np.stack([e for _, e in one[1:]]))
-        for one in found
-    ]
+        for of_task, version, task in zip(found, of_versions, tasks, strict=True):
+            cpu, image, _ = version(name, seed=seed, **task)
+            off = (np.square(image - truth) - np.square(error)).mean(axis=2)
+            of_task.append((1e3 * cpu / lit.size, off[lit] / np.square(grey[lit])))
+    times, errors = zip(*(zip(*one[1:], strict=True) for one in found), strict=True)
+    return [statistics.median(each) for each in times], [np.stack(each) for each in errors]
 
 
-def _at_error(wanted, truth, versions, rounds):
-    name, error, before, now = wanted
-    middle = np.median if truth.case.scene() is not None else np.mean
-    row = []
-    of = (versions[0],) * len(before) + (versions[1],) * len(now)
-    tasks = [{"samples": n, "replicates": k} for numbers, k in ((before, 8), (now, 2)) for n in numbers]
-    measured = _measured(truth, of, tasks, rounds)
-    for numbers, found in ((before, measured[: len(before)]), (now, measured[len(before) :])):
-        errors = [100 * math.sqrt(max(float(middle(squares)), 1e-12)) for _, squares in found]
-        for values in ([cpu for cpu, _ in found], numbers):
-            row.append(math.exp(np.interp(-math.log(error), -np.log(errors), np.log(values))))
+def _at_error(wanted, versions, rounds, quick):
+    name, error, *numbers = wanted
+    middle = np.mean if name.startswith("white") else np.median
+    asked = [(version, n, k) for version, of, k in zip(versions, numbers, (8, 2), strict=True) for n in of]
+    tasks = [{"samples": n, "replicates": k} for _, n, k in asked]
+    cpu, squares = _measured(name, [version for version, _, _ in asked], tasks, rounds, quick)
+    errors = [100 * math.sqrt(max(float(middle(each)), 1e-12)) for each in squares]
+    row, first = [], len(numbers[0])
+    for part in (slice(first), slice(first, None)):
+        for values in (cpu[part], [n for _, n, _ in asked[part]]):
+            row.append(math.exp(np.interp(-math.log(error), -np.log(errors[part]), np.log(values))))
     return name, error, *row, row[0] / row[2]
 
 
-def _variance_times_cpu(name, truth, versions, rounds):
-    before, now = versions
+def _variance_times_cpu(name, versions, rounds, quick):
     tasks = [{"samples": 64, "replicates": n} for n in (8, 2, 1, 1)]
-    products = [cpu * 1e4 * float(e.mean()) for cpu, e in _measured(truth, (before, now, before, now), tasks, rounds)]
-    many, few, one, single = products
+    cpu, squares = _measured(name, versions * 2, tasks, rounds, quick)
+    many, few, one, single = (ms * 1e4 * float(each.mean()) for ms, each in zip(cpu, squares, strict=True))
     return name, many, few, many / few, one, single, one / single
 
 

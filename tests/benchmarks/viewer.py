@@ -1,5 +1,6 @@
 """Pages of the viewer: how large they are, how soon they show something, and how many pictures a second they make."""
 
+import itertools
 import sys
 import tempfile
 import time
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import reference
 from table import Table
+from timing import timed
 
 import plenoptic as pl
 from plenoptic.lightfield.depth_map import DepthMap
@@ -44,11 +46,9 @@ def tables(*, quick):
         (f"{views} x {views} views of {side} x {side}", lambda: field.viewer(depth=depth)),
         (f"raw image of {pixels} x {pixels}, all truth", shot.viewer),
     ):
-        begin = time.perf_counter()
-        page = make()
-        took = time.perf_counter() - begin
+        cost, page = timed(make)
         seen, missing = looked_at(page, frames=(3 if quick else 12) if "views" in name else 0)
-        rows.append((name, len(page.document.encode()) / 1e6, took, *seen))
+        rows.append((name, len(page.document.encode()) / 1e6, cost.wall, *seen))
     columns = "page | size: MB | made in: s | first picture: s | all there: s | pictures / s"
     remark = (
         "In Chromium, WebGL2 in software: from opening the file to the first picture on the canvas and to all data "
@@ -83,39 +83,29 @@ def looked_at(page, *, frames):
     return (first, ready, rate), None
 
 
-def texture(rng, side):
+def texture(number, side):
     """(side, side, 3): amplitudes fall with the frequency; channels resemble each other."""
-    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(side), np.fft.rfftfreq(side), indexing="ij"))
-    frequency[0, 0] = 1.0
-    common, planes = rng.normal(size=(side, side)), []
-    for _ in range(3):
-        noise = np.fft.rfft2(0.7 * common + 0.5 * rng.normal(size=(side, side)))
-        plane = np.fft.irfft2(noise / frequency**1.1, (side, side))
-        planes.append((plane - plane.mean()) / plane.std())
-    return 0.25 * np.exp(0.6 * np.stack(planes, axis=-1))
+    common, *own = (reference.noise(4 * number + k, side, power=1.1) for k in range(4))
+    return 0.25 * np.exp(0.6 * np.stack([(0.7 * common + 0.5 * one) / np.hypot(0.7, 0.5) for one in own], axis=-1))
 
 
 def light_field(count, side):
     """Textured discs at several depths before a textured wall, and their depth."""
-    rng = np.random.default_rng(3)
     y, x = np.mgrid[:side, :side]
     offsets = np.arange(count) - float(count // 2)
     views, disparity = np.zeros((count, count, side, side, 3), np.float32), np.full((side, side), -0.8)
-    layers = [(-0.8, None, texture(rng, 2 * side)), *((d, disc, texture(rng, 2 * side)) for d, *disc in DISCS)]
-    for moves, disc, paint in layers:
-        for i, u in enumerate(offsets):
-            for j, v in enumerate(offsets):
-                (down, t), (right, s) = ((int(np.floor(moves * o)), moves * o % 1.0) for o in (v, u))
-                top, left = side // 2 + down, side // 2 + right
-                part = paint[top : top + side + 1, left : left + side + 1]
-                moved = (1 - t) * part[:-1] + t * part[1:]
-                shown = (1 - s) * moved[:, :-1] + s * moved[:, 1:]
-                inside = np.ones((side, side), dtype=bool)
-                if disc is not None:
-                    inside = np.hypot(x + moves * u - disc[0] * side, y + moves * v - disc[1] * side) < disc[2] * side
-                views[i, j][inside] = shown[inside]
-                if u == v == 0:
-                    disparity[inside] = moves
+    for number, (moves, across, along, radius) in enumerate(((-0.8, 0.5, 0.5, np.inf), *DISCS)):
+        paint = texture(number, 2 * side)
+        for (i, u), (j, v) in itertools.product(enumerate(offsets), repeat=2):
+            (down, t), (right, s) = ((int(np.floor(moves * o)), moves * o % 1.0) for o in (v, u))
+            top, left = side // 2 + down, side // 2 + right
+            part = paint[top : top + side + 1, left : left + side + 1]
+            moved = (1 - t) * part[:-1] + t * part[1:]
+            shown = (1 - s) * moved[:, :-1] + s * moved[:, 1:]
+            inside = np.hypot(x + moves * u - across * side, y + moves * v - along * side) < radius * side
+            views[i, j][inside] = shown[inside]
+            if u == v == 0:
+                disparity[inside] = moves
     field = field_of(views, (0.01 * np.sqrt(views)).astype(np.float32))
     sure, unknown = np.ones((side, side)), np.full((side, side), np.nan)
     return field, DepthMap(disparity, 0.01 * sure, sure, unknown, unknown)
