@@ -12,7 +12,6 @@ import re
 import subprocess
 import sys
 import textwrap
-from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -33,9 +32,6 @@ TOLERANCE = 0.02
 """Of the number of instructions: registers that are assigned otherwise cost a few moves."""
 
 UNKNOWN = object()
-
-
-# ---- cutting branches out of the source of a kernel ----
 
 
 def _chain(node):
@@ -167,8 +163,6 @@ def without(function, absent):
     return _MADE[function, absent]
 
 
-# ---- counting instructions ----
-
 _LABEL, _FUNCTION = re.compile(r"^(\"[^\"]*\"|[^\s:]+):"), re.compile(r"\.type\s+(\S+),\s*[@%]function")
 
 
@@ -200,122 +194,91 @@ def instructions(function, types):
     return sum(len(bodies[name]) for name in reached)
 
 
-# ---- the kernels of a rendering that needs nothing, and what else there is ----
+def _example(text):
+    """An array of a type such as f8[:,::1]."""
+    return np.empty((1,) * (text.count(",") + 1), text[:2])
 
 
-class Feature(NamedTuple):
-    """Arguments of a kernel, or members of them, that are None where nothing needs them, and their types otherwise."""
-
-    module: str
-    kernel: str
-    arguments: dict[str, object]
-    made: frozenset[str] = frozenset()
-    """Members of records that kernels make for functions they call, which are None too."""
-
-    @property
-    def name(self):
-        return f"{self.kernel}: {', '.join(self.arguments)}"
-
-
-def _column(*names, like="f8[::1]"):
-    return dict.fromkeys(names, like)
-
-
-SQUARE = 0.5 * np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]])
-ROWS, CUBE, BYTES, NUMBERS, PLACES = "f8[:,::1]", "f8[:,:,::1]", "u1[::1]", "i8[::1]", "i4[::1]"
-COLUMN = TextureColumn(np.empty(1, np.int32), np.empty(1, TEXTURE), np.empty(1, np.float32))
+COLUMN, ROWS, CUBE, BYTES = map(_example, ("f8[::1]", "f8[:,::1]", "f8[:,:,::1]", "u1[::1]"))
+NUMBERS, PLACES, INDICES = map(_example, ("i8[::1]", "i4[::1]", "i8[:,::1]"))
+SQUARE = Opening(0.5 * np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]))
+PLANE = SensorPlane(1.0, None)
+AROUND = Around(
+    *(INDICES, (0, 0), _example("i4[:,::1]"), NUMBERS, INDICES, ROWS, COLUMN, (1, 1), PLANE),
+    BendRecord(far_field(SQUARE, None, np.eye(2)), COLUMN, COLUMN, np.eye(2)),
+)
+BENT = {
+    "bends": Bends(NUMBERS, NUMBERS, None),
+    "fed.around": AROUND,
+    "fed.spread": SpreadTable(ROWS, ROWS, 1, 1, 1, PLANE, COLUMN, 1, 0.0, 1.0),
+}
+MAP = Environment(_example("f4[:,:,::1]"), COLUMN, ROWS, ROWS, COLUMN, 0.5, 1.0)
+PICTURE = TextureColumn(PLACES, np.empty(1, TEXTURE), _example("f4[::1]"))
+OWN = np.empty(1, MICROLENS)
 COLOUR = {"wavelengths.number": NUMBERS, "wavelengths.basis": ROWS}
 PLACED = {"hits.instance": PLACES, "geometry.instance_to_world": ROWS}
-NUMBER = np.empty(1, np.int64)
-AROUND = Around(
-    np.empty((1, 2), np.int64),
-    (0, 0),
-    np.empty((1, 1), np.int32),
-    np.empty(1, np.int64),
-    np.empty((1, 1), np.int64),
-    np.empty((1, 2)),
-    np.empty(1),
-    (1, 1),
-    SensorPlane(1.0, None),
-    BendRecord(far_field(Opening(SQUARE), None, np.eye(2)), np.empty(1), np.empty(2), np.eye(2)),
-)
-SPREAD = SpreadTable(np.empty((1, 9)), np.empty((1, 9)), 1, 1, 1, SensorPlane(1.0, None), np.empty(1), 1, 0.0, 1.0)
-MAP = Environment(
-    np.empty((1, 1, 1), np.float32), np.empty(1), np.empty((1, 1)), np.empty((1, 1)), np.empty(9), 0.5, 1.0
-)
+KIND = {"bsdf.kind": NUMBERS}
+"""Of a material, which is `surface.kind` of a record that kernels make for functions they call."""
 
 
 def _suns(record):
     return {f"{record}.suns": np.empty(1, SUN_LIGHT), f"{record}.sun_colors": ROWS}
 
 
-SAMPLE, FILM, WORLD, TRACE, THIN = (
-    "plenoptic.camera.sampling.kernels.paths",
-    "plenoptic.rendering.kernels.film_sums",
-    "plenoptic.core.kernels.bundles",
-    "plenoptic.optics.lens.kernels.trace",
-    "plenoptic.optics.microlens.kernels.ideal",
-)
-EMISSION, DIRECT, BOUNCE = (
-    f"plenoptic.rendering.integrator.kernels.{n}" for n in ("emission", "direct_light", "bounce")
-)
-SURFACES, PARAMETERS, LIGHTS = (
-    "plenoptic.scene.geometry.kernels.interaction",
-    "plenoptic.scene.materials.kernels.parameters",
-    "plenoptic.scene.lights.kernels.sample_emitters",
-)
-
-
-def _kind(module, kernel, **columns):
-    """A kind of material."""
-    members = {f"bsdf.{name}": like for name, like in columns.items()}
-    return Feature(module, kernel, {"bsdf.kind": NUMBERS, **members}, frozenset({"surface.kind"}))
-
-
+MODULES = {
+    "fill_camera_samples": "camera.sampling.kernels.paths",
+    "fill_sums": "rendering.kernels.film_sums",
+    "fill_world_rays": "core.kernels.bundles",
+    "fill_thin": "optics.microlens.kernels.ideal",
+    "fill_traced": "optics.lens.kernels.trace",
+    "add_emission": "rendering.integrator.kernels.emission",
+    "fill_interactions": "scene.geometry.kernels.interaction",
+    "fill_parameters": "scene.materials.kernels.parameters",
+    "sample_emitters": "scene.lights.kernels.sample_emitters",
+    "eval_direct": "rendering.integrator.kernels.direct_light",
+    "sample_bsdf": "rendering.integrator.kernels.bounce",
+}
 FEATURES = [
-    Feature(SAMPLE, "fill_camera_samples", _column("fed.pixel.skew")),
-    Feature(
-        SAMPLE,
-        "fill_camera_samples",
-        {"bends": Bends(NUMBER, NUMBER, None), "fed.around": AROUND, "fed.spread": SPREAD},
-    ),
-    Feature(SAMPLE, "fill_camera_samples", {"own": MICROLENS, "fed.regions.details": MICROLENS}),
-    Feature(FILM, "fill_sums", {"bundle.radiance": ROWS}),
-    Feature(FILM, "fill_sums", {"bundle.waves": NUMBERS, "bundle.weights": ROWS}),
-    Feature(WORLD, "fill_world_rays", {"rotation": ROWS, "position": "f8[::1]"}),
-    Feature(THIN, "fill_thin", _column("sensor.tilt")),
-    Feature(THIN, "fill_thin", {"own": MICROLENS}),
-    Feature(TRACE, "fill_traced", {"lens.conic": "f8[::1]", "lens.aspheric": ROWS}),
-    Feature(TRACE, "fill_traced", {"lens.frames": ROWS}),
-    Feature(TRACE, "fill_traced", _column("lens.masks")),
-    Feature(EMISSION, "add_emission", {"geometry.uv": ROWS, "emission.texture": COLUMN}),
-    Feature(EMISSION, "add_emission", PLACED),
-    Feature(EMISSION, "add_emission", _column("sky.background")),
-    Feature(EMISSION, "add_emission", _suns("sky")),
-    Feature(EMISSION, "add_emission", {"sky.environment": MAP}),
-    Feature(EMISSION, "add_emission", {"queue.rough": BYTES}),
-    Feature(EMISSION, "add_emission", COLOUR),
-    Feature(SURFACES, "fill_interactions", {"geometry.normals": ROWS}),
-    Feature(SURFACES, "fill_interactions", PLACED),
-    Feature(SURFACES, "fill_interactions", {"geometry.uv": ROWS}),
-    Feature(PARAMETERS, "fill_parameters", _column("bsdf.roughness", "bsdf.metallic")),
-    Feature(LIGHTS, "sample_emitters", {"lights.points": np.empty(1, POINT_LIGHT), "lights.point_colors": ROWS}),
-    Feature(LIGHTS, "sample_emitters", _suns("lights.sky")),
-    Feature(LIGHTS, "sample_emitters", {"lights.sky.environment": MAP}),
-    Feature(LIGHTS, "sample_emitters", {"alpha": Alpha(np.empty(1), np.empty(1), None)}),
+    ("fill_camera_samples", {"fed.pixel.skew": COLUMN}),
+    ("fill_camera_samples", BENT),
+    ("fill_camera_samples", {"own": OWN, "fed.regions.details": OWN}),
+    ("fill_sums", {"bundle.radiance": ROWS}),
+    ("fill_sums", {"bundle.waves": NUMBERS, "bundle.weights": ROWS}),
+    ("fill_world_rays", {"rotation": ROWS, "position": COLUMN}),
+    ("fill_thin", {"sensor.tilt": COLUMN}),
+    ("fill_thin", {"own": OWN}),
+    ("fill_traced", {"lens.conic": COLUMN, "lens.aspheric": ROWS}),
+    ("fill_traced", {"lens.frames": ROWS}),
+    ("fill_traced", {"lens.masks": COLUMN}),
+    ("add_emission", {"geometry.uv": ROWS, "emission.texture": PICTURE}),
+    ("add_emission", PLACED),
+    ("add_emission", {"sky.background": COLUMN}),
+    ("add_emission", _suns("sky")),
+    ("add_emission", {"sky.environment": MAP}),
+    ("add_emission", {"queue.rough": BYTES}),
+    ("add_emission", COLOUR),
+    ("fill_interactions", {"geometry.normals": ROWS}),
+    ("fill_interactions", PLACED),
+    ("fill_interactions", {"geometry.uv": ROWS}),
+    ("fill_parameters", {"bsdf.roughness": COLUMN, "bsdf.metallic": COLUMN}),
+    ("sample_emitters", {"lights.points": np.empty(1, POINT_LIGHT), "lights.point_colors": ROWS}),
+    ("sample_emitters", _suns("lights.sky")),
+    ("sample_emitters", {"lights.sky.environment": MAP}),
+    ("sample_emitters", {"alpha": Alpha(COLUMN, COLUMN, None)}),
     *(
-        feature
-        for module, kernel in ((DIRECT, "eval_direct"), (BOUNCE, "sample_bsdf"))
-        for feature in (
-            _kind(module, kernel, metal_index=CUBE),
-            _kind(module, kernel, glass_index=ROWS),
-            _kind(module, kernel, pane_index="f8[::1]"),
-            _kind(module, kernel, coupling=ROWS),
-            Feature(module, kernel, COLOUR),
+        (kernel, arguments)
+        for kernel in ("eval_direct", "sample_bsdf")
+        for arguments in (
+            KIND | {"bsdf.metal_index": CUBE},
+            KIND | {"bsdf.glass_index": ROWS},
+            KIND | {"bsdf.pane_index": COLUMN},
+            KIND | {"bsdf.coupling": ROWS},
+            COLOUR,
         )
     ),
-    Feature(BOUNCE, "sample_bsdf", {"source": NUMBERS}),
+    ("sample_bsdf", {"source": NUMBERS}),
 ]
+"""A kernel, and its arguments or members of them that are None where nothing needs them, as they are otherwise."""
 
 LARGE = {
     *("fill_thin: own", "fill_traced: lens.frames", "add_emission: sky.suns, sky.sun_colors"),
@@ -348,15 +311,10 @@ def plain():
 
     importlib.import_module("plenoptic.rendering.tile")
     importlib.import_module("plenoptic.rendering.integrator.path")
-    for module, name in {(feature.module, feature.kernel) for feature in FEATURES}:
-        recorded(__import__(module, fromlist=["_"]), name)
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2"),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
+    for name, module in MODULES.items():
+        recorded(importlib.import_module(f"plenoptic.{module}"), name)
+    lens, array = pl.load_lens("double-gauss-100mm-f2"), pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
+    camera = pl.PlenopticCamera(lens, pl.Sensor((4, 4), 0.01), 123.3, array, 1.7)
     lamp = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
     scene = pl.Scene([pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))], [lamp])
     pl.render(scene, camera, samples=8, max_bounces=2, truth=pl.Truth.NONE, progress=False)
@@ -375,31 +333,28 @@ def counted(kernel, types):
     return _COUNTS[key]
 
 
-def types_with(feature, plain, kind_of):
-    """Types of a kernel's arguments by name, with those of the feature in place of None."""
-    kernel, recorded = plain[feature.kernel]
+def types_with(name, features, plain):
+    """A kernel, and the types of its arguments by name, with some of them, or of their members, changed."""
+    kernel, recorded = plain[name]
     types = dict(zip(inspect.signature(kernel.py_func).parameters, recorded, strict=True))
-    for name, example in feature.arguments.items():
-        assert _part(types, name) == numba.none or name in NEEDED
-        _set_part(types, name, kind_of(example))
+    for member, kind in features.items():
+        assert _part(types, member) == numba.none or member in NEEDED
+        _set_part(types, member, kind)
     return kernel, types
 
 
-def lacking(feature, plain):
+def lacking(name, features, plain):
     """Instructions of a kernel with the feature's arguments None, and without their source."""
-    kernel, absent = types_with(feature, plain, lambda _: numba.none)
-    cut = without(kernel, frozenset(feature.arguments) | feature.made)
-    left = [kind for name, kind in absent.items() if name not in feature.arguments]
+    kernel, absent = types_with(name, dict.fromkeys(features, numba.none), plain)
+    made = {"surface.kind"} if "bsdf.kind" in features else set()
+    cut = without(kernel, frozenset({*features, *made}))
+    left = [kind for argument, kind in absent.items() if argument not in features]
     return counted(kernel, absent.values()), counted(cut, left)
 
 
-def furnished(feature, plain):
+def furnished(name, features, plain):
     """Instructions of a kernel with the feature."""
-    kernel, present = types_with(
-        feature,
-        plain,
-        lambda example: numba.typeof(_example(example) if isinstance(example, str | np.dtype) else example),
-    )
+    kernel, present = types_with(name, {member: numba.typeof(made) for member, made in features.items()}, plain)
     return counted(kernel, present.values())
 
 
@@ -423,45 +378,44 @@ def _set_part(types, name, made):
         types[name] = made
 
 
-def _example(text):
-    """An array of a type such as f8[:,::1], or of rows."""
-    if isinstance(text, np.dtype):
-        return np.empty(1, text)
-    return np.empty((1,) * (text.count(",") + 1), text[:2])
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("kernel", sorted({feature.kernel for feature in FEATURES}))
+@pytest.mark.parametrize("kernel", sorted(MODULES))
 def test_a_kernel_without_a_feature_is_one_without_its_source(kernel, plain):
-    for feature in FEATURES:
-        if feature.kernel == kernel:
-            absent, cut = lacking(feature, plain)
-            assert abs(absent / cut - 1) <= TOLERANCE, feature.name
-            if feature.name in LARGE:
+    for name, features in FEATURES:
+        if name == kernel:
+            absent, cut = lacking(kernel, features, plain)
+            assert abs(absent / cut - 1) <= TOLERANCE, named(kernel, features)
+            if named(kernel, features) in LARGE:
                 # What would be found if absence were not None but an empty table: the types, and the code, are these.
-                assert furnished(feature, plain) / cut - 1 > 2 * TOLERANCE, feature.name
+                assert furnished(kernel, features, plain) / cut - 1 > 2 * TOLERANCE, named(kernel, features)
+
+
+def named(kernel, features):
+    return f"{kernel}: {', '.join(features)}"
 
 
 def test_every_large_feature_is_one():
-    assert {feature.name for feature in FEATURES} >= LARGE
+    assert {named(*feature) for feature in FEATURES} >= LARGE
 
 
 @pytest.mark.slow
 def test_what_is_pruned_in_callees_is_cut_there_too(plain):
     # `trace_block` and what it calls lose three features at once.
-    numbers = {"lens.conic": "f8[::1]", "lens.aspheric": ROWS, "lens.frames": ROWS, "lens.masks": "f8[::1]"}
-    three = Feature(TRACE, "fill_traced", numbers)
-    absent, cut = lacking(three, plain)
-    assert abs(absent / cut - 1) <= TOLERANCE and furnished(three, plain) > 2 * absent
+    three = "fill_traced", {"lens.conic": COLUMN, "lens.aspheric": ROWS, "lens.frames": ROWS, "lens.masks": COLUMN}
+    absent, cut = lacking(*three, plain)
+    assert abs(absent / cut - 1) <= TOLERANCE and furnished(*three, plain) > 2 * absent
 
-
-# ---- what is neither imported, compiled nor called ----
 
 LIBRARIES = {"embreex", "trimesh", "OpenImageIO", "matplotlib", "PIL", "mpmath", "tqdm"}
+HEAVY = LIBRARIES | {"numba", "llvmlite", "scipy", "batoid", "zarr", "xarray", "pandas", "dask", "distributed"}
 
 LOOK = """
 import json, sys
 import plenoptic as pl
+imported = sorted(sys.modules)
+import numpy as np
+repr(pl.Exposure(np.ones((2, 2, 1))))
+print(json.dumps([imported, sorted(sys.modules)]))
 
 def look(shot):
     kernels = [
@@ -474,15 +428,14 @@ def look(shot):
     print(json.dumps([kernels, parts, sorted(sys.modules)]))
 
 def camera(stop, pitch=0.217):
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop)),
-        microlenses=pl.MicrolensArray(pitch=pitch, focal_lengths=(2.0,)),
-        sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop))
+    array = pl.MicrolensArray(pitch=pitch, focal_lengths=(2.0,))
+    return pl.PlenopticCamera(lens, pl.Sensor((4, 4), 0.01), 123.3, array, 1.7)
 
-floor = pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))
-lamp = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
 look(pl.render_white(camera(16.0, 0.1), samples=8, replicates=1, progress=False))
 look(pl.render_white(camera(5.0), samples=8, replicates=1, progress=False))
+floor = pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))
+lamp = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
 look(pl.render(pl.Scene([floor], [lamp]), camera(5.0), samples=8, max_bounces=2, truth=pl.Truth.NONE, progress=False))
 """
 
@@ -507,22 +460,28 @@ AS_NEEDED = {"embree._fill_blocked", "direct_light.add_direct"}
 
 @pytest.fixture(scope="module")
 def seen():
-    """Kernels, parts of the exposure, and modules, after white images through open and closed stops, then a scene."""
+    """Modules after importing the package and making an exposure; then kernels, parts of the exposure, and modules,
+    after white images through open and closed stops, and after a scene."""
     done = subprocess.run([sys.executable, "-c", LOOK], capture_output=True, text=True, check=True)
     return [tuple(map(set, json.loads(line))) for line in done.stdout.splitlines()]
 
 
+def test_nothing_is_loaded_before_it_is_needed(seen):
+    imported, exposure = seen[0]
+    assert not imported & HEAVY and not exposure & HEAVY
+
+
 def test_a_white_image_calls_the_kernels_of_the_camera_alone(seen):
-    assert seen[0][0] == OF_THE_CAMERA
-    kernels, parts, modules = seen[1]
+    assert seen[1][0] == OF_THE_CAMERA
+    kernels, parts, modules = seen[2]
     assert kernels == OF_THE_CAMERA | OF_OPENINGS
     assert not parts
-    assert not modules & LIBRARIES
+    assert not modules & (LIBRARIES | {"plenoptic.scene.scene", "plenoptic.truth.kernels"})
     assert not [module for module in modules if re.match(r"plenoptic\.scene\..*kernels\.", module)]
 
 
 def test_a_lambertian_scene_calls_what_it_needs(seen):
-    kernels, parts, modules = seen[2]
+    kernels, parts, modules = seen[3]
     assert kernels - AS_NEEDED == OF_THE_CAMERA | OF_OPENINGS | OF_THE_SCENE
     assert parts == {"standard_error"}
     assert modules & LIBRARIES <= {"embreex"}

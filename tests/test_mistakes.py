@@ -1,10 +1,12 @@
 """Mistakes of a newcomer: what is typed, and what the library says. None is silent, and each names the remedy."""
 
 import pathlib
+import pickle
 import re
 import warnings
 
 import numpy as np
+import pytest
 
 import plenoptic as pl
 
@@ -49,24 +51,17 @@ def file(name, text="hello"):
     return name
 
 
-INVALID, LENS_ERROR, SCENE_ERROR, FILE = (
-    pl.errors.InvalidValueError,
-    pl.errors.PrescriptionError,
-    pl.errors.SceneError,
-    pl.errors.FileError,
-)
+INVALID, LENS_ERROR = pl.errors.InvalidValueError, pl.errors.PrescriptionError
+SCENE_ERROR, FILE = pl.errors.SceneError, pl.errors.FileError
 BLACK, ODD, UNSEEN = (pl.errors.BlackImageWarning, pl.errors.ImplausibleCameraWarning, pl.errors.UnseenSceneWarning)
 
-LENSES = [
+MISTAKES = [
     ("pl.Surface(0, semi_diameter=5.0)", LENS_ERROR, "for a plane use math.inf"),
     ('pl.Surface("inf", semi_diameter=5.0)', LENS_ERROR, "math.inf for a plane"),
     ("pl.Surface(51.68, 4.0, 1.5168, semi_diameter=12.0)", LENS_ERROR, "pl.ConstantMedium(1.5)"),
     ('pl.Surface(51.68, 4.0, "BK7", semi_diameter=12.0)', LENS_ERROR, 'pl.glass("N-BK7")'),
-    ("pl.Surface(51.68, 4.0, GLASS)", TypeError, "missing 1 required keyword-only argument: 'semi_diameter'"),
-    ("pl.Surface(51.68, 4.0, GLASS, diameter=24.0)", TypeError, "unexpected keyword argument 'diameter'"),
     ("pl.Surface(51.68, -4.0, GLASS, semi_diameter=12.0)", LENS_ERROR, "in the order in which light meets them"),
     ("pl.Surface(10.0, 4.0, GLASS, semi_diameter=12.0)", LENS_ERROR, "reduce it to 10 or less"),
-    ("pl.Surface(51.68, semi_diameter=-12.0)", INVALID, "semi_diameter is -12 mm; it must be above 0"),
     ("pl.Surface(51.68, semi_diameter=12.0, aspheric=1e-8)", LENS_ERROR, "a sequence of coefficients, of r^2 first"),
     ('pl.glass("N-BK77")', INVALID, "near to it are N-BK7"),
     ("pl.ModelGlass(64.2, 1.5168)", INVALID, "give the index first and the Abbe number second"),
@@ -79,52 +74,34 @@ LENSES = [
     ("pl.LensStack([(50.0, 4.0, 1.5), pl.CircularStop(5.0)])", LENS_ERROR, "describe it as one of these"),
     ('pl.LensStack([pl.CircularStop(5.0), FRONT, BACK], model="thin")', INVALID, "LensModel.THIN"),
     ("LENS.with_stop(5.0)", LENS_ERROR, "such as a CircularStop"),
-    ("LENS.trace([[0, 0, -100]])", INVALID, "give a RayBundle"),
     ("pl.RayBundle([0, 0, -100], [0, 0, 1])", INVALID, "origin has shape (3,); it must have shape (n, 3)"),
     ("pl.paraxial.cardinal_points(LENS, 0.5876)", INVALID, "choose one inside, in nanometres"),
     ("pl.aberrations.spot_diagram(LENS, field=20)", INVALID, "give radians"),
     ("pl.aberrations.spot_diagram(LENS, field=0.9)", pl.errors.PlenopticWarning, "(rad, not degrees)"),
     ("pl.aberrations.mtf(LENS, frequencies=[-1])", INVALID, "give cycles per mm"),
-]
-STOPS = [
     ("pl.CircularStop(0)", INVALID, "semi_diameter is 0 mm; it must be above 0"),
     ('pl.CircularStop("5 mm")', INVALID, "semi_diameter is '5 mm'; it must be a number"),
-    ("pl.CircularStop(diameter=10.0)", TypeError, "unexpected keyword argument 'diameter'"),
     ("pl.PolygonStop(semi_diameter=5.0, blades=2)", INVALID, "blades is 2; it must be at least 3"),
-    ("pl.PolygonStop(semi_diameter=5.0, blades=6.5)", INVALID, "it must be a whole number"),
     ("pl.PolygonStop(semi_diameter=5.0, blades=6, rotation=30)", INVALID, "give radians, such as math.radians(30)"),
     ("pl.StarStop(semi_diameter=5.0, points=5, inner_semi_diameter=6.0)", INVALID, "reduce it, or use a PolygonStop"),
     ("pl.optics.MaskStop(np.full((8, 8), 255), semi_diameter=5.0)", INVALID, "from 0, opaque, to 1, clear: scale it"),
-]
-ARRAYS_AND_SENSORS = [
     ("array(pitch=0)", INVALID, "pitch is 0 mm; it must be above 0"),
     ("array(pitch=(0.2, 0.2))", INVALID, "give one number in mm"),
     ("array(focal_lengths=(0.0,))", INVALID, "give one in mm for each type, not 0"),
-    ('array(lattice="hexagonal")', INVALID, "Lattice.HEXAGONAL"),
     ("array(lattice=pl.optics.MicrolensModel.THIN)", INVALID, "it must be Lattice.HEXAGONAL or"),
     ("array(lattice=pl.Lattice.RECTANGULAR)", INVALID, "needs two in mm"),
     ("array(lattice=pl.Lattice.FREE)", INVALID, "give centres, an (n, 2) array in mm"),
     ("array(centres=np.zeros((3, 2)))", INVALID, "leave it out"),
     ("array(focal_lengths=(2.0, 2.4), pattern=[[0, 2]])", INVALID, "types outside 0 to 1; give each a focal length"),
     ("array(model=pl.optics.MicrolensModel.SPHERICAL, focal_lengths=(0.1,))", INVALID, "increase the focal length"),
-    ("pl.MicrolensImperfections(focal_length_spread=20)", INVALID, "it must be from 0 to 0.2"),
     ("pl.Sensor(shape=512, pixel_pitch=0.01)", INVALID, "it must be (rows, columns)"),
-    ("pl.Sensor(shape=(5.12, 5.12), pixel_pitch=0.01)", INVALID, "it must be a whole number"),
     ("pl.Sensor(shape=(32, 32), pixel_pitch=0)", INVALID, "pixel_pitch is 0 mm; it must be above 0"),
-    ("pl.Sensor(shape=(32, 32), pixel_pitch=(0.01, 0.01))", INVALID, "(0.01, 0.01); it must be a number"),
     ("pl.Sensor(shape=(32, 32), pixel_pitch=0.01, pixel_aperture=80)", INVALID, "(width, height) over the pitch"),
-]
-ASSEMBLY = [
     ("camera(stop_to_microlenses=0.1233)", INVALID, "so it must be above 30.31; 0.1233 looks like metres: give 123.3"),
-    ("camera(stop_to_microlenses=3.1)", INVALID, "so it must be above 30.31"),
-    ("camera(stop_to_microlenses=1.7, microlenses_to_sensor=123.3)", INVALID, "so it must be above 30.31"),
     ("camera(microlenses_to_sensor=-1.7)", INVALID, "where the sensor touches the array"),
     ("camera(microlenses=None)", INVALID, "give the distance from stop to sensor as stop_to_microlenses"),
     ("camera(wavelength=0.5876)", INVALID, "wavelengths are in nanometres"),
-    ('camera(lens="double-gauss-100mm-f2")', INVALID, "it must be a LensStack"),
-    ("pl.PlenopticCamera(LENS, ARRAY, SENSOR, 123.3)", INVALID, "it must be a Sensor"),
     ("camera(pose=np.eye(4))", INVALID, "it must be a Pose or None"),
-    ("camera(stop_to_microlens=123.3)", TypeError, "unexpected keyword argument 'stop_to_microlens'"),
     ('CAMERA.moved("sensor", shift=(1, 0, 0))', INVALID, "CameraPart.SENSOR"),
     ("CAMERA.moved(pl.CameraPart.SENSOR, tilt=(2, 0, 0))", LENS_ERROR, "give radians, such as math.radians(2.0)"),
     ("CAMERA.moved(pl.CameraPart.SENSOR, tilt=(0, 0, 90))", INVALID, "give radians, such as math.radians(90)"),
@@ -135,40 +112,25 @@ ASSEMBLY = [
     ("CAMERA.posed((0, 500, 0), (0, 0, 0))", INVALID, "lies along the view; choose another direction"),
     ("pl.Pose(np.diag([1, 1, -1]), (0, 0, 0))", INVALID, "scaling and mirroring belong to the scene"),
     ("pl.design_camera(LENS, sensor=SENSOR, kind=pl.CameraKind.GALILEAN, z=-404.0)", INVALID, "too few; give 2 more"),
-    ("white(camera(sensor=pl.Sensor((16, 16), 0.01)))", ODD, "smaller than one microlens of pitch 0.217 mm"),
     ("white(camera(sensor=pl.Sensor((32, 32), 1e-5)))", ODD, "give it in mm, as 0.005 for 5 micrometres"),
-    ("white(camera(microlenses=array(pitch=217)))", ODD, "microlens of pitch 217 mm; give both in mm"),
-    ("white(camera(microlenses=array(pitch=2.0, focal_lengths=(0.217,))))", ODD, "were they swapped?"),
-    ("white(camera(lens=LENS.with_stop(pl.CircularStop(200.0))))", ODD, "a stop of semi_diameter 200 mm"),
-    ("white(camera(microlenses_to_sensor=0.0017))", ODD, "give both in mm, nearly the same"),
     ("white(camera(microlenses=array(pitch=2.17e-7)))", INVALID, "check the units"),
-    ("white(CAMERA.moved(pl.CameraPart.SENSOR, shift=(500, 0, 0)))", BLACK, "look at camera.report()"),
-]
-SCENES = [
     ("pl.Scene()", SCENE_ERROR, "give it at least one of them"),
     ("pl.Scene(WALL)", INVALID, "it must be a sequence of Mesh or Instances, as in [item]"),
     ("pl.Scene([LAMP])", INVALID, "meshes holds QuadLight; it may hold Mesh or Instances only"),
-    ("pl.Scene([WALL], LAMP)", INVALID, "as in [item]"),
     ('pl.Scene([WALL], background="white")', INVALID, "it must be a number"),
     ("pl.Scene([WALL], background=np.ones((4, 8, 3)))", INVALID, "give an image as pl.EnvironmentMap"),
-    ("SCENE.merged([WALL])", INVALID, "give a Scene"),
     ("SCENE.transformed(np.eye(3))", INVALID, "it must have shape (4, 4)"),
     ("SCENE.transformed(np.diag([2, 1, 1, 1]))", SCENE_ERROR, "scale equally in all directions"),
-    ("WALL.rotated((0, 1, 0), 90)", INVALID, "give radians, such as math.radians(90)"),
     ("pl.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 2, 3]])", SCENE_ERROR, "it must be within 0 and 2"),
     ("pl.Mesh(np.eye(3), [[0, 1, 2]], (0.8, 0.1, 0.1))", INVALID, "it must be one of Lambertian,"),
     ("pl.Mesh(np.eye(3), [[0, 1, 2]], pl.Lambertian(pl.Texture(np.ones((2, 2, 3)))))", SCENE_ERROR, "give uv"),
     ("pl.quad((0, 0, 0), (1, 0, 0), (2, 0, 0))", SCENE_ERROR, "spread the vertices or leave the mesh out"),
-    ('pl.sphere(2.0, material="red")', INVALID, "it must be one of Lambertian,"),
     ("pl.box((1, 2))", INVALID, "it must be one edge or (x, y, z) in mm"),
     ("pl.Lambertian((255, 0, 0))", SCENE_ERROR, "it must be within 0 and 1"),
-    ('pl.Lambertian("#ff0000")', INVALID, "it must be a number"),
     ("pl.Lambertian((0.8, 0.1, 0.1, 1.0))", INVALID, "it must be one number or (red, green, blue)"),
     ('pl.Texture("wood.png")', INVALID, "use Texture.load for files"),
     ("pl.Texture(np.ones((4, 4)))", INVALID, "(rows, columns, channels): give texels[..., np.newaxis], which has one"),
     ("pl.Texture(np.full((4, 4, 3), 128, dtype=np.uint8))", INVALID, "use Texture.from_image for image codes"),
-    ('pl.Conductor("gold")', INVALID, "reflectance is 'gold'; it must be a number"),
-    ("pl.MetallicRoughness(0.5, roughness=50)", SCENE_ERROR, "it must be within 0 and 1"),
     ("pl.Emissive(-1.0)", SCENE_ERROR, "it must be 0 or more"),
     ("pl.EnvironmentMap(np.ones((8, 8)))", INVALID, "it must have shape (rows, columns, channels)"),
     ("pl.QuadLight((0, 0, 0), 40, 40)", INVALID, "edge_u has shape (); it must have shape (3,)"),
@@ -176,22 +138,10 @@ SCENES = [
     ("pl.lights.SpotLight((0, 9, -404), (0, -1, 0), outer_angle=30)", INVALID, "it must be above 0 and at most pi"),
     ("pl.SunLight.from_angles(0, 45)", INVALID, "45 rad; it must be within -pi/2 and pi/2"),
     ("pl.SunLight.from_angles(180, 0.5)", INVALID, "give radians, such as math.radians(180)"),
-]
-RENDERS = [
     ("render(pl.Scene([WALL]))", BLACK, "give it lights=[...]"),
-    (
-        "render(pl.Scene([WALL], [pl.QuadLight((0, 9, -300), (9, 0, 0), (0, 9, 0))]))",
-        BLACK,
-        "faces away: turn it round",
-    ),
-    ("render(pl.Scene([WALL], [pl.lights.SpotLight((0, 9, -300), (0, 1, 0))]))", BLACK, "aim it with SpotLight.facing"),
-    ("render(pl.Scene([WALL], [pl.SunLight((0, 0, 1))]))", BLACK, "reverse its direction"),
-    ("render(pl.Scene([pl.box(600)], background=1.0))", BLACK, "the camera is inside Mesh 0"),
     ("render(pl.Scene([WALL], [pl.lights.PointLight((0, 0, -500), 1e5)]))", BLACK, "move it to the camera's side"),
     ("render(pl.Scene([WALL.with_material(pl.Lambertian(0))], [LAMP]))", BLACK, "give more, or matt materials"),
-    ("render(camera=CAMERA.posed((0, 0, 0), (0, 0, 404)))", BLACK, "move it, or the camera"),
     ("render(pl.Scene([WALL.scaled(0.001)], background=1.0))", UNSEEN, "between [-0.1, -0.1, -0.404] and"),
-    ("render(max_bounces=0)", BLACK, "max_bounces is 0"),
     ("render(samples=None)", INVALID, "give one of them, such as samples=64"),
     ("render(samples=64.5)", INVALID, "samples is 64.5; it must be a whole number"),
     ("render(target_error=2)", INVALID, "0.02 is 2 %"),
@@ -199,52 +149,36 @@ RENDERS = [
     ("render(region=(0, 8, 0, 8))", INVALID, "it must be two slices, such as np.s_[0:64, 0:64]"),
     ("render(region=np.s_[40:50, 0:8])", INVALID, "of the sensor's 32 rows it must take at least one"),
     ("render(seed=None)", INVALID, "seed is None; it must be a whole number"),
-    ("render(caustics=False)", INVALID, "it must be Caustics.KEPT or Caustics.LEFT_OUT"),
     ('render(truth="depth")', INVALID, "give a Truth, such as pl.Truth.DEPTH | pl.Truth.NORMAL"),
     ("render(truth=pl.Truth.DEPTH + pl.Truth.NORMAL)", INVALID, "pl.Truth.DEPTH | pl.Truth.NORMAL"),
     ("pl.render(CAMERA, SCENE, samples=8)", INVALID, "scene is a PlenopticCamera; it must be a Scene"),
-    ("pl.render([WALL], CAMERA, samples=8)", INVALID, "scene is a list; it must be a Scene"),
-    ("pl.render(SCENE, CAMERA, 8)", TypeError, "takes 2 positional arguments but 3 were given"),
     ('render(checkpoint="nowhere/state.ckpt")', FILE, "does not exist; make it first"),
     ("pl.ground_truth(CAMERA, SCENE)", INVALID, "scene is a PlenopticCamera; it must be a Scene"),
     ("CAMERA.project([(0, 0, 404)])", INVALID, "points must lie in front of it, at smaller z"),
     ("CAMERA.project([(0, 0, -0.404)])", INVALID, "-0.404 looks like metres: give -404, and all other lengths in mm"),
-    ("CAMERA.posed((0, 0, 0.404), (0, 0, 0)).project([(0, 0, 0)])", INVALID, "-0.404 looks like metres: give -404"),
     ("CAMERA.project([(0, 0)])", INVALID, "it must have shape (n, 3)"),
-    ("pl.point_spread(CAMERA, (0, 0, 404))", INVALID, "points must lie in front of it, at smaller z"),
     ("pl.microlens_centres(camera(microlenses=None, microlenses_to_sensor=0))", INVALID, "give it a MicrolensArray"),
-    ("pl.replay(SHOT, (0, 0, 0))", TypeError, "'pixel' and 'sample'"),
-]
-FILES_AND_READOUT = [
     ('SHOT.save("shot.jpg")', FILE, "it must end in .exr, .zarr, .tif, .tiff or .png"),
-    ('SHOT.save("nowhere/shot.exr")', FILE, "make it first"),
     ('SHOT.save("shot.exr", scale=2.0)', INVALID, "leave it out"),
     ('pl.Exposure.load("missing.exr")', FILE, "does not exist; check the path"),
     ('pl.Exposure.load(file("a.exr"))', FILE, "give an image file"),
-    ('pl.Scene.load("missing.obj")', FILE, "does not exist; check the path"),
     ('pl.Scene.load(file("a.obj"))', FILE, "export a mesh"),
     ('pl.Scene.load("missing.obj", unit="inches")', INVALID, "it must be one of um, mm, cm, m, km, inch, foot"),
     ('pl.load_lens("double-gauss")', FILE, "pl.lens_names() lists them"),
-    ('pl.load_lens("missing.zmx")', FILE, "does not exist; check the path"),
     ('pl.save_lens(LENS, "lens.txt")', FILE, "give it that ending"),
-    ('pl.save_lens("lens.json", LENS)', FILE, "give the name of a file"),
-    ("pl.SensorModel(photon_rate=1000, quantum_efficiency=80)", INVALID, "it must be at most 1"),
     ("pl.SensorModel(photon_rate=1000, bits=32)", INVALID, "bits is 32; it must be at most 16"),
     ('pl.SensorModel(photon_rate=1000, colour_filters="RGGB")', INVALID, "it must be BayerPattern.RGGB or"),
-    ("pl.SensorModel(photon_rate=1000, dead=5)", INVALID, "a fraction of the pixels must be at most 1"),
     ("SHOT.develop(1000)", INVALID, "give a SensorModel, such as pl.SensorModel(photon_rate=1e6)"),
     ("pl.Exposure(np.ones((4, 4)))", INVALID, "it must have shape (rows, columns, channels)"),
-    ("pl.lightfield.decode(SHOT, SHOT)", INVALID, "give camera="),
     ("pl.lightfield.decode(white(), white())", INVALID, "use pl.lightfield.render_view(shot, white, disparity), or a"),
     ("decode(views=4)", INVALID, "it must be odd, so that one is central: take 5"),
     ("decode(views=99)", pl.errors.PlenopticWarning, "views is 99, and microlens images hold 25 at this step"),
-    ("pl.lightfield.decode(white(), SHOT)", INVALID, "render it of the same region"),
     ("pl.lightfield.refocus(SHOT, -404.0)", INVALID, "give a LightField"),
     ("pl.study.error_against_time(SCENE, CAMERA, samples=64)", INVALID, "give a sequence of whole numbers"),
     ("pl.study.error_against_time(SCENE, CAMERA, seeds=1)", INVALID, "seeds is 1; it must be at least 2"),
     ("pl.study.cost_of(SCENE)", INVALID, "give a Plan, such as pl.plan(scene, camera)"),
 ]
-MISTAKES = [*LENSES, *STOPS, *ARRAYS_AND_SENSORS, *ASSEMBLY, *SCENES, *RENDERS, *FILES_AND_READOUT]
+"""What is typed, the kind of error or warning, and words of it; from lenses to cameras, scenes, renders and files."""
 REMEDY = re.compile(
     r"\b(must|give|use|add|take|choose|reduce|increase|close|move|turn|aim|reverse|look at|make|check|leave|list|render"
     r"|export|describe|belongs?|needs|missing|unexpected|takes|in front|lists|were they swapped"
@@ -267,3 +201,26 @@ def test_a_mistake_is_told_with_its_remedy(tmp_path, monkeypatch):
         told = [message for category, message in said if category is kind]
         assert len(told) == 1, f"{typed} said {said}"
         assert words in told[0] and REMEDY.search(told[0]), f"{typed} said {told[0]}"
+
+
+def test_every_error_is_the_packages_own_and_pythons_and_survives_pickling():
+    for kind, base in ((INVALID, ValueError), (LENS_ERROR, ValueError), (SCENE_ERROR, ValueError), (FILE, OSError)):
+        assert issubclass(kind, pl.errors.PlenopticError) and issubclass(kind, base)
+        assert str(pickle.loads(pickle.dumps(kind("radius is 0 mm")))) == "radius is 0 mm"
+
+
+def test_what_is_no_path_no_flag_and_no_number_is_refused():
+    for typed, kind in (
+        ("pl.Exposure.load(None)", FILE),
+        ("SHOT.save(5)", FILE),
+        ("pl.images.read_linear(None)", FILE),
+        ('pl.Emissive(1.0, two_sided="no")', INVALID),
+        ("pl.QuadLight((0, 0, 0), (1, 0, 0), (0, 1, 0), two_sided=[1])", INVALID),
+        ("pl.Mesh(np.eye(3), [[0, 1, 2]], name=[])", INVALID),
+        ("pl.Scene(meshes=np.array(1.0))", INVALID),
+        ("pl.RayBundle(np.zeros((1, 3)), [[0, 0, 1.0]], weight=[np.nan])", INVALID),
+        ('array(index="x")', INVALID),
+        ("array(index=None)", INVALID),
+    ):
+        with pytest.raises(kind):
+            eval(typed)  # noqa: S307

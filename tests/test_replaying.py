@@ -3,7 +3,6 @@
 import collections
 import dataclasses
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -21,10 +20,8 @@ from plenoptic.replaying.events import (
     SensorPoint,
     WorldRay,
 )
-from plenoptic.replaying.replay import Replay
 from plenoptic.replaying.retracing import replay, replay_all
 from plenoptic.study.cameras import reference_camera
-from plenoptic.truth.channels import Truth
 
 CAMERA = reference_camera()
 LENS = CAMERA.lens
@@ -37,27 +34,21 @@ def shoot(scene, camera=CAMERA, region=REGION, **how):
     how = {"samples": 20, "seed": 3, "replicates": 8, "progress": False, **how}  # renders nothing beside the region
     if scene is None:
         return pl.render_white(camera, region=region, **how)
-    return pl.render(scene, camera, region=region, truth=Truth.NONE, **how)
+    return pl.render(scene, camera, region=region, truth=pl.Truth.NONE, **how)
 
 
-def paths_of(shot, scene, pixel):
-    """All paths of a pixel."""
+def paths_of(shot, scene, at):
+    """All paths of the pixel at a place of the image."""
     first_row, _, first_column, _ = shot.region or (0, 0, 0, 0)
-    at = (pixel[0] - first_row, pixel[1] - first_column)
     samples = shot.samples if shot.sample_counts is None else int(shot.sample_counts[at])
-    return replay_all(shot, scene, [(*pixel, sample) for sample in range(samples)]), shot.image[at]
-
-
-def pixels_of(shot):
-    first_row, end_row, first_column, end_column = shot.region or (0, shot.image.shape[0], 0, shot.image.shape[1])
-    return [(row, column) for row in range(first_row, end_row) for column in range(first_column, end_column)]
+    return replay_all(shot, scene, [(at[0] + first_row, at[1] + first_column, sample) for sample in range(samples)])
 
 
 def assert_replayed(shot, scene, pixels=None, exact=True):
     """The law of contributions, in all pixels; returns all paths."""
     found = []
-    for pixel in pixels_of(shot) if pixels is None else pixels:
-        ways, value = paths_of(shot, scene, pixel)
+    for at in np.ndindex(shot.image.shape[:2]) if pixels is None else pixels:
+        ways, value = paths_of(shot, scene, at), shot.image[at]
         assert [way.sample for way in ways] == list(range(len(ways)))
         # Added up as the renderer does: in each replicate one after the other, then these.
         sums = np.zeros((1 + max(way.replicate for way in ways), len(ways[0].contribution)))
@@ -88,7 +79,8 @@ def assert_connected(way, camera):
     for event in lens:
         np.testing.assert_array_equal(event.before, direction)
         if event.point is not None:
-            assert_along(event.point - point, direction)
+            step = event.point - point
+            assert np.linalg.norm(np.cross(step, direction)) < 1e-12 * max(np.linalg.norm(step), 1e2)
         point, direction = event.point, event.after
         assert (event.after is None) == (event.status != pl.RayStatus.OK)
     assert (world is None) == (way.ending is PathEnding.LOST)
@@ -104,14 +96,10 @@ def assert_connected(way, camera):
 
 
 def assert_on_pixel(event, camera):
-    placed = rigid(camera.sensor_placement, camera.z_sensor).inverse()
-    x, y, z = placed.points(event.point)
-    pitch, (rows, columns) = camera.sensor.pixel_pitch, camera.sensor.shape
-    row, column = event.pixel
-    across, along = 0.5 * pitch * np.asarray(camera.sensor.pixel_aperture)
-    assert abs(x + (column + 0.5 - columns / 2) * pitch) <= across + 1e-12
-    assert abs(y - (row + 0.5 - rows / 2) * pitch) <= along + 1e-12
-    assert abs(z) < 1e-12
+    placed, sensor = rigid(camera.sensor_placement, camera.z_sensor).inverse(), camera.sensor
+    row, column = np.array(event.pixel) + 0.5 - np.array(sensor.shape) / 2
+    off = placed.points(event.point) - sensor.pixel_pitch * np.array([-column, row, 0.0])
+    assert (np.abs(off) <= 0.5 * sensor.pixel_pitch * np.array([*sensor.pixel_aperture, 0.0]) + 1e-12).all()
 
 
 def assert_in_scene(way, world, scene):
@@ -140,27 +128,17 @@ def assert_refracted_or_reflected(before, event):
     """What runs along the surface stays, or changes by the index: directions are known to some 1e-15."""
     normal, index = event.shading_normal, event.material.index
     was, now = (d - (d @ normal) * normal for d in (before, event.direction))
-    ratios = np.array([1.0, index, 1 / index])
-    ratio = ratios[np.argmin(np.abs(ratios - np.linalg.norm(now) / np.linalg.norm(was)))]
-    np.testing.assert_allclose(now, ratio * was, atol=1e-12)
+    assert min(np.abs(now - ratio * was).max() for ratio in (1.0, index, 1 / index)) < 1e-12
 
 
-def assert_along(step, direction):
-    assert np.linalg.norm(np.cross(step, direction)) < 1e-12 * max(np.linalg.norm(step), 1e2)
-
-
-@pytest.mark.parametrize("make", [lambda: None, pl.check_scene], ids=["white", "check"])
-def test_contributions_are_those_of_the_image(make):
-    shot = shoot(scene := make())
+@pytest.mark.parametrize("scene", [None, pl.check_scene()], ids=["white", "check"])
+def test_contributions_are_those_of_the_image(scene):
+    shot = shoot(scene)
     ways = assert_replayed(shot, scene)
     assert shot.image.any()
     # And paths are lost where the statistics say, as often.
-    lost = collections.Counter()
-    for way in ways:
-        if way.ending is PathEnding.LOST:
-            last = way.events[-1]
-            element = last.element if isinstance(last, ElementPassage) else None
-            lost[last.status.name.lower(), element] += 1
+    last = [way.events[-1] for way in ways if way.ending is PathEnding.LOST]
+    lost = collections.Counter((event.status.name.lower(), getattr(event, "element", None)) for event in last)
     assert sorted(shot.stats.lost) == sorted((cause, element, count) for (cause, element), count in lost.items())
     assert shot.stats.lost and shot.stats.paths == len(ways)
     # What surely passes is added to white images alone, beside paths that are lost too.
@@ -196,7 +174,6 @@ def textured():
     return pl.Scene([wall], [pl.lights.PointLight((6, 6, -370), 150.0)], background=0.1)
 
 
-SCENES = {"objects": pl.objects_scene, "textured": textured, "room": lit_room}
 HOW = {
     "as it is": {},
     "three replicates": {"replicates": 3},
@@ -211,18 +188,18 @@ HOW = {
 }
 
 
-CASES = {
-    "objects": list(HOW),
-    "textured": ["as it is"],
-    "room": ["as it is", "at random", "no caustics", "many bounces"],
-}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
-def test_scenes_and_settings(name):
-    scene = SCENES[name]()
-    for how in CASES[name]:
+@pytest.mark.parametrize(
+    "make, cases",
+    [
+        (pl.objects_scene, list(HOW)),
+        (textured, ["as it is"]),
+        (lit_room, ["as it is", "at random", "no caustics", "many bounces"]),
+    ],
+)
+def test_scenes_and_settings(make, cases):
+    scene = make()
+    for how in cases:
         shot = shoot(scene, region=np.s_[254:255, 256:258], **HOW[how])
         ways = assert_replayed(shot, scene, exact="random" not in how)
         assert shot.image.all() or how == "no bounces", how
@@ -231,9 +208,7 @@ def test_scenes_and_settings(name):
         if how == "one bounce":
             assert max(len(way.bounces) for way in ways) <= 2
         if how == "no bounces":
-            assert {way.ending for way in ways} <= {
-                *(PathEnding.MAX_BOUNCES, PathEnding.LEFT_SCENE, PathEnding.LOST, PathEnding.ABSORBED)
-            }
+            assert {way.ending.name for way in ways} <= {"MAX_BOUNCES", "LEFT_SCENE", "LOST", "ABSORBED"}
 
 
 ASPHERE = dataclasses.replace(LENS.elements[0], conic=-0.5, aspheric=(0.0, 1e-8))
@@ -252,18 +227,16 @@ CAMERAS = {
     "no microlenses": {"microlenses": None, "microlenses_to_sensor": 0.0, "stop_to_microlenses": 134.0},
     "out of place": {
         "lens_placement": pl.optics.Placement(shift=(0.05, 0.0, 0.02)),
-        "microlenses_placement": pl.optics.Placement(
-            shift=(0.01, 0.02, 0.0), rotation=[[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-        ),
+        "microlenses_placement": pl.optics.Placement((0.01, 0.02, 0.0), [[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
     },
     "dark gaps": {"sensor": pl.Sensor(shape=(512, 512), pixel_pitch=0.010, pixel_aperture=(0.5, 0.8))},
 }
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("make", [lambda: None, pl.objects_scene], ids=["white", "objects"])
+@pytest.mark.parametrize("make", [None, pl.objects_scene], ids=["white", "objects"])
 def test_cameras(make):
-    scene = make()
+    scene = make and make()
     for name, changes in CAMERAS.items():
         shot = shoot(scene, dataclasses.replace(CAMERA, **changes), region=np.s_[250:251, 256:258])
         # A fill factor multiplies the sum.
@@ -272,9 +245,8 @@ def test_cameras(make):
         lines = {640.0, 550.0, 450.0} if name == "spectral" else {None}
         assert {way.wavelength for way in ways} == lines or scene is None, name
         kinds = {event.kind for way in ways for event in way.events if isinstance(event, ElementPassage)}
-        assert (ElementKind.ASPHERE in kinds) == (name == "aspheric")
-        assert (ElementKind.IDEAL_LENS in kinds) == (name == "thin")
-        assert (ElementKind.POLYGON_STOP in kinds) == (name == "polygonal stop")
+        for kind, only in (("ASPHERE", "aspheric"), ("IDEAL_LENS", "thin"), ("POLYGON_STOP", "polygonal stop")):
+            assert (ElementKind[kind] in kinds) == (name == only), (kind, name)
 
 
 @pytest.mark.slow
@@ -299,11 +271,10 @@ def test_pixels_of_their_own_number_of_samples():
     scene = pl.check_scene()
     shot = shoot(scene, region=np.s_[250:314, 200:264], samples=None, target_error=0.1, tile_side=16)
     assert shot.sample_counts is not None and len(np.unique(shot.sample_counts)) > 1
-    rows, columns = (places[:: len(places) // 4] for places in np.nonzero(shot.sample_counts < shot.samples))
-    few = list(zip(rows + 250, columns + 200, strict=True))
-    assert_replayed(shot, scene, pixels=[(int(row), int(column)) for row, column in few[:4]])
-    row, column = int(rows[0]), int(columns[0])
-    count = int(shot.sample_counts[row, column])
+    few = np.argwhere(shot.sample_counts < shot.samples)
+    few = [tuple(at) for at in few[:: len(few) // 4].tolist()]
+    assert_replayed(shot, scene, pixels=few[:4])
+    (row, column), count = few[0], int(shot.sample_counts[few[0]])
     with pytest.raises(pl.errors.InvalidValueError, match=f"has {count} samples"):
         replay(shot, scene, pixel=(row + 250, column + 200), sample=count)
 
@@ -314,9 +285,8 @@ def test_a_saved_exposure_is_replayed_to_the_same_bits(tmp_path):
     shot = shoot(scene, clamp=0.3)
     shot.save(tmp_path / "shot.exr")
     loaded = pl.Exposure.load(tmp_path / "shot.exr")
-    for sample in range(3):
-        given = {"pixel": (300, 200), "sample": sample}
-        assert replay(loaded, scene, **given) == replay(shot, scene, **given)
+    paths = [(300, 200, sample) for sample in range(3)]
+    assert replay_all(loaded, scene, paths) == replay_all(shot, scene, paths)
 
 
 def pinhole(half=0.2, pixels=2):
@@ -330,19 +300,22 @@ def pinhole(half=0.2, pixels=2):
 @pytest.mark.slow
 def test_the_events_of_a_room_are_what_the_scene_says():
     scene = lit_room()
-    shot = pl.render(scene, pinhole(0.03, 4), samples=32, max_bounces=30, truth=Truth.NONE, progress=False)
+    shot = pl.render(scene, pinhole(0.03, 4), samples=32, max_bounces=30, truth=pl.Truth.NONE, progress=False)
     ways = assert_replayed(shot, scene)
     meetings = [event for way in ways for event in way.bounces]
-    drawn = {event.light.kind for event in meetings if event.light is not None}
-    assert drawn == set(DrawnKind)
+    assert {event.light.kind for event in meetings if event.light is not None} == set(DrawnKind)
+    lamps = [light.mesh() for light in scene.lights if isinstance(light, pl.QuadLight | pl.lights.SphereLight)]
     for event in meetings:
         place = event.place
-        corners = corners_of(scene, place)
+        mesh = [*scene.meshes, *lamps][place.object]
+        if place.instance is not None:
+            mesh = mesh.meshes()[place.instance]
+        assert event.material == mesh.material
+        corners = mesh.vertices[mesh.faces[place.triangle]]
         # In the plane of the triangle that is named, inside it: barycentric coordinates to rounding.
         inside = np.linalg.lstsq(np.vstack([corners.T, np.ones(3)]), np.append(event.point, 1.0), rcond=None)
         np.testing.assert_allclose(corners.T @ inside[0], event.point, atol=1e-8)
         assert inside[0].min() > -1e-3
-        assert event.material == material_of(scene, place)
         if event.light is not None and event.light.light is not None:
             light, sun = scene.lights[event.light.light], event.light.kind is DrawnKind.SUN
             assert isinstance(light, pl.SunLight if sun else pl.lights.PointLight | pl.lights.SpotLight)
@@ -358,28 +331,11 @@ def test_the_events_of_a_room_are_what_the_scene_says():
     assert {PathEnding.LEFT_SCENE, PathEnding.ROULETTE, PathEnding.ABSORBED} <= {way.ending for way in ways}
 
 
-def shape_of(scene, number):
-    shapes = [light.mesh() for light in scene.lights if isinstance(light, pl.QuadLight | pl.lights.SphereLight)]
-    return [*scene.meshes, *shapes][number]
-
-
-def corners_of(scene, place):
-    mesh = shape_of(scene, place.object)
-    if place.instance is not None:
-        mesh = mesh.meshes()[place.instance]
-    return mesh.vertices[mesh.faces[place.triangle]]
-
-
-def material_of(scene, place):
-    mesh = shape_of(scene, place.object)
-    return mesh.mesh.material if isinstance(mesh, pl.scene.Instances) else mesh.material
-
-
 @pytest.mark.slow
 def test_mirrors_reflect():
     mirror = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Conductor(0.9))
     scene = pl.Scene([mirror.rotated_deg((1, 0, 0), 20)], background=1.0)
-    shot = pl.render(scene, pinhole(), samples=4, truth=Truth.NONE, progress=False)
+    shot = pl.render(scene, pinhole(), samples=4, truth=pl.Truth.NONE, progress=False)
     for way in assert_replayed(shot, scene):
         (meeting,) = way.bounces
         before, normal = next(e.direction for e in way.events if isinstance(e, WorldRay)), meeting.shading_normal
@@ -393,19 +349,15 @@ def test_roulette_and_the_last_bounce_end_paths():
     # In a closed grey room whose lamp nothing hides, paths end by roulette or at the last bounce, never by leaving.
     room = pl.box(200.0, material=pl.Lambertian(0.5))
     scene = pl.Scene([room], [pl.lights.SphereLight((20, 30, -50), 3.0, radiance=100.0)])
-    for most, expected in ((2, {PathEnding.MAX_BOUNCES}), (200, {PathEnding.ROULETTE})):
-        shot = pl.render(scene, pinhole(), samples=64, max_bounces=most, truth=Truth.NONE, progress=False)
+    for most, expected in ((1, PathEnding.MAX_BOUNCES), (2, PathEnding.MAX_BOUNCES), (200, PathEnding.ROULETTE)):
+        shot = pl.render(scene, pinhole(), samples=64, max_bounces=most, truth=pl.Truth.NONE, progress=False)
         ways = assert_replayed(shot, scene)
-        assert {way.ending for way in ways} - {PathEnding.ABSORBED, PathEnding.LOST} == expected
+        assert {way.ending for way in ways} - {PathEnding.ABSORBED, PathEnding.LOST} == {expected}
         assert all(len(way.bounces) == most + 1 for way in ways if way.ending is PathEnding.MAX_BOUNCES)
         # From the fourth surface on, half of the paths go on: 1 more of 256 paths beyond 4 + 12 once in 16.
         assert all(4 <= len(way.bounces) <= 30 for way in ways if way.ending is PathEnding.ROULETTE)
-    shot = pl.render(scene, pinhole(), samples=8, max_bounces=1, truth=Truth.NONE, progress=False)
-    assert {way.ending for way in assert_replayed(shot, scene)} - {PathEnding.ABSORBED, PathEnding.LOST} == {
-        PathEnding.MAX_BOUNCES
-    }
     point = pl.Scene([room], [pl.lights.PointLight((20, 30, -50), 100.0)])
-    shot = pl.render(point, pinhole(), samples=8, max_bounces=1, truth=Truth.NONE, progress=False)
+    shot = pl.render(point, pinhole(), samples=8, max_bounces=1, truth=pl.Truth.NONE, progress=False)
     assert {way.ending for way in assert_replayed(shot, point)} - {PathEnding.LOST} == {PathEnding.NOTHING_AHEAD}
 
 
@@ -414,7 +366,7 @@ def test_paths_that_are_not_finite_show_where_they_broke():
     # A lamp of 1e307 closely above the patch of 0.16 mm that is seen: over r^2 < 0.013 that is beyond float64.
     ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Lambertian(0.8))
     scene = pl.Scene([ground], [pl.lights.PointLight((0, 0, -39.99), 1e307)], background=0.1)
-    shot = pl.render(scene, pinhole(0.002), samples=32, truth=Truth.NONE, progress=False)
+    shot = pl.render(scene, pinhole(0.002), samples=32, truth=pl.Truth.NONE, progress=False)
     assert shot.stats.nonfinite and shot.stats.nonfinite_paths and np.isfinite(shot.image).all()
     for way in replay_all(shot, scene, shot.stats.nonfinite_paths):
         assert not way.finite and way.ending is PathEnding.NOT_FINITE
@@ -422,46 +374,34 @@ def test_paths_that_are_not_finite_show_where_they_broke():
         broken = way.events[way.first_nonfinite]
         assert isinstance(broken, Meeting) and not np.isfinite(broken.light.contribution).all()
         assert "not finite from here on" in repr(way) and "left out of the image" in repr(way)
-    ways = [way for pixel in pixels_of(shot) for way in paths_of(shot, scene, pixel)[0]]
+    ways = [way for at in np.ndindex(2, 2) for way in paths_of(shot, scene, at)]
     assert sum(not way.finite for way in ways) == shot.stats.nonfinite == shot.stats.paths_through_lens
 
 
 def test_a_replay_prints_as_a_table_and_is_a_value():
+    """The documented example shows the rest."""
     scene = pl.check_scene()
-    shot = shoot(scene)
-    ways = paths_of(shot, scene, (300, 198))[0]
+    ways = paths_of(shoot(scene), scene, (0, 0))
     through = next(way for way in ways if way.ending is not PathEnding.LOST)
     lost = next(way for way in ways if way.ending is PathEnding.LOST)
-    lines = repr(through).splitlines()
-    names = [line[:10].strip() for line in lines]
-    expected = ["", "sensor", "array", "", *["lens"] * len(LENS.elements), "world", "bounce 0"]
-    assert [name if name else "" for name in names[1:]][: len(expected) - 1] == expected[1:]
-    assert lines[0] == f"sample {through.sample} of pixel (300, 198): replicate {through.sample % 8}, point " + str(
-        through.sample // 8
-    )
-    assert "mm" in lines[1] and "sr" in lines[2] and max(map(len, lines)) < 140
-    assert "lost: clipped" in repr(lost) and names[-3:] == ["ends", "brings", "adds"]
-    assert pickle.loads(pickle.dumps(through)) == through and isinstance(through, Replay)
-    assert through != lost and len({through, lost, through}) == 2
+    names = [line[:10].strip() for line in repr(through).splitlines()]
+    table = ["sensor", "array", "", *["lens"] * len(LENS.elements), "world", "bounce 0"]
+    assert names[1 : 1 + len(table)] == table and names[-3:] == ["ends", "brings", "adds"]
+    assert "lost: clipped" in repr(lost) and len({through, lost, through}) == 2
     assert through.camera_points.shape == (2 + len(LENS.elements) + 1, 3)
-    with pytest.raises(ValueError, match="read-only"):
-        through.contribution[0] = 1.0
 
 
 def test_what_cannot_be_replayed_says_why():
     scene = pl.check_scene()
     shot = shoot(scene)
-    for pixel, message in (
-        ((10, 20), r"pixel \(10, 20\) is outside .* rows 300 to 301 and columns 198 to 200"),
-        ((302, 198), "is outside"),
-        ((-1, 198), "row of the pixel is -1; it must be at least 0"),
-        ((300, 199.5), "column of the pixel is 199.5; it must be a whole number"),
-        (300, r"pixel is 300; it must be \(row, column\)"),
-    ):
-        with pytest.raises(pl.errors.InvalidValueError, match=message):
-            replay(shot, scene, pixel=pixel, sample=0)
     here = {"pixel": (300, 199), "sample": 0}
+    outside = r"pixel \(10, 20\) is outside .* rows 300 to 301 and columns 198 to 200"
     for exposure, seen, given, message in (
+        (shot, scene, here | {"pixel": (10, 20)}, outside),
+        (shot, scene, here | {"pixel": (302, 198)}, "is outside"),
+        (shot, scene, here | {"pixel": (-1, 198)}, "row of the pixel is -1; it must be at least 0"),
+        (shot, scene, here | {"pixel": (300, 199.5)}, "column of the pixel is 199.5; it must be a whole number"),
+        (shot, scene, here | {"pixel": 300}, r"pixel is 300; it must be \(row, column\)"),
         (shot, scene, here | {"sample": 20}, "sample is 20, and pixel .* has 20 samples"),
         (shot, scene, here | {"sample": -1}, "sample is -1"),
         (pl.Exposure(np.ones((2, 2, 1))), scene, here | {"pixel": (0, 0)}, "does not know its camera, settings, seed"),

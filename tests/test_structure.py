@@ -9,6 +9,8 @@ from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+from importlinter import cli
+
 import plenoptic as pl
 
 ROOT = Path(pl.__file__).parent
@@ -35,9 +37,6 @@ def public_names():
         yield from ((part.__module__, part.__name__) for part in offered if inspect.isclass(part) or callable(part))
 
 
-# ---- arguments ----
-
-
 def functions(tree):
     """Functions with the class that they are a method of, or themselves."""
     for node in ast.walk(tree):
@@ -62,17 +61,11 @@ def test_more_than_eight_arguments_are_options_of_public_functions():
     assert found == set()
 
 
-# ---- files and folders ----
-
-
 def test_folders_and_files_are_small():
     folders = Counter(path.parent for path in FILES)
     assert {str(folder.relative_to(ROOT.parent)): n for folder, n in folders.items() if n > MOST_FILES} == {}
     lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in FILES}
     assert {module_of(path) for path, n in lines.items() if n > MOST_LINES} == set()
-
-
-# ---- imports ----
 
 
 def imports(node, later=False):
@@ -112,7 +105,9 @@ def test_no_import_circles_but_inside_functions_that_say_why():
     TopologicalSorter(edges).prepare()  # names a circle
 
 
-# ---- kernels and private names ----
+def test_imports_point_down(capsys):
+    settings = Path(__file__).parents[1] / "setup.cfg"
+    assert cli.lint_imports(config_filename=str(settings), no_cache=True) == 0, capsys.readouterr().out
 
 
 def test_kernels_stand_in_folders_of_their_own():
@@ -147,9 +142,6 @@ def test_ci_reads_all_files_with_a_marker():
         marked = {path.relative_to(tests).parts[0] for path, text in texts.items() if f"mark.{marker}" in text}
         (folders,) = re.findall(rf"pytest -m {marker} -n 0((?: tests/\w+)+)", script)
         assert {f"tests/{name}" for name in marked} == set(folders.split())
-
-
-# ---- documents ----
 
 
 def test_what_the_validation_page_names_exists():

@@ -10,6 +10,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.command.main import COMMANDS, main
+from plenoptic.core.warn import warn
 from plenoptic.rendering import warm_up as warming
 from plenoptic.rendering.stores import Layout, create_store
 from plenoptic.study.cameras import reference_camera
@@ -140,15 +141,14 @@ def test_view_writes_a_page_and_opens_it(files, capsys, monkeypatch):
     assert "no browser could be opened" in capsys.readouterr().err
 
 
-def test_warnings_take_one_line(files, capsys, monkeypatch):
+def test_warnings_take_one_line_and_interrupted_it_ends_with_130(capsys, monkeypatch):
     def run(options):
-        from plenoptic.core.warn import warn
-
         warn("first\nsecond")
+        raise KeyboardInterrupt
 
     monkeypatch.setattr(COMMANDS["info"], "run", run)
-    assert main(["info"]) == 0
-    assert capsys.readouterr().err == "warning: first second\n"
+    assert main(["info"]) == 130
+    assert capsys.readouterr().err == "warning: first second\ninterrupted\n"
 
 
 def test_warm_up_names_scene_and_camera(files, capsys, monkeypatch):
@@ -160,15 +160,6 @@ def test_warm_up_names_scene_and_camera(files, capsys, monkeypatch):
     assert given[0][1] == CAMERA and len(given[0][0].meshes) == 1
     assert main(["warm-up"]) == 0
     assert len(given) == 1 + 9
-
-
-def test_interrupted_it_ends_with_130(capsys, monkeypatch):
-    def run(options):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(COMMANDS["info"], "run", run)
-    assert main(["info"]) == 130
-    assert capsys.readouterr().err == "interrupted\n"
 
 
 def test_it_is_a_program(files):

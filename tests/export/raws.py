@@ -11,25 +11,15 @@ LENS = pl.load_lens("double-gauss-100mm-f2")
 
 def camera(lattice=pl.Lattice.HEXAGONAL, shape=(140, 180), turned=0.0, **array):
     """Of plenoptic 1.0, microlens images of 14.8 pixels; the array turned by so many radians."""
-    made = pl.PlenopticCamera(
-        lens=LENS.with_stop(pl.CircularStop(semi_diameter=5.3)),
-        microlenses=pl.MicrolensArray(**{"pitch": 0.147, "focal_lengths": (1.2,), "lattice": lattice, **array}),
-        sensor=pl.Sensor(shape=shape, pixel_pitch=0.01),
-        stop_to_microlenses=134.6,
-        microlenses_to_sensor=1.2,
-    )
+    lenses = pl.MicrolensArray(**{"pitch": 0.147, "focal_lengths": (1.2,), "lattice": lattice, **array})
+    made = pl.PlenopticCamera(LENS.with_stop(pl.CircularStop(5.3)), pl.Sensor(shape, 0.01), 134.6, lenses, 1.2)
     return made.moved(pl.CameraPart.MICROLENSES, shift=(0.031, -0.022, 0.0), tilt=(0.0, 0.0, turned))
 
 
-def focused(**array):
+def focused(shape=(200, 260), **array):
     """Of plenoptic 2.0, Galilean."""
-    return pl.PlenopticCamera(
-        lens=LENS.with_stop(pl.CircularStop(semi_diameter=6.0)),
-        microlenses=pl.MicrolensArray(**{"pitch": 0.217, "focal_lengths": (1.7, 2.0, 2.4), **array}),
-        sensor=pl.Sensor(shape=(200, 260), pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
+    lenses = pl.MicrolensArray(**{"pitch": 0.217, "focal_lengths": (1.7, 2.0, 2.4), **array})
+    return pl.PlenopticCamera(LENS.with_stop(pl.CircularStop(6.0)), pl.Sensor(shape, 0.01), 123.3, lenses, 1.7)
 
 
 def shots(taken_by, **settings):

@@ -12,22 +12,16 @@ import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 
 sys.path.insert(0, str(Path(__file__).parent))
-from raws import nearest  # noqa: E402
+from raws import focused, nearest  # noqa: E402
 
 BOARD = pl.targets.checkerboard(5, 4, square=3.0)
 BOARDS = (BOARD.translated(z=-404.0), BOARD.rotated_deg((1, 2, 0), 25).translated(2.0, -1.0, -330.0))
 
 
 def a_camera(lattice=pl.Lattice.HEXAGONAL, degrees=0.0, model=pl.LensModel.THIN, z=0.0):
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0)).with_model(model),
-        microlenses=pl.MicrolensArray(
-            pitch=0.217, focal_lengths=(2.0,), lattice=lattice, model=pl.optics.MicrolensModel.PINHOLE
-        ),
-        sensor=pl.Sensor(shape=(180, 220), pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
+    pinholes = {"focal_lengths": (2.0,), "lattice": lattice, "model": pl.optics.MicrolensModel.PINHOLE}
+    camera = focused((180, 220), **pinholes)
+    camera = dataclasses.replace(camera, lens=camera.lens.with_model(model))
     camera = camera.moved(pl.CameraPart.MICROLENSES, shift=(0.031, -0.05, 0.0), tilt=(0.0, 0.0, np.radians(degrees)))
     return camera.posed(position=(0, 0, z), look_at=(0, 0, z - 400), up=(0.1, 1, 0))
 

@@ -75,11 +75,9 @@ def use(made):
         # Cameras look at freeform lenses from 16 sides, for seconds.
         made = {"lens": made} if all(getattr(e, "departure", None) is None for e in made.elements) else None
     parts = {pl.Sensor: "sensor", pl.MicrolensArray: "microlenses", pl.Pose: "pose", sensor.Sensitivity: "sensitivity"}
-    name = parts.get(type(made))
-    if name is not None:
-        made = {name: made}
-    if isinstance(made, pl.Blemishes):
-        made = {"blemishes": made}
+    parts[pl.Blemishes] = "blemishes"
+    if type(made) in parts:
+        made = {parts[type(made)]: made}
     if isinstance(made, dict) and made:
         made = dataclasses.replace(camera(), **made)
     if isinstance(made, pl.PlenopticCamera):

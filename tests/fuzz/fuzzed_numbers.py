@@ -47,13 +47,8 @@ def rotation(rnd):
     a, b = math.sqrt(1.0 - u), math.sqrt(u)
     x, y = a * math.sin(2 * math.pi * v), a * math.cos(2 * math.pi * v)
     z, r = b * math.sin(2 * math.pi * w), b * math.cos(2 * math.pi * w)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * r), 2 * (x * z + y * r)],
-            [2 * (x * y + z * r), 1 - 2 * (x * x + z * z), 2 * (y * z - x * r)],
-            [2 * (x * z - y * r), 2 * (y * z + x * r), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # v x
+    return np.eye(3) + 2 * r * across + 2 * across @ across
 
 
 def colour(rnd, brightest=1.0):

@@ -7,21 +7,8 @@ from fuzzed_numbers import chance, colour, length, rotation, signed, table, unif
 
 import plenoptic as pl
 
-
-class Kind(enum.Enum):
-    """What there is in a scene."""
-
-    WORLD = enum.auto()
-    GLOWING = enum.auto()
-    LAMPS = enum.auto()
-    DIFFUSE = enum.auto()
-    POINTS = enum.auto()
-    SKYLIT = enum.auto()
-    METALS = enum.auto()
-    GLASS = enum.auto()
-    EVERYTHING = enum.auto()
-
-
+Kind = enum.Enum("Kind", "WORLD GLOWING LAMPS DIFFUSE POINTS SKYLIT METALS GLASS EVERYTHING")
+"""What there is in a scene."""
 COMMON = (Kind.WORLD, Kind.GLOWING, Kind.LAMPS)
 COLOURED = (Kind.WORLD, Kind.LAMPS, Kind.EVERYTHING)
 """What cameras of many wavelengths see."""
@@ -38,15 +25,11 @@ def a_shape(rnd, material, *, smooth=False, mapped=False):
         mesh = pl.quad((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0))
     else:
         mesh = a_soup(rnd)
-    count = len(mesh.vertices)
+    normals = None
     if smooth:
-        normals = mesh.normals if mesh.normals is not None else np.array([[0.0, 0.6, 0.8]] * count)
-        return pl.Mesh(mesh.vertices, mesh.faces, material, normals=normals, uv=_uv(mesh) if mapped else None)
-    return pl.Mesh(mesh.vertices, mesh.faces, material, uv=_uv(mesh) if mapped else None)
-
-
-def _uv(mesh):
-    return mesh.vertices[:, :2] + 0.25
+        normals = mesh.normals if mesh.normals is not None else np.tile([0.0, 0.6, 0.8], (len(mesh.vertices), 1))
+    uv = mesh.vertices[:, :2] + 0.25 if mapped else None
+    return pl.Mesh(mesh.vertices, mesh.faces, material, normals=normals, uv=uv)
 
 
 def a_soup(rnd):
@@ -61,13 +44,9 @@ def a_soup(rnd):
 
 
 def a_texture(rnd, channels, brightest=1.0):
-    rows, columns = rnd.randint(1, 3), rnd.randint(1, 3)
-    texels = table(rnd, 0.0, 1.0, rows, columns, channels)
-    return pl.Texture(
-        brightest * texels,
-        wrap=rnd.choice(list(pl.materials.Wrap)),
-        filter=rnd.choice(list(pl.materials.TextureFilter)),
-    )
+    texels = brightest * table(rnd, 0.0, 1.0, rnd.randint(1, 3), rnd.randint(1, 3), channels)
+    wrap, how = rnd.choice(list(pl.materials.Wrap)), rnd.choice(list(pl.materials.TextureFilter))
+    return pl.Texture(texels, wrap=wrap, filter=how)
 
 
 def radiance(rnd):
@@ -97,17 +76,10 @@ def some_materials(rnd, kind):
             pl.materials.ThinGlass(uniform(rnd, 1.0, 4.0), colour(rnd)),
         ]
     if kind is Kind.EVERYTHING:
-        found.append(
-            pl.MetallicRoughness(
-                a_texture(rnd, 3),
-                a_texture(rnd, 1),
-                a_texture(rnd, 1),
-                normal_map=a_texture(rnd, 3),
-                emission=a_texture(rnd, 3, length(rnd, 1.0)),
-                opacity=a_texture(rnd, 1),
-                cutoff=uniform(rnd, 0.0, 1.0) if chance(rnd, 2) else None,
-            )
-        )
+        base = a_texture(rnd, 3), a_texture(rnd, 1), a_texture(rnd, 1)
+        more = {"normal_map": a_texture(rnd, 3), "emission": a_texture(rnd, 3, length(rnd, 1.0))}
+        more |= {"opacity": a_texture(rnd, 1), "cutoff": uniform(rnd, 0.0, 1.0) if chance(rnd, 2) else None}
+        found.append(pl.MetallicRoughness(*base, **more))
     return found
 
 
@@ -163,5 +135,4 @@ def a_scene(rnd, camera, scale, kinds):
         rows, columns = rnd.randint(1, 4), rnd.randint(1, 4)
         texels = length(rnd, 1.0) * table(rnd, 0.0, 1.0, rows, columns, 1)
         background = pl.EnvironmentMap(texels, rotation(rnd))
-    scene = pl.Scene(meshes, some_lights(rnd, kind, place, size), background)
-    return scene, kind
+    return pl.Scene(meshes, some_lights(rnd, kind, place, size), background), kind

@@ -3,8 +3,7 @@
 import argparse
 import time
 
-from cases import CASES
-from golden_hashes import hashes, key, store, stored
+from golden_hashes import CASES, hashes, key, store, stored
 
 
 def main():

@@ -1,4 +1,4 @@
-"""Hashes of the cases' arrays, and which processor and programs they hold for."""
+"""The golden cases, hashes of their arrays, and which processor and programs these hold for."""
 
 import hashlib
 import importlib.metadata
@@ -7,7 +7,14 @@ import platform
 from pathlib import Path
 
 import numpy as np
+from golden_calculations import CALCULATIONS
+from golden_renderings import RENDERINGS
 from llvmlite import binding
+
+CASES = {case.__name__: case for case in (*RENDERINGS, *CALCULATIONS)}
+"""Functions that return arrays by name. Each is small, and together they call every kernel."""
+QUICK = ("traces",)
+"""In the normal run."""
 
 STORE = Path(__file__).with_name("golden.json")
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from cases import CASES, QUICK  # noqa: E402
-from golden_hashes import hashes, stored  # noqa: E402
+from golden_hashes import CASES, QUICK, hashes, stored  # noqa: E402
 
 EXPECTED = stored()
 UNKNOWN = (

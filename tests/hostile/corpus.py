@@ -13,6 +13,8 @@ import sys
 import warnings
 from pathlib import Path
 
+import plenoptic as pl
+
 sys.path.insert(0, str(Path(__file__).parent))
 from hostile_gltf import GLTF  # noqa: E402
 from hostile_images import IMAGES, png  # noqa: E402
@@ -37,8 +39,6 @@ def chosen(each):
 
 def outcome(make, folder):
     """What came of a case: what was said, CPU time without the system's, which counts memory, and what was opened."""
-    import plenoptic as pl
-
     folder.mkdir(parents=True)
     for name, content in SECRETS.items():
         (folder.parent / name).write_bytes(content)
@@ -72,8 +72,6 @@ def note(event, arguments):
 
 
 def main(folder, each):
-    import plenoptic as pl
-
     warnings.simplefilter("ignore")
     # All libraries are loaded before memory is measured.
     for name in ("trimesh", "PIL.Image", "OpenImageIO"):

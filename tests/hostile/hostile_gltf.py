@@ -6,10 +6,14 @@ import os
 import struct
 
 import numpy as np
+from hostile_images import many_scans, png
+
+import plenoptic as pl
 
 TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], dtype="<f4").tobytes()
 INDICES = np.array([0, 1, 2, 0], dtype="<u2").tobytes()
 OUTSIDE = "lies outside of"
+POSTSCRIPT = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 100 100\n(x) run\n%%EOF\n"
 
 
 def data(content):
@@ -33,11 +37,13 @@ def header():
 
 
 def loading(folder, described):
-    import plenoptic as pl
-
     path = folder / "files.gltf"
     path.write_text(described if isinstance(described, str) else json.dumps(described))
     return lambda: pl.load_file(path)
+
+
+def text(content):
+    return lambda folder: loading(folder, content)
 
 
 def changed(change):
@@ -87,8 +93,6 @@ def pipe(folder):
 
 
 def pipe_itself(folder):
-    import plenoptic as pl
-
     os.mkfifo(folder / "files.glb")
     return lambda: pl.load_file(folder / "files.glb")
 
@@ -106,29 +110,18 @@ def image(**described):
     return make
 
 
-def postscript(folder):
-    (folder / "picture.png").write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 100 100\n(x) run\n%%EOF\n")
-    return image(uri="picture.png")(folder)
+def pictured(name, content):
+    """A file with an image beside it."""
 
+    def make(folder):
+        (folder / name).write_bytes(content(folder))
+        return image(uri=name)(folder)
 
-def scans(folder):
-    from hostile_images import many_scans
-
-    (folder / "picture.jpg").write_bytes(many_scans(folder))
-    return image(uri="picture.jpg")(folder)
-
-
-def bomb(folder):
-    from hostile_images import png
-
-    (folder / "picture.png").write_bytes(png(8192, 8192))
-    return image(uri="picture.png")(folder)
+    return make
 
 
 def many_materials(folder):
     """One image, in so many colours that all of them together fill memory."""
-    from hostile_images import png
-
     (folder / "picture.png").write_bytes(png(512, 512, b"\x80"))
     described = header()
     described["accessors"].append({"componentType": 5126, "type": "VEC2", "count": 3})
@@ -145,12 +138,9 @@ def many_materials(folder):
 def instances(count, triangles):
     def change(described):
         described["accessors"].append({"componentType": 5126, "type": "VEC3", "count": count})
-        described["accessors"].append({"componentType": 5121, "type": "SCALAR", "count": 3 * triangles})
-        described["accessors"][-1]["sparse"] = {
-            "count": 3,
-            "indices": {"bufferView": 2, "componentType": 5121},
-            "values": {"bufferView": 2},
-        }
+        places = {"count": 3, "indices": {"bufferView": 2, "componentType": 5121}, "values": {"bufferView": 2}}
+        corners = {"componentType": 5121, "type": "SCALAR", "count": 3 * triangles, "sparse": places}
+        described["accessors"].append(corners)
         described["bufferViews"].append({"buffer": 1, "byteLength": 3})
         described["buffers"].append(data(bytes((0, 1, 2))))
         described["meshes"][0]["primitives"][0]["indices"] = 3
@@ -159,22 +149,26 @@ def instances(count, triangles):
     return changed(change)
 
 
+def children(*lists):
+    """Nodes of these children after the mesh's."""
+    return put("nodes", [{"mesh": 0}, *({"children": each} if each else {} for each in lists)])
+
+
+def itself(described):
+    described |= {"buffers": [{"uri": "files.gltf", "byteLength": 36}] * 3000, "padding": "x" * 100_000}
+
+
+def no_light(described):
+    described["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
+    described["nodes"][0]["extensions"] = {"KHR_lights_punctual": {"light": -1}}
+
+
 def nested(described):
-    count = 200_000
-    described["nodes"] = [{"children": [k + 1]} for k in range(count)] + [{"mesh": 0}]
+    described["nodes"] = [{"children": [k + 1]} for k in range(200_000)] + [{"mesh": 0}]
 
 
 def flat(described):
-    count = 200_000
-    described["nodes"] = [{"children": list(range(1, count))}, *({"mesh": 0} for _ in range(count - 1))]
-
-
-def circle(described):
-    described["nodes"] += [{"children": [2]}, {"children": [1]}]
-
-
-def two_parents(described):
-    described["nodes"] += [{"children": [3]}, {"children": [3]}, {}]
+    described["nodes"] = [{"children": list(range(1, 200_000))}, *({"mesh": 0} for _ in range(199_999))]
 
 
 def sparse(indices, count=1, kind="<i2"):
@@ -192,8 +186,6 @@ def sparse(indices, count=1, kind="<i2"):
 
 def glb(length=None, chunk=None, content=b"{}"):
     def make(folder):
-        import plenoptic as pl
-
         sizes = 20 + len(content) if length is None else length, len(content) if chunk is None else chunk
         path = folder / "files.glb"
         path.write_bytes(b"glTF" + struct.pack("<III4s", 2, *sizes, b"JSON") + content)
@@ -202,6 +194,7 @@ def glb(length=None, chunk=None, content=b"{}"):
     return make
 
 
+ZEROS = {"componentType": 5126, "type": "VEC3", "count": 375_000_000}
 POSITION, VIEW = ("accessors", 0), ("bufferViews", 0)
 PRIMITIVE = ("meshes", 0, "primitives", 0)
 GLTF = {
@@ -223,16 +216,10 @@ GLTF = {
     "gltf: pipe": (pipe, "pipe.bin' is no file"),
     "gltf: pipe itself": (pipe_itself, "files.glb' is no file"),
     "gltf: folder for a buffer": (named("."), "is a folder"),
-    "gltf: the file itself, again and again": (
-        changed(lambda d: d.update(buffers=[{"uri": "files.gltf", "byteLength": 36}] * 3000, padding="x" * 100_000)),
-        "the limit is 268435456",
-    ),
-    "gltf: EPS named PNG": (postscript, "not an image"),
+    "gltf: the file itself, again and again": (changed(itself), "the limit is 268435456"),
+    "gltf: EPS named PNG": (pictured("a.png", lambda _: POSTSCRIPT), "not an image"),
     # What it claims to hold
-    "gltf: zeros without a buffer view": (
-        put(*POSITION, {"componentType": 5126, "type": "VEC3", "count": 375_000_000}),
-        "accessors 0 would take 9000000000 bytes of memory",
-    ),
+    "gltf: zeros without a buffer view": (put(*POSITION, ZEROS), "accessors 0 would take 9000000000 bytes of memory"),
     "gltf: stride 0": (put(*VIEW, {"buffer": 0, "byteLength": 36, "byteStride": 0}), "byteStride 0.*export it again"),
     "gltf: negative stride": (put(*VIEW, {"buffer": 0, "byteLength": 36, "byteStride": -12}), "byteStride -12"),
     "gltf: stride too small": (put(*VIEW, {"buffer": 0, "byteLength": 36, "byteStride": 4}), "byteStride 4"),
@@ -262,17 +249,9 @@ GLTF = {
     "gltf: mode 99": (put(*PRIMITIVE, "mode", 99), "mode 99; it must be from 0 to 6"),
     "gltf: mode -1": (put(*PRIMITIVE, "mode", -1), "mode -1"),
     "gltf: mesh -1": (put("nodes", 0, "mesh", -1), "number -1 of its 1 meshes"),
-    "gltf: light -1": (
-        changed(
-            lambda d: d.update(
-                extensions={"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
-                nodes=[{"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": -1}}}],
-            )
-        ),
-        "number -1 of its 1 lights",
-    ),
-    "gltf: JPEG of 20 000 scans": (scans, "JPEG file of 200[0-9]+ scans"),
-    "gltf: image bomb": (bomb, "bytes of memory, while files of"),
+    "gltf: light -1": (changed(no_light), "number -1 of its 1 lights"),
+    "gltf: JPEG of 20 000 scans": (pictured("a.jpg", many_scans), "JPEG file of 200[0-9]+ scans"),
+    "gltf: image bomb": (pictured("a.png", lambda _: png(8192, 8192)), "bytes of memory, while files of"),
     "gltf: one image in many colours": (many_materials, "bytes of memory, while files of"),
     "gltf: image without content": (image(), "texture of material"),
     # How it is built
@@ -281,8 +260,8 @@ GLTF = {
     "gltf: 700 000 instances of a mesh": (instances(700_000, 1000), None),
     "gltf: 200 000 nodes below each other": (changed(nested), None),
     "gltf: 200 000 nodes with a mesh": (changed(flat), "copies of its mesh 0 would take"),
-    "gltf: a circle of nodes": (changed(circle), "node 1 hangs on itself"),
-    "gltf: two parents": (changed(two_parents), "node 3 hangs on several others"),
+    "gltf: a circle of nodes": (children([2], [1]), "node 1 hangs on itself"),
+    "gltf: two parents": (children([3], [3], []), "node 3 hangs on several others"),
     "gltf: its own child": (put("nodes", 0, "children", [0]), "node 0 hangs on itself"),
     "gltf: child -1": (put("nodes", 0, "children", [-1]), "number -1 of its 1 nodes"),
     "gltf: scene of no node": (put("scenes", 0, "nodes", [7]), "number 7 of its 1 nodes"),
@@ -291,13 +270,10 @@ GLTF = {
     "gltf: translation of texts": (put("nodes", 0, "translation", list("abc")), "translation that is not 3 numbers"),
     "gltf: no rotation": (put("nodes", 0, "rotation", [0, 0, 0, 0]), "rotation of 0"),
     "gltf: NaN": (put("nodes", 0, "scale", [float("nan"), 1, 1]), "number NaN, which JSON does not know"),
-    "gltf: 1e999": (
-        lambda folder: loading(folder, json.dumps(header()).replace('"mesh": 0', '"mesh": 0, "scale": [1e999, 1, 1]')),
-        "files.gltf",
-    ),
-    "gltf: brackets": (lambda folder: loading(folder, "[" * 10**6), "cannot be read"),
-    "gltf: a number of a million digits": (lambda folder: loading(folder, "1" * 10**6), "cannot be read"),
-    "gltf: a list": (lambda folder: loading(folder, "[]"), "no glTF file"),
+    "gltf: 1e999": (text(json.dumps(header()).replace('{"mesh"', '{"scale": [1e999, 1, 1], "mesh"')), "files.gltf"),
+    "gltf: brackets": (text("[" * 10**6), "cannot be read"),
+    "gltf: a number of a million digits": (text("1" * 10**6), "cannot be read"),
+    "gltf: a list": (text("[]"), "no glTF file"),
     "gltf: everything else": (put("nodes", 5), "files.gltf"),
     "gltf: texts for lists": (put("meshes", "abc"), "number 0 of its 0 meshes"),
     "glb: longer than it is": (glb(length=2**31), "cut off"),

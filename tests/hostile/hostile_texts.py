@@ -4,13 +4,33 @@ import hashlib
 import json
 import os
 import struct
-from pathlib import Path
+
+import plenoptic as pl
+from plenoptic.core.files.record_log import RecordLog
+from plenoptic.rendering.schedule.checkpoint import KIND
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 FACE = "f 1 2 3\n"
 OUTSIDE = "lies outside of"
 PLY = "ply\nformat {} 1.0\n{}element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
 PLY_FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+
+
+def load_checkpoint(path):
+    log = RecordLog(path, KIND)
+    try:
+        return [log.read(entry) for entry in log.entries]
+    finally:
+        log.close()
+
+
+LOADERS = {"agf": pl.optics.load_glasses, "checkpoint": load_checkpoint}
+LOADERS |= dict.fromkeys(("csv", "json", "zmx"), pl.load_lens) | dict.fromkeys(("obj", "ply", "stl"), pl.load_file)
+
+
+def load(path):
+    """By what reads files of that ending."""
+    return LOADERS[path.suffix[1:]](path)
 
 
 def written(name, content, **others):
@@ -20,11 +40,13 @@ def written(name, content, **others):
         for other, inside in {name: content, **others}.items():
             inside = inside(folder) if callable(inside) else inside
             (folder / other).write_bytes(inside if isinstance(inside, bytes) else inside.encode())
-        loaders = {".agf": load_glasses, ".checkpoint": load_checkpoint, ".csv": load_lens, ".json": load_lens}
-        loader = loaders.get(Path(name).suffix, load_lens if name.endswith(".zmx") else load_scene)
-        return lambda: loader()(folder / name)
+        return lambda: load(folder / name)
 
     return make
+
+
+def ply(kind, faces, more=""):
+    return written("a.ply", PLY.format(kind, more) + PLY_FACES.format(faces))
 
 
 def obj(text, mtl="newmtl a\nKd 1 1 1\n"):
@@ -35,10 +57,10 @@ def textured(image):
     return obj(f"mtllib a.mtl\n{CORNERS}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n", f"newmtl a\nmap_Kd {image}\n")
 
 
-def pipe(name, loader):
+def pipe(name):
     def make(folder):
         os.mkfifo(folder / name)
-        return lambda: loader()(folder / name)
+        return lambda: load(folder / name)
 
     return make
 
@@ -61,49 +83,19 @@ def checkpoint_record(arrays, length, body=b""):
     return b"\x93plenoptic rec\r\n" + sizes + of_head + digest + head + body
 
 
-def large(name, loader):
+def large(name):
     """A file with a hole in it, that takes no room on the disk."""
 
     def make(folder):
         with open(folder / name, "wb") as file:
             file.truncate(2**40)
-        return lambda: loader()(folder / name)
+        return lambda: load(folder / name)
 
     return make
 
 
-def load_scene():
-    import plenoptic as pl
-
-    return pl.load_file
-
-
-def load_lens():
-    import plenoptic as pl
-
-    return pl.load_lens
-
-
-def load_glasses():
-    import plenoptic as pl
-
-    return pl.optics.load_glasses
-
-
-def load_checkpoint():
-    from plenoptic.core.files.record_log import RecordLog
-    from plenoptic.rendering.schedule.checkpoint import KIND
-
-    def load(path):
-        log = RecordLog(path, KIND)
-        try:
-            return [log.read(entry) for entry in log.entries]
-        finally:
-            log.close()
-
-    return load
-
-
+LITTLE = "binary_little_endian"
+TABLE = "radius;thickness;material;index;v-no;sa\n"
 ZMX = "MODE SEQ\nUNIT MM\n"
 TEXTS = {
     "obj: a good file": (obj(CORNERS + FACE), None),
@@ -123,7 +115,7 @@ TEXTS = {
     "obj: map that is a link out": (textured("secret.bin"), OUTSIDE),
     "obj: map that is a pipe": (named_pipe, "pipe.png' is no file"),
     "obj: map that is missing": (textured("C:\\a.png"), "does not exist"),
-    "obj: a pipe": (pipe("a.obj", load_scene), "a.obj' is no file"),
+    "obj: a pipe": (pipe("a.obj"), "a.obj' is no file"),
     "obj: spaces in a name": (obj(f"mtllib a{' ' * 100_000}b\n{CORNERS}{FACE}"), "a.obj"),
     "obj: spaces before a comment": (obj(CORNERS + FACE + ("f " + " " * 1000 + "\n") * 100 + " " * 10**6), None),
     "obj: index beyond": (obj(CORNERS + "f 1 2 1000000000000\n"), "a.obj"),
@@ -132,56 +124,42 @@ TEXTS = {
     "obj: a face of 1e6 corners": (obj(CORNERS + "f " + "1 2 3 " * 333_333 + "\n"), None),
     "obj: 100 000 materials": (obj(CORNERS + "".join(f"usemtl m{k}\n{FACE}" for k in range(100_000))), "100000 parts"),
     "obj: zeros": (obj(b"\0" * 10**6), "a.obj"),
-    "obj: a hole": (large("a.obj", load_scene), "the limit is 268435456"),
-    "ply: a good file": (written("a.ply", PLY.format("ascii", "") + PLY_FACES.format(1)), None),
-    "ply: texture of the parent folder": (
-        written("a.ply", PLY.format("ascii", "comment TextureFile ../secret.png\n") + PLY_FACES.format(1)),
-        OUTSIDE,
-    ),
-    "ply: texture from a device": (
-        written("a.ply", PLY.format("ascii", "comment TextureFile /dev/stdin\n") + PLY_FACES.format(1)),
-        OUTSIDE,
-    ),
-    "ply: 4e9 faces": (
-        written("a.ply", PLY.format("binary_little_endian", "") + PLY_FACES.format(4 * 10**9)),
-        "unexpected length",
-    ),
-    "ply: 1e30 faces": (written("a.ply", PLY.format("binary_little_endian", "") + PLY_FACES.format(10**30)), "a.ply"),
-    "ply: -1 faces": (written("a.ply", PLY.format("binary_big_endian", "") + PLY_FACES.format(-1)), "a.ply"),
+    "obj: a hole": (large("a.obj"), "the limit is 268435456"),
+    "ply: a good file": (ply("ascii", 1), None),
+    "ply: texture of the parent folder": (ply("ascii", 1, "comment TextureFile ../secret.png\n"), OUTSIDE),
+    "ply: texture from a device": (ply("ascii", 1, "comment TextureFile /dev/stdin\n"), OUTSIDE),
+    "ply: 4e9 faces": (ply(LITTLE, 4 * 10**9), "unexpected length"),
+    "ply: 1e30 faces": (ply(LITTLE, 10**30), "a.ply"),
+    "ply: -1 faces": (ply("binary_big_endian", -1), "a.ply"),
     "ply: endless header": (written("a.ply", PLY.format("ascii", "comment\n" * 200_000)), "a.ply"),
     "ply: 990 lists": (
-        written(
-            "a.ply", PLY.format("binary_little_endian", "") + "property list uchar int a\n" * 990 + PLY_FACES.format(1)
-        ),
+        written("a.ply", PLY.format(LITTLE, "") + "property list uchar int a\n" * 990 + PLY_FACES.format(1)),
         "991 lists",
     ),
     "ply: spaces in a comment": (
         written("a.ply", PLY.format("ascii", f"comment texturefile{' ' * 100_000}a{' ' * 100_000}b\n")),
         "a.ply",
     ),
-    "ply: a pipe": (pipe("a.ply", load_scene), "a.ply' is no file"),
+    "ply: a pipe": (pipe("a.ply"), "a.ply' is no file"),
     "stl: 4e9 triangles": (written("a.stl", bytes(80) + b"\xff\xff\xff\xff" + bytes(50)), "cut off"),
     "stl: 100 000 solids": (
         written("a.stl", "solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid a\n" * 100_000),
         "100000 parts",
     ),
-    "lens: a pipe": (pipe("a.json", load_lens), "a.json' is no file"),
-    "lens: a device": (lambda folder: lambda: load_lens()("/dev/zero.csv"), "does not exist"),
-    "lens: a hole": (large("a.zmx", load_lens), "the limit is 4194304"),
+    "lens: a pipe": (pipe("a.json"), "a.json' is no file"),
+    "lens: a device": (lambda folder: lambda: pl.load_lens("/dev/zero.csv"), "does not exist"),
+    "lens: a hole": (large("a.zmx"), "the limit is 4194304"),
     "lens: brackets": (written("a.json", "[" * 10**6), "a.json"),
     "lens: 1e5 surfaces in a table": (
-        written("a.csv", "radius;thickness;material;index;v-no;sa\n" + "10;1;;1.5;;1\n" * 100_000),
+        written("a.csv", TABLE + "10;1;;1.5;;1\n" * 100_000),
         "a.csv, line 100001: there are 100000 surfaces and stops; a lens has at most 10000",
     ),
     "lens: 1e5 surfaces of Zemax": (
         written("a.zmx", ZMX + "".join(f"SURF {k}\n CURV 0.01\n DISZ 1\n" for k in range(100_000))),
         "a.zmx, line .*: there are 10001 surfaces",
     ),
-    "lens: numbers of 1e5 digits": (
-        written("a.csv", f"radius;thickness;material;index;v-no;sa\n{'9' * 100_000};1;;1.5;;1\n"),
-        "a.csv",
-    ),
-    "glasses: a pipe": (pipe("a.agf", load_glasses), "a.agf' is no file"),
+    "lens: numbers of 1e5 digits": (written("a.csv", f"{TABLE}{'9' * 100_000};1;;1.5;;1\n"), "a.csv"),
+    "glasses: a pipe": (pipe("a.agf"), "a.agf' is no file"),
     "glasses: 1e5 names": (written("a.agf", "NM A 2 517642 1.5168 64.17\n" * 100_000), None),
     "glasses: a number of 1e5 digits": (written("a.agf", f"NM A {'9' * 100_000} 517642 1.5 64\n"), "a.agf"),
     "checkpoint: 1e18 numbers": (checkpoint(checkpoint_record([("a", "<f8", (10**9, 10**9))], 8 * 10**18)), None),
@@ -193,5 +171,5 @@ TEXTS = {
     "checkpoint: a thousand marks": (checkpoint(1000 * b"\x93plenoptic rec\r\n"), None),
     "checkpoint: brackets": (checkpoint(b"", b"[" * 10**6), "cannot be understood"),
     "checkpoint: of another version": (checkpoint(b"", version=1), "has version 1 of the format, not 2"),
-    "checkpoint: a pipe": (pipe("a.checkpoint", load_checkpoint), "is no file"),
+    "checkpoint: a pipe": (pipe("a.checkpoint"), "is no file"),
 }

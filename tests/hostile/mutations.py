@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+import plenoptic as pl
+
 sys.path.insert(0, str(Path(__file__).parent))
 from corpus import HANGS, peak  # noqa: E402
 from hostile_gltf import INDICES, TRIANGLE, data, header  # noqa: E402
@@ -80,8 +82,6 @@ def texts():
 
 def good_files(folder):
     """Name and content of good files; some are only there for others."""
-    import plenoptic as pl
-
     found = {name: text.encode() for name, text in texts().items()}
     described = {**header(), "buffers": [{"byteLength": 42}]}
     text = json.dumps(described).encode()
@@ -93,17 +93,12 @@ def good_files(folder):
     found["b.stl"] = bytes(80) + (1).to_bytes(4, "little") + bytes(12) + TRIANGLE + bytes(2)
     found |= {"a.png": png(4, 4, b"\x80"), "a.tif": tiff(4, 4), "a.jpg": jpeg(folder, 8), "a.webp": webp(8, 8)}
     found["a.hdr"] = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 2\n" + bytes(range(100, 116))
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2"),
-        microlenses=pl.MicrolensArray(pitch=0.1, focal_lengths=0.4),
-        sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.01),
-        stop_to_microlenses=100.0,
-        microlenses_to_sensor=0.4,
-    )
+    lens, array = pl.load_lens("double-gauss-100mm-f2"), pl.MicrolensArray(pitch=0.1, focal_lengths=0.4)
+    camera = pl.PlenopticCamera(lens, pl.Sensor((4, 4), 0.01), 100.0, array, 0.4)
     shot = pl.Exposure(np.ones((4, 4, 3)), standard_error=np.ones((4, 4, 3)), samples=4, seed=1, camera=camera)
     shot.save(folder / "a.exr")
     shot.develop(pl.SensorModel(photon_rate=100.0)).save(folder / "raw.tif")
-    pl.save_lens(pl.load_lens("double-gauss-100mm-f2"), folder / "a.json")
+    pl.save_lens(lens, folder / "a.json")
     for name in ("a.exr", "raw.tif", "a.json"):
         found[name] = (folder / name).read_bytes()
     return found
@@ -133,8 +128,6 @@ def damaged(content, dice):
 
 def readers(name):
     """What reads a file of that name."""
-    import plenoptic as pl
-
     ending = Path(name).suffix
     if ending in (".gltf", ".glb", ".obj", ".ply", ".stl"):
         return [pl.Scene.load]
@@ -151,8 +144,6 @@ def readers(name):
 
 
 def main(folder, count, seed):
-    import plenoptic as pl
-
     warnings.simplefilter("ignore")
     good, wrong, read = good_files(folder), [], 0
     for name, content in good.items():

@@ -1,6 +1,5 @@
 """Checkpoints of right digests and wrong records: what these held is rendered again, or the file is refused."""
 
-import itertools
 import math
 
 import numpy as np
@@ -115,14 +114,6 @@ def test_records_that_are_none_are_rendered_again(render, whole, tmp_path, monke
             assert getattr(again, name).tobytes() == getattr(shot, name).tobytes(), (name, fault[0])
         for name in COUNTS:
             assert getattr(again.stats, name) == getattr(shot.stats, name), (name, fault[0])
-
-
-@pytest.mark.filterwarnings("ignore::plenoptic.errors.FileWarning")
-def test_all_records_may_be_none(render, whole, tmp_path):
-    shot, header, records = whole
-    faults = itertools.cycle(wrong_facts(records[0][0]))
-    write(tmp_path / "state", header, [(next(faults), arrays) for _, arrays in records])
-    assert render(checkpoint=tmp_path / "state").image.tobytes() == shot.image.tobytes()
 
 
 def test_a_header_without_a_side_of_tiles_or_with_another_identity_is_refused(render, whole, tmp_path):

@@ -15,18 +15,10 @@ from plenoptic.package.contents import PROVENANCE
 LENS = pl.load_lens("double-gauss-100mm-f2")
 
 
-def a_camera(stop=5.0, **changes):
-    array = pl.MicrolensArray(
-        pitch=0.217, focal_lengths=(1.7, 2.0, 2.4), imperfections=pl.MicrolensImperfections(pitch_jitter=0.002, seed=3)
-    )
-    camera = pl.PlenopticCamera(
-        lens=LENS.with_stop(pl.CircularStop(semi_diameter=stop)),
-        microlenses=array,
-        sensor=pl.Sensor(shape=(72, 96), pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-        **changes,
-    )
+def a_camera(stop=5.0):
+    imperfect = pl.MicrolensImperfections(pitch_jitter=0.002, seed=3)
+    array = pl.MicrolensArray(0.217, (1.7, 2.0, 2.4), imperfections=imperfect)
+    camera = pl.PlenopticCamera(LENS.with_stop(pl.CircularStop(stop)), pl.Sensor((72, 96), 0.01), 123.3, array, 1.7)
     return camera.moved(pl.CameraPart.MICROLENSES, shift=(0.03, -0.02, 0.01), tilt=(0.0, 0.0, 0.02))
 
 
@@ -108,7 +100,7 @@ def test_other_programs_understand_it(shots, written):
 
 
 def test_without_anything_more(tmp_path):
-    plain = pl.PlenopticCamera(lens=LENS, sensor=pl.Sensor(shape=(8, 8), pixel_pitch=0.01), stop_to_microlenses=130.0)
+    plain = pl.PlenopticCamera(LENS, pl.Sensor((8, 8), 0.01), 130.0)
     shot = pl.render(SCENE, plain, samples=1, truth=pl.Truth.NONE, region=np.s_[2:6, :], progress=False)
     for path in (tmp_path / "a", tmp_path / "a.zip"):
         pl.package.write(path, shot)
@@ -134,9 +126,6 @@ def test_blur_is_that_of_the_traced_spot():
         # The standard deviation of a disc along x is half its radius; pixels add a twelfth of their size squared. Those
         # of n rays scatter by less than 1 / sqrt(4 n), 0.1 %.
         assert 2 * np.sqrt(spread**2 - 1 / 12) == pytest.approx(blur, rel=0.01), z
-
-
-# ---- refusals ----
 
 
 @pytest.mark.parametrize("written", ["folder"], indirect=True)
@@ -175,12 +164,13 @@ def test_zip_files_cannot_reach_out(written, tmp_path):
 
 def test_what_cannot_be_written_says_why(shots, tmp_path):
     shot, white, other, _ = shots
-    with pytest.raises(InvalidValueError, match="names no camera"):
-        pl.package.write(tmp_path / "a", pl.Exposure(np.ones((2, 2, 1))))
-    with pytest.raises(InvalidValueError, match="of another camera"):
-        pl.package.write(tmp_path / "a", shot, other)
-    with pytest.raises(InvalidValueError, match="not quantised"):
-        pl.package.write(tmp_path / "a", shot, white, sensor=pl.SensorModel(photon_rate=1.0, bits=None))
+    for given, sensor, said in (
+        ((pl.Exposure(np.ones((2, 2, 1))),), None, "names no camera"),
+        ((shot, other), None, "of another camera"),
+        ((shot, white), pl.SensorModel(photon_rate=1.0, bits=None), "not quantised"),
+    ):
+        with pytest.raises(InvalidValueError, match=said):
+            pl.package.write(tmp_path / "a", *given, sensor=sensor)
     with pytest.raises(FileError, match="does not exist; make it first"):
         pl.package.write(tmp_path / "none" / "a", shot)
     (tmp_path / "mine").mkdir()
@@ -190,9 +180,6 @@ def test_what_cannot_be_written_says_why(shots, tmp_path):
     with pytest.raises(FileError, match="no package|does not exist"):
         pl.package.read(tmp_path / "mine")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine"]
-
-
-# ---- values ----
 
 
 def test_values_come_back(tmp_path):

@@ -9,7 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 from xml.etree import ElementTree
 
 import matplotlib
-import matplotlib._pylab_helpers
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -42,11 +41,8 @@ def _field(channels=3):
 
 
 def _view():
-    shape = (150, 200)
-    return pl.lightfield.View(
-        _noise(*shape, 3).astype(np.float32), None, _noise(*shape), _noise(*shape), np.zeros((*shape, 2)), 0.1,
-        (0.0, 0.0), CAMERA,
-    )  # fmt: skip
+    plane, colours = _noise(150, 200), _noise(150, 200, 3).astype(np.float32)
+    return pl.lightfield.View(colours, None, plane, plane, np.zeros((150, 200, 2)), 0.1, (0.0, 0.0), CAMERA)
 
 
 def _centres(count=400):
@@ -89,12 +85,9 @@ VALUES = {
 
 @pytest.fixture(scope="module")
 def shown():
-    def state():
-        return plt.get_fignums(), dict(matplotlib.rcParams), dict(matplotlib._pylab_helpers.Gcf.figs)
-
-    before, made = state(), {name: make() for name, make in VALUES.items()}
+    before, made = (plt.get_fignums(), dict(matplotlib.rcParams)), {name: make() for name, make in VALUES.items()}
     html = {name: value._repr_html_() for name, value in made.items()}
-    assert before == state()
+    assert before == (plt.get_fignums(), dict(matplotlib.rcParams))
     return made, html
 
 

@@ -16,7 +16,7 @@ X, Y, Z = np.eye(3)
 def drawn(scene, camera=None):
     figure = pl.plots.plot_scene(scene, camera, figure=Figure())
     figure.canvas.draw()
-    return figure
+    return figure.axes
 
 
 BOX = np.array([[-50.0, 50.0], [-50.0, 50.0]])
@@ -49,24 +49,25 @@ def test_instances_stand_in_their_places():
     assert len(shapes_of(pl.Scene([pl.scene.Instances(pl.sphere(1.0), many)]))[0].triangles) <= 12 * 400
 
 
-def test_units_go_with_the_size():
-    small, large = (drawn(pl.Scene([pl.box(size)])) for size in (4.0, 4e6))
-    assert small.axes[0].get_xlabel() == "x / mm" and large.axes[0].get_xlabel() == "x / km"
-
-
 def test_the_front_shows_the_field_of_a_camera():
     scene = pl.Scene([pl.box(600).translated(0, 0, -800)], background=1.0)
-    front, right, _ = drawn(scene, CAMERA).axes
+    front, right, _ = drawn(scene, CAMERA)
     field = np.ptp(CAMERA.frustum.in_focus[:, 0])
     assert np.ptp(front.get_xlim()) == pytest.approx(2.5 * field)
     low, high = right.get_ylim()
     assert high - low > 600
+    for camera in (None, CAMERA):
+        assert len(drawn(pl.Scene(background=0.5), camera)) == 3
+    with pytest.raises(pl.errors.InvalidValueError, match="camera"):
+        drawn(scene, "front")
 
 
-def test_grounds_are_cut_and_groups_are_not():
+def test_grounds_are_cut_and_groups_are_not_and_units_go_with_the_size():
     ground = pl.Mesh([[-1e4, 0, -1e4], [1e4, 0, -1e4], [0, 0, 1e4]], [[0, 1, 2]])
-    assert np.ptp(drawn(pl.Scene([ground, pl.box(10), pl.box(20)])).axes[0].get_xlim()) < 50
-    assert np.ptp(drawn(pl.Scene([pl.sphere(1000), pl.box(10)])).axes[0].get_xlim()) > 2000
+    assert np.ptp(drawn(pl.Scene([ground, pl.box(10), pl.box(20)]))[0].get_xlim()) < 50
+    assert np.ptp(drawn(pl.Scene([pl.sphere(1000), pl.box(10)]))[0].get_xlim()) > 2000
+    small, large = (drawn(pl.Scene([pl.box(size)]))[0] for size in (4.0, 4e6))
+    assert small.get_xlabel() == "x / mm" and large.get_xlabel() == "x / km"
 
 
 def test_a_million_triangles_are_quick():
@@ -80,12 +81,3 @@ def test_a_million_triangles_are_quick():
     drawn(scene)
     # About 0.5 s on an idle processor; rendering all triangles would take minutes.
     assert time.thread_time() - before < 10.0
-
-
-def test_a_scene_with_nothing_in_it_has_axes_and_what_is_none_is_refused():
-    assert len(drawn(pl.Scene(background=0.5)).axes) == 3
-    assert len(drawn(pl.Scene(background=0.5), CAMERA).axes) == 3
-    with pytest.raises(pl.errors.InvalidValueError, match="scene"):
-        pl.plots.plot_scene(CAMERA)
-    with pytest.raises(pl.errors.InvalidValueError, match="camera"):
-        pl.plots.plot_scene(pl.Scene(background=1.0), "front")

@@ -122,5 +122,3 @@ def test_frames_that_have_nothing_in_common_are_refused():
     ):
         with pytest.raises(InvalidValueError, match=what):
             pl.sequences.motion_truth(first, dataclasses.replace(first, **change))
-    with pytest.raises(InvalidValueError, match="now is a Scene"):
-        pl.sequences.motion_truth(first.scene, first)

@@ -38,10 +38,8 @@ def plain(sequence, k):
     """The scene of a frame with moved copies of meshes, as users would write it by hand."""
     found = list(sequence.scene.meshes)
     for name, motion in sequence.motions:
-        place = sequence.scene.object_names.index(name)
-        pose = motion.at(float(sequence.times[k]))
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
+        place, pose = sequence.scene.object_names.index(name), motion.at(float(sequence.times[k]))
+        matrix = np.vstack([np.column_stack([pose.rotation, pose.position]), [0, 0, 0, 1]])
         found[place] = found[place].transformed(matrix)
     return dataclasses.replace(sequence.scene, meshes=tuple(found))
 
@@ -53,11 +51,9 @@ def rendered(frame, **settings):
 def test_what_moves_is_where_its_motion_says(sequence):
     for k in (0, 1, 3):
         frame = sequence[k]
-        assert frame.time == sequence.times[k]
-        assert frame.scene.object_names == sequence.scene.object_names
-        found, expected = (
-            pl.ground_truth(each, frame.camera, region=REGION) for each in (frame.scene, plain(sequence, k))
-        )
+        assert frame.time == sequence.times[k] and frame.scene.object_names == sequence.scene.object_names
+        scenes = frame.scene, plain(sequence, k)
+        found, expected = (pl.ground_truth(each, frame.camera, region=REGION) for each in scenes)
         assert set(np.unique(expected.object)) >= {0, 3}
         # Both are traced in float64 from the same corners, after a triangle was found in float32: edges may differ.
         same = found.object == expected.object
@@ -118,9 +114,7 @@ def test_only_the_camera_moves(sequence, monkeypatch):
     assert first._still is second._still and first.meshes[0].tree is second.meshes[0].tree
 
 
-def test_a_sequence_is_a_value_and_says_what_it_is(sequence):
-    again = dataclasses.replace(sequence)
-    assert again == sequence and hash(again) == hash(sequence)
+def test_impossible_sequences_are_refused(sequence):
     assert repr(sequence) == "Sequence(5 frames from 0 to 2 s, moving: die, ball, the camera)"
     assert len(list(sequence)) == len(sequence) == 5 and sequence[-1].time == 2.0
     with pytest.raises(IndexError):
@@ -130,14 +124,8 @@ def test_a_sequence_is_a_value_and_says_what_it_is(sequence):
         ({"motions": {"dice": TURN}}, "'dice', which 0 meshes"),
         ({"motions": {"QuadLight 0": TURN}}, "move lights by"),
         ({"motions": {"die": np.eye(4)}}, "motion of 'die'"),
-        ({"motions": [TURN]}, "give a mapping"),
         ({"lights": [[LAMP]]}, "lights for 1 frames of 5"),
         ({"lights": 5 * [[1.0]]}, "lights holds float"),
-        ({"camera_motion": pl.Pose(np.eye(3), np.zeros(3))}, "camera_motion"),
     ):
         with pytest.raises(InvalidValueError, match=what):
             dataclasses.replace(sequence, **change)
-    assert type(pl.sequences.Frame(scene(), reference_camera(), np.float32(0.5)).time) is float
-    for time in (np.nan, np.inf, "0", None):
-        with pytest.raises(InvalidValueError, match="time is"):
-            pl.sequences.Frame(scene(), reference_camera(), time)

@@ -149,21 +149,9 @@ def test_bounds_grow_from_surface_to_surface():
 
 
 def made_up(**changed):
-    row = {
-        "case": "made up",
-        "rays": 3,
-        "position_error": 1e-15,
-        "position_ulps": 1.0,
-        "position_ratio": 0.5,
-        "direction_error": 0.0,
-        "direction_ratio": None,
-        "snell_ratio": None,
-        "path_error": 1e-9,
-        "path_ratio": 0.001,
-        "returned": [("OK", 2), ("MISSED", 1)],
-        "wrong": 0,
-        "seconds": 0.1,
-    }
+    row = {"case": "made up", "rays": 3, "position_error": 1e-15, "position_ulps": 1.0, "position_ratio": 0.5}
+    row |= {"direction_error": 0.0, "direction_ratio": None, "snell_ratio": None, "path_error": 1e-9}
+    row |= {"path_ratio": 0.001, "returned": [("OK", 2), ("MISSED", 1)], "wrong": 0, "seconds": 0.1}
     return StabilityRow(**(row | changed))
 
 
@@ -177,8 +165,7 @@ def test_a_row_beyond_a_bound_is_named():
 def test_a_table_prints_itself():
     table = StabilityTable([made_up(), made_up(case="another", position_error=None, position_ratio=None)])
     lines = table.to_markdown().splitlines()
-    assert len(lines) == 4 and len({line.count("|") for line in lines}) == 1
-    assert "2 OK, 1 MISSED" in lines[2]
+    assert len(lines) == 4 and len({line.count("|") for line in lines}) == 1 and "2 OK, 1 MISSED" in lines[2]
     assert str(table).splitlines()[1].startswith("made up") and len(str(table).splitlines()) == 3
     assert table == StabilityTable(list(table.rows)) and hash(table)
 
@@ -194,9 +181,8 @@ def test_the_command_prints_the_table_and_says_what_is_wrong(capsys, monkeypatch
     assert "no case begins so; the cases are 'double Gauss" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main(["study"])
-    monkeypatch.setattr(
-        "plenoptic.study.rounding.table.stability_row", lambda case, **_: made_up(case=case.name, wrong=1)
-    )
+    wrong = lambda case, **_: made_up(case=case.name, wrong=1)  # noqa: E731
+    monkeypatch.setattr("plenoptic.study.rounding.table.stability_row", wrong)
     assert main(["study", "stability", "--only", "plane"]) == 1
     assert "beyond their bounds: plane" in capsys.readouterr().out
 

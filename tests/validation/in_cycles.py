@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import mathutils
 import numpy as np
-from thin_lens import thin_camera
+from mitsuba_scenes import thin_camera
 
 import plenoptic as pl
 
@@ -28,10 +28,8 @@ def renderer(scene, camera, *, max_bounces, threads):
     _set(shown.render, threads_mode="FIXED", threads=threads, use_persistent_data=True, use_sequencer=False)
     _set(shown.render, resolution_x=camera.sensor.shape[1], resolution_y=camera.sensor.shape[0])
     _set(shown.render.image_settings, file_format="OPEN_EXR", color_depth="32", color_mode="RGB", exr_codec="NONE")
-    _set(shown.cycles, use_denoising=False, use_adaptive_sampling=False, use_auto_tile=False)
-    _set(
-        shown.cycles, sample_clamp_indirect=0.0, blur_glossy=0.0, light_sampling_threshold=0.0, pixel_filter_type="BOX"
-    )
+    _set(shown.cycles, use_denoising=False, use_adaptive_sampling=False, use_auto_tile=False, pixel_filter_type="BOX")
+    _set(shown.cycles, sample_clamp_indirect=0.0, blur_glossy=0.0, light_sampling_threshold=0.0)
     most = max_bounces - 1  # Cycles does not count the light that a surface reflects as a bounce
     _set(shown.cycles, max_bounces=most, diffuse_bounces=most, glossy_bounces=most, transmission_bounces=most)
     rotation = np.asarray(camera.pose.rotation)
@@ -178,16 +176,18 @@ def _image(texels):
     return made
 
 
-def _mixed(tree, share, first, second):
-    node = tree.node_tree.nodes.new("ShaderNodeMixShader")
-    for socket, value in zip(node.inputs, (share, first, second), strict=True):
-        _give(tree, socket, value)
-    return node.outputs[0]
+def _mixed(tree, *share_and_both):
+    return _in_order(tree, "MixShader", share_and_both)
 
 
 def _sum(tree, operation, *values):
-    node = tree.node_tree.nodes.new("ShaderNodeMath")
-    node.operation = operation
+    return _in_order(tree, "Math", values, operation=operation)
+
+
+def _in_order(tree, kind, values, **attributes):
+    """An output of a new node with these inputs."""
+    node = tree.node_tree.nodes.new("ShaderNode" + kind)
+    _set(node, **attributes)
     for socket, value in zip(node.inputs, values, strict=False):
         _give(tree, socket, value)
     return node.outputs[0]

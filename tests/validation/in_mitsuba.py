@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import mitsuba as mi
 import numpy as np
-from thin_lens import projected_solid_angles, thin_camera
+from mitsuba_scenes import projected_solid_angles, thin_camera
 
 import plenoptic as pl
 
@@ -29,16 +29,8 @@ class Picture(NamedTuple):
 
 def ours(scene, camera, *, samples, replicates=16, max_bounces=8, seed=1):
     """What this package renders, as radiance in three channels."""
-    shot = pl.render(
-        scene,
-        camera,
-        samples=samples,
-        replicates=replicates,
-        max_bounces=max_bounces,
-        seed=seed,
-        truth=pl.Truth.NONE,
-        progress=False,
-    )
+    how = {"samples": samples, "replicates": replicates, "max_bounces": max_bounces, "seed": seed}
+    shot = pl.render(scene, camera, truth=pl.Truth.NONE, progress=False, **how)
     white = projected_solid_angles(camera)
     # Pixels that no path found bright have the error of one sample, which Mitsuba's pictures have not.
     # Of a margin as thin as that around a pupil, where one path of 200 is lost, some pixels have met nothing in 1024
@@ -79,25 +71,12 @@ def described_camera(camera):
     rotation = np.asarray(pose.rotation)
     origin = np.asarray(pose.position) + thin.z * rotation[:, 2]
     field = np.degrees(2 * np.arctan2(columns * camera.sensor.pixel_pitch / 2, thin.image_distance))
-    return {
-        "type": "thinlens",
-        "to_world": _standing(origin, rotation),
-        "fov": float(field),
-        "fov_axis": "x",
-        "aperture_radius": thin.aperture_radius,
-        "focus_distance": thin.object_distance,
-        "near_clip": 1.0,
-        "far_clip": FAR,
-        "film": {
-            "type": "hdrfilm",
-            "width": columns,
-            "height": rows,
-            "pixel_format": "rgb",
-            "component_format": "float32",
-            "rfilter": {"type": "box"},
-        },
-        "sampler": {"type": "independent"},
-    }
+    lens = {"aperture_radius": thin.aperture_radius, "focus_distance": thin.object_distance}
+    seen = {"to_world": _standing(origin, rotation), "fov": float(field), "fov_axis": "x"}
+    film = {"type": "hdrfilm", "width": columns, "height": rows, "pixel_format": "rgb", "component_format": "float32"}
+    film["rfilter"] = {"type": "box"}
+    clipped = {"near_clip": 1.0, "far_clip": FAR}
+    return {"type": "thinlens", **seen, **lens, **clipped, "film": film, "sampler": {"type": "independent"}}
 
 
 @functools.singledispatch
@@ -144,15 +123,9 @@ def _(light: pl.lights.PointLight):
 
 @described.register
 def _(light: pl.lights.SpotLight):
-    return [
-        {
-            "type": "spot",
-            "to_world": _looking(light.position, light.direction),
-            "intensity": colour(light.intensity),
-            "beam_width": np.degrees(light.inner_angle),
-            "cutoff_angle": np.degrees(light.outer_angle),
-        }
-    ]
+    cone = {"beam_width": np.degrees(light.inner_angle), "cutoff_angle": np.degrees(light.outer_angle)}
+    place = _looking(light.position, light.direction)
+    return [{"type": "spot", "to_world": place, "intensity": colour(light.intensity), **cone}]
 
 
 @described.register
@@ -184,22 +157,13 @@ def _mesh(mesh, material, emitter=None):
         properties["mesh_emitter"] = mi.load_dict(emitter)
     if isinstance(mesh.material, pl.Dielectric) and np.any(mesh.material.absorption):
         properties["interior"] = mi.load_dict(_absorbing(mesh.material.absorption))
-    smooth, mapped = mesh.normals is not None, mesh.uv is not None
-    made = mi.Mesh(
-        mesh.name or "mesh",
-        len(mesh.vertices),
-        len(mesh.faces),
-        has_vertex_normals=smooth,
-        has_vertex_texcoords=mapped,
-        props=properties,
-    )
+    given = {"has_vertex_normals": mesh.normals is not None, "has_vertex_texcoords": mesh.uv is not None}
+    made = mi.Mesh(mesh.name or "mesh", len(mesh.vertices), len(mesh.faces), props=properties, **given)
     arrays = mi.traverse(made)
-    arrays["vertex_positions"] = np.ravel(mesh.vertices).astype(np.float32)
     arrays["faces"] = np.ravel(mesh.faces).astype(np.uint32)
-    if smooth:
-        arrays["vertex_normals"] = np.ravel(mesh.normals).astype(np.float32)
-    if mapped:
-        arrays["vertex_texcoords"] = np.ravel(mesh.uv).astype(np.float32)
+    for name, array in (("positions", mesh.vertices), ("normals", mesh.normals), ("texcoords", mesh.uv)):
+        if array is not None:
+            arrays[f"vertex_{name}"] = np.ravel(array).astype(np.float32)
     arrays.update()
     return made
 
@@ -258,13 +222,9 @@ def _absorbing(absorption):
 
 
 def described_background(background):
-    if isinstance(background, pl.EnvironmentMap):
-        return _described_map(background)
-    return {"type": "constant", "radiance": colour(background.radiance)}
-
-
-def _described_map(background):
-    """A smooth map as Mitsuba has it: first and last row at the poles, left border ahead, bilinear."""
+    """Of a smooth map, as Mitsuba has it: first and last row at the poles, left border ahead, bilinear."""
+    if not isinstance(background, pl.EnvironmentMap):
+        return {"type": "constant", "radiance": colour(background.radiance)}
     texels = np.roll(np.asarray(background.texels), -(background.texels.shape[1] // 2), axis=1)
     poles = [np.broadcast_to(row.mean(axis=0), (1, *row.shape)) for row in (texels[0], texels[-1])]
     nodes = np.concatenate([poles[0], 0.5 * (texels[:-1] + texels[1:]), poles[1]])
@@ -290,10 +250,6 @@ def _area_light(radiance):
 def colour(given):
     """A colour, or a bilinear texture that repeats; the first row of Mitsuba's is at v = 0."""
     if isinstance(given, pl.Texture):
-        return {
-            "type": "bitmap",
-            "bitmap": mi.Bitmap(np.array(given.texels[::-1])),
-            "raw": True,
-            "filter_type": "bilinear",
-        }
+        bitmap = mi.Bitmap(np.array(given.texels[::-1]))
+        return {"type": "bitmap", "bitmap": bitmap, "raw": True, "filter_type": "bilinear"}
     return {"type": "rgb", "value": np.broadcast_to(given, 3).tolist()}

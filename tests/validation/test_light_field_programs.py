@@ -76,6 +76,14 @@ def run(folder, command):
     return done.stdout + done.stderr
 
 
+def found_by(folder, python, script):
+    """What a script prints as JSON behind FOUND."""
+    said = run(folder, [str(python), "-c", script])
+    lines = [line for line in said.splitlines() if line.startswith("FOUND")]
+    assert lines, said[-3000:]
+    return json.loads(lines[0][6:])
+
+
 def distances(found, known):
     return np.sqrt(((np.asarray(found)[:, None] - np.asarray(known)[None]) ** 2).sum(axis=2)).min(axis=1)
 
@@ -93,16 +101,20 @@ def commands(folder):
 def test_plenopticam_finds_our_centres_and_makes_views(programs, exported):
     *_, folder = exported
     own = json.loads((folder / "a" / "shot_centres.json").read_text())["mic_list"]
-    program, *arguments = commands(folder / "a")["with its own search"]
-    said = run(folder / "a", [str(programs / program), *arguments])
+    typed = commands(folder / "a")
+
+    def typing(what):
+        program, *arguments = typed[what]
+        return run(folder / "a", [str(programs / program), *arguments])
+
+    said = typing("with its own search")
     found = json.loads((folder / "a" / "shot_white.json").read_text())["mic_list"]
     off = distances(np.array(found)[:, :2], np.array(own)[:, :2])
     # It lists lenses at the border that are not wholly in the image.
     inside = off < 3.0
     assert inside.sum() >= 0.95 * len(own), said[-2000:]
     assert np.sqrt(np.mean(off[inside] ** 2)) < 0.05
-    program, *arguments = commands(folder / "a")["with these centres"]
-    said = run(folder / "a", [str(programs / program), *arguments])
+    said = typing("with these centres")
     views = sorted((folder / "a" / "shot").glob("viewpoints_*/*.png"))
     size = int(np.sqrt(len(views)))
     assert size >= 9 and size**2 == len(views), said[-2000:]
@@ -123,10 +135,7 @@ from plenpy.utilities.grids import HexGrid
 points = HexGrid(camera._calibrationDb[0]["ideal_grid_params"]).gridPoints
 print("FOUND", json.dumps([list(camera.get_decoded_image(0).shape), points.tolist()]))
 """
-    said = run(folder, [str(programs / "python"), "-c", script])
-    lines = [line for line in said.splitlines() if line.startswith("FOUND")]
-    assert lines, said[-3000:]
-    shape, points = json.loads(lines[0][6:])
+    shape, points = found_by(folder, programs / "python", script)
     assert shape[0] == shape[1] >= 9
     listed = np.array(json.loads((folder / "a" / "shot_centres.json").read_text())["mic_list"])
     off = distances(listed[:, :2], np.array(points))
@@ -147,11 +156,7 @@ pitch = camera["lensPitch"] / camera["pixelPitch"]
 model, centres = LFM_processWhiteImage(tifffile.imread("calib.tif"), pitch, "reg", False)
 print("FOUND", json.dumps([camera["M"], float(model["HSpacing"]), np.asarray(centres).reshape(-1, 2).tolist()]))
 """
-    bin_folder = installed(tmp_path, ["pyolaf==0.2.1"])
-    said = run(tmp_path, [str(bin_folder / "python"), "-c", script])
-    lines = [line for line in said.splitlines() if line.startswith("FOUND")]
-    assert lines, said[-3000:]
-    larger, spacing, centres = json.loads(lines[0][6:])
+    larger, spacing, centres = found_by(tmp_path, installed(tmp_path, ["pyolaf==0.2.1"]) / "python", script)
     known, found = pl.microlens_centres(camera).pixel, np.array(centres)[:, ::-1]
     inside = ((found > 15) & (found < np.array(camera.sensor.shape) - 15)).all(axis=1)
     assert larger == pytest.approx(abs(pl.paraxial.magnification(camera.lens, float(camera.report().array_plane))))

@@ -19,8 +19,7 @@ import plenoptic as pl
 pytest.importorskip("mitsuba", reason="the extra `validation` installs it")
 sys.path.insert(0, str(Path(__file__).parent))
 import in_mitsuba  # noqa: E402
-from mitsuba_scenes import SCENES, camera, lambertian_bodies, objects, open_box  # noqa: E402
-from thin_lens import projected_solid_angles  # noqa: E402
+from mitsuba_scenes import SCENES, camera, lambertian_bodies, objects, open_box, projected_solid_angles  # noqa: E402
 
 pytestmark = pytest.mark.validation
 

@@ -63,15 +63,12 @@ def painted(page):
 def views_of(across=5, down=5, rows=40, columns=56, channels=3, *, seed=1):
     """A light field of smooth random views without a camera; a corner of one view holds nothing."""
     rng = np.random.default_rng(seed)
-    y, x = np.mgrid[:rows, :columns]
+    u, v, y, x = np.ogrid[:across, :down, :rows, :columns]
     views = np.zeros((across, down, rows, columns, channels), np.float32)
-    waves = [(*rng.uniform(0.1, 0.9, 2), *rng.uniform(0, 6, channels)) for _ in range(6)]
-    for i in range(across):
-        for j in range(down):
-            for a, b, *phases in waves:
-                moved_x, moved_y = x + 0.7 * (i - across // 2), y + 0.7 * (j - down // 2)
-                for k, phase in enumerate(phases):
-                    views[i, j, :, :, k] += np.exp(2 * np.sin(a * moved_x + b * moved_y + phase))
+    for _ in range(6):
+        (a, b), phases = rng.uniform(0.1, 0.9, 2), rng.uniform(0, 6, channels)
+        angle = a * (x + 0.7 * (u - across // 2)) + b * (y + 0.7 * (v - down // 2))
+        views += np.exp(2 * np.sin(angle[..., None] + phases))
     views *= rng.uniform(0.7, 1.3, (across, down, 1, 1, 1)).astype(np.float32)
     if views.shape[:2] != (1, 1):
         views[0, 0, :7, :9] = np.nan

@@ -16,8 +16,11 @@ def unpacked(blocks, place, shape, each=2):
     return np.cumsum(codes, axis=1, dtype=codes.dtype)
 
 
-def values_of(blocks, plane, shape):
-    codes = unpacked(blocks, plane["bytes"], shape)
+def kept(given, **how):
+    """A plane as it is kept, and its values when they are unpacked."""
+    blocks = Blocks()
+    plane = blocks.plane(given, **how)
+    codes = unpacked(blocks, plane["bytes"], given.shape)
     bent = plane["low"] + plane["step"] * codes.astype(float)
     back = {
         Curve.LINEAR: lambda: bent,
@@ -26,15 +29,14 @@ def values_of(blocks, plane, shape):
     }
     with np.errstate(over="ignore"):  # of codes that are none
         values = back[Curve(plane["curve"])]()
-    return np.where(codes == NOTHING, np.nan, np.where(codes == INFINITE, np.inf, values))
+    return plane, np.where(codes == NOTHING, np.nan, np.where(codes == INFINITE, np.inf, values))
 
 
 def test_linear_planes_have_steps_of_a_65533rd_of_their_range():
     rng = np.random.default_rng(0)
     given = rng.normal(size=(17, 23))
     given[3, 4], given[5, 6] = np.nan, np.inf
-    blocks = Blocks()
-    found = values_of(blocks, blocks.plane(given, curve=Curve.LINEAR), given.shape)
+    _, found = kept(given, curve=Curve.LINEAR)
     known = np.isfinite(given)
     assert np.isnan(found[3, 4]) and found[5, 6] == np.inf
     assert np.abs(found[known] - given[known]).max() <= 0.501 * np.ptp(given[known]) / 65533
@@ -42,8 +44,7 @@ def test_linear_planes_have_steps_of_a_65533rd_of_their_range():
 
 def test_distances_keep_their_reciprocals():
     given = np.array([[300.0, 404.0, 1e4, np.inf, np.nan]])
-    blocks = Blocks()
-    found = values_of(blocks, blocks.plane(given, curve=Curve.RECIPROCAL), given.shape)
+    _, found = kept(given, curve=Curve.RECIPROCAL)
     step = (1 / 300 - 1e-4) / 65533
     assert found[0, 3] == np.inf and np.isnan(found[0, 4])
     assert np.abs(1 / found - 1 / given)[0, :3].max() <= 0.501 * step
@@ -53,20 +54,16 @@ def test_values_of_any_size_keep_a_relative_step():
     rng = np.random.default_rng(1)
     given = np.exp(rng.uniform(-12, 20, (30, 40))) * rng.choice([-1.0, 1.0], (30, 40))
     for step in (1e-3, 0.02):
-        blocks = Blocks()
-        plane = blocks.plane(given, curve=Curve.ASINH, step=step, unit=1e-5)
-        found = values_of(blocks, plane, given.shape)
+        plane, found = kept(given, curve=Curve.ASINH, step=step, unit=1e-5)
         # sinh(x + d) - sinh(x) is at most sinh(x) d + d near 0, with d half a step, and a little more for large d.
         assert np.all(np.abs(found - given) <= 0.505 * plane["step"] * (np.abs(given) + 1e-5))
         assert plane["step"] == pytest.approx(step)
 
 
 def test_planes_without_values_or_of_one_value_come_back():
-    blocks = Blocks()
     for given in (np.full((2, 3), np.nan), np.full((2, 3), 7.0), np.zeros((1, 1))):
         for curve in (Curve.LINEAR, Curve.ASINH):
-            found = values_of(blocks, blocks.plane(given, curve=curve), given.shape)
-            np.testing.assert_allclose(found, given, rtol=1e-12)
+            np.testing.assert_allclose(kept(given, curve=curve)[1], given, rtol=1e-12)
 
 
 def test_whole_numbers_are_exact_and_widen_where_they_must():

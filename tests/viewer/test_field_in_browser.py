@@ -1,17 +1,13 @@
 """The page of a light field in a browser: its pixels, what it says, and what hands and keys do."""
 
 import io
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from looking import facts_of, field_of, moved, painted, readout, views_of
 
 from plenoptic.core.color.srgb import linear_to_srgb, srgb_to_linear
 from plenoptic.lightfield.depth_map import DepthMap
-
-sys.path.insert(0, str(Path(__file__).parent))
-from looking import facts_of, field_of, moved, painted, readout, views_of
 
 pytestmark = pytest.mark.browser
 

@@ -6,11 +6,10 @@ import hashlib
 import html
 import io
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from looking import camera_of, facts_of, field_of, views_of
 
 import plenoptic as pl
 from plenoptic.core.color.srgb import srgb_to_linear
@@ -18,9 +17,7 @@ from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.lightfield.depth_map import DepthMap
 from plenoptic.viewer import Viewer
 from plenoptic.viewer.pictures import rgba, within
-
-sys.path.insert(0, str(Path(__file__).parent))
-from looking import camera_of, facts_of, field_of, views_of
+from plenoptic.viewer.sight import sight
 
 
 def depth_of(disparity, error=0.01):
@@ -54,13 +51,10 @@ def test_pages_load_nothing_and_run_only_what_their_policy_names(pages):
         assert len(names) > 20 and len(set(names)) == len(names)
 
 
-def test_a_notebook_gets_the_same_document_in_a_frame_of_its_own(pages):
+def test_notebooks_and_files_get_the_same_document(pages, tmp_path):
     shown = pages["raw"]._repr_html_()
     assert html.unescape(re.search(r'srcdoc="(.*?)"', shown, re.DOTALL)[1]) == pages["raw"].document
     assert 'sandbox="allow-scripts"' in shown
-
-
-def test_viewers_are_saved_whole_or_not_at_all(tmp_path, pages):
     views_of(3, 3).save_html(tmp_path / "views.html")
     assert (tmp_path / "views.html").read_text("utf-8") == pages["views"].document
     with pytest.raises(FileError, match="does not exist"):
@@ -73,9 +67,6 @@ def test_what_could_end_an_element_cannot():
     made = page("</title><script>", facts={"x": "</script>{{data}}"}, data=b"", still=b"", modules=(), shaders=())
     assert "<title>&lt;/title&gt;" in made.document and made.document.count("</script>") == 3
     assert "\\u003c/script>{{data}}" in made.document
-
-
-# ---- light fields ----
 
 
 def decoded(facts, data, number):
@@ -136,6 +127,10 @@ def test_depth_and_error_are_kept_with_their_range():
     assert facts["focus"]["low"] < -0.3 < 0.9 < facts["focus"]["high"]
     assert facts["disparity"]["step"] == pytest.approx(1.2 / 65533, rel=0.01)
     assert facts["error"] is not None and facts["disparity_error"] is not None
+    with pytest.raises(InvalidValueError, match=r"depth has shape \(4, 4\)"):
+        field.viewer(depth=depth_of(np.zeros((4, 4))))
+    with pytest.raises(InvalidValueError, match="holds any light"):
+        field_of(np.full((3, 3, 4, 4, 3), np.nan)).viewer()
 
 
 def test_many_views_are_thinned_out_and_large_ones_reduced(monkeypatch):
@@ -151,16 +146,6 @@ def test_many_views_are_thinned_out_and_large_ones_reduced(monkeypatch):
     mean = field.views[0, 0].reshape(20, 2, 28, 2, 3).mean(axis=(1, 3))
     found = facts["top"] * srgb_to_linear(decoded(facts, data, 0)[..., :3] / 255)
     assert np.abs(found - mean).max() < 0.51 / 255 * 2.28 * facts["top"]
-
-
-def test_light_fields_without_light_or_with_another_depth_are_refused():
-    with pytest.raises(InvalidValueError, match="holds any light"):
-        field_of(np.full((3, 3, 4, 4, 3), np.nan)).viewer()
-    with pytest.raises(InvalidValueError, match=r"depth has shape \(4, 4\)"):
-        views_of(3, 3).viewer(depth=depth_of(np.zeros((4, 4))))
-
-
-# ---- raw images ----
 
 
 def test_images_of_all_shapes_and_values_have_pages():
@@ -186,7 +171,8 @@ def test_a_region_is_cut_and_must_lie_in_the_image():
 
 def test_large_images_become_smaller_copies():
     # No texture has such a side.
-    facts, _ = facts_of(pl.Exposure(np.ones((2, 20_000, 1)), standard_error=np.ones((2, 20_000, 1))).viewer())
+    wide = np.ones((2, 20_000, 1))
+    facts, _ = facts_of(pl.Exposure(wide, standard_error=wide).viewer())
     assert (facts["rows"], facts["columns"], facts["block"]) == (1, 6666, 3)
     # More than a megapixel.
     rng = np.random.default_rng(7)
@@ -201,10 +187,15 @@ def camera():
     return camera_of(90, 120)
 
 
-def test_what_is_left_out_is_said(camera, monkeypatch):
+def test_cells_of_the_lattice_fit_the_centres_and_what_is_left_out_is_said(camera, monkeypatch):
     shot = pl.Exposure(np.ones((90, 120, 1)), camera=camera, truth=pl.GroundTruth(depth=np.full((90, 120), 404.0)))
     facts, _ = facts_of(shot.viewer())
     assert facts["left_out"] == [] and facts["sight"] is not None
+    corners, centres = np.array(facts["lenses"]["cell"]), pl.microlens_centres(camera).pixel
+    apart = np.linalg.norm(centres[:, None] - centres, axis=2)
+    # In a hexagon the corners lie 1 / sqrt(3) of the distance between neighbours away; images differ by aberrations.
+    expected = np.min(apart[apart > 0]) / np.sqrt(3)
+    assert len(corners) == 6 and np.linalg.norm(corners, axis=1) == pytest.approx(expected, rel=1e-3)
     monkeypatch.setattr("plenoptic.viewer.sight.ENOUGH", 0.0)
     facts, _ = facts_of(shot.viewer())
     assert facts["sight"] is None and facts["lenses"] is not None and "Images of a point" in facts["left_out"][0]
@@ -213,20 +204,12 @@ def test_what_is_left_out_is_said(camera, monkeypatch):
     assert facts["lenses"] is None and "microlenses are more" in facts["left_out"][0]
 
 
-def test_the_cell_of_the_lattice_fits_the_centres(camera):
-    facts, _ = facts_of(pl.Exposure(np.ones((90, 120, 1)), camera=camera).viewer())
-    corners = np.array(facts["lenses"]["cell"])
-    centres = pl.microlens_centres(camera)
-    apart = np.linalg.norm(centres.pixel[:, None] - centres.pixel, axis=2)
-    # In a hexagon the corners lie 1 / sqrt(3) of the distance between neighbours away; images differ by aberrations.
-    expected = np.min(apart[apart > 0]) / np.sqrt(3)
-    assert len(corners) == 6 and np.linalg.norm(corners, axis=1) == pytest.approx(expected, rel=1e-3)
-
-
 def test_cameras_without_a_lattice_have_no_cells(camera):
     bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
     facts, _ = facts_of(pl.Exposure(np.ones((90, 120, 1)), camera=bare).viewer())
     assert facts["lenses"] is None
+    assert sight(bare, pl.microlens_centres(camera), np.array([404.0])) is None
+    assert sight(camera, pl.microlens_centres(camera), np.empty(0)) is None
     places = np.random.default_rng(3).uniform(-0.5, 0.5, (12, 2))
     free = camera_of(80, 80, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=places)
     facts, _ = facts_of(pl.Exposure(np.ones((80, 80, 1)), camera=free).viewer())
@@ -241,3 +224,30 @@ def test_division_by_the_white_image_takes_the_lattice_away(camera):
     # 1 / 50 and 1 / 100 in quadrature, of 2.
     error = facts["planes"]["error"]
     assert error["unit"] * np.sinh(error["low"]) == pytest.approx(2 * np.hypot(0.02, 0.01), rel=1e-4)
+
+
+POINTS = np.array([[0.0, 0.0, -404.0], [3.0, -2.0, -380.0], [-4.0, 3.0, -450.0], [2.0, 4.0, -404.0]])
+
+
+def test_points_are_seen_where_project_sees_them():
+    """By chief rays as a polynomial."""
+    plain = camera_of(300, 300, focal_lengths=(2.0,))
+    pinholes = dataclasses.replace(plain.microlenses, model=pl.optics.MicrolensModel.PINHOLE)
+    for name, camera in (
+        ("as designed", plain),
+        ("tilted sensor", plain.moved(pl.CameraPart.SENSOR, tilt=(0.01, 0.02, 0.1))),
+        ("displaced lens", plain.moved(pl.CameraPart.LENS, shift=(0.3, 0.0, 0.1), tilt=(0.01, 0.0, 0.0))),
+        ("Keplerian", dataclasses.replace(plain, microlenses_to_sensor=2.3)),
+        ("pinholes", dataclasses.replace(plain, microlenses=pinholes)),
+    ):
+        found = sight(camera, pl.microlens_centres(camera), np.array([380.0, 404.0, 450.0]))
+        assert found is not None and found.error < 0.02, name
+        seen = pl.project(camera, POINTS)
+        seen = seen.selected(seen.passes)
+        centres = pl.microlens_centres(camera, margin=1.0)
+        place = {tuple(index): k for k, index in enumerate(centres.index.tolist())}
+        rows = [k for k, index in enumerate(seen.index.tolist()) if tuple(index) in place]
+        on_array = centres.on_array[[place[tuple(seen.index[k])] for k in rows]]
+        # A step of Newton's from where they are leads nowhere else.
+        off = found.beside(POINTS[seen.point[rows]], seen.pixel[rows], on_array)
+        assert len(rows) > 60 and np.abs(off).max() < 0.1, name

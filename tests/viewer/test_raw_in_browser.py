@@ -2,17 +2,13 @@
 
 import io
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from looking import camera_of, facts_of, moved, painted, readout
 
 import plenoptic as pl
 from plenoptic.core.color.srgb import linear_to_srgb
-
-sys.path.insert(0, str(Path(__file__).parent))
-from looking import camera_of, facts_of, moved, painted, readout
 
 pytestmark = pytest.mark.browser
 

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import signal
+import socket
 import statistics
 import subprocess
 import sys
@@ -33,11 +34,8 @@ SIGMAS = 4
 
 def conventional(stop, *, side=24):
     """No microlenses, and a sensor 36 mm wide where z = -404 is sharp: pixels see the pupil's projected solid angle."""
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop)),
-        sensor=pl.Sensor(shape=(side, side), pixel_pitch=36.0 / side),
-        stop_to_microlenses=134.6,
-    )
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(stop))
+    return pl.PlenopticCamera(lens=lens, sensor=pl.Sensor((side, side), 36.0 / side), stop_to_microlenses=134.6)
 
 
 def made_up(name, n, seed):
@@ -119,10 +117,8 @@ def test_a_cluster_finds_the_same_errors():
     assert client.calls.count("carry_out") > 3
     times = ("cpu_seconds", "wall_seconds", "setup_cpu_seconds", "setup_wall_seconds")
     for row, same in zip(one.rows, other.rows, strict=True):
-        assert dataclasses.replace(row, **dict.fromkeys(times, 0.0)) == dataclasses.replace(
-            same, **dict.fromkeys(times, 0.0)
-        )
-        assert all(0 < getattr(same, name) < 5 for name in times)
+        timeless = (dataclasses.replace(each, **dict.fromkeys(times, 0.0)) for each in (row, same))
+        assert next(timeless) == next(timeless) and all(0 < getattr(same, name) < 5 for name in times)
     with pytest.raises(InvalidValueError, match="threads is 2 and client is given"):
         pl.study.error_against_time(None, conventional(5.0, side=8), client=client, threads=2, progress=False)
 
@@ -130,14 +126,9 @@ def test_a_cluster_finds_the_same_errors():
 @pytest.mark.slow
 def test_random_samples_have_the_slope_of_a_half_and_scrambled_points_a_steeper_one():
     """-1.28 with one replicate where nothing is cut, from 16 to 512 samples."""
-    table = pl.study.error_against_time(
-        None,
-        smooth_camera(),
-        {"random": RANDOM, "1 replicate": ONE, "2 replicates": Variant()},
-        samples=(16, 64, 256),
-        seeds=5,
-        progress=False,
-    )
+    variants = {"random": RANDOM, "1 replicate": ONE, "2 replicates": Variant()}
+    how = {"samples": (16, 64, 256), "seeds": 5, "progress": False}
+    table = pl.study.error_against_time(None, smooth_camera(), variants, **how)
     assert abs(table.slope("random") + 0.5) < SIGMAS * table.slope_error("random")
     assert table.slope_error("random") < 0.02
     assert table.slope("1 replicate") < -1.15 and table.slope("2 replicates") < -1.0
@@ -173,11 +164,8 @@ def predicted(camera, *, grid):
     exact = np.polynomial.Polynomial.fit(seen.heights**2, seen.projected_solid_angle, 4)
     thin = (z - points.rear_principal, points.entrance_pupil_semi_diameter)
     paraxial = (z - points.exit_pupil, points.exit_pupil_semi_diameter)
-    return (
-        over_pixels(camera.sensor, exact),
-        over_pixels(camera.sensor, lambda r2: solid_angle(r2, *thin)),
-        over_pixels(camera.sensor, lambda r2: solid_angle(r2, *paraxial)),
-    )
+    ideal = (lambda r2: solid_angle(r2, *thin)), (lambda r2: solid_angle(r2, *paraxial))
+    return tuple(over_pixels(camera.sensor, seen) for seen in (exact, *ideal))
 
 
 def over_pixels(sensor, of_radius_squared):
@@ -202,10 +190,8 @@ def test_optics_predicts_the_floors_of_ideal_lenses():
     """THIN and PARAXIAL pupils in closed form, EXACT by traced pencils; without rims in the way, within 27 mm."""
     camera = conventional(10.0, side=12)
     exact, thin, paraxial = predicted(camera, grid=120)
-    models = {"EXACT": pl.LensModel.EXACT, "THIN": pl.LensModel.THIN, "PARAXIAL": pl.LensModel.PARAXIAL}
-    variants = {name: Variant(lens=model) for name, model in models.items()}
-    how = {"samples": (64, 256), "seeds": 4, "progress": False}
-    table = pl.study.error_against_time(None, camera, variants, **how)
+    variants = {name: Variant(lens=pl.LensModel[name]) for name in ("EXACT", "THIN", "PARAXIAL")}
+    table = pl.study.error_against_time(None, camera, variants, samples=(64, 256), seeds=4, progress=False)
     for name, image, floor in (("THIN", thin, 0.0549), ("PARAXIAL", paraxial, 0.0225)):
         known, wanted = table.best_known_bias(name), relative_square(image, exact)
         assert math.sqrt(wanted) == pytest.approx(floor, abs=5e-4)
@@ -227,9 +213,8 @@ def test_the_reference_camera_converges_as_its_samples_let_it(scene, slope):
     """
     crop = np.s_[240:272, 240:272]
     variants = {"EXACT": Variant(), "random": RANDOM, "1 replicate": ONE, "THIN": Variant(lens=pl.LensModel.THIN)}
-    table = pl.study.error_against_time(
-        scene, reference_camera(), variants, samples=(16, 32, 64, 128, 256), region=crop, seeds=8, progress=False
-    )
+    study, how = pl.study.error_against_time, {"region": crop, "seeds": 8, "progress": False}
+    table = study(scene, reference_camera(), variants, samples=(16, 32, 64, 128, 256), **how)
     assert abs(table.slope("random") + 0.5) < SIGMAS * table.slope_error("random")
     for name in ("EXACT", "1 replicate"):
         assert abs(table.slope(name) - slope) < SIGMAS * table.slope_error(name)
@@ -241,17 +226,8 @@ def test_the_reference_camera_converges_as_its_samples_let_it(scene, slope):
     assert table.bias_floor("THIN") > 0.05
     # Another seed keeps what is promised: the error of a new image at the recommended setting.
     found = table.recommend(0.05)
-    again = pl.study.error_against_time(
-        scene,
-        reference_camera(),
-        {found.variant: variants[found.variant]},
-        samples=(found.samples,),
-        region=crop,
-        seeds=8,
-        seed=5000,
-        reference_samples=4096,
-        progress=False,
-    )
+    how |= {"samples": (found.samples,), "seed": 5000, "reference_samples": 4096}
+    again = study(scene, reference_camera(), {found.variant: variants[found.variant]}, **how)
     # Both are known to 4.5 %.
     assert again.rows[0].error == pytest.approx(found.error, rel=SIGMAS * math.hypot(0.045, 0.045))
 
@@ -319,8 +295,7 @@ def test_the_command_prints_writes_and_draws(tmp_path, capsys):
     assert main([*arguments, "--csv", str(written), "--plot", str(drawn)]) == 0
     shown = capsys.readouterr().out
     assert "| THIN lens " in shown and "For 10 %: " in shown and "extrapolated" in shown
-    assert drawn.read_bytes().startswith(b"\x89PNG")
-    assert ErrorTable.from_csv(written).title == "white"
+    assert drawn.read_bytes().startswith(b"\x89PNG") and ErrorTable.from_csv(written).title == "white"
     assert main(["study", "error-against-time", "--case", "white", "--target", "0"]) == 1
     assert "--target is 0" in capsys.readouterr().err
     assert main(["study", "error-against-time", "--csv", str(tmp_path / "nowhere" / "a.csv")]) == 1
@@ -352,14 +327,8 @@ def test_the_document_is_whole():
     command = [sys.executable, "-m", "plenoptic", "study", "error-against-time", "--quick", "--document"]
     done = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     heads = [line for line in done.splitlines() if line.startswith("#")]
-    assert heads == [
-        "# Error against time",
-        "## What the numbers are",
-        "## The machine",
-        *(f"## `{case}`" for case in ("white", "smooth", "check", "objects")),
-    ]
+    cases = [f"## `{case}`" for case in ("white", "smooth", "check", "objects")]
+    assert heads == ["# Error against time", "## What the numbers are", "## The machine", *cases]
     for word in ("Lit pixels", "Bias", "Processor: ", "numba ", "Load: ", "wanted error %"):
         assert word in done
-    import socket
-
     assert len(socket.gethostname()) < 4 or socket.gethostname() not in done

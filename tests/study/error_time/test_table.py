@@ -12,6 +12,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.study import ErrorRow, ErrorTable
 from plenoptic.study.error_time.table import csv_of
+from plenoptic.study.text_table import comma_separated, markdown_table, plain_table
 
 matplotlib.use("Agg")
 
@@ -24,18 +25,12 @@ NUMBERS = (16, 32, 64, 128)
 
 def row(variant, n, *, noise=0.4, slope=-0.5, bias=0.0, each=1e-3, setup=0.01, **more):
     """A row of a variant whose noise is a power of the number of samples, and whose time grows evenly with it."""
-    fields = {
-        "cpu_seconds": setup + each * n,
-        "wall_seconds": setup + 0.5 * each * n,
-        "setup_cpu_seconds": setup,
-        "setup_wall_seconds": setup,
-        "variance": noise**2 * n ** (2 * slope),
-        "variance_error": 0.01 * noise**2 * n ** (2 * slope),
-        "bias_squared": bias**2,
-        "bias_squared_error": 0.02 * noise**2 * n ** (2 * slope),
-        "reported_variance": (noise / 1.1) ** 2 * n ** (2 * slope),
-    }
-    return ErrorRow(variant, n, **(fields | more))
+    variance = noise**2 * n ** (2 * slope)
+    times = {"cpu_seconds": setup + each * n, "wall_seconds": setup + 0.5 * each * n}
+    times |= {"setup_cpu_seconds": setup, "setup_wall_seconds": setup}
+    errors = {"variance": variance, "variance_error": 0.01 * variance, "reported_variance": variance / 1.1**2}
+    errors |= {"bias_squared": bias**2, "bias_squared_error": 0.02 * variance}
+    return ErrorRow(variant, n, **(times | errors | more))
 
 
 def table(rows, title="made up"):
@@ -185,12 +180,19 @@ def cells(markdown):
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in markdown.splitlines()]
 
 
+def test_columns_are_padded_and_signs_escaped():
+    assert plain_table(("a", "bc"), [("10", "2")]) == "a   bc\n10  2"
+    escaped = ["| a  | b    |", "| -- | ---- |", r"| 10 | x\|y |"]
+    assert markdown_table(("a", "b"), [("10", "x|y")]).splitlines() == escaped
+    rows = comma_separated([("name", "s"), ("a, b", None), ("c", 0.1)], None).splitlines()
+    assert rows == ["name,s", '"a, b",', "c,0.1"]
+
+
 def test_markdown_shows_the_numbers():
     first, second = MADE.to_markdown().split("\n\n")
     head, rule, *body = cells(first)
-    assert (
-        set(rule[0]) == {"-"} and len(body) == len(MADE.rows) and {len(line) for line in (head, *body)} == {len(head)}
-    )
+    assert set(rule[0]) == {"-"} and len(body) == len(MADE.rows)
+    assert {len(line) for line in (head, *body)} == {len(head)}
     for line, one in zip(body, MADE.rows, strict=True):
         shown = dict(zip(head, line, strict=True))
         assert (shown["variant"], int(shown["samples"])) == (one.variant, one.samples)
