@@ -73,6 +73,14 @@ def test_colours_of_a_checkerboard_know_nothing_of_each_other():
     assert np.array_equal(expected_brightness(bright[:1], variance[:1]), bright[:1])
 
 
+def test_the_noise_of_pixels_is_no_texture():
+    # An even image: X = chi^2 / 3 of four neighbours' variance over that of noise has 3 degrees of freedom, and what is
+    # beyond 1 is taken for texture: a pixel's own value keeps the weight max(1 - 1 / X, 0), 0.142 in the mean.
+    noise = np.random.default_rng(6).normal(size=(64, 64))
+    kept = (noise * (expected_brightness(1e3 + noise, np.ones_like(noise)) - 1e3))[1:-1:2, 1:-1]  # independent rows
+    assert abs(kept.mean() - 0.142) < 4 * kept.std() / np.sqrt(kept.size) < 0.07
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",

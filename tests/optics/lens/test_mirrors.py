@@ -89,6 +89,18 @@ def test_a_turned_mirror_turns_light_by_twice_its_angle():
     assert flat.moved(1, shift=(0.0, 0.0, 0.5)).trace(ray).origin[0].tolist() == [0.0, 0.0, 19.5]
 
 
+def test_light_along_the_axis_turns_by_twice_the_slope_of_an_asphere():
+    # A paraboloid and a term in r^4: the sag is r^2 / (2 R) + a r^4, whatever the height.
+    radius, a, r = -200.0, 2e-8, np.linspace(-40.0, 40.0, 9)
+    mirror = pl.Surface(radius, medium=MIRROR, semi_diameter=45.0, conic=-1.0, aspheric=(0.0, a))
+    outwards = np.stack([0.6 * r, 0.8 * r, 0 * r], axis=1)
+    out = pl.LensStack([pl.CircularStop(50.0), mirror]).trace(pl.RayBundle(outwards, [[0.0, 0.0, 1.0]] * 9))
+    turned = 2.0 * np.arctan(r / radius + 4.0 * a * r**3)
+    # Some ten roundings.
+    np.testing.assert_allclose(out.direction[:, :2] @ [0.6, 0.8], np.sin(turned), rtol=0, atol=2e-15)
+    np.testing.assert_allclose(out.direction[:, 2], np.cos(turned), rtol=0, atol=2e-15)
+
+
 def test_a_cassegrain_has_no_spherical_aberration_and_the_coma_of_a_paraboloid():
     lens = cassegrain()
     f1, f2, d = 200.0, -0.5 * lens.elements[2].radius, 140.0
