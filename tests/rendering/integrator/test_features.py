@@ -227,6 +227,16 @@ def test_instances_look_as_copies_do():
     assert one.image.max() > 3 * one.image.min() > 0
 
 
+def test_smooth_instances_are_shaded_as_copies_are():
+    # The same paths. Normals of copies have unit length at corners, 7.5 degrees apart, and differ in between: by the
+    # square of half of that, 4e-3, times the stretch.
+    ball = pl.sphere(2.0, segments=(48, 32), material=MATT)
+    group = pl.scene.Instances(ball, places((-2.5, 1.0, -36), (2.5, -1.0, -38), mirrored=[1]))
+    one, other = (shoot(pl.Scene(some, [POINT]), samples=16, max_bounces=1).image for some in ([group], group.meshes()))
+    assert (other > 0).mean() > 0.2
+    np.testing.assert_allclose(one, other, rtol=0, atol=4e-3 * other.max())
+
+
 def test_light_from_a_screen_is_that_of_its_pieces():
     # Beside the view, facing it; or each texel a piece of its own, where rows count downwards. Drawn over the whole
     # screen alike, or texel by texel by their power; met by chance and weighed, too.
@@ -256,6 +266,18 @@ def test_lights_that_are_drawn_bring_what_they_bring_by_chance():
         drawn = shoot(pl.Scene([*room, window]), seed=1, **settings)
         assert_same(drawn, met)
         assert drawn.standard_error.mean() < 0.9 * met.standard_error.mean(), material
+
+
+def test_the_light_of_a_map_and_that_of_a_lamp_add_up():
+    # One of them is drawn, by its share of their power: a seventh for the map. A point hides nothing of it.
+    world = pl.EnvironmentMap(np.random.default_rng(3).random((4, 8, 1)))
+    lamp = pl.lights.PointLight((120.0, 3.0, -10.0), 2e5)
+    cases = ([lamp], world), ([lamp], 0.0), ([], world)
+    both, *alone = (
+        shoot(pl.Scene([plate(-40.0, MATT)], *case), samples=1024, max_bounces=1, seed=seed)
+        for seed, case in enumerate(cases)
+    )
+    assert_same(both, mixed(alone, [1, 1]), most_error=2e-3)
 
 
 def test_a_texture_of_one_value_is_that_value():
