@@ -57,7 +57,7 @@ plane_moves_along_u camera/sampling/kernels/pieces.py: camera/test_pixel_regions
 point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_pixel_regions.py camera/psf
 - root = math.sqrt(min(max(left / twice, 0.0), 1.0)) if twice > 0.0 else 0.0
 + root = min(max(left / twice, 0.0), 1.0) if twice > 0.0 else 0.0
-projection_axes camera/points/projection.py: camera/points
+projection_axes camera/points/projection.py: camera/points/test_projection.py camera/points
 - (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1]))
 + (np.abs(rows.position) <= 0.5 * np.array(sensor.size))
 spread_error camera/psf/histogram.py: camera/psf
@@ -69,10 +69,10 @@ far_field_tail optics/diffraction/kernels/far_field.py: optics/diffraction rende
 wave_through_dim_lens wave/microlenses.py: wave
 - dim = math.sqrt(self.lenses.transmission[k])
 + dim = self.lenses.transmission[k]
-instance_normal scene/geometry/kernels/intersect.py: scene/geometry rendering/integrator
+instance_normal scene/geometry/kernels/intersect.py: rendering/integrator/test_features.py scene/geometry
 - + (m[4] * m[9] - m[5] * m[8]) * z
 + + (m[5] * m[8] - m[4] * m[9]) * z
-environment_chance scene/lights/kernels/sample_emitters.py: scene/lights rendering/integrator
+environment_chance scene/lights/kernels/sample_emitters.py: rendering/integrator/test_features.py scene/lights
 - rows[i, PDF] = environment.probability * environment_pdf[at_row, at_column]
 + rows[i, PDF] = environment_pdf[at_row, at_column]
 conductor_density scene/materials/kernels/conductor.py: scene/materials rendering/integrator
@@ -93,10 +93,10 @@ light_in_a_liquid scene/materials/kernels/absorption.py: rendering/integrator sc
 pooled_error rendering/film.py: rendering/test_film.py rendering/test_standard_error.py
 - pooled = (single + _SHARED * alike) / (1.0 + _SHARED) * (between / within)[..., None]
 + pooled = (single + _SHARED * alike) * (between / within)[..., None]
-expected_with_noise core/relative_error.py: core/test_relative_error.py rendering/test_rare_light.py
+expected_with_noise core/relative_error.py: rendering/test_rare_light.py core/test_relative_error.py
 - shown = np.maximum(between - diagonal_sums(noise) / most, 0.0)
 + shown = np.maximum(between, 0.0)
-own_colour_decides rendering/schedule/progress.py: rendering/schedule rendering/test_render.py
+own_colour_decides rendering/schedule/progress.py: rendering/schedule/test_progress.py rendering/test_render.py
 - others = here[(colours == 1 - colour) & ~np.isnan(here)]
 + others = here[(colours == colour) & ~np.isnan(here)]
 estimated_samples rendering/estimation/decisions.py: rendering/test_estimate.py

@@ -193,12 +193,12 @@ def test_a_camera_array_sees_with_every_lens_whose_chief_ray_meets_the_sensor():
 
 
 def test_what_lands_beside_the_sensor_is_not_visible():
-    camera = camera_with(shape=(32, 32))
-    seen = project(camera, (0.0, 0.0, -404.0))
-    inside = ((seen.pixel > -0.5) & (seen.pixel < 31.5)).all(axis=1)
-    assert inside.any() and not inside.all()
-    far = ((seen.pixel < -2) | (seen.pixel > 33)).any(axis=1)
-    assert not seen.visible[far].any() and seen.visible[inside & seen.passes].all()
+    for shape in ((24, 40), (40, 24)):
+        seen = project(camera_with(shape=shape), (0.0, 0.0, -404.0))
+        within = np.minimum(seen.pixel, np.array(shape) - 1 - seen.pixel).min(axis=1)
+        inside, far = within > -0.5, within < -2
+        assert inside.any() and not inside.all()
+        assert not seen.visible[far].any() and seen.visible[inside & seen.passes].all(), shape
 
 
 def test_a_point_imaged_onto_the_array_is_seen_by_one_microlens():
