@@ -1,13 +1,11 @@
-"""Two processes of a dask cluster against two threads, what tasks take and move, and a model of larger clusters."""
+"""Two processes of a dask cluster against two threads, and what tasks take and move."""
 
 import contextlib
 import dataclasses
-import itertools
 import pickle
 import time
 from unittest import mock
 
-import cluster_model
 import distributed
 import numpy as np
 import reference
@@ -20,7 +18,6 @@ from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.progress import Progress
 
 WANTED = 0.85
-WORKERS = (1, 8, 64, 512)
 
 
 class Watched:
@@ -105,19 +102,7 @@ def tables(*, quick):
     path, take = watched.cpu / turns / (pixels * samples), watched.take / watched.pixels
     row = (1e6 * path, 1e3 * each, 1e9 * byte, 1e9 * take, started)
     columns = "us a path | ms a task | ns a byte | ns a pixel taken | s to start"
-    yield Table("What the model is fed with", columns, [row])
-    yield model(cluster_model.Measured(path, each, byte, take, started, started / 3))
-
-
-def model(measured):
-    rows, renders = [], (("64 samples", "FEW"), ("1024 samples", "MANY"), ("target 2 %", "ADAPTIVE"))
-    for (name, rounds), megapixels, workers in itertools.product(renders, (16, 40), WORKERS):
-        found = cluster_model.estimated(measured, megapixels, workers, getattr(cluster_model, rounds))
-        shares = (found.efficiency, found.client, found.setup, found.idle)
-        percent = [f"{100 * share:.0f}" for share in shares]
-        rows.append((name, megapixels, workers, found.seconds, *percent, found.task, found.bytes / 1e9))
-    columns = "render | Mpx | workers | s | efficiency % | client busy % | starting % | idle % | s a task | GB"
-    return Table("Model of larger clusters, cold, one thread a worker", columns, rows)
+    yield Table("Cost of a path on a worker, and of tasks, bytes and pixels on the client", columns, [row])
 
 
 def of_empty_tasks(*, quick):
