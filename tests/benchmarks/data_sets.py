@@ -1,14 +1,7 @@
-"""Data sets: what a frame costs beside its rendering, and a run that is killed again and again."""
+"""Data sets: what a frame costs beside its rendering."""
 
 import dataclasses
-import hashlib
-import json
-import os
-import signal
-import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +25,7 @@ HOW = {"samples": 16, "truth": pl.Truth.DEPTH | pl.Truth.OBJECT, "progress": Fal
 
 
 def tables(*, quick):
-    frames, kills = (4, 1) if quick else (200, 20)
+    frames = 4 if quick else 200
     with tempfile.TemporaryDirectory() as folder:
         remark, title = "In one process, kernels compiled, on all processors.", "frames of 64 x 64 pixels, 16 samples"
         rows = list(costs(Path(folder), frames))
@@ -43,9 +36,6 @@ def tables(*, quick):
             "megapixels | wall s | CPU-s | MB on the disk | MB of memory beside what was there | a chunk read in s"
         )
         yield Table(title, columns, [(side**2 / 1e6, *apart(banded, folder, side))])
-        title = "The sequence, killed by SIGKILL at random moments and called again"
-        columns = "kills | frames there at each | hashes of all arrays, and the manifest"
-        yield Table(title, columns, [killed(Path(folder), frames, kills)])
 
 
 def costs(folder, frames):
@@ -93,36 +83,3 @@ def banded(folder, side):
     chunk, values = timed(lambda: made.open().image[0, -512:, -512:].values)
     assert values.any()
     return [*spent, size_of(folder / "large"), peak, chunk.wall]
-
-
-def killed(folder, frames, kills):
-    program = "import sys, pathlib, data_sets, plenoptic as pl; pl.dataset.write(pathlib.Path(sys.argv[1]), "
-    program += "data_sets.sequence(int(sys.argv[2])), motion=True, **data_sets.HOW)"
-    broken, random, there = folder / "broken", np.random.default_rng(3), []
-    log = broken / "frames.log"
-    surroundings = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    while len(there) < kills:
-        process = subprocess.Popen([sys.executable, "-c", program, broken, str(frames)], env=surroundings)
-        before = images_in(log)
-        while process.poll() is None and images_in(log) <= before:
-            time.sleep(0.01)
-        time.sleep(random.uniform(0, 0.5 * frames / kills * 0.1))
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        there.append(images_in(log))
-    subprocess.run([sys.executable, "-c", program, broken, str(frames)], env=surroundings, check=True)
-    equal = digest(folder / "whole") == digest(broken)
-    return kills, ", ".join(map(str, there)), "equal" if equal else "DIFFERENT"
-
-
-def images_in(log):
-    return log.read_bytes().count(b'"image": true') if log.exists() else 0
-
-
-def digest(folder):
-    """Of all files of the stores, and the manifest."""
-    sha = hashlib.sha256()
-    for path in sorted(folder.glob("*.zarr/**/*")):
-        if path.is_file():
-            sha.update(str(path.relative_to(folder)).encode() + path.read_bytes())
-    return sha.hexdigest(), json.loads((folder / "manifest.json").read_text())
