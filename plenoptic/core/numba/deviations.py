@@ -15,19 +15,7 @@ from contextlib import contextmanager
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 
-ALL = frozenset(
-    {
-        "borrowed_arrays",
-        "call_types",
-        "helper_processes",
-        "light_library",
-        "no_garbage",
-        "no_wrappers",
-        "one_integer",
-        "short_pipeline",
-        "wide_vectors",
-    }
-)
+ALL = frozenset({"borrowed_arrays", "helper_processes", "lean_pipeline", "no_wrappers", "one_integer"})
 """Each is described, with what it saves, in docs/concepts/compilation.md."""
 
 _left_out: set[str] = set()

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core.typed_passes import AnnotateTypes, NativeLowering, NopythonRewrites
+from numba.core.typed_passes import AnnotateTypes, NopythonRewrites
 from numba.core.untyped_passes import InlineClosureLikes, WithLifting
 
 from plenoptic.core.numba.borrowed_arrays import BorrowedArrays
 from plenoptic.core.numba.library import LightLibrary
 from plenoptic.core.numba.typing_context import KernelTyping
-from plenoptic.core.numba.wide_vectors import WideLowering
 
 _UNUSED = (WithLifting, InlineClosureLikes, NopythonRewrites)
 """Passes for what kernels do not contain: `with`, closures, and expressions of whole arrays."""
@@ -18,14 +17,11 @@ _UNUSED = (WithLifting, InlineClosureLikes, NopythonRewrites)
 
 def apply(chosen: frozenset[str], state: Any, passes: Any) -> None:
     """Change the state and the passes of one compilation."""
-    if chosen & {"call_types", "one_integer"}:
+    if chosen & {"lean_pipeline", "one_integer"}:
         state.typingctx = KernelTyping(state.typingctx, chosen)
-    if "light_library" in chosen:
+    if "lean_pipeline" in chosen:
         state.library = LightLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
-    if "short_pipeline" in chosen:
         passes.passes = [one for one in passes.passes if one[0] not in _UNUSED]
     if "borrowed_arrays" in chosen:
         passes.add_pass_after(BorrowedArrays, AnnotateTypes)
-    if "wide_vectors" in chosen:
-        passes.passes = [(WideLowering if one is NativeLowering else one, text) for one, text in passes.passes]

@@ -10,7 +10,7 @@ from numba.core import types
 class KernelTyping:
     """Numba's typing context of a compilation.
 
-    `call_types`: the signature of a call of one of Numba's own functions is kept for the types of its arguments.
+    `lean_pipeline`: the signature of a call of one of Numba's own functions is kept for the types of its arguments.
     `one_integer`: an integer that is written in a call of a kernel's function has the type of any integer, so that
     `cut(polygon, 0, n)` and `cut(polygon, first, n)` are one function.
     """
@@ -19,7 +19,7 @@ class KernelTyping:
 
     def __init__(self, context: Any, chosen: frozenset[str]) -> None:
         self._context = context
-        self._kept, self._one_integer = "call_types" in chosen, "one_integer" in chosen
+        self._kept, self._one_integer = "lean_pipeline" in chosen, "one_integer" in chosen
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._context, name)

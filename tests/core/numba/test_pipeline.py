@@ -1,6 +1,5 @@
 """What the compiler of kernels changes, and what happens where Numba does not go along."""
 
-import math
 import os
 import subprocess
 import sys
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 
 from plenoptic.core.numba.deviations import ALL, deviations
-from plenoptic.core.numba.jit import device, kernel, processor
+from plenoptic.core.numba.jit import device, kernel
 
 
 def test_kernels_release_the_gil_divide_as_ieee_and_contract():
@@ -34,17 +33,6 @@ def test_a_number_that_is_written_in_a_call_makes_no_variant():
 
     fill_sum.compile("(f8[::1], i8)")
     assert len(picked.signatures) == 1
-
-
-def test_vectors_are_as_wide_as_registers_where_that_pays():
-    @device
-    def fill_roots(x):
-        for i in range(256):
-            x[i] = math.sqrt(x[i])
-
-    fill_roots.compile("(f8[::1],)")
-    (code,) = fill_roots.inspect_asm().values()
-    assert ("zmm" in code) == ("avx512vbmi2" in processor())
 
 
 def test_an_error_of_typing_is_that_of_the_kernel_and_no_reason_to_go_on_plainly():
