@@ -12,7 +12,7 @@ from table import Table
 import plenoptic as pl
 
 TESTS = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(TESTS / "rendering"), str(TESTS / "scene" / "materials")]
+sys.path[:0] = [str(TESTS / name) for name in ("rendering", "scene", "scene/materials")]
 import test_bsdf as bsdf  # noqa: E402
 import test_render as render  # noqa: E402
 

@@ -27,11 +27,17 @@ class UnknownValueError(TypeError):
     """A kernel names a value whose content has no digest."""
 
 
-@functools.cache
-def code_digest(function: _Function) -> str:
+_digests: dict[_Function, str] = {}
+
+
+def code_digest(function: _Function, callers: frozenset[_Function] = frozenset()) -> str:
     """Digest of a kernel's Python function and of all that it calls; UnknownValueError where a value has none."""
-    texts = sorted(_text_and_callees(one)[0] for one in _reached(function))
-    return hashlib.sha256("\n".join([_full_name(function), *texts]).encode()).hexdigest()
+    if function not in _digests:
+        callers |= {function}
+        text, callees = _text_and_callees(function)
+        texts = [_full_name(one) if one in callers else code_digest(one, callers) for one in callees]
+        _digests[function] = hashlib.sha256("\n".join([text, *texts]).encode()).hexdigest()
+    return _digests[function]
 
 
 def bytecode_size(function: _Function) -> int:
@@ -78,10 +84,19 @@ def _named_values(function: _Function, closure: dict[str, Any]) -> Iterator[tupl
     for name in names:
         value = closure.get(name, function.__globals__.get(name, _ABSENT))
         if isinstance(value, ModuleType):
-            members = ((f"{value.__name__}.{other}", getattr(value, other, _ABSENT)) for other in names)
-            yield from (one for one in members if one[1] is not _ABSENT and not isinstance(one[1], ModuleType))
+            yield from _named_members(value, names)
         elif value is not _ABSENT:
             yield name, value
+
+
+def _named_members(module: ModuleType, names: list[str]) -> Iterator[tuple[str, Any]]:
+    """Members of a module, and of the modules in it unless they are a library's, that have one of these names."""
+    for name in names:
+        value = getattr(module, name, _ABSENT)
+        if not isinstance(value, ModuleType):
+            yield from () if value is _ABSENT else [(f"{module.__name__}.{name}", value)]
+        elif value.__name__.startswith(f"{module.__name__}.") and value.__name__.partition(".")[0] not in _LIBRARIES:
+            yield from _named_members(value, names)
 
 
 def _names(code: CodeType) -> set[str]:
@@ -92,8 +107,11 @@ def _names(code: CodeType) -> set[str]:
 def _value_text(value: Any) -> str:
     """Text that differs where a kernel compiled with this value would."""
     if isinstance(value, type):
-        members = [one.value for one in value] if issubclass(value, enum.Enum) else getattr(value, "_fields", ())
-        return f"class {_full_name(value)} {_value_text(tuple(members))}"
+        if issubclass(value, enum.Enum):
+            members = {name: member.value for name, member in value.__members__.items()}
+        else:
+            members = dict.fromkeys(getattr(value, "_fields", ())) | getattr(value, "_field_defaults", {})
+        return f"class {_full_name(value)} {_value_text(tuple(members.items()))}"
     if isinstance(value, _PLAIN):
         return f"{type(value).__name__} {value!r}"
     if isinstance(value, tuple | list | frozenset):

@@ -18,12 +18,23 @@ from plenoptic.core.numba.code_digest import UnknownValueError, code_digest
 
 ROOT = Path(plenoptic.__file__).parent
 SOURCE = '''
-import math
+import enum, math
 from typing import NamedTuple
 import numpy as np
 from plenoptic.core.numba.jit import device, kernel
 
 FACTOR, TABLE, LIMITS = 2.0, np.array([1.0, 2.0]), (0, 5)
+
+class Kind(enum.IntEnum):
+    ROUND, FLAT = 0, 1
+
+def times(factor):
+    @device
+    def product(x):
+        return factor * x
+    return product
+
+once, twice = times(1.0), times(2.0)
 
 class Pair(NamedTuple):
     first: float
@@ -51,7 +62,7 @@ def fill_pairs(x, out):
 @kernel
 def fill_table(x, out):
     for i in range(x.size):
-        out[i] = TABLE[LIMITS[0]] + x[i]
+        out[i] = TABLE[LIMITS[0]] + once(x[i]) - twice(x[Kind.FLAT])
 '''
 KERNELS = {"fill_scaled", "fill_pairs", "fill_table"}
 
@@ -66,7 +77,9 @@ def test_edits_change_the_digests_of_the_kernels_that_they_reach():
     before = digests(SOURCE)
     assert len(set(before.values())) == 3
     for old, new, changed in [
-        ("import math", "import math\n# a comment\n", set()),
+        ("import enum, math", "import enum, math\n# a comment\n", set()),
+        ("ROUND, FLAT = 0, 1", "FLAT, ROUND = 0, 1", {"fill_table"}),
+        ("times(1.0), times(2.0)", "times(2.0), times(1.0)", {"fill_table"}),
         ('"""Multiply."""', '"""Return the product."""', set()),
         ("FACTOR * x", "FACTOR * x + 0.0", {"fill_scaled", "fill_pairs"}),
         ("FACTOR * x", "x * FACTOR", {"fill_scaled", "fill_pairs"}),
