@@ -21,9 +21,8 @@ from plenoptic.replaying.events import (
     WorldRay,
 )
 from plenoptic.replaying.retracing import replay, replay_all
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = reference_camera()
+CAMERA = pl.camera.example_camera()
 LENS = CAMERA.lens
 ARRAY = CAMERA.microlenses
 REGION = np.s_[300:302, 198:201]

@@ -85,9 +85,7 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     Examples
     --------
     >>> import math, plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> print(pl.camera.as_built(camera.moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.01, 0.0))))
                                                       design    as built
     sensor: tilt about y, mrad                             0          10

@@ -220,10 +220,7 @@ class PlenopticCamera:
         Examples
         --------
         >>> import math, plenoptic as pl
-        >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-        ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.010),
-        ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+        >>> camera = pl.camera.example_camera(shape=(64, 64))
         >>> tilted = camera.moved(pl.CameraPart.SENSOR, shift=(0.01, 0.0, 0.0), tilt=(math.radians(1.0), 0.0, 0.0))
         >>> tilted.sensor_placement.shift.tolist(), tilted.design == camera
         ([0.01, 0.0, 0.0], True)
@@ -254,8 +251,7 @@ class PlenopticCamera:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-        ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+        >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(16, 16))
         >>> camera.posed(position=(0, 0, 900), look_at=(0, 0, 0)).pose.position.tolist()
         [0.0, 0.0, 900.0]
         """
@@ -313,10 +309,7 @@ class PlenopticCamera:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
-        ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-        ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+        >>> camera = pl.camera.example_camera()
         >>> [ax.get_xlabel() for ax in camera.layout().axes]
         ['z / mm (scene on the left, iris at 0)', 'distance behind the array / mm']
         """
@@ -335,10 +328,7 @@ class PlenopticCamera:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
-        >>> camera = pl.PlenopticCamera(lens=lens, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010),
-        ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+        >>> camera = pl.camera.example_camera()
         >>> camera.report().kind.name
         'GALILEAN'
         """
@@ -380,8 +370,7 @@ class PlenopticCamera:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-        ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+        >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(16, 16))
         >>> f"{camera.focused_at(z=-404.0).stop_to_microlenses:.3f} mm"
         '134.624 mm'
         >>> least_confused = camera.focused_at(z=-404.0, criterion=pl.FocusCriterion.GEOMETRIC_SPOT)

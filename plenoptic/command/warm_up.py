@@ -45,10 +45,10 @@ def _scenes() -> Iterator[tuple[str, Scene]]:
 
 
 def _cameras() -> Iterator[tuple[str, PlenopticCamera]]:
+    from plenoptic.camera.example import example_camera
     from plenoptic.optics.microlens.models import MicrolensModel
-    from plenoptic.study.cameras import reference_camera
 
-    camera = reference_camera()
+    camera = example_camera()
     assert camera.microlenses is not None
     yield "thin microlenses", camera
     refracting = dataclasses.replace(camera.microlenses, model=MicrolensModel.SPHERICAL)

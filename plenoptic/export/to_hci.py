@@ -59,11 +59,7 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
     Examples
     --------
     >>> import pathlib, tempfile, plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
-    >>> camera = pl.PlenopticCamera(lens=lens,
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
-    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0).focused_at(z=-404.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(110, 154), lattice=pl.Lattice.SQUARE)
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> field = pl.lightfield.decode(white, white, views=3)
     >>> with tempfile.TemporaryDirectory() as folder:

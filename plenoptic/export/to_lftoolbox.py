@@ -66,11 +66,7 @@ def lftoolbox(
     Examples
     --------
     >>> import pathlib, tempfile, plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
-    >>> camera = pl.PlenopticCamera(lens=lens,
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0).focused_at(z=-404.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(110, 154))
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     pl.export.lftoolbox(folder, white, white, views=5)

@@ -64,10 +64,7 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     Examples
     --------
     >>> import pathlib, tempfile, plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
-    >>> camera = pl.PlenopticCamera(lens=lens,
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
-    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(110, 154), lattice=pl.Lattice.SQUARE)
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     pl.export.napari_lf(folder, white, white)
@@ -134,10 +131,7 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
     Examples
     --------
     >>> import pathlib, tempfile, plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
-    >>> camera = pl.PlenopticCamera(lens=lens,
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
-    ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(110, 154), lattice=pl.Lattice.SQUARE)
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     pl.export.pyolaf(folder, white, white)

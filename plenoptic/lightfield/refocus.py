@@ -37,11 +37,7 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     Examples
     --------
     >>> import plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
-    >>> camera = pl.PlenopticCamera(lens=lens,
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(110, 110), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0).focused_at(z=-404.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(110, 110))
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> picture = pl.lightfield.refocus(pl.lightfield.decode(white, white, views=5), z=-390.0)
     >>> bool(abs(picture[2, 2, 0] - 1) < 1e-6)

@@ -119,11 +119,7 @@ class LightField:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
-        >>> camera = pl.PlenopticCamera(lens=lens,
-        ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        ...     sensor=pl.Sensor(shape=(110, 154), pixel_pitch=0.01),
-        ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+        >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(110, 154))
         >>> white = pl.render_white(camera, samples=16, progress=False)
         >>> field = pl.lightfield.decode(white, white, views=3)
         >>> field.truth(pl.shapes.white_plane(), 1, 0).depth[3, 3].round(9).item()
@@ -177,11 +173,7 @@ class LightField:
         Examples
         --------
         >>> import pathlib, tempfile, plenoptic as pl
-        >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
-        >>> camera = pl.PlenopticCamera(lens=lens,
-        ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        ...     sensor=pl.Sensor(shape=(80, 80), pixel_pitch=0.01),
-        ...     stop_to_microlenses=134.6, microlenses_to_sensor=2.0)
+        >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(80, 80))
         >>> white = pl.render_white(camera, samples=16, progress=False)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder) / "views.html"

@@ -120,10 +120,7 @@ def calibration_points(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(
-    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(128, 128), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera(shape=(128, 128))
     >>> board = pl.targets.checkerboard(3, 3, square=1.0).translated(z=-404.0)
     >>> pl.package.calibration_points(camera, board)
     CalibrationPoints(128 rows, 1 targets)

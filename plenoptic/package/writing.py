@@ -90,10 +90,7 @@ def write(
     Examples
     --------
     >>> import pathlib, tempfile, plenoptic as pl
-    >>> camera = pl.PlenopticCamera(
-    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera(shape=(64, 64))
     >>> shot = pl.render(pl.check_scene(), camera, samples=8, progress=False)
     >>> white = pl.render_white(camera, samples=8, progress=False)
     >>> with tempfile.TemporaryDirectory() as folder:

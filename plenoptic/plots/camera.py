@@ -50,9 +50,7 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.010), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> [ax.get_title() for ax in pl.plots.plot_camera(camera).axes]
     ['double-gauss-100mm-f2', 'f/7.83 under f/8.26: images 0.94 as wide as their distance']
     """
@@ -127,8 +125,7 @@ def plot_camera_spread(spread: CameraSpread | WaveSpread, ax: Axes | None = None
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=133.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL)
     >>> ax = pl.plots.plot_camera_spread(pl.point_spread(camera, (5.0, 0.0, -404.0)))
     >>> ax.get_xlabel()
     'column / pixel'

@@ -60,10 +60,7 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(80, 80), pixel_pitch=0.01),
-    ...     stop_to_microlenses=134.6, microlenses_to_sensor=2.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(80, 80))
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> ax = pl.plots.plot_views(pl.lightfield.decode(white, white, views=5))
     >>> ax.get_xlabel()
@@ -109,9 +106,7 @@ def plot_light_field(field: LightField, *, figure: Figure | None = None) -> Figu
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(80, 80), pixel_pitch=0.01), stop_to_microlenses=134.6, microlenses_to_sensor=2.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(80, 80))
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> figure = pl.plots.plot_light_field(pl.lightfield.decode(white, white, views=5))
     >>> [ax.get_ylabel() for ax in figure.axes]
@@ -174,10 +169,7 @@ def plot_view(view: View, *, figure: Figure | None = None) -> Figure:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(
-    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(96, 96), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera(shape=(96, 96))
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> figure = pl.plots.plot_view(pl.lightfield.render_view(white, white, z=-404.0))
     >>> [ax.get_title() for ax in figure.axes if ax.get_title()]

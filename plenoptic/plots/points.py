@@ -45,9 +45,7 @@ def plot_centres(centres: MicrolensCentres, *, figure: Figure | None = None) -> 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01), stop_to_microlenses=134.6, microlenses_to_sensor=2.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(64, 64))
     >>> figure = pl.plots.plot_centres(pl.microlens_centres(camera))
     >>> [ax.get_xlabel() for ax in figure.axes]
     ['x / mm', 'column / pixel']
@@ -127,8 +125,7 @@ def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=134.6)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL)
     >>> pl.plots.plot_projection(camera.project([(5.0, 0.0, -404.0)])).get_title()
     '1 point, seen 1 time'
     """

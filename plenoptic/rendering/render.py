@@ -137,10 +137,7 @@ def render(  # noqa: PLR0913
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> scene, region = pl.shapes.white_plane(), np.s_[250:260, 250:270]
     >>> pl.render(scene, camera, samples=16, region=region, progress=False).image.shape
     (10, 20, 1)
@@ -193,11 +190,7 @@ def render_white(  # noqa: PLR0913
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
-    >>> camera = pl.PlenopticCamera(lens=lens,
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> white = pl.render_white(camera, samples=64, region=np.s_[256:257, 256:257], progress=False)
     >>> f"{white.image[0, 0, 0]:.4f}"
     '0.0140'

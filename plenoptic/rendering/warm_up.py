@@ -90,9 +90,7 @@ def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Trut
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> done = pl.warm_up(pl.check_scene(), camera, progress=False)
     >>> pl.warm_up(pl.check_scene(), camera, progress=False).kernels
     ()

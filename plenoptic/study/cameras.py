@@ -1,4 +1,4 @@
-"""Cameras of the bundled cases: the reference camera, one that is smooth, and one that has everything."""
+"""Cameras of the bundled cases beside the example camera: one that is smooth, and one that has everything."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import math
 
 from plenoptic.camera.camera import CameraPart, PlenopticCamera
+from plenoptic.camera.example import example_camera
 from plenoptic.core.color.sensitivities import colour_camera
 from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.stack import LensStack
@@ -17,7 +18,6 @@ from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.models import MicrolensModel
 from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.optics.sensor.sensor import Sensor
-from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -25,28 +25,17 @@ _SIDE = 128
 """Pixels: bounds on the pupils of tilted parts, found once for each camera, take a time that grows with its sensor."""
 
 
-def reference_camera() -> PlenopticCamera:
-    """Tronnier's double Gauss, hexagonal microlenses focused on the plane z = -404 mm, 512 x 512 pixels of 0.01 mm."""
-    return PlenopticCamera(
-        lens=load_lens("double-gauss-100mm-f2").with_stop(CircularStop(5.0)),
-        microlenses=MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-        sensor=Sensor(shape=(512, 512), pixel_pitch=0.010),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=1.7,
-    )
-
-
 def smooth_camera() -> PlenopticCamera:
-    """The reference camera wide open, 20 x 20 pixels behind one square microlens between walls: nothing cuts light."""
+    """The example camera wide open, 20 x 20 pixels behind one square microlens between walls: nothing cuts light."""
     array = MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=Lattice.SQUARE, walls=Walls.OPAQUE)
     sensor = Sensor(shape=(20, 20), pixel_pitch=0.010)
     wide_open = load_lens("double-gauss-100mm-f2")
-    return dataclasses.replace(reference_camera(), lens=wide_open, microlenses=array, sensor=sensor)
+    return dataclasses.replace(example_camera(), lens=wide_open, microlenses=array, sensor=sensor)
 
 
 def furnished_camera() -> PlenopticCamera:
-    """The reference camera with everything that a camera can have, 128 x 128 pixels, in another place."""
-    plain = reference_camera()
+    """The example camera with everything that a camera can have, 128 x 128 pixels, in another place."""
+    plain = example_camera()
     assert plain.microlenses is not None
     array = dataclasses.replace(
         plain.microlenses,

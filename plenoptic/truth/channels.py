@@ -59,8 +59,7 @@ class PixelState(enum.IntEnum):
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"), sensor=pl.Sensor(shape=(2, 2),
-    ...     pixel_pitch=0.01), stop_to_microlenses=123.3)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(2, 2))
     >>> state = pl.ground_truth(pl.shapes.white_plane(), camera, truth=pl.Truth.STATE).state
     >>> bool((state == pl.images.PixelState.SEEN).all())
     True

@@ -89,9 +89,7 @@ class WaveSpread:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
-    >>> camera = pl.PlenopticCamera(lens=lens, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> spread = pl.wave.point_spread(camera, (0.0, 0.0, -404.0))
     >>> spread.whole().shape, bool(0.95 < spread.landed <= 1.0)
     ((512, 512), True)

@@ -9,7 +9,6 @@ from table import Table
 from timing import apart, count_peak_anew, memory, timed
 
 import plenoptic as pl
-from plenoptic.study.cameras import reference_camera
 
 DIE = pl.Mesh(pl.box(2.4).vertices, pl.box(2.4).faces, name="die").translated(z=-404)
 WALL = pl.quad((-80, -80, -420), (160, 0, 0), (0, 160, 0))
@@ -17,7 +16,7 @@ WALL = pl.quad((-80, -80, -420), (160, 0, 0), (0, 160, 0))
 
 def sequence(frames):
     turn = pl.Motion.screw((0, 1), axis=(1, 2, 0.5), through=(0, 0, -404), angle_deg=90, advance=1.5)
-    camera = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.05))
+    camera = dataclasses.replace(pl.camera.example_camera(), sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.05))
     return pl.Sequence(pl.Scene([WALL, DIE], background=0.3), camera, np.linspace(0, 1, frames), motions={"die": turn})
 
 
@@ -73,7 +72,7 @@ def banded(folder, side):
 
     def frame(side):
         sensor = pl.Sensor(shape=(side, side), pixel_pitch=5.12 / side)
-        return pl.Sequence(scene, dataclasses.replace(reference_camera(), sensor=sensor), [0.0])
+        return pl.Sequence(scene, dataclasses.replace(pl.camera.example_camera(), sensor=sensor), [0.0])
 
     pl.dataset.write(folder / "small", frame(64), samples=2, progress=False)
     count_peak_anew()

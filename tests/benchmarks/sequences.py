@@ -10,7 +10,6 @@ from timing import timed
 import plenoptic as pl
 from plenoptic.camera.cache import prepared_camera
 from plenoptic.scene.cache import prepared_scene
-from plenoptic.study.cameras import reference_camera
 
 
 def tables(*, quick):
@@ -44,7 +43,7 @@ def named(life):
 
 
 def sequence(scene, name, *, shutter=None):
-    camera = dataclasses.replace(reference_camera(), shutter=shutter)
+    camera = dataclasses.replace(pl.camera.example_camera(), shutter=shutter)
     turn = pl.Motion.screw((0, 1), axis=(0, 1, 0), through=(0, 0, -404), angle_deg=90)
     past = pl.Motion((0, 1), [pl.Pose.look_at((x, 0, 0), (0, 0, -404)) for x in (-5, 5)])
     return pl.Sequence(scene, camera, np.linspace(0, 1, 7), motions={name: turn}, camera_motion=past)
@@ -64,7 +63,7 @@ def prepared(scene, name):
 
     def of_copies():
         meshes = [mesh.rotated_deg((0, 1, 0), 5) if k == number else mesh for k, mesh in enumerate(scene.meshes)]
-        prepare(dataclasses.replace(scene, meshes=tuple(meshes)), reference_camera())
+        prepare(dataclasses.replace(scene, meshes=tuple(meshes)), pl.camera.example_camera())
 
     first, *more, copied = (1e3 * cost.cpu for cost, _ in (*(timed(of_frame, k) for k in range(6)), timed(of_copies)))
     triangles = [len(mesh.faces) for mesh in scene.meshes]

@@ -8,9 +8,8 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.study.cameras import reference_camera
 
-CAMERA, GAUSS = reference_camera(), pl.load_lens("double-gauss-100mm-f2")
+CAMERA, GAUSS = pl.camera.example_camera(), pl.load_lens("double-gauss-100mm-f2")
 
 
 def the_lens(stop=5.0, model=pl.LensModel.EXACT):

@@ -13,7 +13,6 @@ from camera_helpers import the_lens, with_array
 import plenoptic as pl
 from plenoptic.camera import cache
 from plenoptic.camera.cache import prepared_camera
-from plenoptic.study.cameras import reference_camera
 
 SCENE = pl.Scene([pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Emissive(1.0))])
 REGION = np.s_[240:264, 240:264]
@@ -48,7 +47,7 @@ def same(one, other):
 
 
 def test_a_camera_is_compiled_once(counted):
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     first = rendered(camera)
     assert counted.pixels == ALL and not prepared_camera(camera)._fed  # who renders once has no use for it
     assert same(rendered(camera), first) and counted.pixels == 2 * ALL
@@ -56,24 +55,24 @@ def test_a_camera_is_compiled_once(counted):
     pl.ground_truth(SCENE, camera, region=REGION)
     assert counted.compiled == 1
     # One of equal parts is another one.
-    other = reference_camera()
+    other = pl.camera.example_camera()
     assert other == camera and same(rendered(other), first)
     assert counted.compiled == 2 and counted.pixels == 3 * ALL
 
 
 def test_a_camera_that_stands_elsewhere_is_not_compiled_again(counted):
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     poses = [pl.Pose.look_at((x, 3.0, 5.0), (0, 0, -404)) for x in (0.0, 2.0, 4.0)]
     # As in a loop over frames: what they share stays with the sensor.
     shots = [rendered(dataclasses.replace(camera, pose=pose)) for pose in poses]
     assert counted.compiled == 1 and counted.pixels == 2 * ALL  # kept from the second time on
     for shot, pose in zip(shots, poses, strict=True):
-        assert same(shot, rendered(dataclasses.replace(reference_camera(), pose=pose)))
+        assert same(shot, rendered(dataclasses.replace(pl.camera.example_camera(), pose=pose)))
     assert counted.compiled == 4
 
 
 def test_what_feeds_pixels_is_found_once_for_all_steps(counted):
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     shot = rendered(camera, target_error=0.02)
     assert shot.samples > 32 and counted.pixels == ALL
     # Other tiles take the place of these.
@@ -83,12 +82,12 @@ def test_what_feeds_pixels_is_found_once_for_all_steps(counted):
 
 
 def test_no_more_is_kept_than_there_is_room_for(counted, monkeypatch):
-    camera, budget = reference_camera(), {"target_error": 0.02, "tile_side": 8}
+    camera, budget = pl.camera.example_camera(), {"target_error": 0.02, "tile_side": 8}
     whole = rendered(camera, **budget)
     assert counted.pixels == ALL
     for most in (0, 100_000):
         monkeypatch.setattr(cache, "MOST_BYTES", most)
-        counted.pixels, other = 0, reference_camera()
+        counted.pixels, other = 0, pl.camera.example_camera()
         assert same(rendered(other, **budget), whole)
         assert counted.pixels > ALL  # in each step those for which there was no room
         kept = prepared_camera(other)._fed.values()
@@ -99,7 +98,7 @@ def test_no_more_is_kept_than_there_is_room_for(counted, monkeypatch):
 
 
 def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     dark = dataclasses.replace(camera, lens=the_lens(0.05))
     for each in (with_array(camera, focal_lengths=(1.8, 2.0, 2.2)), dark):
         first = rendered(each, tile_side=3)
@@ -108,7 +107,7 @@ def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
 
 
 def test_it_goes_when_its_camera_goes():
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     rendered(camera, target_error=0.05)
     kept = weakref.ref(prepared_camera(camera))
     assert prepared_camera(camera) is kept() and kept()._fed
@@ -116,7 +115,7 @@ def test_it_goes_when_its_camera_goes():
     gc.collect()
     assert kept() is None
     # And when another one comes.
-    one, other = reference_camera(), reference_camera()
+    one, other = pl.camera.example_camera(), pl.camera.example_camera()
     kept = weakref.ref(prepared_camera(one))
     prepared_camera(other)
     gc.collect()
@@ -124,7 +123,7 @@ def test_it_goes_when_its_camera_goes():
 
 
 def test_threads_with_cuts_of_their_own_do_not_disturb_each_other():
-    camera, sides, shots = reference_camera(), (5, 8, 16), {}
+    camera, sides, shots = pl.camera.example_camera(), (5, 8, 16), {}
     alone = rendered(camera)
 
     def work(side):

@@ -1,6 +1,5 @@
 """The command `plenoptic`: what it prints, its exit codes, and one line for whatever it refuses."""
 
-import dataclasses
 import subprocess
 import sys
 import webbrowser
@@ -13,10 +12,9 @@ from plenoptic.command.main import COMMANDS, main
 from plenoptic.core.warn import warn
 from plenoptic.rendering import warm_up as warming
 from plenoptic.rendering.stores import Layout, create_store
-from plenoptic.study.cameras import reference_camera
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
-CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(4, 6), pixel_pitch=0.01))
+CAMERA = pl.camera.example_camera(shape=(4, 6))
 SHOT = pl.Exposure(np.linspace(0.0, 1.0, 24).reshape(4, 6, 1), camera=CAMERA)
 
 

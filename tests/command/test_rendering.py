@@ -13,9 +13,8 @@ import plenoptic as pl
 from plenoptic.command.main import main
 from plenoptic.command.tiles import missing_tiles, tile_grid
 from plenoptic.rendering.schedule import orders
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(21, 27), pixel_pitch=0.01))
+CAMERA = pl.camera.example_camera(shape=(21, 27))
 SETTINGS = pl.rendering.RenderSettings(max_bounces=2, sampler=pl.rendering.Sampler.RANDOM)
 WALL = "o wall\nv -300 -300 -900\nv 300 -300 -900\nv 0 300 -900\nf 1 2 3\n"
 

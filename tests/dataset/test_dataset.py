@@ -23,14 +23,13 @@ from plenoptic.core.files.atomic_file import held_folder
 from plenoptic.dataset import tables, task, writing
 from plenoptic.errors import FileError, FileWarning, InvalidValueError
 from plenoptic.scene.geometry.instance import Instances
-from plenoptic.study.cameras import reference_camera
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "core" / "engines"))
 import fake_client
 
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 
-CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(12, 16), pixel_pitch=0.2))
+CAMERA = dataclasses.replace(pl.camera.example_camera(), sensor=pl.Sensor(shape=(12, 16), pixel_pitch=0.2))
 FLAT = dataclasses.replace(CAMERA, microlenses=None, microlenses_to_sensor=0.0)
 RIGHT = dataclasses.replace(CAMERA, pose=pl.Pose.look_at((10, 0, 0), target=(0, 0, -404)))
 DIE = dataclasses.replace(pl.box(2.4).translated(z=-404), name="die")

@@ -10,9 +10,8 @@ from plenoptic.core.files.record_log import RecordLog, begin_log
 from plenoptic.rendering.schedule import budget as budgets
 from plenoptic.rendering.schedule import orders
 from plenoptic.rendering.schedule.checkpoint import KIND
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = reference_camera()
+CAMERA = pl.camera.example_camera()
 SCENE = pl.Scene([pl.quad((-9, -9, -404), (18, 0, 0), (0, 18, 0), material=pl.Emissive(1.0))], background=0.5)
 BITS = ("image", "standard_error", "depth")
 COUNTS = ("paths", "paths_through_lens", "nonfinite", "lost", "clamped")

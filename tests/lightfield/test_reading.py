@@ -8,12 +8,11 @@ import pytest
 import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.lightfield import read_eslf, read_hci, read_views, refocus
-from plenoptic.study.cameras import reference_camera
 
 
 @pytest.fixture(scope="module")
 def field():
-    plain = reference_camera()
+    plain = pl.camera.example_camera()
     camera = dataclasses.replace(
         plain,
         lens=plain.lens.with_stop(pl.CircularStop(semi_diameter=4.25)),

@@ -1,6 +1,5 @@
 """Black images and scenes out of view: one warning that names the cause, and none where nothing is wrong."""
 
-import dataclasses
 import re
 import warnings
 
@@ -9,9 +8,8 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import BlackImageWarning, PlenopticWarning, UnseenSceneWarning
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01))
+CAMERA = pl.camera.example_camera(shape=(64, 64))
 
 
 def wall(z=-404.0, material=None):
@@ -99,7 +97,7 @@ def test_nothing_is_said_where_nothing_is_wrong():
 
 
 def test_a_whole_dark_region_is_told_from_a_dark_scene():
-    found, black = said(SMALL, reference_camera(), region=np.s_[128:160, 128:160])
+    found, black = said(SMALL, pl.camera.example_camera(), region=np.s_[128:160, 128:160])
     assert black and len(found) == 1 and "this region of the sensor gets no light, and others do" in found[0][1]
     aside = CAMERA.moved(pl.CameraPart.SENSOR, shift=(500.0, 0.0, 0.0))
     with pytest.warns(BlackImageWarning, match="no light passes the camera"):

@@ -12,7 +12,6 @@ import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import ApertureShape, Gaps, MicrolensAperture
 from plenoptic.rendering import Stage
-from plenoptic.study.cameras import reference_camera
 
 CIRCLE, SQUARE = ApertureShape.CIRCLE, ApertureShape.SQUARE
 ROUND, FILLED = MicrolensAperture(CIRCLE, math.pi / 4), MicrolensAperture(SQUARE, 1.0)
@@ -116,7 +115,7 @@ def test_tails_reach_far_pixels():
 
 def small_camera(**more):
     """Three by three microlenses of the README's camera."""
-    camera, sensor = reference_camera(), pl.Sensor(shape=(64, 64), pixel_pitch=0.01)
+    camera, sensor = pl.camera.example_camera(), pl.Sensor(shape=(64, 64), pixel_pitch=0.01)
     lens = camera.lens.with_stop(pl.CircularStop(8.0))
     return dataclasses.replace(camera, **{"lens": lens, "sensor": sensor, "diffraction": pl.Diffraction(), **more})
 

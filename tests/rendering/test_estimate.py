@@ -1,6 +1,5 @@
 """`pl.estimate`: pilots from the whole frame, and numbers that are in order. Times are not held to any clock."""
 
-import dataclasses
 import itertools
 import math
 
@@ -12,9 +11,8 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.rendering.estimation import estimate as estimating
 from plenoptic.rendering.estimation.pilot import pilot_tiles
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(72, 208), pixel_pitch=0.01))
+CAMERA = pl.camera.example_camera(shape=(72, 208))
 SCENE = pl.check_scene()
 NUMBERS = ("cpu_seconds", "seconds", "peak_memory", "file_size", "checkpoint_size", "samples")
 

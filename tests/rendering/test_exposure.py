@@ -14,7 +14,6 @@ from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.frame import samples_text
 from plenoptic.rendering.schedule import scheduler
-from plenoptic.study.cameras import reference_camera
 from plenoptic.truth.arrays import empty_truth
 from plenoptic.truth.channels import GroundTruth
 
@@ -79,7 +78,7 @@ def test_relative_error_is_that_of_lit_pixels():
 
 
 def test_exr_keeps_everything(tmp_path):
-    camera = reference_camera().posed((1, 2, 900), (0, 0, 0))
+    camera = pl.camera.example_camera().posed((1, 2, 900), (0, 0, 0))
     for channels, names in ((1, "Y"), (3, "RGB")):
         shot = exposure(channels, camera=camera)
         shot.save(tmp_path / "shot.exr")

@@ -12,9 +12,8 @@ import plenoptic as pl
 from plenoptic.rendering import RenderStats, StopReason
 from plenoptic.rendering.heads import head_of
 from plenoptic.rendering.merging.regions import left_out
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(29, 43), pixel_pitch=0.01))
+CAMERA = pl.camera.example_camera(shape=(29, 43))
 SCENE = pl.check_scene()
 merged = pl.Exposure.merged
 

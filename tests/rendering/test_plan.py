@@ -8,9 +8,8 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.waiting.compiling import compiling
 from plenoptic.rendering import Stage
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = reference_camera()
+CAMERA = pl.camera.example_camera()
 
 
 def aspheric(lens: pl.LensStack) -> pl.LensStack:

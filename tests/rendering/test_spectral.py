@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = reference_camera()
+CAMERA = pl.camera.example_camera()
 REGION = np.s_[200:224, 230:262]
 LINES = pl.sensor.Sensitivity.lines((640.0, 550.0, 450.0))
 

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = reference_camera()
+CAMERA = pl.camera.example_camera()
 REPLICATES = 16
 STUDENT = 2.13145  # 95 % of Student's t distribution with 15 degrees of freedom lie within
 LIT = 0.1  # of the 99th percentile of the channels' means

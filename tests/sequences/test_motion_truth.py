@@ -7,7 +7,6 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.study.cameras import reference_camera
 
 SIZE = 32
 TURN = pl.Motion.screw((0, 1), axis=(1, 2, 0.5), through=(0, 0, -404), angle_deg=30, advance=1.5)
@@ -16,7 +15,9 @@ PAST = pl.Motion((0, 1), [pl.Pose.look_at((x, 3, 5), (0.3, 0, -404), up=(x / 40,
 
 def camera(**changes):
     """The reference camera with a small sensor, whose pixels are larger."""
-    return dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(SIZE, SIZE), pixel_pitch=0.1), **changes)
+    return dataclasses.replace(
+        pl.camera.example_camera(), sensor=pl.Sensor(shape=(SIZE, SIZE), pixel_pitch=0.1), **changes
+    )
 
 
 def scene():

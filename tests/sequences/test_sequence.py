@@ -9,7 +9,6 @@ import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene import cache
 from plenoptic.scene.geometry import moving
-from plenoptic.study.cameras import reference_camera
 
 REGION = np.s_[244:268, 244:268]
 TURN = pl.Motion.screw((0, 2), axis=(1, 1, 0), through=(3, 0, -404), angle_deg=200, advance=4)
@@ -28,7 +27,7 @@ def scene(lights=(LAMP,)):
 
 @pytest.fixture(scope="module")
 def sequence():
-    camera = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.03))
+    camera = dataclasses.replace(pl.camera.example_camera(), sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.03))
     past = pl.Motion((0, 2), [pl.Pose.look_at((x, 5, 0), (0, 0, -404)) for x in (-20, 20)])
     times = np.linspace(0, 2, 5)
     return pl.Sequence(scene(), camera, times, motions={"ball": SLIDE, "die": TURN}, camera_motion=past)
@@ -91,7 +90,7 @@ def test_what_stands_still_is_built_once_and_nothing_is_kept(sequence, monkeypat
         assert record.vertices is records[0].vertices and record.triangles is records[0].triangles
         assert np.array_equal(record.middle, records[0].middle)
     # Nothing is kept when the sequence goes.
-    here = pl.Sequence(scene(), reference_camera(), (0, 1), motions={"die": TURN})
+    here = pl.Sequence(scene(), pl.camera.example_camera(), (0, 1), motions={"die": TURN})
     assert cache.prepared_scene(here[0].scene).intersector is not None
     assert cache._kept._last is not None
     del here

@@ -12,7 +12,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.command.main import main
 from plenoptic.rendering.plan.stages import Plan, Stage
-from plenoptic.study.cameras import furnished_camera, reference_camera
+from plenoptic.study.cameras import furnished_camera
 from plenoptic.study.cost import ablation, camera_ablation, measurement, scene_ablation
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
 from plenoptic.study.cost.cases import COST_CASES
@@ -58,7 +58,7 @@ def kept(camera, scene=None):
 
 
 def test_what_cannot_be_left_out_says_why(monkeypatch):
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     thin = dataclasses.replace(camera, lens=camera.lens.with_model(pl.LensModel.THIN))
     assert "rays must pass" in kept(thin)[Stage.LENS]
     centres = camera.microlenses.lenses((-3.0, -3.0), (3.0, 3.0)).centre
@@ -71,7 +71,7 @@ def test_what_cannot_be_left_out_says_why(monkeypatch):
 
 def test_spheres_touch_aspheres_at_their_vertices():
     first = pl.Surface(50.0, 5.0, semi_diameter=10.0, conic=-0.7, aspheric=(1e-3, 1e-6))
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     lens = dataclasses.replace(camera.lens, elements=[first, *camera.lens.elements[1:]])
     sphere = camera_ablation.without_aspheres(dataclasses.replace(camera, lens=lens)).lens.elements[0]
     # Sags differ in r^4 only: at r = 0.1 by less than (c^3 + a) r^4 = 1e-5 * 1e-4 mm.
@@ -89,7 +89,7 @@ def test_the_mean_of_a_world_weighs_rows_by_their_solid_angle():
 
 @pytest.mark.slow
 def test_without_its_pose_a_camera_sees_the_same():
-    camera = reference_camera().posed(position=(10.0, 20.0, 30.0), look_at=(-300.0, 50.0, -200.0))
+    camera = pl.camera.example_camera().posed(position=(10.0, 20.0, 30.0), look_at=(-300.0, 50.0, -200.0))
     world = np.eye(4)
     world[:3, :3], world[:3, 3] = camera.pose.rotation, camera.pose.position
     plan = pl.plan(pl.check_scene().transformed(world), camera)
@@ -112,7 +112,7 @@ def made_up(monkeypatch):
     """Renderings of known costs: set-up, and what each stage takes; blemishes darken the picture by a tenth."""
     camera = furnished_camera()
     blemishes, pose = camera.blemishes, camera.pose
-    plan = pl.plan(None, dataclasses.replace(reference_camera(), blemishes=blemishes, pose=pose))
+    plan = pl.plan(None, dataclasses.replace(pl.camera.example_camera(), blemishes=blemishes, pose=pose))
     drift = itertools.count()
 
     def exposed(subject, run, number):
@@ -164,7 +164,7 @@ def test_a_share_is_the_median_of_ratios_in_the_same_round():
 
 
 def test_impossible_measurements_are_refused():
-    plan = pl.plan(None, reference_camera())
+    plan = pl.plan(None, pl.camera.example_camera())
     for given, options, said in (
         (plan, {"rounds": 1}, "rounds is 1"),
         (plan, {"samples": 0}, "samples is 0"),
@@ -210,7 +210,7 @@ def test_an_interrupted_study_keeps_the_stages_it_has(made_up, monkeypatch):
 
 @pytest.mark.slow
 def test_meshes_are_the_dear_part_of_a_checkerboard():
-    plan = pl.plan(pl.check_scene(), reference_camera())
+    plan = pl.plan(pl.check_scene(), pl.camera.example_camera())
     table = cost_of(plan, samples=16, rounds=7)
     assert {row.stage for row in table.rows} == {one.stage for one in ablations(plan) if isinstance(one, Ablation)}
     meshes, truth = table.row(Stage.INTERSECTION), table.row(Stage.TRUTH)

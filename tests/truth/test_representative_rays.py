@@ -12,7 +12,6 @@ from plenoptic.camera.record import camera_record
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.images import PixelState
 from plenoptic.rendering.schedule import orders
-from plenoptic.study.cameras import reference_camera
 from plenoptic.truth.channels import NO_MICROLENS, Truth
 from plenoptic.truth.representative_rays import representative_rays
 
@@ -20,7 +19,7 @@ CORNER, MIDDLE = np.s_[0:24, 0:24], np.s_[244:268, 244:268]
 
 
 def camera_of(stop, b=1.7, aperture=1.0, sensor=None, **array):
-    stop, plain = pl.CircularStop(stop) if isinstance(stop, float) else stop, reference_camera()
+    stop, plain = pl.CircularStop(stop) if isinstance(stop, float) else stop, pl.camera.example_camera()
     return dataclasses.replace(
         plain,
         lens=plain.lens.with_stop(stop),

@@ -10,7 +10,6 @@ import shutil
 import numpy as np
 
 import plenoptic as pl
-from plenoptic.study.cameras import reference_camera
 
 FLAGS = (
     *("--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking"),
@@ -24,7 +23,7 @@ def camera_of(rows, columns, **array):
     """The double Gauss and hexagonal microlenses of plenoptic 2.0."""
     array = pl.MicrolensArray(**{"pitch": 0.217, "focal_lengths": (1.9, 2.0, 2.1), **array})
     sensor = pl.Sensor(shape=(rows, columns), pixel_pitch=0.01)
-    return dataclasses.replace(reference_camera(), microlenses=array, sensor=sensor)
+    return dataclasses.replace(pl.camera.example_camera(), microlenses=array, sensor=sensor)
 
 
 def chromium_path():

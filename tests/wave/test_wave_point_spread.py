@@ -11,7 +11,6 @@ import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus
 from plenoptic.optics.lens.waves.wavefront import wavefront
-from plenoptic.study.cameras import reference_camera
 from plenoptic.wave.beam import beam_of
 from plenoptic.wave.field import plane_waves, through_array, to_sensor
 from plenoptic.wave.grid import DENSER, grid_for, lit_box
@@ -317,7 +316,7 @@ def test_what_is_not_known_is_refused():
 @pytest.mark.parametrize("point", [pytest.param((0.0, 0.0, -404.0), marks=pytest.mark.slow), (7.6, 0.0, -404.0)])
 def test_points_in_focus_of_wholly_lit_microlenses(point):
     """Rays that bend stand for waves; the page on diffraction has the table of where that does not hold."""
-    camera = dataclasses.replace(reference_camera(), diffraction=pl.Diffraction())
+    camera = dataclasses.replace(pl.camera.example_camera(), diffraction=pl.Diffraction())
     wave = pl.wave.point_spread(camera, point).whole()
     bent = pl.point_spread(camera, point, rays=1 << 19, progress=False).whole()
     # Around the spots of microlenses that are lit all over.

@@ -150,10 +150,7 @@ def microlens_centres(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
-    >>> camera = pl.PlenopticCamera(lens=lens,
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
-    ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(64, 64), lattice=pl.Lattice.SQUARE)
     >>> centres = pl.microlens_centres(camera)
     >>> centres.pixel[4].tolist(), (centres.pixel[4] - centres.pixel[3]).round(3).tolist()
     ([31.5, 31.5], [22.038, 0.0])

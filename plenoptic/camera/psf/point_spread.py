@@ -73,9 +73,7 @@ def point_spread(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
-    >>> camera = pl.PlenopticCamera(lens=lens, microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> spread = pl.point_spread(camera, (0.0, 0.0, -404.0))
     >>> f"{1e3 * spread.light:.3f} msr"
     '0.982 msr'
@@ -110,8 +108,7 @@ def landing_points(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=134.6)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL)
     >>> landed = pl.camera.landing_points(camera, [(0, 0, -404), (3, 0, -404)], rays=256)
     >>> f"{landed.position[landed.source == 1, 0].mean():.1f} mm"
     '-1.0 mm'

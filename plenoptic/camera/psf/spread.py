@@ -53,8 +53,7 @@ class CameraSpread:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=134.6)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL)
     >>> spread = pl.point_spread(camera, (5.0, 0.0, -404.0))
     >>> spread.whole().shape, bool(abs(spread.image.sum() * 0.01**2 / spread.light - 1) < 1e-12)
     ((512, 512), True)
@@ -105,8 +104,7 @@ class CameraSpread:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-        ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=134.6)
+        >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL)
         >>> pl.point_spread(camera, [(0, 0, -404), (5, 0, -404)], rays=1024).of(1).points.tolist()
         [5.0, 0.0, -404.0]
         """
@@ -160,9 +158,7 @@ class LandingPoints:
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> landed = pl.camera.landing_points(camera, (0.0, 0.0, -404.0))
     >>> middle = (landed.index == 0).all(axis=1)          # through the microlens on the axis
     >>> bool(np.abs(landed.position[middle]).max() < 0.03)

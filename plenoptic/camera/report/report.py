@@ -129,10 +129,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(
-    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> report = pl.camera.camera_report(camera)
     >>> print(f"{report.kind.name}: images every {report.image_pitch_pixels:.3f} pixels, fill {report.image_fill:.2f}")
     GALILEAN: images every 21.987 pixels, fill 0.94

@@ -153,10 +153,7 @@ def render_view(  # noqa: PLR0913
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> camera = pl.PlenopticCamera(
-    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(96, 96), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera(shape=(96, 96))
     >>> shot = pl.render(pl.check_scene(), camera, samples=64, progress=False, truth=pl.Truth.CHORD_DISPARITY)
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> view = pl.lightfield.render_view(shot, white, shot.truth.chord_disparity)

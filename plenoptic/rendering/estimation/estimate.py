@@ -166,9 +166,7 @@ def estimate(  # noqa: PLR0913
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera()
     >>> found = pl.estimate(pl.check_scene(), camera, samples=64, progress=False)
     >>> 0 < found.seconds.low <= found.seconds.value <= found.seconds.high
     True

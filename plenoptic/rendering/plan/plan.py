@@ -50,8 +50,7 @@ def plan(  # noqa: PLR0913
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(16, 16))
     >>> print(pl.plan(None, camera))          # doctest: +ELLIPSIS
     left out  independent samples    scrambled Sobol points
     left out  wavelengths            everything at 587.6 nm

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.example import example_camera
 from plenoptic.camera.shutter import Shutter
 from plenoptic.core.motions.motion import Motion
 from plenoptic.rendering.plan.plan import plan
@@ -26,7 +27,7 @@ from plenoptic.scene.scene import Scene
 from plenoptic.scene.shapes.procedural import box, check_scene, objects_scene, quad, sphere
 from plenoptic.scene.shapes.still_life import still_life
 from plenoptic.scene.textures.texture import Texture
-from plenoptic.study.cameras import furnished_camera, reference_camera
+from plenoptic.study.cameras import furnished_camera
 from plenoptic.truth.channels import Truth
 
 
@@ -70,10 +71,10 @@ def _furnished() -> Plan:
 
 
 COST_CASES: dict[str, Callable[[], Plan]] = {
-    "white": lambda: plan(None, reference_camera()),
-    "check": lambda: plan(check_scene(), reference_camera()),
-    "objects": lambda: plan(objects_scene(), reference_camera()),
-    "still_life": lambda: plan(still_life(), reference_camera()),
+    "white": lambda: plan(None, example_camera()),
+    "check": lambda: plan(check_scene(), example_camera()),
+    "objects": lambda: plan(objects_scene(), example_camera()),
+    "still_life": lambda: plan(still_life(), example_camera()),
     "furnished": _furnished,
 }
 """What makes the plans of the bundled cases; "furnished" has everything that cameras and scenes can have."""

@@ -82,8 +82,7 @@ def cost_of(
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(16, 16))
     >>> table = pl.study.cost_of(pl.plan(None, camera), samples=8, rounds=2)
     >>> [row.stage.name for row in table.rows]
     ['CERTAIN_LIGHT', 'LENS', 'STANDARD_ERROR']

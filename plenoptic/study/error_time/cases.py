@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.example import example_camera
 from plenoptic.rendering.settings import Sampler
 from plenoptic.scene.shapes.procedural import check_scene, objects_scene
-from plenoptic.study.cameras import reference_camera, smooth_camera
+from plenoptic.study.cameras import smooth_camera
 from plenoptic.study.error_time.study import SIDE, error_against_time
 from plenoptic.study.error_time.table import ErrorTable
 from plenoptic.study.error_time.variants import Variant
@@ -52,7 +53,7 @@ _CASES = (
         "white",
         "The reference camera in mode 2.0, a world of radiance 1 and no scene: what is left is the camera.",
         lambda: None,
-        reference_camera,
+        example_camera,
         _MANY,
         Variant(),
         1 << 15,
@@ -72,7 +73,7 @@ _CASES = (
         "check",
         "Mode 2.0 and a plane of squares of 1 mm that shine or are black, in focus; nothing scatters.",
         check_scene,
-        reference_camera,
+        example_camera,
         _MANY,
         Variant(),
         1 << 15,
@@ -83,7 +84,7 @@ _CASES = (
         "and caustics that paths find by chance only. The reference follows 32 bounces, the variants 8 unless they say "
         "otherwise.",
         objects_scene,
-        reference_camera,
+        example_camera,
         (8, 16, 32, 64, 128, 256),
         Variant(max_bounces=32),
         1 << 13,

@@ -97,8 +97,7 @@ class Variant:
         Examples
         --------
         >>> import plenoptic as pl
-        >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-        ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+        >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(16, 16))
         >>> pl.study.Variant(lens=pl.LensModel.THIN).camera_from(camera).lens.model.name
         'THIN'
         """
@@ -166,8 +165,7 @@ def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+    >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(16, 16))
     >>> list(pl.study.default_variants(None, camera))
     ['EXACT lens', 'PARAXIAL lens', 'THIN lens', 'RANDOM sampler', '1 replicate']
     """

@@ -14,9 +14,8 @@ import pytest
 import plenoptic as pl
 from plenoptic.rendering.schedule import orders
 from plenoptic.rendering.schedule.progress import Progress
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = reference_camera()
+CAMERA = pl.camera.example_camera()
 MIDDLE = np.s_[240:264, 240:264]
 LONG = 1 << 22  # samples that would take minutes
 

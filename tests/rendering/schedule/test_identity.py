@@ -14,11 +14,10 @@ import plenoptic as pl
 from plenoptic.core.files.digest import digest
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.rendering.schedule.identity import differences, identity
-from plenoptic.study.cameras import reference_camera
 
 
 def camera(**changes):
-    return dataclasses.replace(reference_camera(), **{"sensor": pl.Sensor((8, 8), 0.010), **changes})
+    return dataclasses.replace(pl.camera.example_camera(), **{"sensor": pl.Sensor((8, 8), 0.010), **changes})
 
 
 def rich_scene(*, colour=0.25, radiance=2.0, texel=0.5, place=3.0, corner=0.0):

@@ -24,9 +24,8 @@ from plenoptic.core.files.record_log import RecordLog
 from plenoptic.rendering.schedule import budget as budgets
 from plenoptic.rendering.schedule import orders
 from plenoptic.rendering.schedule.checkpoint import KIND
-from plenoptic.study.cameras import reference_camera
 
-CAMERA = reference_camera()
+CAMERA = pl.camera.example_camera()
 BITS = ("image", "standard_error", "depth", "sample_counts")
 COUNTS = ("paths", "paths_through_lens", "lost", "nonfinite")
 COUNTS += ("nonfinite_paths", "zero_variance", "stopped_by", "processors")

@@ -19,7 +19,7 @@ from plenoptic.core.engines.engine import ThreadEngine
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.schedule import orders
 from plenoptic.study import ErrorRow, ErrorTable, Variant, default_variants
-from plenoptic.study.cameras import reference_camera, smooth_camera
+from plenoptic.study.cameras import smooth_camera
 from plenoptic.study.error_time import cases as cases_of_errors
 from plenoptic.study.error_time.measurement import Runs, measured_rows, timed
 from plenoptic.study.error_time.split import reference_of
@@ -214,7 +214,7 @@ def test_the_reference_camera_converges_as_its_samples_let_it(scene, slope):
     crop = np.s_[240:272, 240:272]
     variants = {"EXACT": Variant(), "random": RANDOM, "1 replicate": ONE, "THIN": Variant(lens=pl.LensModel.THIN)}
     study, how = pl.study.error_against_time, {"region": crop, "seeds": 8, "progress": False}
-    table = study(scene, reference_camera(), variants, samples=(16, 32, 64, 128, 256), **how)
+    table = study(scene, pl.camera.example_camera(), variants, samples=(16, 32, 64, 128, 256), **how)
     assert abs(table.slope("random") + 0.5) < SIGMAS * table.slope_error("random")
     for name in ("EXACT", "1 replicate"):
         assert abs(table.slope(name) - slope) < SIGMAS * table.slope_error(name)
@@ -227,7 +227,7 @@ def test_the_reference_camera_converges_as_its_samples_let_it(scene, slope):
     # Another seed keeps what is promised: the error of a new image at the recommended setting.
     found = table.recommend(0.05)
     how |= {"samples": (found.samples,), "seed": 5000, "reference_samples": 4096}
-    again = study(scene, reference_camera(), {found.variant: variants[found.variant]}, **how)
+    again = study(scene, pl.camera.example_camera(), {found.variant: variants[found.variant]}, **how)
     # Both are known to 4.5 %.
     assert again.rows[0].error == pytest.approx(found.error, rel=SIGMAS * math.hypot(0.045, 0.045))
 
@@ -238,7 +238,7 @@ def told(rows):
 
 
 def test_variants_change_what_they_name():
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     assert Variant().camera_from(camera) is camera
     changed = Variant(lens=pl.LensModel.THIN, microlenses=pl.optics.MicrolensModel.PINHOLE).camera_from(camera)
     assert (changed.lens.model, changed.microlenses.model) == (pl.LensModel.THIN, pl.optics.MicrolensModel.PINHOLE)
