@@ -41,7 +41,7 @@ class BuiltValue:
 
 @value
 class AsBuilt:
-    """What `as_built` says; printing it shows a table.
+    """Built values beside those of the design, as returned by `as_built`; printing it shows a table.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
 
 
 def _moves(name: str, placement: Placement) -> list[BuiltValue]:
-    """What a placement changes."""
+    """Built values that a placement changes."""
     shift, turn = np.asarray(placement.shift), np.asarray(placement.rotation)
     given = [(f"{name}: shift {axis}", float(step), "mm") for axis, step in zip("xyz", shift, strict=True)]
     # The axis of the part is the third column; the turn about it is read off what is left of x.

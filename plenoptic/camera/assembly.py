@@ -1,4 +1,4 @@
-"""How lens, array and sensor stand to each other: from their placements to the axes in which rays are traced.
+"""Relative placement of lens, array and sensor: from their placements to the axes in which rays are traced.
 
 Placements lead from a part's own axes to those of its place in the design: a point p of the part lies at
 shift + rotation @ p from there. The lens turns about the centre of its iris, the array about the point where the
@@ -86,7 +86,7 @@ class Assembly(NamedTuple):
 
 
 def assembly(camera: PlenopticCamera) -> Assembly:
-    """Where the parts of a camera stand; without microlenses, local axes are those of the lens at its last vertex."""
+    """Axes of the camera's parts as built; without microlenses, local axes are those of the lens at its last vertex."""
     lens = rigid(camera.lens_placement, 0.0)
     sensor = lens.inverse().of(rigid(camera.sensor_placement, camera.z_sensor))
     frame, turn, origin = None, np.eye(2), np.zeros(2)
@@ -135,7 +135,7 @@ class ArrayAxes(NamedTuple):
 
     @property
     def lens_is_round(self) -> bool:
-        """Whether the local field is the same in all directions from the lens's axis."""
+        """True if the local field is rotationally symmetric about the lens's axis."""
         return self.parts.frame is None and all(map(is_centred, self.camera.lens.elements))
 
     def local(self, points: Floats) -> Floats:
@@ -156,7 +156,7 @@ class ArrayAxes(NamedTuple):
         return np.asarray(turned[:, :2] / turned[:, 2:])
 
     def on_sensor(self, points: Floats, slopes: Floats) -> Floats:
-        """Where rays behind the array meet the sensor: x and y (n, 2) in its own axes, in mm.
+        """Intersections of rays behind the array with the sensor: x and y (n, 2) in its own axes, in mm.
 
         `points` (n, 2) lie on the array's rear principal plane, `slopes` (n, 2) are dx/dz and dy/dz; both local.
         """

@@ -1,4 +1,4 @@
-"""What is compiled of the camera that was rendered last, for the next call with the same one."""
+"""Compiled records of the camera that was rendered last, for the next call with the same one."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class PreparedCamera:
 
     @property
     def kept_bytes(self) -> int:
-        """Of what feeds pixels."""
+        """Bytes of the regions of illuminated pixels."""
         return self._bytes
 
     def posed(self, camera: PlenopticCamera) -> PreparedCamera:
@@ -70,7 +70,7 @@ class PreparedCamera:
             self._tiles, self._fed, self._bytes = tiles, {}, 0
 
     def fed_pixels(self, tile: Pixels, *, certain: bool = False) -> FedPixels:
-        """What feeds the pixels of a tile; see `pixel_regions.fed_pixels`."""
+        """Aperture regions of the pixels of a tile; see `pixel_regions.fed_pixels`."""
         found = self._fed.get((tile, certain))
         if found is not None:
             return found
@@ -95,7 +95,7 @@ def _fitted(fed: FedPixels) -> FedPixels:
 
 
 class _Kept:
-    """What cameras of a sensor share that differ in their pose: what the last one was compiled into."""
+    """Compiled records that cameras share which differ in their pose only: those of the last sensor."""
 
     def __init__(self, sensor: Sensor) -> None:
         self._parts: tuple[object, ...] = ()

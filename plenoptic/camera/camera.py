@@ -258,7 +258,7 @@ class PlenopticCamera:
         return dataclasses.replace(self, pose=Pose.look_at(position, look_at, up))
 
     def project(self, points: ArrayLike, scene: Scene | None = None, *, progress: bool = True) -> Projection:
-        """Where world points appear on the sensor, in the image of every microlens that sees them; see `project`.
+        """Project world points onto the sensor, into the image of every microlens that sees them; see `project`.
 
         Parameters
         ----------
@@ -275,7 +275,7 @@ class PlenopticCamera:
 
     @property
     def frustum(self) -> Frustum:
-        """What the camera sees of the world: the rays from the corners of the sensor, for pictures of scenes.
+        """View frustum in the world: the rays from the corners of the sensor, for pictures of scenes.
 
         (4, 3) arrays in the world, mm; `Frustum` has an example.
         """
@@ -323,7 +323,7 @@ class PlenopticCamera:
         return camera_html(self)
 
     def report(self) -> CameraReport:
-        """What the camera is and does, as numbers, and what users of such cameras trip over; see `camera_report`.
+        """Describe the camera in numbers, with its common pitfalls; see `camera_report`.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""What is looked at, by which camera, on which part of its sensor: arguments, checked."""
+"""Checks of arguments: subject, camera and region of the sensor."""
 
 from __future__ import annotations
 

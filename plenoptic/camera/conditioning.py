@@ -1,4 +1,4 @@
-"""How well conditioned the paths of a camera are at each element of its lens."""
+"""Conditioning of a camera's paths at each element of its lens."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PER_PIXEL = 4
 def camera_conditioning(
     camera: CameraRecord, area: tuple[int, int, int, int], *, seed: int = 0, rays: int = 1024
 ) -> Conditioning:
-    """What `conditioning` says of about so many paths as they are rendered: from the sensor through array and lens.
+    """Return the `conditioning` of about `rays` paths as they are rendered: from the sensor through array and lens.
 
     Pixels are drawn all over the area (first and end row, first and end column), one from each of many equal
     rectangles. Their paths are the first ones of the first replicate of `render` with that seed, with their own

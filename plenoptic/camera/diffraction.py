@@ -61,7 +61,7 @@ class Diffraction:
 
 
 class BendRecord(NamedTuple):
-    """How light bends on its way from the array to the sensor, in local axes."""
+    """Diffraction deflection between array and sensor, in local axes."""
 
     field: FarField
     wavelengths: Floats
@@ -73,7 +73,7 @@ class BendRecord(NamedTuple):
 
 
 class IrisRecord(NamedTuple):
-    """How light bends at the entrance pupil, in the lens's axes."""
+    """Diffraction deflection at the entrance pupil, in the lens's axes."""
 
     field: FarField
     wavelengths: Floats
@@ -113,7 +113,9 @@ def check_diffraction(camera: PlenopticCamera) -> None:
 
 
 def _pupil(camera: PlenopticCamera) -> tuple[float, float]:
-    """Where the entrance pupil is, z in the lens's axes in mm, and its size over the iris's, as the model has it."""
+    """Position of the entrance pupil, z in the lens's axes in mm, and its magnification from the iris, by the lens's
+    model.
+    """
     lens = camera.lens
     if not isinstance(lens.stop, CircularStop | PolygonStop | StarStop):
         raise InvalidValueError(
@@ -139,7 +141,7 @@ def iris_record(camera: PlenopticCamera, wavelengths: tuple[float, ...]) -> Iris
 
 
 def reach_of_bends(camera: PlenopticCamera) -> float:
-    """How far outside the sensor light may be headed that bends to it, in mm."""
+    """Largest distance outside the sensor, in mm, to which light is headed that diffraction deflects onto it."""
     return 0.0 if camera.diffraction is None or camera.microlenses is None else NEAR * camera.sensor.pixel_pitch
 
 

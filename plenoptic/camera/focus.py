@@ -35,7 +35,7 @@ def focused_stop_to_microlenses(
 
 
 def _focal_length(camera: PlenopticCamera, microlens_type: int | None) -> float | None:
-    """That of the microlenses of a type, which must be named where they differ; None without microlenses."""
+    """Focal length of the microlenses of a type, which must be given where types differ; None without microlenses."""
     if camera.microlenses is None:
         return None
     focal_lengths = camera.microlenses.focal_lengths_at(camera.wavelength)

@@ -8,7 +8,7 @@ from plenoptic.optics.lens.models import LensModel
 
 
 def model_pupil(camera: PlenopticCamera) -> tuple[float, float]:
-    """Where the exit pupil is, z in the lens's axes in mm, inf for a telecentric lens, and its size over the iris's.
+    """Position of the exit pupil, z in the lens's axes in mm (inf if telecentric), and its magnification from the iris.
 
     As the lens's model has it; the size is negative where the pupil stands upside down.
     """

@@ -210,7 +210,7 @@ def _pixel_record(sides: Floats) -> PixelRecord:
 
 
 def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord | None:
-    """How the camera's pixels respond to directions; None where all are alike."""
+    """Angular response of the camera's pixels; None where it is the same for all directions."""
     seen, placed = camera.sensor.angular_response, parts.sensor_to_local
     if seen is None:
         return None

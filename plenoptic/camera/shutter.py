@@ -1,4 +1,4 @@
-"""When the rows of the sensor see light."""
+"""Exposure times of the sensor's rows."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from plenoptic.core.values import check_kind, finite, positive, set_field, value
 
 @value
 class Shutter:
-    """How long an exposure takes: what moves meanwhile is blurred, and askew where rows begin one after the other.
+    """Duration of the exposure. Motion meanwhile blurs, and skews the image where rows begin one after the other.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from plenoptic.optics.lens.gaussian.matrices import over
 
 
 class Lens(NamedTuple):
-    """What tracing says of the main lens, from the last round."""
+    """Traced properties of the main lens, from the last round."""
 
     image: float
     """z of the image of the plane in focus, mm."""

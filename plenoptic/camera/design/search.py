@@ -76,7 +76,7 @@ class CameraDesign:
 
 @dataclasses.dataclass(frozen=True)
 class Search:
-    """What stays the same while a design is searched for."""
+    """Quantities that stay the same while a design is searched for."""
 
     lens: LensStack
     sensor: Sensor
@@ -109,7 +109,7 @@ class Search:
         raise InvalidValueError(self._not_met(history))
 
     def _gaussian(self) -> Lens:
-        """What Gaussian optics says of the lens, with the cone of light at the place of the array that it finds."""
+        """Gaussian properties of the lens, with the cone of light at the array that follows from them."""
         wishes, lens, end = self.wishes, self.lens, float(self.lens.vertices[-1])
         image = 0.0 if wishes.z is None else image_plane(lens, wishes.z, self.wavelength)
         shift = 0.0 if wishes.depth_at is None else image_plane(lens, wishes.depth_at, self.wavelength) - image

@@ -1,4 +1,4 @@
-"""What is wanted of a camera's design and what is given, checked."""
+"""Requirements on a camera's design, checked."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Numbers = dict[str, float]
 
 @dataclasses.dataclass(frozen=True)
 class Wishes:
-    """What is wanted of a design; None: not wanted."""
+    """Requirements on a design; None where there is none."""
 
     kind: CameraKind
     z: float | None
@@ -39,12 +39,12 @@ class Wishes:
 
     @property
     def sign(self) -> float:
-        """Of s."""
+        """Sign of s."""
         return 1.0 if self.kind is CameraKind.GALILEAN else -1.0
 
     @property
     def names(self) -> list[str]:
-        """Of what is wanted."""
+        """Names of the required quantities."""
         wanted = [name for name in ("z", "image_fill", "virtual_depth", "disparity") if getattr(self, name) is not None]
         return ["kind", *wanted] if self.kind is CameraKind.PLENOPTIC_1 else wanted
 
@@ -100,7 +100,7 @@ def template_array(
 
 
 def checked_numbers(numbers: dict[str, float | None]) -> Numbers:
-    """What is given, checked."""
+    """Check the given numbers."""
     given = {u: x for u, x in numbers.items() if x is not None}
     if given.get("f") == 0:
         raise InvalidValueError(f"{FIELDS['f']} is 0 mm; it must be another number")

@@ -1,4 +1,4 @@
-"""Where the images of the microlenses lie on the sensor."""
+"""Centres of the microlens images on the sensor."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LEAST_APART = 0.1
 
 
 class CentreMethod(enum.IntEnum):
-    """What counts as the centre of a microlens's image; without vignetting CHIEF_RAY and CENTROID nearly agree.
+    """Definition of the centre of a microlens image; without vignetting, CHIEF_RAY and CENTROID nearly agree.
 
     Examples
     --------

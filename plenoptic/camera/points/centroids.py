@@ -155,7 +155,7 @@ class _Openings(NamedTuple):
         return np.stack([cos * x - sin * y, sin * x + cos * y, np.full(len(x), self.z)], axis=1)
 
     def light(self, of: NDArray[np.int64], x: Floats, y: Floats) -> Floats:
-        """What part of the light comes from there: 0 or 1, or what grey masks let pass."""
+        """Transmission at points of the openings: 0 or 1, or that of grey masks."""
         camera = self.axes.camera
         rays = RayBundle(self.start[of], self.through(of, x, y) - self.start[of], camera.wavelength)
         return camera.lens.trace_reverse(rays).weight
@@ -278,7 +278,7 @@ def _sums(openings: _Openings, many: int, power: float, lines: int, places: int)
 def _lit_intervals(
     openings: _Openings, lines: int, places: int
 ) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats, Floats]:
-    """Where light passes lines on the plane of the outlines, as seen from each point of each opening.
+    """Intervals of lines in the plane of the outlines that light passes, seen from each point of each opening.
 
     For every interval, in which as much light passes everywhere as far as the places tried show: number of the point,
     its two ends along the line, the line's place across, the distance between lines, and what part of the light passes.

@@ -1,4 +1,4 @@
-"""Where points of the world appear on the sensor: in every microlens image that sees them."""
+"""Projection of world points onto the sensor: into every microlens image that sees them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _CLEAR = 2.0**-12
 
 @result
 class Projection:
-    """Where points appear on the sensor, a row for each point and microlens. See `project`, which makes it.
+    """Projections of points onto the sensor, a row for each point and microlens; made by `project`.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ _STEP = 1e-5
 
 
 class EntranceRays(NamedTuple):
-    """How rays of points enter the lens: they start on the plane `z`, in the lens's axes."""
+    """Rays of points in front of the lens: they start on the plane `z`, in the lens's axes."""
 
     z: float
     size: float
@@ -51,7 +51,7 @@ def entrance_rays(tables: ForwardRecord) -> EntranceRays:
 
 
 class Aim(NamedTuple):
-    """Where rays are to pass: they are traced through `lens`, where nothing stops them, and are then at `places`."""
+    """Target points of rays, which are traced through an unobstructed `lens` and then pass `places`."""
 
     lens: LensRecord
     places: Callable[[RayBundle], Floats]
@@ -59,7 +59,7 @@ class Aim(NamedTuple):
 
 
 class ThroughArray(NamedTuple):
-    """Where rays meet the array, in local axes."""
+    """Intersections of rays with the array, in local axes."""
 
     axes: ArrayAxes
     array: MicrolensArray
@@ -74,7 +74,7 @@ class ThroughArray(NamedTuple):
         return self._displaced(origin[:, :2] - origin[:, 2:] * slopes, slopes, False)
 
     def sensor_points(self, centres: Floats, rays: RayBundle) -> Floats:
-        """Where rays through local optical centres meet the sensor, (n, 2) in its own axes."""
+        """Intersections with the sensor, (n, 2) in its own axes, of rays through local optical centres."""
         slopes = self.axes.slopes_of(rays.direction)
         return self.axes.on_sensor(self._displaced(centres, slopes, True), slopes)
 

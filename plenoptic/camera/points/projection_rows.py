@@ -232,7 +232,9 @@ def lenses_with(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
 
 
 def _nearest_rays(prints: Footprints, number: NDArray[np.int64], places: Floats, *, passing: bool) -> Floats:
-    """Where the rays of points `number` (n,) enter that meet the array nearest to `places` (n, 2); nan without one."""
+    """Entrance points of the rays of points `number` (n,) that meet the array nearest to `places` (n, 2); nan without
+    one.
+    """
     found = np.full(places.shape, np.nan)
     for k, point in enumerate(prints.number):
         low, high = np.searchsorted(number, [point, point + 1])

@@ -53,7 +53,7 @@ def white_centroids(
 
 
 def _in_cell(array: MicrolensArray, design: Floats, offset: Floats) -> NDArray[np.bool_]:
-    """Which offsets (n, k, 2) from microlenses, in mm, lie in their cells."""
+    """True for offsets (n, k, 2) from microlenses, in mm, that lie in their cells."""
     if array.lattice is not Lattice.FREE:
         # Cells are their own mirror image: one of two opposite edges tells of both.
         half = array.cell_edges[: len(array.cell_edges) // 2]

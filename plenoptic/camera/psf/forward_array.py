@@ -54,7 +54,8 @@ def _to_sensor(parts: Assembly) -> Floats | None:
 
 
 def _reach(camera: PlenopticCamera, parts: Assembly, array: MicrolensArray) -> float:
-    """How far from the origin light can pass the array and still land on the sensor, generously, in mm.
+    """Upper bound of the distance from the origin, in mm, at which light passes the array and still lands on the
+    sensor.
 
     A ray comes from within a + b rho of the axis, `pupil_distance` in front of the array, and bends by at most the
     strongest power times the largest height in a cell. All FREE lenses are listed.

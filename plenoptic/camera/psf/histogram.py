@@ -31,7 +31,7 @@ class Crop(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """What is known of one point."""
+    """Accumulated sums of one point's image."""
 
     crop: Crop
     """With the mean of the replicates as sums."""

@@ -42,7 +42,7 @@ HIT = np.dtype(
 
 
 class Bends(NamedTuple):
-    """How light bends on its way to the sensor."""
+    """Diffraction deflections on the way to the sensor."""
 
     field: FarField
     distance: float
@@ -73,7 +73,7 @@ class ForwardRecord(NamedTuple):
 
     @property
     def dims_by_aim(self) -> bool:
-        """Whether something between sensor and array dims light."""
+        """True if something between array and sensor dims light."""
         return self.response is not None or any(part.site in BETWEEN for part in self.dust)
 
 

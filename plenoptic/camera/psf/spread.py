@@ -1,4 +1,4 @@
-"""What light of points leaves on the sensor: images of few pixels, and landing points."""
+"""Images of points on the sensor, a few pixels large, and their landing points."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ class CameraSpread:
 
 @result
 class LandingPoints:
-    """Where rays from points land on the sensor; made by `landing_points`.
+    """Landing points on the sensor of rays from points; made by `landing_points`.
 
     Attributes
     ----------

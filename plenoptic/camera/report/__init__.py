@@ -1,1 +1,1 @@
-"""What a camera is and does, in numbers."""
+"""Report on a camera in numbers."""

@@ -1,4 +1,4 @@
-"""What a report on a camera warns of: findings with a sentence each."""
+"""Warnings of a report on a camera: findings with a sentence each."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CUT = 0.01
 
 
 class CameraFindingKind(enum.IntEnum):
-    """What a finding about a camera is about.
+    """Subject of a finding about a camera.
 
     Examples
     --------
@@ -101,7 +101,7 @@ class CameraFinding:
 
 
 def camera_findings(camera: PlenopticCamera, report: CameraReport) -> tuple[CameraFinding, ...]:
-    """What a report warns of, in the order of the kinds."""
+    """Return the warnings of a report, in the order of the kinds."""
     found = [*_lens(camera, report), *_focus(report), *_placed(camera)]
     if camera.microlenses is not None:
         found += [*_images(camera, report), *_types(camera, report)]

@@ -1,4 +1,4 @@
-"""What microlenses of one type have in focus: planes, depth of field, virtual depth, disparity, resolution."""
+"""Focus of the microlenses of one type: planes, depth of field, virtual depth, disparity, resolution."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SAME = 1e-9
 
 
 class CameraKind(enum.IntEnum):
-    """What the microlenses look at.
+    """Kind of camera, by the image that the microlenses relay.
 
     Examples
     --------
@@ -53,7 +53,7 @@ class CameraKind(enum.IntEnum):
 
 @value
 class MicrolensFocus:
-    """What the microlenses of one type have in focus, as part of a report. See `camera_report`.
+    """Focus of the microlenses of one type, as part of a report. See `camera_report`.
 
     With s the distance behind the array at which the main lens forms an image (negative in front of it), b the distance
     from array to sensor, f the focal length and d the opening of a microlens, p their pitch and q that of the pixels:
@@ -139,7 +139,8 @@ def kind_of(camera: PlenopticCamera, focal_length: float | None) -> CameraKind:
 
 
 def sharp_image(camera: PlenopticCamera, focal_length: float | None) -> float:
-    """Where the main lens's image is sharp: s in mm behind the array; -inf for a camera array focused at infinity."""
+    """Position of the main lens's sharp image: s in mm behind the array; -inf for a camera array focused at infinity.
+    """
     if focal_length is None:
         return 0.0
     b = camera.microlenses_to_sensor
@@ -235,7 +236,7 @@ def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
 
 
 def _at_horizon(camera: PlenopticCamera, z: float) -> bool:
-    """Whether the images of a plane and of the horizon are the same but for rounding."""
+    """True if the images of a plane and of the horizon agree to rounding."""
     image, horizon = (image_plane(camera.lens, x, camera.wavelength) for x in (z, -math.inf))
     return abs(image - horizon) <= SAME * abs(horizon)
 

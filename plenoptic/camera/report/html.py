@@ -83,7 +83,7 @@ def _array_numbers(camera: PlenopticCamera, array: MicrolensArray) -> Iterator[_
 
 
 def _focus(camera: PlenopticCamera) -> str:
-    """Of each type of microlens."""
+    """Table of the focus of each type of microlens."""
     array, planes = camera.microlenses, []
     for f in (None,) if array is None else dict.fromkeys(array.focal_lengths_at(camera.wavelength)):
         z = plane_of_focus(camera, f)

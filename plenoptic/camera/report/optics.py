@@ -1,4 +1,4 @@
-"""What a report on a camera measures: the cone of light at the array, how microlens images lie, what the rims cut off.
+"""Quantities of a camera report: cone of light at the array, layout of microlens images, vignetting by rims.
 
 All of it is on the axis of the camera as designed: placements of the array and the sensor do not matter.
 """
@@ -171,7 +171,7 @@ def opening_width(array: MicrolensArray) -> float:
 
 
 def images_on_sensor(camera: PlenopticCamera, vergence: float) -> int:
-    """How many microlenses, as designed, have the centre of their image on the sensor."""
+    """Number of microlenses, as designed, whose image's centre lies on the sensor."""
     array = camera.microlenses
     assert array is not None
     height, width = camera.sensor.size
@@ -237,7 +237,7 @@ class Corner(NamedTuple):
 
 
 def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelength: float) -> Corner:
-    """What reaches the points (+-x, +-y) of a plane; nan where nothing can be aimed."""
+    """Light at the points (+-x, +-y) of a plane; nan where no ray can be aimed."""
     grid = square_grid(_CORNER_GRID)
     places = lens.stop.semi_diameter * grid.T
     full = lens.stop.transmission_at(*places)

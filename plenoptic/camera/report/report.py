@@ -1,4 +1,4 @@
-"""What a camera is and does, in numbers: f-numbers, microlens images, focus, depth, disparity; and what may surprise.
+"""Report on a camera: f-numbers, microlens images, focus, depth, disparity; and what may surprise its user.
 
 Main lens by Gaussian optics and by traced rays, microlenses by their focal lengths, all on the axis and as designed.
 """
@@ -112,7 +112,7 @@ class CameraReport:
 
 
 def camera_report(camera: PlenopticCamera) -> CameraReport:
-    """What a camera is and does in numbers, and what its user may trip over.
+    """Describe a camera in numbers, with its common pitfalls.
 
     Parameters
     ----------

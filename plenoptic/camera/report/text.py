@@ -48,7 +48,7 @@ def report_text(report: CameraReport) -> str:
 
 
 def report_title(report: CameraReport) -> str:
-    """What it is about."""
+    """Title of a report."""
     return f"CameraReport: {KIND_NAMES[report.kind]}, at {report.wavelength:g} nm"
 
 

@@ -1,1 +1,1 @@
-"""What part of the microlens plane feeds each pixel, and paths that start there."""
+"""Aperture regions: the part of the microlens plane that illuminates each pixel; and paths that start there."""

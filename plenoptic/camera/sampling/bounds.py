@@ -1,4 +1,4 @@
-"""Where light can pass the exit pupil on its way to the microlenses that matter: bounds for a whole camera."""
+"""Bounds, for a whole camera, of the exit pupil's part that light passes on its way to the microlenses."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SAFETY = 1.25
 
 
 class Bounds(NamedTuple):
-    """What the regions that feed pixels are made of."""
+    """Quantities from which aperture regions are made."""
 
     pupil: PupilBounds
     margin: float
@@ -92,7 +92,7 @@ def aberration_margins(
     bend: float,
     reach: float,
 ) -> tuple[float, float]:
-    """How far real rays stray from ideal ones on the plane of the outlines, and on the curved side, in mm.
+    """Largest deviations of real rays from ideal ones on the plane of the outlines and on the curved side, in mm.
 
     Rays of one lens are aimed from a row of sensor points at a grid of points on its rear principal plane; those
     count that meet the curved side inside the cell and pass the plane of the outlines within `reach` of the lens's
@@ -134,7 +134,7 @@ def aberration_margins(
 def _chromatic_margin(
     array: MicrolensArray, powers: Floats, wavelengths: tuple[float, ...], pupil_distance: float
 ) -> float:
-    """How far ideal lenses of another power than at 587.6 nm send rays aside on the plane of the outlines, in mm."""
+    """Largest displacement, on the plane of the outlines, by an ideal lens of another power than at 587.6 nm, in mm."""
     if not array.model.rules.is_thin:
         return 0.0
     change = max(abs(array.power_factor(wavelength) - 1.0) for wavelength in wavelengths)
@@ -143,7 +143,7 @@ def _chromatic_margin(
 
 
 def _bend(array: MicrolensArray, power: float, pupil_distance: float, ratio: float) -> float:
-    """How far a ray moves on the plane of the outlines when its point in the cell moves by 1."""
+    """Displacement of a ray on the plane of the outlines per displacement of its point in the cell."""
     return 1.0 + ratio - pupil_distance * power if array.model.focuses else 0.0
 
 

@@ -1,4 +1,4 @@
-"""How it is found what feeds the pixels of a camera: what its numbers say, without tracing."""
+"""Choice of the method that finds aperture regions: by the camera's numbers, without tracing."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def microlenses_near(camera: PlenopticCamera) -> float:
 
 
 def _pupil_reach(camera: PlenopticCamera, z_plane: float) -> float:
-    """How far from the axis light towards the middle of the array crosses the plane of the last vertex, in mm."""
+    """Distance from the axis, in mm, at which light towards the array's middle crosses the plane of the last vertex."""
     (z, size), last = model_pupil(camera), float(camera.lens.vertices[-1])
     rim = rear_reach(camera.lens, z_plane, camera.wavelength)[0]
     pupil = abs(size) * camera.lens.stop.semi_diameter * (z_plane - last) / (z_plane - z) if z < z_plane else math.inf
@@ -43,14 +43,14 @@ def _pupil_reach(camera: PlenopticCamera, z_plane: float) -> float:
 
 
 def _bend(array: MicrolensArray, distance: float, ratio: float) -> float:
-    """How far a ray moves on the plane of the last vertex when its point in the cell moves by 1."""
+    """Displacement of a ray on the plane of the last vertex per displacement of its point in the cell."""
     if not array.model.focuses:
         return 0.0
     return float(np.abs(1.0 + ratio - distance * possible_powers(array)).max())
 
 
 def why_bounds(camera: PlenopticCamera, *, certain: bool) -> str:
-    """Why bounds on the pupil say what feeds pixels; empty where points of pixels see the openings of the lens.
+    """Reason why bounds on the pupil give the aperture regions; empty where they are found by tracing to the openings.
 
     `certain`: whether light that surely passes is looked for.
     """
@@ -63,7 +63,7 @@ def why_bounds(camera: PlenopticCamera, *, certain: bool) -> str:
 
 
 def why_uncertain(camera: PlenopticCamera) -> str:
-    """Why light that surely passes is not looked for; empty where it is.
+    """Reason why the unvignetted core is not used; empty where it is.
 
     Something else than round and straight openings of the lens and straight sides of microlenses stops it, or it has
     little part in the noise.

@@ -1,4 +1,4 @@
-"""What each element of a lens lets pass: circles, and convex polygons around the holes of stops that are not round."""
+"""Openings of a lens's elements: circles, and convex polygons around the holes of stops that are not round."""
 
 from __future__ import annotations
 

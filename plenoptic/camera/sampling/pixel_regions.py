@@ -1,4 +1,4 @@
-"""What part of the microlens plane feeds each pixel."""
+"""Aperture regions: the part of the microlens plane that illuminates each pixel."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _cells(camera: CameraRecord) -> float:
 
 
 class _Half(NamedTuple):
-    """Of a group: half its sides in local x and y, and how it is looked at."""
+    """Half sides of a group of pixels in local x and y, and its view."""
 
     x: float
     y: float
@@ -108,7 +108,7 @@ def _grouped(camera: CameraRecord, starts: Floats) -> tuple[Floats, NDArray[np.i
 
 
 def _candidates(camera: CameraRecord, centres: Floats, margin: float) -> tuple[Candidates, Floats]:
-    """What may feed groups, by the bounds on the pupil, and the corners of their polygons."""
+    """Candidates for the microlenses of groups, by the bounds on the pupil, and the corners of their polygons."""
     from plenoptic.camera.sampling.kernels import candidates
 
     array, plane, used = camera.array, camera.sensor.plane, np.zeros(2, dtype=np.int64)
@@ -143,7 +143,7 @@ def _met(camera: CameraRecord, blocks: Floats, waves: NDArray[np.int64] | None) 
 
 
 def _views(camera: CameraRecord, found: Candidates, corners: Floats, centres: Floats, half: _Half) -> NDArray[np.void]:
-    """How candidates see the openings of the lens; each keeps where its views are."""
+    """Linear views of the openings of the lens by candidates; each candidate keeps the index of its views."""
     from plenoptic.camera.sampling.kernels import views as kernels
     from plenoptic.camera.sampling.kernels.pixel_regions import MOST_PIECES, fill_boxes
     from plenoptic.camera.sampling.through_array import fill_through_array
@@ -179,7 +179,8 @@ def _views(camera: CameraRecord, found: Candidates, corners: Floats, centres: Fl
 def feeding_regions(
     camera: CameraRecord, starts: Floats, half: tuple[float, float] = (0.0, 0.0), *, certain: bool = False
 ) -> Regions:
-    """What feeds points of the sensor (n, 2), and those up to `half` mm beside them in x and y; see `cells_per_pixel`.
+    """Aperture regions of points of the sensor (n, 2) and of their surroundings of `half` mm in x and y; see
+    `cells_per_pixel`.
 
     The points lie in pixels, with what is beside them. `certain`: whether it is looked for what surely passes.
     """
@@ -211,7 +212,7 @@ def feeding_regions(
 
 
 def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64], *, certain: bool = False) -> FedPixels:
-    """What feeds pixels whose centres (n, 2) and numbers (n,) on the sensor are given; see `feeding_regions`."""
+    """Aperture regions of pixels with given centres (n, 2) and numbers (n,) on the sensor; see `feeding_regions`."""
     if camera.bend is not None:
         return _bent_pixels(camera, camera.bend, pixels, number, certain=certain)
     regions = feeding_regions(camera, pixels, camera.sensor.pixel.half, certain=certain)
@@ -265,7 +266,7 @@ def _bent_pixels(
 
 
 def _numbers(camera: CameraRecord, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Of pixels on the sensor, and beyond all of these of those up to `NEAR` rows and columns beside it."""
+    """Numbers of pixels on the sensor; beyond the last of these, of those up to `NEAR` rows and columns outside it."""
     rows, columns = camera.sensor.rows, camera.sensor.columns
     on = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
     beside = rows * columns + (row + NEAR) * (columns + 2 * NEAR) + column + NEAR
@@ -273,7 +274,7 @@ def _numbers(camera: CameraRecord, row: NDArray[np.int64], column: NDArray[np.in
 
 
 def sharing_pixels(camera: CameraRecord, fed: FedPixels, spread: SpreadTable) -> tuple[FedPixels, FedPixels]:
-    """Where light may be headed that a tile's pixels share: in themselves, and in those beside them.
+    """Pixels from which diffraction can carry light into those of a tile: the tile's own, and those around it.
 
     Places are those of `Around.givers`.
     """

@@ -1,4 +1,4 @@
-"""What sampling hands from stage to stage: regions that feed pixels, batches of samples, and the pixels of a tile."""
+"""Records that sampling hands from stage to stage: aperture regions, batches of samples, pixels of a tile."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Candidates(NamedTuple):
 
 
 class Regions(NamedTuple):
-    """What feeds pixels."""
+    """Aperture regions of pixels."""
 
     pieces: NDArray[np.void]
     """(n,) of PIECE."""
@@ -91,7 +91,7 @@ class Regions(NamedTuple):
 
 
 class Openings(NamedTuple):
-    """What the elements of a lens let pass, in the order in which light from the sensor meets them."""
+    """Openings of the lens's elements, in the order in which light from the sensor meets them."""
 
     elements: tuple[LensRecord, ...]
     """Each alone, without rims."""
@@ -132,7 +132,9 @@ class Around(NamedTuple):
 
 
 class SpreadTable(NamedTuple):
-    """What pixels get of light that is headed to a place of one, of bends that are short; see `sampling.spread`."""
+    """Light of a pixel by the position to which it was headed, for short diffraction deflections; see
+    `sampling.spread`.
+    """
 
     parts: Floats
     """(rows, pixels): shares of the pixels around, down and across from the nearest corner, times the area of a pixel
@@ -188,7 +190,7 @@ class FedPixels(NamedTuple):
 
 
 class Bends(NamedTuple):
-    """What starting the paths of a bundle takes where light bends."""
+    """Quantities for starting the paths of a bundle with diffraction."""
 
     far: NDArray[np.int64] | None
     """Room for the numbers of those whose light comes from far away; None where bends are not drawn."""

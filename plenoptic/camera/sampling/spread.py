@@ -44,7 +44,7 @@ _MOST_DRAWN, _LEAST_SEEN = 0.4, 0.5
 
 
 class Spread(NamedTuple):
-    """How light is shared between pixels, and what is drawn."""
+    """Shares of light between pixels by diffraction, and the distribution that is sampled."""
 
     table: SpreadTable
     rest: BendRecord

@@ -74,7 +74,7 @@ def fill_bent_at_iris(blocks, start, n, seed, task, iris):
 
 @kernel
 def fill_landed(landed, blocks, n, rows, columns, pitch, opening):
-    """What arrives on the sensor, as rows of HIT.
+    """Write the light that arrives on the sensor as rows of HIT.
 
     Returns how many rays arrive, how many pass beside the sensor, and how many meet a pixel beside its `opening`: half
     its height and half its width over the pitch; None where pixels are open all over.

@@ -46,7 +46,7 @@ def set_box(candidate, polygon, n):
 
 @device
 def crossing(point, start, lens, per_h, pinhole, plane):
-    """Where a ray from a point of the sensor through one of an ideal microlens crosses the plane of the outlines.
+    """Intersection with the plane of the outlines of a ray from a point of the sensor through an ideal microlens.
 
     `lens` is the optical axis x, y and the power, 1 / per_h the distance to the sensor. `plane` is the distance to the
     plane of the outlines or, with a frame that leads to the lens's axes, the place of that plane there.
@@ -83,7 +83,9 @@ def polar(x, y, frame):
 
 @device
 def _slopes(centre, at, start, lens, per_h, pinhole, plane, radius):
-    """How the crossing `at` of a ray through the centre of a cell moves with that point: a matrix, row by row."""
+    """Derivatives of the crossing `at` of a ray through a cell's centre with respect to that point: a matrix, row by
+    row.
+    """
     if plane.frame is None:
         bend = 0.0 if pinhole else 1.0 + plane.distance * (per_h - lens[2])
         return bend, 0.0, 0.0, bend
@@ -130,7 +132,7 @@ def _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support):
 
 @device
 def _is_behind(x, y, walls, margin):
-    """Whether a pixel at (x, y) from a cell's centre lies wholly behind one of the walls (k, 3) about it."""
+    """True if a pixel at (x, y) from a cell's centre lies wholly behind one of the walls (k, 3) about it."""
     behind = False
     for k in range(walls.shape[0]):
         behind = behind or walls[k, 0] * x + walls[k, 1] * y > walls[k, 2] + margin

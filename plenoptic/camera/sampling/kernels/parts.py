@@ -1,4 +1,4 @@
-"""What of a piece feeds one point of a pixel, and what of that surely passes the lens: device functions."""
+"""Part of a piece that illuminates one point of a pixel, and its unvignetted core: device functions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEPS = MOST_CERTAIN + 16
 
 
 class Divided(NamedTuple):
-    """What of k pieces feeds one point of a pixel: cores, which light surely passes, and rims around them."""
+    """Cores and rims of the k pieces that illuminate one point of a pixel; a core is unvignetted."""
 
     parts: Floats
     """(3, k ROOM): all that feeds the point, polygons."""
@@ -76,7 +76,7 @@ def fill_part(polygon, first, corners, planes, piece, at):
 
 @device
 def _is_cut(planes, piece, at):
-    """Whether a plane that moves over the pixel cuts a piece for one of its points."""
+    """True if a plane that moves over the pixel cuts a piece for one of its points."""
     found = False
     for j in range(piece.first_plane, piece.first_plane + piece.planes):
         plane = planes[j]
@@ -87,7 +87,7 @@ def _is_cut(planes, piece, at):
 
 @device
 def _inner(plane, at):
-    """How far out light is certain to pass a plane."""
+    """Largest distance at which light certainly passes a plane."""
     return plane.limit - plane.s * at[0] - plane.t * at[1] - plane.gap
 
 

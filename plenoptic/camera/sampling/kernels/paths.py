@@ -1,4 +1,4 @@
-"""Where paths start: a point on a pixel and a point in the region that feeds it."""
+"""Start of paths: a point on a pixel and a point in its aperture region."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _fill_coordinates(u, net, dimension, index, run, key):
 
 @device
 def _is_still(pieces, low, high):
-    """Whether a region has the same area for all points of its pixel."""
+    """True if a region has the same area for all points of its pixel."""
     still = True
     for k in range(low, high):
         still = still and pieces[k].planes == 0
@@ -121,9 +121,11 @@ def _is_still(pieces, low, high):
 
 @device
 def _from_where(around, p, point, wavelength, random):
-    """Where light of a point of pixel p was headed before it bent: the point, the number of the pixel around the tile's
-    in which it lies (-1: none that is near, -2: none that is followed), and what paths through openings and beside them
-    count."""
+    """Sample the direction of a point's light before diffraction.
+
+    Returns the point to which light of pixel p was headed, the number of the pixel around the tile in which it lies
+    (-1: none that is near, -2: none that is followed), and the weights of paths through openings and outside them.
+    """
     frame = around.bend
     h = around.plane.distance
     if around.plane.tilt is not None:
@@ -144,7 +146,7 @@ def _from_where(around, p, point, wavelength, random):
 
 @device
 def _counted(ray, i, lens, counts):
-    """What a bent path through, or beside, the opening of its microlens counts."""
+    """Weight of a deflected path through the opening of its microlens, or outside it."""
     ray[WEIGHT + i] *= counts[1] if lens.clip < 0.0 else counts[0]
 
 
@@ -191,7 +193,7 @@ def _lose(ray, i, status):
 
 @device
 def _keep(ray, i, start, random, counts):
-    """What starting a path later takes; see `fill_far_samples`."""
+    """Store the state from which a path is started later; see `fill_far_samples`."""
     ray[X + i], ray[Y + i] = start
     ray[L + i], ray[M + i] = random
     ray[Z + i], ray[N + i] = counts

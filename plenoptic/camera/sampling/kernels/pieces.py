@@ -1,4 +1,4 @@
-"""What part of a microlens feeds a pixel, from its views of the openings of the lens: device functions."""
+"""Part of a microlens that illuminates a pixel, from its views of the openings of the lens: device functions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ A, B, LIMIT, S, T, GAP, NUMBERS = range(7)
 
 @device
 def reach_of(polygon, n, a, b):
-    """How far the corners of a polygon reach along (a, b)."""
+    """Largest projection of a polygon's corners onto (a, b)."""
     far = -math.inf
     for q in range(n):
         far = max(far, a * polygon[0, q] + b * polygon[1, q])
@@ -93,7 +93,7 @@ def fill_planes(planes, count, view, edges, candidate, shape, at):
 
 @device
 def sweep(plane, half):
-    """How far a plane moves from the centre of a pixel, or of a group, to its rim."""
+    """Largest displacement of a plane between the centre of a pixel, or of a group, and its rim."""
     return abs(plane[S]) * half[0] + abs(plane[T]) * half[1]
 
 

@@ -1,4 +1,5 @@
-"""What part of each microlens feeds each pixel, as polygons and planes that cut them: the kernels."""
+"""Kernels of aperture regions: the part of each microlens that illuminates each pixel, as polygons and cutting planes.
+"""
 
 from __future__ import annotations
 
@@ -64,8 +65,11 @@ def fill_boxes(found, chosen, corners, views, edges, half):
 
 @device
 def _count_cuts(polygon, n, planes, end, half):
-    """How many planes cut a polygon deeper at some points of the pixel than at others, by more than next to nothing, or
-    leave light inside of them that is not certain."""
+    """Count planes that cut a polygon.
+
+    Those count that cut deeper at some points of the pixel than at others by more than a tolerance, or leave light
+    inside of them that may be vignetted.
+    """
     count = 0
     for j in range(end):
         by = sweep(planes[j], half)

@@ -1,4 +1,4 @@
-"""How the openings of a lens look from groups of pixels through their microlenses: the kernels.
+"""Kernels of linear ray transfer: openings of a lens as seen from groups of pixels through their microlenses.
 
 Where a ray meets an element is a smooth function of its point in the cell and its point on the sensor. Rays through a
 design of points in the box of both show that function, and how far it is from a linear one; an edge or a tangent of
@@ -83,7 +83,7 @@ def _set_view(view, fit, candidate, half):
 
 @device
 def _all_arrive(points, element, first, each):
-    """Whether all rays of a candidate come to an element, and none is reflected there."""
+    """True if all rays of a candidate arrive at an element and none is reflected there."""
     arrived = 0
     for r in range(first, first + each):
         arrived += 1 if points[element, 2, r] == 0.0 else 0
@@ -92,7 +92,7 @@ def _all_arrive(points, element, first, each):
 
 @device
 def _is_inside(points, element, first, each, radius):
-    """Whether all rays of a candidate surely meet an element inside its circle.
+    """True if all rays of a candidate certainly meet an element inside its circle.
 
     Corners of a box that are not in the design are at most twice as far from the middle, in any direction, as those in
     it are, with a tenth for what is not linear.
