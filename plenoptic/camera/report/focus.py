@@ -139,8 +139,7 @@ def kind_of(camera: PlenopticCamera, focal_length: float | None) -> CameraKind:
 
 
 def sharp_image(camera: PlenopticCamera, focal_length: float | None) -> float:
-    """Position of the main lens's sharp image: s in mm behind the array; -inf for a camera array focused at infinity.
-    """
+    """Position s of the main lens's sharp image in mm behind the array; -inf for a camera array focused at infinity."""
     if focal_length is None:
         return 0.0
     b = camera.microlenses_to_sensor
