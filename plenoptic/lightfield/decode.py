@@ -220,7 +220,7 @@ def _centres_in(
 
 
 def _in_own_image(camera: PlenopticCamera, array: MicrolensArray, offsets: Floats) -> NDArray[np.bool_]:
-    """Which offsets (U, V) lie in the image of a microlens's own cell, and not in that of a neighbour."""
+    """True for offsets (U, V) that lie in the image of a microlens's own cell, and not in that of a neighbour."""
     axes = array_axes(camera)
     z, _ = model_pupil(camera)
     apart = 1.0 + camera.microlenses_to_sensor / (camera.stop_to_microlenses - z)

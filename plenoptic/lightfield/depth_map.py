@@ -160,7 +160,7 @@ def _of_views(field: LightField, between: tuple[float, float], radius: int) -> D
 def _of_raw(
     camera: PlenopticCamera, planes: RawPlanes, between: tuple[float, float], radius: int, threads: int
 ) -> DepthMap:
-    """What is matched in the ideal camera, as the chord's disparity and as depth."""
+    """Depth map of a raw image: disparity of the pinhole model, converted to the chord's disparity and to depth."""
     axes = array_axes(camera)
     found = estimated(axes, planes, between, radius, threads)
     lenses, array, ideal = found.lenses, axes.camera.microlenses, found.ideal
@@ -179,7 +179,7 @@ def _of_raw(
 
 
 def _virtual_depths(camera: PlenopticCamera, given: tuple[float, float] | None) -> tuple[float, float]:
-    """What is looked for in a raw image, of one sign."""
+    """Range of virtual depths of a raw image, of one sign."""
     low, high = _VIRTUAL_DEPTHS
     if given is None:
         return (low, high) if side_of_images(camera) > 0 else (-high, -low)

@@ -40,7 +40,7 @@ _AGREES = 0.03
 
 
 class Estimate(NamedTuple):
-    """Of the pixels of microlens images, (k, n, n); nan where none is."""
+    """Estimates for the pixels of microlens images, (k, n, n); nan where there is none."""
 
     lenses: LensImages
     ideal: Planes

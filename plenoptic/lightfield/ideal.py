@@ -47,7 +47,7 @@ class IdealPlane(NamedTuple):
 
 
 class Displacement(NamedTuple):
-    """What n pixels of the real camera have beside the ideal one."""
+    """Displacement of n pixels of the real camera from the pinhole model."""
 
     share: Floats
     """(n,): of the opening of their microlens that lights them."""
@@ -74,7 +74,7 @@ def ideal_planes(camera: PlenopticCamera, virtual_depths: tuple[float, float], s
 
 
 def planes_in_front(camera: PlenopticCamera, behind: Floats) -> list[IdealPlane]:
-    """Those of the planes with images some distances (n,) behind the array that lie in front of the lens."""
+    """Planes in front of the lens among those with images some distances (n,) behind the array."""
     found = []
     for distance in behind.tolist():
         z_image = camera.stop_to_microlenses + distance
@@ -107,7 +107,7 @@ def _seen_at(axes: ArrayAxes, plane: IdealPlane, places: Floats, on_array: Float
 
 
 def straight_pixels(axes: ArrayAxes, on_array: Floats) -> Floats:
-    """Where points (n, 2) of the array lie straight before the sensor, in its pixels."""
+    """Pixels of the sensor straight behind points (n, 2) of the array."""
     local = axes.local(on_array)
     return np.asarray(axes.camera.sensor.pixel_of(axes.on_sensor(local, np.zeros_like(local))))
 
@@ -121,7 +121,7 @@ def displacement(
     planes: Planes,
     threads: int,
 ) -> Displacement:
-    """Of pixels (n, 2) in the images of microlenses at (n, 2), of types (n,)."""
+    """Displacement of pixels (n, 2) in the images of microlenses at (n, 2), of types (n,)."""
     share, shift = np.zeros(len(pixel)), np.empty((2, len(pixel), 2))
     for start in range(0, len(pixel), _PIXELS):
         part = slice(start, start + _PIXELS)
@@ -183,13 +183,13 @@ def depths_of(
 def _beside(
     axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, near: Floats, planes: Planes, threads: int
 ) -> Floats:
-    """How far pixels (n, 2) lie from where the ideal camera sees what their chief rays meet."""
+    """Displacement of pixels (n, 2) from the pinhole projections of the points that their chief rays hit."""
     rays = chief_rays(axes, array, pixel, on_array, threads)
     at, slope = _line(planes, np.stack([pixel - _seen_at(axes, p, met(rays, p.z), on_array) for p in planes]))
     return at + near[:, None] * slope
 
 
 def _line(planes: Planes, values: Floats) -> tuple[Floats, Floats]:
-    """Of values (2, ...) on two planes: what they are at disparity 0, and what disparity / pitch multiplies."""
+    """Coefficients of 1 and of disparity / pitch, from values (2, ...) on two planes."""
     slope = (values[1] - values[0]) / (planes[1].near - planes[0].near)
     return values[0] - slope * planes[0].near, slope

@@ -51,7 +51,7 @@ class LensImages(NamedTuple):
         return np.stack([rows_of(self.index, self.index[lens] + step) for step in self.steps], axis=1)
 
     def rows_and_columns(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Of all pixels in the raw image, (k, n, 1) and (k, 1, n)."""
+        """Rows and columns of all pixels in the raw image, (k, n, 1) and (k, 1, n)."""
         side = np.arange(self.images.values.shape[1])
         return self.corner[:, :1, None] + side[:, None], self.corner[:, 1:, None] + side
 
@@ -100,7 +100,7 @@ def lens_images(camera: PlenopticCamera, array: MicrolensArray, planes: RawPlane
 
 
 def _straight(camera: PlenopticCamera, index: NDArray[np.int64]) -> Floats:
-    """Where microlenses lie straight behind the array, in pixels of the sensor."""
+    """Pixels of the sensor straight behind microlenses."""
     found = microlens_centres(camera, CentreMethod.ORTHOGONAL, margin=0.5 * max(camera.sensor.size))
     return np.asarray(found.pixel[rows_of(found.index, index)])
 

@@ -1,4 +1,4 @@
-"""What the kernels of matching need, as numbers, and their threads."""
+"""Parameters of the matching kernels, as numbers, and their threads."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Images(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """Which are compared: picture m with `other[j]` of the rows j from first[m] to first[m + 1], nearest first."""
+    """Pairs of pictures to compare: m with `other[j]` of the rows j from first[m] to first[m + 1], nearest first."""
 
     first: NDArray[np.int64]
     other: NDArray[np.int64]
@@ -44,7 +44,7 @@ class Pairs(NamedTuple):
 
 
 class Sweep(NamedTuple):
-    """How they are compared."""
+    """Parameters of the comparison of pictures."""
 
     disparities: Floats
     """Of the planes, in order."""

@@ -8,12 +8,12 @@ from plenoptic.errors import InvalidValueError
 
 
 def front_of(camera: PlenopticCamera) -> float:
-    """Where the lens begins, in its axes, mm."""
+    """Position of the lens's first surface, in its axes, mm."""
     return min(0.0, float(camera.lens.vertices[0]))
 
 
 def behind_array(camera: PlenopticCamera, z: float) -> float:
-    """How far behind the array the image of a plane lies, mm, negative before it; an error beyond the lens's front."""
+    """Distance of a plane's image behind the array in mm, negative before it; an error beyond the lens's front."""
     front = front_of(camera)
     if not z < front:
         raise InvalidValueError(

@@ -49,7 +49,7 @@ def rays_of_openings(
 
 
 def met(rays: RayBundle, z: float | Floats) -> Floats:
-    """Where rays, or the lines along them, meet a plane: x and y (n, 2)."""
+    """Intersections of rays, or of the lines along them, with a plane: x and y (n, 2)."""
     along = (z - rays.origin[:, 2]) / rays.direction[:, 2]
     return np.asarray(rays.origin[:, :2] + along[:, None] * rays.direction[:, :2])
 
@@ -60,7 +60,8 @@ def opening_variance(array: MicrolensArray) -> float:
 
 
 def leaving(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats) -> tuple[Floats, Floats, Floats]:
-    """Where rays through optical centres leave the array for the lens, their slopes (n, 2), and z of the sensor (n,).
+    """Rays through optical centres, towards the lens: exit points on the array, slopes (n, 2), and z of the sensor
+    (n,).
 
     All in the local axes of the array.
     """

@@ -47,7 +47,7 @@ class RawPlanes:
         return radiance, self.variance_of(radiance, light, lambda plane: between(plane, weight**2))
 
     def variance_of(self, radiance: Floats, light: Floats, read: Callable[[Floats], Floats]) -> Floats | None:
-        """Of shot over white, where `read` gives a plane's values, and `light` is the white image there."""
+        """Variance of shot over white; `read` gives a plane's values, and `light` is the white image there."""
         if self.variance is None:
             return None
         spread = read(self.variance)
@@ -117,7 +117,7 @@ def checked_viewpoint(viewpoint: tuple[float, float]) -> tuple[float, float]:
 
 
 def on_white(shot: Exposure, white: Exposure) -> tuple[tuple[slice, slice], tuple[int, int]]:
-    """Where the pixels of a shot are in a white image, and the first one on the sensor; or an error."""
+    """Region of a white image that shows the pixels of a shot, and its first pixel on the sensor; or an error."""
     check_kind(shot, "shot", Exposure, "pl.render(scene, camera)")
     check_kind(white, "white", Exposure, "pl.render_white(camera)")
     if white.white is False:

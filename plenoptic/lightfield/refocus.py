@@ -72,7 +72,7 @@ def _moves(field: LightField, z: float | None, disparity: float | None) -> tuple
 
 
 def _moved(view: Floats, down: float, right: float) -> Floats:
-    """What a view (rows, columns, C) shows `down` rows below and `right` columns beside each pixel; nan outside.
+    """View (rows, columns, C) shifted by `down` rows and `right` columns; nan outside.
 
     By cubic convolution (R. G. Keys, IEEE Trans. ASSP 29 (1981), doi:10.1109/TASSP.1981.1163711), linearly at borders.
     """

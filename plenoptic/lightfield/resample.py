@@ -28,7 +28,7 @@ _DOUBT = 0.5
 
 @value
 class Resampling:
-    """Which microlenses make each pixel of a view of `rows` x `columns` pixels, and with which weights.
+    """Microlenses that contribute to each pixel of a view of `rows` x `columns` pixels, with their weights.
 
     Where all neighbours are known, values are interpolated by cubic radial functions and a linear one; at borders,
     linearly between the corners of the lattice's mesh.
@@ -98,7 +98,7 @@ class Weights(NamedTuple):
         return Weights(self.source, share / share.sum(axis=1, keepdims=True))
 
     def mean_of_known(self, values: Floats) -> Floats:
-        """As `mixed` of shares, over what is known alone; 0 where nothing is."""
+        """As `mixed` of shares, over known values alone; 0 where none is."""
         known = np.isfinite(values)
         total = self.mixed(np.where(known, values, 0.0))
         part = self._present(known)
@@ -119,7 +119,7 @@ def resampling(
     origin: Floats | None = None,
     errors: bool = True,
 ) -> Resampling:
-    """How views of the microlenses `index` (n, 2) are resampled to a grid of a spacing in mm.
+    """Resampling of views of the microlenses `index` (n, 2) to a grid of a spacing in mm.
 
     Without a spacing, lattices whose vectors run along x and y are taken as they are, and others get square pixels of
     the area of a cell. Pixels lie at whole multiples of the spacing from the array's origin, so that views of a part of

@@ -1,4 +1,4 @@
-"""How good a map of disparity is, in the words of the 4D Light Field Benchmark and relative to the truth."""
+"""Scores of a disparity map: those of the 4D Light Field Benchmark, and errors relative to the truth."""
 
 from __future__ import annotations
 

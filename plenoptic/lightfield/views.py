@@ -93,7 +93,7 @@ class LightField:
         return np.asarray(self.views[place])
 
     def truth(self, scene: Scene, u: int = 0, v: int = 0, *, truth: Truth = Truth.ALL) -> GroundTruth:
-        """What the pixels of a view show, traced along its own rays: nothing is resampled.
+        """Ground truth of the pixels of a view, traced along its own rays, without resampling.
 
         A pixel's ray starts at its place in the raw image and passes its place on the array straight, as light through
         the optical centre of a microlens does.
@@ -195,7 +195,7 @@ class LightField:
         return int(given) - first
 
     def disparity_at(self, z: float) -> tuple[float, float]:
-        """How far the image of a plane moves from one view to the next, by Gaussian optics.
+        """Displacement of a plane's image from one view to the next, by Gaussian optics.
 
         With the exit pupil a distance D before the array and the image of the plane e behind it, light that passes the
         pupil at P meets the array at P e / (D + e) beside where light through its middle does, and P grows by D / b

@@ -1,4 +1,4 @@
-"""Why an image is black, or shows nothing of its scene: found by a few paths over the whole sensor."""
+"""Diagnosis of an image that is black, or shows nothing of its scene, by a few paths over the whole sensor."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ class _Probe:
             self.found = np.hstack([rows[:, POINT : POINT + 3] + rows[:, OFFSET, None] * normals, normals])
 
     def obstacle(self, e: _Emitter, labels: tuple[str, ...]) -> str:
-        """Why no light of one emitter gets to what is seen; empty where some does."""
+        """Reason why no light of one emitter reaches the visible surfaces; empty where some does."""
         some = self.found[:: -(-len(self.found) // _POINTS)]
         seen, normals = some[:, :3], some[:, 3:]
         ways = np.broadcast_to(e.ends * self.record.lights.far, (len(seen), len(e.ends), 3))
@@ -237,7 +237,7 @@ class _Probe:
         return int(met[0]) if len(met) == len(around) and (met == met[0]).all() else None
 
     def place(self, scene: Scene) -> str:
-        """Where a scene is that no path met."""
+        """Position of a scene that no path hits."""
         low, high = np.asarray(scene.bounds).round(3).tolist()
         remedy = "move it, or the camera, which without a pose looks from the origin along -z"
         if not self.is_past(scene):
@@ -245,7 +245,7 @@ class _Probe:
         return f"which lies between {low} and {high} mm; {remedy}"
 
     def is_past(self, scene: Scene) -> bool:
-        """Whether all meshes and area lights are outside of the cone of rays that leave the camera."""
+        """True if all meshes and area lights are outside the cone of rays that leave the camera."""
         if len(self.meshes) or not len(self.rays) or scene.bounds is None:
             return False
         start, directions = self.rays[:, :3].mean(axis=0), self.rays[:, 3:]

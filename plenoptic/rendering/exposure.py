@@ -35,7 +35,7 @@ MOST_NAMES = 10_000
 
 @value
 class Exposure:
-    """What one render gives: image, standard error, ground truth, camera and statistics.
+    """Result of a render: image, standard error, ground truth, camera and statistics.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ class Exposure:
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C came while it was rendered; in its last moment all may have been done."""
+        """True if Ctrl-C ended the render; in its last moment all may have been done."""
         return self.stats is not None and self.stats.stopped_by is StopReason.INTERRUPTED
 
     @property
@@ -155,7 +155,7 @@ class Exposure:
 
     @property
     def rare_light(self) -> bool | None:
-        """Whether `relative_error` cannot be known: some pixels are the only ones to have met rare light.
+        """True if `relative_error` cannot be known, since some pixels are the only ones that received rare light.
 
         Fewer than 8 pixels, and than a 16th of the lit ones, carry the error; or they are so bright that others look
         dark: without the standard errors, pixels of 1/2.5 of the brightness would be lit. None without standard error.
@@ -201,7 +201,7 @@ class Exposure:
         return merged(parts)
 
     def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
-        """What a sensor reads out when exposed to this image: electrons, noise and digital numbers.
+        """Read the image out by a sensor: electrons, noise and digital numbers.
 
         Light transport is over here: one render serves many sensors, exposure times and seeds. The Monte Carlo error
         of the image is no noise of the sensor and adds to it; render until it is well below the shot noise.

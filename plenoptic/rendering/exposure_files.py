@@ -29,12 +29,12 @@ _SAMPLES = "samples"
 
 
 def texts_of(exposure: Exposure | Head, names: tuple[str, ...] = FACTS) -> dict[str, str]:
-    """What files say about an exposure, beside its arrays."""
+    """Metadata of an exposure in files, beside its arrays."""
     return {"Software": f"plenoptic {__version__}", **described_fields(exposure, names)}
 
 
 def checked_ending(path: str | os.PathLike[str]) -> str:
-    """That of a file to which `Exposure.save` can write, in small letters."""
+    """Ending, in small letters, of a path to which `Exposure.save` can write."""
     ending = file_path(path).suffix.lower()
     if ending not in (".exr", ".zarr", ".tif", ".tiff", ".png"):
         raise FileError(f"{os.fspath(path)!r} ends in {ending!r}; it must end in .exr, .zarr, .tif, .tiff or .png")

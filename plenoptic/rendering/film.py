@@ -15,7 +15,7 @@ from plenoptic.errors import InvalidValueError
 
 
 def replicate_counts(samples: int, replicates: int) -> NDArray[np.int64]:
-    """How many samples each replicate gets: as equal as can be, the first ones one more."""
+    """Samples of each replicate: as equal as possible, the first ones one more."""
     counts = np.full(replicates, samples // replicates, dtype=np.int64)
     counts[: samples % replicates] += 1
     return counts
@@ -132,7 +132,7 @@ class Film:
         return found
 
     def _moments(self, rows: slice) -> Moments:
-        """Of all pixels of some rows; there are two replicates or more."""
+        """Moments of all pixels of some rows; needs two replicates or more."""
         assert self.between is not None
         mean, squares = self.mean[rows].astype(np.float64), np.square(self.between[rows], dtype=np.float64)
         scatter = None if self.within is None else np.square(self.within[rows], dtype=np.float64)
@@ -204,7 +204,7 @@ class Film:
 
 
 def _kept(numbers: Floats) -> NDArray[np.float32]:
-    """As float32, at most the largest of these."""
+    """Convert to float32, clipped to its largest number."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.clip(numbers, -_LARGEST, _LARGEST).astype(np.float32)
 
@@ -232,7 +232,7 @@ class Moments(NamedTuple):
 
 
 def moments(sums: Floats, counts: Floats | NDArray[np.int64], powers: Floats | None = None) -> Moments:
-    """Those of sums (..., replicates, channels) and sums of squares (..., channels); see `Film.add`."""
+    """Moments of sums (..., replicates, channels) and sums of squares (..., channels); see `Film.add`."""
     counts = counts[counts > 0]  # the first ones have most
     used, samples = sums[..., : counts.size, :], counts.sum()
     mean = used.sum(axis=-2) / samples
@@ -270,7 +270,7 @@ def in_whole_blocks(region: tuple[int, int, int, int], shape: tuple[int, int]) -
 
 
 def block_sums(values: Floats) -> Floats:
-    """Of each pixel (rows, columns): the sum over those of its colour of a checkerboard in its block of 8 x 8."""
+    """Sum over each pixel's block of 8 x 8, of the pixels of its colour on a checkerboard (rows, columns)."""
     rows, columns = values.shape
     high, wide = -(-rows // BLOCK), -(-columns // BLOCK)
     padded = np.zeros((high * BLOCK, wide * BLOCK))
@@ -282,12 +282,12 @@ def block_sums(values: Floats) -> Floats:
 
 
 def agree(mean: Floats, squared_error: Floats) -> NDArray[np.bool_]:
-    """Where samples or their replicates differ by no more than rounding."""
+    """True where samples or their replicates agree to rounding."""
     return np.asarray(squared_error <= np.square(16 * _EPS * mean))
 
 
 def brought_by_one(known: Moments, one_sample: AnyFloats) -> Floats:
-    """What one sample that brings light brings (rows, columns): as around, and at most `one_sample`.
+    """Contribution of one bright sample (rows, columns), from the surroundings; at most `one_sample`.
 
     The mean of x weighed by light, E[x^2] / E[x], over samples x of the pixels of the same colour of a checkerboard in
     its block, where x is in units of what their samples bring at most. `one_sample` where all are dark.

@@ -12,7 +12,7 @@ from plenoptic.errors import InvalidValueError
 
 
 def samples_text(counts: NDArray[Any]) -> str:
-    """How much of the frame has what: 64 samples in 40 % of the pixels, 8 to 56 in 35 %, none in 25 %."""
+    """Distribution of samples over the frame: 64 samples in 40 % of the pixels, 8 to 56 in 35 %, none in 25 %."""
     most, between = int(counts.max()), counts[(counts > 0) & (counts < counts.max())]
     parts = [f"{most or 'no'} samples in {100 * np.mean(counts == most):.3g} % of the pixels"]
     if between.size:

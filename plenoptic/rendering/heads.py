@@ -1,4 +1,4 @@
-"""What is known of an exposure before its pixels are read."""
+"""Metadata of an exposure, known before its pixels are read."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Head(NamedTuple):
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What is kept beside the arrays, by the names of fields."""
+        """Metadata that is stored beside the arrays, by the names of fields."""
         return {name: getattr(self, name) for name in FACTS}
 
     def __repr__(self) -> str:
@@ -77,13 +77,13 @@ FACTS = Head._fields[2:]
 
 
 def head_of(exposure: Exposure) -> Head:
-    """That of an exposure in memory."""
+    """Metadata of an exposure in memory."""
     facts = {name: getattr(exposure, name) for name in FACTS}
     return Head(exposure.image.shape, tuple(pixels_of(exposure)), **facts)  # type: ignore[arg-type]
 
 
 def checked_head(shape: tuple[int, ...], arrays: Iterable[str], facts: Mapping[str, Any]) -> Head:
-    """That of an image of this shape; an InvalidValueError, as of `Exposure`, for facts that cannot be."""
+    """Check the metadata of an image of this shape; raises InvalidValueError, as `Exposure`, for impossible facts."""
     from plenoptic.rendering.exposure import Exposure  # knows this module
 
     if len(shape) != 3 or 0 in shape:

@@ -1,4 +1,4 @@
-"""What a render took and where its paths went."""
+"""Statistics of a render: time, and the fates of its paths."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NAMED = 16
 
 
 class StopReason(enum.IntEnum):
-    """Why a render ended: with all its samples, after its time, at its error, or because it was interrupted.
+    """Reason why a render ended: all its samples, its time, its error, or an interrupt.
 
     TARGET_MISSED: neighbours' errors said that it was enough, and the image's own is more than 1.25 times the target,
     or is not known, because light is rare (`Exposure.rare_light`).
@@ -49,7 +49,7 @@ _ENDED = {
 
 @value
 class RenderStats:
-    """What a render took and where its paths went.
+    """Statistics of a render: time, and the fates of its paths.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ MOTION_NAMES = tuple(_MOTION)
 
 
 class Layout(NamedTuple):
-    """Which arrays there are, and where on the sensor."""
+    """Names of the arrays of a store, and their position on the sensor."""
 
     shape: tuple[int, int]
     """Rows and columns."""
@@ -126,7 +126,7 @@ def rows_of_store(path: str | os.PathLike[str], head: Head, first: int, end: int
 
 
 def _attributes(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Those of a store that says that it holds an exposure; a FileError where it says something else."""
+    """Attributes of a store that holds an exposure; a FileError for another content."""
     attributes = attributes_of(path)
     if attributes is None or attributes.get(KIND) != EXPOSURE:
         if not os.path.exists(path):
@@ -156,7 +156,7 @@ def dataset_of(exposure: Exposure) -> xarray.Dataset:
 
 
 def layout_of(exposure: Exposure, truth: Truth = Truth.NONE, *, microlenses: bool = False) -> Layout:
-    """What an exposure has, and the channels of `truth` that others may have, some of cameras with `microlenses`."""
+    """Layout of an exposure, with the channels of `truth` that others may have, some of cameras with `microlenses`."""
     rows, columns, channels = exposure.image.shape
     first_row, _, first_column, _ = exposure.region or (0, rows, 0, columns)
     sensor = None if exposure.camera is None else exposure.camera.sensor
@@ -166,7 +166,7 @@ def layout_of(exposure: Exposure, truth: Truth = Truth.NONE, *, microlenses: boo
 
 
 def _variables(layout: Layout) -> dict[str, Variable]:
-    """What the arrays are, and their coordinates."""
+    """Descriptions of the arrays, and their coordinates."""
     made: dict[str, Variable] = {}
     known, labels = _OWN | _MOTION, {CHANNEL: CHANNEL_NAMES[layout.channels], **_LABELS}
     for name in layout.names:
@@ -219,7 +219,7 @@ def check_store(target: Path) -> None:
 
 
 def _replaceable(target: Path) -> bool:
-    """Whether it is an empty folder or a store with one exposure."""
+    """True for an empty folder or a store with one exposure."""
     if not target.is_dir():
         return False
     return not any(target.iterdir()) or (attributes_of(target) or {}).get(KIND) == EXPOSURE

@@ -36,7 +36,7 @@ class Tile(NamedTuple):
 
     @property
     def pixels(self) -> int:
-        """How many it has."""
+        """Number of pixels."""
         return self.rows * self.columns
 
     def centres(self, camera: CameraRecord) -> Floats:
@@ -50,7 +50,7 @@ class Tile(NamedTuple):
 
 
 class TileResult(NamedTuple):
-    """What a batch of a tile brings."""
+    """Result of a batch of a tile."""
 
     tile: Tile
     batch: Batch
@@ -77,7 +77,7 @@ class TileResult(NamedTuple):
 
 
 def status_codes(camera: CameraRecord) -> int:
-    """How many numbers a ray's status can have."""
+    """Number of status codes of a camera's rays."""
     return 8 * (camera.elements + 1)
 
 

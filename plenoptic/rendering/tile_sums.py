@@ -1,4 +1,4 @@
-"""What the paths of a tile add up to in its pixels."""
+"""Sums of the paths of a tile in its pixels."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Part(NamedTuple):
 
     @property
     def paths(self) -> int:
-        """How many there are."""
+        """Number of paths."""
         return self.fed.place.size * self.batch.samples
 
 
@@ -146,7 +146,7 @@ def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
 
 
 class Tally:
-    """What becomes of a tile's own paths."""
+    """Counts of a tile's own paths by their fates."""
 
     def __init__(self, context: RenderContext, statuses: int) -> None:
         self._context = context

@@ -60,7 +60,7 @@ def cut_into_tiles(
 
 
 def _turn(place: tuple[int, int]) -> int:
-    """When it is a tile's turn, so that those before are spread over the whole region, however many there are.
+    """Rank of a tile, such that the first n tiles are spread over the whole region for every n.
 
     The bits of its row and column among the tiles, alternately, the lowest first: the radical inverse of both.
     """
@@ -84,7 +84,7 @@ def _chosen_side(budget: Budget, *, shared: bool) -> int:
 
 
 def _cuts(first: int, end: int, side: int, least: int) -> list[int]:
-    """Where tiles begin, and where the last one ends; a rest below `least` belongs to the one before."""
+    """Borders of tiles along one axis; a remainder below `least` belongs to the tile before it."""
     cuts = [*range(first, end, side), end]
     if len(cuts) > 2 and end - cuts[-2] < least:
         del cuts[-2]

@@ -34,7 +34,7 @@ _FAR = 1e3
 
 @value
 class WarmUp:
-    """What `warm_up` has done.
+    """Kernels and time of a `warm_up`.
 
     Parameters
     ----------

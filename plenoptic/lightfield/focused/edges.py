@@ -43,7 +43,7 @@ class Light(NamedTuple):
 
 
 def light_of(radiance: Floats, variance: Floats | None) -> Light:
-    """Of radiance (n, C) and its variance."""
+    """Light of radiance (n, C) with its variance."""
     value, channels = radiance.mean(axis=1), radiance.shape[1]
     spread = np.zeros_like(value) if variance is None else np.sqrt(variance.sum(axis=1)) / channels
     return Light(value, spread)
@@ -76,7 +76,9 @@ def corrected(rays: PixelRays, nearness: Floats, light: Light, spacing: float, d
 
 
 def _places(rays: PixelRays, nearness: Floats, spacing: float) -> Floats:
-    """Where pixels are seen from the middle of the pupil, (n, 2): down and along, in pixels of the picture."""
+    """Positions at which pixels are seen from the middle of the pupil, (n, 2): down and along, in pixels of the
+    picture.
+    """
     return np.asarray((rays.through - rays.pupil * nearness[:, None])[:, ::-1] * (1.0, -1.0) / spacing)
 
 

@@ -51,11 +51,11 @@ class PixelRays(NamedTuple):
     """From the array's rear principal plane, mm."""
 
     def at(self, plane: NDArray[Any]) -> Floats:
-        """What the raw image (H, W) or (H, W, C) has for the rays."""
+        """Values of the raw image (H, W) or (H, W, C) for the rays."""
         return np.asarray(plane[self.row, self.column])
 
     def on_image(self, of_rays: NDArray[Any], empty: float) -> NDArray[Any]:
-        """What the rays (n,) have, on the raw image (H, W)."""
+        """Image (H, W) with the values of the rays (n,) at their pixels."""
         plane = np.full(self.shape, empty, dtype=of_rays.dtype)
         plane[self.row, self.column] = of_rays
         return plane
@@ -70,7 +70,7 @@ def seen_pupil(camera: PlenopticCamera) -> Pupil:
 
 
 def pixel_rays(axes: ArrayAxes, array: MicrolensArray, planes: RawPlanes, pupil: Pupil) -> PixelRays:
-    """Of all lit pixels that see one microlens alone."""
+    """Rays of all lit pixels that see one microlens alone."""
     camera, first = axes.camera, np.array(planes.first)
     shape = np.array(planes.shot.shape[:2])
     radius = _radius(camera, array, pupil)

@@ -56,7 +56,7 @@ class Seen(NamedTuple):
 
 
 class Focus(NamedTuple):
-    """What pictures are sharp at."""
+    """Surface on which pictures are sharp."""
 
     disparity: Floats
     """(n,): of rays, in pitches."""
@@ -210,7 +210,7 @@ def seen_by(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, lea
 
 
 def focus_of(seen: Seen, disparity: ArrayLike | None, z: float | None = None) -> Focus:
-    """What pictures are sharp at, or an error."""
+    """Surface on which pictures are sharp; raises an error where it is impossible."""
     if z is not None and disparity is None:
         return Focus(_of_plane(seen, finite(z, "z")), False)
     if z is not None or disparity is None:
@@ -283,7 +283,7 @@ def samples_of(seen: Seen, focus: Focus, given_spacing: float | None) -> Samples
 
 
 def _area(seen: Seen, aperture: float) -> float:
-    """Of the array for each pixel of a microlens image, with as many of them as the pupil lights, in mm^2."""
+    """Area of the array per pixel of a microlens image, with as many of them as the pupil lights, in mm^2."""
     camera, array, pupil, _, _ = seen
     pixels = (
         math.pi * (min(aperture, 1.0) * pupil.slope * camera.microlenses_to_sensor / camera.sensor.pixel_pitch) ** 2

@@ -52,7 +52,7 @@ class Splats(NamedTuple):
 
 
 class Window(NamedTuple):
-    """How samples around a pixel are taken."""
+    """Window of samples around a pixel."""
 
     shape: tuple[int, int]
     width: float
@@ -79,7 +79,7 @@ class Near(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """What is known of the samples of a picture as a whole."""
+    """Statistics of all samples of a picture."""
 
     depth: float
     """Difference of nearness within a surface."""
@@ -99,7 +99,7 @@ class Canvas(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """Its pixels on the array: row i lies at y = (first[0] + i) spacing, column j at -x = (first[1] + j) spacing."""
+    """Pixel grid on the array: row i lies at y = (first[0] + i) spacing, column j at -x = (first[1] + j) spacing."""
 
     first: tuple[int, int]
     shape: tuple[int, int]
@@ -112,7 +112,7 @@ class Grid(NamedTuple):
 
 
 class Footprint(NamedTuple):
-    """What a sample's pixel and microlens blur, as variances on the array in mm^2 along each axis."""
+    """Blur of a sample by its pixel and microlens, as variances on the array in mm^2 along each axis."""
 
     pixel: Floats
     lens: Floats
@@ -133,7 +133,8 @@ def grid_of(rays: PixelRays, spacing: float) -> Grid:
 def footprints(
     array: MicrolensArray, rays: PixelRays, pupil: Pupil, nearness: Floats, pixel: float, wavelength: float
 ) -> Footprint:
-    """Of pixels of side `pixel`, seen at a nearness a / (1 + a V) of images a behind the array, V the pupil's vergence.
+    """Footprints of pixels of side `pixel` at the nearness a / (1 + a V) of images a behind the array, V the pupil's
+    vergence.
 
     From there a pixel is p a / b large, and the opening w of a microlens w (1 - a / a_f), with 1 / a_f = 1 / b - 1 / f.
     The pupil sees both smaller by 1 + a V.

@@ -46,7 +46,7 @@ class View:
     camera: PlenopticCamera
 
     def truth(self, scene: Scene, *, truth: Truth = Truth.ALL) -> GroundTruth:
-        """What the pixels show, traced along the rays through their places on the array and the viewpoint.
+        """Ground truth of the pixels, traced along the rays through their positions on the array and the viewpoint.
 
         Parameters
         ----------

@@ -56,7 +56,7 @@ def fill_behind(behind, nearness, lens, depth, farthest):
 
 @kernel
 def fill_misfits(misfit, cells, depth, pixels):
-    """How far the light of pixels (n,) is from that of other microlenses at the same place and depth.
+    """Write the difference of the light of pixels (n,) from that of other microlenses at the same position and depth.
 
     inf where these have no samples there. `pixels` are (place, nearness, light, lens).
     """

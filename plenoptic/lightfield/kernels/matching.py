@@ -24,7 +24,9 @@ _SMALL, _LARGE = 0.03, 0.3
 
 @device
 def _fill_moved(moved, there, values, known, down, right, shape):
-    """What a picture shows `down` and `right` of each pixel, by cubic convolution; `there` where four are known."""
+    """Write the values of a picture `down` and `right` of each pixel, by cubic convolution; `there` where four are
+    known.
+    """
     rows, columns = shape
     top, left = math.floor(down), math.floor(right)
     (a0, a1, a2, a3), _ = keys(down - top)

@@ -21,7 +21,7 @@ _SAME = 1.5
 
 @device
 def levels(images, sweep, m, other, d):
-    """How far the sharper of two pictures is to be blurred, so that both show points of a disparity equally blurred."""
+    """Blur levels of pictures m and `other` that make points of a disparity equally blurred; 0 for the blurrier one."""
     here, there = images.bent[m] - d / sweep.pitch, images.bent[other] - d / sweep.pitch
     blurrier = sweep.opening * (there * there - here * here) / sweep.level
     last = images.blurred.shape[1] - 1
@@ -30,13 +30,13 @@ def levels(images, sweep, m, other, d):
 
 @device
 def _reach(sweep, disparity):
-    """How far the refinement goes."""
+    """Half width of the disparities that refinement tries."""
     return sweep.reach * abs(disparity) + sweep.least_reach
 
 
 @device
 def _displaced(images, pairs, sweep, m, j, place, d):
-    """How much farther a point is seen in another picture than it should: rows, columns, and how both grow with d."""
+    """Residual displacement of a point in another picture: rows, columns, and how both grow with d."""
     (y, x), other, near = place, pairs.other[j], d / sweep.pitch
     yy = math.floor(y + pairs.base[j, 0] - d * pairs.step[j, 0] + 0.5)
     xx = math.floor(x + pairs.base[j, 1] - d * pairs.step[j, 1] + 0.5)

@@ -48,7 +48,7 @@ def _gathered(near, splats, at, window, width):
 
 @device
 def _next_layer(near, count, splats, behind, depth):
-    """Where the nearest surface behind a nearness lies, how much of the pixel it covers, its disparity and its end."""
+    """Nearest surface behind a nearness: its position, coverage of the pixel, disparity and end."""
     nearest = -math.inf
     for j in range(count):
         e = splats.nearness[near.number[j]]

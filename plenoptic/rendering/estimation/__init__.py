@@ -1,1 +1,1 @@
-"""What a render will take, from a few of its pixels."""
+"""Estimates of time, memory and files of a render, from a few of its pixels."""

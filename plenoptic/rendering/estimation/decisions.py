@@ -17,7 +17,7 @@ _STEEP, _USUAL, _FLAT = 0.75, 0.62, 0.5
 
 
 def mean_samples(pilots: Sequence[Progress], budget: Budget) -> tuple[float, float, float]:
-    """How many samples tiles of a render have on average, and between what that is in most cases."""
+    """Mean number of samples of a render's tiles, and its interval: mean, least, most."""
     low, usual, high = (predicted_samples(pilots, falls) for falls in (_STEEP, _USUAL, _FLAT))
     spread = relative_spread(pilots) * usual.mean()
     # Where light is noisy here and there, the dearest tile may not have been seen: one more of that kind.
@@ -27,7 +27,7 @@ def mean_samples(pilots: Sequence[Progress], budget: Budget) -> tuple[float, flo
 
 
 def relative_spread(pilots: Sequence[Progress]) -> float:
-    """How far the mean of tiles is from that of all in most cases, over the mean."""
+    """Half width of the interval of the mean over tiles, 1.5 standard errors, relative to the mean."""
     samples = predicted_samples(pilots)
     return float(1.5 * samples.std(ddof=1) / math.sqrt(samples.size) / samples.mean())
 
@@ -51,7 +51,7 @@ def _predicted(progress: Progress, falls: float) -> Floats:
 
 
 def steps_to(budget: Budget, samples: Floats | NDArray[np.int64]) -> float:
-    """How often tiles are rendered that end with numbers of samples, on average.
+    """Mean number of times that a tile is rendered, for tiles that end with given numbers of samples.
 
     Errors are predicted from step to step, so that each takes up to four times the samples.
     """

@@ -1,4 +1,4 @@
-"""What a render will take: time, memory and files, from pilots."""
+"""Estimates of a render's time, memory and files, from pilot renders."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Estimated(NamedTuple):
 
 @value
 class Estimate:
-    """What a render will take.
+    """Estimated time, memory and files of a render.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def estimate(  # noqa: PLR0913
     threads: int | None = None,
     progress: bool = True,
 ) -> Estimate:
-    """What `render` would take in time, memory and files, found in a few seconds by pilots from all over the frame.
+    """Estimate time, memory and files of `render`, in a few seconds, by pilot renders spread over the frame.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def estimate(  # noqa: PLR0913
 
 
 class _Found(NamedTuple):
-    """Of a pixel."""
+    """Estimates for one pixel."""
 
     cpu_seconds: Estimated
     samples: Estimated
@@ -236,14 +236,14 @@ class _Pilots:
         return int(min(max(_DECIDED_SECONDS * self.threads / once, 2 * self.budget.enough), _MOST_SAMPLES))
 
     def may_decide_again(self, runs: list[PilotRun]) -> bool:
-        """Whether there is time for one more pilot that decides, and half of the frame is not there yet."""
+        """True if there is time for another pilot that decides, and pilots cover less than half of the frame."""
         spent = sum(run.cpu_seconds for run in runs) * (1 + 1 / len(runs))
         most = min(self.pixels // (2 * self._deciding_pixels), _MOST_DECIDING)
         return len(runs) < most and spent < _DECIDED_SECONDS * self.threads
 
     @property
     def _deciding_tiles(self) -> int:
-        """Of a pilot that decides: no more than the frame has room for."""
+        """Number of tiles of a pilot that decides: at most as many as the frame holds."""
         return max(min(_DECIDED, self.pixels // self._fitting(_DECIDING) ** 2), 1)
 
     @property
@@ -266,7 +266,7 @@ class _Pilots:
 
 
 def _by_samples(pilots: _Pilots) -> _Found:
-    """Where the number of samples is given."""
+    """Estimate for a given number of samples."""
     samples = pilots.budget.max_samples
     few = min(samples, _MOST_SAMPLES)
     pilots.run(min(few, 4), 0)  # what is compiled or read for the first time
@@ -281,7 +281,7 @@ def _by_samples(pilots: _Pilots) -> _Found:
 
 
 def _by_error(pilots: _Pilots) -> _Found:
-    """Where tiles end at an error."""
+    """Estimate where tiles end at an error."""
     few = min(pilots.budget.enough, _MOST_SAMPLES)
     pilots.run(4, 0)
     pairs = [(pilots.run(few // 4, seed), pilots.run(few, seed)) for seed in (0, 1)]
@@ -322,7 +322,7 @@ def _busy(runs: list[PilotRun], pilots: _Pilots) -> float:
 
 
 def _bytes(run: PilotRun) -> tuple[float, float, float]:
-    """Of an EXR file's head, of a pixel in it, since noise can hardly be compressed, and of what feeds a pixel."""
+    """Bytes of an EXR file's head, of a pixel in it (noise hardly compresses), and of a pixel's aperture regions."""
     texts = texts_of(run.exposure)
     head = _HEAD_BYTES + sum(len(name) + len(text) for name, text in texts.items())
     with tempfile.TemporaryDirectory() as folder:

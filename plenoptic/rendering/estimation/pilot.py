@@ -45,7 +45,7 @@ class PilotTile(NamedTuple):
 
     @property
     def pixels(self) -> int:
-        """How many it has."""
+        """Number of pixels."""
         return self.rows * self.columns
 
     def centres(self, camera: CameraRecord) -> Floats:
@@ -85,14 +85,16 @@ def pilot_tiles(region: Region, n: int, per_tile: int, side: int, seed: int) -> 
 
 
 def _on_grid(place: Floats, length: int, side: int) -> NDArray[np.int64]:
-    """Where squares begin that have places between 0 and a length: on blocks, the last one as far as it goes."""
+    """First rows or columns of squares at positions along a length, aligned with blocks; the last one ends with the
+    length.
+    """
     step = -(-side // BLOCK) * BLOCK
     last = (length - side) // BLOCK * BLOCK
     return np.minimum(place // step * step, last).astype(np.int64)
 
 
 class PilotRun(NamedTuple):
-    """What the render of pilots took."""
+    """Time and memory of a pilot render."""
 
     pixels: int
     seconds: float

@@ -20,7 +20,7 @@ SHUTTER_SET = COLOUR_SET + 1
 
 
 class MovingPaths:
-    """What differs from path to path of a bundle, and the scene in which it does.
+    """Quantities of a bundle that differ from path to path, and the scene at each path's time.
 
     Each ray that meets what moves gets a row of `instance_to_world` of its own, behind those of the scene: whatever
     reads there where a triangle stands needs not know of times.
@@ -78,7 +78,7 @@ class MovingPaths:
             self._meshes = tuple(meshes)
 
     def along(self, path: NDArray[np.int64]) -> Intersector | None:
-        """What finds triangles for rays of paths (n,)."""
+        """Intersector for rays of paths (n,); None where nothing moves."""
         return self._intersector if self._trees is None else self._trees.along(path, self._meshes)
 
     def place(self, hits: Hits, path: NDArray[np.int64]) -> None:

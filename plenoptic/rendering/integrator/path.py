@@ -42,7 +42,7 @@ class Witness(Protocol):
         """Lights were drawn for surfaces, and some of them could be seen."""
 
     def scattered(self, interactions: Interactions, onward: RayQueue, onwards: int, drawn: int) -> None:
-        """So many rays go on, of those that were drawn: the others ended by chance. Known where none goes on."""
+        """Called after scattering, with the rays that go on, of those sampled; Russian roulette ended the others."""
 
 
 class PathIntegrator:
@@ -104,7 +104,7 @@ class PathIntegrator:
         waves: NDArray[np.int64] | None,
         witness: Witness | None = None,
     ) -> Floats:
-        """What the paths of a bundle see, (n, channels); 0 for those that did not leave the lens.
+        """Radiance of the paths of a bundle, (n, channels); 0 for those that did not leave the lens.
 
         With `waves`, the number of each path's wavelength, there is one channel.
         """

@@ -1,4 +1,4 @@
-"""What paths add to the sums of pixels: the kernels."""
+"""Kernels that add the radiance of paths to the sums of pixels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from plenoptic.core.values import Floats
 
 
 class Light(NamedTuple):
-    """What the paths of a bundle bring."""
+    """Radiance and weights of the paths of a bundle."""
 
     blocks: Floats
     """The bundle, with what paths weigh."""
@@ -28,7 +28,7 @@ class Light(NamedTuple):
 
 @device
 def _brought(light, k, c):
-    """What path k of a bundle brings to channel c."""
+    """Contribution of path k of a bundle to channel c."""
     found = light.blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
     if light.weights is not None:
         found *= light.weights[light.waves[k], c]

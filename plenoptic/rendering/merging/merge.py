@@ -27,7 +27,7 @@ from plenoptic.rendering.stores import check_store, create_store, empty_arrays
 
 
 class _Strip(NamedTuple):
-    """What is known of some rows of a region, once they are filled."""
+    """Statistics of some rows of a region, known once they are filled."""
 
     least: int
     """Samples of a pixel."""
@@ -108,7 +108,7 @@ def _filled_strip(plan: Plan, region: Region, rows: slice, arrays: Arrays) -> _S
 
 
 def _head(plan: Plan, strips: Sequence[_Strip]) -> Head:
-    """What is known of the whole beside its pixels, once these are filled."""
+    """Metadata of the merged exposure, known once its pixels are filled."""
     heads, most = plan.heads, max(strip.most for strip in strips)
     alike = min(strip.least for strip in strips) == most
     light: dict[int, list[Floats]] = {}

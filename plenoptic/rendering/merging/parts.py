@@ -1,4 +1,4 @@
-"""What is merged: exposures in memory, files that are read when their rows are wanted, and stores, row by row."""
+"""Parts of a merge: exposures in memory, files that are read when their rows are needed, and stores, row by row."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Part(Protocol):
 
     @property
     def name(self) -> str:
-        """How errors call it."""
+        """Name of the part in messages."""
         ...
 
     @property
@@ -30,7 +30,7 @@ class Part(Protocol):
         ...
 
     def rows(self, first: int, end: int) -> Arrays:
-        """Its arrays in rows that count from its own first one."""
+        """Arrays of rows that count from the part's own first one."""
         ...
 
 

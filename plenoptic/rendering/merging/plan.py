@@ -1,4 +1,4 @@
-"""What becomes of parts: which lie on each other, which beside each other, and what is known of all."""
+"""Plan of a merge: overlapping and adjacent parts, and the metadata of all."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Plan(NamedTuple):
 
     @property
     def heads(self) -> list[Head]:
-        """Of all parts."""
+        """Metadata of all parts."""
         return [part.head for part in self.parts]
 
 
@@ -94,7 +94,7 @@ def _check_stack(region: Region, heads: Sequence[Head]) -> None:
 
 
 def _arrays(stacks: Sequence[Sequence[Head]]) -> tuple[str, ...]:
-    """Those that all regions have: several exposures have an error, and the truth that any of them has."""
+    """Names of the arrays that all regions have: with several exposures an error, and the truth that any of them has."""
     known = [{name for head in heads for name in head.arrays if name in CHANNELS} for heads in stacks]
     names = {"image"}
     if all(len(heads) > 1 or "standard_error" in heads[0].arrays for heads in stacks):

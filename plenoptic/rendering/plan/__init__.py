@@ -1,1 +1,1 @@
-"""Which stages run, and why."""
+"""Plan of a render: the stages that run, with reasons."""

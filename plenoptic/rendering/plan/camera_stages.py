@@ -1,4 +1,4 @@
-"""Which stages a camera needs, and why: a table of conditions and reasons."""
+"""Stages that a camera needs: a table of conditions and reasons."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _diffraction(camera: PlenopticCamera) -> list[Decision]:
 
 
 def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
-    """How it is found what feeds pixels."""
+    """Decisions about the method that finds aperture regions."""
     stopped = why_uncertain(camera)
     bounds = why_bounds(camera, certain=white and not stopped)
     return [
@@ -94,7 +94,7 @@ def _array(array: MicrolensArray | None) -> list[Decision]:
 
 
 def _openings(array: MicrolensArray) -> Decision:
-    """Whether paths are tested against openings."""
+    """Decision whether paths are tested against openings."""
     opening, filled, aimed = array.aperture, "lenses fill their cells", "paths are aimed into the openings"
     if opening is None:
         return decide(Stage.OPENINGS, False, filled, filled)

@@ -1,4 +1,6 @@
-"""Which stages a render needs, which are left out, and why. `rendering` asks the plan; nothing else decides."""
+"""Plan of a render: the stages that run and those left out, with reasons. `rendering` asks the plan; nothing else
+decides.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ def plan(  # noqa: PLR0913
     clamp: float | None = None,
     sampler: Sampler = Sampler.SOBOL,
 ) -> Plan:
-    """What `render` would run for a scene and a camera, what it would leave out, and why.
+    """Plan the stages that `render` would run for a scene and a camera, and those that it would leave out, with
+    reasons.
 
     Parameters
     ----------

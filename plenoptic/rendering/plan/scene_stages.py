@@ -1,4 +1,4 @@
-"""Which stages a scene needs, and why: a table of conditions and reasons."""
+"""Stages that a scene needs: a table of conditions and reasons."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ WHITE = "a white image has no scene"
 
 
 def is_dark(record: SceneRecord) -> bool:
-    """Whether nothing in a scene shines: its image is black."""
+    """True if nothing in a scene emits light: its image is black."""
     return not _visible(record) and record.lights.points is None
 
 
 def _visible(record: SceneRecord) -> bool:
-    """Whether rays can meet what shines."""
+    """True if rays can hit an emitter."""
     return record.emission is not None or bool(_world(record))
 
 
@@ -37,7 +37,7 @@ def _scatters(record: SceneRecord, max_bounces: int) -> bool:
 
 
 def _world(record: SceneRecord) -> str:
-    """What rays see that meet nothing."""
+    """Background of rays that hit nothing."""
     sky = record.lights.sky
     return _there({"a constant": sky.background, "a map": sky.environment, "suns": sky.suns})
 

@@ -1,4 +1,4 @@
-"""What moves while the shutter is open."""
+"""Motion while the shutter is open."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class OpenShutter(NamedTuple):
 
 
 def open_shutter(camera: PlenopticCamera, record: SceneRecord | None) -> OpenShutter | None:
-    """What moves in an exposure of a scene; None where nothing does. An error where that cannot be rendered."""
+    """Motion during the exposure of a scene; None where nothing moves. Raises an error where it cannot be rendered."""
     shutter = camera.shutter
     if shutter is None or record is None:
         return None

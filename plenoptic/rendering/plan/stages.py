@@ -72,7 +72,7 @@ class Stage(enum.IntEnum):
 
 @value
 class Decision:
-    """Whether a stage runs, and because of what.
+    """Decision whether a stage runs, with its reason.
 
     Examples
     --------
@@ -93,7 +93,7 @@ class Decision:
 
 @value
 class Subject:
-    """What is planned or rendered: a scene (None: a white image), the camera, and what the paths are."""
+    """Subject of a plan or a render: a scene (None: a white image), the camera, and the kind of paths."""
 
     scene: Scene | None
     camera: PlenopticCamera
@@ -131,7 +131,7 @@ class Plan:
     subject: Subject | None = dataclasses.field(default=None, compare=False, repr=False)
 
     def runs(self, stage: Stage) -> bool:
-        """Whether a stage runs."""
+        """True if a stage runs."""
         return any(decision.runs for decision in self.decisions if decision.stage is stage)
 
     def __repr__(self) -> str:
@@ -139,7 +139,7 @@ class Plan:
         return "\n".join(rows)
 
     def _repr_html_(self) -> str:
-        """What is rendered, from three sides, and two tables: of the stages that run, and of those that do not."""
+        """The subject from three sides, and two tables: of the stages that run, and of those left out."""
         from plenoptic.plots.notebook.html import table_html
         from plenoptic.plots.notebook.pictures import plan_picture
 

@@ -1,4 +1,4 @@
-"""When a render ends, and in what steps it gets there."""
+"""End of a render, and the steps towards it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MAX_SAMPLES = (1 << 31) - 1
 
 
 class Budget(NamedTuple):
-    """What ends a render, whichever comes first; None does not."""
+    """Limits of a render, of which the first one ends it; None is no limit."""
 
     samples: int | None
     time_limit: float | None
@@ -42,12 +42,12 @@ class Budget(NamedTuple):
 
     @property
     def steps(self) -> bool:
-        """Whether samples are added step by step, because it is not known beforehand how many it will be."""
+        """True if samples are added step by step, because their number is not known beforehand."""
         return self.time_limit is not None or self.target_error is not None
 
     @property
     def passes(self) -> bool:
-        """Whether tiles are rendered more than once."""
+        """True if tiles are rendered more than once."""
         return self.following(0) < self.max_samples
 
     @property
@@ -71,7 +71,7 @@ class Budget(NamedTuple):
         return ENOUGH_OF_RARE if self.samples is None and self.time_limit is None else self.max_samples
 
     def following(self, done: int) -> int:
-        """How many samples there are after the next step: at most a quarter more.
+        """Number of samples after the next step: at most a quarter more.
 
         Steps are 4, 5, 6, 7 times the replicates times powers of 2, so that four of them double the samples; the first
         has about 32 samples. With a time limit powers of 2 come before, so that all pixels have something soon.
@@ -97,7 +97,7 @@ class Budget(NamedTuple):
         return step
 
     def is_near(self, error: float) -> bool:
-        """Whether an error is as small as the one wanted, or hardly larger."""
+        """True if an error is below the target, or hardly above it."""
         assert self.target_error is not None
         return error <= _NEAR * self.target_error
 

@@ -54,12 +54,12 @@ class Checkpoint:
 
     @property
     def tile_side(self) -> int | None:
-        """That of the tiles in the file; None where there is none yet."""
+        """Side of the tiles in the file; None where there is none yet."""
         return None if self._log is None else self._log.header["tile_side"]
 
     @property
     def holds(self) -> bool:
-        """Whether there is something in it."""
+        """True if the file holds records."""
         return self._log is not None and bool(self._log.entries)
 
     def begin(self, progress: Progress, side: int) -> None:
@@ -100,7 +100,7 @@ class Checkpoint:
         return max(fitting, key=lambda found: found[0], default=(0, None))[1]
 
     def result(self, i: int, entry: Entry, context: RenderContext) -> TileResult | None:
-        """What a record holds; None where it is damaged, and then it is as if it had never been."""
+        """Result of a record; None where it is damaged, as if it had never been written."""
         assert self._log is not None
         facts, arrays = entry.facts, self._log.read(entry)
         if arrays is None or not are_sums(arrays, facts["paths"]):

@@ -1,4 +1,4 @@
-"""How much of a render fits into its time."""
+"""Time limit of a render."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FINISHING = 7e-8
 
 
 class Clock:
-    """How much can be done until a time limit."""
+    """Amount of work that fits into a time limit."""
 
     def __init__(self, begin: float, limit: float | None, numbers: int = 0) -> None:
         """`numbers`: of the image, pixels times channels."""
@@ -33,7 +33,7 @@ class Clock:
 
     @property
     def limited(self) -> bool:
-        """Whether there is a limit."""
+        """True if there is a limit."""
         return self._end < math.inf
 
     @property
@@ -54,21 +54,21 @@ class Clock:
         return max(self.paths_per_batch() // (pixels * step), 1) * step
 
     def has_time(self, paths: int) -> bool:
-        """Whether a batch of so many paths would end in time, if another one is finished before it begins."""
+        """True if a batch of `paths` paths would end in time, if another one is finished before it begins."""
         if self.limited:
             needed = 1.5 * paths * statistics.median(self._rates) if self._rates else 0.0
             self.over |= time.perf_counter() + needed > self._end
         return not self.over
 
     def affordable(self, paths: int) -> float:
-        """How many more paths there is time for, at the pace of all until now; 0 without a limit."""
+        """Number of further paths that the time allows at the pace so far; 0 without a limit."""
         if not self.limited or self._first is None:
             return 0.0
         now = time.perf_counter()
         return max(self._end - now, 0.0) * paths / max(now - self._first, 1e-9)
 
     def late(self) -> bool:
-        """Whether a batch that is not finished yet is no longer waited for."""
+        """True if an unfinished batch is no longer awaited."""
         return time.perf_counter() > self._end + _LATE
 
     def note(self, paths: int, seconds: float) -> None:

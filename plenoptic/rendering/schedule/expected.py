@@ -1,4 +1,4 @@
-"""What has been estimated in this process, for the bars of renders of the same."""
+"""Times estimated in this process, for the bars of the renders."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class _Expected(NamedTuple):
     seconds: float
 
     def is_of(self, subject: Subject, facts: tuple[object, ...]) -> bool:
-        """Whether scene and camera are the very ones, since they do not change, and facts are equal."""
+        """True if scene and camera are the same objects, which do not change, and facts are equal."""
         here = subject.scene is None if self.scene is None else self.scene() is subject.scene is not None
         return here and self.camera() is subject.camera and self.facts == facts
 
 
 class ExpectedTimes:
-    """Those of the last estimates, without keeping scenes and cameras."""
+    """Times of the last estimates, without references to scenes and cameras."""
 
     def __init__(self) -> None:
         self._found: tuple[_Expected, ...] = ()
@@ -42,7 +42,7 @@ class ExpectedTimes:
         self._found = (found, *self._found[: _KEPT - 1])
 
     def of(self, subject: Subject, *facts: object) -> float | None:
-        """How long a render takes, in s, by the last estimate of the same; None where there is none."""
+        """Time of a render in s by the last estimate of the same subject; None where there is none."""
         wanted = _all_facts(subject, facts)
         return next((found.seconds for found in self._found if found.is_of(subject, wanted)), None)
 

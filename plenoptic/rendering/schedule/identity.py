@@ -1,4 +1,4 @@
-"""What a render is of, in texts that can be compared with those of another run."""
+"""Identity of a render, in texts that can be compared with those of another run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def identity(scene: SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
-    """What a render is of, in texts, or digests of what is long: two of the same identity add up to the same image.
+    """Identity of a render, in texts, or digests of long ones: images of equal identity may be added.
 
     It has the version of this package, the fields of the camera and of values among the facts one by one, and facts:
     numbers, texts, enums and tuples of them. Media of other origin than this package count by their indices at the
@@ -37,7 +37,7 @@ def identity(scene: SceneRecord | None, camera: PlenopticCamera, **facts: Any) -
 
 
 def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> Iterator[str]:
-    """What is different in their identity from ours, in words: seed 1, not 2."""
+    """Differences of their identity from ours, in words: seed 1, not 2."""
     for name in {**ours, **theirs}:
         one, other = theirs.get(name), ours.get(name)
         if one == other:
@@ -66,7 +66,7 @@ def _text(fact: Any, seen_as: Callable[[Any], Any] | None = None) -> str:
 
 
 def _by_index(camera: PlenopticCamera) -> Callable[[Any], Any]:
-    """What kernels know of a medium that is not of this package."""
+    """Description of a medium from outside the package: its indices, as kernels use them."""
 
     def seen(medium: Any) -> Any:
         if not callable(getattr(medium, "index", None)):

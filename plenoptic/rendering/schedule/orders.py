@@ -1,4 +1,4 @@
-"""What is to be rendered of a tile, as engines are given it: here on threads, or in the workers of a cluster."""
+"""Jobs of tiles, as engines run them: here on threads, or in the workers of a cluster."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def thread_engine(
 
 
 class RenderJob(NamedTuple):
-    """What all orders of a render have in common, as values that pickle."""
+    """Values that all jobs of a render share, and that pickle."""
 
     subject: Subject
     seed: int
@@ -83,7 +83,7 @@ class RenderJob(NamedTuple):
 
 
 def tile_renderer(job: RenderJob, threads: int) -> Callable[[TileOrder], TileResult]:
-    """What carries out the orders of a job in another process, compiled with `threads` processes."""
+    """Function that renders the tiles of a job in another process, compiled with `threads` processes."""
     context = render_context(job.subject, job.seed)
     context.prepared.cut_into((_EMPTY,), steps=job.steps)  # whichever tiles come
     truth = truth_record(job.subject.camera, context.camera, job.truth)

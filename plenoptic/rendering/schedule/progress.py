@@ -1,4 +1,4 @@
-"""How far a render is: its film, its tiles, and which pixels still go on."""
+"""State of a render: its film, its tiles, and the pixels that go on."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from plenoptic.rendering.tile import Tile, TileResult
 
 
 class FilmRegion(NamedTuple):
-    """Where a film lies on the sensor, and what its numbers mean."""
+    """Position of a film on the sensor, and the unit of its numbers."""
 
     row: int
     column: int
@@ -101,7 +101,7 @@ class Progress:
         return [int(i) for i in np.flatnonzero(self.open.any(axis=1) & (self.done < self._next()))]
 
     def next_samples(self, i: int) -> int:
-        """How many samples a tile may be given next."""
+        """Number of samples that a tile may be given next."""
         return int(np.where(self.open[i], self.goal[i], MAX_SAMPLES).min() - self.done[i])
 
     def _next(self) -> NDArray[np.int64]:
@@ -109,7 +109,7 @@ class Progress:
         return np.asarray(np.where(self.open, self.goal, MAX_SAMPLES).min(axis=1))
 
     def goes_on(self, i: int) -> bool:
-        """Whether a tile may be given further samples, now or after a decision."""
+        """True if a tile may be given further samples, now or after a decision."""
         return bool(self.open[i].any())
 
     def take(self, i: int, result: TileResult) -> None:
@@ -221,7 +221,7 @@ class Progress:
         return self.film.sample_counts
 
     def note_time(self) -> None:
-        """What has passed until now, with what had passed in the process before."""
+        """Record the elapsed time, with that of earlier processes."""
         self.seconds = self.before[0] + time.perf_counter() - self._begin[0]
         self.cpu_seconds = self.before[1] + time.process_time() - self._begin[1]
 

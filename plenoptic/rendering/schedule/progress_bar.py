@@ -87,7 +87,7 @@ class ProgressBar:
         self._show(1.0 if finished else None)
 
     def _look(self) -> None:
-        """What the watch does while something is compiled, and after that."""
+        """Poll from a thread while something is compiled, and after that."""
         if self._bar is not None or time.perf_counter() - self._begin > DELAY:
             self._show()
 
@@ -137,7 +137,7 @@ class ProgressBar:
             self._bar.refresh()
 
     def _facts(self, share: float) -> list[str]:
-        """What is said beside the bar."""
+        """Texts beside the bar."""
         facts, left = [], self._left(share)
         if self._ending:
             facts.append("interrupted, ending" if compiling.since() is None else ENDING)

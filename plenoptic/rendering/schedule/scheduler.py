@@ -68,7 +68,7 @@ _MOST_CONDITIONED = 1 << 20
 
 
 class Work(NamedTuple):
-    """What is to be rendered, and how it is gone about; see `render`."""
+    """Subject and options of a render; see `render`."""
 
     region: tuple[slice, slice] | None
     seed: int
@@ -210,7 +210,7 @@ def progress_of(
 
 
 def _step(context: RenderContext, clock: Clock) -> int:
-    """What the samples of a batch are a multiple of; the least where time is limited, and batches are short."""
+    """Divisor of the number of samples of a batch; as small as possible where time is limited, and batches are short."""
     return context.replicates if clock.limited else context.together
 
 
@@ -245,7 +245,7 @@ def drive(
             yield tile_order(context, i, tile, (done, samples), sums.of(i) if done else None)
 
     def found() -> Iterator[tuple[int, TileResult | None, Entry | None]]:
-        """What the checkpoint has of tiles that are pending, and then what is rendered of the others."""
+        """Results of pending tiles in the checkpoint, then those rendered of the others."""
         while checkpoint is not None and (entries := list(recorded())):
             read = functools.partial(_read, checkpoint, context)
             yield from run_in_order(read, entries, threads=min(engine.threads, thread_count(None)))
@@ -277,7 +277,7 @@ def drive(
 def _read(
     checkpoint: Checkpoint, context: RenderContext, task: tuple[int, Entry]
 ) -> tuple[int, TileResult | None, Entry | None]:
-    """What the checkpoint has of a tile."""
+    """Result of a tile in the checkpoint."""
     return task[0], checkpoint.result(*task, context), task[1]
 
 
@@ -297,7 +297,7 @@ def _warn_where_late(progress: Progress, limit: float, took: float) -> None:
 
 
 def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupted: bool) -> StopReason:
-    """Why it has ended; a warning where that is not the error that was wanted."""
+    """Reason why the render ended; warns where that is not the target error."""
     target = progress.budget.target_error
     if interrupted:  # also where all was done at that moment: loops of renders are to hear of it
         return StopReason.INTERRUPTED
@@ -334,7 +334,7 @@ def exposure_of(
     *,
     interrupted: bool,
 ) -> Exposure:
-    """What has been found, of the region that was asked for. The film is used up: its arrays are those of the shot."""
+    """Exposure of the requested region. Takes ownership of the film's arrays."""
     film, counts, here = progress.film, progress.sample_counts(), progress.region.asked
     if counts is not None:
         forget_truth(progress.truth, counts == 0)

@@ -1,4 +1,4 @@
-"""Where the sums of tiles are that go on: in memory, or in the file of a checkpoint."""
+"""Storage of the sums of unfinished tiles: in memory, or in the file of a checkpoint."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Sums(Protocol):
-    """Where the sums of tiles are that go on."""
+    """Storage of the sums of unfinished tiles."""
 
     def keep(self, i: int, result: TileResult, progress: Progress, entry: Entry | None) -> None:
         """Keep what a tile has brought; `entry`: where it lies already."""
@@ -23,7 +23,7 @@ class Sums(Protocol):
 
 
 class SumsInMemory:
-    """Those of tiles that go on."""
+    """Sums of unfinished tiles in memory."""
 
     def __init__(self) -> None:
         self._sums: dict[int, Floats] = {}

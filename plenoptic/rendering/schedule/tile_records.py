@@ -1,4 +1,4 @@
-"""What a record of a checkpoint must be, so that a render can go on from it."""
+"""Validity of a checkpoint's records, from which a render can go on."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _FACTS: dict[str, Callable[[Any], bool]] = {
 
 
 def has_facts(entry: Entry) -> bool:
-    """Whether it tells all that there is to be told of a batch of a tile."""
+    """True if a record has all facts of a batch of a tile."""
     facts = entry.facts
     if not all(name in facts and check(facts[name]) for name, check in _FACTS.items()):
         return False
@@ -52,7 +52,7 @@ def has_facts(entry: Entry) -> bool:
 
 
 def has_arrays(entry: Entry, progress: Progress) -> bool:
-    """Whether its arrays are those of its tile in a render."""
+    """True if a record's arrays are those of its tile in a render."""
     rows, columns = Tile(*entry.facts["tile"])[2:]
     replicates, channels = progress.budget.replicates, progress.film.mean.shape[2]
     wanted: dict[str, tuple[Any, tuple[int, ...]]] = {
@@ -71,6 +71,6 @@ def has_arrays(entry: Entry, progress: Progress) -> bool:
 
 
 def are_sums(arrays: Mapping[str, NDArray[Any]], paths: int) -> bool:
-    """Whether the numbers of a record are such as so many paths bring."""
+    """True if the numbers of a record are possible sums of so many paths."""
     counts = arrays["counts"]
     return bool(np.isfinite(arrays["sums"]).all() and (counts >= 0).all() and (counts <= paths).all())

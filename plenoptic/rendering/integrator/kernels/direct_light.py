@@ -1,4 +1,4 @@
-"""What the lights that were drawn for surfaces bring."""
+"""Direct light of the emitters that were sampled for surfaces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What paths collect where they meet what shines."""
+"""Emission at the hits of paths, and of the sky."""
 
 from __future__ import annotations
 

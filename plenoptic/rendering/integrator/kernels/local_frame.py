@@ -15,7 +15,9 @@ def to_local(direction, frame, normal):
 
 @device
 def leaving_point(rows, i, beyond):
-    """Where a ray leaves a surface: off it on the side where `beyond`, its direction along the normal, is positive."""
+    """Origin of a ray that leaves a surface, offset to the side given by the sign of `beyond`, its direction along the
+    normal.
+    """
     off = rows[i, OFFSET] if beyond > 0.0 else -rows[i, OFFSET]
     p, n = row_vector(rows, i, POINT), row_vector(rows, i, NORMAL)
     return p[0] + off * n[0], p[1] + off * n[1], p[2] + off * n[2]
