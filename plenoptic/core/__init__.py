@@ -1,1 +1,1 @@
-"""What all rooms share: values, rays, random numbers, compilation, files."""
+"""Common parts of all rooms: values, rays, random numbers, compilation, files."""

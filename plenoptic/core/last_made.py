@@ -1,4 +1,4 @@
-"""What was made of the object that was used last, for the next call with the same one."""
+"""Cache of one result, for the object that was used last."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LastMade(Generic[_Object, _Made]):
         self._last: tuple[weakref.ref[_Object], _Made] | None = None
 
     def __call__(self, key: _Object) -> _Made:
-        """What is made of an object, anew unless it is the very one of the last call."""
+        """Result for an object, computed anew unless it is the same object as in the last call."""
         last = self._last
         if last is not None and last[0]() is key:
             return last[1]

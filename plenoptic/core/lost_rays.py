@@ -1,4 +1,4 @@
-"""How many rays were lost for which cause at which element of the lens."""
+"""Counts of lost rays by cause and element of the lens."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Lost = tuple[tuple[str, int | None, int], ...]
 
 
 def cause_and_element(code: int) -> tuple[str, int | None]:
-    """What a status of a ray that is lost says, see `ray_blocks`."""
+    """Cause and element of a lost ray's status, see `ray_blocks`."""
     element, cause = divmod(code, CAUSES)
     return RayStatus(cause).name.lower(), element - 1 if element else None
 
@@ -48,5 +48,5 @@ def by_cause(lost: Lost) -> dict[str, int]:
 
 
 def in_words(causes: dict[str, int]) -> str:
-    """Such as "200 clipped, 3 total reflection"."""
+    """Text of the counts, such as "200 clipped, 3 total reflection"."""
     return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in causes.items())

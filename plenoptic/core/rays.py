@@ -29,7 +29,7 @@ _ARRAYS = ("origin", "direction", "weight", "status", "lost_at")
 
 
 class RayStatus(enum.IntEnum):
-    """Why a ray was lost; `OK` is 0, so that `status == 0` or `not status` selects what arrived.
+    """Cause of a ray's loss; `OK` is 0, so that `status == 0` or `not status` selects rays that arrived.
 
     Examples
     --------

@@ -51,7 +51,7 @@ def lit_level(bright: Floats) -> float:
 
 
 def lit_pixels(image: ArrayLike) -> NDArray[np.bool_]:
-    """Which pixels are lit: those brighter than a tenth of the 99th percentile of the pixels above 0.
+    """True for lit pixels: those brighter than a tenth of the 99th percentile of the pixels above 0.
 
     In `Exposure.relative_error` those count whose expected brightness is, as far as noisy images tell.
 
@@ -83,7 +83,7 @@ def lit_pixels(image: ArrayLike) -> NDArray[np.bool_]:
 
 
 def expected_brightness(bright: Floats, variance: Floats) -> Floats:
-    """What pixels (rows, columns) are on average, as far as they and their four diagonal neighbours tell.
+    """Expected brightness of pixels (rows, columns), from themselves and their four diagonal neighbours.
 
     A pixel that has met rare light is too bright and one that has not is too dark, so that neither may be divided by
     itself. Each is drawn towards its neighbours' mean, by as much as its variance (squared standard error) is of the
@@ -125,7 +125,7 @@ def relative_squares(expected: Floats, variance: Floats) -> Floats:
 
 
 def rests_on_few(squares: Floats) -> bool:
-    """Whether the mean of squared relative errors (n,) is that of few pixels: fewer than 8, and than one of 16.
+    """True if the mean of squared relative errors (n,) rests on few pixels: fewer than 8, and than one of 16.
 
     Counted is (sum q)^2 / sum q^2, the number of equal ones that would scatter as much. With 8 of them, the root mean
     square is known to 1 / (2 sqrt(8)), some 18 %. White images have n / 6, `objects` n / 50 at 32 samples.
@@ -140,7 +140,7 @@ def _sum_rests_on_few(total: float, scatter: float, number: int) -> bool:
 
 
 def level_is_known(bright: Floats, variance: Floats) -> bool:
-    """Whether noise does not lift the level above which pixels are lit: to 2.5 of what it is less the errors, at most.
+    """True if noise lifts the level above which pixels are lit by a factor of at most 2.5.
 
     Where more than a hundredth of the pixels have met a rare bright path, these make all others dark. Scenes whose
     light is not rare have at most 1.8, with 16 samples.
@@ -155,7 +155,7 @@ def _less_error(bright: Floats, variance: Floats) -> Floats:
 
 
 def _level_is_near(level: float, lower: float) -> bool:
-    """Whether the level above which pixels are lit is near that of the pixels less their errors."""
+    """True if the level above which pixels are lit is near that of the pixels less their errors."""
     return level <= _MOST_LIFTED * lower
 
 
@@ -193,7 +193,7 @@ def image_error(image: AnyFloats, error: AnyFloats) -> ImageError:
 
 
 class _Strip(NamedTuple):
-    """Of the pixels of some rows: (rows, columns) each."""
+    """Statistics of the pixels of some rows, (rows, columns) each."""
 
     bright: Floats
     variance: Floats
@@ -212,12 +212,12 @@ def _strips(image: AnyFloats, error: AnyFloats) -> Iterator[_Strip]:
 
 
 def _lit_level(level: HighPercentile) -> float:
-    """As `lit_level` of all numbers that were added."""
+    """The `lit_level` of all numbers that were added."""
     return LIT * level.found() if level.added else 0.0
 
 
 class _Sums(NamedTuple):
-    """Of squared relative errors."""
+    """Sums of squared relative errors."""
 
     total: float
     scatter: float

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 else:
 
     def dataclass_transform(**_: Any) -> Callable[[Any], Any]:
-        """What type checkers know since Python 3.11."""
+        """Substitute for the decorator of Python 3.11, which type checkers know."""
         return lambda decorated: decorated
 
 

@@ -1,4 +1,4 @@
-"""What the camera looks at: meshes, materials, textures, lights and backgrounds, and the tables made of them."""
+"""Scenes: meshes, materials, textures, lights and backgrounds, and the records that kernels read."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What is compiled of the scene that was rendered last, for the next call with the same one."""
+"""Compiled records of the scene that was rendered last, for the next call with the same one."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ class PreparedScene:
 
 
 class _Kept:
-    """What scenes with a mesh share that differ in lights and in the places of what moves: that of the last one."""
+    """Compiled meshes that scenes share which differ in lights and in the poses of moving objects: those of the last
+    scene.
+    """
 
     def __init__(self, mesh: Mesh) -> None:
         self.surfaces: Surfaces | None = None

@@ -33,7 +33,7 @@ _FIELDS = {"extra_shares": EXTRA_SHARES}
 
 
 class SceneRecord(NamedTuple):
-    """What kernels read of a scene. Absence is None: a record that a scene has no use for is not there.
+    """Scene as kernels read it. A record for which a scene has no use is None.
 
     nt triangles, nm different materials, C = `channels`. All arrays are C-contiguous and read-only.
     """
@@ -63,7 +63,7 @@ class SceneRecord(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """What is compiled of meshes, wherever they stand: scenes that differ in places and lights share it."""
+    """Compiled meshes in their own frames: scenes that differ in poses and lights share them."""
 
     meshes: tuple[weakref.ref[Mesh], ...]
     """Those of the scene, in their order; for `Instances`, what is repeated."""
@@ -80,7 +80,7 @@ class Surfaces(NamedTuple):
     textures: TextureColumns
 
     def are(self, meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]) -> bool:
-        """Whether they are those of these meshes and lights: the very same meshes, and equal lights."""
+        """True if compiled from these meshes and lights: the same mesh objects, and equal lights."""
         return (
             len(meshes) == len(self.meshes)
             and all(known() is _mesh_of(mesh) for known, mesh in zip(self.meshes, meshes, strict=True))
@@ -221,7 +221,7 @@ def atlas(textures: Sequence[Texture]) -> tuple[NDArray[np.float32] | None, NDAr
 
 
 class TextureColumns:
-    """Which textures give the properties of materials."""
+    """Textures that give the properties of materials."""
 
     def __init__(self, rows: Sequence[MaterialRow]) -> None:
         textures = list(dict.fromkeys(texture for row in rows for texture in row.textures))
@@ -239,7 +239,7 @@ class TextureColumns:
         return TextureColumn(contiguous(column), self._textures, self._texels)
 
     def of_surfaces(self) -> Textures | None:
-        """What textures say of how surfaces scatter."""
+        """Textures of the scattering of surfaces."""
         columns = Textures(*(self.column(*_FIELDS.get(name, (name,))) for name in Textures._fields))
         return None if all(column is None for column in columns) else columns
 
@@ -261,7 +261,7 @@ def _ordered(
 
 
 def _all_grey(lights: Sequence[Light], background: Background | None) -> bool:
-    """Whether what shines besides surfaces is grey: colours are the fields of lights that are three numbers."""
+    """True if all emission besides that of surfaces is grey: colours are the fields of lights that are three numbers."""
     if isinstance(background, EnvironmentMap) and not background.is_grey:
         return False
     world = (background.radiance,) if isinstance(background, ConstantBackground) else ()

@@ -1,4 +1,4 @@
-"""Where a file says that a camera stands."""
+"""Cameras of scene files."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class View:
 
     @property
     def frustum(self) -> Frustum:
-        """Its rays through the corners of the picture; parallel ones, one unit apart, of an orthographic view.
+        """Rays through the corners of the picture; parallel ones, one unit apart, for an orthographic view.
 
         Examples
         --------

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 class HighPercentile:
-    """What `np.percentile` finds among all numbers that were added, while only the highest of them are kept."""
+    """`np.percentile` of all numbers that were added, of which only the highest are stored."""
 
     def __init__(self, percentile: float, *, most: int) -> None:
         """`most`: numbers that may be added."""
@@ -22,7 +22,7 @@ class HighPercentile:
         self.added = 0
 
     def _place(self, count: int) -> float:
-        """Where the percentile of so many numbers lies in their order, from 0."""
+        """Position of the percentile in the order of so many numbers, from 0."""
         return max(count - 1, 0) * self._share
 
     def add(self, numbers: NDArray[Any]) -> None:

@@ -31,7 +31,7 @@ _UNSEEN = 1e-7
 
 @value
 class Sensitivity:
-    """What the channels of a sensor see: a response for each wavelength, or one wavelength for each channel.
+    """Spectral sensitivity of a sensor's channels: a response for each wavelength, or one wavelength for each channel.
 
     A response is what a channel returns for spectral radiance (energy, not photons, per nm): a quantum efficiency
     times the wavelength. Its unit is free: a camera scales every channel so that a spectrum of constant radiance 1

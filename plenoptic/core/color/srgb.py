@@ -1,4 +1,4 @@
-"""What the codes of an image mean: sRGB and linear values."""
+"""Encoding of images: sRGB and linear values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LINEAR_KNEE = 0.0031308
 
 
 class Encoding(enum.IntEnum):
-    """What the integer codes of an image mean; floating-point images are always linear.
+    """Encoding of the integer codes of an image; floating-point images are always linear.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""What work runs on: the threads of this process, or the workers of a cluster."""
+"""Engines that run the jobs of a render: threads of this process, or workers of a cluster."""

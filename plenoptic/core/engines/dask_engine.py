@@ -71,12 +71,12 @@ class DaskCluster:
 
     @property
     def threads(self) -> int:
-        """Of all workers that are there now."""
+        """Number of threads of all present workers."""
         return max(sum(map(int, self.client.nthreads().values())), 1)
 
     @contextmanager
     def engine(self, make: Make, given: Any, *, late: GivenUp | None = None) -> Iterator[DaskEngine[Any, Any]]:
-        """What carries out the orders of a job; `late`: whether time is over, None where there is no limit.
+        """Engine for the orders of a job; `late`: True once time is over, None where there is no limit.
 
         One worker of each host gets ready first: it compiles, and the others find on the disk what it has compiled.
         """
@@ -179,7 +179,7 @@ class _Arrived:
 
     @property
     def missing(self) -> list[Any]:
-        """Those that have not been taken."""
+        """Tasks that have not been taken."""
         return list(self._missing.values())
 
     def note(self, future: Any) -> None:
@@ -198,7 +198,7 @@ class _Arrived:
 
 
 def _surroundings_of(client: Any) -> dict[str, dict[str, str]]:
-    """Of each worker, by its address; those that are lost meanwhile do not count."""
+    """Environment of each worker, by its address; workers that are lost meanwhile do not count."""
     try:
         found: dict[str, Any] = client.run(surroundings, on_error="return")
     except ImportError as error:  # where what is to run cannot even be found

@@ -1,4 +1,4 @@
-"""What runs in the workers of dask: functions that pickle by their names, and what they keep for the next task."""
+"""Functions that run in the workers of dask, which pickle by their names, and their values for the next task."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_MADE = 2
 
 
 class Job(NamedTuple):
-    """What all orders of a job have in common, as a worker gets it."""
+    """Values that all orders of a job share, as a worker gets them."""
 
     content: bytes
     """How to make what carries out orders, and of what, pickled: whatever a worker makes of it is then of its own."""
@@ -38,7 +38,7 @@ class Job(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """What a task brings."""
+    """Results of a task."""
 
     results: list[Any]
     seconds: list[float]
@@ -57,7 +57,7 @@ def sources_hash() -> str:
 
 
 def surroundings() -> dict[str, str]:
-    """What must be the same here as where the client runs, and the kind of processor."""
+    """Versions that must be the same here as at the client, and the kind of processor."""
     found = {"plenoptic": __version__, "kernels": sources_hash()}
     for name in _PACKAGES:
         try:
@@ -85,7 +85,7 @@ _making = threading.Lock()
 
 
 def prepare(job: Job, threads: int = 1) -> Callable[[Any], Any]:
-    """What carries out the orders of a job, made once in each worker; other threads of it wait meanwhile."""
+    """Function for the orders of a job, made once in each worker; other threads of it wait meanwhile."""
     with _making:
         if job.key not in _made:
             check_same(surroundings(), job.surroundings, "a worker")

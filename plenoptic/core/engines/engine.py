@@ -10,7 +10,7 @@ from plenoptic.core.parallel import run_in_order
 
 
 class Order(Protocol):
-    """What is to be done: a value that pickles, and that tells engines how much it is."""
+    """Unit of work: a value that pickles, with its size for engines."""
 
     @property
     def size(self) -> float:
@@ -18,7 +18,7 @@ class Order(Protocol):
 
     @property
     def nbytes(self) -> int:
-        """Of what it needs or brings, about."""
+        """Approximate number of bytes that it needs or returns."""
 
 
 OrderT = TypeVar("OrderT", bound=Order)

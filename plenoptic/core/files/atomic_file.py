@@ -1,4 +1,4 @@
-"""How all files are written: as a whole, in the place of those before. Temporary files, their locks, errors in words.
+"""Atomic writing of files, in place of those before: temporary files, their locks, errors in words.
 
 Until the new file is complete and on the disk it is a temporary one in the same folder, ``.<digits>-<digits>.part``; a
 folder that is replaced is ``.<digits>-<digits>.old`` until it is gone. Whoever writes one holds a lock on it, which
@@ -116,14 +116,14 @@ def utf8_path(path: str | os.PathLike[str]) -> Path:
 
 
 def real_path(path: str | os.PathLike[str]) -> Path:
-    """Where the file itself lies: links to it stay links."""
+    """Path of the file itself: links to it stay links."""
     given = file_path(path)
     with explained(given, "used"):
         return Path(os.path.realpath(given))
 
 
 def is_there(target: Path) -> bool:
-    """Whether there is a file; an error where something is there that is none."""
+    """True if there is a file; an error for anything else."""
     with explained(target, "read"):
         try:
             mode = os.stat(target).st_mode
@@ -137,7 +137,7 @@ def is_there(target: Path) -> bool:
 
 
 def holds_nothing(folder: Path) -> bool:
-    """Whether a folder is empty, or has temporary files only: of a process that writes its first one, or was killed."""
+    """True if a folder is empty, or has temporary files only: of a process that writes its first one, or was killed."""
     return all(_TEMPORARY.fullmatch(name) for name in os.listdir(folder))
 
 
@@ -174,7 +174,7 @@ def explained(target: Path, what: str) -> Iterator[None]:
 
 
 def _beginning(target: Path) -> str:
-    """How the names of temporary files for this target begin; short, whatever its own name."""
+    """Prefix of the names of temporary files for this target; short, whatever its own name."""
     return f".{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"
 
 

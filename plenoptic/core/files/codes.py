@@ -17,12 +17,12 @@ _PART = 1 << 18
 
 
 def brightest(image: NDArray[np.floating[Any]]) -> float:
-    """What becomes the largest code where nothing is to be cut: the finite maximum, or 1 where it is 0."""
+    """Value of the largest code where nothing is clipped: the finite maximum, or 1 where it is 0."""
     return float(np.max(image, initial=0.0, where=np.isfinite(image))) or 1.0
 
 
 def white_point(image: NDArray[np.floating[Any]]) -> float:
-    """What is white in pictures to be looked at: the percentile, the maximum, or 1, whichever is first above 0."""
+    """Value of white in pictures for display: the percentile, the maximum, or 1, whichever is first above 0."""
     level, numbers = HighPercentile(SHOWN, most=image.size), image.reshape(-1)
     for start in range(0, image.size, _PART):
         part = numbers[start : start + _PART]

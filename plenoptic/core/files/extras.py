@@ -9,7 +9,7 @@ from plenoptic.errors import PlenopticError
 
 
 class MissingPackageError(PlenopticError, ImportError):
-    """Such a package is not installed."""
+    """Error for an optional package that is not installed."""
 
 
 def extra_package(name: str, what: str, install: str) -> ModuleType:

@@ -149,14 +149,14 @@ def read_channels(
 def read_picture(
     path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
 ) -> tuple[NDArray[np.float32], dict[str, NDArray[np.float32]], dict[str, Any]]:
-    """What `read_linear` and `read_channels` return, of a file that is read once."""
+    """Read a file once, and return the results of `read_linear` and `read_channels`."""
     pixels, names, metadata, _ = content = _read(path, limits)
     channels, image = each_channel(pixels, names), picture_of(pixels, names, path)
     return made_linear(image) if _is_encoded(content) else image, channels, metadata
 
 
 def read_head(path: str | os.PathLike[str]) -> ImageHead:
-    """What `read_picture` will find, but for the pixels; what is damaged among these is not seen."""
+    """Read the header of an image for `read_picture`; damaged pixels are not noticed."""
     with _opened(path, DEFAULT) as (_, spec, metadata):
         names = list(spec.channelnames)
         return ImageHead((spec.height, spec.width), names, picture_names(names, path), metadata)
@@ -236,7 +236,7 @@ def write_16bit(
 
 
 def write_codes(path: str | os.PathLike[str], pixels: NDArray[Any], metadata: Mapping[str, str] | None = None) -> None:
-    """What `write_16bit` does, with codes (H, W, 1 or 3) of 8 bits too."""
+    """Write codes (H, W, 1 or 3) as `write_16bit` does, also those of 8 bits."""
     target = _writable(path, (".png", ".tif", ".tiff"))
     said = {COLOR_SPACE: SRGB, **(metadata or {})}
     description = json.dumps(said)
@@ -267,7 +267,7 @@ def bayer_to_rgb(mosaic: AnyFloats, *, layout: str, algorithm: str) -> NDArray[n
 
 
 def _is_encoded(content: _Content) -> bool:
-    """Whether whole numbers are sRGB: where the file does not say that they are linear."""
+    """True if whole numbers are sRGB: where the file does not state that they are linear."""
     _, _, metadata, is_integer = content
     return is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower()
 
@@ -366,7 +366,7 @@ def _write(target: Path, pixels: NDArray[Any], names: tuple[str, ...], metadata:
 
 
 def _comes_back(name: str, pixels: NDArray[Any], names: tuple[str, ...]) -> bool:
-    """Whether a file holds these pixels: writers may lose some and say nothing."""
+    """True if a file holds these pixels: writers may lose some without an error."""
     import OpenImageIO as oiio
 
     with _OPENING:
@@ -389,7 +389,7 @@ def _comes_back(name: str, pixels: NDArray[Any], names: tuple[str, ...]) -> bool
 
 
 def _reason(speaker: Any) -> str:
-    """What OpenImageIO says went wrong; its text may quote bytes of a damaged file that are no text."""
+    """Error message of OpenImageIO, which may quote undecodable bytes of a damaged file."""
     try:
         return " ".join(str(speaker.geterror()).split())
     except UnicodeDecodeError:

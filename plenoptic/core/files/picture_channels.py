@@ -13,7 +13,7 @@ from plenoptic.errors import FileError
 
 
 class ImageHead(NamedTuple):
-    """What an image file says before its pixels are read."""
+    """Header of an image file, known before its pixels are read."""
 
     shape: tuple[int, int]
     """Rows and columns."""
@@ -25,7 +25,7 @@ class ImageHead(NamedTuple):
 
 
 def picture_names(names: list[str], path: str | os.PathLike[str]) -> list[str]:
-    """Which channels of a file are its picture: R, G, B, or Y, or the only one."""
+    """Names of a file's channels that are its picture: R, G, B, or Y, or the only one."""
     wanted = next((found for found in (["R", "G", "B"], ["Y"]) if set(found) <= set(names)), None)
     if wanted is None:
         wanted = [name for name in names if name != "A"]

@@ -1,4 +1,6 @@
-"""What is opened to be read: ordinary files only, in folders that the caller allows, and of a size that fits memory."""
+"""Files that are opened for reading: ordinary ones only, in folders that the caller allows, and small enough for
+memory.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ _SCANS = 1000
 
 @value
 class FileLimits:
-    """What a file may ask for: files come from anywhere, and a few bytes can stand for much.
+    """Limits of the resources that a file may request: a few bytes of a foreign file can stand for much.
 
     Where a limit is exceeded, nothing has been allocated yet, and the error says how to raise it.
 
@@ -128,7 +130,7 @@ class FileReader:
         return content
 
     def named(self, name: str) -> Path:
-        """Where a file lies that is named relative to the first one; an error where that is not allowed."""
+        """Path of a file that is named relative to the first one; an error where that is not allowed."""
         try:
             found = os.path.realpath(self._folder / name)
             inside = os.path.commonpath([found, self._root]) == self._root

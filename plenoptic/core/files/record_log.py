@@ -52,7 +52,7 @@ _TYPES = {
 
 
 class LogKind(NamedTuple):
-    """What sort of log a file is, for its first line and for messages."""
+    """Kind of a log, for its first line and for messages."""
 
     name: str
     version: int
@@ -61,7 +61,7 @@ class LogKind(NamedTuple):
 
     @property
     def first_line(self) -> bytes:
-        """That of its files."""
+        """First line of its files."""
         return f"plenoptic {self.name} {self.version}\n".encode()
 
 
@@ -77,7 +77,7 @@ class Entry(NamedTuple):
 
     @property
     def names(self) -> list[str]:
-        """Of its arrays."""
+        """Names of its arrays."""
         return [name for name, _, _ in self.layouts]
 
 
@@ -252,7 +252,7 @@ def _entry_at(content: mmap.mmap, place: int, size: int) -> Entry | None:
 
 
 def _is_whole(content: mmap.mmap, entry: Entry) -> bool:
-    """Whether a record has a body of its own: one that was cut off may reach into those that were written after it."""
+    """True if a record has a body of its own: one that was cut off may reach into those written after it."""
     end = entry.place + entry.length
     if content[end : end + len(_MARK)] == _MARK:
         return True
@@ -292,7 +292,7 @@ def _refuse_any(target: Path) -> None:
 
 
 def log_is_there(path: str | os.PathLike[str]) -> bool:
-    """Whether there is a file; an error where none could be made."""
+    """True if there is a file; an error where none could be made."""
     target = real_path(path)
     if is_there(target):
         return True

@@ -147,7 +147,7 @@ def _public(name: Any) -> type | None:
 
 
 def _in_namespaces(name: str) -> Iterator[Any]:
-    """What the public modules of this package, such as `plenoptic.lightfield`, offer under a name."""
+    """Objects of a name in the public modules of this package, such as `plenoptic.lightfield`."""
     import plenoptic
 
     public = set(getattr(plenoptic, "__all__", ()))

@@ -51,7 +51,7 @@ class Variable(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """As xarray and others know them."""
+        """Attributes as xarray and others know them."""
         return {"long_name": self.meaning, **({"units": self.unit} if self.unit else {}), **self.more}
 
 
@@ -105,7 +105,7 @@ class Store:
 
     @property
     def frames(self) -> int | None:
-        """Of a sequence; None for a single one."""
+        """Number of frames of a sequence; None for a single one."""
         found = next(iter(self._arrays.values()))
         return int(found.shape[0]) if dimensions_of(found)[0] == FRAME else None
 
@@ -147,7 +147,7 @@ class Store:
             _note_all(self._group)
 
     def has(self, region: Region, names: Iterable[str], *, frame: int) -> bool:
-        """Whether the chunks of a region of a frame are there, of all these arrays."""
+        """True if the chunks of a region of a frame are present, of all these arrays."""
         return all(
             name in self._arrays and (self.path / name / _key(self._arrays[name], block, frame)).is_file()
             for name in names

@@ -44,7 +44,7 @@ def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any] | None:
 
 
 def described(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
-    """Of each array of pixels what it is in one line, by their names, and the bytes of the whole on the disk."""
+    """One-line description of each array of pixels, by name, and the bytes of the whole on the disk."""
     folder = file_path(path)
     size, lines = _size(folder, ANY_SIZE), {}
     for name, array in _opened(folder).items():
@@ -69,7 +69,7 @@ def read_arrays(
     frame: int | None = None,
     rows: slice = slice(None),
 ) -> dict[str, NDArray[Any]]:
-    """Those of the named arrays that a store has, whole, of a frame, or some rows of what is no sequence.
+    """Read the named arrays that a store has: whole, of a frame, or some rows where it is not a sequence.
 
     A FileError where they cannot be read, or a frame lacks one.
     """

@@ -1,4 +1,4 @@
-"""How a bundle of rays lies in memory.
+"""Memory layout of a bundle of rays.
 
 As blocks of `BLOCK` rays; in a block, the eight fields of a ray (position, direction, weight, status) are eight rows
 one behind the other. All rays of a block go through one element before the next element is looked at: the inner loops

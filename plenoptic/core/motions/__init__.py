@@ -1,1 +1,1 @@
-"""Where things are and how they move: turns, poses, and rigid motions in time."""
+"""Poses and rigid motions of objects and cameras."""

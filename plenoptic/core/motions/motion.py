@@ -122,7 +122,7 @@ class Motion:
         return cls(begin + share * (end - begin), poses, pivot)
 
     def at(self, time: float) -> Pose:
-        """Where the body is at a time in s."""
+        """Pose of the body at a time in s."""
         matrix = self.matrices([time])[0]
         return Pose(matrix[:, :3], matrix[:, 3])
 
@@ -169,7 +169,7 @@ class Motion:
         return Motion(self.times, poses, pivot)
 
     def moves(self, begin: float, end: float) -> bool:
-        """Whether the body is ever elsewhere between two times than at their beginning."""
+        """True if the body leaves, between two times, its pose at their beginning."""
         inside = self.times[(self.times > begin) & (self.times < end)]
         found = self.matrices(np.concatenate([[begin], inside, [end]]))
         return bool(np.any(found != found[0]))

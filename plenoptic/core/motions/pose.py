@@ -1,4 +1,4 @@
-"""Where a camera stands in the world and which way it looks."""
+"""Pose of a camera in the world: position and orientation."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def _type_of(state: Any, variable: Any) -> Any:
 
 
 def _is_present(state: Any, comparison: Any) -> bool:
-    """Whether what is compared with None cannot be None."""
+    """True if the operand that is compared with None cannot be None."""
     if comparison.fn not in (operator.is_, operator.is_not):
         return False
     other = guard(get_definition, state.func_ir, comparison.rhs)
@@ -46,7 +46,7 @@ def _is_present(state: Any, comparison: Any) -> bool:
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class AbsentFields(FunctionPass):
-    """That pass."""
+    """Numba pass that makes members of records that are None constants."""
 
     _name = "absent_fields"
 

@@ -20,7 +20,7 @@ def _holds_array(kind: Any) -> bool:
 
 
 def _makes_arrays(state: Any) -> bool:
-    """Whether a call brings an array, one is copied, or the function returns one."""
+    """True if a call returns an array, one is copied, or the function returns one."""
     if _holds_array(state.return_type):
         return True
     kinds = state.typemap
@@ -36,7 +36,7 @@ def _makes_arrays(state: Any) -> bool:
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class BorrowedArrays(AnalysisPass):
-    """That pass; it runs when types are known and before LLVM's code is made."""
+    """Numba pass that removes reference counts; it runs when types are known and before LLVM's code is made."""
 
     _name = "borrowed_arrays"
 

@@ -65,7 +65,7 @@ def writable_folder() -> Path | None:
 
 
 class KernelCache:
-    """What a dispatcher of Numba asks for compiled code; stands for `numba.core.caching.FunctionCache`."""
+    """Cache of a dispatcher's compiled code, in place of `numba.core.caching.FunctionCache`."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function

@@ -1,1 +1,1 @@
-"""What a call shows that takes long: how far it is, and what is compiled first."""
+"""Progress of calls that take long: share done, and kernels that are compiled first."""

@@ -1,4 +1,4 @@
-"""What a call shows that takes longer than a second: how far it is, and whether something is compiled first.
+"""Progress bar of calls that take longer than a second, with a note while kernels are compiled first.
 
 A call that ends sooner shows nothing and does not load tqdm. Only calls of the main thread show something, and of those
 that call each other the outermost one.
@@ -105,7 +105,7 @@ class Waiting:
                 self._bar.close()
 
     def step(self, done: int, total: int) -> None:
-        """So many parts of the present step of the work are done; of many short steps none is shown."""
+        """Show the done parts of the present step of the work; of many short steps none is shown."""
         if not self._show:
             return
         now = time.perf_counter()

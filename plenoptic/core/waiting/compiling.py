@@ -1,4 +1,4 @@
-"""What is being compiled at the moment, for those who show it; it needs no Numba, and whoever compiles tells it.
+"""Register of present compilations, for progress bars; it needs no Numba: the compiler reports to it.
 
 There is no lock, for which a process that is forked off meanwhile would wait for ever: steps are single operations on
 dictionaries, and what is shown may be a moment old.
@@ -24,7 +24,7 @@ _PAUSE = 0.5
 
 
 class Compiling:
-    """Which threads compile, or wait for a helper that does, and how much there is to be compiled."""
+    """Threads that compile, or wait for a helper that does, and the number of kernels to be compiled."""
 
     def __init__(self) -> None:
         self._active: dict[int, float] = {}
@@ -77,7 +77,7 @@ class Compiling:
             del self._watchers[key]
 
     def since(self) -> float | None:
-        """When it began, on the clock; None: nothing is being compiled."""
+        """Time at which compilation began, on the clock; None while nothing is compiled."""
         return self._begin if self._active else None
 
     def seconds_left(self) -> float | None:
@@ -103,7 +103,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def compiling_text(kind: str, *, after: float) -> str:
-    """What is shown while something is compiled: that, and how long it takes; nothing in the first seconds.
+    """Text shown while something is compiled, with the elapsed time; empty in the first seconds.
 
     `kind`: of what it is the first time. `after`: so many seconds.
     """

@@ -94,7 +94,7 @@ def _check_stack(region: Region, heads: Sequence[Head]) -> None:
 
 
 def _arrays(stacks: Sequence[Sequence[Head]]) -> tuple[str, ...]:
-    """Names of the arrays that all regions have: with several exposures an error, and the truth that any of them has."""
+    """Names of the arrays that all regions have: with several exposures an error, and the truth of any of them."""
     known = [{name for head in heads for name in head.arrays if name in CHANNELS} for heads in stacks]
     names = {"image"}
     if all(len(heads) > 1 or "standard_error" in heads[0].arrays for heads in stacks):

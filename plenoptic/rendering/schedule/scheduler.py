@@ -210,7 +210,7 @@ def progress_of(
 
 
 def _step(context: RenderContext, clock: Clock) -> int:
-    """Divisor of the number of samples of a batch; as small as possible where time is limited, and batches are short."""
+    """Divisor of the number of samples of a batch; as small as possible where time is limited and batches are short."""
     return context.replicates if clock.limited else context.together
 
 

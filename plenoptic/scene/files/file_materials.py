@@ -1,4 +1,4 @@
-"""What the materials of all kinds of files are made of."""
+"""Materials of all file formats: their common fields."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 @value
 class FileContents:
-    """What a file holds of a scene, in mm.
+    """Content of a scene file, in mm.
 
     Parameters
     ----------

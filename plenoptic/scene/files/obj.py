@@ -43,7 +43,7 @@ def read_mtl(text: str) -> dict[str, dict[str, str]]:
 
 
 def obj_material(name: str, said: Said, reader: FileReader) -> Material:
-    """What comes nearest to one of the materials of an OBJ file.
+    """Material of this package nearest to one of an OBJ file.
 
     The first row that fits counts. alpha is sqrt(2 / (Ns + 2)), the width of the GGX distribution that is nearest to
     Blinn's with the exponent Ns. Colours times images; images of colours are sRGB, those of single numbers linear.

@@ -59,7 +59,7 @@ def trimesh_meshes(
 
 
 class _Names:
-    """What trimesh asks for a material file: it tells it no more than names, by which it parts the triangles."""
+    """Substitute for a material file that gives trimesh no more than names, by which it groups the triangles."""
 
     def __init__(self, file_name: str, names: Mapping[str, Any]) -> None:
         self.file_name = file_name
@@ -72,7 +72,7 @@ class _Names:
 
 
 def _parts(file_name: str, kind: str, content: bytes, names: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What trimesh reads. It keeps vertices apart that differ in uv or normal, unless told to maintain their order."""
+    """Read a mesh by trimesh. It separates vertices that differ in uv or normal, unless told to maintain their order."""
     import trimesh
 
     with warnings.catch_warnings():
@@ -113,7 +113,7 @@ def _check_stl(content: bytes) -> None:
 
 
 def _said(text: str, keyword: str) -> list[str]:
-    """What follows a keyword at the beginning of lines, each once. (A pattern that strips is quadratic.)"""
+    """Texts that follow a keyword at the beginning of lines, each once. (A pattern that strips is quadratic.)"""
     lines = (line.split(maxsplit=1) for line in re.findall(rf"^{keyword}[^\n]*", text, re.MULTILINE))
     return list(dict.fromkeys(words[1].rstrip() for words in lines if len(words) > 1 and words[0] == keyword))
 

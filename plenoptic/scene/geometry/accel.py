@@ -1,4 +1,4 @@
-"""What finds the triangle that a ray meets."""
+"""Intersectors: the triangle that a ray hits first."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def distinct_meshes(instances: InstanceRecord) -> list[tuple[int, int, NDArray[n
 
 
 def suits_float32(linear: Floats) -> NDArray[np.bool_]:
-    """Which of the matrices (n, 3, 3) can be inverted in float32 without much loss."""
+    """True for matrices (n, 3, 3) that can be inverted in float32 without much loss."""
     scale = np.linalg.norm(linear, axis=1)
     suits: NDArray[np.bool_] = ((scale > 1 / _LARGEST_SCALE) & (scale < _LARGEST_SCALE)).all(axis=1)
     suits[suits] = _spread(linear[suits]) < _LARGEST_SPREAD

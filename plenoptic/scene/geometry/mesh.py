@@ -188,7 +188,7 @@ def _check_range(array: Floats, name: str, remedy: str) -> None:
 
 
 def has_area(vertices: Floats, faces: NDArray[np.int32], block: int = 1 << 16) -> bool:
-    """Whether any triangle has an area; ends at the first block that has."""
+    """True if any triangle has an area; ends at the first block that has."""
     for start in range(0, len(faces), block):
         a, b, c = (vertices[faces[start : start + block, k]] for k in range(3))
         u, v = b - a, c - a

@@ -68,7 +68,7 @@ def rotated(self: M, axis: ArrayLike, angle: float) -> M:
 
 
 def rotated_deg(self: T, axis: ArrayLike, angle_deg: float) -> T:
-    """As `rotated`, by an angle in degrees.
+    """Rotate as `rotated` does, by an angle in degrees.
 
     Examples
     --------

@@ -91,7 +91,7 @@ class MovingTriangles:
         return other
 
     def shares(self, other: MovingTriangles) -> bool:
-        """Whether both have the same triangles, and the same stand still."""
+        """True if both have the same triangles, and the same of them stand still."""
         mine, theirs = self._record, other._record
         one, two = self._geometry, other._geometry
         if self._plain != other._plain:
@@ -106,7 +106,7 @@ class MovingTriangles:
         return (mine is None) == (theirs is None) and all(a is b or np.array_equal(a, b) for a, b in pairs)
 
     def _tree_of_rest(self) -> Intersector | None:
-        """Of what stands still; None where nothing does."""
+        """Intersector of the triangles that stand still; None where none does."""
         geometry, plain = self._geometry, self._plain
         if self._record is not None:
             return build_intersector(geometry, self._record)
@@ -114,7 +114,7 @@ class MovingTriangles:
 
 
 def _own_tree(geometry: Geometry, first: int, faces: int) -> tuple[Intersector, Floats]:
-    """Of a mesh in its own frame, and its middle, from which float32 coordinates count."""
+    """Intersector of a mesh in its own frame, and the mesh's middle, the origin of its float32 coordinates."""
     corners, triangles = part_of(geometry.vertices, geometry.triangles[first : first + faces])
     own = geometry_record(corners, contiguous(triangles), np.zeros(faces, dtype=np.int32))
     return build_intersector(own), own.middle

@@ -50,7 +50,7 @@ class Geometry(NamedTuple):
 
 
 class InstanceRecord(NamedTuple):
-    """Which triangles stand at which of ni places."""
+    """Instances: the triangles that stand at each of ni poses."""
 
     matrices: Floats
     """(ni, 12): the upper three rows, one after the other, from the frame of the mesh to the world, mm."""
@@ -64,14 +64,14 @@ class InstanceRecord(NamedTuple):
     """(ni,): which of the scene's motions each follows, -1 for those that stand still. None where nothing moves."""
 
     def some(self, which: NDArray[np.bool_]) -> InstanceRecord | None:
-        """Those of a mask (ni,), still ones, with the plain triangles; None where it is none of them."""
+        """Instances of a mask (ni,), still ones, with the plain triangles; None for an empty mask without them."""
         if not which.any():
             return None
         return InstanceRecord(self.matrices[which], self.first[which], self.faces[which], self.plain, None)
 
 
 class Hits(NamedTuple):
-    """What rays meet first."""
+    """Closest hits of rays."""
 
     triangle: NDArray[np.int32]
     """(n,): -1 for none."""
@@ -81,7 +81,7 @@ class Hits(NamedTuple):
     """(n,), mm: how far rays have come through surfaces that were not there for them. None where all is opaque."""
 
     def first(self, n: int) -> Hits:
-        """Those of the first rays."""
+        """Hits of the first n rays."""
         instance, travelled = self.instance, self.travelled
         return Hits(
             self.triangle[:n], None if instance is None else instance[:n], None if travelled is None else travelled[:n]
@@ -89,7 +89,9 @@ class Hits(NamedTuple):
 
 
 class Interactions(NamedTuple):
-    """Where rays meet surfaces that scatter: n of them; all but `ray`, `path` and `material` may have room for more."""
+    """Interactions of rays with n surfaces that scatter; all arrays but `ray`, `path` and `material` may have room for
+    more.
+    """
 
     rows: Floats
     """(n, INTERACTION_COLUMNS), and a column more for each of EXTRA_SHARES where a material of the scene has them."""
@@ -128,7 +130,7 @@ class PathKeys(NamedTuple):
 
 
 class Shadows(NamedTuple):
-    """What becomes of shadow rays."""
+    """Results of shadow rays."""
 
     blocked: NDArray[np.uint8]
     """(rays,): 1 where something is in the way."""

@@ -1,1 +1,1 @@
-"""What lights a scene: one file a light."""
+"""Lights of a scene: one file a light."""

@@ -170,7 +170,7 @@ def _largest_offsets(corners: Floats, normal: Floats, middle: Floats, distance: 
 
 
 def _repeated(geometry: Geometry, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Which triangles lie exactly on an earlier one, facing the same way: rays meet one of them, not both."""
+    """True for triangles exactly on an earlier one, facing the same way: rays hit one of them, not both."""
     corners = geometry.vertices[geometry.triangles[row]]
     # A number for each triangle that does not depend on its first corner; equal ones are compared in full.
     number = np.sort(corners @ np.array([0.8654, 0.4211, 0.2718]), axis=1) @ np.array([1.0, 0.5773, 0.3183])

@@ -1,4 +1,4 @@
-"""What rays see that meet no surface."""
+"""Environment of a scene, seen by rays that hit no surface."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class EnvironmentMap:
 
     @property
     def is_grey(self) -> bool:
-        """Whether all its channels are equal, as `Texture.is_grey`."""
+        """True if all its channels are equal, as `Texture.is_grey`."""
         return equal_channels(self.texels)
 
     def rotated(self, axis: ArrayLike, angle: float) -> EnvironmentMap:

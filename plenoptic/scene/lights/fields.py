@@ -1,4 +1,4 @@
-"""What the descriptions of lights share: checks, and sums over their colours."""
+"""Common parts of the descriptions of lights: checks, and sums over their colours."""
 
 from __future__ import annotations
 

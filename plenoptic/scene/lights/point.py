@@ -67,5 +67,5 @@ class PointLight:
         return dataclasses.replace(self, position=position, intensity=times(self.intensity, scale**2))
 
     def row(self) -> tuple[float, ...]:
-        """Its row of POINT_LIGHT."""
+        """Row of POINT_LIGHT."""
         return (*self.position, 0.0, 0.0, 0.0, -2.0, -2.0)

@@ -60,7 +60,7 @@ class Environment(NamedTuple):
 
 
 class Sky(NamedTuple):
-    """What rays see that meet nothing; C channels."""
+    """Background of rays that hit nothing; C channels."""
 
     background: Floats | None
     """(C,): constant radiance of the world. None where it is black or a map."""

@@ -1,4 +1,4 @@
-"""What lights a scene besides emissive meshes and the background: the closed set of lights."""
+"""Closed set of the lights of a scene, besides emissive meshes and the background."""
 
 from __future__ import annotations
 

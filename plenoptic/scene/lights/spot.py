@@ -147,5 +147,5 @@ class SpotLight:
         return dataclasses.replace(self, position=position, direction=direction, intensity=intensity)
 
     def row(self) -> tuple[float, ...]:
-        """Its row of POINT_LIGHT."""
+        """Row of POINT_LIGHT."""
         return (*self.position, *self.direction, math.cos(self.outer_angle), math.cos(self.inner_angle))

@@ -1,1 +1,1 @@
-"""What surfaces do with light: one file a material."""
+"""Materials: the scattering of light by surfaces, one file a material."""

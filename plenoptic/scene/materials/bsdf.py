@@ -1,4 +1,4 @@
-"""How a material scatters light: its distribution over directions, as numbers to look at or to test."""
+"""BSDF of a material: its distribution over directions, as numbers to look at or to test."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Drawn(NamedTuple):
 
 
 def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, front: bool = True) -> Scattered:
-    """What a surface sends to a viewer of the light that comes from a direction.
+    """Evaluate the BSDF of a material for a direction to the viewer and one to the light.
 
     Parameters
     ----------

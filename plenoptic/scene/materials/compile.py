@@ -15,7 +15,7 @@ from plenoptic.scene.textures.texture import Texture
 
 
 def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
-    """How materials scatter light; None where none does."""
+    """Compile the BSDFs of materials; None where none scatters."""
     rows = [material.row() for material in materials]
     if not any(row.reflects for row in rows):
         return None
@@ -55,7 +55,7 @@ def color_rows(colors: Sequence[Colour], channels: int) -> Floats:
 
 
 def _shares(shares: Sequence[float | Texture | None]) -> Floats | None:
-    """As numbers: 0 where a texture gives one, or a material has none; None where all have none."""
+    """Shares as numbers: 0 where a texture gives one, or a material has none; None where all have none."""
     if all(share is None for share in shares):
         return None
     return contiguous(np.array([share if isinstance(share, float) else 0.0 for share in shares]))

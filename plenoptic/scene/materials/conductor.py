@@ -64,7 +64,7 @@ class Conductor:
             set_field(self, "index", _as_index(self.index))
 
     def row(self) -> MaterialRow:
-        """Its numbers; what it lacks keeps its default."""
+        """Row of the material's numbers; missing ones keep their default."""
         index = 0.0 if self.index is None else self.index
         return MaterialRow(self.reflectance, roughness=self.alpha, metal_index=index, specular=self.alpha < SMOOTH)
 

@@ -1,4 +1,4 @@
-"""What light passes: bodies, and panes without thickness."""
+"""Transparent materials: bodies, and panes without thickness."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Dielectric:
         set_field(self, "absorption", as_colour(self.absorption, "absorption"))
 
     def row(self) -> MaterialRow:
-        """Its numbers; what it lacks keeps its default."""
+        """Row of the material's numbers; missing ones keep their default."""
         return MaterialRow(
             1.0,
             roughness=self.alpha,
@@ -103,5 +103,5 @@ class ThinGlass:
         set_field(self, "transmittance", as_colour(self.transmittance, "transmittance", at_most=1.0))
 
     def row(self) -> MaterialRow:
-        """Its numbers; what it lacks keeps its default."""
+        """Row of the material's numbers; missing ones keep their default."""
         return MaterialRow(self.transmittance, roughness=0.0, pane_index=self.index, fresnel=True, specular=True)

@@ -39,7 +39,7 @@ class Lambertian:
         set_field(self, "albedo", as_textured(self.albedo, "albedo", at_most=1.0))
 
     def row(self) -> MaterialRow:
-        """Its numbers; what it lacks keeps its default."""
+        """Row of the material's numbers; missing ones keep their default."""
         return MaterialRow(self.albedo)
 
 
@@ -84,5 +84,5 @@ class RoughDiffuse:
         set_field(self, "roughness", as_fraction(self.roughness, "roughness"))
 
     def row(self) -> MaterialRow:
-        """Its numbers; what it lacks keeps its default."""
+        """Row of the material's numbers; missing ones keep their default."""
         return MaterialRow(self.albedo, roughness=self.roughness)

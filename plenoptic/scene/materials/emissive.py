@@ -41,5 +41,5 @@ class Emissive:
         set_field(self, "two_sided", flag(self.two_sided, "two_sided"))
 
     def row(self) -> MaterialRow:
-        """Its numbers; what it lacks keeps its default."""
+        """Row of the material's numbers; missing ones keep their default."""
         return MaterialRow(emission=self.radiance, two_sided=self.two_sided)

@@ -99,7 +99,7 @@ class MetallicRoughness:
             set_field(self, "cutoff", as_fraction(self.cutoff, "cutoff"))
 
     def row(self) -> MaterialRow:
-        """Its numbers; what it lacks keeps its default."""
+        """Row of the material's numbers; missing ones keep their default."""
         coated = self.clearcoat != 0
         return MaterialRow(
             self.base,
@@ -119,7 +119,7 @@ class MetallicRoughness:
 
 @cache
 def coated_tables() -> Mapping[str, Floats]:
-    """Those of the layer, with a column more for each roughness of a coat: means of what passes both.
+    """Tables of the layer, with a column more for each roughness of a coat: means of the light that passes both.
 
     Products of what is linear between nodes of the root of the cosine, r, times 4 r^3 dr: three points are exact.
     """
@@ -135,7 +135,7 @@ def coated_tables() -> Mapping[str, Floats]:
 
 @cache
 def layer_tables() -> Mapping[str, Floats]:
-    """What passes the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, with its means in a column behind.
+    """Transmission of the layer of a METALLIC_ROUGHNESS material of reflectance 0.04, with its means in a last column.
 
     The layer's directional albedo is the mean of F G2 / G1 over normals drawn by visibility, here at the midpoints of
     a grid of random numbers, as in `microfacets.visible_normal`.

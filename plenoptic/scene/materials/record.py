@@ -67,17 +67,17 @@ class MaterialRow(NamedTuple):
 
     @property
     def reflects(self) -> bool:
-        """Whether any light that meets it is given back."""
+        """True if the material reflects or transmits any light."""
         return self.fresnel or isinstance(self.base_color, Texture) or bool(np.any(self.base_color))
 
     @property
     def takes_light(self) -> bool:
-        """Whether light that is drawn directly can be scattered."""
+        """True if light that is sampled directly can be scattered."""
         return self.reflects and not self.specular
 
     @property
     def is_grey(self) -> bool:
-        """Whether red, green and blue are treated alike."""
+        """True if red, green and blue are treated alike."""
         return all(map(is_grey, (self.base_color, self.emission, self.absorption, self.metal_index)))
 
     @property
@@ -87,7 +87,7 @@ class MaterialRow(NamedTuple):
 
 
 class Bsdf(NamedTuple):
-    """How nm materials scatter light; C channels of the scene. All arrays are C-contiguous and read-only."""
+    """BSDFs of nm materials; C channels of the scene. All arrays are C-contiguous and read-only."""
 
     scatters: NDArray[np.uint8]
     """(nm,): 1 for materials that reflect."""
@@ -116,7 +116,7 @@ class Bsdf(NamedTuple):
 
 
 class Emission(NamedTuple):
-    """What nm materials emit."""
+    """Emission of nm materials."""
 
     radiance: Floats
     """(nm, C): emitted radiance, of textures their mean."""
@@ -140,7 +140,7 @@ class Alpha(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """What a material is at one point, inside kernels: numbers only, None for what no material of a scene has."""
+    """Material at one point, inside kernels: numbers only; None for properties that no material of a scene has."""
 
     kind: int | None
     """None where all materials are Lambertian."""

@@ -1,4 +1,4 @@
-"""What a surface does with light: the closed set of materials."""
+"""Closed set of materials."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def as_share(share: Any, name: str) -> float | Texture:
 
 
 def is_grey(colour: complex | tuple[complex, complex, complex] | Texture) -> bool:
-    """Whether red, green and blue are the same."""
+    """True if red, green and blue are the same."""
     return colour.is_grey if isinstance(colour, Texture) else len(set(np.ravel(colour).tolist())) == 1
 
 

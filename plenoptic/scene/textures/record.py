@@ -18,7 +18,7 @@ NEAREST = 0
 
 
 class TextureColumn(NamedTuple):
-    """What textures say of one property of nm materials."""
+    """Textures that give one property of nm materials."""
 
     row: NDArray[np.int32]
     """(nm,): row of `textures`, -1 for none."""

@@ -23,7 +23,7 @@ MAX_TEXELS = 2**28
 
 
 class Wrap(enum.IntEnum):
-    """What lies beyond the border of a texture, along one of its axes.
+    """Continuation of a texture beyond its border, along one of its axes.
 
     Examples
     --------
@@ -41,7 +41,7 @@ class Wrap(enum.IntEnum):
 
 
 class TextureFilter(enum.IntEnum):
-    """What a texture is between the centres of its texels.
+    """Interpolation of a texture between the centres of its texels.
 
     Examples
     --------
@@ -110,12 +110,12 @@ class Texture:
 
     @property
     def wraps(self) -> tuple[Wrap, Wrap]:
-        """What lies beyond the border along u and along v; see `Wrap`."""
+        """Continuation beyond the border along u and along v; see `Wrap`."""
         return self.wrap if isinstance(self.wrap, tuple) else (self.wrap, self.wrap)
 
     @property
     def is_grey(self) -> bool:
-        """Whether all its channels are equal.
+        """True if all its channels are equal.
 
         Examples
         --------
@@ -268,7 +268,7 @@ def check_size(shape: tuple[int, ...], name: str, most: int) -> None:
 
 
 def equal_channels(texels: NDArray[Any]) -> bool:
-    """Whether all channels of an image are equal."""
+    """True if all channels of an image are equal."""
     first = texels[..., 0]
     return all(np.array_equal(first, texels[..., k]) for k in range(1, texels.shape[2]))
 

@@ -1,4 +1,4 @@
-"""Kernels of aperture regions: the part of each microlens that illuminates each pixel, as polygons and cutting planes."""
+"""Kernels of aperture regions: the part of each microlens that illuminates a pixel, as polygons and cutting planes."""
 
 from __future__ import annotations
 

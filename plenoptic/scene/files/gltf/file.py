@@ -178,7 +178,7 @@ def _chunks(content: memoryview) -> tuple[bytes, memoryview]:
 
 
 def resource(uri: str, reader: FileReader) -> bytes:
-    """What a URI stands for: the data in it, or the content of a file beside the first one."""
+    """Data of a URI: those in it, or the content of a file beside the first one."""
     if uri.startswith("data:"):
         head, _, data = uri.partition(",")
         return base64.b64decode(data) if head.endswith(";base64") else unquote_to_bytes(data)

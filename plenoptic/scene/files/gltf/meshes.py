@@ -68,7 +68,7 @@ def gltf_meshes(
 
 
 class _MeshReader:
-    """What the meshes of a file share: its materials, each made once."""
+    """Reader of a file's meshes, which share materials, each made once."""
 
     def __init__(self, file: GltfFile, scale: float, material: Material | None) -> None:
         self._file, self._scale, self._given = file, scale, material

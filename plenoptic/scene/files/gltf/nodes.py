@@ -41,7 +41,7 @@ def placed_nodes(file: GltfFile) -> list[PlacedNode]:
 
 
 def _parents(nodes: list[Mapping[str, Any]]) -> list[int | None]:
-    """Of each node that on which it hangs, in a forest."""
+    """Parent of each node, in a forest."""
     above: list[int | None] = [None] * len(nodes)
     for number, node in enumerate(nodes):
         for child in node.get("children", ()):

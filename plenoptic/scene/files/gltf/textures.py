@@ -33,7 +33,7 @@ Info = Mapping[str, Any]
 
 
 class TexturePlacement(NamedTuple):
-    """How the textures of a material lie on a mesh.
+    """Mapping of a material's textures onto a mesh.
 
     `coordinates` is the number of the set of texture coordinates; offset, rotation (radians) and scale are those of
     KHR_texture_transform, in glTF's texture coordinates, v down.

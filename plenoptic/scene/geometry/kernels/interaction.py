@@ -1,4 +1,4 @@
-"""What surfaces are like where rays meet them: the kernels. See `scene.geometry.record` for what they read and fill."""
+"""Kernels of surface interactions. See `scene.geometry.record` for the records that they read and fill."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def fill_interactions(interactions, hits, rays, path, geometry, scatters):
 
 @kernel
 def meets_back(rays, hits, geometry):
-    """Whether the first of some rays meets a triangle from behind."""
+    """True if the first of some rays hits a triangle from behind."""
     instance = -1 if hits.instance is None else hits.instance[0]
     triangle = corners(geometry.vertices, geometry.triangles, hits.triangle[0], geometry.instance_to_world, instance)
     _, _, _, normal = intersect_triangle(row_vector(rays, 0, 0), row_vector(rays, 0, 3), triangle)

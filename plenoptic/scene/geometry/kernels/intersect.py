@@ -1,4 +1,4 @@
-"""Where exactly a ray meets a triangle, and what the surface is like there: device functions.
+"""Exact intersection of a ray with a triangle, and the surface there: device functions.
 
 The rows of `Geometry.instance_to_world` begin with the 12 numbers of a 3 x 4 matrix, row by row.
 """
@@ -49,7 +49,7 @@ def intersect_triangle(origin, direction, triangle):
 
 @device
 def ray_offset(point, normal, triangle, middle, distance):
-    """How far off a triangle, at a point of it with the unit normal, a ray must start to be in front of it.
+    """Distance from a triangle, at a point of it with the unit normal, at which a ray must start to be in front of it.
 
     In float32 the triangle lies off its place by the rounding of its corners, relative to the `middle` of the scene,
     along the normal: coordinates along the surface, large as they may be, do not count. For an instance, the ray was
@@ -146,7 +146,7 @@ def transform_normal(m, n):
 
 @device
 def is_mirrored(instance_to_world, instance):
-    """Whether corners that run counter-clockwise in the frame of the mesh run clockwise in the world."""
+    """True if corners that run counter-clockwise in the frame of the mesh run clockwise in the world."""
     if instance_to_world is not None:
         if instance >= 0:
             m = instance_to_world[instance]
@@ -159,7 +159,7 @@ def is_mirrored(instance_to_world, instance):
 
 @device
 def instance_distance(instance_to_world, instance):
-    """How far the middle of an instance's mesh is from that of the scene, see `ray_offset`; -1 for plain triangles."""
+    """Distance of the middle of an instance's mesh from that of the scene, see `ray_offset`; -1 for plain triangles."""
     if instance_to_world is not None:
         if instance >= 0:
             return instance_to_world[instance, INSTANCE_DISTANCE]

@@ -37,7 +37,7 @@ from plenoptic.scene.textures.kernels.lookup import fill_texel, opacity_at
 
 @device
 def _spot_fraction(light, w):
-    """What a spot sends along -w, of what it sends along its axis (KHR_lights_punctual)."""
+    """Intensity of a spot along -w, relative to that along its axis (KHR_lights_punctual)."""
     cosine = -(light.axis_x * w[0] + light.axis_y * w[1] + light.axis_z * w[2])
     if cosine >= light.cos_inner:
         return 1.0

@@ -1,4 +1,4 @@
-"""What rays see that meet nothing, and directions drawn by the light of an environment: device functions.
+"""Radiance of rays that hit nothing, and directions sampled by the light of an environment: device functions.
 
 The map's axes are those of `environment.EnvironmentMap`; `rotation` is (9,), from them to the world, or None.
 """
@@ -22,7 +22,7 @@ def sample_cdf(cdf, u):
 
 @device
 def _bisect(cdf, u, low, high):
-    """As `sample_cdf`, where the entry is known to lie within low and high."""
+    """Find an entry as `sample_cdf` does, within low and high."""
     while low < high:
         middle = (low + high) // 2
         if cdf[middle] > u:
@@ -35,7 +35,7 @@ def _bisect(cdf, u, low, high):
 
 @device
 def sample_long_cdf(cdf, u):
-    """As `sample_cdf`, for long tables: it looks first where u lay if all entries had the same share.
+    """Find an entry as `sample_cdf` does, for long tables: the search begins where u lies for equal shares.
 
     From there it goes outwards in growing steps, then bisects: a row of a large map is rarely in the cache.
     """
@@ -106,7 +106,7 @@ def sample_environment(u, v, rows_cdf, columns_cdf, rotation):
 
 @device
 def weight(pdf, other):
-    """How much a direction counts that was drawn by `pdf` and could have been by `other` (power heuristic)."""
+    """Weight of a direction sampled with density `pdf` that another method samples with `other` (power heuristic)."""
     if pdf < 0.0 or other <= 0.0:
         return 1.0
     if not pdf > 0.0:

@@ -64,7 +64,7 @@ def innermost(row):
 
 @device
 def holds(row, material):
-    """Whether a material is among a row of media."""
+    """True if a material is among a row of media."""
     found = False
     for k in range(row.size):
         found = found or row[k] == material

@@ -23,7 +23,8 @@ _UNIT_53 = 2.0**-53
 
 @kernel
 def follow(again, rays, hits, which, keys, shadows, geometry, alpha):
-    """Of the rays `which`, move those on that go through the surface they met; returns how many, named in `again`.
+    """Advance those of the rays `which` that go through the surface they hit; returns their number, their indices in
+    `again`.
 
     Those of paths go through it by chance, and with `keys` None through what is opaque to less than half. With
     `shadows` they are shadow rays, which are marked as blocked, or weakened and moved on.
@@ -90,7 +91,7 @@ def follow(again, rays, hits, which, keys, shadows, geometry, alpha):
 
 @device
 def _behind(origin, direction, t, normal, triangle, middle, distance):
-    """How much farther along a ray it is behind the triangle that it meets at t, as float32 sees it."""
+    """Distance along a ray from its hit at t to behind the triangle, as float32 sees it."""
     length = np.sqrt(dot(normal, normal))
     n = (normal[0] / length, normal[1] / length, normal[2] / length)
     off = ray_offset(add(origin, scale(direction, t)), n, triangle, middle, distance)

@@ -1,4 +1,4 @@
-"""What surfaces do with light, in a frame whose z is the shading normal: one function for all kinds of materials.
+"""BSDF in a frame whose z is the shading normal: one function for all kinds of materials.
 
 o is the unit direction to the viewer, z above 0; i that to the light, z below 0 behind the surface. `f` (channels,)
 holds the base colour before, and f |cos i| afterwards; densities are per steradian. Columns are those of
@@ -27,7 +27,7 @@ from plenoptic.scene.materials.registry import (
 
 @device
 def surface_at(rows, i, material, wave, kind, glass_index, pane_index, extra_shares):
-    """What the material of an interaction is."""
+    """Material of an interaction."""
     if kind is None:
         return Surface(None, 0.0, 0.0, None, None, None, material, wave)
     eta = None if glass_index is None else dielectric.relative_index(glass_index, material, rows[i, FRONT] > 0.0)

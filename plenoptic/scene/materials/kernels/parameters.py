@@ -1,4 +1,4 @@
-"""What materials are at interactions: base colour, roughness and metallic, and shading normals, with textures."""
+"""Materials at interactions: base colour, roughness, metallic and shading normals, with textures."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def apply_normal_map(interactions, hits, rays, geometry, texture):
 
 @device
 def _tangents(triangle, n, uv, triangles, k):
-    """Whether there are any, and the directions across a normal in which texture coordinates grow."""
+    """True if there are tangents, and the directions across a normal in which texture coordinates grow."""
     a, b, c = triangle
     p, q, r = triangles[k, 0], triangles[k, 1], triangles[k, 2]
     s1, t1, s2, t2 = uv[q, 0] - uv[p, 0], uv[q, 1] - uv[p, 1], uv[r, 0] - uv[p, 0], uv[r, 1] - uv[p, 1]

@@ -1,4 +1,4 @@
-"""What a texture is at a point: device functions.
+"""Texture lookup at a point: device functions.
 
 Textures lie in one flat array of texels; a row of `scene.textures.record.TEXTURE` says where.
 """
@@ -25,7 +25,7 @@ def wrapped(s, wrap):
 
 @device
 def neighbours(s, n, wrap):
-    """Of n texels along an axis, the two beside coordinate s, and how far it is from the first to the second."""
+    """Of n texels along an axis, the two neighbours of coordinate s, and its position between them."""
     x = wrapped(s, wrap) * n + 0.5
     second = int(x)
     f = x - second
