@@ -1,4 +1,4 @@
-"""What descriptions of elements and kernels share: kinds of elements, and what an element says of itself."""
+"""Records that descriptions of elements and kernels share: kinds of elements, and rows of their numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from plenoptic.core.values import Floats
 
 
 class ElementKind(enum.IntEnum):
-    """What a path meets in the lens. IDEAL_LENS stands for the whole lens in the models THIN and PARAXIAL.
+    """Kind of an element in a lens. IDEAL_LENS replaces the whole lens in the models THIN and PARAXIAL.
 
     Examples
     --------
@@ -35,7 +35,7 @@ SPHERE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK, FREEFORM, RING
 
 
 class ElementRow(NamedTuple):
-    """What an element says of itself; `LensRecord` explains the entries."""
+    """Numbers of an element; `LensRecord` explains the entries."""
 
     kind: int
     semi_diameter2: float = math.inf
@@ -62,7 +62,7 @@ class ElementRow(NamedTuple):
 
 
 class PathNotes(NamedTuple):
-    """What kernels need to find optical paths, and where they keep what they know of a block of rays."""
+    """Arrays in which kernels store quantities of a block of rays, from which they find optical paths."""
 
     indices: Floats
     """(n,): refractive index before each element, in the order of travel."""

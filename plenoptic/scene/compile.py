@@ -261,7 +261,7 @@ def _ordered(
 
 
 def _all_grey(lights: Sequence[Light], background: Background | None) -> bool:
-    """True if all emission besides that of surfaces is grey: colours are the fields of lights that are three numbers."""
+    """True if all emission besides that of surfaces is grey: fields of lights that are three numbers are colours."""
     if isinstance(background, EnvironmentMap) and not background.is_grey:
         return False
     world = (background.radiance,) if isinstance(background, ConstantBackground) else ()

@@ -23,7 +23,7 @@ _EDLEN_CO2 = 450.0
 
 
 class AirFormula(enum.IntEnum):
-    """How the index of air is computed.
+    """Formula of the index of air.
 
     - CIDDOR: from the densities of dry air and of water vapour. Its expected uncertainty is 2e-8 to 5e-8 in 350 to
       1300 nm, and it stays good in hot, cold and humid air.

@@ -91,7 +91,7 @@ def _near(name: str) -> str:
 
 
 def _is_telling(key: str, maker: str) -> bool:
-    """Whether the name alone means the glass of that maker: CDGM's F3 and ZF2 are not what lens tables mean."""
+    """True if the name alone means the glass of that maker: lens tables do not mean CDGM by F3 and ZF2."""
     return maker != "CDGM" or "-" in bundled_glasses(maker).entry(key).name
 
 

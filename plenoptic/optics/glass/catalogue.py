@@ -25,7 +25,7 @@ _LARGEST_DISAGREEMENT = 1e-3
 
 @value
 class GlassEntry:
-    """What a catalogue says of a glass, before it is known whether that makes sense.
+    """Entry of a glass in a catalogue, unchecked.
 
     Made by `load_glasses`. See `GlassCatalogue.entry`, which gives it.
     """
@@ -92,7 +92,7 @@ class GlassCatalogue:
         return tuple(entry.name for entry in self.entries)
 
     def entry(self, name: str) -> GlassEntry:
-        """What the file says of a glass; an InvalidValueError with close names where it has none of that name.
+        """Entry of a glass in the file; an InvalidValueError with close names where it has none of that name.
 
         Examples
         --------

@@ -22,7 +22,7 @@ Element: TypeAlias = Surface | Stop
 
 
 def is_centred(element: Element) -> bool:
-    """Whether an element looks the same from all sides, about the lens's axis."""
+    """True if an element is rotationally symmetric about the lens's axis."""
     return element.placement is None and not (isinstance(element, Surface) and element.departure is not None)
 
 

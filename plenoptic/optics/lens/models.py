@@ -1,4 +1,4 @@
-"""How faithfully the main lens is followed, and what is meant by sharp."""
+"""Models of the main lens, and criteria of focus."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import enum
 
 
 class LensModel(enum.IntEnum):
-    """What a ray meets where the lens stands; `LensStack.with_model` chooses it.
+    """Model of the main lens; `LensStack.with_model` chooses it.
 
     - NONE: the stops alone, without glass.
     - THIN: one plane with the lens's focal length, in its rear principal point, with the iris in it as large as the
@@ -33,7 +33,7 @@ class LensModel(enum.IntEnum):
 
 
 class FocusCriterion(enum.IntEnum):
-    """What is meant by sharp.
+    """Criterion of best focus.
 
     PARAXIAL: where rays close to the axis meet. RMS_SPOT: the least root mean square distance of all rays from their
     centroid. GEOMETRIC_SPOT: the least largest distance, the circle of least confusion.

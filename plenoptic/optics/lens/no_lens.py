@@ -1,4 +1,4 @@
-"""What stands in for the main lens of a camera that has none."""
+"""Substitute for the main lens of a camera that has none."""
 
 from __future__ import annotations
 

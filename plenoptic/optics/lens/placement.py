@@ -1,4 +1,4 @@
-"""Where an element stands that is not centred on the axis: decentred, tilted, or both."""
+"""Placement of an element off the axis: decentred, tilted, or both."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Placement:
 
     @property
     def is_identity(self) -> bool:
-        """Whether the element stands exactly where it would without a placement."""
+        """True if the element stands exactly as without a placement."""
         return bool(np.all(np.asarray(self.shift) == 0) and np.array_equal(self.rotation, np.eye(3)))
 
 

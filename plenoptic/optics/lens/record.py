@@ -207,7 +207,7 @@ def _between_spaces(placement: Placement | None, mirror: Mirror) -> tuple[float,
 
 
 def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[ElementRow]:
-    """What stands for the lens in the models NONE, THIN and PARAXIAL, from scene to sensor."""
+    """Rows that replace the lens in the models NONE, THIN and PARAXIAL, from scene to sensor."""
     if lens.model is LensModel.NONE:
         stops = [i for i, element in enumerate(lens.elements) if not isinstance(element, Surface)]
         return [lens.elements[i].row()._replace(z=float(lens.vertices[i]), surface_index=i) for i in stops]

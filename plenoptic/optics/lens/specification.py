@@ -1,4 +1,4 @@
-"""What a lens is designed for, as its file says."""
+"""Design specification of a lens, as stated in its file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from plenoptic.errors import InvalidValueError
 
 
 class StopSize(enum.IntEnum):
-    """What says in a Zemax file how large the stop is. See `load_lens`.
+    """Source of the stop's size in a Zemax file. See `load_lens`.
 
     Examples
     --------

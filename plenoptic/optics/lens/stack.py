@@ -291,7 +291,7 @@ class LensStack:
         return lens_svg(self)
 
     def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
-        """What looks wrong with the lens at a wavelength in nm; empty where nothing does.
+        """Check the lens at a wavelength in nm; the result is empty where nothing is implausible.
 
         Edges that overlap, rays that cannot pass, total reflection at the rims, another aperture than its file's.
 

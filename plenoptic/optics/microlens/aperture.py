@@ -28,7 +28,7 @@ class ApertureShape(enum.IntEnum):
 
 
 class Gaps(enum.IntEnum):
-    """What lies between the openings. See `MicrolensAperture`."""
+    """Gaps between the openings. See `MicrolensAperture`."""
 
     OPAQUE = 0
     """Nothing passes, as through chromium."""
@@ -37,7 +37,7 @@ class Gaps(enum.IntEnum):
 
 
 class Walls(enum.IntEnum):
-    """What lies between the spaces behind neighbouring cells, from the array to the sensor. See `MicrolensArray`."""
+    """Walls between neighbouring cells, from the array to the sensor. See `MicrolensArray`."""
 
     NONE = 0
     """Nothing: a microlens sends light to all of the sensor, as in plenoptic cameras."""
@@ -114,7 +114,7 @@ class Opening:
 
 
 def has_clear_gaps(aperture: MicrolensAperture | None) -> bool:
-    """Whether light passes beside the openings."""
+    """True if light passes outside the openings."""
     return aperture is not None and aperture.gaps is Gaps.CLEAR
 
 

@@ -219,7 +219,7 @@ class MicrolensArray:
 
     @property
     def is_plate(self) -> bool:
-        """Whether rays pass two surfaces of glass, so that thickness, index and convex side matter."""
+        """True if rays pass two surfaces of glass, so that thickness, index and convex side matter."""
         return self.model.is_plate
 
     @property

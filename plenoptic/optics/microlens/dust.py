@@ -194,7 +194,7 @@ class Blemishes:
         )
 
     def at(self, points: ArrayLike) -> Floats:
-        """What part of the light passes at points (n, 2) of the plane, in its own axes in mm; (n,). See `Blemishes`."""
+        """Transmission at points (n, 2) of the plane, in its own axes in mm; (n,). See `Blemishes`."""
         from plenoptic.optics.microlens.kernels.dust import fill_passing
 
         given = frozen_array(points, name="points", shape=("n", 2))

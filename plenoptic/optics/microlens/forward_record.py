@@ -22,7 +22,7 @@ def forward_record(
 
 
 def differs_forward(record: ArrayRecord) -> bool:
-    """Whether lenses differ or do not fill their cells."""
+    """True if lenses differ or do not fill their cells."""
     return record.differs or not record.opening.fills
 
 
@@ -38,7 +38,7 @@ def _strengthened(record: ArrayRecord, factor: float) -> ArrayRecord:
 
 
 def _numbers(lattice: LatticeRecord, listed: ListedRecord) -> NumbersRecord:
-    """How the row of a listed lens is found."""
+    """Index from lattice numbers to the rows of listed lenses."""
     points = np.column_stack([listed.lenses["cell_x"], listed.lenses["cell_y"]])
     index = np.rint((points - lattice.origin) @ lattice.inverse).astype(np.int64)
     corner = index.min(axis=0)

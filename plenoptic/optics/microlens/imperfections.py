@@ -1,4 +1,4 @@
-"""How individual microlenses differ from their design: drawn from a seed, or listed."""
+"""Deviations of individual microlenses from their design: drawn from a seed, or listed."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class MicrolensDeviations:
 
 @value
 class MicrolensImperfections:
-    """How microlenses scatter around their design; every lens draws from the seed and its own index.
+    """Random deviations of microlenses from their design; every lens draws from the seed and its own index.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class MicrolensImperfections:
         set_field(self, "seed", seed_number(self.seed))
 
     def deviations(self, index: ArrayLike) -> MicrolensDeviations:
-        """What these lenses draw; index is (n, 2)."""
+        """Deviations of the lenses of an index (n, 2)."""
         index = frozen_array(index, name="index", shape=(None, 2), dtype=np.int64)
         fate = _uniform(index, self.seed, 0)
         factor = 1.0 + self.focal_length_spread * _normal(index, self.seed, 1)
@@ -180,7 +180,7 @@ def deviations_of(imperfections: Imperfections, index: NDArray[np.int64]) -> Mic
 
 
 def largest_offset(imperfections: Imperfections | None) -> float:
-    """How far an optical axis can lie from where it is designed to be, in mm."""
+    """Largest distance of an optical axis from its design, in mm."""
     if imperfections is None:
         return 0.0
     if isinstance(imperfections, MicrolensImperfections):

@@ -1,4 +1,4 @@
-"""How microlenses lie on their plane: lattices, their cells, and patterns of types."""
+"""Layout of microlenses on their plane: lattices, their cells, and patterns of types."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from plenoptic.errors import InvalidValueError
 
 
 class Lattice(enum.IntEnum):
-    """How the microlenses lie; in all but FREE one microlens is at the array's centre. See `MicrolensArray`."""
+    """Lattice of microlenses; in all but FREE one microlens is at the array's centre. See `MicrolensArray`."""
 
     HEXAGONAL = 0
     """Nearest neighbours along y; columns pitch sqrt(3)/2 apart along x."""

@@ -1,4 +1,4 @@
-"""What the package asks of a model of a microlens; each says it in one file, and nothing else tells models apart."""
+"""Interface of a microlens model; each is implemented in one file, and nothing else distinguishes models."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Depths(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """Where rays cross an array, in the axes in which it is traced."""
+    """Intersections of rays with an array, in the axes in which it is traced."""
 
     array: ArrayRecord
     sensor: SensorPlane
@@ -45,7 +45,7 @@ class Crossing(NamedTuple):
 
 
 class FoundPaths(NamedTuple):
-    """What kernels find of n rays on their way through an array."""
+    """Results of kernels for n rays on their way through an array."""
 
     lengths: Floats
     """(n,), mm: optical paths, nan if lost; of ideal lenses, which have none, undefined."""
@@ -85,5 +85,5 @@ class ModelRules(NamedTuple):
 
     @property
     def is_thin(self) -> bool:
-        """Whether a power says how light is bent, so that colour is a factor of it."""
+        """True if refraction is given by a power, so that colour is a factor of it."""
         return self.focuses and not self.is_plate

@@ -129,7 +129,7 @@ def _through(array: MicrolensArray, rays: RayBundle, source: Floats | None) -> t
 
 
 def _reach(array: MicrolensArray, rays: RayBundle) -> float:
-    """How far from the origin rays meet the array, in mm: lenses that are listed must reach as far."""
+    """Largest distance from the origin, in mm, at which rays meet the array: listed lenses must reach as far."""
     if array.lattice is Lattice.FREE:
         assert array.centres is not None
         listed = 1.01 * float(np.abs(array.centres).max())

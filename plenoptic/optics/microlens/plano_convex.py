@@ -25,7 +25,7 @@ _HIGH_INDEX = 10.0
 
 
 class ConvexSide(enum.IntEnum):
-    """Which side of a plano-convex microlens is curved. See `MicrolensArray`."""
+    """Curved side of a plano-convex microlens. See `MicrolensArray`."""
 
     SCENE = 0
     SENSOR = 1

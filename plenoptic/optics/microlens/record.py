@@ -78,7 +78,7 @@ class ListedRecord(NamedTuple):
 
 
 class LatticeRecord(NamedTuple):
-    """Where microlenses lie and which types they have."""
+    """Lattice of microlenses with their types."""
 
     origin: Floats
     """(2,) centre of the lattice."""
@@ -91,7 +91,7 @@ class LatticeRecord(NamedTuple):
 
 
 class OpeningRecord(NamedTuple):
-    """What part of a cell is a lens."""
+    """Opening of a microlens within its cell."""
 
     corners: Floats
     """(parts, k, 2): the opening, and the cell where what lies beside openings is clear; widened by the margin."""
@@ -110,7 +110,7 @@ class OpeningRecord(NamedTuple):
 
 
 class EdgesRecord(NamedTuple):
-    """Where lenses with thickness end."""
+    """Edges of lenses with thickness."""
 
     cell: Floats
     """(k, 3) edges of a cell."""
@@ -134,7 +134,7 @@ class SensorPlane(NamedTuple):
 
 
 class ResponseRecord(NamedTuple):
-    """How pixels respond to directions; see `AngularResponse`."""
+    """Angular response of pixels; see `AngularResponse`."""
 
     well_depth: float
     refractive_index: float
@@ -164,7 +164,7 @@ class ArrayRecord(NamedTuple):
 
     @property
     def differs(self) -> bool:
-        """Whether paths must keep what is individual about their microlens."""
+        """True if paths must store individual parameters of their microlens."""
         several = self.lattice.pattern is not None or len(self.opening.corners) > 1
         return self.listed is not None or several or self.opening.clip > 0 or self.walls is not None
 
@@ -175,7 +175,7 @@ class ArrayRecord(NamedTuple):
 
     @property
     def edges(self) -> EdgesRecord:
-        """Where lenses with thickness end."""
+        """Edges of lenses with thickness."""
         return EdgesRecord(self.cell, self.cells, self.opening.edges, self.opening.radius2)
 
     @property
@@ -291,7 +291,7 @@ class Outlines(NamedTuple):
 
 
 def outlines(array: MicrolensArray, points: Floats, shifts: Floats, *, turn: Floats, margin: float) -> Outlines:
-    """Of the lenses with their designed centres at points (n, 2) and openings displaced by shifts (n, 2).
+    """Outlines of the lenses with designed centres at points (n, 2) and openings displaced by shifts (n, 2).
 
     Those of FREE lattices must be all there are, since each ends the cells of its neighbours.
     """

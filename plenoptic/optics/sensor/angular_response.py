@@ -1,4 +1,4 @@
-"""How a pixel's response depends on the direction from which light comes."""
+"""Angular response of pixels."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from plenoptic.optics.sensor.color_filter import Filters, bayer_from, channels_o
 
 
 class DemosaicMethod(enum.IntEnum):
-    """How missing channels are interpolated. See `RawImage`.
+    """Interpolation method for missing channels. See `RawImage`.
 
     All three invent colours at edges, which is what they are here for: a camera's pictures have them too.
 

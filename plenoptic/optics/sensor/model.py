@@ -41,7 +41,7 @@ _NOT_NEGATIVE = (
 
 
 class ShotNoise(enum.IntEnum):
-    """Whether electrons come one by one. See `SensorModel`."""
+    """Shot noise of electrons. See `SensorModel`."""
 
     NONE = 0
     """A pixel collects exactly its mean, which need not be whole."""
@@ -51,7 +51,7 @@ class ShotNoise(enum.IntEnum):
 
 @value
 class SensorModel:
-    """How a sensor turns light into digital numbers (DN), each effect of which can be left out.
+    """Sensor that converts light into digital numbers (DN); each of its effects can be left out.
 
     For a pixel of value I in the image, in this order:
 
@@ -221,7 +221,7 @@ class SensorModel:
 
     @property
     def is_coloured(self) -> bool:
-        """Whether channels are told apart: by filters, rates or quantum efficiencies."""
+        """True if channels are distinguished: by filters, rates or quantum efficiencies."""
         return self.colour_filters is not None or self.electrons_per_unit.size > 1
 
     @property
@@ -231,7 +231,7 @@ class SensorModel:
 
 
 def has(which: float | NDArray[np.int64]) -> bool:
-    """Whether a fraction or list of pixels names any."""
+    """True if a fraction or list of pixels names any."""
     return len(which) > 0 if isinstance(which, np.ndarray) else which > 0
 
 

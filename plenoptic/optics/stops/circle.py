@@ -48,11 +48,11 @@ class CircularStop:
 
     @property
     def area(self) -> float:
-        """Of the hole in mm^2."""
+        """Area of the hole in mm^2."""
         return math.pi * self.semi_diameter**2
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
+        """True for points (x, y), mm, in the hole or on its edge; the shape is that of x and y broadcast."""
         x, y = alike(x=x, y=y)
         return np.asarray(x * x + y * y <= self.semi_diameter**2)
 

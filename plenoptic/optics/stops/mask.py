@@ -148,7 +148,7 @@ class MaskStop:
         return np.asarray(np.where(inside, cells[row, column], 0.0))
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether the mask lets light through at points (x, y), mm; the shape is that of x and y broadcast."""
+        """True for points (x, y), mm, at which the mask transmits light; the shape is that of x and y broadcast."""
         return np.asarray(self.transmission_at(x, y) > 0)
 
     def outline(self, n: int = 64) -> Floats:
@@ -171,7 +171,7 @@ class MaskStop:
 
     @property
     def inner_radius(self) -> float:
-        """That of the circle around all that lets light through, in mm: of the hole of a mask little can be said."""
+        """Radius of the circle around the transmitting part, in mm: for the hole of a mask there is no better bound."""
         return self.semi_diameter
 
 

@@ -121,7 +121,7 @@ class PolygonStop:
 
     @property
     def area(self) -> float:
-        """Of the hole in mm^2: that of the polygon and of the segments between arcs and chords."""
+        """Area of the hole in mm^2: that of the polygon and of the segments between arcs and chords."""
         half_angle = math.asin(max(-1.0, min(1.0, self._half_chord / self.blade_radius)))
         segment = 0.0 if half_angle == 0 else (self._half_chord / math.sin(half_angle)) ** 2 * _segment(half_angle)
         return self.blades * (0.5 * self.semi_diameter**2 * math.sin(2 * math.pi / self.blades) + segment)
@@ -131,7 +131,7 @@ class PolygonStop:
         return self.semi_diameter * math.sin(math.pi / self.blades)
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
+        """True for points (x, y), mm, in the hole or on its edge; the shape is that of x and y broadcast."""
         x, y = alike(x=x, y=y)
         curved = math.isfinite(self.blade_radius)
         r2 = x * x + y * y

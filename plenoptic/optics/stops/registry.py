@@ -35,5 +35,5 @@ def circle_around(stop: Stop) -> CircularStop:
 
 
 def is_convex(stop: Stop) -> bool:
-    """Whether the hole is a convex body: those of stars and masks need not be, rings are not."""
+    """True if the hole is a convex body: those of stars and masks need not be, rings are not."""
     return isinstance(stop, CircularStop | PolygonStop)

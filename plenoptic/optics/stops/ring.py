@@ -56,12 +56,12 @@ class RingStop:
 
     @property
     def area(self) -> float:
-        """Of the ring in mm^2."""
+        """Area of the ring in mm^2."""
         outer, inner = self.semi_diameter, self.inner_semi_diameter
         return math.pi * (outer - inner) * (outer + inner)
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points (x, y), mm, lie in the ring or on its edges; the shape is that of x and y broadcast."""
+        """True for points (x, y), mm, in the ring or on its edges; the shape is that of x and y broadcast."""
         x, y = alike(x=x, y=y)
         r2 = x * x + y * y
         return np.asarray((r2 <= self.semi_diameter**2) & (r2 >= self.inner_semi_diameter**2))
@@ -84,7 +84,7 @@ class RingStop:
 
     @property
     def inner_radius(self) -> float:
-        """That of the outer edge in mm: no circle about the axis passes."""
+        """Radius of the outer edge in mm: no circle about the axis passes."""
         return self.semi_diameter
 
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:

@@ -96,11 +96,11 @@ class StarStop:
 
     @property
     def area(self) -> float:
-        """Of the hole in mm^2."""
+        """Area of the hole in mm^2."""
         return self.points * self.semi_diameter * self.inner_semi_diameter * math.sin(math.pi / self.points)
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points (x, y), mm, lie in the hole or on its edge; the shape is that of x and y broadcast."""
+        """True for points (x, y), mm, in the hole or on its edge; the shape is that of x and y broadcast."""
         x, y = alike(x=x, y=y)
         inside = x * x + y * y <= self.semi_diameter**2
         for one, other in self.edges.reshape(-1, 2, 4):

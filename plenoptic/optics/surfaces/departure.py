@@ -1,4 +1,4 @@
-"""What is known of the sag that a surface without rotational symmetry adds to its conic or asphere."""
+"""Freeform term: the sag that a surface without rotational symmetry adds to its conic or asphere."""
 
 from __future__ import annotations
 

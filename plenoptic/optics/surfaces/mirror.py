@@ -15,7 +15,7 @@ _STEEPEST = 1e-6
 
 @value
 class Mirror:
-    """What a reflecting surface has for the medium behind it: light stays in the medium in front.
+    """Medium behind a reflecting surface: light stays in the medium in front.
 
     Behind a mirror the lens's frame shows what follows as seen in the mirror, so that light always goes towards +z,
     gaps are positive, and a surface is convex towards the light that meets it where its radius is positive: a concave
@@ -74,5 +74,5 @@ MIRROR = Mirror()
 
 
 def medium_behind(medium: Medium, before: Medium) -> Medium:
-    """What fills the gap behind a surface: the medium before it where it is a mirror."""
+    """Medium of the gap behind a surface: the one before it where the surface is a mirror."""
     return before if isinstance(medium, Mirror) else medium

@@ -1,4 +1,4 @@
-"""How steep, how curved and how high an asphere is at most inside its semi-diameter: proven, not sampled."""
+"""Bounds of slope, curvature and sag of an asphere inside its semi-diameter: proven, not sampled."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def light_of_rows(arrays: Arrays) -> Floats:
 
 
 def merged_stats(plan: Plan, light: Mapping[int, Sequence[Floats]]) -> RenderStats | None:
-    """Merged statistics; None where a part has none. `light` is that of the rows of each part where some was clamped."""
+    """Merged statistics; None where a part has none. `light` is that of each part's rows, where some was clamped."""
     all_stats = [head.stats for head in plan.heads if head.stats is not None]
     if len(all_stats) < len(plan.parts):
         return None

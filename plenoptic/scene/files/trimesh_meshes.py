@@ -72,7 +72,7 @@ class _Names:
 
 
 def _parts(file_name: str, kind: str, content: bytes, names: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Read a mesh by trimesh. It separates vertices that differ in uv or normal, unless told to maintain their order."""
+    """Read a mesh by trimesh. It separates vertices that differ in uv or normal, unless told to keep their order."""
     import trimesh
 
     with warnings.catch_warnings():

@@ -1,1 +1,1 @@
-"""What exact and third-order rays say of a lens."""
+"""Analysis of lenses by exact and third-order rays."""

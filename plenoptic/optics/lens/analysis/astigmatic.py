@@ -1,4 +1,4 @@
-"""Where a narrow beam around a ray comes to a focus: Coddington's equations along real rays.
+"""Foci of a narrow beam around a ray: Coddington's equations along real rays.
 
 A beam has two foci, one for the plane that holds the axis and the ray (tangential) and one for the plane across it
 (sagittal). In each plane its half width h, across the ray, and its reduced angle w are carried from surface to surface;

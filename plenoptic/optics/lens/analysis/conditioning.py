@@ -1,4 +1,4 @@
-"""How well conditioned rays are at each element of a lens: what magnifies their errors, and what they cost to meet."""
+"""Conditioning of rays at each element of a lens: amplification of their errors, and cost of their intersections."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MEASURED = ("incidence", "refraction", "cancellation", "newton", "search")
 
 
 class Condition(enum.IntEnum):
-    """What magnifies errors of a ray. See `conditioning`, which measures it."""
+    """Cause of amplified errors of a ray. See `conditioning`, which measures it."""
 
     INCIDENCE = 0
     """1 / cos i: how much farther apart on the surface two parallel rays are than from each other. Large at grazing
@@ -44,7 +44,7 @@ class Worst(NamedTuple):
 
 @value
 class Conditioning:
-    r"""How well conditioned rays are at each element that they meet; `conditioning` makes it. Printed, it is a table.
+    r"""Conditioning of rays at each element that they meet; made by `conditioning`. Printed, it is a table.
 
     Rays through a lens have errors: float64 rounds their numbers, and origins and directions are themselves only known
     so well. At a point met, an error e of where a ray runs becomes e / cos i along the surface, and an error a of its
@@ -194,7 +194,7 @@ def _named(worst: Worst) -> str:
 
 
 def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> Conditioning:
-    """How much each element of a lens magnifies errors of rays, and how many steps and rays it costs.
+    """Amplification of errors of rays by each element of a lens, with the steps and rays that each costs.
 
     Takes some fifty times as long as tracing, and 40 bytes for each ray and element: for thousands of rays. They are
     followed as `lens.model` says.
@@ -225,7 +225,7 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
 
 
 def conditioning_of(notes: Notes) -> Conditioning:
-    """What was noted of rays, brought together for each element."""
+    """Conditioning for each element, from the records of rays."""
     met = ~np.isnan(notes.newton)
     return Conditioning(
         elements=notes.lens.rows["surface_index"].copy(),

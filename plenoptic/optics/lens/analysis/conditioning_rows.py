@@ -19,7 +19,7 @@ CHUNK = 64
 
 
 class Notes(NamedTuple):
-    """What was noted; arrays (elements, rays) in the order of travel, nan where a ray did not pass the element."""
+    """Records of rays; arrays (elements, rays) in the order of travel, nan where a ray did not pass the element."""
 
     lens: LensRecord
     incidence: Floats
@@ -72,7 +72,7 @@ def sizes(lens: LensRecord) -> Floats:
 
 
 def kinds(lens: LensRecord) -> tuple[str, ...]:
-    """What each row is, in words."""
+    """Name of the element of each row."""
     names = {CONIC: "conic", ASPHERE: "asphere", FREEFORM: "freeform", IDEAL: "ideal lens"}
     of_spheres = ("sphere" if c else "plane" for c in lens.rows["curvature"])
     shapes = zip(lens.rows["kind"].tolist(), of_spheres, strict=True)

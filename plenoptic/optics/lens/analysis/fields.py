@@ -25,7 +25,7 @@ from plenoptic.optics.lens.trace import traced_part
 
 
 class Projection(enum.IntEnum):
-    """How an ideal lens of focal length f images the half angle theta.
+    """Projection of the half angle theta by an ideal lens of focal length f.
 
     RECTILINEAR: f tan(theta), straight lines stay straight. EQUIDISTANT: f theta, which most fisheyes approach.
     STEREOGRAPHIC: 2 f tan(theta / 2), circles stay circles. EQUISOLID: 2 f sin(theta / 2), equal solid angles have
@@ -133,7 +133,7 @@ def distortion(
     wavelength: float = 587.6,
     projection: Projection = Projection.RECTILINEAR,
 ) -> Distortion:
-    """Where chief rays meet the paraxial image plane, against an ideal projection.
+    """Distortion: intersections of chief rays with the paraxial image plane, relative to an ideal projection.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def distortion(
 
 @result
 class FieldCurvature:
-    """Where narrow beams around chief rays are sharp. See `field_curvature`, which makes it.
+    """Foci of narrow beams around chief rays. Made by `field_curvature`.
 
     Attributes
     ----------
@@ -320,7 +320,7 @@ def coma(
 
 @result
 class DepthDistortion:
-    """Which distances are sharp on a flat sensor. See `depth_distortion`, which makes it.
+    """Distances that are sharp on a flat sensor. Made by `depth_distortion`.
 
     Attributes
     ----------
@@ -351,7 +351,7 @@ class DepthDistortion:
 def depth_distortion(
     lens: LensStack, heights: ArrayLike, *, z_image: ArrayLike, wavelength: float = 587.6
 ) -> DepthDistortion:
-    """Which object points are sharp on flat sensors, against the height on them: field curvature in object space.
+    """Sharp object points of flat sensors, by the height on them: field curvature in object space.
 
     A camera that takes depth from sharpness or disparity, and was calibrated on the axis, errs by the difference to
     `z_object`. Chief rays are followed backwards from the sensor.

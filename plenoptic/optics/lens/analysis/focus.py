@@ -1,4 +1,4 @@
-"""Where the image is sharpest."""
+"""Best focus of a lens."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def _needs_a_lens(lens: LensStack) -> None:
 
 
 def front_focus(lens: LensStack, wavelength: float = 587.6) -> float:
-    """Where the front focus of a lens is, as its model has it: z in mm; objects beyond it have a real image."""
+    """Front focus of a lens by its model: z in mm; objects beyond it have a real image."""
     _needs_a_lens(lens)
     points = cardinal_points(lens, wavelength)
     return points.rear_principal - points.efl if lens.model is LensModel.THIN else points.front_focus
 
 
 def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
-    """Where a lens images a plane by Gaussian optics, as its model has it: z in mm; see `image_position`.
+    """Gaussian image of a plane by the lens's model: z in mm; see `image_position`.
 
     THIN has both principal planes at the rear principal point; PARAXIAL and EXACT image by the cardinal points. A lens
     with LensModel.NONE is an InvalidValueError.
@@ -88,7 +88,7 @@ def best_focus(
     rays: int = 1 << 14,
     seed: int = 0,
 ) -> float:
-    """Where the image of an object point is sharpest: z in mm, in the lens frame.
+    """Best focus of an object point: z in mm, in the lens frame.
 
     Rays behind the lens are straight, so the variance of the spot is a quadratic in z, whose minimum is taken; the
     largest distance from the centroid is convex in z and is searched by golden section.
@@ -151,7 +151,7 @@ class _Beam(NamedTuple):
 
     @property
     def sharpest(self) -> float:
-        """How far behind z the mean square of the heights is least."""
+        """Distance behind z at which the mean square of the heights is least."""
         return -float(self.weight @ np.einsum("ij,ij->i", self.heights, self.slopes)) / self.spread
 
 
@@ -262,7 +262,7 @@ def through_focus(
 
 
 def _least_radius(beam: _Beam) -> float:
-    """How far behind z the largest distance from the centroid, a convex function of the plane, is smallest."""
+    """Distance behind z at which the largest distance from the centroid, a convex function of the plane, is least."""
 
     def radius2(z: float) -> float:
         offsets = beam.heights + z * beam.slopes

@@ -1,4 +1,4 @@
-"""What reaches the image: how large the field is, vignetting, illumination.
+"""Field, vignetting and illumination of the image.
 
 Fields lie along +y: half angles in rad of objects infinitely far away, otherwise heights in mm of points in the plane
 z_object.
@@ -94,7 +94,7 @@ def _field_of(ray: RayBundle, z_object: float) -> float:
 
 @result
 class Vignetting:
-    """How much of the iris is filled. See `vignetting`, which makes it.
+    """Filled part of the iris. Made by `vignetting`.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class Vignetting:
 def vignetting(
     lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6, grid: int = 64
 ) -> Vignetting:
-    """Which part of the iris is filled by light that passes all rims.
+    """Vignetting: the part of the iris that is filled by light which passes all rims.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def relative_illumination(
 
 
 def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelength: float) -> tuple[float, float]:
-    """What reaches an image point (3,) from the scene, in sr, and its relative standard error."""
+    """Projected solid angle of the light at an image point (3,), in sr, and its relative standard error."""
     if not np.isfinite(point).all():
         return 0.0, 0.0
     aimed = aimed_rays_reverse(

@@ -162,7 +162,7 @@ def _spherical_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay,
 
 
 def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, i: int) -> Floats:
-    """What the r^4 term adds that goes beyond the sphere of the same vertex curvature."""
+    """Contribution of the r^4 term beyond that of the sphere of the same vertex curvature."""
     if surface.departure is not None:
         raise InvalidValueError(
             f"surface {i} has no rotational symmetry, so that Seidel sums are not defined; leave out its departure, or "

@@ -23,7 +23,7 @@ AIRY = 1.2196698912665045
 
 @result
 class SpotDiagram:
-    """Where the rays from one object point meet the image plane. See `spot_diagram`, which makes it.
+    """Intersections of the rays of one object point with the image plane. Made by `spot_diagram`.
 
     Attributes
     ----------

@@ -1,1 +1,1 @@
-"""What looks wrong in a lens."""
+"""Checks of lenses for implausible properties."""

@@ -1,4 +1,4 @@
-"""What looks wrong in a lens: what a designer would look at again before trusting its numbers."""
+"""Checks of a lens, for properties that a designer would look at again before trusting its numbers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _INDEX_TOLERANCE, _ABBE_TOLERANCE = 0.01, 0.10
 
 
 def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
-    """What looks wrong in a lens; see `FindingKind` for what is looked at.
+    """Findings about a lens; see `FindingKind` for the checks.
 
     Nothing of it keeps a lens from being traced. Rays of the `wavelength` in nm go through the lens as it stands, also
     where `LensStack.model` says otherwise. By kind, then by element.
@@ -265,7 +265,7 @@ def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
 
 
 def _nd_vd(medium: Medium | str) -> tuple[float, float] | None:
-    """Of a medium, or of the bundled glass of a name; None where there is none, or it is for the infrared."""
+    """Index nd and Abbe number of a medium, or of the bundled glass of a name; None where unknown, or for the infrared."""
     try:
         found = glass(medium) if isinstance(medium, str) else medium
         return found.index(D_LINE), abbe_number(found)

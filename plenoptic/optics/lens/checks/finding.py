@@ -1,4 +1,4 @@
-"""What a check of a lens reports."""
+"""Findings of a lens check."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from plenoptic.errors import InvalidValueError
 
 
 class FindingKind(enum.IntEnum):
-    """What looks wrong.
+    """Kind of a finding.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What rays through a lens show: whether rims let through what the iris would, and where their errors grow."""
+"""Checks of a lens by rays: rims that cut the iris's beam, and elements that amplify errors."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _CANCELLED = 1e4
 
 
 def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
-    """What rays in the plane x = 0 show: a beam on the axis, and chief rays to both sides.
+    """Findings by rays in the plane x = 0: a beam on the axis, and chief rays to both sides.
 
     The beam comes from infinity, or from the front focus of a lens of positive focal length whose rear focus does not
     lie behind it. Masks are taken as the circles around them.

@@ -1,4 +1,4 @@
-"""What prescriptions leave out: where the stop stands, and how large the surfaces are."""
+"""Inference of data that prescriptions leave out: position of the stop, and sizes of surfaces."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def lens_from_zmx(
 
 
 def _left_out(blocks: list[list[Line]]) -> list[str]:
-    """What surfaces have that is no part of the lens that is read."""
+    """Properties of surfaces that are ignored."""
     coated = [str(i) for i, block in enumerate(blocks) for line in block if line.keyword == "COAT" and line.rest]
     found = [f"coatings (COAT of surface{'s' * (len(coated) > 1)} {', '.join(coated)})"] if coated else []
     shape = [line for line in blocks[-1] if (line.keyword, line.rest.upper()) != ("TYPE", "STANDARD")]
@@ -156,7 +156,7 @@ def _unit(name: str) -> float:
 
 
 class _Glasses:
-    """Where glasses are looked up by name, each once."""
+    """Glasses by name, each looked up once."""
 
     def __init__(self, own: Mapping[str, Medium] | GlassCatalogue | None, catalogues: str) -> None:
         if isinstance(own, str) or not (own is None or hasattr(own, "__getitem__")):

@@ -24,7 +24,7 @@ _ROUNDING = 1e-12
 
 
 def is_folded(rows: list[Row]) -> bool:
-    """Whether any row is a coordinate break or a mirror."""
+    """True if any row is a coordinate break or a mirror."""
     return any(row.turn is not None or row.is_mirror for row in rows)
 
 

@@ -71,12 +71,12 @@ class Row(NamedTuple):
 
     @property
     def is_plane(self) -> bool:
-        """Whether it has no curvature at all."""
+        """True if the row has no curvature at all."""
         return self.curvature == 0 and not any(self.aspheric) and self.departure is None
 
 
 class _As(enum.Enum):
-    """What a row of the file becomes."""
+    """Kind of element that a row of the file becomes."""
 
     SURFACE = 0
     STOP = 1
@@ -196,7 +196,7 @@ def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
 
 
 def _equator(row: Row) -> float:
-    """How far a conic reaches from the axis; inf for planes, paraboloids and hyperboloids."""
+    """Largest distance of a conic from the axis; inf for planes, paraboloids and hyperboloids."""
     return 1.0 / (abs(row.curvature) * math.sqrt(1.0 + row.conic)) if row.curvature and row.conic > -1 else math.inf
 
 
@@ -218,7 +218,7 @@ class _Beam(NamedTuple):
 
     @classmethod
     def of(cls, pieces: list[_Piece], system: System, distance: float, ambient: Medium) -> _Beam:
-        """Of the elements, without their sizes."""
+        """Beam through the elements, regardless of their sizes."""
         wavelength = system.wavelengths[0]
         with np.errstate(all="ignore"):  # what overflows ends as a semi-diameter that is refused
             heights, leaving = basis_rays([piece.element for piece in pieces], ambient=ambient, wavelength=wavelength)
@@ -238,7 +238,7 @@ class _Beam(NamedTuple):
         return float(abs(self.marginal[0] + self.marginal[1] * self.pupil / self.medium_index))
 
     def factor(self, aperture: Aperture) -> float:
-        """What makes the marginal ray that of a system aperture."""
+        """Factor that makes the marginal ray that of a system aperture."""
         keyword, size, is_other = aperture.keyword, aperture.size, aperture.is_other
         if not size > 0:
             raise PrescriptionError("it must be above 0")
@@ -258,7 +258,7 @@ class _Beam(NamedTuple):
         return wanted / has
 
     def pupil_diameter(self, aperture: Aperture) -> float:
-        """Of the entrance pupil that a system aperture asks for."""
+        """Diameter of the entrance pupil for a system aperture."""
         if aperture.keyword == "ENPD":
             return aperture.size
         if aperture.keyword == "FNUM" and not aperture.is_other:
@@ -328,7 +328,7 @@ def _resized(piece: _Piece, size: float, where: str) -> _Piece:
 def _specification(
     lens: LensStack, stop: Row | None, system: System, beam: _Beam | None, gaps: tuple[float, float], image: Row
 ) -> Specification:
-    """What the file says of the use of the lens; without what does not follow."""
+    """Specification of the lens by the file, without data that do not follow."""
     aperture, diameter, fields = system.aperture, None, np.zeros((0, 2))
     if beam is not None:
         with contextlib.suppress(PrescriptionError), np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""What a Zemax file says of the whole system: aperture, fields, wavelengths, and what is left out of it."""
+"""System data of a Zemax file: aperture, fields, wavelengths, and a list of ignored ones."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Line(NamedTuple):
 
     @property
     def words(self) -> list[str]:
-        """What follows the keyword."""
+        """Words after the keyword."""
         return self.rest.split()
 
     def word(self, i: int) -> str:

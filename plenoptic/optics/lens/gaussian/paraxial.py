@@ -24,7 +24,7 @@ _LONGEST = len("entrance_pupil_semi_diameter")
 
 @value
 class CardinalPoints:
-    """What Gaussian optics knows of a lens at one wavelength. See `cardinal_points`, which makes it.
+    """Cardinal points of a lens at one wavelength. Made by `cardinal_points`.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
 
 
 def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
-    """Where the lens images a plane: z in mm, in the lens frame.
+    """Position of a plane's image by the lens: z in mm, in the lens frame.
 
     Parameters
     ----------
@@ -192,7 +192,8 @@ def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) 
 
 
 def object_position(lens: LensStack, z_image: float, wavelength: float = 587.6) -> float:
-    """Which plane the lens images to z_image: z in mm, in the lens frame; the inverse of `image_position`.
+    """Position of the plane that the lens images to z_image: z in mm, in the lens frame; the inverse of
+    `image_position`.
 
     z_image is inf where the rays leave parallel, and the object plane -inf for the horizon.
 

@@ -106,7 +106,7 @@ def height(r2, conic, aspheric):
 
 @device
 def _rounding(r2, z, conic, aspheric):
-    """What rounding may leave of z - sag: eps times the sum of the sizes of all terms."""
+    """Rounding error of z - sag: eps times the sum of the sizes of all terms."""
     c, kz = conic
     size = 0.0
     for j in range(aspheric.size - 1, FIRST_TERM - 1, -1):
@@ -116,7 +116,7 @@ def _rounding(r2, z, conic, aspheric):
 
 @device
 def first_crossing(point, direction, conic, aspheric, departure, semi_diameter2, s, steps):
-    """Where a ray first crosses the surface within the clear cylinder, going the way of the stack.
+    """First intersection of a ray with the surface within the clear cylinder, in the direction of the stack.
 
     Returns the distance along the ray and a status: NOT_CONVERGED where the limit of iterations is reached, CLIPPED
     where the ray does not come into the cylinder or passes it without a crossing, MISSED where there is no cylinder.
@@ -146,7 +146,7 @@ def first_crossing(point, direction, conic, aspheric, departure, semi_diameter2,
 
 @device
 def _bend_ahead(r, half, sin2, conic, aspheric, semi_diameter2):
-    """How far ahead a bound on the second derivative of the sag along a ray holds, and that bound.
+    """Length ahead for which a bound on the second derivative of the sag along a ray holds, and that bound.
 
     Along a ray it is at most sin^2 times the second derivative by r, since sag' / r is a mean of that. Both parts are
     largest at the largest r: inwards that of the ray's point, until it is as far from the axis again; outwards, half of
@@ -167,7 +167,7 @@ def _bend_ahead(r, half, sin2, conic, aspheric, semi_diameter2):
 
 @device
 def _safe_step(gap, rate, sharp):
-    """How far a gap surely stays open that closes at a rate which changes by at most `sharp` per length."""
+    """Safe length of a gap that closes at a rate which changes by at most `sharp` per length."""
     root = math.sqrt(rate * rate + 2.0 * sharp * gap)
     return 2.0 * gap / (rate + root) if rate > 0.0 else (root - rate) / sharp
 

@@ -1,4 +1,4 @@
-"""What departs from rotational symmetry on a surface, at one point: the kernels of all kinds behind one function."""
+"""Freeform term of a surface's sag at one point: the kernels of all kinds behind one function."""
 
 from __future__ import annotations
 

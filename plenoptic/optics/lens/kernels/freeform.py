@@ -53,7 +53,7 @@ def _newton(point, direction, conic, aspheric, departure, semi_diameter2):
 
 @device
 def _is_first(point, direction, conic, aspheric, departure, semi_diameter2, s):
-    """Whether a point is surely the first crossing: on the surface, in the cylinder, of a ray that crosses once."""
+    """True if a point is certainly the first intersection: on the surface, in the cylinder, of a ray that crosses once."""
     (x, y, z), (l, m, n) = point, direction
     sag, dx, dy = freeform_at(x, y, conic, aspheric, departure)
     slope, steepest = n - (dx * l + dy * m), aspheric[STEEPEST] + departure[STEEPEST]
@@ -115,7 +115,7 @@ def refract_freeform(ray, lens, k, index_ratios, s, code, log):
 
 @device
 def note_freeform(log, arrival, ray, lens, k, index_ratios, place):
-    """What is noted of a surface in row k; `place` is the distance from the lens origin that counts."""
+    """Record the conditioning at a surface in row k; `place` is the distance from the lens origin that counts."""
     row, aspheric, departure = lens.rows[k], lens.aspheric[k], lens.departure[k]
     c, kz = row.curvature, 1.0 + lens.conic[k]
     for i in range(BLOCK):

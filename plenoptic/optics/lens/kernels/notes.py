@@ -1,4 +1,4 @@
-"""What is noted of rays at each element on request: how much it magnifies errors, and how hard it was to meet.
+"""Records of rays at each element on request: amplification of errors, and steps to the intersection.
 
 Rows of a log for one element and one block; nan for rays that did not come to the element (NEWTON and STEPS) or not
 through it (the others):

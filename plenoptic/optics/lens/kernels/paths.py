@@ -20,7 +20,7 @@ def begin_path(path, ray):
 
 @device
 def keep_start(path, ray):
-    """Where rays stand, and where they go, before they are moved to an element, in its axes."""
+    """Store positions and directions of rays before they are moved to an element, in its axes."""
     for row in range(6):
         for i in range(BLOCK):
             path.start[row, i] = ray[row * BLOCK + i]

@@ -1,4 +1,4 @@
-"""Which rays pass the opening of a stop: the kernels.
+"""Kernels that test rays against the opening of a stop.
 
 Rays lie in the plane of the stop, in its own axes.
 """

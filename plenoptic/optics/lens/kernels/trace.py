@@ -56,7 +56,7 @@ def _fill_index_ratios(index_ratios, of_waves, waves, first):
 
 @device
 def _note(log, arrival, ray, lens, k, index_ratios):
-    """What is noted of the rays behind element k."""
+    """Record the rays behind element k."""
     row = lens.rows[k]
     place = abs(row.z) if k == 0 or k == lens.rows.size - 1 else 0.0
     kz = 1.0 if lens.conic is None else 1.0 + lens.conic[k]
@@ -200,7 +200,7 @@ def fill_traced_rows(out, given, lens, first, last):
 
 @kernel
 def fill_paths(out, lengths, given, lens, path, first, last):
-    """As `fill_traced_rows`, and the optical path of each ray, in mm: from its origin to the last element, nan if lost.
+    """As `fill_traced_rows`, with the optical path of each ray in mm, from its origin to the last element; nan if lost.
 
     `path` is a `PathNotes` that this call alone writes to.
     """

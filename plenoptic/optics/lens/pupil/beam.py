@@ -53,7 +53,9 @@ class Pencil(NamedTuple):
 
 
 class _Launch(NamedTuple):
-    """How two coordinates make a ray: an offset across the beam (object at infinity), or two direction cosines."""
+    """Parametrisation of rays by two coordinates: offsets across the beam (object at infinity), or two direction
+    cosines.
+    """
 
     origin: Floats
     across: Floats | None
@@ -144,7 +146,7 @@ def pencil(
 
 
 class PassingLight(NamedTuple):
-    """What of one object point's light passes the lens: one row a ray, m in all; without arguments no light."""
+    """Light of one object point that passes the lens: one row a ray, m in all; without arguments no light."""
 
     points: Floats = np.empty((0, 2))
     """(m, 2) x and y on the image plane in mm."""
@@ -211,7 +213,7 @@ def _passing_part(lens: LensStack, beam: Pencil, z_image: float, colour: int, re
 
 
 def light_at_iris(lens: LensStack, beam: Pencil) -> Floats:
-    """What part of each ray of a pencil the iris lets pass if nothing else stops or dims it, (n,).
+    """Transmission by the iris of each ray of a pencil if nothing else stops or dims it, (n,).
 
     Rays lost behind the iris have passed it; those lost before it, and all but those lost at it where the iris is a
     mask, are traced again to the iris, through surfaces and stops without rims.

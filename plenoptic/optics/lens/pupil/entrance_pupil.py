@@ -1,4 +1,4 @@
-"""Where the light of a point in front of the lens enters it: bounds, found by tracing.
+"""Entrance pupil as seen from points in front of the lens: bounds, found by tracing.
 
 They decide where rays are drawn, never how they are weighed: too large a region wastes rays.
 """
@@ -28,7 +28,7 @@ _LARGEST_TANGENT = 1e3
 
 
 class Entrance(NamedTuple):
-    """What is the same for all points."""
+    """Quantities of the entrance that are the same for all points."""
 
     z: float
     """Plane at which rays are aimed: no part of the lens's first element lies in front of it."""
@@ -47,7 +47,7 @@ class Entrance(NamedTuple):
 
 
 def entrance(lens: LensStack, wavelength: float) -> Entrance:
-    """Where light enters a lens, as its model has it."""
+    """Entrance of a lens by its model."""
     record = lens_record(lens, wavelength, reverse=False, round_stops=True)
     points = cardinal_points(lens, wavelength)
     size, placed = points.entrance_pupil_semi_diameter, lens.stop.placement
@@ -103,7 +103,7 @@ def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:
 
 
 def _ideal_opening(lens: LensRecord, point: Floats) -> tuple[Floats, float]:
-    """Where rays aimed at the first plane pass the stop of an ideal lens: middle and radius of a disc.
+    """Disc in which rays aimed at the first plane pass the stop of an ideal lens: middle and radius.
 
     Heights and slopes are linear in the point aimed at, m, and in the source, p: y = a m + b p, u = c m + d p.
     """

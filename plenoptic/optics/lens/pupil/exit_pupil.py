@@ -99,7 +99,8 @@ def pupil_bounds(
 
 
 def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[float, float]:
-    """How far from the axis light can cross the plane of the last vertex: (a, b) in a + b rho, in mm.
+    """Bound of the distance from the axis at which light crosses the plane of the last vertex: (a, b) in a + b rho, in
+    mm.
 
     rho is the distance from the axis of the point of the plane z_plane to which the light goes. It must cross the
     last surface inside its semi-diameter, at the rim by the sag in front of the vertex's plane or behind it; seen
@@ -173,7 +174,7 @@ def _traced_bounds(
 
 
 def _largest_step(support: Floats) -> float:
-    """How far an outline's middle moves from one radius to the next, over its half width."""
+    """Largest displacement of an outline's middle from one radius to the next, over its half width."""
     middle = np.array([_middle(row) for row in support[np.isfinite(support[:, 0])]])
     if len(middle) < 2:
         return 0.0

@@ -49,7 +49,7 @@ def polygon_around(support: Floats) -> Floats:
 
 
 class Fates(NamedTuple):
-    """What becomes of rays; of arrays of any shape."""
+    """Fates of rays; arrays of any shape."""
 
     code: Floats
     """0 for those that pass, see `ray_blocks`."""
@@ -62,7 +62,7 @@ class Fates(NamedTuple):
         return Fates(self.code[chosen], self.x[chosen], self.y[chosen])
 
     def apart(self, others: Fates) -> NDArray[np.bool_]:
-        """Whether light may pass between rays that are lost: by different causes, or on two sides of a stop."""
+        """True where light may pass between lost rays: lost by different causes, or on two sides of a stop."""
         x, y, dx, dy = self.x, self.y, others.x - self.x, others.y - self.y
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             # The nearest that the straight line between both comes to the centre.
@@ -92,7 +92,7 @@ class Sight(NamedTuple):
     """(k, 2) points through which light is known to pass."""
 
     def fates(self, points: Floats) -> Fates:
-        """What becomes of the rays through points (n, 2)."""
+        """Fates of the rays through points (n, 2)."""
         from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, CLIPPED
         from plenoptic.optics.lens.kernels.trace import fill_traced
 
@@ -121,7 +121,7 @@ class Sight(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """Where light may pass: a box, and rays along a side of the grid that looks for it there."""
+    """Search region of the light: a box, and the number of rays along a side of its grid."""
 
     low: Floats
     high: Floats
@@ -141,7 +141,7 @@ DARK = Outline(np.full(SIDES, -np.inf), False)
 
 
 class _Lit(NamedTuple):
-    """What of a grid passes."""
+    """Passing part of a grid."""
 
     points: Floats
     """(m, 2): the ends of its rows."""
@@ -197,7 +197,7 @@ def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
 
 
 def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
-    """What passes of a grid that grows where light reaches its border, at most up to the box `rim`."""
+    """Passing part of a grid that grows where light reaches its border, at most up to the box `rim`."""
     low, high = guess.low, guess.high
     while True:
         lit = _lit(sight, Guess(low, high, guess.rays), _LINES)
@@ -213,7 +213,7 @@ def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
 
 
 def _lit(sight: Sight, box: Guess, lines: int | None) -> _Lit:
-    """What passes of a grid over a box, and between its neighbours on every so many lines; None: on no line."""
+    """Passing part of a grid over a box, and between its neighbours on every `lines`-th line; None: on no line."""
     n = box.rays
     x, y = (np.linspace(box.low[k], box.high[k], n) for k in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1)
@@ -233,7 +233,7 @@ def _lit(sight: Sight, box: Guess, lines: int | None) -> _Lit:
 
 
 def _beyond(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
-    """Which points (n, 2) are outside of others (m, 2) by more than a distance."""
+    """True for points (n, 2) outside of others (m, 2) by more than a distance."""
     if not len(points) or not len(lit):
         return np.ones(len(points), dtype=np.bool_)
     normals = normals_of(SIDES)
@@ -241,7 +241,7 @@ def _beyond(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
 
 
 def _spanned(passes: NDArray[np.bool_]) -> int:
-    """How many points of a grid lie between the first and the last of their row that passes, these included."""
+    """Number of points of a grid between the first and the last passing one of their row, these included."""
     lit = passes[passes.any(axis=1)]
     return int((lit.shape[1] - lit.argmax(axis=1) - lit[:, ::-1].argmax(axis=1)).sum())
 

@@ -255,7 +255,7 @@ def chief_ray(
 def entrance_pupil_of(
     lens: LensStack, field: Sequence[float] | Floats, *, z_object: float = -math.inf, wavelength: float = 587.6
 ) -> float:
-    """Where the entrance pupil is for one field: the point of the axis nearest to the chief ray before the lens.
+    """Entrance pupil of one field: the point of the axis nearest to the chief ray before the lens.
 
     z in the lens frame, mm; nan where there is no chief ray. On the axis, the paraxial entrance pupil. Parameters as
     those of `aimed_rays`.

@@ -45,7 +45,7 @@ _FAN = np.linspace(-1.0, 1.0, 513) * math.radians(89.5)
 
 
 class Half(NamedTuple):
-    """What lies between the iris and the point that is aimed at, and that point."""
+    """Elements between the iris and the target point, and that point."""
 
     outwards: LensRecord | None
     """From the iris to the outermost element; None where nothing lies there."""
@@ -79,7 +79,7 @@ def directions_of(angles: Floats, sign: float) -> Floats:
 
 
 def half_of(lens: LensStack, wavelength: float, aim: Floats, *, scene: bool) -> Half:
-    """What is needed to search rays from the iris to a point before the lens (`scene`) or behind it."""
+    """Half of the lens in which rays from the iris to a point are searched: before the lens (`scene`) or behind it."""
     iris, last = lens.iris_index, len(lens.elements) - 1
     ends, outer = ((0, iris), (0, iris - 1)) if scene else ((iris, last), (iris + 1, last))
     inwards = lens_record(lens, wavelength, reverse=not scene, first=ends[0], last=ends[1], clipping=False)
@@ -222,7 +222,7 @@ def _terms(pupil: Floats) -> Floats:
 
 @functools.cache
 def _fit() -> Floats:
-    """What takes values at `hexapolar(_RINGS)` to the coefficients of `_terms` that fit them best."""
+    """Matrix from values at `hexapolar(_RINGS)` to the coefficients of `_terms` that fit them best."""
     return np.asarray(np.linalg.pinv(_terms(hexapolar(_RINGS))))
 
 

@@ -37,7 +37,7 @@ class EvenField(NamedTuple):
 
     @property
     def step(self) -> float:
-        """Of direction cosines."""
+        """Step of the direction cosines."""
         return float(self.side[1] - self.side[0])
 
 
@@ -97,7 +97,7 @@ def _powers(points: Floats) -> Floats:
 
 
 def checked_shares(weights: ArrayLike | None, wavelengths: tuple[float, ...]) -> Floats:
-    """What part of the light each wavelength has, all alike for None, or an error."""
+    """Share of each wavelength in the light, all alike for None, or an error."""
     light = np.ones(len(wavelengths)) if weights is None else numbers(weights, "weights")
     if light.shape != (len(wavelengths),) or not (light >= 0).all() or not light.any():
         raise InvalidValueError(f"weights must be {len(wavelengths)} numbers, not negative and not all 0")

@@ -23,7 +23,7 @@ FAR_ENOUGH = 5e-3
 
 
 class SpreadMethod(enum.IntEnum):
-    """How the field of a point is found where its image is.
+    """Method for the field of a point in its image.
 
     FOURIER: the picture is small against its distance from the exit pupil, so that it is the Fourier transform of the
     field there, as two products of matrices (R. Soummer et al., Opt. Express 15, 15935, 2007). HUYGENS: spherical waves
@@ -203,7 +203,7 @@ def _places(rows: int, columns: int, size: float) -> Floats:
 
 
 def _width(found: EvenField) -> float:
-    """Of the opening, in direction cosines."""
+    """Width of the opening, in direction cosines."""
     lit = np.isfinite(found.opd)
     return found.step * max(int(np.ptp(np.flatnonzero(lit.any(axis=k)))) + 1 for k in (0, 1))
 

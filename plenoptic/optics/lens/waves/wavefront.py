@@ -245,7 +245,7 @@ def wavefront(
 
 
 def image_plane(lens: LensStack, z_object: float, z_image: float | None, wavelength: float) -> float:
-    """Where the image plane of a lens followed exactly is, that of Gaussian optics unless it is given; or an error."""
+    """Image plane of a lens with exact tracing: the Gaussian one unless it is given; or an error."""
     if lens.model is not LensModel.EXACT:
         raise InvalidValueError(
             f"the lens is followed as {lens.model.name}, which has no aberrations; use LensModel.EXACT"

@@ -36,7 +36,7 @@ _MOST_FRINGE = 37
 
 
 class ZernikeOrder(enum.IntEnum):
-    """How Zernike polynomials are numbered and scaled.
+    """Numbering and scale of Zernike polynomials.
 
     NOLL: by degree, with a mean square of 1 over the disc (J. Opt. Soc. Am. 66, 207, 1976). FRINGE: the first 37 of
     the University of Arizona, with a value of 1 at the rim (J. C. Wyant and K. Creath, Applied Optics and Optical
@@ -72,7 +72,7 @@ class ZernikeFit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the terms; degree and order, n and m, where there is no usual one."""
+        """Names of the terms; degree and order, n and m, where there is no usual one."""
         places = [_place(j, self.order) for j in range(1, len(self.coefficients) + 1)]
         return tuple(_NAMES.get(place, f"n {place[0]}, m {place[1]}") for place in places)
 

@@ -88,7 +88,7 @@ def own_lens(x, y, array):
 
 @device
 def meets_sphere(x, y, l, m, n, c):
-    """Where a ray from (x, y, 0) meets a sphere of curvature c whose vertex is the origin; see `trace`."""
+    """Intersection of a ray from (x, y, 0) with a sphere of curvature c whose vertex is the origin; see `trace`."""
     e = -(x * l + y * m)
     px, py, pz = x + e * l, y + e * m, e * n
     f = c * (px * px + py * py + pz * pz) - 2.0 * pz
@@ -127,7 +127,7 @@ def find_cells(ray, place, c, lattice):
 
 @device
 def is_inside(x, y, radius2, edges):
-    """Whether a point lies in the circle of squared radius `radius2` and inside all `edges` (k, 3)."""
+    """True if a point lies in the circle of squared radius `radius2` and inside all `edges` (k, 3)."""
     inside = x * x + y * y <= radius2
     for k in range(edges.shape[0]):
         inside = inside and edges[k, 0] * x + edges[k, 1] * y <= edges[k, 2] * _ON_EDGE
@@ -136,7 +136,7 @@ def is_inside(x, y, radius2, edges):
 
 @device
 def _in_opening(x, y, row, axis, array):
-    """Whether (x, y) lies in the opening of a lens, listed in a row or with its centre on its axis."""
+    """True if (x, y) lies in the opening of a lens, listed in a row or with its centre on its axis."""
     if array.opening.fills:
         return True
     ax, ay = axis
@@ -149,7 +149,7 @@ def _in_opening(x, y, row, axis, array):
 
 @device
 def _in_cell(x, y, row, listed):
-    """Whether (x, y) lies in the cell of a lens, which is the one nearest to it; FREE ones end at the pitch."""
+    """True if (x, y) lies in the cell of a lens, which is the one nearest to it; FREE ones end at the pitch."""
     if row == NO_LENS:
         return False
     if listed is None:

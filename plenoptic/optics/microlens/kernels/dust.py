@@ -48,7 +48,7 @@ def _rows_of(capsule, grid, margin, column):
 
 @kernel
 def count_members(capsules, grid, margin):
-    """How many entries a grid's bins have in all: each capsule is one in every bin that it can touch."""
+    """Number of entries of all bins of a grid: each capsule is one in every bin that it can touch."""
     total = 0
     for k in range(capsules.shape[0]):
         first, last = _columns_of(capsules[k], grid, margin)
@@ -151,7 +151,7 @@ def fill_dimmed_rays(blocks, z, axes, dust):
 
 @kernel
 def fill_passing(passing, points, dust):
-    """What part of the light passes at points (n, 2) in the dust's axes."""
+    """Write the transmission at points (n, 2) in the dust's axes."""
     for k in range(points.shape[0]):
         passing[k] = 1.0
         _dim(passing, k, (points[k, 0], points[k, 1]), None, dust)

@@ -12,7 +12,7 @@ from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE
 
 @device
 def start_before(path, ray, z):
-    """Where rays stand before a side whose vertex lies at z, from which z is measured then."""
+    """Start rays before a side whose vertex lies at z, from which z is measured then."""
     keep_start(path, ray)
     for i in range(BLOCK):
         path.start[2, i] = ray[Z + i] - z

@@ -44,7 +44,7 @@ def weigh(ray, distance, tilt):
 
 @device
 def at_wavelength(values, waves, path):
-    """What a path has of values at the camera's wavelength, for `waves` None, and then at those that paths draw."""
+    """Values of a path at the camera's wavelength, for `waves` None, otherwise at those that paths sample."""
     if waves is None:
         return values[0]
     return values[waves[path] + 1]
@@ -63,7 +63,7 @@ def head_for(ray, i, slopes, z):
 
 @device
 def is_open(x, y, radius2, edges):
-    """Whether a point lies in the circle of squared radius `radius2` and inside all `edges` (k, 3)."""
+    """True if a point lies in the circle of squared radius `radius2` and inside all `edges` (k, 3)."""
     inside = x * x + y * y <= radius2
     for k in range(edges.shape[0]):
         inside = inside and edges[k, 0] * x + edges[k, 1] * y <= edges[k, 2]
