@@ -1,4 +1,4 @@
-"""What files are: opened by what they hold, as far as that is of this package."""
+"""Files of this package, opened by their content."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LENSES = (".csv", ".zmx")
 
 
 class Opened(NamedTuple):
-    """What a file holds."""
+    """Content of a file."""
 
     kind: str
     """In words."""

@@ -84,7 +84,7 @@ def _lines(content: Any) -> list[str]:
 
 
 def _store_lines(path: Path) -> list[str]:
-    """What its arrays are, and what is known of all of it; no pixel is read."""
+    """Lines about the arrays of a store, and about the whole; no pixel is read."""
     from plenoptic.core.files.serialization import restored_fields
     from plenoptic.core.files.zarr_reading import attributes_of, described
 

@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    """That of all commands, with the arguments of those that may be meant: some import what takes long."""
+    """Parser of all commands, with the arguments of those that may be meant: some import slow modules."""
     text = "Plenoptic cameras, simulated physically: what there is to do without writing a program."
     parser = argparse.ArgumentParser(prog="plenoptic", description=text)
     parser.add_argument("--version", action="version", version=f"plenoptic {__version__}")

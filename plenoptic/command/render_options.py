@@ -23,7 +23,7 @@ _OF_SCENES = ("background", "truth", "max_bounces", "clamp", "caustics")
 
 
 class Request(NamedTuple):
-    """What is to be rendered."""
+    """Subject of a render."""
 
     scene: Scene | None
     """None: a white image."""
@@ -33,7 +33,7 @@ class Request(NamedTuple):
     options: argparse.Namespace
 
     def arguments(self, *names: str) -> dict[str, Any]:
-        """Those of these names that were given, the region, and what belongs to scenes, as `render` takes them."""
+        """Given options of these names, the region, and options of scenes, as `render` takes them."""
         given = {name: found for name in names if (found := getattr(self.options, name)) is not None}
         given |= {"region": self.region, "sampler": self.settings.sampler}
         if self.scene is not None:
@@ -74,7 +74,7 @@ def fill_render_options(parser: argparse.ArgumentParser) -> None:
 
 
 def request_of(options: argparse.Namespace) -> Request:
-    """What was asked for, with its files read; an error where it fits ill."""
+    """Request of the options, with its files read; an error where they do not fit together."""
     if options.white and options.scene is not None:
         raise InvalidValueError(f"--white has no scene, and {options.scene!r} is one too many; give the camera alone")
     if not options.white and options.scene is None:

@@ -25,7 +25,7 @@ class Tile(NamedTuple):
 
 
 def tile_of(text: str) -> Tile:
-    """What was typed, for argparse."""
+    """Parse a tile, for argparse."""
     found = re.fullmatch(r"(\d+)/(\d+)", text)
     if found is None:
         raise argparse.ArgumentTypeError(f"{text!r} is no part of the sensor; give one such as 3/16, the third of 16")
@@ -36,7 +36,7 @@ def tile_of(text: str) -> Tile:
 
 
 def tile_region(shape: tuple[int, int], tile: Tile) -> tuple[slice, slice]:
-    """Its rows and columns."""
+    """Rows and columns of a tile."""
     from plenoptic.camera.checks import BLOCK, sensor_tiles
 
     grid = tile_grid(shape, tile.n)

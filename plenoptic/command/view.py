@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _checked(output: str) -> Path:
-    """Where the page goes, or an error."""
+    """Path of the page, or an error."""
     check_folder(real_path(output))
     if Path(output).suffix.lower() not in (".html", ".htm"):
         raise FileError(f"--output is {output!r}; it must end in .html")

@@ -1,4 +1,4 @@
-"""How far a data set is."""
+"""Progress bar of a data set."""
 
 from __future__ import annotations
 

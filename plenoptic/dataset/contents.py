@@ -1,4 +1,4 @@
-"""What a data set is: its folder, and what is read of it."""
+"""Data set: its folder, and readers of its contents."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class DataSet:
 
     @property
     def complete(self) -> bool:
-        """Whether all is there; `write` goes on where it is not."""
+        """True if all frames are present; `write` goes on where they are not."""
         return bool(self.manifest["complete"])
 
     def open(self, camera: str | None = None) -> xarray.Dataset:
@@ -110,7 +110,9 @@ class DataSet:
         )
 
     def motion(self, number: int, camera: str | None = None, *, limits: FileLimits = DEFAULT) -> MotionTruth:
-        """Where what a frame shows is in the next one, as `motion_truth` found it; for parameters see `frame`."""
+        """Positions in the next frame of the points that a frame shows, as `motion_truth` found them; parameters as for
+        `frame`.
+        """
         name, k = self._named(camera), self._numbered(number)
         if not self._about(name, k)["motion"]:
             raise InvalidValueError(f"frame {k} of {name!r} has no motion: it is the last one, or none was asked for")

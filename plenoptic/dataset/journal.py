@@ -1,4 +1,4 @@
-"""What is done of a data set: a record for each piece of work, noted when it is on the disk."""
+"""Journal of a data set: a record for each task, written when its results are on the disk."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Journal:
             raise
 
     def _has_items_of(self, task: Task, facts: Mapping[str, Any]) -> bool:
-        """Whether all that a record names is there: it may have been damaged."""
+        """True if all files that a record names are present: the journal may have been damaged."""
         return not task.image or all(facts.get(name) in self.items for name in KEPT)
 
     def _check(self, identity: Mapping[str, str], frames: int) -> None:
@@ -59,7 +59,7 @@ class Journal:
             )
 
     def of(self, task: Task, inputs: str) -> dict[str, Any] | None:
-        """What is noted of a task; None where it is not done, and an error where it was done with other inputs."""
+        """Record of a task; None where it is not done, and an error where it was done with other inputs."""
         found = self.done.get(task)
         if found is not None and found["inputs"] != inputs:
             raise FileError(

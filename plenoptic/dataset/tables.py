@@ -1,4 +1,4 @@
-"""What a data set says about itself: the manifest, and a table of what each image took and brought."""
+"""Manifest of a data set, and a table of the time and statistics of each image."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def versions() -> dict[str, str]:
 
 
 def statistics_of(shot: Exposure) -> dict[str, Any]:
-    """What the table says about an image; the same bits give the same numbers, but for the times."""
+    """Statistics of an image for the table; the same bits give the same numbers, except for times."""
     level, stats = HighPercentile(99.0, most=shot.image.size), shot.stats
     for row in shot.image:
         level.add(row[np.isfinite(row)])
@@ -69,7 +69,7 @@ def write_statistics(folder: Path, done: Mapping[Task, Mapping[str, Any]]) -> No
 
 
 def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking, journal: Journal) -> dict[str, Any]:
-    """What is there, with the inputs of each image and the hashes of what came of it."""
+    """Write the manifest: the images, the inputs of each, and the hashes of its arrays."""
     tasks = list(tasks_of(sequences, motion=taking.motion))
     of_image: dict[tuple[int, str], list[Task]] = {}
     for task in tasks:

@@ -1,4 +1,4 @@
-"""What a data set is made of: pieces of work, the inputs of each, and what is said about frames."""
+"""Tasks of a data set, the inputs of each, and the description of frames."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Frames = collections.abc.Sequence[Frame] | Sequence
 
 
 class Taking(NamedTuple):
-    """How all frames are rendered; see `write`."""
+    """Options with which all frames are rendered; see `write`."""
 
     samples: int | None
     target_error: float | None
@@ -40,11 +40,11 @@ class Taking(NamedTuple):
     settings: RenderSettings
 
     def described(self) -> dict[str, Any]:
-        """As JSON."""
+        """Options as JSON."""
         return {**self._asdict(), "truth": self.truth_names, "settings": described(self.settings)}
 
     def identity(self, sequences: Mapping[str, Frames]) -> dict[str, str]:
-        """What must be the same when it goes on, in texts."""
+        """Values that must be the same when writing goes on, in texts."""
         facts = {**self._asdict(), **self.settings.__dict__, "truth": "|".join(self.truth_names)}
         facts = {"plenoptic": __version__, "cameras": ", ".join(sequences), **facts}
         del facts["settings"]
@@ -52,7 +52,7 @@ class Taking(NamedTuple):
 
     @property
     def truth_names(self) -> list[str]:
-        """Of the channels, one by one: what a name such as ALL joins may grow."""
+        """Names of the channels, one by one: the channels of a joint name such as ALL may become more."""
         return [str(flag.name) for flag in Truth if flag.value.bit_count() == 1 and flag in self.truth]
 
 
@@ -66,7 +66,7 @@ class Task(NamedTuple):
 
     @property
     def frames(self) -> tuple[int, ...]:
-        """Those that are needed for it."""
+        """Frames that are needed for the task."""
         return (self.frame,) if self.image else (self.frame, self.frame + 1)
 
 
@@ -128,7 +128,7 @@ def frame_seed(seed: int, frame: int, camera: int) -> int:
 
 
 def inputs_of(*frames: Frame) -> str:
-    """What tells these frames from all others, in any process."""
+    """Inputs that identify these frames, in any process."""
     return digest(tuple((_camera_texts(f.camera), f.scene, f.time) for f in frames))
 
 
@@ -137,7 +137,7 @@ def _camera_texts(camera: PlenopticCamera) -> tuple[tuple[str, str], ...]:
 
 
 def described_frame(frame: Frame) -> dict[str, Any]:
-    """What the manifest says about a frame, as JSON."""
+    """Description of a frame for the manifest, as JSON."""
     pose = frame.camera.pose
     names = frame.scene.object_names
     placed = zip(names, frame.scene.meshes, strict=False)  # behind those of meshes there are names of lights

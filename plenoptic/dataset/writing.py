@@ -211,7 +211,7 @@ class _Writer:
                 bar.done()
 
     def _is_kept(self, task: Task, camera: PlenopticCamera, noted: Mapping[str, Any] | None) -> bool:
-        """Whether a task is noted, and its chunks have not been removed since."""
+        """True if a task is recorded, and its chunks have not been removed since."""
         if noted is None or not self._path(task).exists():
             return False
         region = (*task.rows, 0, camera.sensor.shape[1])
@@ -220,7 +220,7 @@ class _Writer:
         return self._there[task.camera].has(region, noted["arrays"], frame=task.frame)
 
     def _frames(self, k: int) -> dict[str, Frame]:
-        """Of all cameras at a time, with one scene, which is compiled once."""
+        """Frames of all cameras at a time, with one scene, which is compiled once."""
         found = {name: sequence[k] for name, sequence in self._sequences.items()}
         scene = next(iter(found.values())).scene
         return {name: Frame(scene, frame.camera, frame.time) for name, frame in found.items()}

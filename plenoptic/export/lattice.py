@@ -1,4 +1,4 @@
-"""How the images of the microlenses lie in a raw image, in rows as other programs count them."""
+"""Lattice of microlens images in a raw image, with rows as other programs count them."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class LensRows(NamedTuple):
 
     @property
     def hexagonal(self) -> bool:
-        """Whether it is a hexagonal lattice."""
+        """True for a hexagonal lattice."""
         return _array(self.camera).lattice is Lattice.HEXAGONAL
 
     def turned(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -100,7 +100,7 @@ class LensRows(NamedTuple):
 
 
 def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod.CHIEF_RAY) -> LensRows:
-    """How the microlens images of an exposure lie.
+    """Lattice of the microlens images of an exposure.
 
     With `turn`, the image is to be turned by a quarter where its rows of lenses run rather along columns. Only lenses
     whose centres lie in the image are listed.

@@ -77,7 +77,7 @@ def read_pfm(path: Path, content: bytes) -> NDArray[np.float32]:
 
 
 def write_readme(folder: Path, program: str, how: str, cannot: str, more: Mapping[str, Any] | None = None) -> None:
-    """How the program is started, and what it cannot know."""
+    """Write instructions for starting the program, with the limits of its knowledge."""
     lines = [f"For {program}, by plenoptic {__version__}.", "", how, "", f"What it cannot express: {cannot}"]
     lines += [f"{name}: {found}" for name, found in (more or {}).items()]
     write_file(folder / "README.txt", ("\n".join(lines) + "\n").encode("utf-8"))

@@ -26,7 +26,7 @@ _LARGEST_ANGLE = 1e-3
 
 
 class VoxFile(NamedTuple):
-    """What a .vox file holds. See `read_plenoptomos`."""
+    """Content of a .vox file. See `read_plenoptomos`."""
 
     image: NDArray[Any]
     """(rows, columns) counts, or as its `mode` says."""
@@ -100,7 +100,7 @@ def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -
 
 
 def _numbers(shot: Exposure) -> dict[str, tuple[Any, dict[str, str]]]:
-    """Of the camera, by path below instrument/camera, with units and axes."""
+    """Numbers of the camera, by path below instrument/camera, with units and axes."""
     lens = lens_rows(shot, turn=False)
     if lens.hexagonal or abs(lens.angle) > _LARGEST_ANGLE:
         raise InvalidValueError(

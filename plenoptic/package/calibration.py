@@ -73,7 +73,7 @@ class CalibrationPoints:
 
     @classmethod
     def from_csv(cls, text: str) -> CalibrationPoints:
-        """What `to_csv` wrote; a FileError where it is something else."""
+        """Read the text that `to_csv` wrote; a FileError for another text."""
         try:
             rows = list(csv.reader(io.StringIO(text)))
             if rows[0] != _HEADER:
@@ -96,7 +96,7 @@ def targets_of(targets: Target | Sequence[Target]) -> tuple[Target, ...]:
 def calibration_points(
     camera: PlenopticCamera, targets: Target | Sequence[Target], *, scene: Scene | None = None
 ) -> CalibrationPoints:
-    """Where the points of targets appear on the sensor, in the image of every microlens that shows them.
+    """Project the points of targets onto the sensor, into the image of every microlens that shows them.
 
     Parameters
     ----------

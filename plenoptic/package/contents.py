@@ -1,4 +1,4 @@
-"""What a package holds, and under which names."""
+"""Contents of a package, with their names."""
 
 from __future__ import annotations
 

@@ -213,7 +213,7 @@ def _centres(camera: PlenopticCamera) -> dict[CentreMethod, MicrolensCentres]:
 
 
 def _about(camera: PlenopticCamera) -> dict[str, Any]:
-    """What other programs need to understand a camera, beside its value."""
+    """Description of a camera for other programs, beside its value."""
     parts, sensor = assembly(camera), camera.sensor
     said: dict[str, Any] = {
         "units": "mm, nm, radians; light in the scene's units",

@@ -74,7 +74,7 @@ def _mark(ax: Axes, ends: Floats, colour: str, label: str, style: Any) -> None:
 
 
 def _led(camera: PlenopticCamera, rays: PixelRays) -> Floats:
-    """Where the rays leave the picture in front of the lens; nan for lost ones."""
+    """Points at which the rays leave the picture in front of the lens; nan for lost ones."""
     front = float(camera.lens.vertices[0])
     widest = 2.0 * max(element.semi_diameter for element in camera.lens.elements)
     lead = front - max(_LEAD * (float(rays.sensor.shift[2]) - front), _LEAD_OF_FLAT * widest)

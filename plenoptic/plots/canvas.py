@@ -1,4 +1,4 @@
-"""What figures share: where they are drawn, and how brightness is shown."""
+"""Common parts of figures: axes, and the display of brightness."""
 
 from __future__ import annotations
 
@@ -70,5 +70,5 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
 
 
 def pixel_extent(row: int, column: int, shape: tuple[int, ...]) -> tuple[float, float, float, float]:
-    """Where `imshow` puts pixels from a first row and column on, so that their centres are whole numbers."""
+    """Extent for `imshow` of pixels from a first row and column on, with whole numbers at their centres."""
     return column - 0.5, column + shape[1] - 0.5, row + shape[0] - 0.5, row - 0.5

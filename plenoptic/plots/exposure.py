@@ -39,7 +39,7 @@ PANEL = (3.2, 3.3)
 
 
 class _Frame(NamedTuple):
-    """What of the sensor is drawn."""
+    """Displayed part of the sensor."""
 
     row: int
     column: int
@@ -47,7 +47,7 @@ class _Frame(NamedTuple):
 
     @classmethod
     def of(cls, image: NDArray[Any], region: tuple[int, ...] | None) -> _Frame:
-        """Of an image of a region of the sensor; None: of all of it."""
+        """Frame of an image of a region of the sensor; None: of all of it."""
         row, column = (0, 0) if region is None else (region[0], region[2])
         return cls(row, column, min(-(-max(image.shape[:2]) // _MOST), *image.shape[:2]))
 
@@ -56,7 +56,7 @@ class _Frame(NamedTuple):
         return block_means(values, self.block)
 
     def extent(self, shape: tuple[int, ...]) -> tuple[float, float, float, float]:
-        """Where reduced values lie."""
+        """Extent of reduced values."""
         return pixel_extent(self.row, self.column, (shape[0] * self.block, shape[1] * self.block))
 
 
@@ -75,7 +75,7 @@ def _colour_picture(
 
 
 def _detail_of(image: NDArray[Any]) -> tuple[slice, slice] | None:
-    """Where an image has much contrast, near its middle; None for a small one, which is seen as it is."""
+    """Detail of an image with much contrast, near its middle; None for a small one, which is seen as it is."""
     if min(image.shape[:2]) < _TIMES * _DETAIL:
         return None
     starts = [
@@ -115,7 +115,7 @@ def _truth(exposure: Exposure) -> tuple[str, NDArray[Any], str] | None:
 
 
 def panels_of(exposure: Exposure) -> int:
-    """How many panels `plot_exposure` draws."""
+    """Number of panels that `plot_exposure` draws."""
     return 1 + sum(part is not None for part in (_detail_of(exposure.image), exposure.standard_error, _truth(exposure)))
 
 

@@ -1,4 +1,4 @@
-"""What varies over the field, as lens design programs draw it: the field upwards, what it does to the right."""
+"""Plots over the field, as lens design programs draw them: the field upwards, the quantity to the right."""
 
 from __future__ import annotations
 

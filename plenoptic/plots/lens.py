@@ -50,7 +50,7 @@ def _discs(lens: LensStack) -> list[tuple[float, float]]:
 
 
 def unfolded(lens: LensStack) -> str:
-    """What a picture says of a lens with mirrors; empty for others."""
+    """Remark for the picture of a lens with mirrors; empty for others."""
     return ", unfolded at its mirrors" if _mirrors(lens) else ""
 
 

@@ -155,7 +155,7 @@ def _draw_side(ax: Axes, side: _Side, shapes: list[Shape], box: Floats, unit: fl
 
 
 def _draw_frustum(ax: Axes, side: _Side, frustum: Frustum, far: Floats, unit: float) -> None:
-    """Its edges up to where they end, the plane in focus, and where the camera is."""
+    """Draw the edges of a frustum, the plane in focus, and the camera."""
     across = np.stack([side.right, side.up], axis=1)
     start, end = (corners @ across / unit for corners in (frustum.origins, far))
     edges = np.stack([start, end], axis=1)

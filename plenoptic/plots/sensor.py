@@ -1,4 +1,4 @@
-"""What the channels of a sensor see, and its noise against its signal."""
+"""Plots of a sensor: sensitivity of its channels, and noise against signal."""
 
 from __future__ import annotations
 

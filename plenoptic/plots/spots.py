@@ -28,7 +28,7 @@ _SMALLEST_SPOT = 0.1
 
 
 def field_label(field: Floats, z_object: float) -> str:
-    """How an object point is named in titles: by its angle, or by its height."""
+    """Name of an object point in titles: its angle, or its height."""
     x, y = (float(component) for component in field)
     if math.isinf(z_object):
         x, y, unit = math.degrees(x), math.degrees(y), "°"

@@ -25,7 +25,7 @@ _MOST = 1e300
 
 
 class _Purpose(enum.IntEnum):
-    """What random numbers are for; part of their key, so that no two purposes share any."""
+    """Purpose of random numbers; part of their key, so that no two purposes share any."""
 
     SHOT = 1
     READ = 2
@@ -38,7 +38,7 @@ class _Purpose(enum.IntEnum):
 
 
 def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: int | None = None) -> RawImage:
-    """What a sensor reads out after an exposure; see `Exposure.develop`.
+    """Read an exposure out by a sensor; see `Exposure.develop`.
 
     The image is the mean light on each pixel, which must be finite and at least 0. One of a single channel, as of
     scenes without colour, stands for three equal ones where the sensor tells channels apart. `seed` is that of shot,

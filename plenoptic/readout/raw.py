@@ -39,7 +39,7 @@ _KEPT_AS_TEXT = ("model", "region", "seed", "samples")
 
 @value
 class RawImage:
-    """What a sensor reads out: one number for each pixel, or three for a sensor of three layers.
+    """Raw image of a sensor: one number for each pixel, or three for a sensor of three layers.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class RawImage:
         return (0, 0) if self.region is None else (self.region[0], self.region[2])
 
     def electrons(self) -> Floats:
-        """What the numbers stand for, shaped as `data`: (DN - black level) / gain.
+        """Electrons of the numbers, shaped as `data`: (DN - black level) / gain.
 
         Dark current is included, and noise makes some of them negative.
 

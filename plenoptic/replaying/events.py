@@ -1,4 +1,4 @@
-"""What happens to a path, one value for each step; lengths in mm.
+"""Events of a path, one value for each step; lengths in mm.
 
 c is 1 for a path with a wavelength or in a grey scene, otherwise 3.
 """
@@ -18,7 +18,7 @@ from plenoptic.scene.materials.registry import Material
 
 @result
 class SensorPoint:
-    """Where a path starts."""
+    """Start of a path on the sensor."""
 
     pixel: tuple[int, int]
     """Row and column on the whole sensor."""
@@ -83,7 +83,7 @@ class WorldRay:
 
 
 class DrawnKind(enum.IntEnum):
-    """What kind of light was drawn to shine directly on a surface."""
+    """Kind of light that was sampled to shine directly on a surface."""
 
     TRIANGLE = 0
     POINT = 1
@@ -93,7 +93,7 @@ class DrawnKind(enum.IntEnum):
 
 @result
 class Place:
-    """Which triangle."""
+    """Triangle of a scene."""
 
     object: int
     """Number of the mesh in `scene.meshes`; the shapes of quad and sphere lights count on after the last one."""
@@ -159,7 +159,7 @@ Event: TypeAlias = SensorPoint | MicrolensPassage | ElementPassage | WorldRay | 
 
 
 class PathEnding(enum.IntEnum):
-    """How a path ended. See `replay`."""
+    """End of a path. See `replay`."""
 
     LEFT_SCENE = 0
     """It met nothing more; in a white image, it left the lens."""

@@ -90,7 +90,7 @@ def _behind(camera: CameraRecord) -> float:
 
 
 def _sensor_point(camera: CameraRecord, aimed: _Row) -> Floats:
-    """Where an aimed sample starts, in local axes; see `optics.microlens.kernels.to_lens` for its fields."""
+    """Start of an aimed sample, in local axes; see `optics.microlens.kernels.to_lens` for its fields."""
     x, y = aimed.point[:2] - aimed.direction[:2]
     plane = camera.sensor.plane
     farther = 0.0 if plane.tilt is None else float(plane.tilt @ (x, y))

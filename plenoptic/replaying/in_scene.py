@@ -1,4 +1,4 @@
-"""What one path meets in the scene, as events."""
+"""Events of one path in the scene."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Recorder:
         self.ending = self._end_here(hit)
 
     def _end_here(self, hit: int) -> PathEnding:
-        """How a path ends that is not scattered where it is."""
+        """End of a path that is not scattered at its hit."""
         bsdf, geometry = self._record.bsdf, self._record.geometry
         if bsdf is None or geometry is None or not bsdf.scatters[geometry.triangle_material[hit]]:
             return PathEnding.ABSORBED
@@ -125,7 +125,7 @@ class Recorder:
 
 
 class _SceneNames:
-    """Which mesh, instance, material and light of a scene the rows of its record are."""
+    """Meshes, instances, materials and lights of a scene by the rows of its record."""
 
     def __init__(self, scene: Scene, record: SceneRecord, moving: MovingPaths | None) -> None:
         self._scene, self._record = scene, record
@@ -137,7 +137,7 @@ class _SceneNames:
         self._repeated = np.array(repeated, dtype=np.int64).reshape(-1, 2)
 
     def place(self, triangle: int, placed: int) -> Place:
-        """Of a row of the triangles and one of the places, -1 for plain triangles."""
+        """Triangle by its row and that of an instance, -1 for plain triangles."""
         record = self._record
         assert record.triangle_mesh is not None
         number = int(record.triangle_mesh[triangle])
@@ -150,7 +150,7 @@ class _SceneNames:
         return Place(int(self._repeated[which, 0]), triangle - int(record.instances.first[placed]), instance)
 
     def material(self, place: Place) -> Material:
-        """What a place is made of."""
+        """Material of a triangle."""
         meshes = self._scene.meshes
         if place.object >= len(meshes):
             return self._shapes[place.object - len(meshes)].material
@@ -169,7 +169,7 @@ class _SceneNames:
         return np.asarray(points @ matrix[:, :3].T + matrix[:, 3])
 
     def light(self, number: float) -> tuple[DrawnKind, Place | None, int | None]:
-        """What is drawn by a random number."""
+        """Light that a random number selects."""
         lights = self._record.lights
         assert lights.cdf is not None and lights.items is not None
         item = min(int(np.searchsorted(lights.cdf, number, side="right")), len(lights.cdf) - 1)

@@ -113,7 +113,7 @@ def _is_finite(event: Event | DirectLight) -> bool:
 
 
 def _described(event: Event, bounce: int) -> tuple[str, list[str]]:
-    """What stands in the first column, and lines for the second."""
+    """Texts for the first column, and lines for the second."""
     if isinstance(event, SensorPoint):
         return "sensor", [f"from {_point(event.point)}"]
     if isinstance(event, MicrolensPassage):

@@ -124,7 +124,7 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
 
 
 def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
-    """As it was rendered, or an error where the exposure does not know how."""
+    """Context of the original render, or an error where the exposure does not know it."""
     check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera, samples=64)")
     camera, settings, seed = exposure.camera, exposure.settings, exposure.seed
     replicates, samples = exposure.replicates, exposure.samples
@@ -156,7 +156,7 @@ def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
 
 
 def _members(given: Any, name: str, *members: str) -> Any:
-    """What has as many members as it must, or an error that names these."""
+    """Members of a value, or an error that names the expected ones."""
     given = given.tolist() if isinstance(given, np.ndarray) else given
     if not isinstance(given, tuple | list) or len(given) != len(members):
         raise InvalidValueError(f"{name} is {given!r}; it must be ({', '.join(members)})")

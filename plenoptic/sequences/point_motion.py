@@ -1,4 +1,4 @@
-"""Where what pixels show goes from one frame to the next: in the world, and on the sensor behind the same microlens."""
+"""Motion of the points that pixels show, from one frame to the next: in the world, and on the sensor."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @result
 class MotionTruth:
-    """Where what the pixels of a raw image show is in the next frame. See `motion_truth`, which makes it.
+    """Positions in the next frame of the points that a raw image's pixels show. Made by `motion_truth`.
 
     Attributes
     ----------
@@ -192,7 +192,7 @@ def _seen(tables: ForwardRecord, points: Floats) -> Floats:
 
 
 def _chief_rays(tables: ForwardRecord, points: Floats, lenses: NDArray[np.int64] | None, start: Floats) -> _Chief:
-    """Of points (m, 3) in the lens's axes through microlenses (m, 2), or the iris, sought from where they `start`."""
+    """Chief rays of points (m, 3) in the lens's axes through microlenses (m, 2), or the iris, searched from `start`."""
     entrance, array = entrance_rays(tables), tables.camera.microlenses
     if array is None or lenses is None:
         aim, centre = through_iris(tables, entrance.bare)

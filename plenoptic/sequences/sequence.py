@@ -22,7 +22,7 @@ from plenoptic.scene.scene import Scene
 
 @value
 class Frame:
-    """What `render`, `ground_truth` and `motion_truth` take of one time of a sequence.
+    """Scene and camera of a sequence at one time, for `render`, `ground_truth` and `motion_truth`.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class Sequence:
 
     @cached_property
     def _objects(self) -> dict[int, tuple[Instances, Motion]]:
-        """What moves, by its place in `scene.meshes`: as instances where it stands, named as the mesh is."""
+        """Moving objects by their index in `scene.meshes`: as instances at their initial pose, named as the mesh is."""
         names, found = self.scene.object_names, {}
         for name, motion in self.motions:
             k = names.index(name)

@@ -13,7 +13,7 @@ INTERRUPTED = "Interrupted: further rows were asked for."
 
 
 def until_interrupted(measure: Callable[[Item], Row], items: Iterable[Item]) -> list[Row]:
-    """What is measured of each item, or of the first ones after Ctrl-C, which is raised where there is nothing yet."""
+    """Measure each item, or the first ones until Ctrl-C, which is raised where there is no result yet."""
     rows: list[Row] = []
     try:
         for item in items:

@@ -21,7 +21,7 @@ def checked_truth(truth: Truth) -> Truth:
 
 
 def available_truth(truth: Truth, *, meshes: bool, microlenses: bool) -> Truth:
-    """What of it there can be in a scene with or without meshes, for a camera with or without microlenses."""
+    """Channels of `truth` that exist in a scene with or without meshes, for a camera with or without microlenses."""
     there = (Needs.MESHES if meshes else Needs.NOTHING) | (Needs.MICROLENSES if microlenses else Needs.NOTHING)
     found = Truth.NONE
     for channel in channels_of(truth).values():
@@ -60,7 +60,7 @@ def file_planes(truth: GroundTruth) -> dict[str, NDArray[Any]]:
 
 
 def file_note(truth: GroundTruth) -> str:
-    """What the planes are."""
+    """Description of the planes for files."""
     said = []
     for name in truth.arrays():
         channel = CHANNELS[name]

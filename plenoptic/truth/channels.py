@@ -24,7 +24,7 @@ NO_MICROLENS = -(2**31)
 
 
 class Truth(enum.IntFlag):
-    """What of the ground truth is wanted; joined by ``|``. `GroundTruth` says what each is, docs/conventions.md more.
+    """Channels of the ground truth; joined by ``|``. `GroundTruth` describes each, docs/conventions.md in more detail.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class Truth(enum.IntFlag):
 
 
 class PixelState(enum.IntEnum):
-    """What is known of a pixel: `GroundTruth.state`.
+    """State of a pixel: `GroundTruth.state`.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class PixelState(enum.IntEnum):
 
 
 class Needs(enum.Flag):
-    """What a channel can only be had with."""
+    """Requirements of a channel."""
 
     NOTHING = 0
     MESHES = enum.auto()
@@ -84,7 +84,7 @@ class Needs(enum.Flag):
 
 
 class Source(NamedTuple):
-    """What channels are made from."""
+    """Sources from which channels are made."""
 
     stage: str
     """What of `PixelStages` is read."""
@@ -128,12 +128,12 @@ class Channel(NamedTuple):
 
     @property
     def dtype(self) -> type[np.generic]:
-        """Of its numbers."""
+        """Type of its numbers."""
         return np.int32 if isinstance(self.void, int) else np.float64
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """What follows (H, W)."""
+        """Shape after (H, W)."""
         return (len(self.numbers),) if self.numbers else ()
 
 
@@ -147,7 +147,7 @@ def _channel(
 
 @value
 class GroundTruth:
-    """What the pixels of a raw image show: of each, the point where *one ray* meets the scene.
+    """Ground truth of a raw image's pixels: for each, the point where *one ray* hits the scene.
 
     The ray starts at the centre of the pixel and passes the lit centroid of the microlens that gives the centre most
     light; where the centre is dark, it starts elsewhere on the pixel (docs/conventions.md). What was not asked for is
@@ -301,7 +301,7 @@ class GroundTruth:
 
     @property
     def kinds(self) -> Truth:
-        """What it holds."""
+        """Channels that are present."""
         return functools.reduce(operator.or_, (CHANNELS[name].flag for name in self.arrays()))
 
     @property

@@ -25,7 +25,7 @@ _TOGETHER = 1 << 12
 
 
 class ChordRecord(NamedTuple):
-    """What aiming chief rays needs."""
+    """Quantities for aiming chief rays."""
 
     entrance: EntranceRays
     through: ThroughArray

@@ -216,12 +216,12 @@ class Strip(NamedTuple):
 
     @property
     def nbytes(self) -> int:
-        """Of ground truth, with all that there can be."""
+        """Bytes of the ground truth, with all channels that are possible."""
         return 8 * 2 * len(CHANNELS) * self.size
 
 
 def strip_finder(job: tuple[Scene | None, PlenopticCamera, Truth]) -> Callable[[Strip], Arrays]:
-    """What finds the ground truth of strips, of a scene before a camera."""
+    """Function that finds the ground truth of strips, of a scene before a camera."""
     scene, camera, wanted = job
     record, surfaces, intersector = prepared_camera(camera).record, None, None
     cells_per_pixel(record)

@@ -43,7 +43,7 @@ def fill_microlens_type(types: NDArray[np.int32], cells: LitCells) -> None:
 
 
 def fill_state(states: NDArray[np.int32], pixels: PixelStates) -> None:
-    """What is known of the pixels."""
+    """Write the states of the pixels."""
     states[pixels.dark] = PixelState.DARK
     states[pixels.lit] = PixelState.EMPTY
     states[pixels.met] = PixelState.SEEN

@@ -85,7 +85,7 @@ class PixelRays(NamedTuple):
 
 
 def _lost_rays(pixels: Floats) -> PixelRays:
-    """Those of dark pixels."""
+    """Rays of dark pixels."""
     n = len(pixels)
     blocks = np.zeros((-(-n // BLOCK), 8, BLOCK))
     blocks[:, STATUS // BLOCK] = MISSED

@@ -1,4 +1,4 @@
-"""What share of a pixel's light comes from the object that its representative ray meets."""
+"""Shares of a pixel's light that come from the object which its representative ray hits."""
 
 from __future__ import annotations
 

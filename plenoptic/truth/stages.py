@@ -1,4 +1,4 @@
-"""What channels are made from: the rays that stand for pixels, what they meet, and where the lens images that.
+"""Stages of the ground truth: representative rays of pixels, their hits, and the images of these by the lens.
 
 Each stage runs when the first channel reads it.
 """
@@ -34,7 +34,7 @@ _TOGETHER = 1 << 10
 
 
 class TruthRecord(NamedTuple):
-    """What finding the truth needs beside camera and scene."""
+    """Quantities for the ground truth besides camera and scene."""
 
     wanted: Truth
     frame: Floats | None
@@ -84,7 +84,7 @@ class LitCells(NamedTuple):
 
 
 class PixelStates(NamedTuple):
-    """What is known of pixels."""
+    """States of pixels."""
 
     dark: NDArray[np.bool_]
     """(n,): no light can reach them."""
@@ -104,7 +104,7 @@ class ObjectShares(NamedTuple):
 
 
 class HitPoints(NamedTuple):
-    """Where rays meet the scene."""
+    """Points where rays hit the scene."""
 
     lanes: NDArray[np.int64]
     """(m,): the pixels whose rays meet something."""
@@ -118,7 +118,7 @@ class HitPoints(NamedTuple):
 
 
 class SurfaceHits(NamedTuple):
-    """What rays meet."""
+    """Surfaces that rays hit."""
 
     lanes: NDArray[np.int64]
     """(m,): the pixels whose rays meet something."""
@@ -132,7 +132,7 @@ class SurfaceHits(NamedTuple):
 
 
 class ImagePoints(NamedTuple):
-    """Where the main lens images what rays meet."""
+    """Images of hit points by the main lens."""
 
     distance: Floats
     """(n,): of the image behind the array's front principal plane, mm; nan where nothing is met."""
@@ -216,14 +216,14 @@ class PixelStages:
 
     @cached_property
     def states(self) -> PixelStates:
-        """What is known of the pixels."""
+        """States of the pixels."""
         rays, scene = self.rays, self._scene
         meshes = scene is not None and scene.geometry is not None
         return PixelStates(rays.dark, ~rays.lost, self.hits.lanes if meshes else np.empty(0, dtype=np.int64))
 
     @cached_property
     def shares(self) -> ObjectShares:
-        """How much of the light comes from the objects that the rays meet."""
+        """Shares of the light that come from the objects which the rays hit."""
         from plenoptic.truth.shares import object_shares
 
         hits, intersector = self.hits, self._intersector
@@ -252,7 +252,7 @@ class PixelStages:
 
     @cached_property
     def images(self) -> ImagePoints:
-        """Where the main lens images these points: by eight rays around each pixel's."""
+        """Images of these points by the main lens: by eight rays around each pixel's."""
         from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
         from plenoptic.optics.lens.kernels.trace import fill_traced
         from plenoptic.truth.kernels import virtual_depth
@@ -270,7 +270,7 @@ class PixelStages:
 
     @cached_property
     def chords(self) -> Chords:
-        """How far the points' images move between neighbouring microlenses."""
+        """Displacements of the points' images between neighbouring microlenses."""
         from plenoptic.truth.chords import chord_disparities
 
         record, hit = self._truth.chords, self.points

@@ -24,7 +24,7 @@ _OF_PIXELS = Truth.MICROLENS | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY
 def truth_along(
     scene: Scene, camera: PlenopticCamera, on_sensor: Floats, on_array: Floats, *, truth: Truth
 ) -> GroundTruth:
-    """What rays meet that start on the sensor and pass the array's principal planes straight.
+    """Ground truth along rays that start on the sensor and pass the array's principal planes straight.
 
     Places are (rows, columns, 2): x and y on the sensor and on the array, each in its own axes, mm; nan where there is
     no ray.

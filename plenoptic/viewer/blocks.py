@@ -24,7 +24,7 @@ _LEVEL = 6
 
 
 class Curve(enum.IntEnum):
-    """What steps are even in; web/planes.js has the other direction."""
+    """Quantity in which steps are even; web/planes.js has the inverse."""
 
     LINEAR = 0
     RECIPROCAL = 1

@@ -37,7 +37,7 @@ _SHADERS = ("common", "sum", "sheet", "slice", "match", "show", "values")
 
 
 class _Part(NamedTuple):
-    """What is shown of a light field: all, but for large ones."""
+    """Part of a light field that is shown: all of it, except for large ones."""
 
     field: LightField
     across: NDArray[np.int64]

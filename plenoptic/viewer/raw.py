@@ -45,7 +45,7 @@ _SHADERS = ("common", "raw", "values")
 
 
 class _Shown(NamedTuple):
-    """What is shown, on its pixels."""
+    """Displayed part of a raw image, on its pixels."""
 
     image: NDArray[np.float32]
     error: NDArray[np.float32] | None
@@ -226,7 +226,7 @@ def _add_lenses(facts: dict[str, Any], blocks: Blocks, camera: PlenopticCamera, 
 
 
 def _add_beside(facts: dict[str, Any], blocks: Blocks, seen: Sight, camera: PlenopticCamera, shown: _Shown) -> None:
-    """How far from each pixel the chief ray of the point that it shows lands: rays of rim pixels run beside it."""
+    """Add the displacement of each pixel from the landing point of the chief ray of its object point."""
     points, numbers = shown.truth["position"], shown.truth["microlens"].astype(np.int64)
     rows, columns = np.nonzero(np.isfinite(points).all(axis=2) & (numbers[..., 0] != NO_MICROLENS))
     beside = np.full((*points.shape[:2], 2), np.nan)
@@ -246,7 +246,7 @@ def _add_beside(facts: dict[str, Any], blocks: Blocks, seen: Sight, camera: Plen
 
 
 def _near(centres: MicrolensCentres, shown: _Shown, margin: float) -> NDArray[np.bool_]:
-    """Which centres lie on the pixels that are shown, or within a pitch of them."""
+    """True for centres on the displayed pixels, or within a pitch of them."""
     low = np.array(shown.first) - margin
     high = np.array(shown.first) + np.array(shown.image.shape[:2]) * shown.block + margin
     return np.asarray(((centres.pixel >= low) & (centres.pixel <= high)).all(axis=1))

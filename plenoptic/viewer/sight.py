@@ -56,7 +56,7 @@ class Sight(NamedTuple):
         return _terms((np.hstack([on_array, offset]) - self.middle) / self.half, exponents(self.degree)) @ self.series
 
     def beside(self, points: Floats, pixel: Floats, on_array: Floats) -> Floats:
-        """How far from pixels (n, 2) the chief rays of points (n, 3) of the camera's frame land, by one Newton step."""
+        """Displacement from pixels (n, 2) of the chief rays of points (n, 3) of the camera's frame, by one Newton step."""
         offset = pixel - self.straight[0] - on_array @ self.straight[1:]
         lines = self.lines(on_array, offset)
         slopes = [(self.lines(on_array, offset + _STEP * np.eye(2)[k]) - lines) / _STEP for k in range(2)]
@@ -166,7 +166,7 @@ def _error(sight: Sight, samples: Samples, distances: Floats) -> float:
 
 
 def _placed(lines: Floats, z: Floats) -> Floats:
-    """Where lines (n, 4) meet planes (n,): x and y (n, 2)."""
+    """Intersections of lines (n, 4) with planes (n,): x and y (n, 2)."""
     return np.asarray(lines[:, :2] + z[:, None] * lines[:, 2:])
 
 

@@ -56,7 +56,7 @@ class Plane(NamedTuple):
     """1 / L, 1/mm: of waves from a point of the exit pupil; 0 for one infinitely far away."""
 
     def directions(self, lens_axes: Floats) -> Floats:
-        """Of unit vectors (n, 3) in the lens's axes: slopes or cosines (n, 2)."""
+        """Slopes or cosines (n, 2) of unit vectors (n, 3) in the lens's axes."""
         turned = self.from_lens.directions(lens_axes)
         return np.asarray(turned[:, :2] / turned[:, 2:] if self.shears else turned[:, :2])
 

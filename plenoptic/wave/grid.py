@@ -1,4 +1,4 @@
-"""Where fields are sampled: how densely, over which part of the array and of the sensor."""
+"""Sampling grids of fields: density, and extent on the array and on the sensor."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Grid(NamedTuple):
         return np.asarray(self.first[axis] + self.spacing[axis] * np.arange(where.start, where.stop))
 
     def frequencies(self, axis: int, wavelength: float) -> Floats:
-        """What waves add to s or to the direction of the carrier, in the order of a Fourier transform."""
+        """Offsets of s, or of the direction, from the carrier's, in the order of a Fourier transform."""
         return np.asarray(wavelength * np.fft.fftfreq(self.shape[axis], self.spacing[axis]))
 
     def curved(self, axis: int, where: slice, wavelength: float) -> NDArray[np.complex128]:

@@ -90,7 +90,7 @@ def point_spread(
 
 
 class _Part(NamedTuple):
-    """Of one wavelength."""
+    """Pattern of one wavelength."""
 
     pixels: Pixels
     light: float

@@ -1,4 +1,4 @@
-"""What light of a point leaves on the sensor as a wave, and how it was sampled."""
+"""Image of a point by waves, with the sampling of its fields."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from plenoptic.optics.sensor.sensor import Sensor
 
 @result
 class Sampling:
-    """How the field of one wavelength was sampled, and what that leaves uncertain. See `point_spread`.
+    """Sampling of the field of one wavelength, with its error. See `point_spread`.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Sampling:
 
     @property
     def error(self) -> float:
-        """How much light of pixels may be wrong, over that of all of them.
+        """Bound of the light that pixels have wrong, over that of all of them.
 
         What is beside or lost is missing; what is too steep is missing in one place and arrives in another.
         """

@@ -169,7 +169,7 @@ def _points(camera: PlenopticCamera, depths: Floats, across: int) -> Floats:
 
 
 def _is_mirrored(camera: PlenopticCamera) -> bool:
-    """Whether the camera is the same, mirrored in x, and in y."""
+    """True if the camera is symmetric in x, and in y."""
     array = camera.microlenses
     assert array is not None
     round_stops = all(isinstance(e, CircularStop) for e in camera.lens.elements if isinstance(e, Stop))

@@ -148,7 +148,7 @@ class ZernikeSag:
         return _bounds(tuple(self.coefficients), self.norm_radius, float(radius))
 
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernel reads: kind, 1 / norm_radius, orders, terms, and for each order those of P_m and Q_m."""
+        """Numbers that the kernel reads: kind, 1 / norm_radius, orders, terms, and for each order P_m and Q_m."""
         p, q, _ = self._harmonics
         pairs = np.stack([p, q], axis=1).ravel().tolist()
         return (float(ZERNIKE), 1.0 / self.norm_radius, float(p.shape[0]), float(p.shape[1]), *pairs)

@@ -1,1 +1,1 @@
-"""How figures and results show in notebooks."""
+"""Display of figures and results in notebooks."""

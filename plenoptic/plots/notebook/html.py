@@ -1,4 +1,4 @@
-"""How results show in notebooks: pictures and tables as HTML, drawn aside from pyplot and its global state."""
+"""Display of results in notebooks: pictures and tables as HTML, drawn apart from pyplot and its global state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SMALLER = ((1.0, 90), (1.0, 80), (0.75, 80), (0.5, 75), (0.35, 60))
 
 
 def picture_html(draw: Callable[[Figure], Any], *, size: tuple[float, float], alt: str, text: str) -> str:
-    """What `draw` puts on a new figure of some inches, above a text; without matplotlib the text alone.
+    """HTML of the figure that `draw` fills, of some inches, above a text; without matplotlib the text alone.
 
     `size` is width and height; `alt` says what is to be seen to those who do not see it.
     """

@@ -1,1 +1,1 @@
-"""What each part of a render costs."""
+"""Costs of the parts of a render."""

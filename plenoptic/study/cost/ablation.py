@@ -41,7 +41,7 @@ class Inseparable(NamedTuple):
 
 
 def ablations(plan: Plan) -> tuple[Ablation | Inseparable, ...]:
-    """How each stage that a plan runs can be left out, one at a time, in the order of the stages."""
+    """Ways to leave out each stage that a plan runs, one at a time, in the order of the stages."""
     if plan.subject is None:
         raise InvalidValueError("the plan does not know what it was made for; make it by pl.plan(scene, camera)")
     running = {decision.stage for decision in plan.decisions if decision.runs}

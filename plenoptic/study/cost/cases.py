@@ -1,4 +1,4 @@
-"""What the study of costs is shown with: the reference camera and its scenes, and one that has everything."""
+"""Cases of the study of costs: the example camera with its scenes, and one that has everything."""
 
 from __future__ import annotations
 

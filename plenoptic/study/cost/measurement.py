@@ -1,4 +1,4 @@
-"""What each part of a render costs, measured by leaving it out."""
+"""Costs of the parts of a render, measured by leaving each out."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ class Picture:
 
     @property
     def variance(self) -> Floats:
-        """Of the mean."""
+        """Variance of the mean."""
         return np.asarray(self._squares / (self.count * (self.count - 1)))
 
 

@@ -45,7 +45,7 @@ def with_materials(scene: Scene, change: Callable[..., Material], **arguments: A
 
 
 def without_meshes(scene: Scene) -> Scene:
-    """What is far away or a point: nothing that could be met."""
+    """Scene without meshes: far lights and point lights, which no ray hits."""
     return _scene((), [one for one in scene.lights if not isinstance(one, AreaLight)], scene.background)
 
 

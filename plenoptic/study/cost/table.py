@@ -25,7 +25,7 @@ def _number(number: float, form: str) -> str:
 
 @value
 class CostRow:
-    """What one stage costs.
+    """Cost of one stage.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class CostRow:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """What stands in the table."""
+        """Cells of the table."""
         return (
             _text(self.stage),
             self.instead,
@@ -83,7 +83,7 @@ class CostRow:
 
 @value
 class CostTable:
-    """What the parts of a render cost, dearest first; made by `cost_of`, shown by `print`.
+    """Costs of the parts of a render, dearest first; made by `cost_of`, shown by `print`.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class CostTable:
 
     @property
     def interrupted(self) -> bool:
-        """Whether stages were not measured, since Ctrl-C came before."""
+        """True if Ctrl-C came before all stages were measured."""
         return any(reason == NOT_MEASURED for _, reason in self.kept)
 
     def row(self, stage: Stage) -> CostRow:

@@ -103,7 +103,7 @@ def _machine(load: str) -> str:
 
 
 def load_now() -> str:
-    """How many processes ran in the last minute, in words."""
+    """Number of processes that ran in the last minute, in words."""
     if not hasattr(os, "getloadavg"):
         return "not known on this system"
     return f"{os.getloadavg()[0]:.1f} processes ran on average in the minute before the study"

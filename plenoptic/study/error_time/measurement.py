@@ -26,7 +26,7 @@ Cost = tuple[float, float]
 
 
 class Runs(NamedTuple):
-    """How often each variant is rendered."""
+    """Number of renders of each variant."""
 
     samples: Sequence[int]
     """Paths per pixel, one row each."""
@@ -56,7 +56,7 @@ class Call(NamedTuple):
 
     @property
     def nbytes(self) -> int:
-        """Of its exposure."""
+        """Bytes of its exposure."""
         return _PIXEL_BYTES * self.pixels if self.kept else 0
 
 

@@ -1,4 +1,4 @@
-"""Which setting reaches an error in the least time: interpolation between the rows of an error study."""
+"""Fastest setting for an error: interpolation between the rows of an error study."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def recommended(fits: Mapping[str, Fit], target: float) -> Recommendation:
 
 
 def _samples_for(name: str, fit: Fit, target: float) -> int | str:
-    """How many samples a variant needs, or why it cannot get there."""
+    """Number of samples that a variant needs, or the reason why it cannot reach the error."""
     rows, slope, floor = fit
     allowed = target**2 - floor**2
     if allowed <= 0:

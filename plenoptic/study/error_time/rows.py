@@ -13,7 +13,7 @@ _SIGNIFICANT = 3.0
 
 @value
 class ErrorRow:
-    """What one variant with one number of samples costs, and its error. Errors are relative root mean squares.
+    """Cost and error of one variant with one number of samples. Errors are relative root mean squares.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class ErrorRow:
 
     @property
     def error(self) -> float:
-        """Of one image: the root of variance plus squared bias, as measured."""
+        """Error of one image: the root of variance plus squared bias, as measured."""
         return math.sqrt(max(self.variance + self.bias_squared, 0.0))
 
     @property
@@ -82,7 +82,7 @@ class ErrorRow:
 
     @property
     def bias_is_found(self) -> bool:
-        """Whether the squared bias is more than three of its standard errors above 0."""
+        """True if the squared bias is more than three of its standard errors above 0."""
         return self.bias_squared > _SIGNIFICANT * self.bias_squared_error
 
     @property

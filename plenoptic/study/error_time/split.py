@@ -20,7 +20,7 @@ from plenoptic.rendering.exposure import Exposure
 
 
 class Split(NamedTuple):
-    """What one setting's squared error is made of: the last fields of an `ErrorRow`."""
+    """Parts of one setting's squared error: the last fields of an `ErrorRow`."""
 
     variance: float
     variance_error: float

@@ -58,7 +58,7 @@ def error_against_time(  # noqa: PLR0913
     title: str | None = None,
     progress: bool = True,
 ) -> ErrorTable:
-    """What an error costs: variants of a render, timed, and compared with a converged reference.
+    """Measure error against time: variants of a render, timed, and compared with a converged reference.
 
     Each variant is rendered with several numbers of samples and several seeds. What seeds differ by is variance; what
     their mean is off from the reference, beyond what noise explains, is bias. The reference's own squared error is
@@ -174,7 +174,7 @@ def error_against_time(  # noqa: PLR0913
 
 
 class _Job(NamedTuple):
-    """What all renders of a study have in common, as values that pickle."""
+    """Values that all renders of a study share, and that pickle."""
 
     scene: Scene | None
     cameras: dict[str, PlenopticCamera]
@@ -186,7 +186,7 @@ class _Job(NamedTuple):
 
 
 def _timed_renders(job: _Job, processes: int = 1) -> Callable[[Call], Timed]:
-    """What carries out the calls of a study: here, or in another process. All is compiled, and pupils are known."""
+    """Function that makes the calls of a study: here, or in another process. All is compiled, and pupils are known."""
     middle = central_pixel(job.window)
 
     def expose(name: str, n: int, seed: int, region: tuple[slice, slice] = job.window) -> Exposure:

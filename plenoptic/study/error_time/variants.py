@@ -28,7 +28,7 @@ _FEW_BOUNCES = 2
 
 @value
 class Variant:
-    """How one way of rendering differs from what `render` does for the camera of a study.
+    """Difference of one way of rendering from `render`'s defaults for the camera of a study.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How much of a traced ray rounding may change, and whether it does not change more."""
+"""Bounds of the rounding errors of a traced ray, and the test that they hold."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LEAST_PATH = 1e-6
 
 
 class Law(enum.IntEnum):
-    """What a ray is held to."""
+    """Law that a ray must obey."""
 
     SURFACES = 0
     """The bounds of the single surfaces, carried from surface to surface."""
@@ -100,7 +100,7 @@ def bounds_of(ray: ExactRay, surfaces: list[Surface]) -> Bounds:
 
 
 def _sizes(crossing: Crossing, surface: Surface) -> tuple[float, float]:
-    """What the position is rounded against, in mm, and by how much sizes of the slope's terms exceed the slope."""
+    """Size that the position is rounded against, in mm, and the factor by which the slope's terms exceed the slope."""
     hit = [float(x) for x in crossing.hit]
     size = max(math.hypot(*hit), abs(crossing.vertex))
     if not surface.aspheric:
@@ -167,7 +167,7 @@ def compared(
 
 
 def _is_critical(crossing: Crossing) -> bool:
-    """So close to the critical angle that rounding decides: |1 - mu^2 sin^2 i| <= 8 mu^2 eps."""
+    """True if a ray is so close to the critical angle that rounding decides: |1 - mu^2 sin^2 i| <= 8 mu^2 eps."""
     return bool(abs(crossing.cos2_t) <= 8 * crossing.mu**2 * EPS)
 
 

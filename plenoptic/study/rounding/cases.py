@@ -1,4 +1,4 @@
-"""What the stability study looks at: lenses, and rays through them."""
+"""Cases of the stability study: lenses, and rays through them."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def single(surface: Surface, before: float, behind: float, *, iris: float = 0.0)
 
 
 class _Aim(NamedTuple):
-    """How rays are aimed at points of a surface."""
+    """Aim of rays at points of a surface."""
 
     distance: float = 10.0
     """From where they start to the point, mm."""

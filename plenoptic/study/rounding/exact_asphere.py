@@ -1,4 +1,4 @@
-"""Where a ray first crosses an even asphere, with as many digits as one likes."""
+"""First intersection of a ray with an even asphere, to any number of digits."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def exact_sag(mp: Any, surface: Surface, hit: Vector) -> tuple[Number, Number, N
 
 
 def _way_through(mp: Any, surface: Surface, p: Vector, d: Vector) -> tuple[float, float] | None:
-    """Where a ray enters and leaves the part of the clear cylinder in which the surface lies."""
+    """Entry and exit of a ray into the part of the clear cylinder that contains the surface."""
     tallest = 1.01 * float(np.abs(surface.sag(np.linspace(0, surface.semi_diameter, 1001))).max()) + 1e-300
     begin, end = -mp.inf, mp.inf
     if d[2] != 0:

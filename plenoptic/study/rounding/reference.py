@@ -52,7 +52,7 @@ def mpmath_context() -> Any:
 
 
 class Crossing(NamedTuple):
-    """Where an exact ray meets a surface, and how."""
+    """Intersection of an exact ray with a surface."""
 
     hit: Vector
     """In mm, from the vertex of the surface."""
@@ -75,7 +75,7 @@ class Crossing(NamedTuple):
 
 
 class ExactRay(NamedTuple):
-    """What has become of one ray."""
+    """Exact ray with its fate."""
 
     status: RayStatus
     """OK, MISSED, CLIPPED or TOTAL_REFLECTION."""

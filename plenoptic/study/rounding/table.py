@@ -34,7 +34,7 @@ _COLUMNS = (
 
 @value
 class StabilityRow:
-    """What one case has come to. Errors are the largest of all rays, None where no ray has one.
+    """Results of one case. Errors are the largest of all rays, None where no ray has one.
 
     Parameters
     ----------
@@ -82,13 +82,13 @@ class StabilityRow:
 
     @property
     def holds(self) -> bool:
-        """Whether every ray is within its bounds and has a status that it may have."""
+        """True if every ray is within its bounds and has a status that it may have."""
         ratios = (self.position_ratio, self.direction_ratio, self.snell_ratio, self.path_ratio)
         return self.wrong == 0 and all(ratio is None or ratio <= 1 for ratio in ratios)
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """What stands in the table."""
+        """Cells of the table."""
         returned = ", ".join(f"{count} {name}" for name, count in self.returned)
         return (
             self.case,
@@ -119,7 +119,7 @@ class StabilityTable:
 
     @property
     def holds(self) -> bool:
-        """Whether all rows do."""
+        """True if all rows hold."""
         return all(row.holds for row in self.rows)
 
     def to_markdown(self) -> str:

@@ -1,4 +1,4 @@
-"""Where rays meet the scene: the point itself, its depth, its distance from the camera and its place in the world."""
+"""Kernels of hit points: the point, its depth, its distance from the camera and its position in the world."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which ray stands for a pixel: from a point on it through the lit centroid of its brightest microlens."""
+"""Kernels of representative rays: from a point on the pixel through the lit centroid of its brightest microlens."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the main lens images the points that rays meet.
+"""Kernels of virtual depth: images of hit points by the main lens.
 
 A ray that left the array at (m, n) with slopes (u, v), and left the lens, meets a point P. Rays near it cross the
 plane through P across the ray at X = A (dm, dn) + B (du, dv). Those that meet in P have A (dm, dn) = -B (du, dv): their
@@ -54,7 +54,7 @@ def fill_neighbours(blocks, before, lane_of, axes, step, turn):
 
 @device
 def _crossing(blocks, at, px, py, pz, nx, ny, nz):
-    """Where ray `at` crosses the plane through p with the normal n, from p; nan for a lost ray."""
+    """Intersection of ray `at` with the plane through p with the normal n, from p; nan for a lost ray."""
     base = (at // BLOCK) * RAY + at % BLOCK
     x, y, z = blocks[base + X] - px, blocks[base + Y] - py, blocks[base + Z] - pz
     l, m, n = blocks[base + L], blocks[base + M], blocks[base + N]

@@ -265,7 +265,7 @@ def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
 
 
 def _nd_vd(medium: Medium | str) -> tuple[float, float] | None:
-    """Index nd and Abbe number of a medium, or of the bundled glass of a name; None where unknown, or for the infrared."""
+    """Index nd and Abbe number of a medium, or of a bundled glass by name; None where unknown, or for the infrared."""
     try:
         found = glass(medium) if isinstance(medium, str) else medium
         return found.index(D_LINE), abbe_number(found)

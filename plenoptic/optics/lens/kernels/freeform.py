@@ -53,7 +53,7 @@ def _newton(point, direction, conic, aspheric, departure, semi_diameter2):
 
 @device
 def _is_first(point, direction, conic, aspheric, departure, semi_diameter2, s):
-    """True if a point is certainly the first intersection: on the surface, in the cylinder, of a ray that crosses once."""
+    """True if a point is certainly the first intersection: on the surface, in the cylinder, of a ray crossing once."""
     (x, y, z), (l, m, n) = point, direction
     sag, dx, dy = freeform_at(x, y, conic, aspheric, departure)
     slope, steepest = n - (dx * l + dy * m), aspheric[STEEPEST] + departure[STEEPEST]
