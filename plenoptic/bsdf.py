@@ -1,4 +1,4 @@
-"""How a material scatters light: its distribution over directions, as numbers to look at or to test."""
+"""BSDF of a material: its distribution over directions, as numbers to look at or to test."""
 
 from plenoptic.scene.materials.bsdf import Drawn, Scattered, draw, evaluate
 

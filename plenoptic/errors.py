@@ -1,4 +1,4 @@
-"""What goes wrong and can be put right by the caller, and what is warned of.
+"""Errors that the caller can correct, and warnings.
 
 Every message names the value, the limit and the remedy.
 """
@@ -99,4 +99,4 @@ class BudgetWarning(PlenopticWarning):
 
 
 class FileWarning(PlenopticWarning):
-    """What a file says and is left out or replaced, or a file that was not written. See `PlenopticWarning`."""
+    """Content of a file that is left out or replaced, or a file that was not written. See `PlenopticWarning`."""

@@ -1,4 +1,4 @@
-"""What surfaces do with light, and images laid over them."""
+"""Materials of surfaces, and images laid over them."""
 
 from plenoptic.scene.materials.conductor import Conductor
 from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass

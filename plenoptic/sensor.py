@@ -1,4 +1,4 @@
-"""What a sensor makes of light: colours, noise, raw images."""
+"""Sensors: colours, noise, raw images."""
 
 from plenoptic.core.color.spectra import Sensitivity, rgb_basis, rgb_to_spectrum
 from plenoptic.optics.sensor.angular_response import AngularResponse

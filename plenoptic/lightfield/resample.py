@@ -98,7 +98,7 @@ class Weights(NamedTuple):
         return Weights(self.source, share / share.sum(axis=1, keepdims=True))
 
     def mean_of_known(self, values: Floats) -> Floats:
-        """As `mixed` of shares, over known values alone; 0 where none is."""
+        """Weighted mean over known values alone, as `mixed` of shares; 0 where none is known."""
         known = np.isfinite(values)
         total = self.mixed(np.where(known, values, 0.0))
         part = self._present(known)

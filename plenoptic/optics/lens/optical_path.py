@@ -150,7 +150,7 @@ def _exact(record: LensRecord, rays: RayBundle, indices: Floats) -> tuple[RayBun
 def paths_of_part(
     lens: LensStack, rays: RayBundle, first: int, last: int, *, reverse: bool = False, clipping: bool = True
 ) -> tuple[RayBundle, Floats]:
-    """As `trace.traced_part`, with optical paths."""
+    """Trace as `trace.traced_part`, with optical paths."""
     record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
     index = lens.indices(rays.wavelength)[first : last + 2]
     return _exact(record.completed, rays, np.ascontiguousarray(index[:0:-1] if reverse else index[:-1]))

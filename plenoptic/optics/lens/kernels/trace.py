@@ -200,7 +200,7 @@ def fill_traced_rows(out, given, lens, first, last):
 
 @kernel
 def fill_paths(out, lengths, given, lens, path, first, last):
-    """As `fill_traced_rows`, with the optical path of each ray in mm, from its origin to the last element; nan if lost.
+    """Trace as `fill_traced_rows`, with each ray's optical path in mm from its origin to the last element; nan if lost.
 
     `path` is a `PathNotes` that this call alone writes to.
     """

@@ -25,7 +25,7 @@ def wrapped(s, wrap):
 
 @device
 def neighbours(s, n, wrap):
-    """Of n texels along an axis, the two neighbours of coordinate s, and its position between them."""
+    """Neighbours of coordinate s among n texels along an axis, and its position between them."""
     x = wrapped(s, wrap) * n + 0.5
     second = int(x)
     f = x - second
