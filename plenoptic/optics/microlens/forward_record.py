@@ -12,7 +12,7 @@ from plenoptic.optics.microlens.record import ArrayRecord, LatticeRecord, Listed
 def forward_record(
     array: MicrolensArray, *, turn: Floats, origin: Floats, reach: float, wavelength: float
 ) -> ArrayRecord:
-    """Record as `array_record`, with powers at the wavelength and listed lenses that are found by their lattice index."""
+    """Record as `array_record`, with powers at the wavelength and listed lenses found by their lattice index."""
     record = array_record(array, turn=turn, origin=origin, reach=reach, margin=0.0, wavelengths=(wavelength,))
     if record.power_factors is not None:
         record = _strengthened(record, float(record.power_factors[0]))
