@@ -1,4 +1,4 @@
-"""Aberrations of a lens: third-order sums, and what exact rays say of spots, fans, fields and contrast."""
+"""Aberrations of a lens: third-order sums, and spots, fans, fields and contrast by exact rays."""
 
 from plenoptic.optics.lens.analysis.astigmatic import Foci, foci
 from plenoptic.optics.lens.analysis.fields import (

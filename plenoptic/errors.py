@@ -58,7 +58,7 @@ class SceneError(InvalidValueError):
 
 
 class FileError(PlenopticError, OSError):
-    """A file or folder that is missing, unreadable, unwritable or not what it claims to be.
+    """A file or folder that is missing, unreadable, unwritable or of another format than it claims.
 
     Examples
     --------
@@ -69,7 +69,7 @@ class FileError(PlenopticError, OSError):
 
 
 class PlenopticWarning(UserWarning):
-    """Anything this package warns of: what was asked for is done, and is hardly what was meant.
+    """Any warning of this package: the request is carried out, but is hardly what was meant.
 
     Each is given once a call, at the line that called the package.
 
@@ -91,7 +91,7 @@ class ImplausibleCameraWarning(PlenopticWarning):
 
 
 class UnseenSceneWarning(PlenopticWarning):
-    """A scene that lies outside of what the camera sees, before a bright background. See `PlenopticWarning`."""
+    """A scene that lies outside the camera's view, before a bright background. See `PlenopticWarning`."""
 
 
 class BudgetWarning(PlenopticWarning):

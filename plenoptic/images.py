@@ -1,4 +1,4 @@
-"""Reading and writing images, through OpenImageIO, which is loaded on first use; what is known of their pixels."""
+"""Reading and writing images, through OpenImageIO, which is loaded on first use; statistics of their pixels."""
 
 from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
 from plenoptic.core.files.images import read_channels, read_linear, write_16bit, write_channels

@@ -1,4 +1,4 @@
-"""Lights of a scene, and what rays see that meet nothing."""
+"""Lights of a scene, and the background of rays that hit nothing."""
 
 from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.point import PointLight

@@ -1,4 +1,4 @@
-"""A camera as built beside its design: where the parts stand, and what distances follow."""
+"""Camera as built beside its design: positions of its parts, and the distances that follow."""
 
 from __future__ import annotations
 

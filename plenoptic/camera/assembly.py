@@ -120,7 +120,7 @@ def _plane(sensor: Rigid) -> tuple[float, Floats | None]:
 
 
 def sensor_corners(camera: PlenopticCamera, parts: Assembly, beyond: float = 0.0) -> Floats:
-    """(4, 3): corners of the sensor, and of what lies up to `beyond` mm outside it, in local axes, in mm."""
+    """(4, 3): corners of the sensor, and of the area up to `beyond` mm outside it, in local axes, in mm."""
     height, width = camera.sensor.size
     x, y = 0.5 * width + beyond, 0.5 * height + beyond
     corners = np.array([[i, j, 0.0] for i in (-x, x) for j in (-y, y)])

@@ -34,7 +34,7 @@ class Pixels(Hashable, Protocol):
 
 
 class PreparedCamera:
-    """A camera as a record, and what feeds the pixels of the tiles into which its sensor was cut last.
+    """Camera record with the aperture regions of the tiles into which its sensor was cut last.
 
     That is kept from the second time on that they are cut, or where there are several steps: new memory takes a third
     of the time in which it is found.
@@ -56,7 +56,7 @@ class PreparedCamera:
         return self._bytes
 
     def posed(self, camera: PlenopticCamera) -> PreparedCamera:
-        """The same for a camera that differs in its pose: what feeds pixels is theirs together."""
+        """Prepared camera for another pose: both share the aperture regions."""
         other, world = copy.copy(self), world_of(camera, self.record.parts)
         other.record = self.record._replace(
             rotation=None if world is None else world.turn, position=None if world is None else world.shift
@@ -64,7 +64,7 @@ class PreparedCamera:
         return other
 
     def cut_into(self, tiles: tuple[Pixels, ...], *, steps: bool) -> None:
-        """Let go of what feeds the pixels of other tiles than these, which are rendered in several steps or at once."""
+        """Drop the aperture regions of all tiles but these, which are rendered in several steps or at once."""
         self._keeps = steps or self._tiles == tiles
         if self._tiles != tiles:
             self._tiles, self._fed, self._bytes = tiles, {}, 0

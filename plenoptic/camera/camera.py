@@ -182,7 +182,7 @@ class PlenopticCamera:
 
     @property
     def design(self) -> PlenopticCamera:
-        """The same camera without what differs from its design: placements, imperfections and blemishes."""
+        """The same camera without its deviations from the design: placements, imperfections and blemishes."""
         array = self.microlenses
         return dataclasses.replace(
             self,

@@ -1,4 +1,4 @@
-"""Bends of light at the openings of a camera: what users ask for, and the record that kernels read."""
+"""Diffraction deflection at the openings of a camera: the user's options, and the record that kernels read."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class IrisRecord(NamedTuple):
 
 
 def check_diffraction(camera: PlenopticCamera) -> None:
-    """Refuse what has no one pattern."""
+    """Refuse a camera whose openings have no common diffraction pattern."""
     array = camera.microlenses
     if camera.diffraction is None:
         return

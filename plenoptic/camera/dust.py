@@ -1,4 +1,4 @@
-"""Dust and scratches in a camera: what dims light between sensor, array and lens."""
+"""Dust and scratches between sensor, array and lens, which dim light."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def fill_dimmed_at_lens(blocks: Floats, dust: tuple[PlacedDust, ...], site: Blem
 
 
 def check_blemishes(camera: PlenopticCamera) -> None:
-    """Refuse what are no blemishes, or lie where the camera has nothing."""
+    """Refuse objects that are no blemishes, or that lie where the camera has no part."""
     if not all(isinstance(part, Blemishes) for part in camera.blemishes):
         raise InvalidValueError(f"blemishes is {camera.blemishes!r}; it must be a tuple of Blemishes")
     ahead = camera.microlenses_to_sensor if camera.microlenses else camera.z_sensor - float(camera.lens.vertices[-1])

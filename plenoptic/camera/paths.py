@@ -46,7 +46,9 @@ class CameraPaths:
         self._bends = Bends(self._far, self.spots, self.waves) if bent else None
 
     def started(self, start: int, n: int) -> Floats:
-        """A bundle of paths start ... start + n - 1: points on their pixels, aimed at what feeds these; wavelengths."""
+        """Bundle of the paths start ... start + n - 1: points on their pixels, aimed into the aperture regions;
+        wavelengths.
+        """
         bundle, colour = self._blocks[: -(-n // BLOCK) * RAY], self._camera.colour
         sure = None if self.sure is None else self.sure[: bundle.size]
         if colour is not None and self.waves is not None:
@@ -57,7 +59,7 @@ class CameraPaths:
         return bundle
 
     def _start_far(self, bundle: Floats, far: NDArray[np.int64]) -> None:
-        """Paths whose light comes from far away: they are few, and bounds say what feeds their points."""
+        """The few paths whose light is deflected from far away; bounds give the aperture regions of their points."""
         fields = bundle.reshape(-1, RAY // BLOCK, BLOCK)
         starts = np.stack([fields[far // BLOCK, row // BLOCK, far % BLOCK] for row in (X, Y)], axis=-1)
         paths.fill_far_samples(bundle, self.own, far, feeding_regions(self._camera._replace(exact=False), starts))

@@ -127,7 +127,7 @@ class CameraRecord(NamedTuple):
         return self.parts.frame
 
     def own(self, n: int) -> NDArray[np.void] | None:
-        """Room for what n paths, in whole blocks, keep of their microlenses; None where these do not differ."""
+        """Arrays for the microlens parameters of n paths, in whole blocks; None where microlenses do not differ."""
         return None if self.array is None else self.array.own(n)
 
 

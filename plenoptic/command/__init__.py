@@ -1,1 +1,1 @@
-"""The command `plenoptic`, also `python -m plenoptic`: what users do without writing a program."""
+"""The command `plenoptic`, also `python -m plenoptic`, for users without a program."""

@@ -1,4 +1,4 @@
-"""Say what a render would take in time, memory and files."""
+"""Estimate a render's time, memory and files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Say what a file is, or, without one, which versions and processors there are."""
+"""Describe a file, or, without one, versions and processors."""
 
 from __future__ import annotations
 

@@ -19,13 +19,13 @@ INTERRUPTED = 130
 
 
 class Command(Protocol):
-    """A subcommand: a module. The first line of its docstring says what it does, without a full stop."""
+    """Subcommand: a module. The first line of its docstring is its description, without a full stop."""
 
     def fill_parser(self, parser: argparse.ArgumentParser) -> None:
         """Add its arguments."""
 
     def run(self, options: argparse.Namespace) -> int | None:
-        """Do it; a PlenopticError is what it refuses. What it returns, if anything, is the exit code."""
+        """Run the command, and return the exit code, if any; a PlenopticError is a refusal."""
 
 
 COMMANDS: dict[str, Any] = {

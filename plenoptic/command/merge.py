@@ -32,7 +32,7 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Merge, save, and print what came of it; a store is written while parts are read."""
+    """Merge, save, and print a summary; a store is written while parts are read."""
     from plenoptic.rendering.exposure_files import check_target, checked_ending
     from plenoptic.rendering.merging.merge import merge_to_store, merged_parts
 
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _part(name: str) -> Part:
-    """A file or folder, of which no more has been read than it takes to know what it is."""
+    """Open a file or folder, and read only its metadata."""
     from plenoptic.core.files.zarr_reading import attributes_of
     from plenoptic.rendering.exposure_files import head_of_image
     from plenoptic.rendering.heads import head_of
@@ -72,7 +72,7 @@ def _part(name: str) -> Part:
 
 
 def _check_complete(heads: list[Head], wanted: tuple[slice, slice] | None) -> None:
-    """An error that names what is missing of a region, or of the sensor."""
+    """Raise an error that names the missing parts of a region, or of the sensor."""
     from plenoptic.camera.checks import sensor_region
     from plenoptic.rendering.frame import region_text
     from plenoptic.rendering.merging.regions import left_out

@@ -16,7 +16,7 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Render, save, and print what came of it; KeyboardInterrupt where it was interrupted, after saving."""
+    """Render, save, and print a summary; KeyboardInterrupt where it was interrupted, after saving."""
     from plenoptic.rendering.exposure_files import check_target
     from plenoptic.rendering.render import render, render_white
 

@@ -1,4 +1,4 @@
-"""Arguments of `render` and `estimate`: what is looked at by which camera, and what ends it."""
+"""Arguments of `render` and `estimate`: subject, camera, region, and limits."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _QUICK_COST, _THOROUGH_COST = (4, 2, 16), (32, 9, 128)
 
 
 def fill_parser(parser: argparse.ArgumentParser) -> None:
-    """Add the studies; what they are about is imported only where one is asked for."""
+    """Add the studies; their subjects are imported only where one is asked for."""
     from plenoptic.study.cost.cases import COST_CASES
     from plenoptic.study.error_time.cases import ERROR_CASES
     from plenoptic.study.rounding.table import QUICK, THOROUGH

@@ -25,7 +25,7 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Compile, and print what and how long it took."""
+    """Compile, and print the number of kernels and the time."""
     from plenoptic.rendering.warm_up import warm_up
 
     cameras = {options.camera: camera_in(options.camera)} if options.camera else dict(_cameras())

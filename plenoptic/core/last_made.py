@@ -11,7 +11,7 @@ _Made = TypeVar("_Made")
 
 
 class LastMade(Generic[_Object, _Made]):
-    """Keeps what a function makes of one object, while that object exists: objects do not change.
+    """Cache of a function's result for one object, while that object exists: objects do not change.
 
     There is no lock, for which a process that is forked off meanwhile would wait for ever: two threads may both
     make it.
@@ -33,7 +33,7 @@ class LastMade(Generic[_Object, _Made]):
         return found
 
     def _forget(self, gone: weakref.ref[_Object]) -> None:
-        """Let go of what was made of an object that no longer exists."""
+        """Drop the result for an object that no longer exists."""
         last = self._last
         if last is not None and last[0] is gone:
             self._last = None

@@ -39,7 +39,7 @@ _here = threading.local()
 
 
 def check_wanted() -> None:
-    """GivenUp where the result of what this thread does for `run_in_order` is no longer wanted."""
+    """Raise GivenUp where the result of this thread's work for `run_in_order` is no longer wanted."""
     given_up: Callable[[], bool] | None = getattr(_here, "given_up", None)
     if given_up is not None and given_up():
         raise GivenUp

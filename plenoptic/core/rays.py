@@ -1,4 +1,4 @@
-"""Bundles of rays and what became of them."""
+"""Bundles of rays, and their fates."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def _normalised(direction: Floats) -> Floats:
 
 @result
 class Frustum:
-    """Four rays around what a camera sees, in the world: of a `PlenopticCamera`, or of a `View` of a scene's file.
+    """View frustum: four rays around the view, in the world: of a `PlenopticCamera`, or of a `View` of a scene's file.
 
     Attributes
     ----------

@@ -45,7 +45,7 @@ def mean_square(error: AnyFloats) -> Floats:
 
 
 def lit_level(bright: Floats) -> float:
-    """Above what brightness a pixel is lit; black pixels, however many there are, do not matter."""
+    """Brightness above which a pixel is lit; black pixels, however many there are, do not matter."""
     seen = bright[bright > 0]
     return LIT * float(np.percentile(seen, _PERCENTILE)) if seen.size else 0.0
 

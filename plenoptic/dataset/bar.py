@@ -34,7 +34,7 @@ class FrameBar:
             self._bar.update()
 
     def kept(self) -> None:
-        """One piece was there already: the time left is that of what is rendered."""
+        """Count a piece that was present already: the time left is that of pieces to be rendered."""
         if self._bar is not None and not self._bar.disable:  # by the variable TQDM_DISABLE
             self._bar.initial += 1
             self._bar.n += 1

@@ -76,7 +76,7 @@ class Journal:
         self.done[task] = {**task._asdict(), **facts}
 
     def kept(self, value: Any) -> str:
-        """Keep a value, as JSON, that is the same for many tasks, which name it by what is returned."""
+        """Store a value, as JSON, that many tasks share, and return the name by which they refer to it."""
         name = hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
         if name not in self.items:
             self._log.append({"item": name, "value": value}, {})

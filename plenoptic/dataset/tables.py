@@ -29,7 +29,7 @@ _PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "zarr")
 
 
 def versions() -> dict[str, str]:
-    """On what bits depend, beside this package and the processor."""
+    """Versions on which bits depend, beside this package and the processor."""
     return {"python": platform.python_version(), **{name: metadata.version(name) for name in _PACKAGES}}
 
 

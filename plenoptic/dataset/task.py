@@ -57,7 +57,7 @@ class Taking(NamedTuple):
 
 
 class Task(NamedTuple):
-    """A band of rows of a frame: its image, or where what it shows is in the next frame."""
+    """Task for a band of rows of a frame: its image, or the positions of its points in the next frame."""
 
     camera: str
     frame: int
@@ -81,7 +81,7 @@ def tasks_of(sequences: Mapping[str, Frames], *, motion: bool) -> Iterator[Task]
 
 
 def _bands(rows: int, columns: int) -> Iterator[tuple[int, int]]:
-    """First and end rows of what is rendered at once: whole chunks of a store."""
+    """First and end rows of the parts that are rendered at once: whole chunks of a store."""
     high = max(_PART // columns // CHUNK, 1) * CHUNK if rows * columns > _PART else rows
     for first in range(0, rows, high):
         yield first, min(first + high, rows)

@@ -181,7 +181,7 @@ def _folder(folder: str | os.PathLike[str]) -> Path:
 
 
 class _Writer:
-    """Writes what is missing."""
+    """Writer of missing frames."""
 
     def __init__(
         self, folder: Path, sequences: Mapping[str, Frames], taking: Taking, journal: Journal, workers: dict[str, Any]

@@ -1,4 +1,4 @@
-"""Raw images and light fields in the forms that other programs read; each says what its program cannot express."""
+"""Raw images and light fields in the formats of other programs; each states the limits of its program."""
 
 from plenoptic.export.to_compote import compote
 from plenoptic.export.to_hci import hci

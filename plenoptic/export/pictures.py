@@ -1,4 +1,4 @@
-"""Pictures as other programs read them, and what stands beside them."""
+"""Pictures for other programs, and the files beside them."""
 
 from __future__ import annotations
 

@@ -204,7 +204,7 @@ def _parts(stack: WaveSpreadStack) -> NDArray[np.float32]:
 
 
 def _displaced(image: NDArray[np.float32], down: int, right: int) -> NDArray[np.float32]:
-    """An image moved by pixels; what enters is dark."""
+    """Image moved by pixels; pixels that enter are dark."""
     made = np.zeros_like(image)
     rows, columns = image.shape
 

@@ -1,4 +1,4 @@
-"""Depth from what a plenoptic camera took: from a raw image of a focused one, or from the views of any other."""
+"""Depth from the image of a plenoptic camera: from a raw image of a focused one, or from the views of any other."""
 
 from __future__ import annotations
 

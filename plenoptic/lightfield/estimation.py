@@ -93,7 +93,7 @@ def focused_array(camera: PlenopticCamera) -> MicrolensArray:
 
 
 def side_of_images(camera: PlenopticCamera) -> float:
-    """1 where microlenses of any type are focused on what lies behind the array, -1 where all look before it."""
+    """1 where microlenses of any type are focused behind the array, -1 where all are focused in front of it."""
     return 1.0 if CameraKind.GALILEAN in _kinds(camera, focused_array(camera)) else -1.0
 
 
@@ -102,7 +102,7 @@ def _kinds(camera: PlenopticCamera, array: MicrolensArray) -> set[CameraKind]:
 
 
 def _beside_ideal(axes: ArrayAxes, lenses: LensImages, ideal: Planes, planes: RawPlanes, threads: int) -> Images:
-    """The images without what neighbours light too, and what they show beside the ideal camera."""
+    """Images without pixels that neighbours light too, and their displacement from the pinhole model."""
     images, array = lenses.images, focused_array(axes.camera)
     rows, columns = lenses.rows_and_columns()
     lens, y, x = np.nonzero(images.known)

@@ -1,4 +1,4 @@
-"""The ideal camera that stands for a real one when its images are matched, and what the real one sees beside it.
+"""Pinhole model used for matching, and the displacement of the real camera's images from it.
 
 In the ideal camera points of a plane across the axis move between microlenses by what is the same everywhere, and the
 microlenses are pinholes. The real one has aberrations, whose chief rays meet the plane elsewhere; and where a point is
@@ -146,7 +146,7 @@ def chords(
     planes: Planes,
     threads: int,
 ) -> Floats:
-    """(n,): the chord's disparity over the pitch of what pixels (n, 2) show at the ideal camera's (n,).
+    """(n,): the chord's disparity over the pitch for pixels (n, 2), from the disparity (n,) of the pinhole model.
 
     Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`.
     """
@@ -169,7 +169,7 @@ def chords(
 def depths_of(
     axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, near: Floats, planes: Planes, threads: int
 ) -> Floats:
-    """-z in the camera's frame (n,), mm, of what pixels (n, 2) show; nan behind the lens's front."""
+    """-z in the camera's frame (n,), mm, of the points that pixels (n, 2) show; nan behind the lens's front."""
     camera, placed = axes.camera, axes.parts.lens_to_camera
     with np.errstate(divide="ignore"):
         z = z_at(planes, camera.microlenses_to_sensor / near)

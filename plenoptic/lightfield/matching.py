@@ -124,7 +124,7 @@ def texture_floor(values: Floats, variance: Floats, known: NDArray[np.bool_]) ->
 
 
 def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Values (k, rows, columns) that go on for two pixels around what is known, as means of neighbours; then 0."""
+    """Values (k, rows, columns) extended for two pixels around the known ones, as means of neighbours; then 0."""
     found, there = np.where(known, values, 0.0), known.copy()
     for _ in range(2):
         total, count = np.zeros_like(found), np.zeros(found.shape)
@@ -138,7 +138,7 @@ def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
 
 
 def blurred(values: Floats, known: NDArray[np.bool_], variances: Floats) -> NDArray[np.float32]:
-    """Pictures (k, rows, columns) blurred by Gaussian functions, over what is known: (k, variances, rows, columns)."""
+    """Pictures (k, rows, columns) blurred by Gaussian functions, over known pixels: (k, variances, rows, columns)."""
     found = []
     for variance in variances.tolist():
         reach = math.ceil(3.0 * math.sqrt(variance))

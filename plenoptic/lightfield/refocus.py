@@ -90,7 +90,7 @@ def _moved(view: Floats, down: float, right: float) -> Floats:
 
 
 def _rolled(view: Floats, shift: int, axis: int) -> Floats:
-    """The view with what lies `shift` pixels further along an axis in each pixel's place."""
+    """The view moved by `shift` pixels along an axis, opposite to it."""
     there = np.full_like(view, np.nan)
     n = view.shape[axis]
     if abs(shift) < n:

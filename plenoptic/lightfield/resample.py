@@ -59,7 +59,7 @@ class Resampling:
         return found.reshape(self.rows, self.columns, -1)
 
     def doubt(self, values: Floats, variance: Floats) -> Floats:
-        """Variance (rows, columns, C) of what interpolation may have missed, from values and variances (n, C).
+        """Variance (rows, columns, C) of the interpolation's error, from values and variances (n, C).
 
         Each microlens is foretold from its neighbours: what it differs by, beyond its own error, stands for detail that
         the lattice does not resolve, and half of it is taken to be missed amid microlenses, none of it on one.

@@ -1,4 +1,4 @@
-"""Lenses: what they are made of, how they are described, and how light goes through them."""
+"""Lenses: their elements, descriptions, and the rays through them."""
 
 import lazy_loader
 

@@ -56,7 +56,7 @@ class Sight(NamedTuple):
         return _terms((np.hstack([on_array, offset]) - self.middle) / self.half, exponents(self.degree)) @ self.series
 
     def beside(self, points: Floats, pixel: Floats, on_array: Floats) -> Floats:
-        """Displacement from pixels (n, 2) of the chief rays of points (n, 3) of the camera's frame, by a Newton step."""
+        """Displacement from pixels (n, 2) of chief rays of points (n, 3) of the camera frame, by a Newton step."""
         offset = pixel - self.straight[0] - on_array @ self.straight[1:]
         lines = self.lines(on_array, offset)
         slopes = [(self.lines(on_array, offset + _STEP * np.eye(2)[k]) - lines) / _STEP for k in range(2)]

@@ -35,7 +35,7 @@ def design_camera(  # noqa: PLR0913
     wavelength: float = 587.6,
     tolerance: float = 1e-8,
 ) -> CameraDesign:
-    """Solve for what is not given of a plenoptic camera, so that traced rays meet wishes for focus, images and depth.
+    """Solve for the missing numbers of a plenoptic camera, so that traced rays meet wishes for focus, images and depth.
 
     What is given is kept. Each wish (z, image_fill, virtual_depth or disparity, and kind=PLENOPTIC_1, which wishes for
     microlenses_to_sensor = focal_length) determines one number that is not. The iris is solved for if `semi_diameter`

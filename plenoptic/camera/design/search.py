@@ -1,4 +1,4 @@
-"""Rounds of solving and tracing until a camera's design meets what is wanted of it."""
+"""Rounds of solving and tracing until a camera's design meets its requirements."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ROUNDS = 40
 
 @value
 class DesignStep:
-    """One round of a design: what was tried, and how far traced rays are from the wishes. See `design_camera`.
+    """One round of a design: its values, and the deviations of traced rays from the wishes. See `design_camera`.
 
     Attributes
     ----------

@@ -222,7 +222,8 @@ def _openings(axes: ArrayAxes, points: Floats, offsets: Floats, bounds: PupilBou
 
 
 def _narrowed(openings: _Openings) -> _Openings:
-    """The same with boxes around what a grid of rays finds lit, and a step of the grid; as before where it finds none.
+    """Narrow the boxes to the lit part of a grid of rays and a step of the grid around it; unchanged where no ray is
+    lit.
 
     Boxes that hold for all points of a cell, and of an interval of the field, are large beside a small pupil.
     """

@@ -83,7 +83,7 @@ class ThroughArray(NamedTuple):
 
 
 def through_iris(tables: ForwardRecord, bare: LensRecord) -> tuple[Aim, Floats]:
-    """The way to the plane of the iris, or of what stands for it in an ideal lens, and its centre (2,)."""
+    """Elements up to the plane of the iris, or of its substitute in an ideal lens, and its centre (2,)."""
     stops = (bare.rows["surface_index"] == tables.camera.lens.iris_index) & (bare.rows["kind"] != IDEAL)
     last = int(np.flatnonzero(stops)[0])
     centre = np.zeros(2) if bare.frames is None else bare.frames[last, 9:11] * bare.frames[last, 12]

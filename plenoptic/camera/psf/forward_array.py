@@ -33,7 +33,7 @@ class ForwardArray(NamedTuple):
 
 
 def forward_array(camera: PlenopticCamera, parts: Assembly) -> ForwardArray:
-    """Compile what lies behind the lens for light that travels forwards."""
+    """Compile the array and sensor for light that travels forwards."""
     array, sensor = camera.microlenses, SensorPlane(parts.distance, parts.tilt, _to_sensor(parts))
     if array is None:
         return ForwardArray(parts, None, None, False, sensor)

@@ -19,7 +19,7 @@ from plenoptic.core.values import Floats
 
 
 class Crop(NamedTuple):
-    """Part of the sensor that rays reach, and what they bring."""
+    """Part of the sensor that rays reach, with their light."""
 
     corner: NDArray[np.int64]
     """(2,): row and column of its first pixel."""
@@ -41,7 +41,7 @@ class Spot(NamedTuple):
 
 
 def _counted(record: ForwardRecord, task: Task, seed: np.uint64) -> Crop:
-    """Trace one task and count on pixels what lands."""
+    """Trace one task and count the rays that land on each pixel."""
     from plenoptic.camera.psf.kernels.source_rays import extent, fill_crop
 
     result = landed(record, task, seed)
@@ -157,7 +157,7 @@ def centroids(moments: Floats) -> tuple[Floats, Floats]:
 
 
 def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int | None], ...], Floats]:
-    """Names and elements of what became of rays, and the part of them."""
+    """Fates of rays, with names and elements, and the part of the rays."""
     shut, beside, arrived = (counts.shape[1] - k for k in (3, 2, 1))
     fates: dict[int, tuple[str, int | None]] = {arrived: ("landed", None), beside: ("beside_sensor", None)}
     if counts[:, shut].any():

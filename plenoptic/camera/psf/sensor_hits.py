@@ -113,7 +113,7 @@ def forward_record(camera: PlenopticCamera) -> ForwardRecord:
 
 
 def measuring_record(camera: PlenopticCamera) -> ForwardRecord:
-    """Compile also what dims light that `render` measures: dust, openings of pixels, their response to directions."""
+    """Compile also the losses that `render` measures: dust, openings of pixels, their angular response."""
     record, sensor = forward_record(camera), camera.sensor
     parts = record.array.parts
     return record._replace(

@@ -1,4 +1,4 @@
-"""A camera in section with the rays of one pixel, and what it sees: by a few rays, without compiling anything."""
+"""Section of a camera with the rays of one pixel, and its view: by a few rays, without compiling anything."""
 
 from __future__ import annotations
 

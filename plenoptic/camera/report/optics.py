@@ -160,7 +160,7 @@ def cell_area(array: MicrolensArray) -> float:
 
 
 def opening_width(array: MicrolensArray) -> float:
-    """Least width of a microlens's opening in mm: what light of a point is spread from; 0 for pinholes."""
+    """Least width of a microlens's opening in mm, from which the light of a point is spread; 0 for pinholes."""
     if not array.model.focuses:
         return 0.0
     opening = array.opening

@@ -1,4 +1,4 @@
-"""Report on a camera: f-numbers, microlens images, focus, depth, disparity; and what may surprise its user.
+"""Report on a camera: f-numbers, microlens images, focus, depth, disparity; and warnings.
 
 Main lens by Gaussian optics and by traced rays, microlenses by their focal lengths, all on the axis and as designed.
 """

@@ -17,7 +17,7 @@ KIND_NAMES = ("conventional camera", "plenoptic camera 1.0", "focused plenoptic 
 
 
 class ReportRow(NamedTuple):
-    """A number of a report, with its unit and what it is otherwise."""
+    """Number of a report, with its unit and its text for other values."""
 
     label: str
     number: str
@@ -53,7 +53,7 @@ def report_title(report: CameraReport) -> str:
 
 
 def report_sections(report: CameraReport) -> list[ReportSection]:
-    """All numbers; none for what the camera lacks."""
+    """All numbers; none for parts that the camera lacks."""
     place = "sensor" if report.microlenses is None else "array"
     lens = [
         _row("focal length", report.efl, "mm"),
@@ -112,7 +112,7 @@ def _focus_section(report: CameraReport, focus: MicrolensFocus) -> tuple[str, li
 
 
 def _row(label: str, number: float | None, unit: str = "", millimetres: float | None = None) -> ReportRow | None:
-    """One row; none for what the camera lacks."""
+    """One row; none for a part that the camera lacks."""
     if number is None:
         return None
     shown = "none" if math.isnan(number) else f"{100.0 * number if unit == '%' else number:.6g}"

@@ -225,7 +225,7 @@ def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64], 
 def _bent_pixels(
     camera: CameraRecord, bend: BendRecord, pixels: Floats, number: NDArray[np.int64], *, certain: bool
 ) -> FedPixels:
-    """`fed_pixels` where light bends: all pixels, with what feeds those around them."""
+    """Illuminated pixels with diffraction: all pixels, and the aperture regions of those around them."""
     sensor, reach = camera.sensor, 0 if camera.spread is None else camera.spread.table.reach
     right, down = (bend.back @ (pixels - bend.shift).T)[:2]
     own = np.floor(np.column_stack([sensor.rows / 2 + down, sensor.columns / 2 - right])).astype(np.int64)

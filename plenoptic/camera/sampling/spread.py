@@ -115,8 +115,8 @@ def _short(bend: BendRecord, longest: float) -> tuple[NDArray[np.bool_], int]:
 
 
 def _covers(aperture: Floats, reach: int) -> list[Floats]:
-    """Along x and y, what of the middle pixel's places, moved by each step of a grid, lies in the parts of pixels that
-    see light: (pixels, places, steps).
+    """(pixels, places, steps): part of the middle pixel's points, moved by each step of a grid, in the light-sensitive
+    parts of pixels, along x and y.
     """
     fine = _FINE * _FINER
     edges = np.arange((2 * reach + 1) * fine + 1) / fine - reach - 0.5
@@ -130,8 +130,8 @@ def _covers(aperture: Floats, reach: int) -> list[Floats]:
 
 
 def _shares(bend: BendRecord, longest: float, cells: NDArray[np.int64], light: Floats, covers: list[Floats]) -> Floats:
-    """(_FINE^2, pixels): what pixels get of light that is headed to places of the middle one, and bends by cells (2, k)
-    of the table.
+    """(_FINE^2, pixels): shares of light that is headed to points of the middle pixel and deflected by cells (2, k) of
+    the table.
     """
     reach, fine, n = len(covers[0]) // 2, _FINE * _FINER, covers[0].shape[2]
     grid = np.zeros(n * n)
@@ -154,7 +154,7 @@ def _shares(bend: BendRecord, longest: float, cells: NDArray[np.int64], light: F
 
 
 def samples_together(replicates: int) -> int:
-    """After how many samples a batch may end without other bits: what is added up begins anew there."""
+    """Number of samples after which a batch may end without other bits: sums begin anew there."""
     step = EVERY * replicates
     return max(_TOGETHER // step, 1) * step
 

@@ -151,7 +151,7 @@ def colour_camera(
 
 
 def silicon(*, depth: float = 0.005, band: tuple[float, float] = (400.0, 700.0)) -> Sensitivity:
-    """Model of a monochrome sensor: what a layer of silicon absorbs, behind a cut filter.
+    """Model of a monochrome sensor: absorption by a layer of silicon, behind a cut filter.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Colour by wavelength: what a sensor sees at each, and what the scene's colours are at each."""
+"""Colour by wavelength: sensitivity of a sensor, and colours of the scene."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> Floats:
 
 
 class ColourTables(NamedTuple):
-    """A sensitivity as wavelengths to draw from, and what each then stands for; all read-only.
+    """Wavelengths to sample for a sensitivity, and the weights of each; all read-only.
 
     With wavelength w drawn from `cdf`, channel c measures weights[w, c] (basis[w] . rgb) of a colour rgb of the
     scene; the mean over w is what the sensor sees of it.
@@ -216,7 +216,7 @@ class ColourTables(NamedTuple):
 
 
 def colour_tables(sensitivity: Sensitivity, *, step: float = 1.0) -> ColourTables:
-    """Wavelengths for a renderer to draw, in proportion to what all channels together see of them.
+    """Wavelengths for a renderer to sample, in proportion to the sensitivity of all channels together.
 
     The range is cut into bins of equal width, `step` nm at most; the error of a smooth spectrum falls with its square.
     A bin's wavelength is its middle, its share of channel c the integral of the normalised response over it, s[w, c],

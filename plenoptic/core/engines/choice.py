@@ -1,4 +1,4 @@
-"""On what a call runs."""
+"""Choice of the engine of a call."""
 
 from __future__ import annotations
 

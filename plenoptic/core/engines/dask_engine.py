@@ -51,7 +51,7 @@ _NEEDED = ("submit", "run", "nthreads")
 
 
 class DaskCluster:
-    """The workers of a client, of which all have what this process has."""
+    """Workers of a client that all have the versions of this process."""
 
     def __init__(self, client: Any) -> None:
         """An InvalidValueError where it is no client, has no workers, or workers would render other bits."""

@@ -1,4 +1,4 @@
-"""The protocol between what divides work into orders and what runs them; another engine is another file beside this."""
+"""Protocol between the code that divides work into orders and engines that run them; each engine is a file beside this."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Done(NamedTuple, Generic[OrderT, ResultT]):
 
 
 class Engine(Protocol[OrderT, ResultT]):
-    """Runs orders, pure functions of what they hold, and hands back what they bring in any order."""
+    """Engine that runs orders, pure functions of their members, and returns their results in any order."""
 
     @property
     def threads(self) -> int:

@@ -44,7 +44,7 @@ def block_means(values: NDArray[Any], block: int) -> NDArray[Any]:
 
 
 def codes(image: NDArray[np.floating[Any]], *, scale: float, encoded: bool, bits: int = 16) -> NDArray[Any]:
-    """An image over `scale`, encoded as sRGB or linear: nan and negative values become 0, what exceeds 1 is cut."""
+    """Image over `scale`, encoded as sRGB or linear: nan and negative values become 0, values above 1 are clipped."""
     relative = np.clip(np.nan_to_num(image.astype(np.float64), posinf=np.inf, neginf=0.0) / scale, 0.0, 1.0)
     shown = linear_to_srgb(relative) if encoded else relative
     return np.asarray(np.rint(shown * (2**bits - 1)), dtype=np.uint16 if bits == 16 else np.uint8)

@@ -1,4 +1,4 @@
-"""The SHA-256 of values: what tells one camera or scene from another, in this process as in any other."""
+"""SHA-256 of values, which identifies a camera or scene in this process as in any other."""
 
 from __future__ import annotations
 

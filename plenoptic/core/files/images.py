@@ -288,7 +288,7 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
 def _opened(
     path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | None = None
 ) -> Iterator[tuple[Any, Any, dict[str, Any]]]:
-    """A file whose pixels can be read, what it says they are, and its metadata."""
+    """Open a file whose pixels can be read; returns its format of pixels and its metadata, too."""
     import OpenImageIO as oiio
 
     name = str(utf8_path(path))

@@ -84,7 +84,7 @@ def check_file(path: Path, limits: FileLimits = DEFAULT, *, others: int = 0) -> 
 
 
 def read_file(path: Path, limits: FileLimits = DEFAULT, *, others: int = 0) -> bytes:
-    """The content of an ordinary file; errors are those of `check_file`, and what the system says."""
+    """Content of an ordinary file; errors are those of `check_file`, and those of the system."""
     size = check_file(path, limits, others=others)
     with explained(path, "read"), open(path, "rb", opener=_without_waiting) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -115,7 +115,7 @@ def check_scans(content: bytes, what: str) -> None:
 
 
 class FileReader:
-    """Reads a file and those that it names, and counts what they ask for together."""
+    """Reader of a file and those that it names, which counts their requests together."""
 
     def __init__(self, source: Path, limits: FileLimits) -> None:
         self.limits = limits

@@ -155,7 +155,7 @@ class RecordLog:
         return found if sha.digest() == entry.digest else None
 
     def flush(self) -> None:
-        """Put on the disk what has been written."""
+        """Flush all records to the disk."""
         with explained(self._path, "written"):
             os.fsync(self._file.fileno())
 

@@ -1,4 +1,4 @@
-"""The package's values as text and back: what an image file says about the camera that took it.
+"""Values of the package as text and back, such as the camera in an image file.
 
 The text is JSON. Numbers, texts, True, False and None stand for themselves and a list for a tuple;
 all else is an object with a single key that says what it is:
@@ -35,12 +35,12 @@ _DTYPES = (
 
 
 def describe(value: Any) -> str:
-    """A value of this package as JSON text in ASCII; floats keep every bit. An error for what has no such form."""
+    """Describe a value of this package as JSON text in ASCII; floats keep every bit. An error for other values."""
     return json.dumps(described(value), allow_nan=False)
 
 
 def restore(text: str) -> Any:
-    """The value that `describe` wrote down; a FileError where the text names nothing public, or what cannot be."""
+    """Restore the value that `describe` wrote; a FileError where the text names nothing public, or an impossible value."""
     try:
         return restored(json.loads(text))
     except FileError:
@@ -75,7 +75,7 @@ def restored_fields(metadata: Mapping[str, Any], names: Iterable[str]) -> dict[s
 
 
 def described(value: Any) -> Any:
-    """A value as what JSON holds."""
+    """Describe a value by JSON's types."""
     if isinstance(value, enum.IntEnum):
         _check_public(type(value))
         return {"enum": [type(value).__name__, value.name]}

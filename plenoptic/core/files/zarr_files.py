@@ -132,7 +132,7 @@ class Store:
             _note_all(self._group)
 
     def flush(self, frame: int) -> None:
-        """Put on the disk what has been written of a frame."""
+        """Flush the written chunks of a frame to the disk."""
         with explained(self.path, "written"):
             for name in self._arrays:
                 if (folder := self.path / name / "c" / str(frame)).is_dir():
@@ -228,7 +228,7 @@ def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None
 
 
 def _note_all(group: Any) -> None:
-    """Note what the arrays are in the group too, where xarray looks for it first."""
+    """Write the descriptions of arrays into the group too, where xarray looks for them first."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it is an extension of the format, which others pass over
         zarr_module().consolidate_metadata(group.store)

@@ -1,4 +1,4 @@
-"""Zarr stores that are read whole, or looked at: their attributes, what their arrays are, and the arrays themselves.
+"""Reading of zarr stores: their attributes, descriptions of their arrays, and the arrays themselves.
 
 A part at a time they are read by xarray. A store may come from anywhere: what it holds is checked as files are.
 """

@@ -21,7 +21,7 @@ def row_channel(colors, k, c, basis, wave):
 
 @device
 def one_channel(color, c, basis, wave):
-    """Channel c of a colour of the scene or, with a basis (wavelengths, 3), what the colour is at a wavelength."""
+    """Channel c of a colour of the scene or, with a basis (wavelengths, 3), the colour's value at a wavelength."""
     if basis is None or color.size == 1:
         return color[c]
     return color[0] * basis[wave, 0] + color[1] * basis[wave, 1] + color[2] * basis[wave, 2]

@@ -1,4 +1,4 @@
-"""A compiler pass: members of records that are None are the constant None, so that what a scene lacks is pruned.
+"""Compiler pass: members of records that are None are the constant None, so that absent features are pruned.
 
 Numba drops the branch of `if x is not None` at compile time where x is an argument, and not where it is `record.x`.
 This pass runs before that pruning, and replaces each plain chain of names that leads from an argument through
@@ -54,7 +54,7 @@ class AbsentFields(FunctionPass):
         FunctionPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        """Replace what is absent, and say whether anything was."""
+        """Replace absent members, and return True if there were any."""
         changed = False
         for block in state.func_ir.blocks.values():
             for statement in block.body:

@@ -44,7 +44,7 @@ class Kernel(CPUDispatcher):
     _cache: Any
 
     def _compile_for_args(self, *arguments: Any, **keywords: Any) -> Any:
-        """Compile for a call; in a run that lists what is to be compiled, note the kernel and do nothing."""
+        """Compile for a call; in a run that lists the kernels to compile, note this one and do nothing."""
         tasks = listed_tasks()
         if tasks is not None:
             task: Task = self, tuple(self.typeof_pyval(argument) for argument in arguments)

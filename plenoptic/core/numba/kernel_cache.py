@@ -171,7 +171,7 @@ def _type_text(kind: types.Type) -> str:
 
 @functools.cache
 def _remove_unused(folder: Path) -> None:
-    """Remove, once in a process, what was not used for long."""
+    """Remove, once in a process, files that were not used for long."""
     for entry in folder.iterdir():
         with suppress(OSError):
             if time.time() - entry.stat().st_mtime < _UNUSED_DAYS * _DAY:

@@ -117,7 +117,7 @@ class Waiting:
             self._look()
 
     def _look(self) -> None:
-        """Show what there is to be said by now."""
+        """Show the present state."""
         self._looked = now = time.perf_counter()
         if now - self._begin < DELAY or not self._drawing.acquire(blocking=False):
             return

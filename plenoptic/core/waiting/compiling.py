@@ -44,7 +44,7 @@ class Compiling:
 
     @contextmanager
     def noted(self, name: str | None) -> Iterator[None]:
-        """While it is entered, a thread compiles a kernel; None: it waits for one. What is nested does not count."""
+        """Context manager of a thread that compiles a kernel; None: it waits for one. Nested ones do not count."""
         thread, now = threading.get_ident(), time.perf_counter()
         if thread in self._active:
             yield

@@ -50,7 +50,7 @@ def light_of(radiance: Floats, variance: Floats | None) -> Light:
 
 
 def corrected(rays: PixelRays, nearness: Floats, light: Light, spacing: float, depth: float) -> Floats:
-    """Nearness (n,) of pixels, where estimated surfaces are wider than their edges that of what is behind them.
+    """Nearness (n,) of pixels, with that of the surfaces behind where estimated surfaces extend beyond their edges.
 
     Which surface a pixel shows is judged by what other microlenses see at its places on both: its light is nearer to
     theirs, by more than its error. Surfaces differ by more than `depth`.

@@ -16,7 +16,7 @@ _SEEN = 0.1
 
 @kernel
 def fill_mixed(mixed, nearness, lens, blur, depth, farthest):
-    """1 where a pixel (H, W) has one of its microlens and of another depth beside it, within what both are blurred.
+    """Write 1 where a pixel (H, W) has a neighbour of its microlens at another depth, within the blur of both.
 
     `blur` is the radius of the image of a point in pixels, `farthest` the distance up to which is looked.
     """

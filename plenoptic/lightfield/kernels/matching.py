@@ -67,7 +67,9 @@ def _fill_moved(moved, there, values, known, down, right, shape):
 
 @device
 def _fill_correlation(score, values, known, work, floor, other_floor, radius, shape):
-    """Normalised correlation of a picture and a moved one in windows of what both know, over variances and floors."""
+    """Normalised correlation of a picture and a moved one in windows of pixels known in both, over variances and
+    floors.
+    """
     rows, columns = shape
     moved, there, sums = work.moved, work.there, work.sums
     for y in range(rows):
@@ -128,7 +130,7 @@ def _fill_correlation(score, values, known, work, floor, other_floor, radius, sh
 
 @device
 def _better_half(scores, count, y, x):
-    """Mean of the better half of what is known of `scores`; 0 where nothing is."""
+    """Mean of the better half of the known `scores`; 0 where none is known."""
     kept = 0
     for j in range(count):
         one = scores[j, y, x]

@@ -1,4 +1,4 @@
-"""Scattered samples of light become a picture: at each pixel what is nearest, by local quadratic regression.
+"""Scattered samples of light become a picture: at each pixel the nearest surface, by local quadratic regression.
 
 Around a pixel, samples near one depth are fitted by a quadratic function with Gaussian weights (W. S. Cleveland and
 S. J. Devlin, J. Am. Stat. Assoc. 83 (1988), doi:10.1080/01621459.1988.10478639). A sample is the mean of the picture
@@ -24,7 +24,7 @@ _REST = 0.02
 
 @device
 def _gathered(near, splats, at, window, width):
-    """Collect the samples around a pixel: numbers, weights, what they cover, places from it; how many there are."""
+    """Collect the samples around a pixel: numbers, weights, coverage, offsets from it; returns their number."""
     row, column = at
     rows, columns = window.shape
     cells = math.ceil(window.cut * math.sqrt(max(width * width, window.width * window.width + window.largest)))
@@ -144,7 +144,7 @@ def _fill_used(near, count, fit, splats, window, middle, width):
 
 @device
 def _add_surface(canvas, at, part, near, count, splats):
-    """Add a part of what samples say of a surface to a pixel."""
+    """Add part of the samples of a surface to a pixel."""
     row, column = at
     for j in range(count):
         k, weight = near.number[j], part * near.used[j]

@@ -54,7 +54,7 @@ class FarField(NamedTuple):
 
 
 def far_field(opening: Opening, around: Floats | None, turn: Floats) -> FarField:
-    """The pattern of an opening and, where light passes beside it, of what lies between it and the polygon `around`.
+    """Far field of an opening and, where light passes outside it, of the area between it and the polygon `around`.
 
     `turn` (2, 2) leads from the axes of the opening to those in which bends are wanted.
     """
@@ -148,7 +148,7 @@ def _jinc(r: Floats) -> Floats:
 
 
 def _edges(opening: Opening, around: Floats | None, sides: Floats) -> Floats:
-    """The edges beyond the disc; see `FarField`. Light beside an opening bends at its edges as what passes does."""
+    """The edges beyond the disc; see `FarField`. Light outside an opening is deflected at its edges as light inside is."""
     if math.isfinite(opening.radius):
         # Of an ellipse, in units of the box: one edge, as long as its circumference, in all directions alike.
         a, b = opening.radius / sides

@@ -118,7 +118,7 @@ def glass_names() -> tuple[str, ...]:
 
 
 def bundled_glasses(maker: str) -> GlassCatalogue:
-    """The bundled catalogue of a maker, with what it states of each glass and where that is from.
+    """Bundled catalogue of a maker, with the data of each glass and their source.
 
     Parameters
     ----------

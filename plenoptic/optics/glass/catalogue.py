@@ -188,7 +188,7 @@ def load_glasses(path: str | os.PathLike[str], *, limits: FileLimits = TEXT) -> 
 
 
 def glass_key(name: str) -> str:
-    """A name without what makes no difference in it."""
+    """Name without the characters that make no difference."""
     return re.sub(r"[-_\s]", "", name).upper()
 
 

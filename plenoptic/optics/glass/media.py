@@ -42,7 +42,7 @@ class Medium(Protocol):
 
 
 def check_medium(medium: object, name: str) -> None:
-    """Refuse what is no medium."""
+    """Refuse an object that is no medium."""
     # A text or a list has an index() too, which finds things in it; a class has one without an instance.
     if isinstance(medium, Sequence | type) or not callable(getattr(medium, "index", None)):
         raise PrescriptionError(

@@ -1,4 +1,4 @@
-"""Elements in a row: what can be one, what a lens of them needs, and their sections."""
+"""Elements in a row: their kinds, the requirements of a lens, and their sections."""
 
 from __future__ import annotations
 

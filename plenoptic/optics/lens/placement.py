@@ -102,7 +102,7 @@ class Placement:
 
 
 def kept_placement(placement: Placement | None) -> Placement | None:
-    """The placement of an element: None for one that changes nothing, an error for what is none."""
+    """Placement of an element: None for one that changes nothing, an error for another object."""
     if placement is None:
         return None
     if not isinstance(placement, Placement):
@@ -111,7 +111,7 @@ def kept_placement(placement: Placement | None) -> Placement | None:
 
 
 def set_place(element: Any) -> None:
-    """Check and set what all elements have: the semi-diameter and the gap that follows in mm, and the placement."""
+    """Check and set the common members of all elements: semi-diameter, gap that follows in mm, and placement."""
     set_field(element, "semi_diameter", length_in_mm(element.semi_diameter, "semi_diameter"))
     gap = coordinate(element.thickness, "thickness")
     if gap < 0:

@@ -48,7 +48,7 @@ class RayArrays(NamedTuple):
 
 
 def traced_by(record: LensRecord, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
-    """Trace a bundle through what a record describes."""
+    """Trace a bundle through the elements of a record."""
     from plenoptic.optics.lens.kernels.trace import fill_traced_rows
 
     def fill(out: RayArrays, given: RayArrays, first: int, end: int) -> None:
@@ -60,7 +60,7 @@ def traced_by(record: LensRecord, rays: RayBundle, *, threads: int | None = None
 def in_chunks(
     fill: Callable[[RayArrays, RayArrays, int, int], None], rays: RayBundle, *, threads: int | None = None
 ) -> RayBundle:
-    """The bundle that `fill` makes of a bundle, when it is called for all chunks: what it fills, takes, and where."""
+    """Call `fill` for all chunks of a bundle, with its output, its input and the chunk's range; returns the output."""
     n = len(rays)
     given = RayArrays(rays.origin.reshape(-1), rays.direction.reshape(-1), rays.weight, rays.status, rays.lost_at)
     out = RayArrays(np.empty(3 * n), np.empty(3 * n), np.empty(n), np.empty(n, np.uint8), np.empty(n, np.int16))

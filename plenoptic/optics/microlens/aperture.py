@@ -1,4 +1,4 @@
-"""The openings of microlenses and what lies between them."""
+"""Openings of microlenses, and the gaps between them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Light of a point: where its rays start, and what arrives on the sensor. The kernels."""
+"""Kernels of the light of a point: start of its rays, and their arrival on the sensor."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def fill_landed(landed, blocks, n, rows, columns, pitch, opening):
 
 @kernel
 def extent(landed):
-    """First and last row, first and last column of what arrives."""
+    """First and last row, first and last column of the arriving light."""
     top = bottom = landed[0].row
     left = right = landed[0].column
     for k in range(landed.size):

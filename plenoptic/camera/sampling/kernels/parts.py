@@ -38,7 +38,7 @@ class Divided(NamedTuple):
 
 @device
 def aim_at(ray, i, piece, point, start, area):
-    """Start path i towards a point of a piece, from its cell's centre; `area` is what the sample stands for."""
+    """Start path i towards a point of a piece, from its cell's centre; `area` is the area that the sample represents."""
     mx, my = piece.cell_x + point[0], piece.cell_y + point[1]
     ray[X + i] = mx
     ray[Y + i] = my
@@ -100,7 +100,9 @@ def _copy(polygon, to, source, first, n):
 
 @device
 def _divide(divided, c, corners, planes, piece, at):
-    """Divide what of a piece feeds the point `at` of a pixel: its planes, moved inwards, cut off one rim each."""
+    """Divide the part of a piece that illuminates the point `at` of a pixel: its planes, moved inwards, cut off one rim
+    each.
+    """
     parts, cores, steps, first = divided.parts, divided.cores, divided.steps, c * ROOM
     n = fill_part(parts, first, corners, planes, piece, at)
     left = area_of(parts, first, n) if n >= 3 else 0.0
@@ -157,7 +159,7 @@ def divide(divided, regions, region, at):
 
 @device
 def _found(areas, column, count, left):
-    """The piece in whose part of the summed areas `left` lies, and what is left of it there."""
+    """Select the piece at `left` of the cumulative areas, and return the remainder of `left` within it."""
     found = 0
     for c in range(count):
         if areas[c, column] > 0.0:
@@ -170,7 +172,7 @@ def _found(areas, column, count, left):
 
 @device
 def aim_divided(ray, sure, i, divided, regions, region, place, random):
-    """Start path i towards a rim of the pieces of a region, by areas, and with what passes their cores beside it.
+    """Start path i towards a rim of the pieces of a region, by areas, with the light of their cores.
 
     `place` is the point of the pixel, on the sensor and from the pixel's centre. Where there is no rim, the path counts
     nothing, and passes a core. Returns the piece.

@@ -76,7 +76,11 @@ def _find(pieces, low, high, area):
 
 @device
 def choose(pieces, region, random):
-    """The piece of a region, its first and the end of its pieces, by areas; with the area of all, and what is left."""
+    """Sample a piece of a region with probability proportional to its area.
+
+    Returns the area of all, the index of the piece, and the rest of the random number times that area, for use within
+    the piece.
+    """
     low, high = region
     total = pieces[high - 1].area
     wanted = random * total

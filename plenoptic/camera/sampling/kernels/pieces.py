@@ -34,8 +34,10 @@ def reach_of(polygon, n, a, b):
 
 @device
 def _tangents(far, reach, radius):
-    """Tangents of a circle that bound what is within `reach` of a point `far` from its centre: how many, the angle of
-    the first against the direction of the point, and from one to the next."""
+    """Tangents of a circle that bound the part within `reach` of a point `far` from its centre.
+
+    Returns their number, the angle of the first relative to the direction of the point, and the step to the next.
+    """
     if far <= reach:
         return _TANGENTS, 0.0, 2.0 * math.pi / _TANGENTS
     wide = 2.0 * math.asin(reach / far)
@@ -117,7 +119,7 @@ def cut_widely(polygon, n, planes, first, end, half):
 
 @device
 def begin_moving(base, move, view, candidate, shape, half):
-    """A box around all that a polygon becomes where it moves with what a view lets pass; how that moves, as a matrix.
+    """Box around all positions of a polygon that moves with the part which a view lets pass; its motion, as a matrix.
 
     The n corners of the polygon are `shape` (polygon, n). Returns the number of corners; 0 where what the view shows is
     no larger than its margin, as through the centres of pinholes, and nothing is known.

@@ -40,7 +40,9 @@ _LITTLE = 1e-3
 
 @kernel
 def fill_boxes(found, chosen, corners, views, edges, half):
-    """Boxes around what candidates let pass; `chosen` becomes those that shrank much, with margins that are large."""
+    """Write boxes around the light that candidates let pass; `chosen` becomes those that shrank much, with large
+    margins.
+    """
     polygon, planes = np.empty((3, MOST_CORNERS + 2)), np.empty((MOST_PLANES, NUMBERS))
     left, size = 0, (half.x, half.y)
     for k in range(chosen.size):

@@ -23,7 +23,9 @@ def _found(shares, u):
 
 @device
 def _beyond(field, u, v):
-    """A frequency outside the disc, in periods, and what a path through the opening, and one beside it, counts."""
+    """Sample a frequency outside the disc, in periods; returns the weights of paths through and outside the opening,
+    too.
+    """
     edges, k = field.edges, 0
     while k < edges.shape[0] - 1 and edges[k, 0] <= u:
         k += 1
@@ -45,8 +47,10 @@ def _beyond(field, u, v):
 
 @device
 def bend(field, u, v):
-    """A bend, as a spatial frequency in cycles/mm, from two numbers in [0, 1), and what a path through the opening, and
-    one beside it, counts."""
+    """Sample a deflection, as a spatial frequency in cycles/mm, from two numbers in [0, 1).
+
+    Returns the weights of a path through the opening and of one outside it, too.
+    """
     inside = field.rows[field.rows.size - 1]
     through, beside = 1.0, 0.0
     if u < inside:
@@ -64,6 +68,8 @@ def bend(field, u, v):
 
 @kernel
 def fill_bends(bends, numbers, field):
-    """Bends (n, 4) for numbers (n, 2): frequencies along x and y, and what paths through and beside openings count."""
+    """Write deflections (n, 4) for numbers (n, 2): frequencies along x and y, weights of paths through and outside
+    openings.
+    """
     for i in range(numbers.shape[0]):
         bends[i, 0], bends[i, 1], bends[i, 2], bends[i, 3] = bend(field, numbers[i, 0], numbers[i, 1])

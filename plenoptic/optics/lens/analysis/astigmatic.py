@@ -120,7 +120,7 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
 
 
 def require_axis(lens: LensStack, what: str) -> None:
-    """An error where a lens has no axis of symmetry, or is left out, so that `what` means nothing."""
+    """Raise an error where a lens has no axis of symmetry, or is left out, so that `what` is undefined."""
     check_kind(lens, "lens", LensStack, "camera.lens")
     moved = [i for i, element in enumerate(lens.elements) if element.placement is not None]
     if moved:

@@ -64,7 +64,7 @@ def _block_of(n: int) -> dict[str, int]:
 def _as_python(
     function: Callable[..., Any], block: dict[str, int], made: dict[Callable[..., Any], Callable[..., Any]]
 ) -> Callable[..., Any]:
-    """A kernel's function and all that it calls, as Python for blocks of another length; `made` has what is there.
+    """Python functions of a kernel and all its callees, for blocks of another length; `made` holds those that exist.
 
     NumPy's mathematics is as compiled code has it: the root of a negative number is nan, and no error.
     """

@@ -218,7 +218,7 @@ def through_focus(
     rays: int = 1 << 14,
     seed: int = 0,
 ) -> ThroughFocus:
-    """The size of the spot in planes around the focus: what `best_focus` finds the minimum of.
+    """Size of the spot in planes around the focus, of which `best_focus` finds the minimum.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Sequential Zemax files (.zmx): what is read of them, and how.
+"""Reader of sequential Zemax files (.zmx).
 
 Text in UTF-16 with its mark, UTF-8 or Latin-1. Surface 0 is the object and the last one the image: neither is part of
 the lens, nor are the gaps next to them. A glass on the object is the medium around the lens.

@@ -18,7 +18,7 @@ _EPS = float(np.finfo(np.float64).eps)
 
 
 def without_rounding(total: float, *terms: float, steps: int = 4) -> float:
-    """`total`, or exactly 0 where it is no more than what rounding leaves of the terms it was summed from."""
+    """`total`, or exactly 0 where it is within the rounding errors of its terms."""
     return 0.0 if abs(total) <= 2 * steps * _EPS * sum(map(abs, terms)) else total
 
 
@@ -47,14 +47,15 @@ def bending(lens: LensStack, indices: Floats, i: int) -> tuple[float, float]:
 
 
 def end_surfaces(lens: LensStack) -> tuple[int, int]:
-    """Indices of the first and the last surface, or an error for what is no lens."""
+    """Indices of the first and the last surface; an error for an object that is no lens."""
     check_kind(lens, "lens", LensStack, "camera.lens")
     surfaces = [i for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
     return surfaces[0], surfaces[-1]
 
 
 def transfer_matrix(lens: LensStack, wavelength: float, first: int, last: int) -> Floats:
-    """(2, 2) from before element `first` to behind element `last`: B in mm, C in 1/mm, what is 0 but for rounding is 0.
+    """(2, 2) from before element `first` to behind element `last`: B in mm, C in 1/mm; 0 where only rounding differs
+    from it.
 
     See E. Hecht, Optics, 5th ed., section 6.2.1 (with height first here).
     """

@@ -1,4 +1,4 @@
-"""Rays through one surface without rotational symmetry: an even asphere and what departs from it."""
+"""Rays through one surface without rotational symmetry: an even asphere with a freeform term."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def note_asphere(log, arrival, ray, row, shape, index_ratios, place):
 
 @device
 def note_plane(log, arrival, ray, bends, place):
-    """At a stop, or (`bends`) an ideal lens: slopes change by what the height says, angles as cos'^2 / cos^2."""
+    """Record a stop, or (`bends`) an ideal lens: slopes change with the height, angles as cos'^2 / cos^2."""
     for i in range(BLOCK):
         if ray[STATUS + i] != 0.0:
             continue

@@ -45,7 +45,7 @@ def _clip_arc(ray, a, b, limit, bend, code):
 
 @device
 def _clip_notch(ray, one, other, code):
-    """Between two tips of a star: what lies beyond both edges is lost."""
+    """Clip rays between two tips of a star: those beyond both edges are lost."""
     ax, ay, bx, by, limit = one[0], one[1], other[0], other[1], one[2]
     for i in range(BLOCK):
         x, y = ray[X + i], ray[Y + i]

@@ -160,7 +160,7 @@ class _Lit(NamedTuple):
 
 
 def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outline:
-    """The outline of what passes, wider by a step of a grid of `fine` x `fine` rays over the light.
+    """Outline of the passing light, wider by a step of a grid of `fine` x `fine` rays over the light.
 
     The guesses are looked at one after the other, and after the first light only those whose middle is outside of it: a
     small part may lie between the rays of a grid over the whole `rim`. What a grid has between its rays alone comes
@@ -181,7 +181,7 @@ def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outli
 
 
 def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
-    """An outline that holds what a grid has found as well."""
+    """Outline that also holds the points found by a grid."""
     normals = normals_of(SIDES)
     if not (lit.all @ normals.T > found.support).any():
         return found

@@ -92,7 +92,7 @@ def half_of(lens: LensStack, wavelength: float, aim: Floats, *, scene: bool) -> 
 def traced_through(
     lens: LensRecord | None, origin: Floats, direction: Floats, wavelength: float
 ) -> tuple[Floats, Floats]:
-    """Points and directions behind what the record describes; NaN for rays that do not exist."""
+    """Points and directions behind the elements of a record; NaN for rays that do not exist."""
     if lens is None:
         return origin, direction
     n, contiguous = len(origin), (np.ascontiguousarray(origin).view(), np.ascontiguousarray(direction).view())
@@ -135,7 +135,7 @@ def _newton_step(half: Half, points: Floats, angles: Floats, residual: Floats) -
 
 
 def _newton(half: Half, points: Floats, start: Floats) -> tuple[Floats, Floats]:
-    """Angle coordinates (n, 2) at points of the iris (n, 3) that meet the aim, and what they miss it by in rad."""
+    """Angle coordinates (n, 2) at points of the iris (n, 3) that meet the aim, and their errors in rad."""
     angles = np.array(start)
     residual = _residual(half, points, angles)
     miss = _length(residual)
@@ -196,7 +196,7 @@ def _chief_guess(half: Half, centre: Floats) -> Floats:
 
 
 def _continued(half: Half, lens: LensStack, pupil: Floats, chief: Floats) -> tuple[Floats, Floats]:
-    """Angle coordinates (n, 2) at points of the iris and what they miss by, from those at its centre, (1, 2)."""
+    """Angle coordinates (n, 2) at points of the iris and their errors, from those at its centre, (1, 2)."""
     n = len(pupil)
     angles, way, advance, miss = np.repeat(chief, n, axis=0), np.zeros(n), np.ones(n), np.full(n, math.inf)
     going = np.ones(n, dtype=bool)
@@ -227,7 +227,7 @@ def _fit() -> Floats:
 
 
 def aimed_angles(half: Half, lens: LensStack, pupil: Floats) -> tuple[Floats, Floats]:
-    """Angle coordinates (n, 2) at points of the iris, and what they miss the aim by in rad, (n,): inf for no ray.
+    """Angle coordinates (n, 2) at points of the iris, and their errors at the aim in rad, (n,): inf for no ray.
 
     Of many points, a few are solved first, and a polynomial through these is where the others start from.
     """

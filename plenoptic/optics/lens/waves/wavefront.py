@@ -92,7 +92,7 @@ class Wavefront:
         return float(abs(self.amplitude @ np.exp(2j * math.pi * self.opd)) ** 2)
 
     def without(self, *parts: str) -> Wavefront:
-        """The same less its "piston", "tilt" or "defocus": what of them a fit of all three finds, over the iris."""
+        """The same less its "piston", "tilt" or "defocus", as a fit of all three finds them over the iris."""
         unknown = [part for part in parts if part not in _REMOVABLE]
         if unknown or not parts:
             raise InvalidValueError(
@@ -312,7 +312,9 @@ def rays_to_sphere(
 
 
 def _area(vectors: Floats, n: int) -> Floats:
-    """(n,): what vectors (3 n, 3) of points of the iris and of their neighbours span, over the square of the step."""
+    """(n,): areas spanned by vectors (3 n, 3) of points of the iris and of their neighbours, over the square of the
+    step.
+    """
     one, right, up = vectors[:n], vectors[n : 2 * n], vectors[2 * n : 3 * n]
     return np.asarray(np.linalg.norm(np.cross(right - one, up - one), axis=1)) / _STEP**2
 
