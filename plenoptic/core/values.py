@@ -169,7 +169,7 @@ def radians(value: float, name: str) -> float:
 
 
 def coefficients(values: Iterable[float], name: str, wanted: str = "a sequence of numbers") -> tuple[float, ...]:
-    """The finite numbers of a prescription; an error for others, and a PrescriptionError for anything but a sequence."""
+    """Finite numbers of a prescription; an error for others, and a PrescriptionError for anything but a sequence."""
     try:
         if isinstance(values, str | bytes | Mapping | Set):
             raise TypeError

@@ -1,4 +1,4 @@
-"""A camera in section, how images of neighbouring microlenses lie on its sensor, what light of points leaves."""
+"""Plots of a camera: its section, the images of neighbouring microlenses on its sensor, point spreads."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _draw_microlenses(camera: PlenopticCamera, report: CameraReport, ax: Axes) -
 
 
 def plot_camera_spread(spread: CameraSpread | WaveSpread, ax: Axes | None = None) -> Axes:
-    """Draw what the light of one point, or of several together, leaves on the sensor.
+    """Draw the light of one point, or of several together, on the sensor.
 
     Parameters
     ----------

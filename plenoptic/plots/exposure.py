@@ -120,7 +120,7 @@ def panels_of(exposure: Exposure) -> int:
 
 
 def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure:
-    """Draw an exposure's image, a detail, its standard error and depth side by side; what it lacks is left out.
+    """Draw an exposure's image, a detail, its standard error and depth side by side, as far as it has them.
 
     Parameters
     ----------

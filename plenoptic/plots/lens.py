@@ -93,7 +93,7 @@ def lens_svg(lens: LensStack, width: int = 480) -> str:
 
 
 def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
-    """Draw the section of a lens, true to scale; mirrors are brown, and what is behind them is as seen in them.
+    """Draw the section of a lens, true to scale; mirrors are brown, and elements behind them are drawn as seen in them.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ _MILLIMETRES = {"km": 1e6, "m": 1e3, "mm": 1.0, "µm": 1e-3}
 
 
 def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: Figure | None = None) -> Figure:
-    """Draw a scene from three sides, with what cameras see of it.
+    """Draw a scene from three sides, with the view of cameras.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: F
 
 
 def _shown(shapes: list[Shape], seen: list[Frustum], lamps: list[Any]) -> Floats:
-    """(2, 3): what is shown of the world, without the fields of cameras."""
+    """(2, 3): box of the displayed part of the world, without the fields of cameras."""
     boxes = [shape.bounds for shape in shapes]
     sizes = np.array([np.ptp(box, axis=0).max() for box in boxes])
     order = np.argsort(sizes, kind="stable").tolist()

@@ -41,7 +41,7 @@ def around(points: list[Floats]) -> Floats:
 
 
 def shapes_of(scene: Any, window: Floats | None = None) -> list[Shape]:
-    """The meshes, instances and lights with a surface of a scene, or what of them reaches into a box.
+    """Meshes, instances and lights with a surface of a scene, or their parts that reach into a box.
 
     `window` is (2, 3), or (2, 2) for x and y alone.
     """
@@ -169,7 +169,7 @@ def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _paint(canvas: Floats, mask: NDArray[np.bool_], window: tuple[slice, slice], shape: Shape) -> None:
-    """A shape over what is there, its rim darker."""
+    """Paint a shape over the picture, its rim darker."""
     rim = mask & _grown(~mask)
     part = canvas[window]
     for where, colour, alpha in ((mask & ~rim, shape.colour, shape.opacity), (rim, 0.45 * shape.colour, 0.95)):

@@ -28,7 +28,7 @@ LINEAR_PART = 0.7
 
 @result
 class PhotonTransfer:
-    """Mean and variance of even exposures, in DN and DN^2, and what the sensor's parameters predict.
+    """Mean and variance of even exposures, in DN and DN^2, and the prediction of the sensor's parameters.
 
     See `photon_transfer`, which measures them.
 

@@ -134,7 +134,7 @@ def _directions(n: int) -> Floats:
 
 
 class _Probe:
-    """Some paths over the whole sensor, and what becomes of them: a `Witness` of them."""
+    """Probe of some paths over the whole sensor, a `Witness` of their fates."""
 
     def __init__(self, context: RenderContext, scene: Scene | None) -> None:
         self.context, self.scene, camera = context, scene, context.camera

@@ -1,4 +1,4 @@
-"""A scene before a camera, compiled: what tiles, and paths that are traced again, begin with."""
+"""Compiled scene and camera, the input of tiles and of paths that are traced again."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class RenderContext(NamedTuple):
-    """Camera and scene as records, how paths are sampled, and what they may do."""
+    """Camera and scene as records, sampling of paths, and their limits."""
 
     prepared: PreparedCamera
     scene: SceneRecord | None
@@ -54,7 +54,7 @@ class RenderContext(NamedTuple):
 
 
 def render_context(subject: Subject, seed: int) -> RenderContext:
-    """Plan a render and compile what it needs."""
+    """Plan a render and compile its records."""
     prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
     camera, plan = prepared_camera(subject.camera), plan_stages(record, subject)

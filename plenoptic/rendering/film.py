@@ -1,4 +1,4 @@
-"""Film: what accumulates while an image is rendered."""
+"""Film: sums that accumulate while an image is rendered."""
 
 from __future__ import annotations
 

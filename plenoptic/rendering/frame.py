@@ -1,4 +1,4 @@
-"""Parts of the sensor's frame: which is held, and what is known of how much of it."""
+"""Parts of the sensor's frame: the one that an exposure holds, and the samples in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rendering: what users call."""
+"""Rendering functions for users."""
 
 from __future__ import annotations
 

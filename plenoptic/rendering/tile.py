@@ -125,7 +125,7 @@ def render_tile(
 def _added(
     context: RenderContext, parts: list[Part], tally: Tally, tile: Tile, stopped: Callable[[], bool] | None
 ) -> bool:
-    """Follow the paths of a round and add what they bring; whether nothing stopped it."""
+    """Trace the paths of a pass and add their contributions; True if nothing stopped it."""
     integrator = None
     if context.scene is not None:
         from plenoptic.rendering.integrator.path import PathIntegrator
@@ -157,7 +157,7 @@ def _added(
 
 
 def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
-    """(rows, columns): what a sample of each pixel weighs at most, about: the area of its region over distance^2."""
+    """(rows, columns): approximate largest weight of a pixel's sample: the area of its region over distance^2."""
     found = np.zeros(tile.pixels)
     found[fed.place] = fed.areas / camera.sensor.plane.distance**2
     return found.reshape(tile.rows, tile.columns)

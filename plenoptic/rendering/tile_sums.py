@@ -62,8 +62,8 @@ class PixelSums:
 
 
 class SharedSums:
-    """The sums where light bends: of shares of the light that is headed to pixels and those beside them, and of what
-    bends farther.
+    """Sums with diffraction: of shares of the light that is headed to pixels and their neighbours, and of far
+    deflections.
     """
 
     def __init__(self, context: RenderContext, spread: Spread, fed: FedPixels, batch: Batch, whole: Floats) -> None:
@@ -129,7 +129,7 @@ class SharedSums:
         return Part(self._drawn, rest, fill)
 
     def _gather(self, shared: tuple[Floats, Floats], drawn: tuple[Floats, Floats], batch: Batch) -> None:
-        """Add what pixels get to `whole`."""
+        """Add the pixels' light to `whole`."""
         givers, known, means = self._around.givers, np.zeros(drawn[1].shape), self._spread.table.means
         if self._levels is not None and means is not None:
             known += self._levels[givers] @ means.T
@@ -155,7 +155,7 @@ class Tally:
         self.lost_paths: list[tuple[int, int, int]] = []
 
     def clamp(self, part: Part, bundle: Floats, radiance: Floats | None, n: int) -> None:
-        """Clamp what the paths of a bundle bring."""
+        """Clamp the contributions of a bundle's paths."""
         limit = self._context.settings.clamp
         if limit is not None and radiance is not None:
             kept, removed = film_sums.fill_clamped(radiance, bundle, n, limit)

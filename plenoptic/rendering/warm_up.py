@@ -1,4 +1,4 @@
-"""Compiling ahead what a scene and a camera will need."""
+"""Compilation ahead for a scene and a camera."""
 
 from __future__ import annotations
 
@@ -62,7 +62,8 @@ class WarmUp:
 
 
 def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Truth.ALL, progress: bool = True) -> WarmUp:
-    """Compile what renders, ground truth and projections of a scene and a camera need, by running each for few pixels.
+    """Compile the kernels of renders, ground truth and projections of a scene and a camera, by running each for few
+    pixels.
 
     Compiled code is kept on disk: afterwards other processes, too, render such scenes without waiting. What is compiled
     depends on the kind of scene and camera only (which materials, lights, stops and microlenses there are), not on

@@ -1,4 +1,4 @@
-"""One path from the sensor through microlens and lens, with what it meets there."""
+"""One path from the sensor through microlens and lens, with its events."""
 
 from __future__ import annotations
 

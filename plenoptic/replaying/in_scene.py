@@ -118,7 +118,7 @@ class Recorder:
             self.ending = PathEnding.ROULETTE if drawn else PathEnding.ABSORBED
 
     def _amend(self, **known: Any) -> None:
-        """Add to the last event what has become known of it."""
+        """Add later results to the last event."""
         last = self.events[-1]
         assert isinstance(last, Meeting)
         self.events[-1] = dataclasses.replace(last, **known)

@@ -12,7 +12,7 @@ from plenoptic.scene.scene import Scene
 
 
 class PreparedScene:
-    """A scene as a record, and what finds its triangles.
+    """Scene record with its intersector.
 
     There is no lock, for which a process that is forked off meanwhile would wait for ever: two threads may both build.
     """

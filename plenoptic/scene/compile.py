@@ -1,4 +1,4 @@
-"""The record that a scene is compiled into: plain arrays, and None for what the scene has not."""
+"""Record that a scene is compiled into: plain arrays, and None for absent features."""
 
 from __future__ import annotations
 
@@ -129,7 +129,9 @@ def build_record(
     background: Background | None,
     known: Surfaces | None = None,
 ) -> tuple[SceneRecord, Surfaces]:
-    """Compile meshes, lights and a background (None: black), with what is `known` where it is of the same meshes."""
+    """Compile meshes, lights and a background (None: black), with the `known` surfaces where they are of the same
+    meshes.
+    """
     shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
     surfaces = known if known is not None and known.are(meshes, shapes) else build_surfaces(meshes, shapes)
     rows, columns = surfaces.textures.rows, surfaces.textures
@@ -172,7 +174,7 @@ def build_record(
 
 
 def brightest_radiance(record: SceneRecord) -> float:
-    """About the brightest radiance that a path can bring: of what emits, the world, or matt surfaces under lights.
+    """Approximate largest radiance of a path: of emitters, the background, or matt surfaces under lights.
 
     Channels are averaged. Textures and maps count with their mean; point lights as seen from the middle of the scene.
     """

@@ -109,7 +109,7 @@ class Scene:
         background: Background | Colour | None = None,
         limits: FileLimits = DEFAULT,
     ) -> Scene:
-        """Read a scene from a file, with its lights and its cameras as `views`; see `load_file` for what is read.
+        """Read a scene from a file, with its lights and its cameras as `views`; see `load_file` for details.
 
         No light is invented: a file without any stays black unless `lights` or `background` are given.
 

@@ -69,7 +69,7 @@ def motion_truth(
     threads: int | None = None,
     progress: bool = True,
 ) -> MotionTruth:
-    """Find where what the pixels of one frame show is in another one.
+    """Find the positions in another frame of the points that the pixels of one frame show.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Exposures of studies: what is rendered, where on the sensor, and that it is complete."""
+"""Exposures of studies: subject, region, and a check that they are complete."""
 
 from __future__ import annotations
 
@@ -49,6 +49,6 @@ def studied_region(shape: tuple[int, int], region: tuple[slice, slice] | None, s
 
 
 def central_pixel(region: tuple[slice, slice]) -> tuple[slice, slice]:
-    """The pixel in the middle of a region, as one: what setting up is timed by."""
+    """The pixel in the middle of a region, as a region, by which set-up is timed."""
     row, column = ((part.start + part.stop) // 2 for part in region)
     return slice(row, row + 1), slice(column, column + 1)

@@ -1,4 +1,4 @@
-"""Studies that are interrupted keep what they have."""
+"""Interrupted studies, which keep their rows."""
 
 from __future__ import annotations
 
@@ -25,5 +25,5 @@ def until_interrupted(measure: Callable[[Item], Row], items: Iterable[Item]) -> 
 
 
 def with_note(table: str, *, interrupted: bool) -> str:
-    """A table as text, and what is to be said below it."""
+    """A table as text, with a note below it."""
     return f"{table}\n\n{INTERRUPTED}" if interrupted else table

@@ -37,7 +37,7 @@ def what_needs(needs: Needs) -> str:
 
 
 def empty_truth(truth: Truth, shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
-    """Arrays for what is wanted of pixels of a shape, holding what stands for nothing."""
+    """Arrays of the requested channels for pixels of a shape, filled with the values of missing hits."""
     return {
         name: np.full((*shape, *channel.shape), channel.void, dtype=channel.dtype)
         for name, channel in channels_of(truth).items()
@@ -45,7 +45,7 @@ def empty_truth(truth: Truth, shape: tuple[int, ...]) -> dict[str, NDArray[Any]]
 
 
 def forget_truth(found: Mapping[str, NDArray[Any]], where: NDArray[np.bool_]) -> None:
-    """Put what stands for unknown into pixels that have not been looked at: nan, and numbers that are no number."""
+    """Put the values of unknown pixels into those that have not been evaluated: nan, and invalid numbers."""
     for name, array in found.items():
         array[where] = np.nan if array.dtype.kind == "f" else CHANNELS[name].void
 

@@ -328,7 +328,7 @@ CHANNELS: dict[str, Channel] = {
 
 
 def channels_of(truth: Truth) -> dict[str, Channel]:
-    """The channels of what is wanted, by their names."""
+    """The requested channels, by their names."""
     return {name: channel for name, channel in CHANNELS.items() if channel.flag & truth}
 
 

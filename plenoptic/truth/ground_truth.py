@@ -44,7 +44,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def truth_record(camera: PlenopticCamera, record: CameraRecord, wanted: Truth) -> TruthRecord | None:
-    """Compile what is wanted; None where it is nothing."""
+    """Compile the requested channels; None where there are none."""
     if not wanted:
         return None
     parts = record.parts
@@ -100,7 +100,7 @@ def ground_truth(
     client: distributed.Client | None = None,
     progress: bool = True,
 ) -> GroundTruth:
-    """Find what the pixels of a raw image show, without rendering it; the same bits as those of `render`.
+    """Find the ground truth of a raw image's pixels, without rendering it; the same bits as those of `render`.
 
     Parameters
     ----------

@@ -166,7 +166,7 @@ def _take(rays: PixelRays, to: NDArray[np.int64], others: PixelRays, which: NDAr
 
 
 def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[PixelRays, Floats]:
-    """A ray from each start (n, 2), found by probes in patterns (s, k, 2) in what feeds it; and its light (n,)."""
+    """Ray from each start (n, 2), found by probes in patterns (s, k, 2) in its aperture regions; and its light (n,)."""
     from plenoptic.truth.kernels import representative_ray
 
     n = len(starts)

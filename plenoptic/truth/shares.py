@@ -27,7 +27,7 @@ _TOGETHER = 1 << 13
 def object_shares(
     camera: CameraRecord, scene: SceneRecord, intersector: Intersector, pixels: Floats, objects: NDArray[np.integer]
 ) -> Floats:
-    """(n,): the share that objects (n,) have of what reaches pixels (n, 2) in a scene of even brightness.
+    """(n,): share of objects (n,) in the light that reaches pixels (n, 2) in a scene of even brightness.
 
     Found by the same points for every pixel. nan where none of them arrives.
     """

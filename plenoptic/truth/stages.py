@@ -193,7 +193,7 @@ class PixelStages:
 
     @cached_property
     def hits(self) -> SurfaceHits:
-        """The triangles that the rays meet, through what is not there for most paths."""
+        """Triangles that the rays hit, through surfaces that are transparent for most paths."""
         from plenoptic.core.kernels.bundles import fill_world_rays
         from plenoptic.scene.geometry.kernels import interaction
         from plenoptic.scene.materials.alpha_mask import no_hits, skip_transparent

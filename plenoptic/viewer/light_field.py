@@ -1,4 +1,4 @@
-"""A light field as a page: its views as pictures, and what is known of its depth and error."""
+"""A light field as a page: its views as pictures, with its depth and error."""
 
 from __future__ import annotations
 

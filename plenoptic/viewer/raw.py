@@ -1,4 +1,4 @@
-"""A raw image as a page: its values and errors, what its pixels show, and the microlenses over it."""
+"""A raw image as a page: its values and errors, the object points of its pixels, and the microlenses over it."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _part(
 
 
 def _means(image: NDArray[np.float32], block: int) -> NDArray[np.float32]:
-    """(rows, columns, C): means over blocks, of what is known."""
+    """(rows, columns, C): means of known values over blocks."""
     if block == 1:
         return image
     known = np.isfinite(image)

@@ -153,7 +153,7 @@ def _terms(places: Floats, powers: list[tuple[int, int, int, int]]) -> Floats:
 
 
 def _error(sight: Sight, samples: Samples, distances: Floats) -> float:
-    """99th percentile of how many pixels away the polynomial sees what rays meet at some distances."""
+    """99th percentile of the polynomial's error, in pixels, for points that rays hit at some distances."""
     on_array, offset, line = samples
     pixel = offset + sight.straight[0] + on_array @ sight.straight[1:]
     beside = []

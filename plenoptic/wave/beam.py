@@ -139,7 +139,7 @@ class Beam(NamedTuple):
         return np.asarray(s + self.plane.curvature * crossed)
 
     def light(self, s: Floats) -> tuple[Floats, Floats]:
-        """(n,) twice: light of rays in a unit of area of s, if all pass the lens, and what keeps it.
+        """(n,) twice: light of rays per unit of area of s, if all pass the lens, and their transmission.
 
         The first is projected solid angle over the second: 1, or cos^4 to the plane's normal where directions are
         slopes, whose areas ideal microlenses keep.
@@ -165,7 +165,7 @@ class Beam(NamedTuple):
 
 
 def entering_rays(record: ForwardRecord, point: Floats, places: Floats) -> tuple[RayBundle, Floats]:
-    """Rays from a point to places (n, 2) of the entrance, and what light a unit of area of it stands for, (n,).
+    """Rays from a point to positions (n, 2) of the entrance, and the light per unit of its area, (n,).
 
     Projected solid angle, or before an ideal lens du dv, as in `kernels.source_rays`.
     """
@@ -225,7 +225,7 @@ def plane_of(record: ForwardRecord) -> Plane:
 def _fitted(
     record: ForwardRecord, point: Floats, plane: Plane, places: Floats, directions: Floats, crossed: Floats
 ) -> Beam:
-    """Functions of s through what is known of rays."""
+    """Functions of s that interpolate quantities of rays."""
     s = directions - plane.curvature * crossed
     index = float(record.camera.lens.indices(record.camera.wavelength)[-1])
     wavelength = 1e-6 * record.camera.wavelength / index

@@ -182,7 +182,7 @@ def on_pixels(waves: Complex, grid: Grid, sensor: Sensor) -> tuple[Pixels, float
 
 
 def _integrals(grid: Grid, axis: int, sign: float, sensor: Sensor) -> tuple[int, AnyFloats]:
-    """First pixel along an axis, and (pixels, n): what makes integrals over pixels of a sum of waves at places seen.
+    """First pixel along an axis, and (pixels, n): factors for integrals over pixels of a sum of waves.
 
     In mm. Pixels count with `sign` times the axis.
     """

@@ -61,7 +61,7 @@ class Grid(NamedTuple):
         return np.asarray(wavelength * np.fft.fftfreq(self.shape[axis], self.spacing[axis]))
 
     def curved(self, axis: int, where: slice, wavelength: float) -> NDArray[np.complex128]:
-        """By what curvature multiplies a field along an axis."""
+        """Factor of a curvature along an axis of a field."""
         away = self.places(axis, where) - (self.first[axis] + 0.5 * self.spacing[axis] * self.shape[axis])
         return np.asarray(np.exp((1j * math.pi * self.curvature / wavelength) * away**2))
 
@@ -111,7 +111,7 @@ def grid_for(beam: Beam, lenses: Microlenses | None, distance: float, denser: fl
 
 
 def lit_box(beam: Beam) -> tuple[Floats, Floats]:
-    """Corners (2,), (2,) of the part of the array where a point's light is, with what diffraction sends beside it."""
+    """Corners (2,), (2,) of the part of the array that a point's light reaches, with a margin for diffraction."""
     margin = _MARGIN * beam.wavelength / (beam.high - beam.low)
     return beam.spot[0] - margin, beam.spot[1] + margin
 

@@ -84,7 +84,7 @@ class Microlenses(NamedTuple):
         return ends.min(axis=0), ends.max(axis=0)
 
     def plate(self, x: Floats, y: Floats, wavelength: float) -> Complex:
-        """By what the array multiplies a field at (y, x): 0 where nothing passes."""
+        """Factor of the array for a field at (y, x): 0 where nothing passes."""
         made, covered = np.zeros((len(y), len(x)), np.complex64), np.zeros((len(y), len(x)), np.float32)
         width = np.array([x[1] - x[0], y[1] - y[0]])
         clear = has_clear_gaps(self.array.aperture)
@@ -136,7 +136,7 @@ def _between(places: Floats, middle: float, reach: float) -> slice:
 
 
 def inside_edges(x: Floats, y: Floats, edges: Floats, width: Floats) -> Floats:
-    """(y, x): what part of the samples, of a width (2,), lies inside a convex polygon with edges (k, 3)."""
+    """(y, x): part of the samples, of a width (2,), inside a convex polygon with edges (k, 3)."""
     made = np.ones((len(y), len(x)))
     for across, up, far in edges:
         w = abs(across) * width[0] + abs(up) * width[1]

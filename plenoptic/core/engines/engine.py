@@ -1,4 +1,4 @@
-"""Protocol between the code that divides work into orders and engines that run them; each engine is a file beside this."""
+"""Protocol between the code that divides work into orders and engines that run them; each engine is a file here."""
 
 from __future__ import annotations
 

@@ -281,7 +281,7 @@ class MicrolensArray:
         return opening_of(self.aperture, cell_polygon(Lattice.SQUARE, self.pitches) if free else self.cell_corners)
 
     def lenses(self, low: ArrayLike, high: ArrayLike) -> Lenslets:
-        """The microlenses whose designed centres lie in a box, with what is individual about them.
+        """Microlenses whose designed centres lie in a box, with their individual parameters.
 
         Parameters
         ----------

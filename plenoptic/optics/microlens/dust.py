@@ -47,7 +47,7 @@ class BlemishSite(enum.IntEnum):
 
 @value
 class Blemishes:
-    """Grains of dust and scratches on one plane; what several of them let pass at one point multiplies.
+    """Grains of dust and scratches on one plane; where several cover a point, their transmissions multiply.
 
     Each blemish is a capsule, all points nearer than `radius` to the segment from `start` to `end`. A segment without
     length is a round grain.

@@ -16,7 +16,7 @@ _LARGEST_SPREAD = 0.2
 
 @value
 class MicrolensDeviations:
-    """Individual microlenses and what is wrong with them; all others are as designed.
+    """Deviations of individual microlenses; all others are as designed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Microlenses one by one: what an array's description says of each."""
+"""Parameters of individual microlenses, from an array's description."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class FoundPaths(NamedTuple):
 
 
 class ModelRules(NamedTuple):
-    """A model of a microlens; what is left out is as with ideal lenses, which act in one plane."""
+    """Model of a microlens; the defaults are those of ideal lenses, which act in one plane."""
 
     to_lens: Callable[[Floats, Own, Crossing, Waves], None]
     """Aimed samples become rays towards the main lens (see `kernels.to_lens`)."""

@@ -184,7 +184,7 @@ class ArrayRecord(NamedTuple):
         return float(self.lattice.powers[0])
 
     def own(self, n: int) -> NDArray[np.void] | None:
-        """Room for what n paths keep of their microlenses; None where these do not differ."""
+        """Arrays for the microlens parameters of n paths; None where microlenses do not differ."""
         return np.zeros(n, MICROLENS) if self.differs else None
 
 

@@ -1,4 +1,4 @@
-"""SensorModel: what a sensor does to the light that falls on it."""
+"""SensorModel: conversion of the light on a sensor into digital numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stops given as images of what they let through."""
+"""Stops given as images of their transmission."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from plenoptic.optics.stops.polygon import convex_hull, divided
 
 @value
 class MaskStop:
-    """A stop given as an image of what it lets through: any shape, several holes, greys.
+    """Stop given as an image of its transmission: any shape, several holes, greys.
 
     The transmission is the same all over a cell of the image, and 0 around the image. Seen from behind, from the sensor
     along -z with y up, the mask looks as the image does: row 0 is at the top, towards +y, and column 0 on the left,

@@ -16,7 +16,7 @@ from plenoptic.optics.record import RING, ElementRow
 
 @value
 class RingStop:
-    """A stop whose hole is a ring: what a secondary mirror, or the hole of a primary, leaves of a round opening.
+    """Stop whose hole is a ring: a round opening obscured by a secondary mirror, or by the hole of a primary.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One refracting surface of a lens: a plane, a sphere, a conic or an even asphere, and what departs from these."""
+"""Refracting surface of a lens: a plane, a sphere, a conic or an even asphere, with a freeform term."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ class Surface:
 
     @property
     def from_behind(self) -> Surface:
-        """The surface as what follows sees it: a mirror in its own plane, any other as it is."""
+        """The surface as seen by the elements that follow: a mirror in its own plane, any other as it is."""
         if not isinstance(self.medium, Mirror):
             return self
         added, place = self.departure, self.placement

@@ -89,7 +89,7 @@ def table_html(columns: Sequence[str], rows: Iterable[Sequence[str]], *, caption
 
 
 def heading_html(text: str) -> str:
-    """A line that says what follows."""
+    """Heading line."""
     return f"<p><strong>{html.escape(text)}</strong></p>"
 
 

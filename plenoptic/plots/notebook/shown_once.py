@@ -15,7 +15,7 @@ class ShownOnce(Figure):  # type: ignore[misc]
     """
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
-        """Nothing beside what IPython itself makes of a figure."""
+        """Add nothing to IPython's own display of a figure."""
         if "inline" in mpl.get_backend():
             from matplotlib.pyplot import close
 

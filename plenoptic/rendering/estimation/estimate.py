@@ -311,7 +311,7 @@ def _deciding(pilots: _Pilots, samples: int) -> list[PilotRun]:
 
 
 def _interval(numbers: list[float]) -> Estimated:
-    """Their mean, and between what it lies."""
+    """Mean and interval of the numbers."""
     mean = statistics.mean(numbers)
     off = 2 * statistics.stdev(numbers) / math.sqrt(len(numbers)) + 2 * _UNKNOWN * mean
     return Estimated(mean, max(mean - off, 0.0), mean + off)

@@ -108,7 +108,9 @@ class PilotRun(NamedTuple):
 def run_pilot(
     context: RenderContext, subject: Subject, budget: Budget, tiles: list[PilotTile], threads: int, *, keeps: bool
 ) -> PilotRun:
-    """Render pilots; `keeps`: what feeds their pixels is kept from step to step, as that of a small frame is."""
+    """Render pilots; `keeps`: aperture regions of their pixels are kept from step to step, as those of a small frame
+    are.
+    """
     context = context._replace(prepared=PreparedCamera(context.camera))
     if keeps:
         context.prepared.cut_into(tuple(tiles), steps=True)

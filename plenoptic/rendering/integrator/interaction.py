@@ -15,7 +15,7 @@ from plenoptic.scene.materials.kernels import parameters
 
 
 class InteractionStage:
-    """Finds out what surfaces are like that rays meet; its arrays are used again for each bounce."""
+    """Stage that finds the surface interactions of rays; its arrays are used again for each bounce."""
 
     def __init__(self, scene: SceneRecord, capacity: int, channels: int, *, lights: bool) -> None:
         self._scene = scene

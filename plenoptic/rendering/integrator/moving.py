@@ -82,7 +82,7 @@ class MovingPaths:
         return self._intersector if self._trees is None else self._trees.along(path, self._meshes)
 
     def place(self, hits: Hits, path: NDArray[np.int64]) -> None:
-        """Give the rays of paths (n,) that meet what moves rows of their own, with the places at their times."""
+        """Give the rays of paths (n,) that hit moving objects rows of their own, with the poses at their times."""
         if self._trees is None or self.instance_of is None:
             return
         assert hits.instance is not None and self.scene.geometry is not None

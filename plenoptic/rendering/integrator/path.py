@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 
 class Witness(Protocol):
-    """Is told what the paths of a bundle go through. What it is handed is used again: it copies what it keeps."""
+    """Observer of the paths of a bundle. Its arguments are used again by the integrator: it copies those it keeps."""
 
     def left(self, rays: Floats) -> None:
         """Rays have left the camera."""
 
     def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
-        """Rays have met triangles, and paths have collected what shines there."""
+        """Called when rays have hit triangles, and paths have collected their emission."""
 
     def lit(
         self, interactions: Interactions, drawn: DrawnLights, shadow: ShadowRays, blocked: NDArray[np.uint8]
@@ -83,7 +83,7 @@ class PathIntegrator:
             self._blocked = np.empty(room, dtype=np.uint8)
 
     def _ray_queue(self, capacity: int) -> RayQueue:
-        """Room for rays and what belongs to them."""
+        """Arrays for rays and the quantities of their paths."""
         absorbs = self.scene.absorption is not None
         return RayQueue(
             rays=np.empty((capacity, 6)),
@@ -149,7 +149,7 @@ class PathIntegrator:
         return PathKeys(self._now.path, self._keys, self._indices)
 
     def _meet(self, found: int, bounce: int) -> Hits:
-        """Find what rays meet, through surfaces that are not there for their paths."""
+        """Closest hits of rays; transparent surfaces are skipped."""
         hits, rays, path = self._hits.first(found), self._now.rays[:found], self._now.path[:found]
         intersector = self._intersector if self.moving is None else self.moving.along(path)
         if intersector is not None:
@@ -161,7 +161,7 @@ class PathIntegrator:
         return hits
 
     def _see(self, radiance: Floats, hits: Hits, wavelengths: Wavelengths) -> None:
-        """Add what rays meet that shines, and weaken them by what they have come through."""
+        """Attenuate the throughput by absorption along each ray, then add the emission at its hit or of the sky."""
         scene, now = self.scene, self._now
         if scene.absorption is not None and scene.bsdf is not None:
             from plenoptic.scene.materials.kernels.absorption import fill_absorbed
@@ -217,7 +217,7 @@ class PathIntegrator:
         return onwards
 
     def _hand_on(self, source: NDArray[np.int64], interactions: Interactions) -> None:
-        """Tell rays onwards what they are in and what they come from."""
+        """Set the medium and the origin of scattered rays."""
         now, then, scene = self._now, self._next, self.scene
         if scene.absorption is not None and scene.bsdf is not None:
             from plenoptic.scene.materials.kernels.absorption import fill_next_media

@@ -11,7 +11,7 @@ from plenoptic.core.values import Floats
 
 
 class RayQueue(NamedTuple):
-    """Rays and what belongs to them, C channels of their paths; None for what a scene does not need."""
+    """Queue of rays with the quantities of their paths, of C channels; None for those that a scene does not need."""
 
     rays: Floats
     """(n, 6): origin and direction."""
@@ -28,7 +28,7 @@ class RayQueue(NamedTuple):
 
 
 class ShadowRays(NamedTuple):
-    """Rays to lights, and what these bring where nothing lies between."""
+    """Rays to lights, and the contributions of these if they are unblocked."""
 
     rays: Floats
     """(n, 6): origin, and the way to the light."""

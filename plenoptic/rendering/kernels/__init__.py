@@ -1,1 +1,1 @@
-"""Kernels: what paths add to a film."""
+"""Kernels that add paths to a film."""

@@ -41,7 +41,7 @@ def _brought(light, k, c):
 
 @kernel
 def fill_sums(sums, bundle, start, n, batch):
-    """Add what the paths of a bundle bring to sums (pixels, streams, channels), in the order of their numbers.
+    """Add the contributions of a bundle's paths to sums (pixels, streams, channels), in the order of their numbers.
 
     The last row of a pixel's sums gets the squares of what its paths bring, those of all streams.
 
@@ -70,7 +70,7 @@ def fill_sums(sums, bundle, start, n, batch):
 
 @kernel
 def fill_shared(sums, place, bundle, levels, shares, start, n, batch):
-    """Share what the paths of a bundle bring between pixels.
+    """Distribute the contributions of a bundle's paths among pixels.
 
     `sums` are (places, replicates, channels, pixels) and, of squares, (places, channels, pixels); `place` are those of
     pixels, `shares` a row of a `SpreadTable` for each path, and its rows. `levels` (places,) is light that is known to
@@ -101,7 +101,7 @@ def fill_shared(sums, place, bundle, levels, shares, start, n, batch):
 
 @kernel
 def fill_levels(levels, place, blocks, start, n, batch):
-    """Add the mean of what the paths of a bundle of a white image bring, before weights of wavelengths."""
+    """Add the mean of the contributions of a white image's paths, before the weights of wavelengths."""
     for k in range(n):
         light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
         if light - light == 0.0:
@@ -110,7 +110,7 @@ def fill_levels(levels, place, blocks, start, n, batch):
 
 @kernel
 def fill_drawn(sums, bundle, start, n, drawn, batch, every):
-    """Add what drawn bends bring to pixels, each for all samples of a batch that it stands for.
+    """Add the contributions of sampled deflections to pixels, each for all samples of a batch that it represents.
 
     `sums` are (pixels, replicates, channels) and, of squares, (pixels, channels); `drawn` is the batch of the bends.
     For the rest see `fill_sums`.
@@ -134,8 +134,10 @@ def fill_drawn(sums, bundle, start, n, drawn, batch, every):
 
 @kernel
 def fill_gathered(whole, shared, known, drawn, givers, batch, part, every):
-    """Add up what pixels get of the samples of a batch: shares of light at `givers`, what is `known` (pixels, channels)
-    of a sample, and `part` of the drawn bends.
+    """Add up the pixels' samples of a batch.
+
+    These are shares of light at `givers`, the `known` (pixels, channels) part of a sample, and `part` of the sampled
+    deflections.
 
     The last row of `whole` (pixels, replicates + 1, channels) gets the square of what all bring over their number, and
     how much what they bring differs: a drawn bend stands for `every` samples, and differs as much more.
@@ -168,7 +170,9 @@ def fill_gathered(whole, shared, known, drawn, givers, batch, part, every):
 
 @kernel
 def fill_clamped(radiance, blocks, n, limit):
-    """Scale down what paths bring that is brighter than a limit; returns the light that is kept and that is not."""
+    """Scale down contributions that are brighter than a limit; returns the light that is kept and the light that is
+    not.
+    """
     kept, removed = 0.0, 0.0
     for k in range(n):
         brightest, mean = 0.0, 0.0

@@ -80,7 +80,7 @@ def _bands(plan: Plan) -> Iterator[slice]:
 
 
 def _filled(plan: Plan, band: slice, arrays: Arrays) -> Iterator[_Strip]:
-    """Fill arrays of a band, whose rows count from the whole's first one, with what the parts hold there."""
+    """Fill arrays of a band, whose rows count from the whole's first one, with those of the parts."""
     corner = plan.layout.corner
     for region in plan.stacks:
         top, bottom = max(corner[0] + band.start, region[0]), min(corner[0] + band.stop, region[1])

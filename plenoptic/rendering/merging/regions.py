@@ -1,4 +1,4 @@
-"""Regions of a sensor: what they cover together, and what they leave out."""
+"""Regions of a sensor: their union, and the gaps in it."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _WORST = (
 
 
 def light_of_rows(arrays: Arrays) -> Floats:
-    """(rows,): about the sums of what paths have brought, of which there are `sample_counts`."""
+    """(rows,): approximate sums of the contributions of paths, from the `sample_counts`."""
     return np.asarray((arrays["image"].mean(axis=2, dtype=np.float64) * arrays["sample_counts"]).sum(axis=1))
 
 
@@ -48,7 +48,7 @@ def merged_stats(plan: Plan, light: Mapping[int, Sequence[Floats]]) -> RenderSta
 
 
 def _clamped(plan: Plan, light: Mapping[int, Sequence[Floats]]) -> float:
-    """The share of all light, with about the sums of what paths brought before anything was clamped."""
+    """Clamped share of all light, with the approximate sums before clamping."""
     shares = [0.0 if head.stats is None else head.stats.clamped for head in plan.heads]
     kept = [math.fsum(np.concatenate(light[number])) for number in range(len(shares))]
     before = [sum_ / (1.0 - share) if share < 1.0 else 0.0 for sum_, share in zip(kept, shares, strict=True)]

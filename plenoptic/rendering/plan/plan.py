@@ -72,7 +72,7 @@ def plan(  # noqa: PLR0913
 
 
 def plan_for(subject: Subject) -> Plan:
-    """The plan for what another one was made for, changed or not."""
+    """Plan for the subject of another plan, changed or not."""
     prepared = subject.prepared
     return plan_stages(None if prepared is None else prepared.record, subject)
 

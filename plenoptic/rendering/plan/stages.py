@@ -151,7 +151,7 @@ class Plan:
 
 
 def decide(stage: Stage, *table: object) -> Decision:
-    """Decide on a stage: what it takes and why it is left out without that, in pairs, then why it runs otherwise."""
+    """Decide on a stage, by pairs of a requirement and the reason without it, then the reason why it runs otherwise."""
     *pairs, runs = table
     for condition, reason in zip(pairs[::2], pairs[1::2], strict=True):
         if not condition:

@@ -86,7 +86,7 @@ class Budget(NamedTuple):
         return min((each + (1 << (each.bit_length() - 3))) * self.replicates, self.max_samples)
 
     def within(self, done: int, affordable: float) -> int:
-        """The number of samples of the next step, where it is time alone that counts: most of what is affordable.
+        """Number of samples of the next step, where time alone is limited: most of the affordable ones.
 
         Each step costs as much as some samples do, and the fewer there are the better; the last ones are small, so that
         all pixels end with about as many.

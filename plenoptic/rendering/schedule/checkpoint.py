@@ -1,4 +1,4 @@
-"""Checkpoints: the file in which a render keeps what its tiles have brought.
+"""Checkpoints: the file in which a render keeps the results of its tiles.
 
 Each record is what some samples of a tile have brought, with the sums of all its samples until then. Tiles are pure
 functions, so that a render that goes on takes from the file what it would have rendered next, and renders the rest:
@@ -31,7 +31,7 @@ _NUMBERS = ("paths", "nonfinite", "met", "light", "clamped")
 
 
 class Checkpoint:
-    """Keeps what tiles bring in a file."""
+    """Checkpoint file with the results of tiles."""
 
     def __init__(self, path: str | os.PathLike[str], interval: float, identity: Mapping[str, str]) -> None:
         """Look at the file, if there is one: a FileError where it is another render's, or none could be written."""
@@ -63,7 +63,7 @@ class Checkpoint:
         return self._log is not None and bool(self._log.entries)
 
     def begin(self, progress: Progress, side: int) -> None:
-        """Begin the file if there is none, and find what it has of the tiles of a render."""
+        """Begin the file if there is none, and read its records of the tiles of a render."""
         if self._log is None:
             begin_log(self._path, KIND, {"identity": self._identity, "tile_side": side})
             self._open()
@@ -120,7 +120,7 @@ class Checkpoint:
         )
 
     def keep(self, i: int, result: TileResult, progress: Progress, entry: Entry | None) -> None:
-        """Write what a tile has brought, unless it is there. Where that fails, the render goes on, with a warning."""
+        """Write the result of a tile, unless it is present. Where that fails, the render goes on, with a warning."""
         if entry is None:
             try:
                 entry = self._written(result, progress)

@@ -16,7 +16,7 @@ _KEPT = 16
 
 
 class _Expected(NamedTuple):
-    """A time in s, and of what."""
+    """Time of a render in s, with its subject."""
 
     scene: weakref.ref[Scene] | None
     camera: weakref.ref[PlenopticCamera]

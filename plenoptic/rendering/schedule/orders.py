@@ -54,7 +54,7 @@ def render_order(
 
 
 def compile_tiles(context: RenderContext, truth: TruthRecord | None) -> None:
-    """Render nothing, which compiles what tiles need."""
+    """Render a tile without pixels, which compiles the kernels of tiles."""
     render_tile(context, _EMPTY, batch_of(context, 0, 1), truth)
 
 

@@ -113,7 +113,7 @@ class Progress:
         return bool(self.open[i].any())
 
     def take(self, i: int, result: TileResult) -> None:
-        """Put in what a batch of a tile has brought."""
+        """Add the result of a batch of a tile."""
         at = self._places(i)
         first = not self.done[i]
         self.done[i] += result.batch.samples
@@ -148,7 +148,7 @@ class Progress:
             self.open[i] = False
 
     def decide(self, affordable: float = 0.0) -> None:
-        """Decide which tiles go on and how far, once all have what they were to have.
+        """Select the tiles that go on and their samples, once all have those of this step.
 
         `affordable` is how many samples of every pixel still fit into the time limit; without a target error most of
         them are the next step.

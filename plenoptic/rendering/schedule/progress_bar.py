@@ -53,13 +53,13 @@ class ProgressBar:
             self._bar.close()
 
     def start(self, progress: Progress, expected: float | None = None) -> None:
-        """All is prepared, and this is what will be rendered, in so many seconds where that has been estimated."""
+        """Show that rendering begins, with the estimated seconds where there are some."""
         self._progress, self._expected = progress, expected
         if self._watch is not None:
             self._show()
 
     def update(self) -> None:
-        """Show what has changed, twice a second at most."""
+        """Show the present state, twice a second at most."""
         now = self._moved = time.perf_counter()
         if self._bar is None or self._progress is None:
             return
@@ -74,7 +74,7 @@ class ProgressBar:
         self._show()
 
     def end(self) -> None:
-        """Say that what has been begun is still finished: Ctrl-C was heard."""
+        """Show that unfinished tiles are completed after Ctrl-C."""
         self._ending = True
         if self._bar is not None:
             self._show()
@@ -92,7 +92,7 @@ class ProgressBar:
             self._show()
 
     def _share(self) -> float:
-        """The part of the work that is done, by what will end it first."""
+        """Finished part of the work, by the limit that will be reached first."""
         progress = self._progress
         if progress is None:
             return 0.0
@@ -110,7 +110,7 @@ class ProgressBar:
         return min(max(shares), 1.0)
 
     def _left(self, share: float) -> float | None:
-        """Seconds until the end, by what was expected and the more by the pace the further it is; None without both.
+        """Remaining seconds by the estimate and, increasingly, by the pace; None without both.
 
         The pace is that since the first batch, and None where nothing has been gained since.
         """

@@ -16,7 +16,7 @@ class Sums(Protocol):
     """Storage of the sums of unfinished tiles."""
 
     def keep(self, i: int, result: TileResult, progress: Progress, entry: Entry | None) -> None:
-        """Keep what a tile has brought; `entry`: where it lies already."""
+        """Keep the result of a tile; `entry`: its record, where it is stored already."""
 
     def of(self, i: int) -> Floats | None:
         """The last that were kept of a tile; None where there are none."""

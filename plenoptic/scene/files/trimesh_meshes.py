@@ -1,4 +1,4 @@
-"""OBJ, PLY and STL files: what trimesh reads, with what it would lose or get wrong in silence made good or refused."""
+"""OBJ, PLY and STL files, read by trimesh; its silent losses and errors are corrected or refused."""
 
 from __future__ import annotations
 

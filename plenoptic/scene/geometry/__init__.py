@@ -1,1 +1,1 @@
-"""Triangles, where they stand, and what finds those that rays meet."""
+"""Triangles, their poses, and intersectors."""

@@ -49,7 +49,7 @@ class SceneRunTriangles:
 def _copied(
     vertices: Floats, triangles: NDArray[np.int32], instances: InstanceRecord
 ) -> tuple[Floats, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-    """All triangles in the world, and what each of them is: its row of `triangles` and its instance, or -1."""
+    """All triangles in the world, with the row of `triangles` and the instance (or -1) of each."""
     plain = triangles[: instances.plain]
     points, faces = [vertices[: plain.max() + 1] if len(plain) else vertices[:0]], [plain]
     rows, places = [np.arange(len(plain), dtype=np.int32)], [np.full(len(plain), -1, np.int32)]

@@ -106,7 +106,7 @@ class Instances:
         return read_only(np.array([lowest, [_farthest(points, self.matrices[:, k]) for k in range(3)]]))
 
     def transformed(self, matrix: ArrayLike) -> Instances:
-        """All of them moved by an affine map of the world, p' = M p; what `Mesh.transformed` may do is allowed.
+        """All instances moved by an affine map of the world, p' = M p; as allowed for `Mesh.transformed`.
 
         With a motion, the map must turn, shift and scale equally in all directions.
 

@@ -1,4 +1,4 @@
-"""Moves in space: methods that follow from `transformed` and `rotated`, and what a whole scene may undergo."""
+"""Moves in space: methods that follow from `transformed` and `rotated`, and moves of a whole scene."""
 
 from __future__ import annotations
 

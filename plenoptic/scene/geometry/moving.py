@@ -34,7 +34,7 @@ class MovingTriangles:
     """An `Intersector` of a scene in which instances move. Where rays have times of their own, see `along`."""
 
     def __init__(self, geometry: Geometry, instances: InstanceRecord, known: MovingTriangles | None = None) -> None:
-        """Build trees, or take those of a scene `known` that differs in the places of what moves."""
+        """Build trees, or take those of a scene `known` that differs in the poses of moving objects."""
         assert instances.moving is not None
         still = instances.moving < 0
         self._geometry, self._record, self._plain = geometry, instances.some(still), instances.plain
@@ -85,7 +85,7 @@ class MovingTriangles:
             blocked |= more
 
     def along(self, path: NDArray[np.int64], meshes: tuple[MovingMesh, ...]) -> MovingTriangles:
-        """The same for rays of paths (n,), with other places of what moves, by paths."""
+        """The same for rays of paths (n,), with poses of moving objects at their times."""
         other = object.__new__(MovingTriangles)
         other.__dict__.update(self.__dict__, _path=path, meshes=meshes)
         return other

@@ -1,4 +1,4 @@
-"""The triangles of a scene as kernels read them, and what is known of the places where rays meet them."""
+"""Triangles of a scene as kernels read them, and records of the hits of rays."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class Interactions(NamedTuple):
 
 
 class PathKeys(NamedTuple):
-    """From what the random numbers of paths are made."""
+    """Keys from which the random numbers of paths are made."""
 
     path: NDArray[np.int64]
     """(rays,): which path a ray is of."""

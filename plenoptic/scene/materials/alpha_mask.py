@@ -20,7 +20,7 @@ NESTED = 4
 def skip_transparent(
     scene: SceneRecord, intersector: Intersector, rays: Floats, hits: Hits, keys: PathKeys | None = None, salt: int = 0
 ) -> None:
-    """Move rays on until what they meet is there for their path, and say how far they have come by that.
+    """Move rays on through transparent surfaces to the first opaque one, and return the distances.
 
     Without keys, surfaces are there that are opaque to half or more.
     """
@@ -89,7 +89,7 @@ def media_at(scene: SceneRecord, intersector: Intersector, point: Floats) -> NDA
 
 
 def no_hits(scene: SceneRecord, n: int) -> Hits:
-    """Room for what n rays meet."""
+    """Arrays for n hits."""
     instance = None if scene.instances is None else np.full(n, -1, dtype=np.int32)
     travelled = None if scene.alpha is None else np.zeros(n)
     return Hits(np.full(n, -1, dtype=np.int32), instance, travelled)
@@ -98,7 +98,7 @@ def no_hits(scene: SceneRecord, n: int) -> Hits:
 def _meet_again(
     scene: SceneRecord, intersector: Intersector, hits: Hits, rays: Floats, which: NDArray[np.int64]
 ) -> None:
-    """Find what some of the rays meet from where they are now."""
+    """Closest hits of some of the rays from their present origins."""
     if not len(which):
         return
     found = no_hits(scene, len(which))

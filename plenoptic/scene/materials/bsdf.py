@@ -25,7 +25,7 @@ class Scattered(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Directions drawn by what a material scatters. See `draw`."""
+    """Directions sampled by a material's BSDF. See `draw`."""
 
     to_light: Floats
     """(n, 3), unit length."""

@@ -1,4 +1,4 @@
-"""Materials as kernels read them: the row that each states, and columns of all; None for what none of a scene has."""
+"""Materials as kernels read them: the row of each, and columns of all; None for properties that no material has."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ EXTRA_SHARES: tuple[str, ...] = ("clearcoat", "clearcoat_roughness")
 
 
 class MaterialRow(NamedTuple):
-    """One row of the columns that materials are compiled into; what a material lacks keeps its default."""
+    """One row of the columns that materials are compiled into; missing properties keep their default."""
 
     base_color: Colour | Texture = 0.0
     """The colour that it multiplies light by."""

@@ -18,7 +18,7 @@ _GOLD = (0.18 + 3.42j, 0.42 + 2.35j, 1.37 + 1.77j)
 
 
 def still_life() -> Scene:
-    """A small still life around z = -404 in the camera's frame, 16 mm wide: what the first example renders.
+    """A small still life around z = -404 in the camera's frame, 16 mm wide: the scene of the first example.
 
     On a chequered table, from the left: a vase with a blue glaze (`MetallicRoughness`), a ball of glass (`Dielectric`)
     before it, a block of green plaster (`RoughDiffuse`) with a small ball of brushed gold (`Conductor`) on it, a matt

@@ -54,7 +54,7 @@ def _colours(image: Image) -> tuple[NDArray[Any], int | None]:
 
 
 def _opacity(image: Image) -> tuple[NDArray[Any], int]:
-    """(rows, columns, 1) codes of alpha and the code of what is opaque."""
+    """(rows, columns, 1) codes of alpha, and the code of an opaque pixel."""
     image.load()  # what Pillow knows of transparency may stand behind the pixels in the file
     told = image.mode in ("P", "PA", "LA", "RGBA") or ("transparency" in image.info and image.mode in ("1", "L", "RGB"))
     if not told:

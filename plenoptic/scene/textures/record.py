@@ -29,7 +29,7 @@ class TextureColumn(NamedTuple):
 
 
 class Textures(NamedTuple):
-    """The properties of surfaces that textures give, named as in `MaterialRow`; None for what no texture gives."""
+    """Properties of surfaces that textures give, named as in `MaterialRow`; None for properties without textures."""
 
     base_color: TextureColumn | None
     roughness: TextureColumn | None

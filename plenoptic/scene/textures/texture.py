@@ -239,7 +239,7 @@ class Texture:
 
 
 def as_texels(texels: ArrayLike, owner: type, *, most: int, from_codes: str) -> NDArray[np.float32]:
-    """(rows, columns, 1 or 3), read-only, finite and 0 or more; `from_codes` is what takes codes of image files."""
+    """(rows, columns, 1 or 3), read-only, finite and 0 or more; for codes of image files see `from_codes`."""
     if isinstance(texels, str | PathLike):
         raise InvalidValueError(f"texels are {texels!r}; use {owner.__name__}.load for files")
     if isinstance(texels, np.ndarray):
@@ -274,7 +274,7 @@ def equal_channels(texels: NDArray[Any]) -> bool:
 
 
 def _one_or_two(wrap: Any) -> Wrap | tuple[Wrap, Wrap]:
-    """One wrap where both axes have the same, so that what is the same compares equal."""
+    """One wrap where both axes have the same, so that equal textures compare equal."""
     if not isinstance(wrap, tuple | list):
         return choice(wrap, Wrap, "wrap")
     if len(wrap) != 2:

@@ -44,7 +44,7 @@ def cost_of(
     threads: int = 1,
     progress: bool = True,
 ) -> CostTable:
-    """Measure what each part of a render costs, by leaving it out, one at a time.
+    """Measure the costs of the parts of a render, by leaving out one at a time.
 
     The whole render and one without a part take turns, round after round: each time without is compared with the
     two times of the whole before and after it. Times are those of the processor. Set-up (tables, bounds on pupils, the
@@ -153,7 +153,7 @@ class Picture:
 
 
 class _Times(NamedTuple):
-    """CPU seconds of n comparisons, and what they show."""
+    """CPU seconds of n comparisons, and the difference."""
 
     whole: Floats
     """(n, rounds + 1)."""

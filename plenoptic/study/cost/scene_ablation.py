@@ -28,7 +28,7 @@ T = TypeVar("T", bound=Material | Light)
 
 
 def _scene(meshes: Any, lights: Any, background: Any) -> Scene:
-    """A scene of what is left, black where nothing is."""
+    """Scene of the remaining parts, black where nothing is."""
     if not meshes and not lights and background is None:
         background = 0.0
     return Scene(meshes, lights, background)
@@ -95,7 +95,7 @@ def _mean_of(world: EnvironmentMap) -> Colour:
 
 
 def lambertian(material: Material) -> Material:
-    """A matt material of the same colour; of clear bodies, grey. What emits goes on to do so, and does not reflect."""
+    """Matt material of the same colour; of clear bodies, grey. Emitters go on to emit, and do not reflect."""
     if MATERIALS[type(material)] == LAMBERTIAN:
         return material
     row = material.row()

@@ -1,4 +1,4 @@
-"""The table of what the parts of a render cost."""
+"""Table of the costs of a render's parts."""
 
 from __future__ import annotations
 
@@ -134,16 +134,18 @@ class CostTable:
 
     @property
     def dearest(self) -> tuple[CostRow, ...]:
-        """The rows by what their stages take, the most first."""
+        """Rows in the order of their costs, the largest first."""
         return tuple(sorted(self.rows, key=lambda row: -row.percent if math.isfinite(row.percent) else math.inf))
 
     def to_markdown(self) -> str:
-        """The table in Markdown, with what cannot be left out below."""
+        """The table in Markdown, with the parts that cannot be left out below."""
         table = markdown_table(_COLUMNS, [row.cells for row in self.dearest])
         return "\n\n".join([table, *self._remarks()])
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
-        """All rows and what cannot be left out as comma-separated values, in a file too where `path` is given."""
+        """All rows and the parts that cannot be left out as comma-separated values, in a file too where `path` is
+        given.
+        """
         rows: list[Sequence[object]] = [_CSV]
         for row in self.rows:
             found = (row.with_it, row.without_it, row.percent, row.standard_error, row.set_up, row.picture_change)

@@ -51,7 +51,7 @@ points in 2 replicates, depth limit 8. All others differ from it in what their n
 def error_document(
     studies: Sequence[tuple[ErrorCase, ErrorTable]], *, load: str | None = None, figure: str | None = None
 ) -> str:
-    """The whole document as Markdown, with what `load_now` said before, and where it finds a figure of all studies."""
+    """The whole document as Markdown, with the text of `load_now`, and the file of a figure of all studies."""
     if not studies:
         raise InvalidValueError("there is no study; give at least one")
     names = " ".join(case.name for case, _ in studies)

@@ -71,7 +71,7 @@ class Recommendation:
 
 
 def recommended(fits: Mapping[str, Fit], target: float) -> Recommendation:
-    """The cheapest of what the variants need for an error; see `ErrorTable.recommend`."""
+    """Cheapest variant that reaches an error; see `ErrorTable.recommend`."""
     needed = {name: _samples_for(name, fit, target) for name, fit in fits.items()}
     refusals = [why for why in needed.values() if isinstance(why, str)]
     reached = [_expected(name, fits[name], target, n) for name, n in needed.items() if isinstance(n, int)]
@@ -141,7 +141,7 @@ def _variance_at(rows: Sequence[ErrorRow], slope: float, samples: int) -> float:
 
 
 def _seconds_at(rows: Sequence[ErrorRow], samples: int, clock: str) -> float:
-    """Seconds for a number of samples: straight between rows, and beyond the last one by what its samples cost."""
+    """Seconds for a number of samples: linear between rows, and proportional to the samples beyond the last one."""
     counts, seconds = [row.samples for row in rows], [getattr(row, f"{clock}_seconds") for row in rows]
     each = max(seconds[-1] - getattr(rows[-1], f"setup_{clock}_seconds"), 0.0) / counts[-1]
     return float(np.interp(samples, counts, seconds) + each * max(samples - counts[-1], 0))

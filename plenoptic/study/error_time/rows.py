@@ -1,4 +1,4 @@
-"""One row of an error study: what a number of samples costs and how far it is off."""
+"""Row of an error study: cost and error of a number of samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of an error study: rows, what follows from them, and both as text."""
+"""Table of an error study: rows, conclusions from them, and both as text."""
 
 from __future__ import annotations
 
@@ -279,7 +279,7 @@ def _cells(row: ErrorRow, pixels: int, in_front: bool) -> tuple[str, ...]:
 
 
 def _bias_text(row: ErrorRow) -> str:
-    """The bias in per cent with its standard error, or what it is below."""
+    """The bias in per cent with its standard error, or its upper bound."""
     if row.bias_is_found:
         digits = max(0, -math.floor(math.log10(100 * row.bias_error))) if row.bias_error > 0 else 3
         return f"{100 * row.bias:.{digits}f} ± {100 * row.bias_error:.{digits}f}"

@@ -1,4 +1,4 @@
-"""Variants of a render: what an error study compares."""
+"""Variants of a render that an error study compares."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ def compared(
     law: Law,
     s: int,
 ) -> Found:
-    """Ray i of a traced bundle, with its paths, beside the exact one, and both beside what rounding may do.
+    """Compare ray i of a traced bundle, with its paths, to the exact one, and both to the bounds of rounding.
 
     `surfaces` are those traced through, in the order of travel; s is 1 towards the sensor, -1 towards the scene.
     """

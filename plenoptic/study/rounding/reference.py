@@ -1,4 +1,4 @@
-"""An independent trace with as many digits as one likes: what rounding errors are measured against.
+"""Independent trace with any number of digits, the reference of rounding errors.
 
 Nothing here is shared with the kernels. Spheres and conics are intersected by their quadratic equations with both
 roots, and the root is chosen by geometry; aspheres are scanned for their first crossing; Snell's law is the vector

@@ -1,1 +1,1 @@
-"""Kernels: the representative rays of pixels, and the image points of what they meet."""
+"""Kernels: representative rays of pixels, and the images of the points that they hit."""

@@ -38,7 +38,7 @@ class Divided(NamedTuple):
 
 @device
 def aim_at(ray, i, piece, point, start, area):
-    """Start path i towards a point of a piece, from its cell's centre; `area` is the area that the sample represents."""
+    """Start path i towards a point of a piece, from its cell's centre; `area` is the area that the point represents."""
     mx, my = piece.cell_x + point[0], piece.cell_y + point[1]
     ray[X + i] = mx
     ray[Y + i] = my

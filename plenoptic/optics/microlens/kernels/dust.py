@@ -92,7 +92,7 @@ def in_axes(axes, x, y):
 
 @device
 def _dim(ray, row, point, axes, dust):
-    """Multiply a number by what passes the plane of the dust at a local point: all where the point is no number."""
+    """Multiply a number by the transmission of the dust at a local point; by 1 where the point is not finite."""
     x, y = point
     grid = dust.grid
     if axes is not None:

@@ -1,4 +1,4 @@
-"""The optical path of rays through microlenses: what its kernels share."""
+"""Optical path of rays through microlenses: common parts of the kernels."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def to_plane(ray, z):
 
 @device
 def land(ray, place, sensor, array):
-    """Move rays to the sensor, a `SensorPlane`; keep the indices of their microlenses. What is lost carries nothing.
+    """Move rays to the sensor, a `SensorPlane`; keep the indices of their microlenses. Lost rays carry no light.
 
     Rays are lost that land behind the cell of another microlens than theirs where walls separate these.
     """

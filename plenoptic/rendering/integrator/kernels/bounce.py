@@ -25,7 +25,7 @@ def _number(key, index, salt):
 
 @kernel
 def sample_bsdf(onward, source, interactions, queue, bsdf, wavelengths, russian_roulette):
-    """Draw the rays onwards by what materials scatter and rows 2 and 3 of random numbers; returns how many there are.
+    """Sample scattered rays by the BSDFs and rows 2 and 3 of random numbers; returns the number of rays.
 
     `source`, where it is wanted, names the interaction each ray comes from, and is negative (-1 - interaction) where
     the ray has gone through it. With Russian roulette, paths go on with a probability of what their surface gives back.

@@ -79,7 +79,7 @@ def eval_direct(shadow, interactions, drawn, queue, bsdf, wavelengths):
 
 @kernel
 def add_direct(radiance, blocked, shadow):
-    """Add what unblocked lights contribute."""
+    """Add the contributions of unblocked lights."""
     path_of, shadow_radiance = shadow.path, shadow.radiance
     for i in range(blocked.size):
         if blocked[i] == 0:

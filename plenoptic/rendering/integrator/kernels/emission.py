@@ -17,7 +17,7 @@ from plenoptic.scene.textures.kernels.lookup import fill_texel
 
 @kernel
 def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
-    """Add what the surfaces that rays meet emit, and the sky where they meet nothing.
+    """Add the emission of the surfaces that rays hit, and of the sky where they hit nothing.
 
     `queue.pdf` is the density by which a ray's direction was drawn, None for rays straight from the camera: what could
     have been drawn as a light too counts in part. With `queue.rough` (1 for paths that a rough surface has scattered),

@@ -1,4 +1,4 @@
-"""A glTF file: what it says, and the bytes and arrays that it holds."""
+"""Description of a glTF file, and its bytes and arrays."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ T = TypeVar("T")
 
 @dataclasses.dataclass(frozen=True)
 class GltfFile:
-    """The description of a glTF file, and what it refers to; a `FileError` for what the standard forbids."""
+    """Description of a glTF file, and the data that it refers to; a `FileError` where it violates the standard."""
 
     header: Mapping[str, Any]
     """The JSON part."""

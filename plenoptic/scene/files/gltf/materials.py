@@ -66,7 +66,7 @@ def gltf_material(
 
 
 def _metallic_roughness(described: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The metallic-roughness part; of the older specular-glossiness model what comes nearest to it."""
+    """The metallic-roughness part; for the older specular-glossiness model, its nearest equivalent."""
     older = described.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
     if older is None or "pbrMetallicRoughness" in described:
         found: Mapping[str, Any] = described.get("pbrMetallicRoughness", {})

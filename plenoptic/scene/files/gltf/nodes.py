@@ -1,4 +1,4 @@
-"""The tree of a glTF scene: what stands where."""
+"""Tree of a glTF scene: objects and their poses."""
 
 from __future__ import annotations
 

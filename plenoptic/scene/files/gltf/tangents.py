@@ -1,4 +1,4 @@
-"""Tangents of glTF files, which are compared with what normal maps go by: the directions of the texture."""
+"""Tangents of glTF files, which are compared with the directions of the texture that normal maps follow."""
 
 from __future__ import annotations
 

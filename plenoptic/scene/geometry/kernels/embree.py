@@ -194,7 +194,7 @@ def _release(scenes: list[int], device: int) -> None:
 
 @device
 def _new_ray():
-    """An RTCRayHit at a multiple of 16 bytes, and what is the same for all rays."""
+    """An RTCRayHit at a multiple of 16 bytes, with the members that are the same for all rays."""
     rows = np.zeros(_RAYHIT + 4, np.float32)
     shift = (-rows.ctypes.data) % 16 // 4
     ray = rows[shift : shift + _RAYHIT]

@@ -26,7 +26,7 @@ def fill_in_frame(local, rays, places, path):
 
 @kernel
 def fill_nearer(hits, reached, found, local, geometry, first, instance):
-    """Take what rays meet of a mesh, in whose frame they are `local`, where that is nearer than what is `reached`.
+    """Replace hits by those with a mesh, in whose frame rays are `local`, where these are nearer than `reached`.
 
     `found` are triangles from row `first` on; `instance` is the row of the mesh's place.
     """

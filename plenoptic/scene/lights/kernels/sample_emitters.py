@@ -72,7 +72,7 @@ def _to_triangle(rows, i, point, st, area, both_sides, pdf):
 
 @device
 def _to_point(rows, i, point, light):
-    """Fill row i for a point light; what it sends here of its intensity, over the squared distance."""
+    """Fill row i for a point light with its intensity in this direction over the squared distance."""
     place = (light.x, light.y, light.z)
     w = sub(place, point)
     r2 = dot(w, w)

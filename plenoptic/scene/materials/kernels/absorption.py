@@ -20,7 +20,7 @@ from plenoptic.scene.materials.record import INSIDE
 
 @kernel
 def fill_absorbed(queue, hits, geometry, glass_index, absorption, wavelengths):
-    """Weaken rays by what they have passed since they were sent (Beer-Lambert).
+    """Attenuate rays by the media along them since their origin (Beer-Lambert).
 
     A ray that meets the back of a body's surface was inside that body, whatever was known of it.
     """

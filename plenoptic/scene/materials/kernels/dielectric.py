@@ -17,7 +17,7 @@ from plenoptic.scene.materials.record import INSIDE, OUTSIDE, SMOOTH
 
 @device
 def relative_index(glass_index, material, front):
-    """Index behind the surface over that on the viewer's side; 0 for what is no body."""
+    """Index behind the surface over that on the viewer's side; 0 for a surface that is not that of a body."""
     inside, outside = glass_index[material, INSIDE], glass_index[material, OUTSIDE]
     if not inside > 0.0:
         return 0.0

@@ -92,5 +92,5 @@ def _oren_nayar_terms(o, i, roughness):
 
 @device
 def _multiple_albedo(albedo, mean):
-    """Albedo of what grooves scatter more than once."""
+    """Albedo of multiple scattering in grooves."""
     return albedo * albedo * mean / (1.0 - albedo * (1.0 - mean))

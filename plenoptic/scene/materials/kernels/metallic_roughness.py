@@ -48,7 +48,7 @@ def _coat_passes(coupling, cosine, coat):
 
 @device
 def _coated_mean_albedo(coupling, roughness, coat):
-    """The mean over the cosine of what passes both the coat and the layer."""
+    """Mean over the cosine of the transmission of both the coat and the layer."""
     z = math.sqrt(min(max(coat[1], 0.0), 1.0)) * (coupling.shape[0] - 1)
     k = min(int(z), coupling.shape[0] - 2)
     low = _mean_albedo(coupling, roughness, COUPLING_COSINES + 1 + k)
@@ -59,7 +59,7 @@ def _coated_mean_albedo(coupling, roughness, coat):
 
 @device
 def _coat_fraction(f, metallic, cosine, inward, passed):
-    """Probability of drawing the coat, not what is below, from a direction in which so much passes the coat."""
+    """Probability of sampling the coat, not the layer below, by the coat's transmission for a direction."""
     largest = 0.0
     for c in range(f.size):
         largest = max(largest, f[c])
@@ -70,7 +70,7 @@ def _coat_fraction(f, metallic, cosine, inward, passed):
 
 @device
 def _layer_fraction(base_color, metallic, cosine, inward):
-    """Probability of drawing the layer, not what is below."""
+    """Probability of sampling the layer, not the base below."""
     largest = 0.0
     for c in range(base_color.size):
         largest = max(largest, base_color[c])

@@ -21,7 +21,7 @@ def distribution(h, alpha):
 
 @device
 def smith_lambda(w, alpha):
-    """Smith's Lambda of a direction (equation 86): what is hidden over what is seen."""
+    """Smith's Lambda of a direction (equation 86): hidden over visible area."""
     return 0.5 * (math.sqrt(1.0 + alpha * alpha * (w[0] * w[0] + w[1] * w[1]) / (w[2] * w[2])) - 1.0)
 
 
@@ -71,7 +71,7 @@ def sample_reflected(o, alpha, u, v):
 
 @device
 def nothing(f):
-    """Fill f with zeros; the density of what is not scattered."""
+    """Fill f with zeros; returns density 0, for light that is not scattered."""
     for c in range(f.size):
         f[c] = 0.0
     return 0.0

@@ -40,7 +40,7 @@ def fill_parameters(interactions, bsdf, wavelengths):
 
 @kernel
 def apply_textures(interactions, textures, channels, wavelengths):
-    """Replace base colours, roughness and metallic by what textures say; `channels` is the number of the scene's."""
+    """Replace base colours, roughness and metallic by those of textures; `channels` is the number of the scene's."""
     rows, base_color = interactions.rows, interactions.base_color
     path, material = interactions.path, interactions.material
     waves = wavelengths.number

@@ -52,7 +52,7 @@ def snapped(places: Floats, tolerance: float) -> Floats:
 
 
 def free_rectangles(outer: ArrayLike, taken: Floats) -> Floats:
-    """Rectangles (x0, y0, x1, y1) that tile what is left of an outer one beside others, (n, 4), which lie in it apart.
+    """Rectangles (x0, y0, x1, y1) that tile the rest of an outer one outside of others, (n, 4), which do not overlap.
 
     Strips between all their upper and lower edges are cut where the others begin and end, then joined upwards.
     """

@@ -1,1 +1,1 @@
-"""Kernels: what a texture is at a point."""
+"""Kernels of texture lookups."""
