@@ -40,7 +40,7 @@ def describe(value: Any) -> str:
 
 
 def restore(text: str) -> Any:
-    """Restore a value that `describe` wrote; a FileError where the text names nothing public, or an impossible value."""
+    """Restore a value that `describe` wrote; a FileError where the text names nothing public or an impossible value."""
     try:
         return restored(json.loads(text))
     except FileError:

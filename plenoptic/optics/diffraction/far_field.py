@@ -148,7 +148,7 @@ def _jinc(r: Floats) -> Floats:
 
 
 def _edges(opening: Opening, around: Floats | None, sides: Floats) -> Floats:
-    """The edges beyond the disc; see `FarField`. Light outside an opening is deflected at its edges as light inside is."""
+    """The edges beyond the disc; see `FarField`. Light outside an opening is deflected at its edges as light inside."""
     if math.isfinite(opening.radius):
         # Of an ellipse, in units of the box: one edge, as long as its circumference, in all directions alike.
         a, b = opening.radius / sides

@@ -94,7 +94,7 @@ def obj_material(name: str, said: Said, reader: FileReader) -> Material:
 
 
 def _reflecting(read: _Reader, illum: int, rest: Mapping[str, Any]) -> Material:
-    """Rows of the table for surfaces that reflect by Kd and Ks; `rest` holds the other numbers of `MetallicRoughness`."""
+    """Rows of the table for surfaces that reflect by Kd and Ks; `rest` holds other numbers of `MetallicRoughness`."""
     diffuse, glossy = read.colour("kd", 1.0), read.colour("ks", 0.0)
     plain = rest == {"normal_map": None, "emission": 0.0, "opacity": 1.0}
     if not np.any(glossy) or illum < 2:
