@@ -69,7 +69,7 @@ class FileError(PlenopticError, OSError):
 
 
 class PlenopticWarning(UserWarning):
-    """Any warning of this package: the request is carried out, but is hardly what was meant.
+    """Any warning of this package: the request is carried out, but is hardly the intended one.
 
     Each is given once a call, at the line that called the package.
 

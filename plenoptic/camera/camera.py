@@ -77,8 +77,8 @@ class PlenopticCamera:
     blemishes : tuple of Blemishes
         Dust and scratches on the parts; one may be given alone.
     sensitivity : Sensitivity, optional
-        What the sensor's channels see, traced wavelength by wavelength; None: everything at `wavelength`, and the
-        channels are those of the scene.
+        Spectral sensitivity of the sensor's channels, traced wavelength by wavelength; None: everything at
+        `wavelength`, and the channels are those of the scene.
     shutter : Shutter, optional
         How long an exposure takes, where things move meanwhile; None: an instant.
     diffraction : Diffraction, optional
@@ -265,7 +265,7 @@ class PlenopticCamera:
         points : (n, 3) array
             World positions in mm.
         scene : Scene, optional
-            What may stand in the way; None: nothing.
+            Scene that may hide the points; None: nothing does.
         progress : bool, optional
             As there.
         """
@@ -350,9 +350,9 @@ class PlenopticCamera:
         z : float
             The plane in the camera's frame in mm, negative: in front of the camera. -inf focuses at infinity.
         criterion : FocusCriterion, optional
-            What the main lens images as sharply as it can: rays close to the axis (PARAXIAL), or all rays that pass it
-            from the axial point of the plane (RMS_SPOT, GEOMETRIC_SPOT). The lens is followed as its `model` says: a
-            THIN one images about one plane, a PARAXIAL one by its cardinal points.
+            Rays that the main lens images as sharply as it can: those close to the axis (PARAXIAL), or all rays that
+            pass it from the axial point of the plane (RMS_SPOT, GEOMETRIC_SPOT). The lens is followed as its `model`
+            says: a THIN one images about one plane, a PARAXIAL one by its cardinal points.
         microlens_type : int, optional
             For which microlenses, where their focal lengths differ: a row of `focal_lengths`.
 

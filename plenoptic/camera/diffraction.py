@@ -32,7 +32,7 @@ class Diffraction:
     """Each path bends at the opening of its microlens and, if asked, at the iris: a camera's option.
 
     Bends are drawn from the far-field pattern of the opening, evenly and incoherently lit, at the path's own
-    wavelength, wherever in the opening the path passes. `docs/how_to/diffraction.md` says what that leaves out.
+    wavelength, wherever in the opening the path passes. `docs/how_to/diffraction.md` states the limits of that.
 
     Parameters
     ----------

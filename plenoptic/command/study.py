@@ -58,7 +58,7 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print its table: 0, or 1 where something is beyond its bounds.
 
-    What was measured before Ctrl-C is printed and written too.
+    Rows that were measured before Ctrl-C are printed and written too.
     """
     run_study: Callable[[argparse.Namespace], int] = options.run_study
     return run_study(options)

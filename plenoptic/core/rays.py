@@ -69,7 +69,7 @@ class RayBundle:
     wavelength : float
         Vacuum wavelength of all rays in nm.
     weight : (n,) array, optional
-        What each ray carries; 1 by default, 0 for a ray that is lost.
+        Weight that each ray carries; 1 by default, 0 for a ray that is lost.
     status : (n,) array, optional
         `RayStatus` of each ray; OK by default.
     lost_at : (n,) array, optional

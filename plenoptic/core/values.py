@@ -116,7 +116,7 @@ def frozen_array(
 ) -> NDArray[Any]:
     """A read-only copy of `values`, of the given shape (None, or a name for the message: any length).
 
-    What is such an array already, read-only and no view of another one, is taken as it is.
+    An array that is read-only and no view of another one is taken as it is.
     """
     given = plain_array(values, name)
     frozen = not given.flags.writeable and given.flags.owndata and given.flags.c_contiguous

@@ -37,7 +37,7 @@ class DataSet:
     path : Path
         The folder.
     manifest : mapping
-        What `manifest.json` holds.
+        Content of `manifest.json`.
     """
 
     path: Path
@@ -86,7 +86,7 @@ class DataSet:
         InvalidValueError
             Where there is no such frame or camera.
         FileError
-            Where what is there cannot be read.
+            Where files cannot be read.
         """
         name, k = self._named(camera), self._numbered(number)
         about = self._about(name, k)

@@ -82,9 +82,9 @@ def write(  # noqa: PLR0913
 ) -> DataSet:
     """Render all frames of a sequence into a folder, and go on where an earlier call ended.
 
-    It may be killed at any time: what was rendered stays, and called again with the same arguments it renders the rest,
+    It may be killed at any time: rendered frames stay, and called again with the same arguments it renders the rest,
     with the same bits as without a break. A sequence may have become longer meanwhile. Ctrl-C ends it
-    too, and what is there is returned: `complete` is False then.
+    too, and the present frames are returned: `complete` is False then.
 
     Parameters
     ----------
@@ -98,11 +98,11 @@ def write(  # noqa: PLR0913
     samples, target_error, replicates, truth, threads, client
         As for `render`, of each frame.
     motion : bool
-        Whether to find where what pixels show is in the next frame: see `motion_truth`.
+        Whether to find where the points of pixels are in the next frame: see `motion_truth`.
     seed : int
         From which the seeds of all images are drawn; the manifest names them.
     settings : RenderSettings, optional
-        What else `render` is told.
+        Further arguments of `render`.
     progress : bool
         Whether to show a progress bar.
 
@@ -119,7 +119,7 @@ def write(  # noqa: PLR0913
 
     Notes
     -----
-    docs/how_to/data_sets.md says what is in which file. Frames of more than 16 megapixels are rendered in bands of some
+    docs/how_to/data_sets.md describes the files. Frames of more than 16 megapixels are rendered in bands of some
     multiple of 512 rows, so that memory is bounded, also by their numbers of bytes; with a `target_error` each band
     reaches it by itself. Needs the package zarr.
 

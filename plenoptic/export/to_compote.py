@@ -60,7 +60,7 @@ def compote(  # noqa: PLR0913
     targets : Target or sequence of Target, optional
         In the world, one for each frame: their points are written as observations, traced through the real lens.
     scene : Scene, optional
-        What may hide points.
+        Scene that may hide points.
     name : str, optional
         Of the picture.
 
@@ -74,11 +74,11 @@ def compote(  # noqa: PLR0913
     Notes
     -----
     The camera is the thin lens of the same focal length: object distances count from the front principal plane, image
-    distances from the rear one. What the real lens does beside stays in the observations: their distance from this
+    distances from the rear one. Deviations of the real lens stay in the observations: their distance from this
     model is its error. Lenses of a rectangle with an even number of rows are written, of which every first row is
     shifted by half a pitch to the right.
 
-    What it cannot express: thick lenses, stops but the iris, microlenses out of place one by one, errors and truth.
+    Not expressed: thick lenses, stops but the iris, microlenses out of place one by one, errors and truth.
     params.js is left out, since its pre-calibration finds it in the white images.
 
     Examples

@@ -36,7 +36,7 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
     field : LightField
         From `decode`: of a camera with a plane in focus, as many views along u as along v, 3 or more.
     scene : Scene, optional
-        What was rendered: depth and disparity are traced for every view. None: none are written.
+        The rendered scene: depth and disparity are traced for every view. None: none are written.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
     Pictures are 8-bit sRGB with one scale for all, the 99.9th percentile; pixels without light are black there and in
     `valid_mask.png`. Depth is in metres before the lens's entrance pupil, where the views' centres lie; disparity is
     `LightField.disparity_at` of that depth, which is the benchmark's formula with the numbers of `parameters.cfg`:
-    sensor_size_mm is what a thin lens of the same focal length at the entrance pupil would need. `highres` maps are the
+    sensor_size_mm is that of a thin lens of the same focal length at the entrance pupil. `highres` maps are the
     same as `lowres` ones.
 
     What it cannot express: errors, views that are not on a square grid of the pupil, how the real lens departs from

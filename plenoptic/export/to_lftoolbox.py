@@ -53,15 +53,15 @@ def lftoolbox(
     -----
     `NAME__Decoded.mat` (version 7.3, HDF5) holds `LF`, uint16 (T, S, V, U, 4) with indices [j, i, l, k, c], linear,
     whose fourth channel is the weight, 0 where no light is known; `LensletGridModel`, `LFMetadata`,
-    `WhiteImageMetadata`, `DecodeOptions` and `GeneratedByInfo`. `NAME.png` and `NAME_white.png` are what the grid model
-    describes: 16 bits, linear, turned so that rows of lenses run along rows of pixels. `CalInfo.json` has the intrinsic
-    matrix H of the camera by Gaussian optics: [s t u v 1] = H [i j k l 1], s and t in metres in the entrance pupil, u
-    and v slopes, x to the right, y down, indices from 1.
+    `WhiteImageMetadata`, `DecodeOptions` and `GeneratedByInfo`. `NAME.png` and `NAME_white.png` are the pictures that
+    the grid model describes: 16 bits, linear, turned so that rows of lenses run along rows of pixels. `CalInfo.json`
+    has the intrinsic matrix H of the camera by Gaussian optics: [s t u v 1] = H [i j k l 1], s and t in metres in the
+    entrance pupil, u and v slopes, x to the right, y down, indices from 1.
 
-    The grid model is what `LFBuildHexGrid` makes lenses of. The Toolbox decodes raw images of hexagonal lattices only,
-    and turns offset and grid together there: where Rot is not 0, give it the offset turned back by Rot.
+    The grid model is that from which `LFBuildHexGrid` makes lenses. The Toolbox decodes raw images of hexagonal
+    lattices only, and turns offset and grid together there: where Rot is not 0, give it the offset turned back by Rot.
 
-    What it cannot express: errors, truth, focal types; distortion (the five numbers are 0).
+    Not expressed: errors, truth, focal types; distortion (the five numbers are 0).
 
     Examples
     --------

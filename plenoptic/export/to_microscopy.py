@@ -57,9 +57,9 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     Notes
     -----
     Images are 16 bits, linear. The main lens becomes an objective with a tube lens of 200 mm; the program knows whole
-    magnifications only, and README.txt says what it is.
+    magnifications only, and README.txt states it.
 
-    What it cannot express: errors, truth, colour of points, other lattices, a main lens that is no microscope.
+    Not expressed: errors, truth, colour of points, other lattices, a main lens that is no microscope.
 
     Examples
     --------
@@ -125,7 +125,7 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
     -----
     Images are 16 bits, linear, of one channel. Lengths in `config.yaml` are micrometres.
 
-    What it cannot express: errors, truth, colour, other lattices, focused (2.0) cameras, a main lens that is
+    Not expressed: errors, truth, colour, other lattices, focused (2.0) cameras, a main lens that is
     no microscope.
 
     Examples

@@ -78,7 +78,7 @@ def pyolaf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -> N
     itself is in the middle, as the program does it; its sum is the part of the light behind the main lens that lands.
     Programs of this family scale each pattern to a sum of 1.
 
-    What it cannot express: errors, colour, patterns that change over the image.
+    Not expressed: errors, colour, patterns that change over the image.
 
     Examples
     --------

@@ -37,7 +37,7 @@ def plenoptic_toolbox(
     name : str, optional
         Of the files.
     method : CentreMethod, optional
-        What the centres are to which the grid is fitted.
+        Definition of the centres to which the grid is fitted.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def plenoptic_toolbox(
 
     Notes
     -----
-    What it cannot express: square lattices, distortion of the grid (the fit's residual is in README.txt), errors, white
+    Not expressed: square lattices, distortion of the grid (the fit's residual is in README.txt), errors, white
     images. One or two focal lengths are written as three types, some of which are equal. The picture is sRGB-encoded,
     8 bits; the image is not turned: the format knows the grid's rotation.
 

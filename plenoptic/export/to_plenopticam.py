@@ -37,7 +37,7 @@ def plenopticam(
     name : str, optional
         Of the files.
     method : CentreMethod, optional
-        What the centres are.
+        Definition of the centres.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def plenopticam(
 
     Notes
     -----
-    What it cannot express: errors and truth; focal types; microlenses out of place one by one, of which it only needs
+    Not expressed: errors and truth; focal types; microlenses out of place one by one, of which it only needs
     the centres. It takes rows that run along those of the image within some degrees.
 
     Examples

@@ -65,7 +65,7 @@ def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     `physical_size` of a microlens is the distance of their images, as its own calibration finds them. Structure:
     data_format.py of the program.
 
-    What it cannot express: errors, truth, colour, hexagonal or turned lattices, more than one focal length, the lens
+    Not expressed: errors, truth, colour, hexagonal or turned lattices, more than one focal length, the lens
     but for focal length and f-number.
 
     Examples

@@ -40,7 +40,7 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
 
     Notes
     -----
-    What it cannot express: errors, truth, focal types; where the lenses are, which it finds in the white image. Square
+    Not expressed: errors, truth, focal types; where the lenses are, which it finds in the white image. Square
     lattices raise an error there.
 
     Examples

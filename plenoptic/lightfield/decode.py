@@ -53,8 +53,8 @@ def decode(  # noqa: PLR0913
     Parameters
     ----------
     shot : Exposure
-        Of a camera whose microlenses are focused on infinity: b = f to within 5 %, or what that blurs is less than a
-        pixel. Raw images of others are put together by `render_view`.
+        Of a camera whose microlenses are focused on infinity: b = f to within 5 %, or a blur by their difference of
+        less than a pixel. Raw images of others are put together by `render_view`.
     white : Exposure
         The white image of the same camera, of the whole sensor or of a region that holds that of the shot.
     views : int, optional
@@ -71,7 +71,7 @@ def decode(  # noqa: PLR0913
         A view is nan where the white image is below this part of its 99th percentile: there, too little light arrives.
         Views at offsets that belong to the image of a neighbouring microlens are nan everywhere.
     method : CentreMethod, optional
-        What the offsets are measured from.
+        Definition of the centres from which offsets are measured.
     camera : PlenopticCamera, optional
         Where the shot names none.
 
@@ -93,12 +93,12 @@ def decode(  # noqa: PLR0913
     Errors are propagated as those of independent pixels: with a shot S and a white image W between pixels, the variance
     of r = S / W is (var S + r^2 var W) / W^2. A white image without standard error counts as exact. Render them
     with different seeds: where both have the same paths (`plan(None, camera)` says that no light is certain), errors
-    are correlated with the same one, and what is stated is too large.
+    are correlated with the same one, and the stated error is too large.
 
     Between microlenses, 24 neighbours are interpolated by cubic radial functions and a linear one, which leaves less
-    than a tenth of the error of linear interpolation in what the lattice resolves. Where neighbours are missing, at
-    borders, it is linear. What the lattice does not resolve is estimated from how well each microlens is foretold by
-    its neighbours, and is part of the standard error.
+    than a tenth of the error of linear interpolation in frequencies that the lattice resolves. Where neighbours are
+    missing, at borders, it is linear. The unresolved part is estimated from how well each microlens is predicted by its
+    neighbours, and is part of the standard error.
 
     Sub-aperture views after R. Ng et al., Stanford Tech Report CTSR 2005-02, section 3.
 

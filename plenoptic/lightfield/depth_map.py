@@ -82,8 +82,8 @@ def depth(  # noqa: PLR0913
     white : Exposure, optional
         The white image, as in `decode`; views have none.
     between : (float, float), optional
-        What is looked for. Of a raw image, virtual depths from 1 to 1000, or from -1000 to -1 for images in front of
-        the array: 1.8 to 25 by default where microlenses of any type are focused on what lies behind it, else -25 to
+        Range of the search. Of a raw image, virtual depths from 1 to 1000, or from -1000 to -1 for images in front of
+        the array: 1.8 to 25 by default where microlenses of any type are focused behind it, else -25 to
         -1.8. Of views, the least and the greatest disparity: -2 to 2 pixels, less where views would move by half of
         their size.
     radius : int, optional
@@ -113,14 +113,14 @@ def depth(  # noqa: PLR0913
     A raw image: planes of constant depth, 6 % of virtual depth apart, are compared with up to 18 microlenses within
     three pitches, of any focal length, by normalised correlation, of which the better half counts, since the others may
     see something else behind an edge; of all windows that hold a pixel, the best one counts. Of two microlenses the
-    sharper one is blurred by what the camera blurs a point of that plane more in the other. Paths in four directions
+    sharper one is blurred by the excess of the camera's blur of that plane in the other. Paths in four directions
     through each image make neighbouring pixels agree (H. Hirschmueller, IEEE Trans. PAMI 30 (2008),
     doi:10.1109/TPAMI.2007.1166); least squares over the pixels of one depth find the disparity between the planes.
     Where most microlenses in sight agree on another depth than the pixel's own, it takes theirs.
 
     Nothing is calibrated: rays through the openings of the microlenses and the real lens tell how far aberrations and
-    vignetting displace what each pixel shows of a plane. In views it is the slopes of epipolar lines that are matched,
-    in the same way.
+    vignetting displace the plane's points that each pixel shows. In views it is the slopes of epipolar lines that are
+    matched, in the same way.
 
     The page docs/depth.md has figures and limits.
 

@@ -131,7 +131,7 @@ def _beside_ideal(axes: ArrayAxes, lenses: LensImages, ideal: Planes, planes: Ra
 def agreed(found: Estimate, shape: tuple[int, ...]) -> tuple[Floats, Floats, Floats]:
     """Disparity, standard error and confidence on the raw image (H, W); nan where no microlens image is.
 
-    What a microlens sees its neighbours see too: each pixel gets their estimates where they fall on it, and takes the
+    Neighbours see the same points as a microlens: each pixel gets their estimates where they fall on it, and takes the
     mean of those that agree with the weighted median. The share of these, times that of microlenses that show the same,
     is the confidence.
     """

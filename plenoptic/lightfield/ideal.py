@@ -1,6 +1,6 @@
 """Pinhole model used for matching, and the displacement of the real camera's images from it.
 
-In the ideal camera points of a plane across the axis move between microlenses by what is the same everywhere, and the
+In the pinhole model points of a plane across the axis move between microlenses by the same amount everywhere, and the
 microlenses are pinholes. The real one has aberrations, whose chief rays meet the plane elsewhere; and where a point is
 out of focus, it is seen through all of an opening, of which the rims of the lens hide a part: its image is displaced,
 the more the farther it is from the middle of the microlens image.

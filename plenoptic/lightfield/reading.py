@@ -29,7 +29,8 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     Parameters
     ----------
     folder : path-like
-        With `input_Cam000.png`, ... and `parameters.cfg`; what `valid_mask.png` leaves out, if it is there, is nan.
+        With `input_Cam000.png`, ... and `parameters.cfg`; pixels that `valid_mask.png` leaves out, if it is there, are
+        nan.
     limits : FileLimits
         The size of each file, and of all views.
 

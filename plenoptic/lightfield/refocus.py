@@ -20,7 +20,7 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     z : float, optional
         The plane in the camera's frame in mm, negative: in front of the camera.
     disparity : float, optional
-        In place of a plane: pixels by which what is to be sharp moves along columns for each unit of `field.u`,
+        In place of a plane: pixels by which sharp points move along columns for each unit of `field.u`,
         positive against the step, as `DepthMap.disparity`; along rows as many more as pixels are narrower or steps of
         views wider there, where the light field knows both. For light fields that know no distances.
 

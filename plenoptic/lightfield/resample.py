@@ -61,7 +61,7 @@ class Resampling:
     def doubt(self, values: Floats, variance: Floats) -> Floats:
         """Variance (rows, columns, C) of the interpolation's error, from values and variances (n, C).
 
-        Each microlens is foretold from its neighbours: what it differs by, beyond its own error, stands for detail that
+        Each microlens is predicted from its neighbours: its deviation, beyond its own error, stands for detail that
         the lattice does not resolve, and half of it is taken to be missed amid microlenses, none of it on one.
         """
         if self.smooth is None or self.foretold is None:

@@ -38,8 +38,8 @@ class DisparityScores:
     bias : float
         Median of estimate over truth, less 1.
     bumpiness : float
-        100 times the mean norm of the second derivatives of the error, each pixel's at most 0.05: on planes, what the
-        benchmark calls Planes; of the pixels whose 5 x 5 neighbours are known.
+        100 times the mean norm of the second derivatives of the error, each pixel's at most 0.05: on planes, the score
+        that the benchmark calls Planes; of the pixels whose 5 x 5 neighbours are known.
     of_types : tuple of DisparityScores
         The same of each type of microlens alone; empty where types were not given.
     """
@@ -81,8 +81,8 @@ def disparity_scores(
         mean something.
     where : (H, W) array_like of bool, optional
         Which pixels count, such as those away from the border (the benchmark leaves out 15 pixels), near
-        discontinuities (`disparity_edges`: there `bad[0]` is what the benchmark calls Discontinuities), or on planes.
-        None: all.
+        discontinuities (`disparity_edges`: there `bad[0]` is the score that the benchmark calls Discontinuities), or on
+        planes. None: all.
     types : (H, W) array_like of int, optional
         The type of the microlens of each pixel, `GroundTruth.microlens_type`: scores of each type are found too; pixels
         of a negative type belong to none.
@@ -95,7 +95,7 @@ def disparity_scores(
     Raises
     ------
     InvalidValueError
-        Where shapes differ, or something is not what it must be.
+        Where shapes differ, or an argument is impossible.
 
     References
     ----------
@@ -131,7 +131,7 @@ def disparity_edges(truth: ArrayLike, *, step: float = 0.05, reach: int = 2) -> 
     Parameters
     ----------
     truth : (H, W) array_like
-        Disparity in pixels; what is not known is an edge.
+        Disparity in pixels; unknown pixels are edges.
     step : float, optional
         Differences count that exceed it: in pixels, and as a part of the disparity.
     reach : int, optional
@@ -144,7 +144,7 @@ def disparity_edges(truth: ArrayLike, *, step: float = 0.05, reach: int = 2) -> 
     Raises
     ------
     InvalidValueError
-        Where something is not what it must be.
+        Where an argument is impossible.
 
     Examples
     --------

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class LightField:
     """Sub-aperture views of a plenoptic 1.0 camera. See `decode`, which makes them, and `read_hci` and its like.
 
-    A view holds the light that passes one part of the main lens's pupil: what lies at the same offset from the centre
+    A view holds the light that passes one part of the main lens's pupil: the pixels at the same offset from the centre
     of every microlens image. Views are upright; the view of u = 1 is seen from a place farther to the right than that
     of u = 0, the view of v = 1 from farther down.
 
@@ -104,7 +104,7 @@ class LightField:
         u, v : int, optional
             Which view, by its number from the middle; see `view`.
         truth : Truth, optional
-            What is wanted; rays between microlenses have no MICROLENS, OBJECT_SHARE and CHORD_DISPARITY.
+            Requested channels; rays between microlenses have no MICROLENS, OBJECT_SHARE and CHORD_DISPARITY.
 
         Returns
         -------
@@ -114,7 +114,7 @@ class LightField:
         Raises
         ------
         InvalidValueError
-            Where there is no such view, or nothing of what is wanted can be had.
+            Where there is no such view, or none of the requested channels exists.
 
         Examples
         --------
@@ -144,8 +144,8 @@ class LightField:
         Parameters
         ----------
         depth : DepthMap, optional
-            What `pl.lightfield.depth` finds: is shown, and says what a click focuses on. None: the page matches the
-            views around the click itself, and shows no depth.
+            Result of `pl.lightfield.depth`: is shown, and gives the depth on which a click focuses. None: the page
+            matches the views around the click itself, and shows no depth.
 
         Returns
         -------
@@ -159,7 +159,7 @@ class LightField:
 
         Notes
         -----
-        docs/viewer.md says what is stored: views in 8 bits, at most 24 million pixels of them.
+        docs/viewer.md describes the stored data: views in 8 bits, at most 24 million pixels of them.
         """
         from plenoptic.viewer.light_field import light_field_page  # knows this class
 

@@ -37,7 +37,7 @@ def design_camera(  # noqa: PLR0913
 ) -> CameraDesign:
     """Solve for the missing numbers of a plenoptic camera, so that traced rays meet wishes for focus, images and depth.
 
-    What is given is kept. Each wish (z, image_fill, virtual_depth or disparity, and kind=PLENOPTIC_1, which wishes for
+    Given numbers are kept. Each wish (z, image_fill, virtual_depth or disparity, and kind=PLENOPTIC_1, which wishes for
     microlenses_to_sensor = focal_length) determines one number that is not. The iris is solved for if `semi_diameter`
     is left out and `image_fill` has nothing else to choose; otherwise it stays as it is.
 
@@ -71,7 +71,7 @@ def design_camera(  # noqa: PLR0913
     stop_to_microlenses, microlenses_to_sensor : float, optional
         As in `PlenopticCamera`, mm.
     criterion : FocusCriterion, optional
-        What is sharp in the main lens's image.
+        Criterion of sharpness of the main lens's image.
     wavelength : float, optional
         nm.
     tolerance : float, optional
@@ -80,7 +80,7 @@ def design_camera(  # noqa: PLR0913
     Raises
     ------
     InvalidValueError
-        Where wishes contradict each other or what is given, leave something open, or ask for what cannot be: an image
+        Where wishes contradict each other or given numbers, leave something open, or are impossible: an image
         on the wrong side of the array, more light than the rims of the lens let pass, a camera inside its lens.
 
     Notes

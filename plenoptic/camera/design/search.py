@@ -56,7 +56,7 @@ class CameraDesign:
     ----------
     camera : PlenopticCamera
     solved_for : tuple of str
-        What was not given.
+        Names of the numbers that were not given.
     history : tuple of DesignStep
         The first is the paraxial solution, the last the camera.
     """

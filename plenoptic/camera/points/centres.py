@@ -67,7 +67,7 @@ class MicrolensCentres:
     position, pixel : (n, 2) array
         Centres of their images on the sensor: x and y in mm, and row and column, whole numbers at centres of pixels.
     method : CentreMethod
-        What they are centres of.
+        Definition of the centres.
     """
 
     index: NDArray[np.int64]

@@ -112,7 +112,7 @@ def _centroids_of_kind(axes: ArrayAxes, array: MicrolensArray, points: Floats, p
 def _interpolated(values: Floats, place: Floats) -> Floats:
     """Cubic convolution (R. Keys, IEEE Trans. ASSP 29(6), 1981) of a grid (a, b, c) at places (n, 2), in steps of it.
 
-    It reproduces quadratic functions. Linear where the cubic would need what is outside the grid or nan.
+    It reproduces quadratic functions. Linear where the cubic would need values outside the grid or nan.
     """
     first = np.clip(np.floor(place).astype(np.int64), 0, np.array(values.shape[:2]) - 2)
     t = place - first
@@ -282,7 +282,7 @@ def _lit_intervals(
     """Intervals of lines in the plane of the outlines that light passes, seen from each point of each opening.
 
     For every interval, in which as much light passes everywhere as far as the places tried show: number of the point,
-    its two ends along the line, the line's place across, the distance between lines, and what part of the light passes.
+    its two ends along the line, the line's place across, the distance between lines, and the transmission.
     """
     n = len(openings.start)
     step = (openings.high - openings.low) / np.array([places - 1, lines])

@@ -110,8 +110,8 @@ def project(
     points : (3,) or (n, 3) array
         World positions in mm, in front of the lens.
     scene : Scene, optional
-        What can hide the points; None: nothing does. What lies nearer to a point than 1/4096 of its way to the lens,
-        such as the surface that it lies on, does not hide it.
+        Scene that can hide the points; None: nothing does. A surface nearer to a point than 1/4096 of its way to the
+        lens, such as the surface that it lies on, does not hide it.
     rays : int, optional
         Rays of each point for `light` and `centroid`, rounded up to a multiple of 8. They do not change `position`.
     threads : int, optional
@@ -136,12 +136,12 @@ def project(
     within 1e-9 mm. In plates (SPHERICAL, FLAT_HIGH_INDEX) it is the ray through the vertex of the curved side, which
     leaves them parallel to itself. Deviations of single microlenses (`imperfections`) and places of parts count.
 
-    Light is traced as in `point_spread`, with rays that are the same in every call. What is less than a single ray
-    stands for, a part of 1 / rays of the light that the lens takes up, may go unnoticed at microlenses that the chief
+    Light is traced as in `point_spread`, with rays that are the same in every call. Light of less than a single ray,
+    a part of 1 / rays of the light that the lens takes up, may go unnoticed at microlenses that the chief
     ray does not reach. With a scene, shadow rays run from the point towards the lens along the chief ray where it
     passes, otherwise along a ray that passes the lens and meets the array near the microlens.
 
-    Everything is traced at the camera's `wavelength`. Dust and scratches, and what pixels make of light, do not count.
+    Everything is traced at the camera's `wavelength`. Dust, scratches and the response of pixels do not count.
     Light that passes beside the openings of an array with clear gaps counts to the cell that it passes.
 
     Examples

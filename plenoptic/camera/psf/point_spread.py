@@ -1,6 +1,7 @@
 """Forward tracing: where the light of points lands on the sensor of a camera.
 
-What is measured is what `render` measures. For the radiance L of a small emitter of area dA, the value of a pixel is
+It measures the quantity that `render` measures. For the radiance L of a small emitter of area dA, the value of a pixel
+is
 
     E = 1/A_pixel  integral over pixel and microlens plane of L cos^4(sensor) / distance^2
       = 1/A_pixel  L  times the etendue, at the sensor, of the rays between emitter and pixel.
@@ -37,10 +38,11 @@ def point_spread(
 ) -> CameraSpread:
     """Trace the light of points through lens and microlenses and see where it lands on the sensor.
 
-    The image of a point is what `render` makes, as its area goes to zero, of a Lambertian emitter that stands at the
-    point and faces along the camera's axis, for each unit of radiance and mm^2. What the camera's pixels make of light
-    (`Sensor.pixel_aperture`, `Sensor.angular_response`) and its `blemishes` count; all light has its `wavelength`.
-    Where the camera has `diffraction`, rays bend at their microlenses, and at the iris if that is asked for.
+    The image of a point is the limit of `render`'s image, as the area goes to zero, of a Lambertian emitter that stands
+    at the point and faces along the camera's axis, for each unit of radiance and mm^2. The response of the camera's
+    pixels (`Sensor.pixel_aperture`, `Sensor.angular_response`) and its `blemishes` count; all light has its
+    `wavelength`. Where the camera has `diffraction`, rays bend at their microlenses, and at the iris if that is asked
+    for.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ class CameraSpread:
     Attributes
     ----------
     image : (rows, columns) array
-        What a pixel measures of a small Lambertian emitter at the point that faces along the camera's axis, for each
+        Value of a pixel for a small Lambertian emitter at the point that faces along the camera's axis, for each
         unit of its radiance and each mm^2 of its area: sr/mm^2.
     standard_error : (rows, columns) array or None
         Of `image`; None with fewer than two replicates.
@@ -41,7 +41,7 @@ class CameraSpread:
     centroid_error : (2,) array or None
         Its standard error.
     fates : tuple of (str, int or None)
-        What can become of a ray, and the lens element that stops it: "landed", "beside_sensor", "beside_opening" (on a
+        Fates of rays, and the lens element that stops them: "landed", "beside_sensor", "beside_opening" (on a
         pixel, but beside the part of it that sees light) or a lower-case name of `RayStatus`.
     fractions : (fates,) array
         The part of the rays that met each fate. They were aimed closely around the lens's opening, not everywhere. Rays

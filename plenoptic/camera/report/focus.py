@@ -88,7 +88,8 @@ class MicrolensFocus:
     magnification : float
         Of the main lens for the plane in focus; nan without one in focus, 1 without a main lens.
     object_sampling : float
-        Distance in the plane in focus of what neighbouring pixels see (plenoptic 1.0: neighbouring microlenses), mm.
+        Distance in the plane in focus of the points that neighbouring pixels see (plenoptic 1.0: neighbouring
+        microlenses), mm.
     lenses_across, lenses_seeing : float
         Diameter of the light of a point in focus on the array over the pitch, and how many microlenses that light
         covers on average, at least 1; nan without microlenses.
@@ -252,7 +253,7 @@ def _limits(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) -> 
     """The depth of field (far, near), nan if there is none.
 
     In t = 1 / (distance before the lens), from 0 (the horizon) to inf (the lens), image positions run through all
-    numbers once, in one direction. What is sharp is an arc of that circle with the plane in focus in it, and ends at
+    numbers once, in one direction. The sharp part is an arc of that circle with the plane in focus in it, and ends at
     two places.
     """
     lens, front = camera.lens, float(camera.lens.vertices[0])

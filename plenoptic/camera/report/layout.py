@@ -140,7 +140,7 @@ def _through_iris(
 ) -> tuple[Floats, Floats]:
     """Rays from points of the array's plane through the centre of the iris: where they leave the lens, and how.
 
-    The slope along the radius is corrected by what Gaussian optics makes of the distance from that centre.
+    The slope along the radius is corrected by the Gaussian image of the distance from that centre.
     """
     lens, array = camera.lens, camera.microlenses
     start = np.column_stack([points, np.full(len(points), camera.stop_to_microlenses)])

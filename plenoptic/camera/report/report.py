@@ -23,7 +23,7 @@ from plenoptic.optics.microlens.aperture import Walls
 class CameraReport:
     """A camera in numbers; printed, it is a table. See `camera_report`, which makes it.
 
-    What a camera lacks is None. Pixels are the sensor's.
+    Members are None for parts that a camera lacks. Pixels are the sensor's.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class CameraReport:
     wavelength : float
         nm.
     warnings : tuple of CameraFinding
-        What may surprise.
+        Warnings of common pitfalls.
     """
 
     kind: CameraKind
@@ -118,7 +118,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     ----------
     camera : PlenopticCamera
         With any model of its lens and microlenses. Placements of its parts do not count: the report is on the design.
-        Microlenses between walls are cameras of their own, and the f-number of what lies before them is that of the
+        Microlenses between walls are cameras of their own, and the f-number of the optics before them is that of the
         field that the walls leave.
 
     Returns

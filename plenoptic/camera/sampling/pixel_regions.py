@@ -182,7 +182,7 @@ def feeding_regions(
     """Aperture regions of points of the sensor (n, 2) and of their surroundings of `half` mm in x and y; see
     `cells_per_pixel`.
 
-    The points lie in pixels, with what is beside them. `certain`: whether it is looked for what surely passes.
+    The points lie in pixels, with their surroundings. `certain`: whether unvignetted cores are sought.
     """
     from plenoptic.camera.sampling.kernels import pixel_regions
     from plenoptic.camera.sampling.kernels.views import RAYS

@@ -2,7 +2,7 @@
 
 A path to a place of the sensor stands for light that is headed there. Bends send it to the pixels around, in shares
 that are known: those of short bends are added up with each path, so that pixels use the paths of their neighbours and
-no bend is left to chance. What bends farther is little, and drawn for one path in `EVERY`.
+no short deflection is left to chance. Far deflections carry little light, and are drawn for one path in `EVERY`.
 """
 
 from __future__ import annotations

@@ -168,7 +168,7 @@ def silicon(*, depth: float = 0.005, band: tuple[float, float] = (400.0, 700.0))
     Notes
     -----
     The quantum efficiency is 1 - exp(-alpha depth) with alpha = 4 pi k / wavelength, and the response to energy is
-    that times the wavelength. Reflection and what is lost at the surface, which costs blue most, are left out. The
+    that times the wavelength. Reflection and losses at the surface, which cost blue most, are left out. The
     extinction coefficient k is that of C. Schinke et al., AIP Advances 5, 067168 (2015), DOI 10.1063/1.4923379, as
     tabulated in the refractiveindex.info database (public domain, CC0), its logarithm linear between steps of 20 nm.
 

@@ -33,7 +33,7 @@ _UNSEEN = 1e-7
 class Sensitivity:
     """Spectral sensitivity of a sensor's channels: a response for each wavelength, or one wavelength for each channel.
 
-    A response is what a channel returns for spectral radiance (energy, not photons, per nm): a quantum efficiency
+    A response is the value of a channel for spectral radiance (energy, not photons, per nm): a quantum efficiency
     times the wavelength. Its unit is free: a camera scales every channel so that a spectrum of constant radiance 1
     gives 1, as `normalised` does. Gains of the channels belong to the sensor's electronics. Responses may be negative,
     as those of colour matching functions are.
@@ -150,8 +150,8 @@ def rgb_basis(wavelengths: ArrayLike) -> Floats:
     Notes
     -----
     Spectral primary decomposition: I. Mallett, C. Yuksel, Eurographics Symposium on Rendering (2019), DOI
-    10.2312/sr.20191216. Theirs is for the white of daylight, D65; here the scene's light is what the colour of a lamp
-    says, and white is constant.
+    10.2312/sr.20191216. Theirs is for the white of daylight, D65; here the scene's light is the colour of a lamp
+    as given, and white is constant.
 
     Examples
     --------
@@ -202,7 +202,7 @@ class ColourTables(NamedTuple):
     """Wavelengths to sample for a sensitivity, and the weights of each; all read-only.
 
     With wavelength w drawn from `cdf`, channel c measures weights[w, c] (basis[w] . rgb) of a colour rgb of the
-    scene; the mean over w is what the sensor sees of it.
+    scene; the mean over w is the sensor's response to it.
     """
 
     wavelengths: Floats

@@ -1,7 +1,7 @@
 """Orders on the workers of a dask cluster, grouped into tasks by the time that those before took.
 
-Nothing of dask is imported: a client brings all that is called. Tasks are pure, and what they begin with is a task too,
-so that dask does again what was lost with a worker, whichever it was.
+Nothing of dask is imported: a client brings all that is called. Tasks are pure, and their inputs are tasks too,
+so that dask repeats those that were lost with a worker, whichever it was.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class DaskCluster:
     def engine(self, make: Make, given: Any, *, late: GivenUp | None = None) -> Iterator[DaskEngine[Any, Any]]:
         """Engine for the orders of a job; `late`: True once time is over, None where there is no limit.
 
-        One worker of each host gets ready first: it compiles, and the others find on the disk what it has compiled.
+        One worker of each host gets ready first: it compiles, and the others find its compiled code on the disk.
         """
         content = pickle.dumps((make, given), protocol=pickle.HIGHEST_PROTOCOL)
         key = hashlib.sha256(content).hexdigest()

@@ -2,7 +2,7 @@
 
 Until the new file is complete and on the disk it is a temporary one in the same folder, ``.<digits>-<digits>.part``; a
 folder that is replaced is ``.<digits>-<digits>.old`` until it is gone. Whoever writes one holds a lock on it, which
-ends with its process, however that ends; what is found without a lock has been left behind, and goes when the same file
+ends with its process, however that ends; a file without a lock has been left behind, and goes when the same file
 is written again, or after a day when any other one in the folder is.
 """
 
@@ -44,7 +44,7 @@ def replaced(path: str | os.PathLike[str], *, check: Callable[[], None] = lambda
     """A new file that takes the place of the one at `path` if the block ends well; else nothing changes.
 
     It has the rights of the one before, and links to that stay links. `check` raises an error where the new file must
-    not take the place of what is there; it is called before anything is written and once more at the end.
+    not replace the present one; it is called before anything is written and once more at the end.
     """
     target = real_path(path)
     check_replaceable(target)

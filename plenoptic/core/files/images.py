@@ -1,6 +1,6 @@
 """Reading and writing images: the only module that knows OpenImageIO, which it loads on first use.
 
-Images are `(rows, columns, channels)` float32 arrays, linear, row 0 at the top. What a file holds is
+Images are `(rows, columns, channels)` float32 arrays, linear, row 0 at the top. The content of a file is
 converted on the way in: integers of 8 or 16 bits are taken as sRGB-encoded unless the caller or the file
 says that they are linear; floating-point files (EXR, HDR) are taken as they are.
 """
@@ -59,7 +59,7 @@ def read_linear(
     path : path-like
         PNG, JPEG, TIFF, EXR, HDR, or anything else that OpenImageIO reads.
     encoding : Encoding
-        What integers mean: SRGB decodes them unless the file's metadata says that they are linear, LINEAR
+        Encoding of integers: SRGB decodes them unless the file's metadata says that they are linear, LINEAR
         never does. A gamma other than these two is decoded as sRGB.
     channel : int, optional
         One channel alone: 0, 1, 2 for red, green, blue (of a grey image, its grey), 3 for alpha, which is
@@ -125,7 +125,7 @@ def read_channels(
         Name to `(H, W)` float32 array, as stored: integers are scaled to 0..1 but not decoded. The
         order is the library's: by name for EXR files, with R, G, B in this order.
     metadata : dict
-        What the file says about itself.
+        Metadata of the file.
 
     Raises
     ------

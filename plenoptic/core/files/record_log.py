@@ -7,9 +7,9 @@
 
 A record is a mark of 16 bytes, the lengths of its head (4 bytes) and body (8 bytes, low byte first), the digests of
 both (BLAKE2b, 16 bytes each; that of the head is over the lengths and the other digest too), the head (JSON: facts,
-names, types and shapes of arrays) and the body (the bytes of the arrays, in C order, low byte first). What is damaged,
-or was being written when the program was killed, is passed over up to the next mark: it is lost, and nothing else.
-Bodies are checked when they are read.
+names, types and shapes of arrays) and the body (the bytes of the arrays, in C order, low byte first). A damaged record,
+or one that was being written when the program was killed, is passed over up to the next mark: it is lost, and nothing
+else. Bodies are checked when they are read.
 
 Several processes may append to one file: each holds a lock while it writes.
 """

@@ -1,16 +1,16 @@
 """Values of the package as text and back, such as the camera in an image file.
 
 The text is JSON. Numbers, texts, True, False and None stand for themselves and a list for a tuple;
-all else is an object with a single key that says what it is:
+all else is an object with a single key that names its kind:
 
-    {"float": "inf"}                                          what JSON has no number for
+    {"float": "inf"}                                          a number that JSON lacks
     {"enum": ["Lattice", "HEXAGONAL"]}                        a member of a public IntEnum
     {"array": {"dtype": "float64", "shape": [2], "values": [1.0, "nan"]}}
     {"value": ["Sensor", {"pixel_pitch": 0.01, ...}]}         a public frozen dataclass by its fields
 
 A name is looked up among the public names of this package and of its public modules, and nowhere else: where a value
 moves from one to the other, files still open. A value is made by its own constructor, so that a file can neither run
-code nor describe what could not be made by hand.
+code nor describe a value that could not be made by hand.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ FORMAT = "plenoptic-value-1"
 def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, Any] | None = None) -> None:
     """Write a camera, or any other value of the package, as JSON, from which `load_value` makes an equal one.
 
-    The file is an object with `format`, `software`, what `about` says, and `value`: how values are written there stands
+    The file is an object with `format`, `software`, the items of `about`, and `value`: the form of values is described
     in docs/package.md. Floats keep every bit.
 
     Parameters
@@ -30,7 +30,7 @@ def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, 
     path : path-like
         A file of that name is replaced, as a whole or not at all.
     about : mapping, optional
-        What readers should know, as JSON; it is not read back.
+        Information for readers, as JSON; it is not read back.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Reading of zarr stores: their attributes, descriptions of their arrays, and the arrays themselves.
 
-A part at a time they are read by xarray. A store may come from anywhere: what it holds is checked as files are.
+A part at a time they are read by xarray. A store may come from anywhere: its content is checked as files are.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from plenoptic.core.numba.jit import device
 def cut(polygon, first, n, a, b, limit):
     """Cut a polygon with the half-plane a x + b y <= limit; its n corners begin at `first`. Returns how many are left.
 
-    The corners inside follow one another: what is left begins where the line enters and ends where it leaves.
+    The corners inside follow one another: the remainder begins where the line enters and ends where it leaves.
     """
     inside = 0
     for i in range(first, first + n):

@@ -2,7 +2,7 @@
 
 Numba drops the branch of `if x is not None` at compile time where x is an argument, and not where it is `record.x`.
 This pass runs before that pruning, and replaces each plain chain of names that leads from an argument through
-NamedTuples to a member that is None by the constant. A member of an absent record is absent. What is there is known
+NamedTuples to a member that is None by the constant. A member of an absent record is absent. Other members are known
 to be: `x is not None` is True, so that the other branch is dropped too.
 """
 

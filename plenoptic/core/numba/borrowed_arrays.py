@@ -1,8 +1,8 @@
 """A compiler pass: functions that make no arrays do not count references to those that they are handed.
 
 Numba counts the references to an array with each name and each slice, by an atomic instruction each time: a third of
-the time of kernels that call functions for each path. The caller keeps what it hands over, so that only functions in
-which a call brings an array (a new one, a view, or what another function returns), or that return one, need to count.
+the time of kernels that call functions for each path. The caller keeps its arguments, so that only functions in
+which a call brings an array (a new one, a view, or the result of another function), or that return one, need to count.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def load_tqdm() -> Any:
 class Watch:
     """While it is entered, and from when something is compiled, a thread looks twice a second: nobody else can.
 
-    The thread keeps the context of its maker, from which notebooks know where to show what it prints.
+    The thread keeps the context of its maker, from which notebooks know where to show its output.
     """
 
     def __init__(self, look: Callable[[], None]) -> None:
@@ -74,7 +74,7 @@ class Watch:
 class Waiting:
     """A bar of a call: ``with Waiting("projecting", kind="camera", show=progress):``; `run_in_order` tells it how far.
 
-    `what` is done, `kind` says of what it may be the first time.
+    `what` names the step, `kind` the kernels that it may compile.
     """
 
     def __init__(self, what: str, *, kind: str, show: bool) -> None:

@@ -1,7 +1,7 @@
 """Register of present compilations, for progress bars; it needs no Numba: the compiler reports to it.
 
 There is no lock, for which a process that is forked off meanwhile would wait for ever: steps are single operations on
-dictionaries, and what is shown may be a moment old.
+dictionaries, and the display may be a moment old.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ if hasattr(os, "register_at_fork"):
 def compiling_text(kind: str, *, after: float) -> str:
     """Text shown while something is compiled, with the elapsed time; empty in the first seconds.
 
-    `kind`: of what it is the first time. `after`: so many seconds.
+    `kind`: of the kernels compiled for the first time. `after`: so many seconds.
     """
     since = compiling.since()
     if compiling.interrupted:

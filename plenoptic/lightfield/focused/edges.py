@@ -52,7 +52,7 @@ def light_of(radiance: Floats, variance: Floats | None) -> Light:
 def corrected(rays: PixelRays, nearness: Floats, light: Light, spacing: float, depth: float) -> Floats:
     """Nearness (n,) of pixels, with that of the surfaces behind where estimated surfaces extend beyond their edges.
 
-    Which surface a pixel shows is judged by what other microlenses see at its places on both: its light is nearer to
+    The surface of a pixel is judged by the light of other microlenses at its places on both: its light is nearer to
     theirs, by more than its error. Surfaces differ by more than `depth`.
     """
     from plenoptic.lightfield.kernels.depth_edges import fill_behind, fill_misfits

@@ -96,7 +96,7 @@ def render_view(  # noqa: PLR0913
         As in `decode`.
     disparity : (H, W) array_like or float, optional
         Of each pixel of the shot, as `GroundTruth.chord_disparity` and `DepthMap.disparity` have it, nan where it is
-        not known: the picture is sharp everywhere (total focus), and what is nearer hides what is behind it. A number:
+        not known: the picture is sharp everywhere (total focus), and nearer surfaces hide those behind them. A number:
         the picture is refocused, sharp where points have this disparity.
     z : float, optional
         In place of it, the plane in the camera's frame in mm that the picture is refocused on, by Gaussian optics.

@@ -24,9 +24,10 @@ class View:
     standard_error : (rows, columns, C) array of float32, or None
         One standard deviation, from that of the raw image; None where the shot has none.
     disparity : (rows, columns) array
-        Of what is seen, in pixels, as given.
+        Disparity of the visible surface, in pixels, as given.
     coverage : (rows, columns) array
-        How dense pixels of the raw image lie that show it: 1 where the whole pupil sees it, less beside what hides it.
+        Density of the raw image's pixels that show it: 1 where the whole pupil sees it, less beside surfaces that hide
+        it.
     on_array : (rows, columns, 2) array
         x and y, in mm, where the light of the pixels passes the array.
     spacing : float
@@ -52,7 +53,7 @@ class View:
         ----------
         scene : Scene
         truth : Truth, optional
-            What is wanted; rays between microlenses have no MICROLENS, OBJECT_SHARE and CHORD_DISPARITY.
+            Requested channels; rays between microlenses have no MICROLENS, OBJECT_SHARE and CHORD_DISPARITY.
 
         Returns
         -------

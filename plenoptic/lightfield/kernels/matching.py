@@ -3,7 +3,7 @@
 Pictures are the images of microlenses or sub-aperture views; a point at p of one is seen at p + base - disparity step
 in another. Planes of constant disparity are compared first, by normalised correlation in a window and over the better
 half of the other pictures; paths through the picture make neighbouring pixels agree (H. Hirschmueller, IEEE Trans.
-PAMI 30 (2008), doi:10.1109/TPAMI.2007.1166). `refining` finds what lies between planes.
+PAMI 30 (2008), doi:10.1109/TPAMI.2007.1166). `refining` finds depths between planes.
 """
 
 from __future__ import annotations

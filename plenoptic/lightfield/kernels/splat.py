@@ -2,7 +2,7 @@
 
 Around a pixel, samples near one depth are fitted by a quadratic function with Gaussian weights (W. S. Cleveland and
 S. J. Devlin, J. Am. Stat. Assoc. 83 (1988), doi:10.1080/01621459.1988.10478639). A sample is the mean of the picture
-over its footprint, and so are the functions that are fitted: what pixels and microlenses blur is sharpened as far as
+over its footprint, and so are the functions that are fitted: the blur of pixels and microlenses is sharpened as far as
 the samples allow.
 """
 

@@ -190,7 +190,7 @@ class Absolute:
     medium : Medium
         Its index is relative to `air`, as that of a glass catalogue.
     air : Air, optional
-        What the index of the medium is relative to: dry air at 20 deg C and 101.325 kPa, as for most catalogues. It is
+        Medium relative to which the index is given: dry air at 20 deg C and 101.325 kPa, as for most catalogues. It is
         not the air around the lens; that is the medium of its gaps.
 
     Raises

@@ -192,7 +192,7 @@ class ModelGlass:
     where :math:`s_k = (\omega_F^k - \omega_C^k) / (\omega_F - \omega_C)`, so that n_d and V_d are exact. q_2 and q_3
     are parabolas in 1 / V_d, fitted to the 1618 glasses of the makers' catalogues that are bundled. Against these the
     largest error of a glass within 365 to 1014 nm has the median 3.5e-4, is below 9.9e-4 for 95 % of them and 9.7e-3 at
-    worst (L-BBH1, at 365 nm); within 400 to 700 nm 1.1e-4, 3.8e-4 and 1.8e-3. What remains is that glasses of the same
+    worst (L-BBH1, at 365 nm); within 400 to 700 nm 1.1e-4, 3.8e-4 and 1.8e-3. The rest is that glasses of the same
     n_d and V_d differ, those of anomalous partial dispersion above all: where a glass is known by name use `glass`.
 
     Parameters

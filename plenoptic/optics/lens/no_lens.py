@@ -19,7 +19,7 @@ def no_lens(semi_diameter: float) -> LensStack:
     Parameters
     ----------
     semi_diameter : float
-        Radius in mm of the round opening at z = 0; the array stands behind it. What it cuts off is not seen. Rays
+        Radius in mm of the round opening at z = 0; the array stands behind it. Light outside it is not seen. Rays
         are drawn over all of it, so that it should be just large enough for the array and its field.
 
     Examples

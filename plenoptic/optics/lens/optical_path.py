@@ -40,7 +40,7 @@ def optical_path(
     Returns
     -------
     rays : RayBundle
-        What `LensStack.trace` gives: they stand on the last element.
+        Rays of `LensStack.trace`: they stand on the last element.
     path : (n,) array
         From the origins given to there, mm; negative where an origin lies behind the lens; nan for lost rays.
 
@@ -51,7 +51,7 @@ def optical_path(
 
     Notes
     -----
-    Rounding leaves some eps times the path: 2e-10 waves of a metre. What rays have in common with the chief ray
+    Rounding leaves some eps times the path: 2e-10 waves of a metre. The common path of rays and the chief ray
     falls out of differences; rays from far away are best begun on a wavefront near the lens, as `aiming` does.
 
     Examples

@@ -2,7 +2,7 @@
 
 For each group and each microlens that may feed it, the microlens's opening is cut with bounds on the exit pupil as seen
 through the lens from the group (an affine map in the thin-lens limit, which is where margins for thick and tilted
-microlenses come in). What is left is a convex polygon.
+microlenses come in). The rest is a convex polygon.
 """
 
 from __future__ import annotations

@@ -219,15 +219,15 @@ def _spot(spread, wavelength, start, aside, places):
 def fill_camera_samples(blocks, sure, own, bends, start, n, batch, fed):
     """Start paths start ... start + n - 1 of a batch of the pixels of a tile, which are `FedPixels`.
 
-    A pixel that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets what the microlenses of the
-    paths are, where they differ. Of each path, first the point on the pixel is drawn, then one of what feeds that very
-    point; paths from points that nothing feeds are lost.
+    A pixel that is turned has the sides (width, skew[1]) and (skew[0], height). `own` gets the parameters of the paths'
+    microlenses, where they differ. Of each path, first the point on the pixel is drawn, then one in the aperture
+    regions of that point; paths from points without such regions are lost.
 
-    With `sure`, blocks as well, what surely passes the lens is aimed there and need not be traced, and paths are drawn
-    in what is left around it.
+    With `sure`, blocks as well, unvignetted light is aimed there and need not be traced, and paths are drawn
+    in the remainder around it.
 
     Where light bends, a path starts where it was headed. Those that come from far away are left to `fill_far_samples`,
-    with that place, two random numbers and what they count; `Bends` gets their numbers. Returns how many there are.
+    with that place, two random numbers and their weights; `Bends` gets their numbers. Returns how many there are.
     Where light is shared, they get the row of the `SpreadTable` for each path.
     """
     net, samples, streams = batch.net, batch.samples, batch.streams
@@ -345,7 +345,7 @@ def fill_far_samples(blocks, own, far, regions):
 def bend_at_pupil(ray, i, z, by):
     """Bend a ray by direction cosines where it passes a plane z; it starts where it would have crossed its own z.
 
-    What would bend by more than a right angle does not go on.
+    Light that would be deflected by more than a right angle does not go on.
     """
     t = (z - ray[Z + i]) / ray[N + i]
     x, y = ray[X + i] + t * ray[L + i], ray[Y + i] + t * ray[M + i]

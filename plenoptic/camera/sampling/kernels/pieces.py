@@ -121,7 +121,7 @@ def cut_widely(polygon, n, planes, first, end, half):
 def begin_moving(base, move, view, candidate, shape, half):
     """Box around all positions of a polygon that moves with the part which a view lets pass; its motion, as a matrix.
 
-    The n corners of the polygon are `shape` (polygon, n). Returns the number of corners; 0 where what the view shows is
+    The n corners of the polygon are `shape` (polygon, n). Returns the number of corners; 0 where the view is
     no larger than its margin, as through the centres of pinholes, and nothing is known.
     """
     polygon, n = shape

@@ -118,7 +118,7 @@ def fill_regions(regions, needed, starts, group, found, corners, seen, half):
     """Regions of starts (n, 2) in groups (n,); `needed` (3,) counts pieces, corners and planes.
 
     A start stands for the points of the sensor up to `half` (2,) beside it. `corners` are those of the candidates,
-    `seen` their views, the edges of elements, the centres of groups, and whether pieces shall say what surely passes.
+    `seen` their views, the edges of elements, the centres of groups, and whether pieces shall have unvignetted cores.
     Where the room in `regions` is too small nothing beyond it is written.
     """
     pieces, first = regions.pieces, regions.first

@@ -95,7 +95,7 @@ def _is_inside(points, element, first, each, radius):
     """True if all rays of a candidate certainly meet an element inside its circle.
 
     Corners of a box that are not in the design are at most twice as far from the middle, in any direction, as those in
-    it are, with a tenth for what is not linear.
+    it are, with a tenth for nonlinear terms.
     """
     if not _all_arrive(points, element, first, each):
         return False

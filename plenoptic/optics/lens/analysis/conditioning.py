@@ -203,7 +203,7 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
     ----------
     lens : LensStack
     rays : RayBundle
-        In the lens frame. Where origins lie on rays matters here: what is far away is known with a larger error.
+        In the lens frame. Where origins lie on rays matters here: far points are known with a larger error.
     reverse : bool, optional
         Towards the scene, as `LensStack.trace_reverse`.
 

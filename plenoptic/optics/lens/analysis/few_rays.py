@@ -26,7 +26,7 @@ def few_reverse_rays(
     wavelength : float
         nm.
     clipping : bool, optional
-        Whether rims and stops end rays; their last point lies on what ends them.
+        Whether rims and stops end rays; their last point lies on the element that ends them.
 
     Returns
     -------

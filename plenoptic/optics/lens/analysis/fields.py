@@ -1,8 +1,8 @@
 """Aberrations against the field, by real rays: distortion, curvature of the image, coma, distortion of depth.
 
 Fields lie along +y: half angles in rad of objects infinitely far away, otherwise heights in mm of points in the plane
-z_object. Rays are aimed at the real iris and pass all rims; a field whose chief ray does not exist has nan. What passes
-and how bright it is, is in `illumination`.
+z_object. Rays are aimed at the real iris and pass all rims; a field whose chief ray does not exist has nan. The passing
+light and how bright it is, is in `illumination`.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ class Vignetting:
     fields, z_object
         As in `Distortion`.
     fraction : (n,) array
-        Part of what the iris lets through that passes all rims and stops too: of its area, for all but grey masks.
+        Part of the light through the iris that passes all rims and stops too: of its area, for all but grey masks.
     standard_error : (n,) array
         Of the fraction, from counting points of a grid.
     lower, upper : (n,) array
@@ -231,7 +231,7 @@ def relative_illumination(
     lens, fields, z_object, wavelength
         See `distortion`.
     grid : int, optional
-        Cells of the grid across what passes.
+        Cells of the grid across the passing light.
 
     Returns
     -------

@@ -41,7 +41,7 @@ def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
 
     They are the origins before the lens, the points on the elements, and the points in the plane z_end behind it. The
     path of a ray that is clipped ends on the element that clips it, that of one that is lost otherwise on the one
-    before; what follows is nan.
+    before; later points are nan.
     """
     elements = len(lens.elements)
     lost_at = lens.with_model(LensModel.EXACT).trace(rays).lost_at

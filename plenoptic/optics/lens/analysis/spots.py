@@ -171,7 +171,7 @@ def spot_diagram(
     Returns
     -------
     SpotDiagram
-        Without rays, and with NaN for what then has no value, where no light passes.
+        Without rays, and with NaN for undefined values, where no light passes.
 
     Raises
     ------

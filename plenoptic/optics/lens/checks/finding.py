@@ -62,7 +62,7 @@ class Finding:
     ----------
     kind : FindingKind
     elements : sequence of int
-        Indices in `LensStack.elements` of what it is about, in rising order.
+        Indices in `LensStack.elements` of its elements, in rising order.
     message : str
         A sentence with the numbers.
 

@@ -1,7 +1,7 @@
 """The package's own lens files: JSON with one element per line.
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
-What is at its default is left out, so `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `departure`,
+Defaults are left out, so `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `departure`,
 `blade_radius` and `placement` stand only where they say something. Stops are circle, polygon, star, mask or ring; the
 `transmission` of a mask is a list of its rows. A medium is one of
 

@@ -45,9 +45,9 @@ def load_lens(
 
     Formats, by the ending of the path:
 
-    - `.json`: what `save_lens` writes; nothing is lost.
-    - `.zmx`: a sequential Zemax file; what is read of it, and how, stands in `plenoptic.optics.lens.files.zemax`. Its
-      fields, wavelengths, object and image are the lens's `specification`; what is left out is named in a warning.
+    - `.json`: the format of `save_lens`; nothing is lost.
+    - `.zmx`: a sequential Zemax file; `plenoptic.optics.lens.files.zemax` describes how it is read. Its
+      fields, wavelengths, object and image are the lens's `specification`; ignored data are named in a warning.
     - `.csv`: a table with the columns `radius;thickness;material;index;v-no;sa`, mm, one row per element from the scene
       to the sensor. An empty radius is a plane, and a plane with air on both sides is a stop: the first is the iris. An
       empty material is air. A row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`,
@@ -59,7 +59,7 @@ def load_lens(
     first vertex), as large as the widest paraxial beam on the axis that passes all surfaces, from infinity, or from the
     front focus where the rear focus does not lie behind the lens, as in a microscope objective.
 
-    Files are read as they are printed. `lens.check()` lists what looks wrong in them.
+    Files are read as they are printed. `lens.check()` lists implausible properties.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ def load_lens(
         Where the glasses that a `.zmx` file names are looked up first, such as a catalogue from `load_glasses`; then
         among the bundled ones. Other formats bring their glasses along.
     stop_size : StopSize, optional
-        What counts in a `.zmx` file: its system aperture, or the semi-diameter of the stop's surface. `lens.check()`
-        says where the two disagree.
+        Source of the size in a `.zmx` file: its system aperture, or the semi-diameter of the stop's surface.
+        `lens.check()` says where the two disagree.
     limits : FileLimits
         The size of the file: by default at most 4 MiB.
 
@@ -83,7 +83,7 @@ def load_lens(
     FileError
         If there is no such lens or file, it cannot be read, or its ending is unknown.
     PrescriptionError
-        If what stands in the file is no lens; the message names the file and the line or element.
+        If the content of the file is no lens; the message names the file and the line or element.
 
     Examples
     --------
@@ -122,7 +122,7 @@ def load_lens(
 def save_lens(lens: LensStack, path: str | os.PathLike[str]) -> None:
     """Write a lens as JSON, from which `load_lens` gives back an equal one to the last bit, or as a Zemax file.
 
-    JSON has one element per line, and what is not the default. A `.zmx` file, for other programs, holds less: centred
+    JSON has one element per line, without defaults. A `.zmx` file, for other programs, holds less: centred
     surfaces and round stops in air. A glass that is not the bundled one of its name becomes a model glass of the same
     n_d and V_d.
 

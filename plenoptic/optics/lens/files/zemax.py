@@ -21,7 +21,7 @@ the lens, nor are the gaps next to them. A glass on the object is the medium aro
 - Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM; of the stop's own surface
   at least that of the stop. Where DIAM is 0 or missing: the sum of the paraxial heights of the marginal ray and of the
   chief ray of the largest field (XFLN, YFLN), and not more than the radius of a sphere.
-- What stops light in the middle, the inner radius of CLAP or FLAP and the disc of OBSC, is a `RingStop` in the plane of
+- An obscuration, the inner radius of CLAP or FLAP and the disc of OBSC, is a `RingStop` in the plane of
   the vertex, in front of the surface.
 - STOP on a surface between equal media is the iris. On a refracting surface it becomes a stop of the same size in the
   plane of the vertex, in front of it.

@@ -1,8 +1,8 @@
 """Coordinate breaks and mirrors of Zemax files: they become placements of the elements that follow.
 
-A coordinate break moves and turns the axes of what follows: it is decentred by PARM 1 and 2, then turned by PARM 3, 4
+A coordinate break moves and turns the axes of later elements: it is decentred by PARM 1 and 2, then turned by PARM 3, 4
 and 5 degrees about its x, y, z; with PARM 6 not 0 turned first, about z, y, x, then decentred. A mirror folds the path:
-what follows it is seen in the mirror, a curved one in the plane that touches its vertex, which is unfolded here, so
+later elements are seen in the mirror, a curved one in the plane that touches its vertex, which is unfolded here, so
 that light goes along +z throughout. Lengths along the path stay those of the file, and so does everything paraxial.
 Plane mirrors vanish then; see `Mirror` for the others.
 """

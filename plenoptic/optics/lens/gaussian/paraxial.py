@@ -38,7 +38,7 @@ class CardinalPoints:
     front_principal, rear_principal : float
         z of the principal planes, mm, which are the nodal planes too. An afocal lens has -inf and inf.
     entrance_pupil, exit_pupil : float
-        z of the images of the iris through what stands before and behind it, mm; inf for a telecentric lens.
+        z of the images of the iris through the elements before and behind it, mm; inf for a telecentric lens.
     entrance_pupil_semi_diameter, exit_pupil_semi_diameter : float
         Size of these images, mm. Other stops and the edges of the surfaces have no part in it.
     pupil_magnification : float

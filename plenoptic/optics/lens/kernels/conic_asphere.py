@@ -150,7 +150,7 @@ def _bend_ahead(r, half, sin2, conic, aspheric, semi_diameter2):
 
     Along a ray it is at most sin^2 times the second derivative by r, since sag' / r is a mean of that. Both parts are
     largest at the largest r: inwards that of the ray's point, until it is as far from the axis again; outwards, half of
-    what is left to the rim is looked ahead.
+    the rest to the rim is looked ahead.
     """
     c, kz = conic
     edge = math.sqrt(semi_diameter2)

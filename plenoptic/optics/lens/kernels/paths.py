@@ -1,6 +1,6 @@
 """The optical path of rays from element to element: the kernels.
 
-What lies between two elements is straight, and a ray stands on one until it is moved to the next: the way is that from
+Rays between two elements are straight, and a ray stands on one until it is moved to the next: the way is that from
 where it stood, along its direction there, in the axes of the element that it meets.
 """
 

@@ -189,7 +189,7 @@ def _all_round(
     """Support distances of all points at the distances rho, in axes turned with them, and which outlines are parted.
 
     A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
-    outlines from several azimuths is taken, and widened by what may lie between them.
+    outlines from several azimuths is taken, and widened by a bound of those between them.
     """
     if lens.frames is None and lens.departure is None:
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)

@@ -163,7 +163,7 @@ def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outli
     """Outline of the passing light, wider by a step of a grid of `fine` x `fine` rays over the light.
 
     The guesses are looked at one after the other, and after the first light only those whose middle is outside of it: a
-    small part may lie between the rays of a grid over the whole `rim`. What a grid has between its rays alone comes
+    small part may lie between the rays of a grid over the whole `rim`. Light between the rays of a grid alone comes
     last, since a smaller grid may have more of it.
     """
     found, late = DARK, []
