@@ -250,8 +250,8 @@ def mtf(
 
 
 def _checked_frequencies(frequencies: ArrayLike) -> Floats:
-    given = frozen_array(np.atleast_1d(numbers(frequencies, "frequencies")), name="frequencies", shape=("k",))  # type:
-    ignore[arg-type] if not (np.isfinite(given) & (given >= 0)).all():
+    given = frozen_array(np.atleast_1d(numbers(frequencies, "frequencies")), name="frequencies", shape=("k",))  # type: ignore[arg-type]
+    if not (np.isfinite(given) & (given >= 0)).all():
         raise InvalidValueError("frequencies holds a number that is below 0 or not finite; give cycles per mm")
     return given
 
