@@ -53,7 +53,7 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
     sensor_size_mm is that of a thin lens of the same focal length at the entrance pupil. `highres` maps are the
     same as `lowres` ones.
 
-    What it cannot express: errors, views that are not on a square grid of the pupil, how the real lens departs from
+    Not expressed: errors, views that are not on a square grid of the pupil, how the real lens departs from
     Gaussian optics.
 
     Examples

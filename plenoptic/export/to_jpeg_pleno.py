@@ -37,7 +37,7 @@ def jpeg_pleno(folder: str | os.PathLike[str], field: LightField) -> None:
     PPM of 16 bits (big-endian) with 1023 as the largest number; one scale for all views, the 99.9th percentile. Pixels
     without light are black.
 
-    What it cannot express: errors, truth, the camera; disparity maps of the standard are not written.
+    Not expressed: errors, truth, the camera; disparity maps of the standard are not written.
 
     Examples
     --------

@@ -105,7 +105,7 @@ def calibration_points(
     targets : Target or sequence of Target
         In the world, one for each frame.
     scene : Scene, optional
-        What may hide points; None: nothing does.
+        Scene that may hide points; None: nothing does.
 
     Returns
     -------

@@ -38,7 +38,7 @@ class Package:
     other_whites : tuple of (Exposure, RawImage)
         White images at other stops; each exposure names its camera.
     dark : RawImage
-        What the sensor reads out without light.
+        Raw image without light.
     centres : mapping from CentreMethod to MicrolensCentres
         Centres of the microlens images, where they are defined; empty without microlenses.
     points : CalibrationPoints or None

@@ -49,7 +49,7 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
     Returns
     -------
     Package
-        Everything is what was written, to the last bit.
+        Everything as written, to the last bit.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def write(
 ) -> None:
     """Write a picture with its white image, truth and camera into a folder or a zip file, which `read` opens.
 
-    docs/package.md says what is in which file. Programs that know nothing of this library find 16-bit images, CSV, JSON
+    docs/package.md describes the files. Programs that know nothing of this library find 16-bit images, CSV, JSON
     and NPZ files there.
 
     Parameters
@@ -69,14 +69,14 @@ def write(
     white : Exposure, optional
         From `render_white`, of the same camera.
     sensor : SensorModel, optional
-        What reads the exposure out, of at least 8 bits. None: 16 bits without noise, on which the brightest pixel
-        reaches 0.8 of the white level.
+        Sensor that reads the exposure out, of at least 8 bits. None: 16 bits without noise, on which the brightest
+        pixel reaches 0.8 of the white level.
     other_whites : sequence of Exposure, optional
         White images at other stops; each names its camera.
     targets : Target or sequence of Target, optional
         Whose points are written as calibration points.
     scene : Scene, optional
-        What was rendered: for the plan, and for what hides calibration points.
+        The rendered scene: for the plan, and for surfaces that hide calibration points.
     seed : int, optional
         Of the noise of raw, white (seed + 1), dark (seed + 2) and further white images.
 

@@ -1,6 +1,6 @@
 """Figures of results. Matplotlib is imported on first use; without it they raise a PlenopticError, an ImportError too.
 
-What is drawn is told by the attributes it has, since figures know no optics: another kind is an InvalidValueError.
+Figures know no optics, and recognise their objects by attributes: another kind is an InvalidValueError.
 """
 
 import lazy_loader

@@ -28,7 +28,7 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     table : ErrorTable
-        What `pl.study.error_against_time` gives.
+        Table of `pl.study.error_against_time`.
     ax : matplotlib.axes.Axes, optional
         Where to draw; a new figure if it is left out.
 

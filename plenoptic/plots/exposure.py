@@ -133,7 +133,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     matplotlib.figure.Figure
         One panel each, with rows and columns of the sensor as axes (pixel centres are whole numbers). A grey
         image is shown linearly from 0; a coloured one is encoded for the screen (sRGB). Scales end at the 99.9th
-        percentile, that of the error over what is lit of the drawn image (`lit_pixels`). The error of a coloured
+        percentile, that of the error over the lit pixels of the drawn image (`lit_pixels`). The error of a coloured
         image is the root mean square over its channels. Depth is in mm and blank where nothing is met; without depth,
         the first truth of one number a pixel stands there. The detail has 48 x 48 pixels where there is much contrast,
         of images three times as large. Pixels that were not rendered are pale blue. Beyond 2048 pixels along a side,

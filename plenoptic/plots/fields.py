@@ -87,7 +87,7 @@ def plot_field_curvature(result: FieldCurvature, ax: Axes | None = None) -> Axes
     Returns
     -------
     matplotlib.axes.Axes
-        Shifts from the paraxial image plane in mm, the lens on the left; what lies between is the astigmatism.
+        Shifts from the paraxial image plane in mm, the lens on the left; the difference is the astigmatism.
 
     Examples
     --------

@@ -120,7 +120,7 @@ def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         Rows and columns of the sensor, row 0 at the top: centroids of the light, or chief rays where none is known; a
-        colour and a mark for each point, which repeat after the seventh. What nothing sees is hollow.
+        colour and a mark for each point, which repeat after the seventh. Points that nothing sees are hollow.
 
     Examples
     --------

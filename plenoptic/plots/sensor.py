@@ -71,8 +71,8 @@ def plot_photon_transfer(curve: PhotonTransfer, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        Signal above that of the lowest level in DN, variance in DN^2: dots are measured, lines are what the
-        parameters of the sensor say without saturation. A fixed pattern is drawn if the sensor has one. The
+        Signal above that of the lowest level in DN, variance in DN^2: dots are measured, lines are predicted by the
+        parameters of the sensor without saturation. A fixed pattern is drawn if the sensor has one. The
         dashed vertical line is the white level.
 
     Examples

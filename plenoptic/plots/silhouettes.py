@@ -116,7 +116,7 @@ def _look(row: Any) -> tuple[Floats, float]:
 def painted(shapes: list[Shape], right: Floats, up: Floats, box: Floats, size: tuple[int, int]) -> Floats:
     """(rows, columns, 4): the shapes seen with some directions to the right and up, the largest behind.
 
-    `box` (2, 2) is what the picture shows: least and greatest along right, then along up, mm.
+    `box` (2, 2) is the extent of the picture: least and greatest along right, then along up, mm.
     """
     canvas, across = np.zeros((*size, 4)), np.stack([right, up])
     low, scale = box[:, 0], np.array(size[::-1]) / np.ptp(box, axis=1)

@@ -120,7 +120,8 @@ def plot_spots(
     -------
     matplotlib.figure.Figure
         x and y on the image plane in micrometres from the centroid of the light, with equal axes; one colour for
-        each wavelength. What is the same in a row or a column is written once. Of many rays, every k-th is drawn.
+        each wavelength. Labels that are the same in a row or a column are written once. Of many rays, every k-th is
+        drawn.
 
     Raises
     ------

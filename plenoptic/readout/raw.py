@@ -138,7 +138,7 @@ class RawImage:
     def linear(self) -> Floats:
         """The image's values back, shaped as `data`: electrons less the mean dark current, over those of an image of 1.
 
-        What the sensor's fixed pattern, noise and saturation did stays in them. Every channel is divided
+        Effects of the sensor's fixed pattern, noise and saturation stay in them. Every channel is divided
         by its own rate and quantum efficiency, so that equal channels of an exposure come back equal.
 
         Examples

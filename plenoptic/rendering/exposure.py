@@ -45,7 +45,7 @@ class Exposure:
     standard_error : (H, W, C) array_like, optional
         One standard deviation of `image`'s Monte Carlo error. Kept as float32.
     truth : GroundTruth, optional
-        What the pixels show: depth, normals, objects, ...
+        Ground truth of the pixels: depth, normals, objects, ...
     samples : int, optional
         Paths per pixel; None where it is not known.
     replicates : int, optional
@@ -57,17 +57,17 @@ class Exposure:
     region : (int, int, int, int), optional
         First row, end row, first column, end column on the sensor; None: the whole sensor.
     stats : RenderStats, optional
-        What it took.
+        Time and statistics of the render.
     sample_counts : (H, W) array_like of int, optional
         Paths of each pixel; None where all have `samples`, which is otherwise the most that a pixel has.
     settings : RenderSettings, optional
-        How it was rendered: what `replay` needs to know.
+        Settings of the render, which `replay` needs.
     white : bool, optional
         Whether `render_white` made it; None where it is not known.
     object_names : sequence of str, optional
         The name of each number in `truth.object`, as `Scene.object_names` has them, the last one '' for -1:
-        ``np.array(shot.object_names)[shot.truth.object]`` names what each pixel shows. None where the objects of pixels
-        were not asked for, or the scene has more than 10 000.
+        ``np.array(shot.object_names)[shot.truth.object]`` names the object of each pixel. None where the objects of
+        pixels were not asked for, or the scene has more than 10 000.
 
     Raises
     ------
@@ -183,8 +183,8 @@ class Exposure:
 
         Regions of a render of given samples have the bits of the whole. Exposures of the same region are weighed by
         their samples, and so are the squares of their errors; those with a single replicate each get their error from
-        their differences, which is right on average over pixels and crude for each while they are few. What was merged
-        knows all its seeds and can be merged with others; its means have been rounded once more then. An
+        their differences, which is right on average over pixels and crude for each while they are few. A merged
+        exposure knows all its seeds and can be merged with others; its means have been rounded once more then. An
         InvalidValueError where parts overlap, leave pixels out, share random numbers, or are of other cameras or
         settings. That they show the same scene is for the caller to know. `plenoptic merge` does the same for files,
         and for a store without having all in memory.
@@ -278,8 +278,8 @@ class Exposure:
         """Read an exposure that `save` wrote, or the image of any other file.
 
         A zarr store gives back the same exposure, and so does an EXR file, whose truth is float64 of float32 precision.
-        Another image file gives the linear image, times its scale if it has one. A file from elsewhere gives what it
-        holds. `limits` is as of `images.read_linear`; a store counts with all its files.
+        Another image file gives the linear image, times its scale if it has one. A file from elsewhere gives the arrays
+        that it holds. `limits` is as of `images.read_linear`; a store counts with all its files.
 
         Raises
         ------
@@ -299,8 +299,8 @@ class Exposure:
     def to_xarray(self) -> xarray.Dataset:
         """The same as an xarray dataset, with units and coordinates: rows and columns, mm on the sensor, channels.
 
-        Nothing is copied: the arrays are the exposure's own, which cannot be written to. Of what `save` writes to
-        `.zarr`, ``xarray.open_zarr(path)`` makes the same dataset, and reads only the parts that are used. Needs the
+        Nothing is copied: the arrays are the exposure's own, which cannot be written to. Of a store that `save` writes
+        to `.zarr`, ``xarray.open_zarr(path)`` makes the same dataset, and reads only the parts that are used. Needs the
         package xarray.
 
         Examples
@@ -323,7 +323,7 @@ class Exposure:
         Parameters
         ----------
         white : Exposure, optional
-            The white image of the camera: what is shown is divided by it, and so is radiance.
+            The white image of the camera: displayed values are divided by it, and so is radiance.
         region : (slice, slice), optional
             Rows and columns of the sensor, as ``np.s_[0:64, 0:64]``; None: all.
 
@@ -339,9 +339,9 @@ class Exposure:
 
         Notes
         -----
-        What the exposure lacks is not there: render with ``truth=pl.Truth.ALL`` for all of it. A click lights up all
+        Arrays that the exposure lacks are not there: render with ``truth=pl.Truth.ALL`` for all. A click lights up all
         images of the point that a pixel shows, where there are a camera with microlenses and depth. Beyond 2^20 pixels
-        blocks of them are averaged; docs/viewer.md says what is stored.
+        blocks of them are averaged; docs/viewer.md describes the stored data.
         """
         from plenoptic.viewer.raw import exposure_page  # knows this class
 

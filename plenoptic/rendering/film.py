@@ -45,11 +45,11 @@ class Film:
     - standard error = sqrt(squares / (replicates - 1) / n)
 
     With fewer than 8 replicates and known scatter, the squared standard error is that of independent samples,
-    scatter / (n - 1) / n, with a tenth of its mean beside it, times what even points make of it: the sums of both go
+    scatter / (n - 1) / n, with a tenth of its mean beside it, times the factor of even points: the sums of both go
     over the pixels of the same colour of a checkerboard in a block of 8 x 8, counted from the upper left pixel.
 
-    Mean and the roots of squares and scatter are kept in float32, 12 bytes a pixel of each and three channels: what
-    leaves the film is no finer, and sums of which more is to be made are kept elsewhere.
+    Mean and the roots of squares and scatter are kept in float32, 12 bytes a pixel of each and three channels: numbers
+    that leave the film are no finer, and sums of which more is to be made are kept elsewhere.
 
     Parameters
     ----------
@@ -188,8 +188,8 @@ class Film:
     ) -> NDArray[np.float32] | None:
         """Standard error of the mean, (rows, columns, channels) float32; None with fewer than two replicates.
 
-        Where all replicates agree, it is what one sample brings (see `brought_by_one`), at most `one_sample` (rows,
-        columns), over the number of samples: a single sample could have been another.
+        Where all replicates agree, it is the contribution of one sample (see `brought_by_one`), at most `one_sample`
+        (rows, columns), over the number of samples: a single sample could have been another.
 
         `out` may be `between` itself, if the film is no longer needed.
         """
@@ -290,7 +290,7 @@ def brought_by_one(known: Moments, one_sample: AnyFloats) -> Floats:
     """Contribution of one bright sample (rows, columns), from the surroundings; at most `one_sample`.
 
     The mean of x weighed by light, E[x^2] / E[x], over samples x of the pixels of the same colour of a checkerboard in
-    its block, where x is in units of what their samples bring at most. `one_sample` where all are dark.
+    its block, where x is in units of their largest contribution. `one_sample` where all are dark.
     """
     light = brightness(known.mean)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):

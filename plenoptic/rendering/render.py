@@ -48,7 +48,7 @@ def render(  # noqa: PLR0913
     """Render the raw image of a scene, with its standard error and its ground truth.
 
     It ends with `samples`, after `time_limit` or at `target_error`, whichever comes first; at least one is needed.
-    Ctrl-C (or a notebook's interrupt) ends it too once it has begun, and what is there is returned, marked
+    Ctrl-C (or a notebook's interrupt) ends it too once it has begun, and the present result is returned, marked
     `interrupted`; a second one raises KeyboardInterrupt.
 
     Parameters
@@ -58,7 +58,7 @@ def render(  # noqa: PLR0913
     samples : int, optional
         Paths per pixel. Powers of 2 times `replicates` use the sampling points best.
     time_limit : float, optional
-        Seconds from the call on. What is compiled for the first time takes its time too.
+        Seconds from the call on, including compilation on first use.
     target_error : float, optional
         Wanted `Exposure.relative_error`, such as 0.02: the root mean square of the relative standard errors of lit
         pixels. Tiles end when their own lit pixels are as good, mostly after two or three steps; which
@@ -78,7 +78,7 @@ def render(  # noqa: PLR0913
     sampler : Sampler
         ``Sampler.RANDOM`` makes all samples independent, to compare with.
     max_bounces : int
-        How often a path may be scattered, reflected or refracted; 0 shows only what emits. Light that is scattered more
+        How often a path may be scattered, reflected or refracted; 0 shows only emitters. Light that is scattered more
         often is missing.
     caustics : Caustics
         ``Caustics.LEFT_OUT``: light that mirrors, polished glass or panes throw onto rough surfaces does not count. It
@@ -88,19 +88,19 @@ def render(  # noqa: PLR0913
         Paths that bring more radiance than this are scaled down to it. It takes away noise and light:
         `shot.stats.clamped` is the share that is missing. None: nothing is taken away.
     truth : Truth
-        What of the ground truth of every pixel is found too, such as ``Truth.DEPTH | Truth.NORMAL``; what is not asked
-        for is neither computed nor kept. See `GroundTruth`.
+        Channels of the ground truth to find, such as ``Truth.DEPTH | Truth.NORMAL``; others are
+        neither computed nor kept. See `GroundTruth`.
     conditioning : int, optional
         Of how many paths, such as 1024 (at most 1048576), `shot.stats.conditioning` tells how much each surface of the
         lens magnifies rounding errors, and how many steps aspheres took. See `Conditioning`.
     checkpoint : path-like, optional
-        A file to which is added what tiles bring. Called again, the render goes on from there, also with more samples
+        A file to which results of tiles are added. Called again, the render goes on from there, also with more samples
         or a lower target, and gives the same bits as without a break (with a `time_limit` it goes on for that long
         again). Sums of tiles that go on are in the file and not in memory. Files of other renders are refused and stay
-        as they are; what is damaged in one is rendered again, with a warning. On another kind of processor it goes on
+        as they are; damaged records are rendered again, with a warning. On another kind of processor it goes on
         too, with a warning, since bits depend on instructions: `shot.stats.processors` names the kinds.
     checkpoint_interval : float
-        Seconds between two times that the file is flushed to the disk: what is lost at most when the machine goes down.
+        Seconds between two times that the file is flushed to the disk: the largest loss when the machine goes down.
         Where only the program is killed the tiles in work are lost.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The image does not depend on it, unless there is a
@@ -111,7 +111,7 @@ def render(  # noqa: PLR0913
         Workers with other versions are refused, and lost ones survived: see docs/how_to/cluster_dask.md.
     tile_side : int, optional
         Pixels along a tile; None: chosen by the number of samples. The image does not depend on it, unless there is a
-        time limit or a target error: what ends is a tile, of 64 x 64 pixels if not told otherwise.
+        time limit or a target error: tiles end, of 64 x 64 pixels if not told otherwise.
     progress : bool
         Whether to show a progress bar, with the time left and the error reached.
 
@@ -131,7 +131,7 @@ def render(  # noqa: PLR0913
     Warns
     -----
     BlackImageWarning, UnseenSceneWarning, ImplausibleCameraWarning, BudgetWarning
-        Once each, with the cause: which light faces away, or which number of the camera is hardly what was meant. See
+        Once each, with the cause: which light faces away, or which number of the camera is implausible. See
         `errors.PlenopticWarning`.
 
     Examples

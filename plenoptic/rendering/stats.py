@@ -60,7 +60,7 @@ class RenderStats:
     paths : int
         Paths sampled; where light bends at microlenses, those of drawn bends too.
     paths_through_lens : int
-        Paths that left the lens towards the scene; of a white image, of those around what surely passes.
+        Paths that left the lens towards the scene; of a white image, of those around unvignetted cores.
     lost : tuple of (str, int or None, int)
         Cause, index of the lens element (None where no element is to blame) and number of paths.
         Causes are "outside_microlens", "missed", "clipped", "total_reflection", "not_finite" and, with diffraction,
@@ -71,13 +71,13 @@ class RenderStats:
         Row and column on the sensor, and sample, of the first such paths; `replay` shows them.
     zero_variance : int
         Pixels that light could reach and whose samples (with 8 replicates and more: replicates) agree. Their standard
-        error is what a single other sample would have changed.
+        error is the change by a single other sample.
     threads : int
         Threads that were there to work.
     clamped : float
         Share of all light that `clamp` took away, in [0, 1]: the bias of the mean image.
     stopped_by : StopReason
-        What ended the render.
+        Limit that ended the render.
     conditioning : Conditioning, optional
         How much the lens's surfaces magnify rounding errors, and Newton iterations, of some of the paths; only where
         `render` was asked for it.

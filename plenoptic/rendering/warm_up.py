@@ -65,14 +65,14 @@ def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Trut
     """Compile the kernels of renders, ground truth and projections of a scene and a camera, by running each for few
     pixels.
 
-    Compiled code is kept on disk: afterwards other processes, too, render such scenes without waiting. What is compiled
+    Compiled code is kept on disk: afterwards other processes, too, render such scenes without waiting. It
     depends on the kind of scene and camera only (which materials, lights, stops and microlenses there are), not on
     sizes and numbers of samples. Where a render leaves caustics out or clamps, a few kernels are compiled then.
 
     Parameters
     ----------
     scene : Scene or None
-        None: what white images need.
+        None: the kernels of white images.
     camera : PlenopticCamera
     truth : Truth, optional
         The ground truth that will be asked for.

@@ -51,9 +51,9 @@ def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], s
 
     Notes
     -----
-    The renderer's own kernels trace the path, so that on the same machine `contribution` is what the pixel's sum got,
+    The renderer's own kernels trace the path, so that on the same machine `contribution` is that of the pixel's sum,
     bit for bit. With a fill factor below 1, which multiplies the sum in the image and each path here, that is so up to
-    rounding. Where light bends at microlenses, `contribution` is what the path's pixel and those around it share, and
+    rounding. Where light bends at microlenses, `contribution` is shared by the path's pixel and those around it, and
     long bends, which are drawn for paths of their own, are not among the samples. Where two triangles lie at the very
     same place, which of them a path meets first may depend on the paths traced beside it.
 

@@ -24,7 +24,7 @@ class View:
     position : (3,) array
         mm, in the world.
     look_at : (3,) array
-        mm, a point straight ahead; in files, which do not say how far away what they show is, one unit ahead.
+        mm, a point straight ahead; in files, which do not give the distance of their objects, one unit ahead.
     up : (3,) array
         The direction that is up in the picture; not along the view.
     vertical_field_of_view : float, optional

@@ -37,7 +37,7 @@ class Scene:
     lights : sequence of QuadLight, SphereLight, PointLight, SpotLight or SunLight
         Light sources besides emissive meshes.
     background : ConstantBackground, EnvironmentMap, float, (float, float, float) or None
-        What rays see that meet no surface; a bare colour becomes a `ConstantBackground`, None is a black world.
+        Background of rays that hit no surface; a bare colour becomes a `ConstantBackground`, None is a black world.
     views : sequence of View
         Cameras of the file that the scene comes from, for `camera.posed`. They are no part of the image.
 
@@ -148,7 +148,8 @@ class Scene:
     def object_names(self) -> tuple[str, ...]:
         """The name of each number in `truth.object`: of meshes, then of lights that have a surface; '' at last, for -1.
 
-        What has no name is called by its kind and its place in `meshes` or `lights`. Names are cut at 100 characters.
+        Objects without a name are called by their kind and their place in `meshes` or `lights`. Names are cut at 100
+        characters.
 
         Examples
         --------

@@ -93,7 +93,7 @@ def motion_truth(
     images are those of its chief rays, as `project` finds them: through the optical centre of the microlens that
     the pixel's ray passes, in both frames; without microlenses, through the centre of the iris.
 
-    What lies nearer to the point than 1/4096 of its way to the lens does not hide it.
+    Surfaces nearer to the point than 1/4096 of its way to the lens do not hide it.
 
     Examples
     --------

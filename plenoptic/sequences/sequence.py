@@ -49,9 +49,9 @@ class Frame:
 class Sequence:
     """Frames of a scene: objects and the camera move rigidly, lights change.
 
-    A frame is made when it is asked for. What moves becomes an `Instances` of its mesh, so that frames share all
-    triangles, and rendering the next one neither compiles nor builds trees again for what was there before. Where the
-    camera has a `Shutter`, the times of frames are the middles of their exposures, and what moves meanwhile is blurred.
+    A frame is made when it is asked for. A moving mesh becomes an `Instances` of it, so that frames share all
+    triangles, and rendering the next one neither compiles nor builds trees again for those of before. Where the
+    camera has a `Shutter`, the times of frames are the middles of their exposures, and motion meanwhile is blurred.
 
     Parameters
     ----------

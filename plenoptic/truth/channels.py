@@ -150,8 +150,8 @@ class GroundTruth:
     """Ground truth of a raw image's pixels: for each, the point where *one ray* hits the scene.
 
     The ray starts at the centre of the pixel and passes the lit centroid of the microlens that gives the centre most
-    light; where the centre is dark, it starts elsewhere on the pixel (docs/conventions.md). What was not asked for is
-    None.
+    light; where the centre is dark, it starts elsewhere on the pixel (docs/conventions.md). Channels that were not
+    asked for are None.
 
     Parameters
     ----------
@@ -184,13 +184,13 @@ class GroundTruth:
         relative to their centres; see the notes. nan where nothing is met.
     chord_disparity : (H, W) array, optional
         The same between the pixel's microlens and its neighbours, by the chief rays of the point as `project` finds
-        them: what matching microlens images measures, and what algorithms are to be judged by. nan where nothing is met
-        and in FREE lattices.
+        them: the quantity that matching of microlens images measures, by which algorithms are to be judged. nan where
+        nothing is hit and in FREE lattices.
     incidence_angle : (H, W) array, optional
         Angle between the ray and the normal of the sensor, tilted or not, where the ray meets the pixel, in radians;
         nan where no light reaches the pixel.
     state : (H, W) array of int32, optional
-        What is known of the pixel, a `PixelState`: dark, lit but meeting nothing, seen, or unknown.
+        State of the pixel, a `PixelState`: dark, lit without a hit, seen, or unknown.
     object_share : (H, W) array, optional
         Of the light that reaches the pixel in a scene of even brightness, the share that comes from `object`: less than
         1 at edges and out of focus. From 64 paths or more, to within about 0.06; nan where nothing is met, or none of

@@ -108,7 +108,7 @@ def ground_truth(
         None, or a scene without meshes and lights: only the microlenses of pixels are found.
     camera : PlenopticCamera
     truth : Truth, optional
-        What is wanted. What there cannot be, such as the virtual depth of a camera without microlenses, is left out.
+        Requested channels. Impossible ones, such as the virtual depth of a camera without microlenses, are left out.
     region : (slice, slice), optional
         Rows and columns of the sensor, such as ``np.s_[256:384, 192:320]``; the same bits as in the whole image.
     threads : int, optional
@@ -125,7 +125,7 @@ def ground_truth(
     Raises
     ------
     InvalidValueError
-        Where an argument is impossible, or nothing of what is wanted can be had.
+        Where an argument is impossible, or none of the requested channels exists.
 
     Notes
     -----

@@ -135,8 +135,8 @@ def _found_rays(
 ) -> PixelRays:
     """Rays of pixels (n, 2), of which those `at` some places, the fed ones `which`, have starts (m, k, 2).
 
-    Where it is known what feeds starts, a ray passes the largest part of a microlens; probes look where it is lost, and
-    where it is not known.
+    Where the aperture regions of starts are known, a ray passes the largest part of a microlens; probes look where it
+    is lost, and where it is not known.
     """
     rays, left, known = _lost_rays(pixels), np.arange(len(at)), camera.convex and camera.exact
     if known:

@@ -67,7 +67,7 @@ def page(  # noqa: D417
 ) -> Viewer:
     """A document with `facts` for its scripts, bytes that they point into, and a picture (WebP) for until they run.
 
-    Modules are joined in their order, in which names that they share must differ: what they import stands before them.
+    Modules are joined in their order, in which names that they share must differ: imported ones stand before them.
     """
     script = "".join(_EXPORT.sub("", _IMPORT.sub("", _text(f"{name}.js"))) for name in modules)
     style = _text("style.css")

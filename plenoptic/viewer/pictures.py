@@ -45,7 +45,7 @@ def positive_white(image: NDArray[np.floating[Any]]) -> float:
 def rgba(picture: NDArray[np.floating[Any]], top: float) -> NDArray[np.uint8]:
     """A linear picture (rows, columns, C) as sRGB codes and opacity (rows, columns, 4); clear where a channel is nan.
 
-    `top` becomes 255, what exceeds it is cut. Channels other than three are shown as their mean.
+    `top` becomes 255, larger values are clipped. Channels other than three are shown as their mean.
     """
     known = ~np.isnan(picture).any(axis=2)
     colour = picture if picture.shape[2] == 3 else picture.mean(axis=2, keepdims=True)

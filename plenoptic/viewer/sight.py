@@ -1,9 +1,9 @@
 """Chief rays of a camera as a polynomial, by which a page finds where every microlens sees a point.
 
-What leaves the camera from a pixel through the optical centre of a microlens is a line, whose two places and two slopes
-are smooth functions of the microlens's place on the array and of how far the pixel lies from it: a polynomial of four
-variables, fitted to rays traced through the real lens. The page meets that line with the depth of a pixel, and finds
-where other microlenses see the same point by Newton's method; web/sight.js has the other side.
+A ray that leaves the camera from a pixel through the optical centre of a microlens is a line, whose two places and two
+slopes are smooth functions of the microlens's place on the array and of how far the pixel lies from it: a polynomial of
+four variables, fitted to rays traced through the real lens. The page meets that line with the depth of a pixel, and
+finds where other microlenses see the same point by Newton's method; web/sight.js has the other side.
 """
 
 from __future__ import annotations

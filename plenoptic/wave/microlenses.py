@@ -23,7 +23,7 @@ Complex = NDArray[np.complex64]
 class Microlenses(NamedTuple):
     """The microlenses of a camera around some light, in the sensor's axes; lengths in mm.
 
-    Ideal ones delay light by power r^2 / 2 less than in the middle, plates by what their sag has of glass, (n - 1)
+    Ideal ones delay light by power r^2 / 2 less than in the middle, plates by the glass of their sag, (n - 1)
     sag: thin elements, in whose principal planes light is bent without being displaced.
     """
 

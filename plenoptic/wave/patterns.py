@@ -32,7 +32,7 @@ def point_spread(
     """The image of a point, with diffraction at the main lens and the microlenses and interference between these.
 
     The counterpart of `plenoptic.point_spread`, which follows rays, in the same units. The point sends out light of
-    each wavelength by itself; what arrives of them is added.
+    each wavelength by itself; their arriving light is added.
 
     Parameters
     ----------
@@ -55,13 +55,13 @@ def point_spread(
     Raises
     ------
     InvalidValueError
-        For a camera that has what is not known here, microlenses without extent (PINHOLE), a point that is not in front
+        For a camera that is not supported here, with microlenses without extent (PINHOLE), a point that is not in front
         of the lens, light that is nearly parallel behind it, or that needs more than 67 million samples.
 
     Notes
     -----
     Plane waves behind the main lens get their phases and amplitudes from rays (see `plenoptic.wave.beam`). Their sum on
-    the plane of the array is multiplied by what each microlens is there: its opening, and its phase as a thin element,
+    the plane of the array is multiplied by the factor of each microlens: its opening, and its phase as a thin element,
     the microlens where it really stands. All of it goes on to the sensor at once, by a band-limited angular spectrum.
     Light is then shared among pixels by area.
 

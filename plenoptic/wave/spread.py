@@ -52,7 +52,7 @@ class Sampling:
     def error(self) -> float:
         """Bound of the light that pixels have wrong, over that of all of them.
 
-        What is beside or lost is missing; what is too steep is missing in one place and arrives in another.
+        Light outside or lost is missing; light that is too steep is missing in one place and arrives in another.
         """
         return self.beside + 2.0 * self.steep + self.lost + 2.0 * np.pi * self.phase_error
 
@@ -72,7 +72,7 @@ class WaveSpread:
     Attributes
     ----------
     image : (rows, columns) array
-        As that of `CameraSpread`: what a pixel measures of a small Lambertian emitter at the point, for each unit of
+        As that of `CameraSpread`: the value of a pixel for a small Lambertian emitter at the point, for each unit of
         its radiance and each mm^2 of its area, sr/mm^2. Of several wavelengths, their mean by weight.
     corner : (2,) array of int
         Row and column on the sensor of the first pixel of `image`.

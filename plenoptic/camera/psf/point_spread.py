@@ -1,7 +1,6 @@
 """Forward tracing: where the light of points lands on the sensor of a camera.
 
-It measures the quantity that `render` measures. For the radiance L of a small emitter of area dA, the value of a pixel
-is
+It measures the quantity that `render` measures. For the radiance L of a small emitter of area dA, a pixel has the value
 
     E = 1/A_pixel  integral over pixel and microlens plane of L cos^4(sensor) / distance^2
       = 1/A_pixel  L  times the etendue, at the sensor, of the rays between emitter and pixel.

@@ -114,7 +114,7 @@ def lens_record(
 ) -> LensRecord:
     """The record for one wavelength (nm), or an array of several, and one direction of travel.
 
-    With `round_stops`, all stops become the circles around them: what bounds on pupils are made of. `first` and
+    With `round_stops`, all stops become the circles around them, as bounds on pupils need them. `first` and
     `last` choose a part of the lens, both included, always traced exactly. Without `clipping`, neither semi-diameters
     nor stops stop a ray.
     """

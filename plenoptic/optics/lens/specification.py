@@ -49,9 +49,9 @@ class Specification:
     image_radius : float
         Radius of curvature of the image surface; inf: a plane.
     entrance_pupil_diameter : float, optional
-        What the system aperture asks for, paraxially, at the primary wavelength.
+        Diameter by the system aperture, paraxially, at the primary wavelength.
     stop_semi_diameter : float, optional
-        What the stop's surface says.
+        Semi-diameter by the stop's surface.
 
     Raises
     ------

@@ -47,12 +47,12 @@ class LensStack:
     source : str, optional
         Where the numbers come from: patent, book and page.
     ambient : Medium, optional
-        What is before the first surface and behind the last one; keyword only. AIR means that all indices are relative
+        Medium before the first surface and behind the last one; keyword only. AIR means that all indices are relative
         to air, as in glass catalogues. For a lens in vacuum, or in real air with absolute indices, see `Absolute`.
     model : LensModel, optional
         How faithfully rays are followed; keyword only. EXACT: through every surface.
     specification : Specification, optional
-        What the file of the lens says of fields, wavelengths, object and image; keyword only.
+        Fields, wavelengths, object and image by the file of the lens; keyword only.
 
     Raises
     ------
@@ -174,7 +174,7 @@ class LensStack:
         Parameters
         ----------
         which : int, slice or sequence of int
-            Indices in `elements` of what moves.
+            Indices in `elements` of the moving elements.
         shift : (3,) sequence of float, optional
             Along x, y and z in mm.
         tilt : (3,) sequence of float, optional
@@ -235,7 +235,7 @@ class LensStack:
     def inserted(self, stop: Stop, z: float) -> LensStack:
         """The same lens with one more stop at z, mm in the lens frame, where no glass is; the iris stays.
 
-        It may stand in front of the lens or behind it. Its own thickness is replaced by what is left of the gap. A
+        It may stand in front of the lens or behind it. Its own thickness is replaced by the rest of the gap. A
         PrescriptionError if z lies inside glass.
 
         Examples

@@ -56,7 +56,7 @@ class MicrolensAperture:
         Area of the opening over that of the cell, above 0 and at most 1. A circle that would stick out of the cell
         is an error: the largest fills 0.90689 (pi / sqrt 12) of a hexagonal and 0.78539 (pi / 4) of a square cell.
     gaps : Gaps
-        What lies between the openings.
+        Gaps between the openings.
 
     Raises
     ------

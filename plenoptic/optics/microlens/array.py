@@ -74,9 +74,9 @@ class MicrolensArray:
     types : (n,) array of int, optional
         FREE: the type of each lens; None: all are of the first.
     aperture : MicrolensAperture, optional
-        Openings of the lenses and what lies between them; None: lenses fill their cells.
+        Openings of the lenses and gaps between them; None: lenses fill their cells.
     medium : Medium, optional
-        What the lenses are made of, anything that `Surface` accepts; `index` is then its index at 587.6 nm and is left
+        Medium of the lenses, anything that `Surface` accepts; `index` is then its index at 587.6 nm and is left
         out. Surfaces keep their curvature, so that the power follows index - 1; PINHOLE bends nothing. None: the index
         is the same at all wavelengths.
     walls : Walls

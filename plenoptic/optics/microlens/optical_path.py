@@ -40,8 +40,8 @@ def microlens_path(
     Returns
     -------
     rays : RayBundle
-        They stand on the side by which they leave. Those that meet no microlens are lost, and what a dark one lets
-        pass is taken off their weight.
+        They stand on the side by which they leave. Those that meet no microlens are lost, and the transmission of a
+        dark one multiplies their weight.
     path : (n,) array
         From the origins given to there, mm; negative where an origin lies behind the array; nan for lost rays.
 
@@ -54,7 +54,7 @@ def microlens_path(
     -----
     FLAT_HIGH_INDEX: a plane with the normals of a sphere shifts the phase as the height s of the sphere would, by
     s (n cos i - n' cos t) with the angles to the axis. Where that bracket is the same for all rays, as in parallel
-    light, wavefronts are perpendicular to rays; otherwise they are off by s times what it changes.
+    light, wavefronts are perpendicular to rays; otherwise they are off by s times its change.
 
     Examples
     --------

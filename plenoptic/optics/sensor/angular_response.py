@@ -17,7 +17,7 @@ class AngularResponse:
 
     Light that arrives at an angle reaches, at the bottom of a well of depth d and square opening w, a square that is
     displaced by d tan(theta') along the two axes; the part that overlaps the photodiode counts. theta' is the angle in
-    the well's dielectric. Times cos(theta)^exponent, which stands for what the surface reflects and absorbs. Sensors
+    the well's dielectric. Times cos(theta)^exponent, a model of reflection and absorption by the surface. Sensors
     for short exit pupils shift their openings towards the axis, so that the chief ray from a pupil at
     `pupil_distance` meets the middle of every photodiode; light that comes from elsewhere is then the one that rolls
     off.

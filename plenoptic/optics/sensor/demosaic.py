@@ -16,7 +16,7 @@ from plenoptic.optics.sensor.color_filter import Filters, bayer_from, channels_o
 class DemosaicMethod(enum.IntEnum):
     """Interpolation method for missing channels. See `RawImage`.
 
-    All three invent colours at edges, which is what they are here for: a camera's pictures have them too.
+    All three invent colours at edges, on purpose: a camera's pictures have them too.
 
     References
     ----------

@@ -21,7 +21,7 @@ def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> fl
     Parameters
     ----------
     radiance : float
-        What 1 scene unit of radiance stands for, W/(m^2 sr), all of it at `wavelength`.
+        Radiance of 1 scene unit, W/(m^2 sr), all of it at `wavelength`.
     pixel_pitch : float
         Side p of a pixel in mm, as in `Sensor`; an image is already averaged over the pixel's area, so a fill factor
         below 1 belongs into the quantum efficiency unless the exposure has it.

@@ -96,8 +96,8 @@ class MaskStop:
         ----------
         path : path-like
             Any file that `images.read_linear` reads; colours become the mean of their channels. Greys of files with
-            integers are decoded from sRGB, so that a mask lets through what the picture seems to. Only what is exactly
-            black is opaque: files that are compressed with losses (JPEG) have open specks all over.
+            integers are decoded from sRGB, so that a mask transmits the visible brightness of the picture. Only pixels
+            of exactly 0 are opaque: files that are compressed with losses (JPEG) have open specks all over.
         semi_diameter, thickness, placement
             As of the class.
         limits : FileLimits

@@ -17,7 +17,7 @@ _STEEPEST = 1e-6
 class Mirror:
     """Medium behind a reflecting surface: light stays in the medium in front.
 
-    Behind a mirror the lens's frame shows what follows as seen in the mirror, so that light always goes towards +z,
+    Behind a mirror the lens's frame shows later elements as seen in the mirror, so that light always goes towards +z,
     gaps are positive, and a surface is convex towards the light that meets it where its radius is positive: a concave
     mirror has a negative radius, a convex one a positive one, and behind an odd number of mirrors radii have the other
     sign than in prescriptions that turn the axis round. A ray met by a mirror at a height z over its vertex goes on
@@ -26,8 +26,8 @@ class Mirror:
     Parameters
     ----------
     fold : (3,) array, optional
-        Normal of the plane through the mirror's place on the axis in which what follows is seen; kept with length 1 and
-        z above 0. Along the axis, unless a mirror that stands askew folds the axis itself: then its own normal.
+        Normal of the plane through the mirror's place on the axis in which later elements are seen; kept with length 1
+        and z above 0. Along the axis, unless a mirror that stands askew folds the axis itself: then its own normal.
 
     Raises
     ------

@@ -39,7 +39,7 @@ class Surface:
     thickness : float, optional
         Axial gap to the next element in mm, at least 0.
     medium : Medium, optional
-        What fills that gap; `optics.MIRROR`: the surface reflects, see `optics.Mirror`.
+        Medium of that gap; `optics.MIRROR`: the surface reflects, see `optics.Mirror`.
     semi_diameter : float
         Half of the free diameter in mm, above 0 and not beyond the equator of the sphere or ellipsoid. Keyword only,
         required.
@@ -52,7 +52,7 @@ class Surface:
         its rim lies along the axis, in mm. `semi_diameter` is then that of the equator. None: the surface ends at the
         semi-diameter, on the vertex's side of the equator.
     departure : Departure, optional
-        What is added to that sag and has no rotational symmetry. None: nothing.
+        Freeform term that is added to that sag. None: nothing.
     placement : Placement, optional
         Decentre and tilt; see `LensStack.moved`. None: centred.
 
@@ -60,7 +60,7 @@ class Surface:
     ------
     InvalidValueError
         PrescriptionError for a radius of 0 or nan, a negative gap, a semi-diameter or depth that the surface does not
-        have, or a medium without an index; its base class for what is not a finite number.
+        have, or a medium without an index; its base class for a number that is not finite.
 
     Examples
     --------

@@ -24,7 +24,7 @@ _SMALLER = ((1.0, 90), (1.0, 80), (0.75, 80), (0.5, 75), (0.35, 60))
 def picture_html(draw: Callable[[Figure], Any], *, size: tuple[float, float], alt: str, text: str) -> str:
     """HTML of the figure that `draw` fills, of some inches, above a text; without matplotlib the text alone.
 
-    `size` is width and height; `alt` says what is to be seen to those who do not see it.
+    `size` is width and height; `alt` describes the figure for those who cannot see it.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -95,7 +95,7 @@ class Estimate:
     samples : Estimated
         Mean paths of a pixel.
     plan : Plan
-        What will run.
+        Stages that will run.
 
     Examples
     --------

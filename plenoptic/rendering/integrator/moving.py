@@ -22,8 +22,8 @@ SHUTTER_SET = COLOUR_SET + 1
 class MovingPaths:
     """Quantities of a bundle that differ from path to path, and the scene at each path's time.
 
-    Each ray that meets what moves gets a row of `instance_to_world` of its own, behind those of the scene: whatever
-    reads there where a triangle stands needs not know of times.
+    Each ray that meets a moving object gets a row of `instance_to_world` of its own, behind those of the scene:
+    whatever reads there where a triangle stands needs not know of times.
     """
 
     def __init__(

@@ -43,7 +43,7 @@ def _brought(light, k, c):
 def fill_sums(sums, bundle, start, n, batch):
     """Add the contributions of a bundle's paths to sums (pixels, streams, channels), in the order of their numbers.
 
-    The last row of a pixel's sums gets the squares of what its paths bring, those of all streams.
+    The last row of a pixel's sums gets the squares of its paths' contributions, those of all streams.
 
     The bundle is `Light`. Returns how many contributions were not finite; these are left out.
     """
@@ -74,7 +74,7 @@ def fill_shared(sums, place, bundle, levels, shares, start, n, batch):
 
     `sums` are (places, replicates, channels, pixels) and, of squares, (places, channels, pixels); `place` are those of
     pixels, `shares` a row of a `SpreadTable` for each path, and its rows. `levels` (places,) is light that is known to
-    be about there, of which only what paths bring more or less is shared; None for nothing. For the rest see
+    be about there, of which only the paths' deviations are shared; None for nothing. For the rest see
     `fill_sums`.
     """
     broken = 0
@@ -139,8 +139,8 @@ def fill_gathered(whole, shared, known, drawn, givers, batch, part, every):
     These are shares of light at `givers`, the `known` (pixels, channels) part of a sample, and `part` of the sampled
     deflections.
 
-    The last row of `whole` (pixels, replicates + 1, channels) gets the square of what all bring over their number, and
-    how much what they bring differs: a drawn bend stands for `every` samples, and differs as much more.
+    The last row of `whole` (pixels, replicates + 1, channels) gets the square of all contributions over their number,
+    and their scatter: a drawn bend stands for `every` samples, and scatters as much more.
     """
     replicates, (shared, shared_squares), (drawn, drawn_squares) = whole.shape[1] - 1, shared, drawn
     samples, counts = batch.samples, np.zeros(replicates)

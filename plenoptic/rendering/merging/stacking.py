@@ -1,7 +1,7 @@
 """Exposures of the same pixels with other random numbers: their mean and its standard error.
 
-Each pixel by itself, so that the bits do not depend on which rows are stacked at a time: what a pixel's block of 8 x 8
-tells of its error is in the errors of the parts.
+Each pixel by itself, so that the bits do not depend on which rows are stacked at a time: information of its block of 8
+x 8 about its error is in the errors of the parts.
 """
 
 from __future__ import annotations

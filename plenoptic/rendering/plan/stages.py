@@ -120,7 +120,7 @@ class Plan:
     ----------
     decisions : tuple of Decision
     subject : Subject, optional
-        What it was made for; None for a plan that was made by hand. Plans are equal where their decisions are.
+        Subject of the plan; None for a plan that was made by hand. Plans are equal where their decisions are.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Checkpoints: the file in which a render keeps the results of its tiles.
 
-Each record is what some samples of a tile have brought, with the sums of all its samples until then. Tiles are pure
-functions, so that a render that goes on takes from the file what it would have rendered next, and renders the rest:
+Each record holds the result of some samples of a tile, with the sums of all its samples until then. Tiles are pure
+functions, so that a render that goes on takes the results of its next tiles from the file, and renders the rest:
 with more samples or a smaller error than last time, too. Sums live in the file, and not in memory.
 """
 
@@ -93,7 +93,7 @@ class Checkpoint:
     def recorded(self, i: int, done: int, most: int, replicates: int) -> Entry | None:
         """The record that takes a tile furthest from `done` samples, by `most` more at most; None without one.
 
-        What falls short of that has as many samples of each replicate, or no batch could follow it.
+        A tile with fewer samples has as many of each replicate, or no batch could follow it.
         """
         here = [(int(entry.facts["samples"]), entry) for entry in self._found.get((i, done), ())]
         fitting = [(n, entry) for n, entry in here if n == most or (n < most and n % replicates == 0)]

@@ -24,7 +24,7 @@ def identity(scene: SceneRecord | None, camera: PlenopticCamera, **facts: Any) -
 
     It has the version of this package, the fields of the camera and of values among the facts one by one, and facts:
     numbers, texts, enums and tuples of them. Media of other origin than this package count by their indices at the
-    wavelengths of the camera. The same in every process; an InvalidValueError for what cannot be told apart there.
+    wavelengths of the camera. The same in every process; an InvalidValueError for values that cannot be distinguished.
     """
     found = {"plenoptic": __version__, "scene": _text(scene)}
     for name, fact in {"camera": camera, **facts}.items():

@@ -49,8 +49,8 @@ class Progress:
 
     Each colour is decided upon at numbers of samples of its own, which are predicted from the errors of the other.
 
-    Which pixels are lit is found anew before each round of decisions: for one colour, from what its pixels had when the
-    other one was last decided upon, so that this too is independent of what is decided. Where the error of all of a
+    Lit pixels are found anew before each round of decisions: for one colour, from the samples of its pixels when the
+    other one was last decided upon, so that this too is independent of decisions. Where the error of all of a
     colour rests on few pixels, light is rare, no tile knows whether it has met it, and the other colour goes on.
     """
 

@@ -69,8 +69,8 @@ def load_file(
     Materials of glTF files become `MetallicRoughness` with all their textures; `Dielectric` or, without a volume,
     `ThinGlass` where they transmit all light; `Emissive` where they are unlit (KHR_materials_unlit). Sheen, occlusion
     maps, normal maps of clear coats and others beyond these are left out. Normal maps go by the directions of the
-    texture; a warning says where a file has tangents that differ. Those of OBJ files become what the table of
-    `plenoptic.scene.files.obj.obj_material` says. Parts without a material take the colour that all their vertices
+    texture; a warning says where a file has tangents that differ. Those of OBJ files are converted by the table of
+    `plenoptic.scene.files.obj.obj_material`. Parts without a material take the colour that all their vertices
     have; all others are grey, `Lambertian(0.5)`.
 
     Lights (KHR_lights_punctual) and cameras are those of glTF files. The file's candela and lux are taken as scene
@@ -87,13 +87,13 @@ def load_file(
         Replaces all materials of the file, which are not looked at then.
     limits : FileLimits
         Where other files may lie that this one names, and how much it may ask for: by default they lie beside or below
-        it, and what it becomes takes at most 512 MiB, or 256 times its size.
+        it, and the scene takes at most 512 MiB, or 256 times its size.
 
     Raises
     ------
     FileError
         A file that is missing, damaged, of another kind, or with neither triangles nor lights; a material file or
-        texture that is missing, not an image, or out of bounds; what the standard of glTF forbids; a feature that would
+        texture that is missing, not an image, or out of bounds; violations of the glTF standard; a feature that would
         be rendered wrongly. The message names the file.
     InvalidValueError
         An unknown unit.

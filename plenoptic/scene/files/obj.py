@@ -68,7 +68,7 @@ def obj_material(name: str, said: Said, reader: FileReader) -> Material:
     d or 1 - Tr, times map_d, is the opacity of all `MetallicRoughness`, Ke times map_Ke their emission, norm their map
     of normals. map_d is the alpha of its image, or its grey where that has none. Ka, bump and others are left out.
 
-    `said` is what `read_mtl` returns for it; its images are found by `reader`. A `FileError` for what is no number and
+    `said` is the result of `read_mtl` for it; its images are found by `reader`. A `FileError` for an invalid number and
     for an image that is missing, damaged or has options other than -clamp, a `SceneError` for numbers out of range.
 
     References

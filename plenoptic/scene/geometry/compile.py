@@ -89,7 +89,7 @@ def middle_of(vertices: Floats, triangles: NDArray[np.int32], instances: Instanc
     """Median of the vertices: where the details are, whatever large surfaces lie around them.
 
     An instance counts as two opposite corners of the box around its mesh; where others stand still, those that move do
-    not count, so that the coordinates of what stands still are the same at all times.
+    not count, so that the coordinates of still objects are the same at all times.
     """
     if instances is None:
         return np.asarray(np.median(vertices, axis=0))

@@ -43,8 +43,8 @@ class Instances:
         From the mesh's frame to the world, for column vectors: p' = M p, lengths in mm. Where a matrix mirrors, the
         front of the mesh stays the front.
     motion : Motion, optional
-        How all of them move from there, by the time in s from the middle of an exposure: what a `Sequence` gives to
-        what moves. It shows where the camera has a `Shutter`. None: they stand still.
+        Motion of all of them from there, by the time in s from the middle of an exposure, as a `Sequence` gives it to
+        moving objects. It shows where the camera has a `Shutter`. None: they stand still.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class Mesh:
     uv : (n, 2) array or None
         Texture coordinates; (0, 0) is the lower left corner of the image, (1, 1) the upper right one.
     name : str
-        What `object_names`, files and warnings call it.
+        Name in `object_names`, files and warnings.
 
     Raises
     ------

@@ -143,7 +143,7 @@ class EnvironmentMap:
         Parameters
         ----------
         axis : (3,) array
-            Direction of the axis, of any length above 0. A turn about +y moves what lies ahead (-z) to the left (-x).
+            Direction of the axis, of any length above 0. A turn about +y moves the part ahead (-z) to the left (-x).
         angle : float
             Radians, counter-clockwise as seen by one whom the axis points at.
 

@@ -19,7 +19,7 @@ class Conductor:
     """A mirror, or a metal whose surface is rough.
 
     The surface consists of small mirrors whose normals have the GGX (Trowbridge-Reitz) distribution, hidden from each
-    other by Smith's height-correlated function. Light is followed to the first of them: what a real surface gives back
+    other by Smith's height-correlated function. Light is followed to the first of them: the light of a real surface
     after a second reflection is missing (a table is in docs/validation.md). Both sides reflect.
 
     Parameters
@@ -27,7 +27,7 @@ class Conductor:
     reflectance : float or (float, float, float)
         Share that each small mirror reflects, in [0, 1], at all angles; a factor where there is an `index`.
     alpha : float
-        Width of the distribution of normals, in [0, 1]: 0 is a mirror (as is what lies below 0.0001), 0.1 brushed, 0.5
+        Width of the distribution of normals, in [0, 1]: 0 is a mirror (as are values below 0.0001), 0.1 brushed, 0.5
         matt. glTF's roughness is its square root.
     index : complex, (complex, complex, complex) or None
         Refractive index n + i k, k at least 0, at all wavelengths or for red, green and blue. None: all angles alike.

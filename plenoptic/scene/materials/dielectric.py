@@ -35,7 +35,7 @@ class Dielectric:
 
     Notes
     -----
-    Light that is drawn directly does not find its way through refracting surfaces: what reaches a surface through glass
+    Light that is drawn directly does not find its way through refracting surfaces: light on a surface behind glass
     is found by paths that happen to meet the light. Point lights and suns without extent are never met like that.
 
     Examples
@@ -79,7 +79,7 @@ class ThinGlass:
     index : float
         Refractive index of the pane, above 0.
     transmittance : float or (float, float, float)
-        In [0, 1]: share of what is not reflected that passes.
+        In [0, 1]: transmitted share of the light that is not reflected.
 
     Raises
     ------

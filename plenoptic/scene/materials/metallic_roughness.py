@@ -57,15 +57,15 @@ class MetallicRoughness:
     Notes
     -----
     Khronos, glTF 2.0 specification, appendix B. There, base and layer together can reflect more than all at grazing
-    angles. Here the base is darkened by what the layer reflects on the way in and out (Cs. Kelemen and
+    angles. Here the base is darkened by the layer's reflections on the way in and out (Cs. Kelemen and
     L. Szirmay-Kalos, Eurographics 2001), so that a white base reflects all: to 0.2 % up to 87 degrees from the normal,
     to 1 % beyond.
 
     The coat is the extension KHR_materials_clearcoat: a layer as the one below, whose normals it shares, with Fresnel's
-    reflectance after Schlick and without colour or refraction. What lies below it receives and sends what passes the
+    reflectance after Schlick and without colour or refraction. The parts below it receive and send light through the
     coat: the matt base as it does through its own layer, so that white stays white to 1 %, and that layer or metal by
-    what passes in the direction in which less does. So no light is made, and light that goes to and fro between coat
-    and metal is lost: up to 6 % of it where rough metal lies under a polished coat.
+    the smaller of the transmissions of both directions. So no light is made, and light that goes to and fro between
+    coat and metal is lost: up to 6 % of it where rough metal lies under a polished coat.
 
     Examples
     --------
@@ -121,7 +121,8 @@ class MetallicRoughness:
 def coated_tables() -> Mapping[str, Floats]:
     """Tables of the layer, with a column more for each roughness of a coat: means of the light that passes both.
 
-    Products of what is linear between nodes of the root of the cosine, r, times 4 r^3 dr: three points are exact.
+    Products of functions that are linear between nodes of the root of the cosine, r, times 4 r^3 dr: three points are
+    exact.
     """
     layer = layer_tables()["coupling"]
     passed, r = layer[:, :COUPLING_COSINES], np.linspace(0, 1, COUPLING_COSINES)

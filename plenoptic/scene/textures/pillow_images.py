@@ -22,7 +22,7 @@ _OF_RESULT = {"La": "LA", "RGBa": "RGBA"}
 def linear_texels(image: Image, *, encoding: Encoding, channel: int | None) -> NDArray[np.float32]:
     """The (rows, columns, 1 or 3) linear values of an image of any mode, or of one of its channels.
 
-    `encoding` is what codes of 8 and 16 bits mean; floats are linear. `channel` is 0, 1, 2 for red, green, blue, or
+    `encoding` is that of codes of 8 and 16 bits; floats are linear. `channel` is 0, 1, 2 for red, green, blue, or
     grey, 3 for alpha, which is never sRGB and 1 where there is none; None for all but alpha.
     """
     encoding, channel = choice(encoding, Encoding, "encoding"), images.channel_number(channel)

@@ -72,9 +72,9 @@ class Texture:
     texels : (rows, columns, 1 or 3) array of float32
         Linear, 0 or more; row 0 is the top of the image. Copied, then read-only. At most 2^28 rows x columns.
     wrap : Wrap or (Wrap, Wrap)
-        What lies beyond the border; a pair is for (u, v).
+        Continuation beyond the border; a pair is for (u, v).
     filter : TextureFilter
-        What lies between the centres of texels.
+        Interpolation between the centres of texels.
 
     Raises
     ------
@@ -157,9 +157,9 @@ class Texture:
         Parameters
         ----------
         path : str or path
-            An image: PNG, TIFF or JPEG with codes of 8 or 16 bits, EXR, HDR, or what else OpenImageIO reads.
+            An image: PNG, TIFF or JPEG with codes of 8 or 16 bits, EXR, HDR, or another format that OpenImageIO reads.
         encoding : Encoding
-            What codes mean: SRGB for colours, LINEAR for normals, roughness and other data. Floats are linear.
+            Encoding of codes: SRGB for colours, LINEAR for normals, roughness and other data. Floats are linear.
         channel : int, optional
             One channel alone: 0, 1, 2 for red, green, blue (of a grey image, its grey), 3 for opacity, which is
             never sRGB, and 1 where the image has none. By default all but opacity.

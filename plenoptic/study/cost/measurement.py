@@ -54,7 +54,7 @@ def cost_of(
     Parameters
     ----------
     plan : Plan
-        From `plenoptic.plan`, which tells it what for.
+        From `plenoptic.plan`, which notes its subject.
     samples : int, optional
         Paths per pixel, in place of those of the plan.
     region : (slice, slice), optional
@@ -77,7 +77,7 @@ def cost_of(
     Raises
     ------
     InvalidValueError
-        Where the plan does not know what it was made for, or an argument is impossible.
+        Where the plan does not know its subject, or an argument is impossible.
 
     Examples
     --------
@@ -171,7 +171,7 @@ class _Times(NamedTuple):
 def _turns(subject: Subject, out: list[Ablation], run: _Run, rounds: int, progress: bool) -> _Times:
     """For each part: render all of it, without the part, all of it, without the part, and so on.
 
-    Only two cameras take turns at a time, so that what is remembered of cameras used last stays.
+    Only two cameras take turns at a time, so that caches of the cameras used last stay.
     """
     n, set_ups = len(out), min(rounds, _SET_UPS)
     pictures = [Picture() for _ in range(n + 1)]

@@ -31,7 +31,7 @@ class CostRow:
     ----------
     stage : Stage
     instead : str
-        What is done without it.
+        Substitute for it when it is left out.
     with_it, without_it : float
         CPU seconds per million paths beyond set-up, medians over the rounds.
     percent : float

@@ -83,7 +83,7 @@ def measured_rows(
 ) -> list[ErrorRow]:
     """Expose each variant with each number of samples and several seeds, and split its error.
 
-    Variants take turns, so that what disturbs the machine disturbs all of them. Rows of different numbers of samples
+    Variants take turns, so that other work of the machine disturbs all of them. Rows of different numbers of samples
     have seeds of their own, so that their errors are independent. `done` is called after each render, with its samples.
     An interrupt ends it with the rows that are done.
     """

@@ -33,7 +33,7 @@ class Recommendation:
     Attributes
     ----------
     target_error : float
-        What was asked for.
+        The requested error.
     variant : str
     samples : int
         Paths per pixel; between the rows, 4 to 7 times a power of 2, which scrambled points use well.
@@ -44,7 +44,7 @@ class Recommendation:
     extrapolated : bool
         Whether it needs more samples than were measured.
     remarks : tuple of str
-        What to know: how far it extrapolates, and which variants cannot get there.
+        Remarks: how far it extrapolates, and which variants cannot get there.
 
     Examples
     --------

@@ -29,7 +29,7 @@ class ErrorRow:
     bias_squared, bias_squared_error : float
         Squared relative error that no number of samples takes away, as measured, which noise can make negative.
     reported_variance : float, optional
-        What the renders' own standard errors say; None with one replicate.
+        Variance by the renders' own standard errors; None with one replicate.
 
     Examples
     --------

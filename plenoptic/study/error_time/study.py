@@ -60,10 +60,10 @@ def error_against_time(  # noqa: PLR0913
 ) -> ErrorTable:
     """Measure error against time: variants of a render, timed, and compared with a converged reference.
 
-    Each variant is rendered with several numbers of samples and several seeds. What seeds differ by is variance; what
-    their mean is off from the reference, beyond what noise explains, is bias. The reference's own squared error is
-    known from its standard errors and subtracted. Errors are relative root mean squares over lit pixels: those above
-    0.1 of the reference's 99th percentile, in the mean over the channels.
+    Each variant is rendered with several numbers of samples and several seeds. Differences between seeds are variance;
+    the deviation of their mean from the reference, beyond noise, is bias. The reference's own squared error is known
+    from its standard errors and subtracted. Errors are relative root mean squares over lit pixels: those above 0.1 of
+    the reference's 99th percentile, in the mean over the channels.
 
     Parameters
     ----------

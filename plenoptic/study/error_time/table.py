@@ -48,7 +48,7 @@ class ErrorTable:
     Parameters
     ----------
     title : str
-        What was rendered.
+        Subject of the renders.
     rows : sequence of ErrorRow
     pixels, lit_pixels : int
         Of the region; errors are means over the lit ones.

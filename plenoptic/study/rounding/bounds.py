@@ -67,15 +67,15 @@ def bounds_of(ray: ExactRay, surfaces: list[Surface]) -> Bounds:
     On one surface 4 eps max(\|hit\|, \|z of the vertex\|) / cos i in position (`GRAZING_FACTOR` times that at grazing
     incidence), the hit being measured from the vertex, and 4 eps (1 + mu^2) / cos t in direction. An aspheric sag is
     a sum, good to eps of its largest terms: their sizes added up take the place of \|hit\| where they are larger. Its
-    slope is a sum too: what its terms, those of the conic over 1 - (1 + k) c^2 r^2, leave of the normal is added.
+    slope is a sum too: the part of its terms, those of the conic over 1 - (1 + k) c^2 r^2, in the normal is added.
 
     A point that is off by its bound has another normal. Where that turns by more than `NOTICED` eps, the direction
     turns along, and its bound grows by as much; `Bounds.snell` does not know of it. Over several surfaces, an error of
     direction is an error of position at the next one, and the other way round, to first order.
 
-    By Fermat's principle, points that are off along their surfaces do not change the optical path to first order. What
-    changes it is how far off the surface they are, 4 eps of what the position is rounded against, how far along the
-    ray the last one is, and rounding of the distances themselves.
+    By Fermat's principle, points that are off along their surfaces do not change the optical path to first order. It
+    changes with their distance from the surface, 4 eps of the reference size of the position, with the offset of
+    the last one along the ray, and with the rounding of the distances themselves.
 
     The ray must not end in a total reflection; `surfaces` are those of its crossings.
     """

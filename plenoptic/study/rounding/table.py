@@ -197,9 +197,9 @@ def _found(case: StabilityCase, setup: Setup) -> tuple[list[Found], list[tuple[s
 def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None = None) -> StabilityTable:
     """Rounding errors of ray tracing, against a trace with 50 digits and other formulas.
 
-    The cases are ordinary lenses and what is hard for floating-point numbers: very large and very small radii, distant
-    origins, grazing rays, tangents, total reflection, indices that are almost the same, strong aspheres, numbers that
-    are not finite. Every ray is held to a bound of its own; see `plenoptic.study.rounding.bounds`.
+    The cases are ordinary lenses and those that are hard for floating-point numbers: very large and very small radii,
+    distant origins, grazing rays, tangents, total reflection, indices that are almost the same, strong aspheres,
+    numbers that are not finite. Every ray is held to a bound of its own; see `plenoptic.study.rounding.bounds`.
 
     Parameters
     ----------

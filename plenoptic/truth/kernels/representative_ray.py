@@ -31,7 +31,7 @@ def fill_region_rays(rays, lanes, at, which, starts, fed, distance):
     """Aim a ray of each of some fed pixels at the centroid of the part of a microlens that gives a start most light.
 
     `which` (m,) are their numbers among the fed ones, `at` (m,) the places of their `rays` (see `PixelRays`), `starts`
-    (m, k, 2) points on them. Where nothing feeds these, rays keep what they have. `distance`: of the sensor, in mm.
+    (m, k, 2) points on them. Where nothing feeds these, rays stay unchanged. `distance`: of the sensor, in mm.
     """
     centres, regions = fed.centres, fed.regions
     pieces, first, corners, planes = regions.pieces, regions.first, regions.corners, regions.planes

@@ -67,7 +67,7 @@ def _crossing(blocks, at, px, py, pz, nx, ny, nz):
 def fill_image_distances(distances, blocks, main, points, lane_of, step, turn):
     """Distance from the array to the image of `points` (n, 3): the inverse of the mean of B^-1 A, in mm.
 
-    `blocks` are the traced NEIGHBOURS of the traced rays `main`; lanes that are not in `lane_of` keep what they have.
+    `blocks` are the traced NEIGHBOURS of the traced rays `main`; lanes that are not in `lane_of` stay unchanged.
     """
     for i in range(lane_of.size):
         p = lane_of[i]

@@ -47,12 +47,12 @@ class WaveSpread:
     Attributes
     ----------
     image : (rows, columns) array
-        Part of the light that falls on each pixel, by what is in its middle; row 0 is at the largest y, column 0 at the
-        smallest x.
+        Part of the light that falls on each pixel, by the field in its middle; row 0 is at the largest y, column 0 at
+        the smallest x.
     outside : float
         Part of the light that misses the picture.
     perfect : float
-        What the pixel in the image point would have without aberrations.
+        Value of the pixel in the image point without aberrations.
     method : SpreadMethod
     pixel_size : float
         mm.
@@ -130,7 +130,7 @@ def wave_spread(  # noqa: PLR0913
         Points across the opening, at most 512.
     method : SpreadMethod, optional
         None: FOURIER for a plane across the axis where the phase that it leaves out is below 5e-3 radians everywhere,
-        which changes what is found by 1 % of `perfect` at most; otherwise HUYGENS, which takes seconds.
+        which changes the result by 1 % of `perfect` at most; otherwise HUYGENS, which takes seconds.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def wave_spread(  # noqa: PLR0913
 
     Notes
     -----
-    What is known is the field of `wave_mtf`. Light on the picture is ``|U|^2 dx dy``, and all of it by Parseval's
+    The known field is that of `wave_mtf`. Light on the picture is ``|U|^2 dx dy``, and all of it by Parseval's
     theorem wavelength^2 times the sum of squares over direction cosines in the plane.
 
     Examples

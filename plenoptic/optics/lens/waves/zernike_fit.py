@@ -63,7 +63,7 @@ class ZernikeFit:
         Waves, of terms 1, 2, ...
     order : ZernikeOrder
     residual : float
-        Root mean square of what the sum leaves, waves.
+        Root mean square of the residual, waves.
     """
 
     coefficients: Floats

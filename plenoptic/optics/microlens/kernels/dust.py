@@ -63,7 +63,7 @@ def fill_dust_bins(bin_first, members, capsules, grid, margin):
     """Sort capsules into bins: those of bin b are members[bin_first[b]] to members[bin_first[b + 1]].
 
     `grid` is x, y of its corner, bins per mm and the numbers of columns and rows; bins count column by column.
-    `margin` widens capsules by what rounding can move them. `bin_first` comes as zeros.
+    `margin` widens capsules by the largest rounding error. `bin_first` comes as zeros.
     """
     rows = int(grid[4])
     for k in range(capsules.shape[0]):

@@ -7,7 +7,7 @@ meets the sensor, in the sensor's own axes, Z, N is the lattice index of the mic
 WEIGHT is etendue, area times projected solid angle. With slopes u, v per length of z and the angle a to the axis, it is
 dx dy du dv cos^4 a, whichever axis is taken for z. Free space and true refraction keep it. Ideal thin elements keep
 dx dy du dv about their own axis instead, since they only shear the slopes by the height: there the weight is multiplied
-by cos^4 after over cos^4 before. It then is the etendue at the sensor, which is what a pixel measures, and which does
+by cos^4 after over cos^4 before. It then is the etendue at the sensor, the quantity that a pixel measures, which does
 not depend on how the sensor is tilted.
 """
 

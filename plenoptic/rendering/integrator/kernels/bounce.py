@@ -28,7 +28,7 @@ def sample_bsdf(onward, source, interactions, queue, bsdf, wavelengths, russian_
     """Sample scattered rays by the BSDFs and rows 2 and 3 of random numbers; returns the number of rays.
 
     `source`, where it is wanted, names the interaction each ray comes from, and is negative (-1 - interaction) where
-    the ray has gone through it. With Russian roulette, paths go on with a probability of what their surface gives back.
+    the ray has gone through it. With Russian roulette, paths go on with a probability of their surface's albedo.
     """
     next_rays, next_path, next_throughput, next_pdf = onward.rays, onward.path, onward.throughput, onward.pdf
     rows, ray_of, path_of = interactions.rows, interactions.ray, interactions.path

@@ -19,9 +19,9 @@ from plenoptic.scene.textures.kernels.lookup import fill_texel
 def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
     """Add the emission of the surfaces that rays hit, and of the sky where they hit nothing.
 
-    `queue.pdf` is the density by which a ray's direction was drawn, None for rays straight from the camera: what could
-    have been drawn as a light too counts in part. With `queue.rough` (1 for paths that a rough surface has scattered),
-    what mirrors throw on rough surfaces does not count.
+    `queue.pdf` is the density by which a ray's direction was drawn, None for rays straight from the camera: directions
+    that have been drawn as a light too counts in part. With `queue.rough` (1 for paths that a rough surface has
+    scattered), light that mirrors throw on rough surfaces does not count.
     """
     rays, path_of = queue.rays, queue.path
     throughput = queue.throughput

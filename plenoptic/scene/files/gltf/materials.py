@@ -136,9 +136,9 @@ def _glass(
 ) -> Dielectric | ThinGlass:
     """A body where the file gives it a volume, a pane otherwise, which is smooth whatever the roughness.
 
-    `base` is what is left of light that passes: in glTF at each surface. A pane has it as its transmittance. In a body
-    it becomes absorption, such that it is right where the light passes as much as `thicknessFactor` says. `scale` is mm
-    in one unit of the file.
+    `base` is the remaining part of transmitted light: in glTF at each surface. A pane has it as its transmittance. In a
+    body it becomes absorption, such that it is right where the light passes as much as `thicknessFactor` says. `scale`
+    is mm in one unit of the file.
     """
     index = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
     volume = extensions.get("KHR_materials_volume", {})

@@ -26,7 +26,7 @@ def follow(again, rays, hits, which, keys, shadows, geometry, alpha):
     """Advance those of the rays `which` that go through the surface they hit; returns their number, their indices in
     `again`.
 
-    Those of paths go through it by chance, and with `keys` None through what is opaque to less than half. With
+    Those of paths go through it by chance, and with `keys` None through surfaces of opacity below one half. With
     `shadows` they are shadow rays, which are marked as blocked, or weakened and moved on.
     """
     vertices, triangles, uv = geometry.vertices, geometry.triangles, geometry.uv

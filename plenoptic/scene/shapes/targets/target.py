@@ -34,7 +34,7 @@ class Target:
     points : (n, 3) array
         Known points in mm: corners, centres of dots, ends of an edge.
     index : (n, 2) array of int, optional
-        What each point is on its target, such as (row, column); its maker says what.
+        Index of each point on its target, such as (row, column), as its maker documents.
     frequencies : (n,) array, optional
         Line pairs per mm of the bars around each point.
     name : str
