@@ -375,7 +375,7 @@ class PlenopticCamera:
         '134.624 mm'
         >>> least_confused = camera.focused_at(z=-404.0, criterion=pl.FocusCriterion.GEOMETRIC_SPOT)
         >>> f"{least_confused.stop_to_microlenses:.2f} mm"
-        '134.86 mm'
+        '134.53 mm'
         """
         from plenoptic.camera.focus import focused_stop_to_microlenses  # knows this class
 

@@ -43,7 +43,7 @@ def example_camera(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> pl.example_camera(shape=(64, 96)).report().focus[0].disparity.round(2)
+    >>> pl.camera.example_camera(shape=(64, 96)).report().focus[0].disparity.round(2)
     3.25
     """
     choice(kind, CameraKind, "kind")

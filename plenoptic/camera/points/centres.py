@@ -153,7 +153,7 @@ def microlens_centres(
     >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(64, 64), lattice=pl.Lattice.SQUARE)
     >>> centres = pl.microlens_centres(camera)
     >>> centres.pixel[4].tolist(), (centres.pixel[4] - centres.pixel[3]).round(3).tolist()
-    ([31.5, 31.5], [22.038, 0.0])
+    ([31.5, 31.5], [22.01, 0.0])
     """
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     method, margin = choice(method, CentreMethod, "method"), coordinate(margin, "margin")
