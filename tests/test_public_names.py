@@ -79,7 +79,7 @@ def test_every_public_name_has_an_example_and_a_page_on_the_site(tmp_path):
     for place in PLACES:
         if inspect.isclass(place.found) or inspect.isfunction(place.found):
             text = inspect.getdoc(place.found) or ""
-            assert ">>>" in text or "See `" in text, f"{place.spoken} has no example"
+            assert ">>>" in text or "See `" in text or "ade by `" in text, f"{place.spoken} has no example"
         name = pages.file_of(described[place])
         assert described[place].full in (tmp_path / f"{name}.rst").read_text(encoding="utf-8")
         index = "pl." + place.space if place.space else "top"

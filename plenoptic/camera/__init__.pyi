@@ -5,10 +5,10 @@ from .camera import CameraPart as CameraPart
 from .camera import PlenopticCamera as PlenopticCamera
 from .camera import Pose as Pose
 from .design.design import design_camera as design_camera
+from .design.example import example_camera as example_camera
 from .design.search import CameraDesign as CameraDesign
 from .design.search import DesignStep as DesignStep
 from .diffraction import Diffraction as Diffraction
-from .example import example_camera as example_camera
 from .points.centres import CentreMethod as CentreMethod
 from .points.centres import MicrolensCentres as MicrolensCentres
 from .points.centres import microlens_centres as microlens_centres

@@ -45,7 +45,7 @@ def _scenes() -> Iterator[tuple[str, Scene]]:
 
 
 def _cameras() -> Iterator[tuple[str, PlenopticCamera]]:
-    from plenoptic.camera.example import example_camera
+    from plenoptic.camera.design.example import example_camera
     from plenoptic.optics.microlens.models import MicrolensModel
 
     camera = example_camera()

@@ -6,7 +6,7 @@ import dataclasses
 import math
 
 from plenoptic.camera.camera import CameraPart, PlenopticCamera
-from plenoptic.camera.example import example_camera
+from plenoptic.camera.design.example import example_camera
 from plenoptic.core.color.sensitivities import colour_camera
 from plenoptic.optics.lens.files.library import load_lens
 from plenoptic.optics.lens.stack import LensStack

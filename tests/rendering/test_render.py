@@ -10,7 +10,6 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.sampling import bounds
-from plenoptic.study import cameras
 from plenoptic.truth.channels import Truth
 
 sys.path.insert(0, str(Path(__file__).parent / "integrator"))
@@ -20,7 +19,7 @@ from pinholes import irradiance_of_polygon  # noqa: E402
 def reference_camera(b=1.7, stop=5.0, shape=(512, 512), pitch=0.010, **array):
     """The camera of the reference scenes; mode 2.0 by default, 1.0 with b = 2.0 and stop = 4.25."""
     return dataclasses.replace(
-        cameras.reference_camera(),
+        pl.camera.example_camera(),
         lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=stop)),
         microlenses=pl.MicrolensArray(**{"pitch": 0.217, "focal_lengths": (2.0,), **array}),
         sensor=pl.Sensor(shape=shape, pixel_pitch=pitch),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.example import example_camera
+from plenoptic.camera.design.example import example_camera
 from plenoptic.camera.shutter import Shutter
 from plenoptic.core.motions.motion import Motion
 from plenoptic.rendering.plan.plan import plan

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.example import example_camera
+from plenoptic.camera.design.example import example_camera
 from plenoptic.rendering.settings import Sampler
 from plenoptic.scene.shapes.procedural import check_scene, objects_scene
 from plenoptic.study.cameras import smooth_camera
