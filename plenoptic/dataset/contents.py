@@ -47,8 +47,8 @@ class DataSet:
         return int(self.manifest["frames"])
 
     def __repr__(self) -> str:
-        there = "" if self.complete else f", {len(self.manifest['images'])} of {len(self) * len(self.cameras)} images"
-        return f"DataSet({len(self)} frames{there}, camera{'s' * (len(self.cameras) > 1)} {', '.join(self.cameras)})"
+        state = "" if self.complete else f", {len(self.manifest['images'])} of {len(self) * len(self.cameras)} images"
+        return f"DataSet({len(self)} frames{state}, camera{'s' * (len(self.cameras) > 1)} {', '.join(self.cameras)})"
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -66,8 +66,8 @@ class DataSet:
         `camera` is its name; None: the only one. Needs the package xarray.
         """
         module: Any = extra_package("xarray", "DataSet.open", EXTRA)
-        found: xarray.Dataset = module.open_zarr(self._store(self._named(camera)))
-        return found
+        dataset: xarray.Dataset = module.open_zarr(self._store(self._named(camera)))
+        return dataset
 
     def frame(self, number: int, camera: str | None = None, *, limits: FileLimits = DEFAULT) -> Exposure:
         """A frame as `render` gave it, without its statistics; grey ones among others of colour have three channels.
@@ -136,8 +136,8 @@ class DataSet:
     def _about(self, name: str, k: int) -> Mapping[str, Any]:
         for image in self.manifest["images"]:
             if (image["camera"], image["frame"]) == (name, k):
-                found: Mapping[str, Any] = image
-                return found
+                facts: Mapping[str, Any] = image
+                return facts
         raise InvalidValueError(f"frame {k} of {name!r} is not there yet; `write` goes on with what is missing")
 
     def _camera(self, about: Mapping[str, Any]) -> PlenopticCamera:

@@ -47,9 +47,9 @@ class Journal:
         if theirs != identity:
             what = ", ".join(differences(theirs if isinstance(theirs, dict) else {}, identity))
             raise FileError(f"{str(self._path.parent)!r} holds another data set, with {what}; {_ELSEWHERE}")
-        if (most := max((task.frame for task in self.done), default=-1)) >= frames:
+        if (last := max((task.frame for task in self.done), default=-1)) >= frames:
             raise FileError(
-                f"frame {most} is in {str(self._path.parent)!r}, and the sequence has {frames} frames; it may only "
+                f"frame {last} is in {str(self._path.parent)!r}, and the sequence has {frames} frames; it may only "
                 f"become longer: {_ELSEWHERE}"
             )
         if self._log.damaged:
@@ -60,14 +60,14 @@ class Journal:
 
     def of(self, task: Task, inputs: str) -> dict[str, Any] | None:
         """Record of a task; None where it is not done, and an error where it was done with other inputs."""
-        found = self.done.get(task)
-        if found is not None and found["inputs"] != inputs:
+        record = self.done.get(task)
+        if record is not None and record["inputs"] != inputs:
             raise FileError(
                 f"frame {task.frame} in {str(self._path.parent)!r} was {'rendered' if task.image else 'followed'} with "
                 f"another scene, camera or time than frame {task.frame} of {task.camera!r}"
                 f"{'' if task.image else ', or the one after it,'} has now; {_ELSEWHERE}"
             )
-        return found
+        return record
 
     def note(self, task: Task, facts: Mapping[str, Any]) -> None:
         """A task is done, and all that it made is on the disk."""
@@ -93,7 +93,7 @@ def _task(facts: Mapping[str, Any]) -> Task | None:
     try:
         first, end = facts["rows"]
         task = Task(facts["camera"], facts["frame"], (first, end), facts["image"])
-        known = isinstance(facts["inputs"], str) and isinstance(facts["arrays"], list)
-        return task if known and hash(task) else None
+        valid = isinstance(facts["inputs"], str) and isinstance(facts["arrays"], list)
+        return task if valid and hash(task) else None
     except (KeyError, TypeError, ValueError):
         return None

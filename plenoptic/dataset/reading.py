@@ -60,13 +60,13 @@ def _check(content: Any) -> None:
     for name in cameras:
         if not NAME.fullmatch(name):
             raise ValueError(f"{name!r:.80} is no name of a camera")
-    made = content["made_with"]
-    wanted = {"camera", "frame", "camera_value", "pose", "shutter", "samples", "replicates", "seed", "motion", "parts"}
+    origin = content["made_with"]
+    keys = {"camera", "frame", "camera_value", "pose", "shutter", "samples", "replicates", "seed", "motion", "parts"}
     for image in content["images"]:
-        if missing := wanted - image.keys():
+        if missing := keys - image.keys():
             raise ValueError(f"an image lacks {', '.join(sorted(missing))}")
         cameras[image["camera"]][image["camera_value"]]
         content["object_names"][image["object_names"]]
         if "image" not in image["parts"][0]["arrays"]:
             raise ValueError("an image does not say which arrays it has")
-    made["settings"]
+    origin["settings"]

@@ -29,7 +29,7 @@ def write_contact_sheet(folder: Path, images: Sequence[Mapping[str, Any]]) -> No
     of: dict[str, list[Mapping[str, Any]]] = {}
     for image in images:
         of.setdefault(image["camera"], []).append(image)
-    rows = [_row(folder, name, found) for name, found in of.items()]
+    rows = [_row(folder, name, shots) for name, shots in of.items()]
     if not rows:
         return
     width = max(row.width for row in rows)

@@ -74,14 +74,14 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
     of_image: dict[tuple[int, str], list[Task]] = {}
     for task in tasks:
         of_image.setdefault((task.frame, task.camera), []).append(task)
-    done, images = journal.done, []
+    records, images = journal.done, []
     cameras: dict[str, dict[str, int]] = {name: {} for name in sequences}
     names, made_by = dict[str, int](), dict[str, int]()
     for (frame, camera), parts in of_image.items():
         bands, motions = ([task for task in parts if task.image is image] for image in (True, False))
-        if not all(task in done for task in bands):
+        if not all(task in records for task in bands):
             continue
-        facts = done[bands[0]]
+        facts = records[bands[0]]
         images.append(
             {
                 **{"camera": camera, "frame": frame},
@@ -89,19 +89,19 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
                 "camera_value": _number(facts["camera_value"], cameras[camera]),
                 "object_names": _number(facts["object_names"], names),
                 "versions": _number(facts["versions"], made_by),
-                "samples": max(done[task]["samples"] for task in bands),
-                "motion": bool(motions) and all(task in done for task in motions),
+                "samples": max(records[task]["samples"] for task in bands),
+                "motion": bool(motions) and all(task in records for task in motions),
                 "inputs": facts["inputs"],
-                "processors": sorted({kind for task in bands for kind in done[task]["processors"]}),
+                "processors": sorted({kind for task in bands for kind in records[task]["processors"]}),
                 "parts": [
                     {
                         "rows": list(task.rows),
                         "of": "image" if task.image else "motion",
-                        "arrays": done[task]["arrays"],
-                        "sha256": done[task]["sha256"],
+                        "arrays": records[task]["arrays"],
+                        "sha256": records[task]["sha256"],
                     }
                     for task in parts
-                    if task in done
+                    if task in records
                 ],
             }
         )
@@ -110,10 +110,10 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
         "software": f"plenoptic {__version__}",
         "versions": [journal.items[key] for key in made_by],
         "units": "lengths mm, times s, angles rad; pose: world = rotation @ camera + position, object_to_world 3 x 4",
-        "complete": all(task in done for task in tasks),
+        "complete": all(task in records for task in tasks),
         "frames": len(next(iter(sequences.values()))),
         "made_with": taking.described(),
-        "cameras": {name: [journal.items[key] for key in found] for name, found in cameras.items()},
+        "cameras": {name: [journal.items[key] for key in keys] for name, keys in cameras.items()},
         "object_names": [journal.items[key] for key in names],
         "images": images,
     }

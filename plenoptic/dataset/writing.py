@@ -154,12 +154,12 @@ def write(  # noqa: PLR0913
         seed_number(seed),
         settings,
     )
-    sequences, shown = named_cameras(sequence, cameras), flag(progress, "progress")
+    sequences, show_bar = named_cameras(sequence, cameras), flag(progress, "progress")
     target = _folder(folder)
     with held_folder(target):
         journal = Journal(target / LOG, taking.identity(sequences), len(next(iter(sequences.values()))))
         try:
-            _Writer(target, sequences, taking, journal, {"threads": threads, "client": client}).run(show=shown)
+            _Writer(target, sequences, taking, journal, {"threads": threads, "client": client}).run(show=show_bar)
         finally:
             journal.close()
         write_statistics(target, journal.done)
@@ -198,16 +198,16 @@ class _Writer:
         with FrameBar(len(tasks), show=show) as bar:
             for task in tasks:
                 frames = {k: frames.get(k) or self._frames(k) for k in task.frames}
-                here = [frames[k][task.camera] for k in task.frames]
-                inputs = inputs_of(*here)
-                if self._is_kept(task, here[0].camera, self._journal.of(task, inputs)):
+                task_frames = [frames[k][task.camera] for k in task.frames]
+                inputs = inputs_of(*task_frames)
+                if self._is_kept(task, task_frames[0].camera, self._journal.of(task, inputs)):
                     bar.kept()
                     continue
-                found = self._image(task, *here) if task.image else self._motion(task, *here)
-                if found is None:
+                result = self._image(task, *task_frames) if task.image else self._motion(task, *task_frames)
+                if result is None:
                     break
-                self._keep(task, inputs, *found)
-                del found  # before the next one takes memory
+                self._keep(task, inputs, *result)
+                del result  # before the next one takes memory
                 bar.done()
 
     def _is_kept(self, task: Task, camera: PlenopticCamera, noted: Mapping[str, Any] | None) -> bool:
@@ -221,9 +221,9 @@ class _Writer:
 
     def _frames(self, k: int) -> dict[str, Frame]:
         """Frames of all cameras at a time, with one scene, which is compiled once."""
-        found = {name: sequence[k] for name, sequence in self._sequences.items()}
-        scene = next(iter(found.values())).scene
-        return {name: Frame(scene, frame.camera, frame.time) for name, frame in found.items()}
+        frames = {name: sequence[k] for name, sequence in self._sequences.items()}
+        scene = next(iter(frames.values())).scene
+        return {name: Frame(scene, frame.camera, frame.time) for name, frame in frames.items()}
 
     def _keep(self, task: Task, inputs: str, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
         """Put arrays on the disk, and then note that they are there."""
@@ -274,8 +274,8 @@ class _Writer:
         path = self._path(task)
         if not path.exists():
             frames = self._sequences[task.camera]
-            seen = (frames.camera,) if isinstance(frames, Sequence) else (each.camera for each in frames)
-            microlenses = any(camera.microlenses is not None for camera in seen)
+            cameras = (frames.camera,) if isinstance(frames, Sequence) else (each.camera for each in frames)
+            microlenses = any(camera.microlenses is not None for camera in cameras)
             layout = layout_of(shot, self._taking.truth, microlenses=microlenses)
             layout = layout._replace(shape=frame.camera.sensor.shape, corner=(0, 0))
             names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._taking.motion else ()))
@@ -296,12 +296,12 @@ class _Writer:
         first, end = task.rows
         threads = self._workers["threads"]
         try:
-            found = motion_truth(now, following, region=np.s_[first:end, :], threads=threads, progress=False)
+            motion = motion_truth(now, following, region=np.s_[first:end, :], threads=threads, progress=False)
         except InvalidValueError as error:
             raise InvalidValueError(f"frames {task.frame} and {task.frame + 1} have no motion: {error}") from None
         self._store(task)
-        arrays = dict(zip(MOTION_NAMES, (found.position, found.shift, found.visible), strict=True))
-        return {"visible": float(found.visible.mean())}, arrays
+        arrays = dict(zip(MOTION_NAMES, (motion.position, motion.shift, motion.visible), strict=True))
+        return {"visible": float(motion.visible.mean())}, arrays
 
     def _store(self, task: Task) -> Store:
         """The store of a camera, with room for all frames."""

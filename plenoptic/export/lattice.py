@@ -95,8 +95,8 @@ class LensRows(NamedTuple):
         _, left, right = size(first, last)
         inside = (self.row >= first) & (self.row <= last) & (self.place >= left) & (self.place <= right)
         order = np.flatnonzero(inside)[np.lexsort((self.place[inside], self.row[inside]))]
-        kept = self.selected(order)
-        return kept._replace(row=kept.row - first, place=kept.place - left)
+        ordered = self.selected(order)
+        return ordered._replace(row=ordered.row - first, place=ordered.place - left)
 
 
 def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod.CHIEF_RAY) -> LensRows:
@@ -120,7 +120,7 @@ def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod
         raise InvalidValueError("the image holds fewer than three microlens images; take a larger region")
     index, pixel, kind = centres.index[inside], pixel[inside], centres.type[inside]
     directions = _HEXAGONAL if array.lattice is Lattice.HEXAGONAL else _SQUARE
-    found = []
+    candidates = []
     for turns in (0, 1) if turn else (0,):
         # A quarter counter-clockwise takes (row, column) to (columns - 1 - column, row).
         places = pixel if turns == 0 else np.column_stack([size[1] - 1 - pixel[:, 1], pixel[:, 0]])
@@ -128,8 +128,8 @@ def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod
         for direction in directions:
             down, right = np.array(direction.step) @ steps
             angle = math.remainder(math.atan2(-down, right), math.pi)
-            found.append((round(abs(angle), 6), turns, angle, direction, places, steps))
-    _, turns, angle, direction, places, steps = min(found, key=lambda entry: entry[:2])
+            candidates.append((round(abs(angle), 6), turns, angle, direction, places, steps))
+    _, turns, angle, direction, places, steps = min(candidates, key=lambda entry: entry[:2])
     # Rows count downwards, places to the right.
     across = np.array(direction.along) * np.sign((np.array(direction.step) @ steps)[1])
     twice = index @ across.astype(np.int64)
@@ -138,7 +138,7 @@ def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod
     row = row * int(np.sign(next_row[0]))
     along = np.array(direction.step) @ steps
     length = float(np.hypot(*along))
-    apart = abs(float(np.linalg.det(steps))) / length
+    row_distance = abs(float(np.linalg.det(steps))) / length
     return LensRows(
         camera,
         turns,
@@ -149,7 +149,7 @@ def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod
         (twice - twice.min()) // 2,
         (twice - twice.min()) % 2 == 1,
         angle,
-        (length, apart),
+        (length, row_distance),
     )
 
 

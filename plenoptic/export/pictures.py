@@ -31,10 +31,10 @@ def folder_at(path: str | os.PathLike[str], *below: str) -> Path:
 
 def check_no_others(folder: Path, pattern: str, names: Collection[str]) -> None:
     """An error where a folder holds files that match a pattern and are not among those that are to be written."""
-    others = sorted(path.name for path in folder.glob(pattern) if path.name not in names)
-    if others:
+    old = sorted(path.name for path in folder.glob(pattern) if path.name not in names)
+    if old:
         raise FileError(
-            f"the folder {str(folder)!r} holds {len(others)} views of another light field, such as {others[0]}; choose "
+            f"the folder {str(folder)!r} holds {len(old)} views of another light field, such as {old[0]}; choose "
             "a new one, or delete them"
         )
 
@@ -50,8 +50,8 @@ def write_picture(
     path: Path, image: NDArray[np.floating[Any]], *, scale: float, bits: int = 16, encoded: bool = False
 ) -> None:
     """A linear image (H, W, C), divided by `scale`, as RGB codes: encoded as sRGB or linear."""
-    shown = codes(image, scale=scale, encoded=encoded, bits=bits)
-    rgb = np.repeat(shown, 3, axis=2) if shown.shape[2] == 1 else shown
+    encoded_pixels = codes(image, scale=scale, encoded=encoded, bits=bits)
+    rgb = np.repeat(encoded_pixels, 3, axis=2) if encoded_pixels.shape[2] == 1 else encoded_pixels
     write_codes(path, rgb, {COLOR_SPACE: SRGB if encoded else LINEAR})
 
 
@@ -79,5 +79,5 @@ def read_pfm(path: Path, content: bytes) -> NDArray[np.float32]:
 def write_readme(folder: Path, program: str, how: str, cannot: str, more: Mapping[str, Any] | None = None) -> None:
     """Write instructions for starting the program, with the limits of its knowledge."""
     lines = [f"For {program}, by plenoptic {__version__}.", "", how, "", f"What it cannot express: {cannot}"]
-    lines += [f"{name}: {found}" for name, found in (more or {}).items()]
+    lines += [f"{name}: {text}" for name, text in (more or {}).items()]
     write_file(folder / "README.txt", ("\n".join(lines) + "\n").encode("utf-8"))

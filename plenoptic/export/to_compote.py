@@ -112,16 +112,16 @@ def compote(  # noqa: PLR0913
     for file, _, image in [(f"{name}.png", f_number, shot.image), *whites]:
         write_picture(target / file, rows.turned(image), scale=white_point(image), bits=8, encoded=True)
     boards = targets_of(targets)
-    own = {"path": f"{name}.png", "fnumber": f_number}
+    frame_facts = {"path": f"{name}.png", "fnumber": f_number}
     listed = [{"path": file, "fnumber": stopped} for file, stopped, _ in whites]
     write_json(
         target / "images.js",
         {
             "meta": {"debayered": "true", "format": "8", "rgb": "true"},
             "whites": listed,
-            "checkerboards": [own | {"frame": frame} for frame in range(len(boards))],
+            "checkerboards": [frame_facts | {"frame": frame} for frame in range(len(boards))],
             "mask": listed[0],
-            "images": [own | {"frame": 0}],
+            "images": [frame_facts | {"frame": 0}],
         },
     )
     _write_camera(target, rows, f_number)
@@ -131,7 +131,9 @@ def compote(  # noqa: PLR0913
     if boards:
         _write_boards(target, rows, boards, scene)
     turned = ", and so do width and height in camera.js" if rows.turns else ""
-    known = "its model of this camera and poses (intrinsics.js, poses.js, scene.js) is what calibration should find"
+    instruction = (
+        "its model of this camera and poses (intrinsics.js, poses.js, scene.js) is what calibration should find"
+    )
     write_readme(
         target,
         "COMPOTE, PRISM and BLADE",
@@ -139,7 +141,7 @@ def compote(  # noqa: PLR0913
         + ("" if other_whites else "   (it wants white images at several stops: give other_whites)")
         + "\n2. calibrate -i images.js -c camera.js -p params.js "
         + ("-f features.csv -s scene.js" if boards else "-s SCENE   (no targets were given)")
-        + f"\n3. compare: {known}."
+        + f"\n3. compare: {instruction}."
         + f"\nImages have been turned by {90 * rows.turns} degrees counter-clockwise{turned}.",
         "thick lenses, further stops, single microlenses out of place, errors, truth.",
     )
@@ -196,13 +198,13 @@ def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
     u, v = corners.T
     row, column = (v, u) if rows.turns == 0 else (u, camera.sensor.shape[1] - 1 - v)
     flat = np.column_stack([camera.sensor.centre_of(row, column), np.zeros(3)])  # type: ignore[arg-type]
-    origin, beside, above = placed(sensor_place, flat)
+    origin, right, above = placed(sensor_place, flat)
     pixel = camera.sensor.pixel_pitch
-    axes = [(beside - origin) / pixel, (above - origin) / pixel]
+    axes = [(right - origin) / pixel, (above - origin) / pixel]
     turned = np.column_stack([*axes, np.cross(*axes)])
     lenses = microlens_centres(camera, CentreMethod.ORTHOGONAL, margin=10 * max(array.pitches))
-    known = {tuple(pair): number for number, pair in enumerate(lenses.index.tolist())}
-    centres = lenses.on_array[[known[tuple(pair)] for pair in rows.lens.tolist()]]
+    lens_numbers = {tuple(pair): number for number, pair in enumerate(lenses.index.tolist())}
+    centres = lenses.on_array[[lens_numbers[tuple(pair)] for pair in rows.lens.tolist()]]
     nodes = placed(rigid(camera.microlenses_placement, camera.stop_to_microlenses), np.pad(centres, ((0, 0), (0, 1))))
     last_column, last_line = rows.place.max(), rows.row.max()
     own_mesh = _mesh(rows, nodes, last_column - rows.place, last_line - rows.row)
@@ -249,14 +251,14 @@ def _write_boards(target: Path, rows: LensRows, boards: tuple[Target, ...], scen
     pose = {"rotation": np.asarray(rotation).tolist(), "translation": [np.asarray(place).tolist()]}
     write_json(target / "poses.js", {"poses": [{"frame": frame, "pose": pose} for frame in range(len(boards))]})
     write_json(target / "scene.js", {"checkerboards": [_board(board) for board in boards]})
-    seen = calibration_points(camera, boards, scene=scene)
-    known = {tuple(pair): number for number, pair in enumerate(rows.lens.tolist())}
+    corners = calibration_points(camera, boards, scene=scene)
+    lens_numbers = {tuple(pair): number for number, pair in enumerate(rows.lens.tolist())}
     lines = ["k,l,u,v,rho,cluster,frame"]
     width = camera.sensor.shape[1]
     for frame, point, lens, (row, column), blur in zip(
-        *(a.tolist() for a in (seen.frame, seen.point, seen.index, seen.pixel, seen.blur)), strict=True
+        *(a.tolist() for a in (corners.frame, corners.point, corners.index, corners.pixel, corners.blur)), strict=True
     ):
-        number = known.get(tuple(lens))
+        number = lens_numbers.get(tuple(lens))
         if number is not None:
             u, v = (column, row) if rows.turns == 0 else (row, width - 1 - column)
             lines.append(f"{rows.place[number]},{rows.row[number]},{u!r},{v!r},{blur!r},{point},{frame}")

@@ -56,8 +56,8 @@ def jpeg_pleno(folder: str | os.PathLike[str], field: LightField) -> None:
     head = f"P6\n{columns} {rows}\n{_LARGEST}\n".encode("ascii")
     for u in range(across):
         for v in range(down):
-            shown = linear_to_srgb(np.clip(np.nan_to_num(field.views[u, v].astype(np.float64)) / scale, 0.0, 1.0))
-            view = np.broadcast_to(np.rint(_LARGEST * shown), (rows, columns, 3))
+            encoded = linear_to_srgb(np.clip(np.nan_to_num(field.views[u, v].astype(np.float64)) / scale, 0.0, 1.0))
+            view = np.broadcast_to(np.rint(_LARGEST * encoded), (rows, columns, 3))
             write_file(target / f"{u:03d}_{v:03d}.ppm", head + view.astype(">u2").tobytes())
     write_readme(
         target,

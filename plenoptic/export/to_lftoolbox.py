@@ -96,9 +96,9 @@ def lftoolbox(
     write_file(target / f"{name}__Decoded.mat", matlab_7_3(content))
     write_picture(target / f"{name}.png", lens.turned(shot.image), scale=brightest(shot.image))
     write_picture(target / f"{name}_white.png", lens.turned(light), scale=brightest(light))
-    known = intrinsics(field)
-    if known is not None:
-        calibrated = {"EstCamIntrinsicsH": known.tolist(), "EstCamDistortionV": [0.0] * 5, "LensletGridModel": model}
+    matrix = intrinsics(field)
+    if matrix is not None:
+        calibrated = {"EstCamIntrinsicsH": matrix.tolist(), "EstCamDistortionV": [0.0] * 5, "LensletGridModel": model}
         write_json(target / "CalInfo.json", calibrated)
     write_readme(
         target,
@@ -115,8 +115,8 @@ def _weighted(views: NDArray[np.float32], scale: float) -> NDArray[np.uint16]:
     turned = views.transpose(1, 0, 2, 3, 4)
     colours = codes(turned, scale=scale, encoded=False)
     colours = np.broadcast_to(colours, (*colours.shape[:4], 3))
-    known = np.isfinite(turned).all(axis=4, keepdims=True)
-    return np.concatenate([colours, np.where(known, 65535, 0)], axis=4).astype(np.uint16)
+    finite = np.isfinite(turned).all(axis=4, keepdims=True)
+    return np.concatenate([colours, np.where(finite, 65535, 0)], axis=4).astype(np.uint16)
 
 
 def grid_model(lens: LensRows) -> Mapping[str, Any]:
@@ -128,14 +128,14 @@ def grid_model(lens: LensRows) -> Mapping[str, Any]:
     along = lens.place + 0.5 * lens.shifted
     table = np.column_stack([along, lens.row, np.ones(len(along))])
     (right, down, first), *_ = np.linalg.lstsq(table, lens.centre[:, ::-1] + 1.0, rcond=None)
-    across, apart = float(np.hypot(*right)), float(np.hypot(*down))
-    if abs(right @ down) > 0.01 * across * apart:
+    across, row_pitch = float(np.hypot(*right)), float(np.hypot(*down))
+    if abs(right @ down) > 0.01 * across * row_pitch:
         raise InvalidValueError("the lattice is sheared, which the grid model of this program cannot express")
     rows = int(lens.row.max()) + 1
     shifted = np.unique(lens.row[lens.shifted])
     return {
         "HSpacing": across,
-        "VSpacing": apart,
+        "VSpacing": row_pitch,
         "HOffset": float(first[0]),
         "VOffset": float(first[1]),
         "Rot": float(np.arctan2(right[1], right[0])),
@@ -155,16 +155,16 @@ def intrinsics(field: LightField) -> Floats | None:
     # A view farther right is seen from farther right; rows of views run down.
     step = float((field.pupil[-1, 0, 0] - field.pupil[0, 0, 0]) / max(len(field.u) - 1, 1))
     step *= points.entrance_pupil_semi_diameter
-    found = np.zeros((5, 5))
+    matrix = np.zeros((5, 5))
     for axis, (wide, middle) in enumerate(zip(field.object_spacing, _middle(field), strict=True)):
         views = len(field.u) if axis == 0 else len(field.v)
-        found[axis, [axis, 4]] = step, -step * 0.5 * (views + 1)
-        found[2 + axis, axis] = -step / distance
-        found[2 + axis, 2 + axis] = wide / distance
-        found[2 + axis, 4] = (step * 0.5 * (views + 1) - wide * middle) / distance
-    found[:2] *= 1e-3
-    found[4, 4] = 1.0
-    return found if np.isfinite(found).all() else None
+        matrix[axis, [axis, 4]] = step, -step * 0.5 * (views + 1)
+        matrix[2 + axis, axis] = -step / distance
+        matrix[2 + axis, 2 + axis] = wide / distance
+        matrix[2 + axis, 4] = (step * 0.5 * (views + 1) - wide * middle) / distance
+    matrix[:2] *= 1e-3
+    matrix[4, 4] = 1.0
+    return matrix if np.isfinite(matrix).all() else None
 
 
 def _middle(field: LightField) -> tuple[float, float]:

@@ -71,21 +71,21 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
     ['README.txt', 'dark_frame.tif', 'light_field.tif', 'metadata.txt', 'radiometry_frame.tif']
     """
-    seen = _microscope(shot)
+    scope = _microscope(shot)
     target = folder_at(folder)
     scales = _pictures(target, shot, white, ("light_field", "radiometry_frame", "dark_frame"))
-    whole_number = max(1, round(seen.magnification))
+    whole_number = max(1, round(scope.magnification))
     said = {
         "main": {"comments": "rendered by plenoptic"},
         "calibrate": {
-            "ulens_pitch": seen.pitch,
-            "pixel_size": seen.pixel,
-            "ulens_focal_length": seen.focal_length,
-            "ulens_focal_distance": seen.to_sensor,
+            "ulens_pitch": scope.pitch,
+            "pixel_size": scope.pixel,
+            "ulens_focal_length": scope.focal_length,
+            "ulens_focal_distance": scope.to_sensor,
             "objective_magnification": whole_number,
-            "objective_na": seen.aperture,
-            "tubelens_focal_length": 1e-3 * seen.tube,
-            "center_wavelength": 1e3 * seen.wavelength,
+            "objective_na": scope.aperture,
+            "tubelens_focal_length": 1e-3 * scope.tube,
+            "center_wavelength": 1e3 * scope.wavelength,
             "medium_index": 1.0,
             "ulens_fill_factor": 1.0,
             "pixel_fill_factor": 1.0,
@@ -93,14 +93,16 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
         },
     }
     write_json(target / "metadata.txt", said)
-    how = "Open the folder as a project; lengths in metadata.txt are um, mm for the tube lens, nm for the wavelength."
+    instruction = (
+        "Open the folder as a project; lengths in metadata.txt are um, mm for the tube lens, nm for the wavelength."
+    )
     write_readme(
         target,
         "napari-LF",
-        how,
+        instruction,
         "errors, truth, several focal lengths; a magnification that is no whole number: metadata.txt has the nearest "
         "one from 1, which is wrong by the factor below.",
-        scales | {"magnification over that of metadata.txt": seen.magnification / whole_number},
+        scales | {"magnification over that of metadata.txt": scope.magnification / whole_number},
     )
 
 
@@ -138,10 +140,10 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
     ...     print((pathlib.Path(folder) / "config.yaml").read_text().splitlines()[0])
     gridType: reg
     """
-    seen = _microscope(shot)
-    if not math.isclose(seen.to_sensor, seen.focal_length, rel_tol=1e-3):
+    scope = _microscope(shot)
+    if not math.isclose(scope.to_sensor, scope.focal_length, rel_tol=1e-3):
         raise InvalidValueError(
-            f"the sensor is {1e-3 * seen.to_sensor:g} mm behind microlenses of {1e-3 * seen.focal_length:g} mm; "
+            f"the sensor is {1e-3 * scope.to_sensor:g} mm behind microlenses of {1e-3 * scope.focal_length:g} mm; "
             "pyolaf's focused cameras need the distances of a tube lens, which this one does not have; use pl.package"
         )
     target = folder_at(folder)
@@ -151,23 +153,23 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
         "focus": "single",
         "plenoptic": 1,
         "uLensMask": 1,
-        "M": seen.magnification,
-        "NA": seen.aperture,
-        "ftl": seen.tube,
-        "fm": seen.focal_length,
-        "tube2mla": seen.tube,
-        "mla2sensor": seen.to_sensor,
-        "lensPitch": seen.pitch,
-        "pixelPitch": seen.pixel,
-        "WaveLength": seen.wavelength,
+        "M": scope.magnification,
+        "NA": scope.aperture,
+        "ftl": scope.tube,
+        "fm": scope.focal_length,
+        "tube2mla": scope.tube,
+        "mla2sensor": scope.to_sensor,
+        "lensPitch": scope.pitch,
+        "pixelPitch": scope.pixel,
+        "WaveLength": scope.wavelength,
         "n": 1.0,
     }
     write_file(target / "config.yaml", "".join(f"{name}: {value}\n" for name, value in said.items()).encode("ascii"))
-    how = (
+    instruction = (
         "config.yaml: lengths in um. calib.tif: white image; example.tif: raw image.\n"
         "Its search for lenses wants images of less than 0.7 of their distance: stop the lens of calib.tif down."
     )
-    write_readme(target, "pyolaf", how, "errors, truth, several focal lengths.", scales)
+    write_readme(target, "pyolaf", instruction, "errors, truth, several focal lengths.", scales)
 
 
 def _pictures(target: Path, shot: Exposure, white: Exposure, names: tuple[str, ...]) -> dict[str, float]:

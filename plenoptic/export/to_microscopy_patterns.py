@@ -98,14 +98,14 @@ def pyolaf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -> N
     depths, across = stack.images.shape[:2]
     parts = _parts(stack)
     steps = np.rint(((np.arange(across) + 0.5) / across - 0.5) * pixels).astype(int)
-    made = np.zeros((across, across, depths, *parts.shape[-2:]), np.float32)
+    patterns = np.zeros((across, across, depths, *parts.shape[-2:]), np.float32)
     for depth, i, j in np.ndindex(depths, across, across):
-        made[i, j, depth] = _displaced(parts[depth, i, j], -int(steps[i]), -int(steps[j]))
-    _write_array(target / "H.npy", made)
+        patterns[i, j, depth] = _displaced(parts[depth, i, j], -int(steps[i]), -int(steps[j]))
+    _write_array(target / "H.npy", patterns)
     write_json(target / "patterns.json", _said(stack, pixels))
     write_file(target / "load_patterns.py", _LOAD_PYOLAF.encode("ascii"))
-    how = "load_patterns.py shows how H.npy becomes H. Lengths in patterns.json: mm."
-    write_readme(target, "pyolaf", how, "errors, colour, patterns that change over the image.", {})
+    instruction = "load_patterns.py shows how H.npy becomes H. Lengths in patterns.json: mm."
+    write_readme(target, "pyolaf", instruction, "errors, colour, patterns that change over the image.", {})
 
 
 def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -> None:
@@ -142,12 +142,12 @@ def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -
         raise InvalidValueError("napari-LF knows depths with even steps; space z_objects evenly")
     target = folder_at(folder)
     parts, across = _parts(stack), stack.images.shape[1]
-    least = _LEAST * float(parts.max())
+    threshold = _LEAST * float(parts.max())
     half = [(size - pixels) // 2 for size in parts.shape[-2:]]
     places, coordinates, coefficients = [], [], []
     for x, y, depth in np.ndindex(across, across, len(z)):
         part = parts[order[depth], y, x]
-        rows, columns = np.nonzero(part > least)
+        rows, columns = np.nonzero(part > threshold)
         t, v = np.divmod(rows - half[0], pixels)
         s, u = np.divmod(columns - half[1], pixels)
         # Pixels of a direction one after the other, as the program reads them.
@@ -155,8 +155,8 @@ def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -
         places.append((x, y, depth))
         coordinates.append(np.stack([u, v, s, t], axis=1)[sorted_].astype(np.int32))
         coefficients.append(part[rows, columns][sorted_].astype(np.float32))
-    apart = np.linalg.norm(np.diff(stack.points[order[0], 0], axis=0), axis=1)
-    coords = 1e3 * (float(apart.mean()) if across > 1 else 0.0) * (np.arange(across) - 0.5 * (across - 1))
+    spacings = np.linalg.norm(np.diff(stack.points[order[0], 0], axis=0), axis=1)
+    coords = 1e3 * (float(spacings.mean()) if across > 1 else 0.0) * (np.arange(across) - 0.5 * (across - 1))
     file = io.BytesIO()
     np.savez_compressed(
         file,
@@ -174,10 +174,10 @@ def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -
     write_file(target / "psf_db.npz", file.getvalue())
     write_json(target / "patterns.json", _said(stack, pixels))
     write_file(target / "load_patterns.py", _LOAD_NAPARI.encode("ascii"))
-    how = (
+    instruction = (
         "load_patterns.py gives a calibration of lflib these patterns. Lengths in psf_db.npz: um, in patterns.json: mm."
     )
-    write_readme(target, "napari-LF", how, "errors, colour, patterns that change over the image.", {})
+    write_readme(target, "napari-LF", instruction, "errors, colour, patterns that change over the image.", {})
 
 
 def _checked(stack: WaveSpreadStack) -> int:
@@ -205,15 +205,15 @@ def _parts(stack: WaveSpreadStack) -> NDArray[np.float32]:
 
 def _displaced(image: NDArray[np.float32], down: int, right: int) -> NDArray[np.float32]:
     """Image moved by pixels; pixels that enter are dark."""
-    made = np.zeros_like(image)
+    displaced = np.zeros_like(image)
     rows, columns = image.shape
 
     def ends(step: int, size: int) -> tuple[slice, slice]:
         return slice(max(0, step), min(size, size + step)), slice(max(0, -step), min(size, size - step))
 
     (to_rows, from_rows), (to_columns, from_columns) = ends(down, rows), ends(right, columns)
-    made[to_rows, to_columns] = image[from_rows, from_columns]
-    return made
+    displaced[to_rows, to_columns] = image[from_rows, from_columns]
+    return displaced
 
 
 def _write_array(path: Path, array: NDArray[Any]) -> None:

@@ -135,8 +135,8 @@ def _grid(
     turned = [complex(pair @ step[:2]) for pair in neighbours]
     # The row that is most level, from left to right, and the one 60 degrees farther.
     along = max(range(6), key=lambda k: turned[k].real / abs(turned[k]))
-    beside = max(range(6), key=lambda k: (turned[k] / turned[along] * np.exp(-1j * math.pi / 3)).real)
-    steps = np.array([neighbours[along], neighbours[beside]])
+    second = max(range(6), key=lambda k: (turned[k] / turned[along] * np.exp(-1j * math.pi / 3)).real)
+    steps = np.array([neighbours[along], neighbours[second]])
     place = (rows.lens - first) @ np.linalg.inv(steps)
     ideal = place @ np.array([1.0, np.exp(1j * math.pi / 3)])
     (grow, start), *_ = np.linalg.lstsq(np.column_stack([ideal, np.ones(len(ideal))]), x + 1j * y, rcond=None)
@@ -149,13 +149,13 @@ def _types(rows: LensRows, first: Floats, steps: Floats) -> list[int]:
     """The type of the array for each of the three of the format."""
     place = np.rint((rows.lens - first) @ np.linalg.inv(steps)).astype(int)
     number = (np.mod(-place[:, 0], _TYPES) + place[:, 1]) % _TYPES
-    found = [np.unique(rows.type[number == k]).tolist() for k in range(_TYPES)]
-    if any(len(kinds) != 1 for kinds in found):
+    types_of_lenses = [np.unique(rows.type[number == k]).tolist() for k in range(_TYPES)]
+    if any(len(kinds) != 1 for kinds in types_of_lenses):
         raise InvalidValueError(
             "the focal types do not repeat every three lenses of a row, each beside both others; the format has no "
             "other pattern"
         )
-    return [kinds[0] for kinds in found]
+    return [kinds[0] for kinds in types_of_lenses]
 
 
 def _sharp(rows: LensRows, kind: int) -> tuple[float, float]:

@@ -67,11 +67,11 @@ def plenopticam(
     write_picture(target / f"{name}.tiff", lens.turned(shot.image), scale=scale, encoded=True)
     write_picture(target / f"{name}_white.tiff", lens.turned(light), scale=brightest(light))
     listed = np.column_stack([lens.centre, lens.row, lens.place]).tolist()
-    across, apart = lens.pitch
+    across, row_pitch = lens.pitch
     content = {
         "mic_list": [[y, x, int(row), int(place)] for y, x, row, place in listed],
         "pat_type": "hex" if lens.hexagonal else "rec",
-        "ptc_mean": [apart, across],
+        "ptc_mean": [row_pitch, across],
     }
     write_json(target / f"{name}_centres.json", content)
     patch = max(int(across) // 2 * 2 - 1, 3)

@@ -110,15 +110,15 @@ def _numbers(shot: Exposure) -> dict[str, tuple[Any, dict[str, str]]]:
     lens, camera = lens.whole(shot.image.shape[:2]).rectangle(), lens.camera
     array, sensor = camera.microlenses, camera.sensor
     assert array is not None
-    across, apart = lens.pitch
+    across, row_pitch = lens.pitch
     points = cardinal_points(camera.lens, camera.wavelength)
-    corner = lens.centre.min(axis=0) + 0.5 - 0.5 * np.array([apart, across])
+    corner = lens.centre.min(axis=0) + 0.5 - 0.5 * np.array([row_pitch, across])
     z, pixel = camera.stop_to_microlenses - points.rear_principal, sensor.pixel_pitch
     mm = {"units": "mm"}
     return {
-        "micro_lens/size": (np.rint([apart, across]).astype(np.int32), {"axes": "tau:sigma", "units": "pixels"}),
-        "micro_lens/physical_size": (np.array([apart, across]) * pixel, {"axes": "t:s", **mm}),
-        "micro_lens/micro_image_size": (np.array([apart, across]), {"axes": "tau:sigma", "units": "pixels"}),
+        "micro_lens/size": (np.rint([row_pitch, across]).astype(np.int32), {"axes": "tau:sigma", "units": "pixels"}),
+        "micro_lens/physical_size": (np.array([row_pitch, across]) * pixel, {"axes": "t:s", **mm}),
+        "micro_lens/micro_image_size": (np.array([row_pitch, across]), {"axes": "tau:sigma", "units": "pixels"}),
         "micro_lens/f2": (float(array.focal_lengths[0]), mm),
         "micro_lens/aperture": (float(array.focal_lengths[0] / min(array.pitches)), {}),
         "micro_lenses_array/size": (
@@ -171,8 +171,8 @@ def read_plenoptomos(path: str | os.PathLike[str], *, limits: FileLimits = DEFAU
 
             def note(name: str, item: Any) -> None:
                 if hasattr(item, "dtype") and item.dtype.kind in "iuf":
-                    found = item[()]
-                    numbers[name] = found if np.ndim(found) else float(found)
+                    value = item[()]
+                    numbers[name] = value if np.ndim(value) else float(value)
 
             opened["instrument/camera"].visititems(note)
             image, mode = opened["data/image"][()], opened["data/image"].attrs["mode"]

@@ -87,10 +87,10 @@ class CalibrationPoints:
 
 def targets_of(targets: Target | Sequence[Target]) -> tuple[Target, ...]:
     """One target or several, as a tuple; an error where something else is among them."""
-    given = (targets,) if isinstance(targets, Target) else tuple(targets)
-    for target in given:
+    listed = (targets,) if isinstance(targets, Target) else tuple(targets)
+    for target in listed:
         check_kind(target, "targets", Target, "pl.targets.checkerboard(9, 6, square=2.0)")
-    return given
+    return listed
 
 
 def calibration_points(
@@ -129,20 +129,29 @@ def calibration_points(
     array = camera.microlenses
     if array is None:
         raise InvalidValueError("the camera has no microlenses; use pl.project(camera, target.points)")
-    given = targets_of(targets)
+    listed = targets_of(targets)
     parts = []
-    for frame, target in enumerate(given):
-        seen = project(camera, target.points, scene=scene, rays=1 << 8)
-        seen = seen.selected(seen.visible & np.isfinite(seen.pixel).all(axis=1))
-        assert seen.index is not None and seen.type is not None
+    for frame, target in enumerate(listed):
+        projection = project(camera, target.points, scene=scene, rays=1 << 8)
+        projection = projection.selected(projection.visible & np.isfinite(projection.pixel).all(axis=1))
+        assert projection.index is not None and projection.type is not None
         in_camera = target.points if camera.pose is None else camera.pose.to_camera(target.points)
         behind = np.array([image_plane(camera.lens, z, camera.wavelength) for z in in_camera[:, 2]])
-        distance = (camera.stop_to_microlenses - behind)[seen.point]
-        power = 1.0 / np.array(array.focal_lengths)[seen.type]
+        distance = (camera.stop_to_microlenses - behind)[projection.point]
+        power = 1.0 / np.array(array.focal_lengths)[projection.type]
         with np.errstate(divide="ignore"):
             spread = np.abs(1.0 - camera.microlenses_to_sensor * (power - 1.0 / distance))
         blur = 0.5 * opening_width(array) * spread / camera.sensor.pixel_pitch
-        parts.append((np.full(len(seen), frame), seen.point, target.points[seen.point], seen.index, seen.pixel, blur))
+        parts.append(
+            (
+                np.full(len(projection), frame),
+                projection.point,
+                target.points[projection.point],
+                projection.index,
+                projection.pixel,
+                blur,
+            )
+        )
     if not parts:
         raise InvalidValueError("targets is empty; give one target or more")
     if not any(len(part[0]) for part in parts):

@@ -70,30 +70,30 @@ class Package:
 
 def centre_arrays(centres: Mapping[CentreMethod, MicrolensCentres]) -> dict[str, Any]:
     """All centres as arrays: `index`, `type` and `on_array` of all microlenses, and pixels and mm by each method."""
-    index = np.unique(np.concatenate([found.index for found in centres.values()]), axis=0)
+    index = np.unique(np.concatenate([listed.index for listed in centres.values()]), axis=0)
     order = {tuple(pair): row for row, pair in enumerate(index.tolist())}
     arrays: dict[str, Any] = {"index": index, "type": np.zeros(len(index), dtype=np.int64)}
     arrays["on_array"] = np.full((len(index), 2), np.nan)
-    for method, found in centres.items():
-        rows = [order[tuple(pair)] for pair in found.index.tolist()]
-        arrays["type"][rows], arrays["on_array"][rows] = found.type, found.on_array
+    for method, listed in centres.items():
+        rows = [order[tuple(pair)] for pair in listed.index.tolist()]
+        arrays["type"][rows], arrays["on_array"][rows] = listed.type, listed.on_array
         for name in ("position", "pixel"):
             arrays[f"{method.name.lower()}_{name}"] = places = np.full((len(index), 2), np.nan)
-            places[rows] = getattr(found, name)
+            places[rows] = getattr(listed, name)
     return arrays
 
 
 def centres_from(arrays: Mapping[str, Any]) -> Mapping[CentreMethod, MicrolensCentres]:
     """The way back; a KeyError where something is missing."""
-    found = {}
+    by_method = {}
     for method in CentreMethod:
         position = arrays.get(f"{method.name.lower()}_position")
         if position is not None:
-            kept = np.isfinite(position).all(axis=1)
-            parts = {name: arrays[name][kept] for name in ("index", "type", "on_array")}
-            pixel = arrays[f"{method.name.lower()}_pixel"][kept]
-            found[method] = MicrolensCentres(**parts, position=position[kept], pixel=pixel, method=method)
-    return MappingProxyType(found)
+            finite = np.isfinite(position).all(axis=1)
+            parts = {name: arrays[name][finite] for name in ("index", "type", "on_array")}
+            pixel = arrays[f"{method.name.lower()}_pixel"][finite]
+            by_method[method] = MicrolensCentres(**parts, position=position[finite], pixel=pixel, method=method)
+    return MappingProxyType(by_method)
 
 
 def centre_table(arrays: Mapping[str, Any]) -> str:

@@ -73,9 +73,9 @@ def _unpacked(source: Path, limits: FileLimits) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="plenoptic-") as folder, explained(source, "read"):
         try:
             with zipfile.ZipFile(source) as archive:
-                found = [entry for entry in archive.infolist() if _NAME.fullmatch(entry.filename)][:_MOST_FILES]
+                entries = [entry for entry in archive.infolist() if _NAME.fullmatch(entry.filename)][:_MOST_FILES]
                 room = allowed_memory(source.stat().st_size, limits)
-                for entry in found:
+                for entry in entries:
                     with archive.open(entry) as packed:
                         content = packed.read(min(limits.file_size, room) + 1)
                     room -= len(content)
@@ -127,17 +127,17 @@ def _provenance(folder: Path, limits: FileLimits) -> dict[str, Any]:
     if not path.is_file():
         raise FileError(f"{str(folder)!r} is no package: it holds no {PROVENANCE}; give the folder that write made")
     try:
-        found = json.loads(read_file(path, limits))
+        provenance = json.loads(read_file(path, limits))
     except (ValueError, RecursionError) as error:
         raise FileError(f"{str(path)!r} is not JSON: {error}; {str(folder)!r} is no package") from None
-    if not isinstance(found, dict) or found.get("format") != PROVENANCE_FORMAT:
+    if not isinstance(provenance, dict) or provenance.get("format") != PROVENANCE_FORMAT:
         raise FileError(f"{str(path)!r} has another format than {PROVENANCE_FORMAT!r}; perhaps a later version's")
-    files = found.get("files")
+    files = provenance.get("files")
     if not isinstance(files, dict) or len(files) > _MOST_FILES or not all(map(_NAME.fullmatch, files)):
         raise FileError(f"{str(path)!r} must list the files of the package")
     if missing := {"raw.exr", "raw.tif", "dark.tif", CAMERA} - set(files):
         raise FileError(f"{str(path)!r} lists no {', '.join(sorted(missing))}; a package has them")
-    return found
+    return provenance
 
 
 def _pair(folder: Path, name: str, limits: FileLimits) -> tuple[Exposure, RawImage]:
@@ -162,10 +162,10 @@ def _arrays(path: Path, limits: FileLimits) -> Mapping[str, NDArray[Any]]:
     content = read_file(path, limits)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            wanted = sum(entry.file_size for entry in archive.infolist())
-        if wanted > allowed_memory(len(content), limits):
-            raise ValueError(f"it would take {wanted} bytes; give limits=pl.images.FileLimits(memory={wanted})")
-        with np.load(io.BytesIO(content), allow_pickle=False) as found:
-            return {name: found[name] for name in found.files}
+            memory = sum(entry.file_size for entry in archive.infolist())
+        if memory > allowed_memory(len(content), limits):
+            raise ValueError(f"it would take {memory} bytes; give limits=pl.images.FileLimits(memory={memory})")
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
     except (ValueError, OSError, EOFError, MemoryError, KeyError, zipfile.BadZipFile, RuntimeError) as error:
         raise FileError(f"{str(path)!r} cannot be read: {error}; restore it from its origin") from None

@@ -110,26 +110,26 @@ def write(
         raise FileError(f"the file {str(target)!r} is something else than a package; choose a new name")
     if not zipped:
         _check_replaceable(target)
-    with tempfile.TemporaryDirectory() if zipped else replaced_folder(target) as made:
-        folder = Path(made)
+    with tempfile.TemporaryDirectory() if zipped else replaced_folder(target) as location:
+        folder = Path(location)
         _fill(folder, exposure, white, tuple(other_whites), model, seed)
         _describe(folder, camera)
-        if given := targets_of(targets):
-            write_file(folder / POINTS, calibration_points(camera, given, scene=scene).to_csv().encode("ascii"))
+        if listed := targets_of(targets):
+            write_file(folder / POINTS, calibration_points(camera, listed, scene=scene).to_csv().encode("ascii"))
         _sign(folder, exposure, None if scene is None else str(_plan(exposure, scene, camera)))
         if zipped:
             _zip(folder, target)
 
 
 def _checked_camera(exposure: Exposure, white: Exposure | None, others: Sequence[Exposure]) -> PlenopticCamera:
-    for name, given in [("exposure", exposure), ("white", white), *(("other_whites", other) for other in others)]:
-        if given is not None or name != "white":
-            check_kind(given, name, Exposure, "pl.render(scene, camera)")
+    for name, value in [("exposure", exposure), ("white", white), *(("other_whites", other) for other in others)]:
+        if value is not None or name != "white":
+            check_kind(value, name, Exposure, "pl.render(scene, camera)")
     camera = exposure.camera
     if camera is None:
         raise InvalidValueError("the exposure names no camera; give one that render made")
-    for found in (white, *others):
-        if found is not None and found.white is False:
+    for shot in (white, *others):
+        if shot is not None and shot.white is False:
             raise InvalidValueError("a white image shows a scene; give what pl.render_white(camera) made")
     if white is not None and white.camera not in (None, camera):
         raise InvalidValueError("the white image is of another camera than the exposure; render it with the same one")
@@ -147,10 +147,10 @@ def _quiet_sensor(exposure: Exposure) -> SensorModel:
 def _lit(white: Exposure, model: SensorModel) -> SensorModel:
     """The same sensor before as much light as a white image needs."""
     brightest = float(np.max(white.image.max(axis=(0, 1)) * np.broadcast_to(model.electrons_per_unit, 3)))
-    wanted = _WHITE_PART * (model.white_level - model.black_level) / model.gain - model.dark_electrons
-    if not brightest > 0 or not wanted > 0:
+    electrons = _WHITE_PART * (model.white_level - model.black_level) / model.gain - model.dark_electrons
+    if not brightest > 0 or not electrons > 0:
         return model
-    rate = tuple(np.atleast_1d(model.photon_rate) * (wanted / brightest))
+    rate = tuple(np.atleast_1d(model.photon_rate) * (electrons / brightest))
     return dataclasses.replace(model, photon_rate=rate if len(rate) > 1 else rate[0])
 
 
@@ -169,9 +169,9 @@ def _fill(
     whites = {} if white is None else {"white": white}
     for other in others:
         whites[_white_name(other, whites)] = other
-    for number, (name, found) in enumerate(whites.items()):
-        found.save(folder / f"{name}.exr")
-        found.develop(_lit(found, model), seed=seed + 1 + number + (number > 0)).save(folder / f"{name}.tif")
+    for number, (name, image) in enumerate(whites.items()):
+        image.save(folder / f"{name}.exr")
+        image.develop(_lit(image, model), seed=seed + 1 + number + (number > 0)).save(folder / f"{name}.tif")
     dark = dataclasses.replace(light, image=np.zeros_like(exposure.image), standard_error=None)
     dark.develop(model, seed=seed + 2).save(folder / "dark.tif")
     if exposure.truth is not None:
@@ -272,11 +272,11 @@ def _finite(number: float | None) -> float | None:
 
 
 def _hash(file: Path) -> str:
-    found = hashlib.sha256()
+    sha = hashlib.sha256()
     with open(file, "rb") as opened:
         while part := opened.read(1 << 20):
-            found.update(part)
-    return found.hexdigest()
+            sha.update(part)
+    return sha.hexdigest()
 
 
 def _check_replaceable(folder: Path) -> None:
@@ -298,5 +298,5 @@ def _holds_package(file: Path) -> bool:
 
 def _zip(folder: Path, target: Path) -> None:
     with replaced(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for found in sorted(folder.iterdir()):
-            archive.write(found, found.name)
+        for path in sorted(folder.iterdir()):
+            archive.write(path, path.name)

@@ -135,15 +135,15 @@ def plot_wavefront(wavefront: Wavefront, ax: Axes | None = None) -> Axes:
     """
     check_has(wavefront, "wavefront", "Wavefront", "pl.aberrations.wavefront(lens)", "opd", "pupil")
     ax = axes_or_new(ax, MAP_SIZE)
-    most = max(float(np.abs(wavefront.opd).max()), 1e-9)
-    how: dict[str, Any] = {"cmap": "RdBu_r", "vmin": -most, "vmax": most}
+    largest = max(float(np.abs(wavefront.opd).max()), 1e-9)
+    colours: dict[str, Any] = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest}
     grid = _squares(wavefront.pupil, wavefront.opd)
     drawn: Any
     if grid is None:
         x, y = wavefront.pupil.T
-        drawn = ax.scatter(x, y, c=wavefront.opd, s=max(2.0, 9000.0 / len(wavefront.opd)), **how)
+        drawn = ax.scatter(x, y, c=wavefront.opd, s=max(2.0, 9000.0 / len(wavefront.opd)), **colours)
     else:
-        drawn = ax.imshow(grid, extent=(-1.0, 1.0, -1.0, 1.0), origin="lower", interpolation="nearest", **how)
+        drawn = ax.imshow(grid, extent=(-1.0, 1.0, -1.0, 1.0), origin="lower", interpolation="nearest", **colours)
     ax.figure.colorbar(drawn, ax=ax, label="optical path difference / waves")
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     ax.plot(np.cos(angle), np.sin(angle), color=_RULE, linewidth=0.8)

@@ -85,24 +85,24 @@ def _led(camera: PlenopticCamera, rays: PixelRays) -> Floats:
 def _draw_detail(camera: PlenopticCamera, rays: PixelRays, ax: Axes) -> None:
     """In the array's own axes: distances behind its front principal plane, and heights."""
     assert rays.array is not None and rays.lenses is not None and camera.microlenses is not None
-    own, lenses = rays.array.inverse(), rays.lenses
-    sensor, pixel = own.of(rays.sensor), own.points(rays.paths[0, 0])
-    across = own.points(rays.paths[:, 1])
-    b, apart = float(pixel[2]), camera.microlenses.pitches[1]
+    to_array, lenses = rays.array.inverse(), rays.lenses
+    sensor, pixel = to_array.of(rays.sensor), to_array.points(rays.paths[0, 0])
+    across = to_array.points(rays.paths[:, 1])
+    b, pitch = float(pixel[2]), camera.microlenses.pitches[1]
     middle = float(across[:, 1].mean())
     for y, power, kind in zip(lenses.centre[:, 1].tolist(), lenses.power.tolist(), lenses.type.tolist(), strict=True):
         bulge = -_BULGE * b * power / np.abs(lenses.power).max() if power else 0.0
         arc = np.linspace(-0.5, 0.5, 31)
-        ax.plot(bulge * (1.0 - 4.0 * arc**2), y + apart * arc, color=_ARRAY, linewidth=1.8)
+        ax.plot(bulge * (1.0 - 4.0 * arc**2), y + pitch * arc, color=_ARRAY, linewidth=1.8)
         if len(camera.microlenses.focal_lengths) > 1:
             ax.text(-0.12 * b, y, f"type {kind}", color=_ARRAY, fontsize="small", ha="right", va="center", clip_on=True)
     behind = np.stack([np.broadcast_to(pixel, across.shape), across], axis=1)
     ax.plot(behind[:, :, 2].T, behind[:, :, 1].T, color=_RAYS, linewidth=0.7)
-    before = own.directions(np.diff(rays.paths[:, 1:3], axis=1)[:, 0])
+    before = to_array.directions(np.diff(rays.paths[:, 1:3], axis=1)[:, 0])
     ends = np.stack([across, across - before * (b / before[:, 2:])], axis=1)
     ax.plot(ends[:, :, 2].T, ends[:, :, 1].T, color=_RAYS, linewidth=0.7)
-    _draw_pixels(camera, rays, sensor, _DETAIL * apart, ax)
-    ax.set_ylim(middle - _DETAIL * apart, middle + _DETAIL * apart)
+    _draw_pixels(camera, rays, sensor, _DETAIL * pitch, ax)
+    ax.set_ylim(middle - _DETAIL * pitch, middle + _DETAIL * pitch)
     ax.set(xlabel="distance behind the array / mm", ylabel="y / mm")
     ax.set_title("a microlens and its pixels, each axis at its own scale", fontsize="small")
     ax.axvline(0.0, color=_ARRAY, linewidth=0.6, linestyle=":", zorder=0)
@@ -118,15 +118,21 @@ def _draw_pixels(camera: PlenopticCamera, rays: PixelRays, sensor: Any, reach: f
     def placed(heights: Floats) -> Floats:
         return np.asarray(sensor.points(np.column_stack([np.full(len(heights), x), heights, np.zeros(len(heights))])))
 
-    line, own = placed(ends), placed(np.array([y - 0.5 * pitch, y + 0.5 * pitch]))
+    line, edges = placed(ends), placed(np.array([y - 0.5 * pitch, y + 0.5 * pitch]))
     ax.plot(line[:, 2], line[:, 1], color=_SENSOR, linewidth=1.6)
     if 2.0 * reach / pitch <= _MOST_PIXELS:
         borders = placed(np.arange(np.ceil(ends[0] / pitch), np.floor(ends[1] / pitch) + 1) * pitch)
         ax.hlines(borders[:, 1], borders[:, 2], borders[:, 2] + thick, color=_SENSOR, linewidth=0.5)
-    ax.fill([*own[:, 2], *(own[::-1, 2] + thick)], [*own[:, 1], *own[::-1, 1]], color=_PIXEL, linewidth=0, zorder=2.5)
+    ax.fill(
+        [*edges[:, 2], *(edges[::-1, 2] + thick)],
+        [*edges[:, 1], *edges[::-1, 1]],
+        color=_PIXEL,
+        linewidth=0,
+        zorder=2.5,
+    )
     ax.annotate(
         "pixel",
-        (own[0, 2] + thick, own[:, 1].mean()),
+        (edges[0, 2] + thick, edges[:, 1].mean()),
         (4, 0),
         textcoords="offset points",
         va="center",

@@ -54,8 +54,8 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
     """The axes given, or those of a new figure of a width and height in inches."""
     if ax is not None:
         return ax
-    made: Axes = figure_or_new(None, size).subplots()
-    return made
+    axes: Axes = figure_or_new(None, size).subplots()
+    return axes
 
 
 def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
@@ -65,8 +65,8 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
     plt = pyplot()
     from plenoptic.plots.notebook.shown_once import ShownOnce
 
-    made: Figure = plt.figure(figsize=size, layout="constrained", FigureClass=ShownOnce)
-    return made
+    figure_of_pyplot: Figure = plt.figure(figsize=size, layout="constrained", FigureClass=ShownOnce)
+    return figure_of_pyplot
 
 
 def pixel_extent(row: int, column: int, shape: tuple[int, ...]) -> tuple[float, float, float, float]:

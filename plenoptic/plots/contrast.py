@@ -108,11 +108,11 @@ def plot_mtf(mtfs: Mtf | WaveMtf | Sequence[Mtf | WaveMtf], ax: Axes | None = No
         colour = COLOURS[(order.index(label) if both else i) % len(COLOURS)]
         rays = hasattr(curve, "diffraction")
         strength = 0.45 if both and rays else 1.0
-        named = f"{label}, geometric" if both and rays else label
+        prefix = f"{label}, geometric" if both and rays else label
         for direction, line in (("tangential", "-"), ("sagittal", ":")):
             values = getattr(curve, direction)
             ax.plot(
-                curve.frequencies, values, linestyle=line, color=colour, alpha=strength, label=f"{named}, {direction}"
+                curve.frequencies, values, linestyle=line, color=colour, alpha=strength, label=f"{prefix}, {direction}"
             )
             if rays:
                 error = getattr(curve, f"{direction}_error")

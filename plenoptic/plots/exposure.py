@@ -263,11 +263,11 @@ def plot_raw(raw: RawImage, *, figure: Figure | None = None) -> Figure:
 
     small, top = frame.reduced(image), white_point(image)
     norm = PowerNorm(_BRIGHTENED, 0.0, top)
-    shown: dict[str, Any] = {"extent": frame.extent(small.shape)}
+    placement: dict[str, Any] = {"extent": frame.extent(small.shape)}
     if image.shape[2] == 1:
-        _panel(figure, ax, small[:, :, 0], "raw image", "electrons", cmap="gray", norm=norm, **shown)
+        _panel(figure, ax, small[:, :, 0], "raw image", "electrons", cmap="gray", norm=norm, **placement)
     else:
-        _colour_picture(ax, small, np.zeros(small.shape[:2], dtype=bool), shown["extent"], top)
+        _colour_picture(ax, small, np.zeros(small.shape[:2], dtype=bool), placement["extent"], top)
         ax.set_title(f"raw image (white: {top:.3g} electrons)", fontsize="medium")
     if window is not None:
         part = figure.add_subplot(1, 2, 2)

@@ -126,15 +126,15 @@ def plot_light_field(field: LightField, *, figure: Figure | None = None) -> Figu
     below = figure.add_subplot(grid[1, 0], xlabel="column / pixel", ylabel="u / pixel")
     extent = (-0.5, columns - 0.5, *_edges(field.u)[::-1])
     below.imshow(_shown(field.views[:, v // 2, row], white), interpolation="nearest", aspect="auto", extent=extent)
-    beside = figure.add_subplot(grid[0, 1], xlabel="v / pixel")
+    right = figure.add_subplot(grid[0, 1], xlabel="v / pixel")
     extent = (*_edges(field.v), rows - 0.5, -0.5)
     slice_ = field.views[u // 2, :, :, column].transpose(1, 0, 2)
-    beside.imshow(_shown(slice_, white), interpolation="nearest", aspect="auto", extent=extent)
-    for ax, colour, title in ((below, _ROW, f"row {row}"), (beside, _COLUMN, f"column {column}")):
+    right.imshow(_shown(slice_, white), interpolation="nearest", aspect="auto", extent=extent)
+    for ax, colour, title in ((below, _ROW, f"row {row}"), (right, _COLUMN, f"column {column}")):
         for spine in ax.spines.values():
             spine.set(edgecolor=colour, linewidth=1.5)
         ax.set_title(title, fontsize="medium")
-    for ax in (view, below, beside):
+    for ax in (view, below, right):
         ax.locator_params(integer=True, nbins=6, min_n_ticks=1)
     return figure
 
@@ -177,11 +177,11 @@ def plot_view(view: View, *, figure: Figure | None = None) -> Figure:
     """
     check_has(view, "view", "View", "pl.lightfield.render_view(shot, white)", "picture", "coverage")
     figure = figure_or_new(figure, (11.0, 3.4))
-    first, *others = figure.subplots(1, 3, sharex=True, sharey=True)
+    first, *map_axes = figure.subplots(1, 3, sharex=True, sharey=True)
     first.imshow(_shown(view.picture, white_point(view.picture)), interpolation="antialiased")
     first.set_title("picture", fontsize="medium")
     _draw_maps(
-        figure, others, (("disparity", view.disparity, "pixel", "viridis"), ("coverage", view.coverage, "", "gray"))
+        figure, map_axes, (("disparity", view.disparity, "pixel", "viridis"), ("coverage", view.coverage, "", "gray"))
     )
     first.set(xlabel="column / pixel", ylabel="row / pixel")
     return figure
@@ -223,8 +223,8 @@ def plot_depth_map(found: DepthMap, *, figure: Figure | None = None) -> Figure:
 def _draw_maps(figure: Figure, axes: list[Axes], maps: tuple[tuple[str, NDArray[Any], str, str], ...]) -> None:
     """Numbers as colours, each with its scale; shares, which have no unit, from 0 to 1."""
     for ax, (title, values, unit, colours) in zip(axes, maps, strict=True):
-        known = values[np.isfinite(values)]
-        low, high = (0.0, 1.0) if not unit or not known.size else np.percentile(known, (2.0, 98.0)).tolist()
+        finite = values[np.isfinite(values)]
+        low, high = (0.0, 1.0) if not unit or not finite.size else np.percentile(finite, (2.0, 98.0)).tolist()
         if unit and high - low <= _SAME * abs(high):
             low, high = low - 0.5, high + 0.5
         drawn = ax.imshow(np.ma.masked_invalid(values), interpolation="nearest", cmap=colours, vmin=low, vmax=high)

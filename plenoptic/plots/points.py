@@ -93,8 +93,8 @@ def _draw_middle(centres: MicrolensCentres, ax: Axes) -> None:
     middle = 0.5 * (pixel.min(axis=0) + pixel.max(axis=0))
     away = np.hypot(*(pixel - middle).T)
     first = pixel[int(np.argmin(away))]
-    others = np.sort(np.hypot(*(pixel - first).T))
-    reach = _NEAR * float(others[1] if len(others) > 1 and others[1] > 0 else 1.0)
+    distances = np.sort(np.hypot(*(pixel - first).T))
+    reach = _NEAR * float(distances[1] if len(distances) > 1 and distances[1] > 0 else 1.0)
     near = np.abs(pixel - first).max(axis=1) <= 0.97 * reach
     for kind in np.unique(centres.type[near]).tolist():
         of_kind = pixel[near & (centres.type == kind)]
@@ -136,11 +136,13 @@ def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
     rows = np.flatnonzero(np.isfinite(place).all(axis=1))
     rows = rows[:: -(-len(rows) // _MOST) or 1]
     for k in range(min(len(COLOURS), len(projection.points))):
-        own = rows[projection.point[rows] % len(COLOURS) == k]
-        _draw_marks(ax, place[own], projection.visible[own], k)
+        group = rows[projection.point[rows] % len(COLOURS) == k]
+        _draw_marks(ax, place[group], projection.visible[group], k)
     ax.set(xlabel="column / pixel", ylabel="row / pixel")
-    count, seen = len(projection.points), int(np.count_nonzero(projection.visible))
-    ax.set_title(f"{count} point{'s' * (count != 1)}, seen {seen} time{'s' * (seen != 1)}", fontsize="medium")
+    count, visible_count = len(projection.points), int(np.count_nonzero(projection.visible))
+    ax.set_title(
+        f"{count} point{'s' * (count != 1)}, seen {visible_count} time{'s' * (visible_count != 1)}", fontsize="medium"
+    )
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.08)
     if len(rows):
@@ -151,7 +153,7 @@ def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
 
 
 def _draw_marks(ax: Axes, place: Floats, visible: NDArray[np.bool_], k: int) -> None:
-    for seen, filled in ((True, COLOURS[k]), (False, "none")):
-        part = place[visible == seen]
-        label = f"point {k}" if seen else None
+    for is_visible, filled in ((True, COLOURS[k]), (False, "none")):
+        part = place[visible == is_visible]
+        label = f"point {k}" if is_visible else None
         ax.plot(part[:, 1], part[:, 0], _MARKS[k], color=COLOURS[k], markerfacecolor=filled, markersize=5, label=label)

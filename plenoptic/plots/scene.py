@@ -84,22 +84,22 @@ def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: F
         check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "frustum")
     figure = figure_or_new(figure, SIZE)
     shapes = shapes_of(scene)
-    seen = [view.frustum for view in scene.views] + ([] if camera is None else [camera.frustum])
+    frustums = [view.frustum for view in scene.views] + ([] if camera is None else [camera.frustum])
     lamps = [light for light in scene.lights if hasattr(light, "position")]
-    box = _shown(shapes, seen, lamps)
+    box = _shown(shapes, frustums, lamps)
     middle = (around([shape.bounds for shape in shapes]) if shapes else box).mean(axis=0)
-    fields = [_ends(frustum, middle) for frustum in seen]
+    fields = [_ends(frustum, middle) for frustum in frustums]
     box = around([box, *fields])
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.35), hspace=0.1)
     for side in _SIDES:
         ax, part, drawn = figure.add_subplot(grid[side.place]), box, shapes
         if camera is not None and side.across == "x":
-            part = _around_field(seen[-1], box)
+            part = _around_field(frustums[-1], box)
             drawn = shapes if part is box else shapes_of(scene, part[:, :2])
-        unit = next(name for least, name in _UNITS if np.ptp(part, axis=0).max() >= least)
+        unit = next(name for extent, name in _UNITS if np.ptp(part, axis=0).max() >= extent)
         scale = _MILLIMETRES[unit]
         _draw_side(ax, side, drawn, part, scale)
-        for frustum, ends in zip(seen, fields, strict=True):
+        for frustum, ends in zip(frustums, fields, strict=True):
             _draw_frustum(ax, side, frustum, ends, scale)
         places = np.array([lamp.position for lamp in lamps]).reshape(-1, 3) / scale
         ax.plot(places @ side.right, places @ side.up, "*", color=_LAMP, markersize=9, markeredgecolor="white")

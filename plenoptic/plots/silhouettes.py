@@ -49,22 +49,22 @@ def shapes_of(scene: Any, window: Floats | None = None) -> list[Shape]:
     lights = len(scene.meshes)
     parts = [*scene.meshes, *shining]
     triangles, points = max(_FEWEST, _TRIANGLES // max(1, len(parts))), _POINTS // max(1, len(parts))
-    found = []
+    shapes = []
     for k, part in enumerate(parts):
         mesh = getattr(part, "mesh", part)
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces)
-        rest = np.empty((0, 3))
+        dots = np.empty((0, 3))
         if hasattr(part, "matrices"):
             drawn = _places(part, vertices[faces] if len(faces) <= triangles else None, triangles)
         else:
             if window is not None and len(faces) > triangles:
                 faces = _within(vertices, faces, window)
-            drawn, rest = _largest(vertices, faces, triangles, points)
+            drawn, dots = _largest(vertices, faces, triangles, points)
         colour, opacity = (np.array(_LIGHT), 0.9) if k >= lights else _look(mesh.material.row())
         if len(drawn):
-            box = around([drawn.reshape(-1, 3), *([rest] if len(rest) else [])])
-            found.append(Shape(drawn, rest, colour, opacity, box))
-    return found
+            box = around([drawn.reshape(-1, 3), *([dots] if len(dots) else [])])
+            shapes.append(Shape(drawn, dots, colour, opacity, box))
+    return shapes
 
 
 def _within(vertices: NDArray[Any], faces: NDArray[Any], window: Floats) -> NDArray[Any]:
@@ -146,8 +146,8 @@ def _mask(
     image = Image.new("L", (wide, tall))
     draw = ImageDraw.Draw(image)
     # Far outside of the picture, coordinates would leave the whole numbers of the drawing library.
-    shown = np.clip(triangles - low, -1e6, 1e6)
-    for corners in shown.reshape(-1, 6).tolist():
+    pixels = np.clip(triangles - low, -1e6, 1e6)
+    for corners in pixels.reshape(-1, 6).tolist():
         draw.polygon(corners, fill=1, outline=1)
     mask = np.array(image, dtype=bool)
     if len(points):

@@ -34,8 +34,8 @@ def field_label(field: Floats, z_object: float) -> str:
         x, y, unit = math.degrees(x), math.degrees(y), "°"
     else:
         unit = " mm"
-    shown = f"{y:.3g}{unit}" if x == 0 else f"({x:.3g}, {y:.3g}){unit}"
-    return f"field {shown}"
+    position = f"{y:.3g}{unit}" if x == 0 else f"({x:.3g}, {y:.3g}){unit}"
+    return f"field {position}"
 
 
 def _rows(spots: Any) -> list[list[SpotDiagram]]:
@@ -66,12 +66,12 @@ def _draw_spot(ax: Axes, spot: SpotDiagram, half: float, *, airy: bool) -> None:
     if len(spot.x):
         centre = spot.centroid
         # In an order that lets no wavelength lie on top of the others.
-        shown = np.random.default_rng(0).permutation(np.arange(0, len(spot.x), -(-len(spot.x) // _MOST_DOTS)))
+        drawn = np.random.default_rng(0).permutation(np.arange(0, len(spot.x), -(-len(spot.x) // _MOST_DOTS)))
         colours = to_rgba_array(wavelength_colours(spot.wavelengths))
-        x, y = spot.x[shown] - centre[0], spot.y[shown] - centre[1]
-        size = 5.0 if len(shown) < 1000 else 2.0
+        x, y = spot.x[drawn] - centre[0], spot.y[drawn] - centre[1]
+        size = 5.0 if len(drawn) < 1000 else 2.0
         ax.scatter(
-            MICROMETRES * x, MICROMETRES * y, s=size, c=colours[spot.colour[shown]], linewidths=0, rasterized=True
+            MICROMETRES * x, MICROMETRES * y, s=size, c=colours[spot.colour[drawn]], linewidths=0, rasterized=True
         )
         ax.text(0.03, 0.03, _rms_label(spot), transform=ax.transAxes, fontsize="small")
     else:
@@ -157,8 +157,8 @@ def plot_spots(
             title = [] if by_row else [field_label(spot.field, spot.z_object)]
             if not by_column or i == 0:
                 title.append(f"z = {spot.z_image:.6g} mm")
-            own = titles[i * count[1] + j] if titles else "\n".join(title)
-            ax.set_title(own, fontsize="medium")
+            heading = titles[i * count[1] + j] if titles else "\n".join(title)
+            ax.set_title(heading, fontsize="medium")
         label = "y / µm"
         axes[i, 0].set_ylabel(f"{field_label(row[0].field, row[0].z_object)}\n{label}" if by_row else label)
     for ax in axes[-1]:

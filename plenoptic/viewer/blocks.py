@@ -60,13 +60,13 @@ class Blocks:
         For ASINH, `step` is the relative one, and `unit` the value at which steps become relative.
         """
         bent = _bent(np.asarray(values, dtype=np.float64), curve, unit)
-        known = np.isfinite(bent)
-        low, high = (float(bent[known].min()), float(bent[known].max())) if known.any() else (0.0, 0.0)
-        apart = max((high - low) / _MOST, 0.0 if step is None else step) or 1.0
+        finite = np.isfinite(bent)
+        low, high = (float(bent[finite].min()), float(bent[finite].max())) if finite.any() else (0.0, 0.0)
+        spacing = max((high - low) / _MOST, 0.0 if step is None else step) or 1.0
         codes = np.full(bent.shape, NOTHING, dtype=np.uint16)
-        codes[known] = np.rint((bent[known] - low) / apart)
+        codes[finite] = np.rint((bent[finite] - low) / spacing)
         codes[np.isinf(values)] = INFINITE
-        return {"bytes": self.add(packed(codes)), "curve": int(curve), "low": low, "step": apart, "unit": unit}
+        return {"bytes": self.add(packed(codes)), "curve": int(curve), "low": low, "step": spacing, "unit": unit}
 
 
 def packed(codes: NDArray[np.unsignedinteger[Any]]) -> bytes:

@@ -88,8 +88,8 @@ def light_field_page(field: LightField, *, depth: DepthMap | None = None) -> Vie
         facts["error"] = blocks.plane(error, curve=Curve.ASINH, step=0.01, unit=1e-5 * white)
     if depth is not None:
         facts["disparity"] = blocks.plane(middles(depth.disparity, part.block) / part.block, curve=Curve.LINEAR)
-        found = middles(depth.standard_error, part.block) / part.block
-        facts["disparity_error"] = blocks.plane(found, curve=Curve.ASINH, step=0.01, unit=1e-4)
+        block_errors = middles(depth.standard_error, part.block) / part.block
+        facts["disparity_error"] = blocks.plane(block_errors, curve=Curve.ASINH, step=0.01, unit=1e-4)
     middle = files[facts["middle"][0] * len(part.down) + facts["middle"][1]]
     return page(
         f"Light field, {len(field.u)} × {len(field.v)} views",
@@ -135,9 +135,9 @@ def _focus(field: LightField, depth: DepthMap | None, block: int) -> dict[str, A
         if depth is None:
             return None
         low = high = 0.0
-    known = np.empty(0) if depth is None else depth.disparity[np.isfinite(depth.disparity)]
-    if known.size:
-        first, last = np.percentile(known, (0.5, 99.5)).tolist()
+    disparities = np.empty(0) if depth is None else depth.disparity[np.isfinite(depth.disparity)]
+    if disparities.size:
+        first, last = np.percentile(disparities, (0.5, 99.5)).tolist()
         margin = max(_MARGIN * (last - first), _LEAST)
         low, high = min(first - margin, 0.0), max(last + margin, 0.0)
     table = np.linspace(low, high, _TABLE)

@@ -47,12 +47,12 @@ def rgba(picture: NDArray[np.floating[Any]], top: float) -> NDArray[np.uint8]:
 
     `top` becomes 255, larger values are clipped. Channels other than three are shown as their mean.
     """
-    known = ~np.isnan(picture).any(axis=2)
+    finite = ~np.isnan(picture).any(axis=2)
     colour = picture if picture.shape[2] == 3 else picture.mean(axis=2, keepdims=True)
-    shown = linear_to_srgb(np.clip(np.nan_to_num(colour.astype(np.float64), posinf=top, neginf=0.0) / top, 0.0, 1.0))
-    codes = np.empty((*known.shape, 4), dtype=np.uint8)
-    codes[:, :, :3] = np.rint(255.0 * np.where(known[..., None], shown, 0.0))
-    codes[:, :, 3] = 255 * known
+    encoded = linear_to_srgb(np.clip(np.nan_to_num(colour.astype(np.float64), posinf=top, neginf=0.0) / top, 0.0, 1.0))
+    codes = np.empty((*finite.shape, 4), dtype=np.uint8)
+    codes[:, :, :3] = np.rint(255.0 * np.where(finite[..., None], encoded, 0.0))
+    codes[:, :, 3] = 255 * finite
     return codes
 
 

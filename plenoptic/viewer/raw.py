@@ -61,16 +61,16 @@ def exposure_page(
     exposure: Exposure, *, white: Exposure | None = None, region: tuple[slice, slice] | None = None
 ) -> Viewer:
     """The page of a raw image; see `Exposure.viewer`."""
-    shown = _shown(exposure, white, region)
-    rows, columns, channels = shown.image.shape
+    display = _shown(exposure, white, region)
+    rows, columns, channels = display.image.shape
     blocks = Blocks()
-    top = positive_white(shown.image)
+    top = positive_white(display.image)
     facts: dict[str, Any] = {
         "rows": rows,
         "columns": columns,
         "channels": channels,
-        "block": shown.block,
-        "first": list(shown.first),
+        "block": display.block,
+        "first": list(display.first),
         "white": top,
         "unit": "radiance" if white is not None else "radiance × sr",
         "samples": exposure.samples,
@@ -80,22 +80,22 @@ def exposure_page(
         "sight": None,
     }
     planes = facts["planes"]
-    if shown.error is not None:
-        error = np.sqrt(np.mean(np.square(shown.error, dtype=np.float64), axis=2))
+    if display.error is not None:
+        error = np.sqrt(np.mean(np.square(display.error, dtype=np.float64), axis=2))
         planes["error"] = blocks.plane(error, curve=Curve.ASINH, step=0.02, unit=1e-6 * top)
     for name, curve in (("depth", Curve.RECIPROCAL), ("virtual_depth", Curve.RECIPROCAL), ("disparity", Curve.LINEAR)):
         # Disparities are pitch / (virtual depth pixel pitch): one says the other.
-        if name in shown.truth and not (name == "disparity" and "virtual_depth" in shown.truth and exposure.camera):
-            planes[name] = blocks.plane(shown.truth[name], curve=curve)
+        if name in display.truth and not (name == "disparity" and "virtual_depth" in display.truth and exposure.camera):
+            planes[name] = blocks.plane(display.truth[name], curve=curve)
     if exposure.camera is not None and exposure.camera.microlenses is not None:
-        _add_lenses(facts, blocks, exposure.camera, shown)
-    _add_image(facts, blocks, shown.image)
+        _add_lenses(facts, blocks, exposure.camera, display)
+    _add_image(facts, blocks, display.image)
     step = max(1, math.ceil(max(rows, columns) / _STILL))
     return page(
         f"Raw image, {exposure.image.shape[0]} × {exposure.image.shape[1]} pixels",
         facts={"raw": facts},
         data=blocks.joined(),
-        still=webp(rgba(_means(shown.image, step), top), 75),
+        still=webp(rgba(_means(display.image, step), top), 75),
         modules=_MODULES,
         shaders=_SHADERS,
     )
@@ -147,9 +147,9 @@ def _means(image: NDArray[np.float32], block: int) -> NDArray[np.float32]:
     """(rows, columns, C): means of known values over blocks."""
     if block == 1:
         return image
-    known = np.isfinite(image)
+    finite = np.isfinite(image)
     with np.errstate(invalid="ignore"):  # nothing of a block may be known
-        means = block_means(np.where(known, image, 0.0), block) / block_means(known, block)
+        means = block_means(np.where(finite, image, 0.0), block) / block_means(finite, block)
     return np.asarray(means, dtype=np.float32)
 
 
@@ -162,13 +162,15 @@ def _add_image(facts: dict[str, Any], blocks: Blocks, image: NDArray[np.float32]
     for step in _STEPS:
         trial = Blocks()
         scale = 1e-5 * facts["white"]
-        made = [trial.plane(image[:, :, k], curve=Curve.ASINH, step=step, unit=scale) for k in range(image.shape[2])]
+        channels = [
+            trial.plane(image[:, :, k], curve=Curve.ASINH, step=step, unit=scale) for k in range(image.shape[2])
+        ]
         if blocks.size + trial.size <= _BYTES:
             break
-    for each in made:
+    for each in channels:
         each["bytes"][0] += blocks.size
     blocks.add(trial.joined())
-    facts["image"] = made
+    facts["image"] = channels
 
 
 def _add_lenses(facts: dict[str, Any], blocks: Blocks, camera: PlenopticCamera, shown: _Shown) -> None:
@@ -181,8 +183,8 @@ def _add_lenses(facts: dict[str, Any], blocks: Blocks, camera: PlenopticCamera, 
     index = centres.index[near]
     numbers = shown.truth.get("microlens")
     if numbers is not None:
-        own = numbers.reshape(-1, 2).astype(np.int64)
-        index = np.unique(np.concatenate([index, own[own[:, 0] != NO_MICROLENS]]), axis=0)
+        pixel_index = numbers.reshape(-1, 2).astype(np.int64)
+        index = np.unique(np.concatenate([index, pixel_index[pixel_index[:, 0] != NO_MICROLENS]]), axis=0)
     if not len(index):
         return
     if len(index) > _MOST_LENSES:
@@ -207,29 +209,29 @@ def _add_lenses(facts: dict[str, Any], blocks: Blocks, camera: PlenopticCamera, 
         "of_pixels": None,
     }
     if numbers is not None:
-        known = {tuple(each): k + 1 for k, each in enumerate(index.tolist())}
-        once, inverse = np.unique(own, axis=0, return_inverse=True)
-        codes = np.array([known.get(tuple(each), 0) for each in once.tolist()])[inverse.reshape(-1)]
+        numbers_of_lenses = {tuple(each): k + 1 for k, each in enumerate(index.tolist())}
+        once, inverse = np.unique(pixel_index, axis=0, return_inverse=True)
+        codes = np.array([numbers_of_lenses.get(tuple(each), 0) for each in once.tolist()])[inverse.reshape(-1)]
         facts["lenses"]["of_pixels"] = blocks.whole_numbers(codes.reshape(rows, columns))
     depth = shown.truth.get("depth")
-    found = np.empty(0) if depth is None else depth[np.isfinite(depth) & (depth > 0)]
-    if found.size:
-        seen = sight(camera, centres, np.percentile(found, _DISTANCES))
-        facts["sight"] = None if seen is None else seen.facts()
-        if seen is None:
+    depths = np.empty(0) if depth is None else depth[np.isfinite(depth) & (depth > 0)]
+    if depths.size:
+        polynomial = sight(camera, centres, np.percentile(depths, _DISTANCES))
+        facts["sight"] = None if polynomial is None else polynomial.facts()
+        if polynomial is None:
             facts["left_out"].append(
                 f"Images of a point are left out: no polynomial of chief rays is good to {ENOUGH} pixels for this "
                 "lens, or too few of them pass; camera.project finds them."
             )
-        if seen is not None and numbers is not None and "position" in shown.truth:
-            _add_beside(facts, blocks, seen, camera, shown)
+        if polynomial is not None and numbers is not None and "position" in shown.truth:
+            _add_beside(facts, blocks, polynomial, camera, shown)
 
 
 def _add_beside(facts: dict[str, Any], blocks: Blocks, seen: Sight, camera: PlenopticCamera, shown: _Shown) -> None:
     """Add the displacement of each pixel from the landing point of the chief ray of its object point."""
     points, numbers = shown.truth["position"], shown.truth["microlens"].astype(np.int64)
     rows, columns = np.nonzero(np.isfinite(points).all(axis=2) & (numbers[..., 0] != NO_MICROLENS))
-    beside = np.full((*points.shape[:2], 2), np.nan)
+    displacement = np.full((*points.shape[:2], 2), np.nan)
     array = camera.microlenses
     assert array is not None
     lenses, which = np.unique(numbers[rows, columns], axis=0, return_inverse=True)
@@ -239,10 +241,10 @@ def _add_beside(facts: dict[str, Any], blocks: Blocks, seen: Sight, camera: Plen
         part = slice(start, start + _CHUNK)
         place = points[rows[part], columns[part]]
         local = place if camera.pose is None else camera.pose.to_camera(place)
-        beside[rows[part], columns[part]] = seen.beside(local, pixel[part].astype(np.float64), on_array[part])
-    beside[np.abs(beside).max(axis=2) > _MOST_BESIDE] = np.nan
+        displacement[rows[part], columns[part]] = seen.beside(local, pixel[part].astype(np.float64), on_array[part])
+    displacement[np.abs(displacement).max(axis=2) > _MOST_BESIDE] = np.nan
     for k, name in enumerate(("beside_row", "beside_column")):
-        facts["planes"][name] = blocks.plane(beside[..., k], curve=Curve.LINEAR, step=_STEP_BESIDE)
+        facts["planes"][name] = blocks.plane(displacement[..., k], curve=Curve.LINEAR, step=_STEP_BESIDE)
 
 
 def _near(centres: MicrolensCentres, shown: _Shown, margin: float) -> NDArray[np.bool_]:

@@ -100,17 +100,17 @@ def sight(camera: PlenopticCamera, centres: MicrolensCentres, distances: Floats)
     straight = np.vstack([corners[0], corners[1:] - corners[0]])
     for degree in _DEGREES:
         series, *_ = np.linalg.lstsq(_terms(places[~held], exponents(degree)), samples.line[~held], rcond=None)
-        found = Sight(degree, middle, half, np.asarray(series), straight, 0.0)
-        error = _error(found, Samples(*(part[held] for part in samples)), distances)
+        polynomial = Sight(degree, middle, half, np.asarray(series), straight, 0.0)
+        error = _error(polynomial, Samples(*(part[held] for part in samples)), distances)
         if error <= _GOOD:
             break
-    return found._replace(error=error) if error <= ENOUGH else None
+    return polynomial._replace(error=error) if error <= ENOUGH else None
 
 
 def exponents(degree: int) -> list[tuple[int, int, int, int]]:
     """Powers of the four variables in their order, of all terms up to a degree."""
-    found = itertools.product(range(degree + 1), repeat=4)
-    return [(a, b, c, d) for a, b, c, d in found if a + b + c + d <= degree]
+    combinations = itertools.product(range(degree + 1), repeat=4)
+    return [(a, b, c, d) for a, b, c, d in combinations if a + b + c + d <= degree]
 
 
 def _samples(camera: PlenopticCamera, axes: ArrayAxes, array: MicrolensArray, centres: MicrolensCentres) -> Samples:
@@ -121,8 +121,8 @@ def _samples(camera: PlenopticCamera, axes: ArrayAxes, array: MicrolensArray, ce
     straight = straight_pixels(axes, on_array)
     angle, radius = rng.uniform(0, 2 * np.pi, _RAYS), np.sqrt(rng.uniform(0, 1, _RAYS))
     reach = _ROOM * array.cell_radius / camera.sensor.pixel_pitch
-    around = reach * radius[:, None] * np.column_stack([np.sin(angle), np.cos(angle)])
-    offset = centres.pixel[which] - straight + around
+    offsets = reach * radius[:, None] * np.column_stack([np.sin(angle), np.cos(angle)])
+    offset = centres.pixel[which] - straight + offsets
     rays = chief_rays(axes, array, straight + offset, on_array, thread_count(None), clipping=True)
     line = _lines(axes, rays)
     good = (rays.status == 0) & np.isfinite(line).all(axis=1)
@@ -156,13 +156,13 @@ def _error(sight: Sight, samples: Samples, distances: Floats) -> float:
     """99th percentile of the polynomial's error, in pixels, for points that rays hit at some distances."""
     on_array, offset, line = samples
     pixel = offset + sight.straight[0] + on_array @ sight.straight[1:]
-    beside = []
+    displacements = []
     for distance in distances.tolist():
         z = np.full(len(line), -distance)
-        beside.append(sight.beside(np.column_stack([_placed(line, z), z]), pixel, on_array))
-    found = np.linalg.norm(np.concatenate(beside), axis=1)
-    found = found[np.isfinite(found)]
-    return float(np.percentile(found, 99)) if found.size else np.inf
+        displacements.append(sight.beside(np.column_stack([_placed(line, z), z]), pixel, on_array))
+    distances_px = np.linalg.norm(np.concatenate(displacements), axis=1)
+    distances_px = distances_px[np.isfinite(distances_px)]
+    return float(np.percentile(distances_px, 99)) if distances_px.size else np.inf
 
 
 def _placed(lines: Floats, z: Floats) -> Floats:

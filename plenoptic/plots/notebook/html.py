@@ -52,14 +52,14 @@ def _small_picture(rgba: Any) -> tuple[str, bytes]:
     drawn = Image.fromarray(np.asarray(rgba))
     full = Image.new("RGB", drawn.size, "white")
     full.paste(drawn, mask=drawn.getchannel("A"))
-    kind, found = "png", _encoded(full, format="PNG", compress_level=6)
+    kind, data = "png", _encoded(full, format="PNG", compress_level=6)
     for scale, quality in _SMALLER:
-        if len(found) <= _MOST_BYTES:
+        if len(data) <= _MOST_BYTES:
             break
         size = max(1, round(scale * full.width)), max(1, round(scale * full.height))
         smaller = full if scale == 1.0 else full.resize(size, Image.Resampling.LANCZOS)
-        kind, found = "jpeg", _encoded(smaller, format="JPEG", quality=quality, subsampling=0)
-    return kind, found
+        kind, data = "jpeg", _encoded(smaller, format="JPEG", quality=quality, subsampling=0)
+    return kind, data
 
 
 def _encoded(image: Any, **options: Any) -> bytes:
@@ -81,9 +81,9 @@ def table_html(columns: Sequence[str], rows: Iterable[Sequence[str]], *, caption
     head = f"<thead><tr>{names}</tr></thead>" if columns else ""
     body = "".join(
         f'<tr><th scope="row" {cell}>{html.escape(first)}</th>'
-        + "".join(f"<td {cell}>{html.escape(text)}</td>" for text in rest)
+        + "".join(f"<td {cell}>{html.escape(text)}</td>" for text in cells)
         + "</tr>"
-        for first, *rest in rows
+        for first, *cells in rows
     )
     return f"<table>{title}{head}<tbody>{body}</tbody></table>"
 
