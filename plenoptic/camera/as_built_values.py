@@ -96,23 +96,23 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     places = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
     parts = zip(("lens", "array", "sensor"), places, strict=True)
-    found = [each for name, placement in parts if placement is not None for each in _moves(name, placement)]
+    values = [each for name, placement in parts if placement is not None for each in _moves(name, placement)]
     behind = "lens to sensor" if camera.microlenses is None else "array to sensor"
     design, built = (_distances(each) for each in (camera.design, camera))
     for k, what in enumerate(("", ", least at a corner", ", largest at a corner")):
-        found.append(BuiltValue(behind + what, design[k], built[k], "mm"))
-    return AsBuilt(tuple(found))
+        values.append(BuiltValue(behind + what, design[k], built[k], "mm"))
+    return AsBuilt(tuple(values))
 
 
 def _moves(name: str, placement: Placement) -> list[BuiltValue]:
     """Built values that a placement changes."""
     shift, turn = np.asarray(placement.shift), np.asarray(placement.rotation)
-    given = [(f"{name}: shift {axis}", float(step), "mm") for axis, step in zip("xyz", shift, strict=True)]
+    amounts = [(f"{name}: shift {axis}", float(step), "mm") for axis, step in zip("xyz", shift, strict=True)]
     # The axis of the part is the third column; the turn about it is read off what is left of x.
-    given.append((f"{name}: tilt about x", 1e3 * math.atan2(-turn[1, 2], turn[2, 2]), "mrad"))
-    given.append((f"{name}: tilt about y", 1e3 * math.atan2(turn[0, 2], turn[2, 2]), "mrad"))
-    given.append((f"{name}: turn about the axis", 1e3 * math.atan2(turn[1, 0], turn[0, 0]), "mrad"))
-    return [BuiltValue(what, 0.0, amount, unit) for what, amount, unit in given if abs(amount) > 1e-12]
+    amounts.append((f"{name}: tilt about x", 1e3 * math.atan2(-turn[1, 2], turn[2, 2]), "mrad"))
+    amounts.append((f"{name}: tilt about y", 1e3 * math.atan2(turn[0, 2], turn[2, 2]), "mrad"))
+    amounts.append((f"{name}: turn about the axis", 1e3 * math.atan2(turn[1, 0], turn[0, 0]), "mrad"))
+    return [BuiltValue(what, 0.0, amount, unit) for what, amount, unit in amounts if abs(amount) > 1e-12]
 
 
 def _distances(camera: PlenopticCamera) -> Floats:

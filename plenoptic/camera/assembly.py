@@ -164,8 +164,8 @@ class ArrayAxes(NamedTuple):
         z = np.full(len(points), parts.distance)
         if parts.tilt is not None:
             z = (z + points @ parts.tilt) / (1.0 - slopes @ parts.tilt)
-        met = np.column_stack([points + z[:, None] * slopes, z])
-        return parts.sensor_to_local.inverse().points(met)[:, :2]
+        hits = np.column_stack([points + z[:, None] * slopes, z])
+        return parts.sensor_to_local.inverse().points(hits)[:, :2]
 
 
 def array_axes(camera: PlenopticCamera) -> ArrayAxes:

@@ -71,17 +71,17 @@ class PreparedCamera:
 
     def fed_pixels(self, tile: Pixels, *, certain: bool = False) -> FedPixels:
         """Aperture regions of the pixels of a tile; see `pixel_regions.fed_pixels`."""
-        found = self._fed.get((tile, certain))
-        if found is not None:
-            return found
-        found = fed_pixels(self.record, tile.centres(self.record), tile.numbers(self.record), certain=certain)
+        regions = self._fed.get((tile, certain))
+        if regions is not None:
+            return regions
+        regions = fed_pixels(self.record, tile.centres(self.record), tile.numbers(self.record), certain=certain)
         if self._keeps:
-            found = _fitted(found)
-            arrays = (*found[:3], *found.regions, *(found.around or ()))
+            regions = _fitted(regions)
+            arrays = (*regions[:3], *regions.regions, *(regions.around or ()))
             size = sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
             if self._bytes + size <= MOST_BYTES:
-                self._fed[tile, certain], self._bytes = found, self._bytes + size
-        return found
+                self._fed[tile, certain], self._bytes = regions, self._bytes + size
+        return regions
 
 
 def _fitted(fed: FedPixels) -> FedPixels:

@@ -120,12 +120,12 @@ class PlenopticCamera:
         absent = {"microlenses": MicrolensArray, "pose": Pose, "sensitivity": Sensitivity}
         absent |= {"shutter": Shutter, "diffraction": Diffraction}
         for name, kind in (parts | absent).items():
-            given, other = getattr(self, name), "" if name in parts else " or None"
-            if not isinstance(given, kind) and not (other and given is None):
-                raise InvalidValueError(f"{name} is {given!r}; it must be a {kind.__name__}{other}")
+            value, other = getattr(self, name), "" if name in parts else " or None"
+            if not isinstance(value, kind) and not (other and value is None):
+                raise InvalidValueError(f"{name} is {value!r}; it must be a {kind.__name__}{other}")
         set_field(self, "wavelength", wavelength_in_nm(self.wavelength))
-        seen = () if self.sensitivity is None else self.sensitivity.wavelength_range
-        for wavelength in (self.wavelength, *seen):
+        spectrum = () if self.sensitivity is None else self.sensitivity.wavelength_range
+        for wavelength in (self.wavelength, *spectrum):
             self.lens.indices(wavelength)
         for name in ("stop_to_microlenses", "microlenses_to_sensor"):
             set_field(self, name, coordinate(getattr(self, name), name))
@@ -158,10 +158,10 @@ class PlenopticCamera:
                     f"{nearest:g} mm, where the sensor touches the array"
                 )
         if not front > behind:
-            least = self.stop_to_microlenses - front + behind
+            lower_bound = self.stop_to_microlenses - front + behind
             raise InvalidValueError(
                 f"stop_to_microlenses is {self.stop_to_microlenses:g} mm; the last lens vertex is at z = {behind:g}, "
-                f"so it must be above {least:g}{metres_guess(self.stop_to_microlenses, least)}"
+                f"so it must be above {lower_bound:g}{metres_guess(self.stop_to_microlenses, lower_bound)}"
             )
 
     def _check_assembly(self) -> None:

@@ -33,10 +33,10 @@ def camera_conditioning(
     fed = fed_pixels(camera._replace(bend=None), pixels, number)
     samples = max(rays // max(fed.place.size, 1), 1)
     n = fed.place.size * samples
-    ways = CameraPaths(camera, fed, batch_record(np.uint64(seed), 0, samples, 1, 0, 0), n)
-    blocks = ways.started(0, n)
-    ways.fill_through_array(blocks)
-    return conditioning_of(noted(ways.lens, blocks, n, ways.waves))
+    camera_paths = CameraPaths(camera, fed, batch_record(np.uint64(seed), 0, samples, 1, 0, 0), n)
+    blocks = camera_paths.started(0, n)
+    camera_paths.fill_through_array(blocks)
+    return conditioning_of(noted(camera_paths.lens, blocks, n, camera_paths.waves))
 
 
 def _spread(camera: CameraRecord, area: tuple[int, int, int, int], most: int, seed: int) -> NDArray[np.int64]:

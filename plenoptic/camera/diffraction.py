@@ -151,10 +151,10 @@ def bend_record(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[flo
     if camera.diffraction is None or array is None:
         return None
     gaps = array.aperture is not None and has_clear_gaps(array.aperture) and array.aperture.fill_factor < 1
-    around = array.cell_corners if gaps else None
+    cell = array.cell_corners if gaps else None
     turn, shift = parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
     return BendRecord(
-        far_field(array.opening, around, parts.array_turn),
+        far_field(array.opening, cell, parts.array_turn),
         np.array(wavelengths) * 1e-6,
         shift.copy(),
         np.asarray(np.linalg.inv(turn), dtype=np.float64) / camera.sensor.pixel_pitch,

@@ -31,7 +31,7 @@ class PlacedDust(NamedTuple):
 
 def placed_dust(camera: PlenopticCamera, parts: Assembly) -> tuple[PlacedDust, ...]:
     """All dust of a camera."""
-    found, vertices = [], camera.lens.vertices
+    placed, vertices = [], camera.lens.vertices
     for part in filter(len, camera.blemishes):
         axes: Floats | None = None
         height: float | None = None
@@ -43,8 +43,8 @@ def placed_dust(camera: PlenopticCamera, parts: Assembly) -> tuple[PlacedDust, .
             axes = plane_axes(turn, np.append(parts.array_origin, 0.0))
         else:
             height = float(vertices[-1] if part.site is BlemishSite.LENS_REAR else vertices[0])
-        found.append(PlacedDust(part.site, height, axes, dust_record(part)))
-    return tuple(found)
+        placed.append(PlacedDust(part.site, height, axes, dust_record(part)))
+    return tuple(placed)
 
 
 def fill_dimmed_at_lens(blocks: Floats, dust: tuple[PlacedDust, ...], site: BlemishSite) -> None:

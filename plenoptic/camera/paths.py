@@ -50,10 +50,10 @@ class CameraPaths:
         wavelengths.
         """
         bundle, colour = self._blocks[: -(-n // BLOCK) * RAY], self._camera.colour
-        sure = None if self.sure is None else self.sure[: bundle.size]
+        core = None if self.sure is None else self.sure[: bundle.size]
         if colour is not None and self.waves is not None:
             paths.fill_waves(self.waves, start, n, self._batch, self._fed.number, colour.cdf, self._guide)
-        away = paths.fill_camera_samples(bundle, sure, self.own, self._bends, start, n, self._batch, self._fed)
+        away = paths.fill_camera_samples(bundle, core, self.own, self._bends, start, n, self._batch, self._fed)
         if self._far is not None:
             self._start_far(bundle, self._far[:away])
         return bundle
@@ -70,9 +70,9 @@ class CameraPaths:
         fill_dimmed_before_array(bundle, sensor.plane, sensor.response, self._camera.dust)
         fill_through_array(bundle, self.own, self._camera, self.waves)
         if self.sure is not None:
-            sure = self.sure[: bundle.size]
-            fill_dimmed_before_array(sure, sensor.plane, sensor.response, ())
-            to_lens.fill_weights(sure, sensor.plane)
+            core = self.sure[: bundle.size]
+            fill_dimmed_before_array(core, sensor.plane, sensor.response, ())
+            to_lens.fill_weights(core, sensor.plane)
 
     def fill_bent_at_iris(self, bundle: Floats, start: int, n: int) -> None:
         """Bend the rays of paths start ... start + n - 1 behind the lens, where the camera asks for it."""
@@ -85,5 +85,5 @@ class CameraPaths:
         fill_traced(bundle, self.lens, self.waves)
         fill_dimmed_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
         if self.sure is not None:
-            weights, sure = bundle.reshape(-1, 8, BLOCK), self.sure[: bundle.size].reshape(-1, 8, BLOCK)
-            weights[:, WEIGHT // BLOCK] += sure[:, WEIGHT // BLOCK]
+            weights, core = bundle.reshape(-1, 8, BLOCK), self.sure[: bundle.size].reshape(-1, 8, BLOCK)
+            weights[:, WEIGHT // BLOCK] += core[:, WEIGHT // BLOCK]

@@ -26,9 +26,9 @@ BLURRED = 30.0
 
 def warn_where_implausible(camera: PlenopticCamera) -> None:
     """One warning that names all such numbers; none for cameras that can be built."""
-    found = "; ".join(_oddities(camera))
-    if found:
-        warn(f"this camera is hardly what was meant: {found}", ImplausibleCameraWarning)
+    oddities = "; ".join(_oddities(camera))
+    if oddities:
+        warn(f"this camera is hardly what was meant: {oddities}", ImplausibleCameraWarning)
 
 
 def _oddities(camera: PlenopticCamera) -> Iterator[str]:

@@ -143,14 +143,14 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
     if array is None:
         bounds = sensor_bounds(camera, parts, wavelengths)
     else:
-        found = array_bounds(camera, array, parts, possible_powers(array), wavelengths)
-        bounds, margin = found.pupil, found.margin
+        bounds_of_array = array_bounds(camera, array, parts, possible_powers(array), wavelengths)
+        bounds, margin = bounds_of_array.pupil, bounds_of_array.margin
         compiled = array_record(
             array,
             turn=parts.array_turn,
             origin=parts.array_origin,
-            reach=found.reach,
-            margin=found.aside,
+            reach=bounds_of_array.reach,
+            margin=bounds_of_array.aside,
             wavelengths=drawn,
         )
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
@@ -211,9 +211,9 @@ def _pixel_record(sides: Floats) -> PixelRecord:
 
 def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord | None:
     """Angular response of the camera's pixels; None where it is the same for all directions."""
-    seen, placed = camera.sensor.angular_response, parts.sensor_to_local
-    if seen is None:
+    response, placed = camera.sensor.angular_response, parts.sensor_to_local
+    if response is None:
         return None
     along = np.array_equal(placed.turn, np.eye(3)) and not placed.shift[:2].any()
     frame = None if along else np.concatenate([placed.turn.ravel(), placed.shift])
-    return ResponseRecord(seen.well_depth, seen.index, 1.0 / seen.pupil_distance, seen.exponent, frame)
+    return ResponseRecord(response.well_depth, response.index, 1.0 / response.pupil_distance, response.exponent, frame)

@@ -22,12 +22,12 @@ def checked_truth(truth: Truth) -> Truth:
 
 def available_truth(truth: Truth, *, meshes: bool, microlenses: bool) -> Truth:
     """Channels of `truth` that exist in a scene with or without meshes, for a camera with or without microlenses."""
-    there = (Needs.MESHES if meshes else Needs.NOTHING) | (Needs.MICROLENSES if microlenses else Needs.NOTHING)
-    found = Truth.NONE
+    available = (Needs.MESHES if meshes else Needs.NOTHING) | (Needs.MICROLENSES if microlenses else Needs.NOTHING)
+    channels = Truth.NONE
     for channel in channels_of(truth).values():
-        if not channel.source.needs & ~there:
-            found |= channel.flag
-    return found
+        if not channel.source.needs & ~available:
+            channels |= channel.flag
+    return channels
 
 
 def what_needs(needs: Needs) -> str:
@@ -76,10 +76,10 @@ def truth_named(planes: Collection[str]) -> list[str]:
 
 def truth_in(planes: Mapping[str, NDArray[Any]]) -> GroundTruth | None:
     """The ground truth among the planes of a file; None where there is none."""
-    found = {}
+    by_name = {}
     for name in truth_named(planes):
         channel = CHANNELS[name]
         numbers = [planes[plane] for plane in channel.in_files]
         array = np.stack(numbers, axis=-1).reshape(*numbers[0].shape, *channel.shape)
-        found[name] = array.astype(channel.dtype)
-    return GroundTruth(**found) if found else None
+        by_name[name] = array.astype(channel.dtype)
+    return GroundTruth(**by_name) if by_name else None

@@ -314,7 +314,7 @@ class GroundTruth:
 
     def arrays(self) -> Mapping[str, NDArray[Any]]:
         """The arrays that are there, by their names."""
-        return {name: found for name in CHANNELS if (found := getattr(self, name)) is not None}
+        return {name: array for name in CHANNELS if (array := getattr(self, name)) is not None}
 
     def __repr__(self) -> str:
         rows, columns = self.shape

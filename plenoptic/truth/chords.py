@@ -51,11 +51,11 @@ def chord_disparities(record: ChordRecord, points: Floats, lenses: NDArray[np.in
     The least-squares slope over all neighbours, by how much images of the point move less than the microlenses;
     `entering` (n, 2) is where a ray of each point enters. nan where a chief ray is not found.
     """
-    found = [
+    blocks = [
         _slopes(record, points[part], lenses[part], entering[part])
         for part in (slice(start, start + _TOGETHER) for start in range(0, len(points), _TOGETHER))
     ]
-    return np.concatenate([np.empty(0), *found])
+    return np.concatenate([np.empty(0), *blocks])
 
 
 def _slopes(record: ChordRecord, points: Floats, lenses: NDArray[np.int64], entering: Floats) -> Floats:
@@ -65,10 +65,10 @@ def _slopes(record: ChordRecord, points: Floats, lenses: NDArray[np.int64], ente
     centres = through.axes.local(lenses_with(through.array, index).axis)
     first = aimed(entrance, Aim(entrance.bare, through.places), points, centres[: len(points)], entering)
     rays = _chief_rays(record, np.tile(points, (each, 1)), centres, first)
-    shown = through.sensor_points(centres, rays).reshape(each, -1, 2)
+    landed = through.sensor_points(centres, rays).reshape(each, -1, 2)
     straight = through.axes.on_sensor(centres, np.zeros_like(centres)).reshape(each, -1, 2)
-    moved, apart = shown[1:] - shown[0], straight[1:] - straight[0]
-    return np.asarray(pitch * _inner(apart - moved, apart) / _inner(apart, apart))
+    moved, distances = landed[1:] - landed[0], straight[1:] - straight[0]
+    return np.asarray(pitch * _inner(distances - moved, distances) / _inner(distances, distances))
 
 
 def _inner(one: Floats, other: Floats) -> Floats:
@@ -93,17 +93,17 @@ def _chief_rays(record: ChordRecord, points: Floats, centres: Floats, first: Flo
         return behind, through.places(behind)
 
     rows = np.arange(len(points))
-    here, right, up = (arriving(rows[: len(first)], first + step)[1] for step in ([0.0, 0.0], [h, 0.0], [0.0, h]))
-    slope = np.tile(np.stack([right - here, up - here], axis=-1) / h, (each, 1, 1))
-    places, met = np.tile(first, (each, 1)), np.tile(here, (each, 1))
+    at_centre, right, up = (arriving(rows[: len(first)], first + step)[1] for step in ([0.0, 0.0], [h, 0.0], [0.0, h]))
+    slope = np.tile(np.stack([right - at_centre, up - at_centre], axis=-1) / h, (each, 1, 1))
+    places, arrival = np.tile(first, (each, 1)), np.tile(at_centre, (each, 1))
     limit = CLOSE + 64 * np.finfo(float).eps * (np.abs(centres).max(axis=1, initial=0.0) + entrance.size)
     for _ in range(_TRIALS):
-        miss = centres[rows] - met
+        miss = centres[rows] - arrival
         far = ~(np.hypot(*miss.T) <= limit[rows])
         rows = rows[far]
         if not len(rows):
             break
         places[rows] += solved(slope[rows], miss[far])
-        met = arriving(rows, places[rows])[1]
+        arrival = arriving(rows, places[rows])[1]
     places[rows] = np.nan
     return arriving(np.arange(len(points)), places)[0]

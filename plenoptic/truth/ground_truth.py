@@ -75,12 +75,12 @@ def truth_of(
     """Ground truth of pixels with local centres (n, 2), for which rays stand: arrays (n, ...) by the names of
     `GroundTruth`.
     """
-    found = empty_truth(truth.wanted, (len(pixels),))
+    arrays = empty_truth(truth.wanted, (len(pixels),))
     stages = PixelStages(record, scene, intersector, truth, pixels, rays)
-    for name, array in found.items():
+    for name, array in arrays.items():
         fill, stage = filling(name)
         fill(array, getattr(stages, stage))
-    return found
+    return arrays
 
 
 def filling(name: str) -> tuple[Callable[[NDArray[Any], Any], None], str]:
@@ -158,14 +158,14 @@ def _ground_truth(
     cluster: DaskCluster | None,
 ) -> GroundTruth:
     meshes = _has_meshes(scene)
-    wanted = available_truth(truth, meshes=meshes, microlenses=camera.microlenses is not None)
-    if not wanted:
+    channels = available_truth(truth, meshes=meshes, microlenses=camera.microlenses is not None)
+    if not channels:
         raise InvalidValueError(
             f"nothing of {truth!r} can be found: the scene has {'' if meshes else 'no '}meshes and the camera "
             f"{'' if camera.microlenses is not None else 'no '}microlenses; {what_needs(Needs.MICROLENSES)} need "
             f"microlenses, {what_needs(Needs.MESHES)} need meshes"
         )
-    job = scene, camera, wanted
+    job = scene, camera, channels
     engine: Engine[Strip, Arrays]
     with contextlib.ExitStack() as stack:
         if cluster is None:
@@ -188,10 +188,10 @@ def _put_together(engine: Engine[Strip, Arrays], region: tuple[int, int, int, in
     first_row, end_row, first_column, end_column = region
     rows = max(1, _STRIP // (end_column - first_column))
     strips = [Strip(row, min(row + rows, end_row), first_column, end_column) for row in range(first_row, end_row, rows)]
-    done = {one.order: one.result for one in engine.results(strips, left=len(strips), given_up=lambda: False)}
+    by_strip = {one.order: one.result for one in engine.results(strips, left=len(strips), given_up=lambda: False)}
     shape = (end_row - first_row, end_column - first_column)
-    found = [done[strip] for strip in strips]
-    arrays = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+    parts = [by_strip[strip] for strip in strips]
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return {name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()}
 
 
@@ -222,12 +222,12 @@ class Strip(NamedTuple):
 
 def strip_finder(job: tuple[Scene | None, PlenopticCamera, Truth]) -> Callable[[Strip], Arrays]:
     """Function that finds the ground truth of strips, of a scene before a camera."""
-    scene, camera, wanted = job
+    scene, camera, channels = job
     record, surfaces, intersector = prepared_camera(camera).record, None, None
     cells_per_pixel(record)
-    finding = truth_record(camera, record, wanted)
+    finding = truth_record(camera, record, channels)
     assert finding is not None
-    sources = [channel.source for channel in channels_of(wanted).values()]
+    sources = [channel.source for channel in channels_of(channels).values()]
     if _has_meshes(scene) and any((source.needs | source.uses) & Needs.MESHES for source in sources):
         from plenoptic.scene.cache import prepared_scene
 

@@ -138,8 +138,8 @@ def _found_rays(
     Where the aperture regions of starts are known, a ray passes the largest part of a microlens; probes look where it
     is lost, and where it is not known.
     """
-    rays, left, known = _lost_rays(pixels), np.arange(len(at)), camera.convex and camera.exact
-    if known:
+    rays, left, bounded = _lost_rays(pixels), np.arange(len(at)), camera.convex and camera.exact
+    if bounded:
         from plenoptic.truth.kernels import representative_ray
 
         lanes = camera.own(rays.blocks.size // 8)
@@ -149,7 +149,7 @@ def _found_rays(
         left = np.flatnonzero((aimed & rays.lost)[at])
     patterns, together = probes[: starts.shape[1]], max(1, _TOGETHER // (starts.shape[1] * probes.shape[1]))
     # Without pixels, a look at nothing shows which kernels there will be.
-    for first in range(0, len(left), together) if len(pixels) or known else (0,):
+    for first in range(0, len(left), together) if len(pixels) or bounded else (0,):
         some = left[first : first + together]
         more, light = _rays_from(camera, np.ascontiguousarray(starts[some].reshape(-1, 2)), patterns)
         best = light.reshape(len(some), starts.shape[1]).argmax(axis=1) + np.arange(len(some)) * starts.shape[1]

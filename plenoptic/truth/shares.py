@@ -31,12 +31,12 @@ def object_shares(
 
     Found by the same points for every pixel. nan where none of them arrives.
     """
-    own, light, arrived = _sums(camera, scene, intersector, pixels, objects, _SAMPLES)
+    object_light, light, arrived = _sums(camera, scene, intersector, pixels, objects, _SAMPLES)
     few = np.flatnonzero(arrived < _ENOUGH)
     if few.size:
-        own[few], light[few], _ = _sums(camera, scene, intersector, pixels[few], objects[few], _MORE_SAMPLES)
+        object_light[few], light[few], _ = _sums(camera, scene, intersector, pixels[few], objects[few], _MORE_SAMPLES)
     with np.errstate(invalid="ignore"):
-        return own / light
+        return object_light / light
 
 
 def _sums(

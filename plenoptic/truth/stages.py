@@ -210,9 +210,11 @@ class PixelStages:
         interaction.fill_distances(reached, hits, rays, scene.geometry)
         if hits.travelled is not None:
             reached += hits.travelled
-        met = np.isfinite(reached)
-        instance = None if hits.instance is None else hits.instance[met]
-        return SurfaceHits(lanes[met], reached[met], Hits(hits.triangle[met], instance, None), rays[met], scene)
+        is_hit = np.isfinite(reached)
+        instance = None if hits.instance is None else hits.instance[is_hit]
+        return SurfaceHits(
+            lanes[is_hit], reached[is_hit], Hits(hits.triangle[is_hit], instance, None), rays[is_hit], scene
+        )
 
     @cached_property
     def states(self) -> PixelStates:
@@ -229,8 +231,8 @@ class PixelStages:
         hits, intersector = self.hits, self._intersector
         assert hits.scene.triangle_mesh is not None and intersector is not None
         objects = hits.scene.triangle_mesh[hits.found.triangle]
-        share = object_shares(self._camera, hits.scene, intersector, self._pixels[hits.lanes], objects)
-        return ObjectShares(hits.lanes, share)
+        fractions = object_shares(self._camera, hits.scene, intersector, self._pixels[hits.lanes], objects)
+        return ObjectShares(hits.lanes, fractions)
 
     @cached_property
     def points(self) -> HitPoints:

@@ -34,8 +34,8 @@ def truth_along(
     check_scene_and_camera(scene, camera)
     prepared, record = prepared_scene(scene), prepared_camera(camera).record
     meshes = prepared.record.geometry is not None
-    wanted = available_truth(checked_truth(truth), meshes=meshes, microlenses=True) & ~_OF_PIXELS
-    finding = truth_record(camera, record, wanted)
+    channels = available_truth(checked_truth(truth), meshes=meshes, microlenses=True) & ~_OF_PIXELS
+    finding = truth_record(camera, record, channels)
     if finding is None:
         raise InvalidValueError(
             f"nothing of {truth!r} can be found along rays of a view: they have no microlens, and the scene has "
@@ -44,8 +44,8 @@ def truth_along(
     shape = on_sensor.shape[:2]
     rays = _straight_rays(camera, record, on_sensor.reshape(-1, 2), on_array.reshape(-1, 2))
     intersector = prepared.intersector if meshes else None
-    found = truth_of(record, prepared.record, intersector, finding, rays.starts, rays)
-    return GroundTruth(**{name: array.reshape(*shape, *array.shape[1:]) for name, array in found.items()})
+    arrays = truth_of(record, prepared.record, intersector, finding, rays.starts, rays)
+    return GroundTruth(**{name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()})
 
 
 def _straight_rays(camera: PlenopticCamera, record: CameraRecord, on_sensor: Floats, on_array: Floats) -> PixelRays:
@@ -54,7 +54,7 @@ def _straight_rays(camera: PlenopticCamera, record: CameraRecord, on_sensor: Flo
     from plenoptic.optics.lens.kernels.trace import fill_traced
 
     axes, n = array_axes(camera), len(on_sensor)
-    there = np.isfinite(on_sensor).all(axis=1) & np.isfinite(on_array).all(axis=1)
+    finite = np.isfinite(on_sensor).all(axis=1) & np.isfinite(on_array).all(axis=1)
     starts = axes.parts.sensor_to_local.points(np.column_stack([on_sensor, np.zeros(n)]))
     aims = axes.local(on_array)
     directions = np.column_stack([aims - starts[:, :2], -starts[:, 2]])
@@ -63,9 +63,9 @@ def _straight_rays(camera: PlenopticCamera, record: CameraRecord, on_sensor: Flo
     turned = axes.parts.local_to_lens.directions(directions)
     fields[:n, 3:6] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
     fields[:n, 6] = 1.0
-    fields[:n][~there] = fields[n:] = 0.0
+    fields[:n][~finite] = fields[n:] = 0.0
     fields[:, 7] = 1.0
-    fields[:n, 7] = ~there
+    fields[:n, 7] = ~finite
     before = np.ascontiguousarray(fields.reshape(-1, BLOCK, 8).swapaxes(1, 2)).reshape(-1)
     blocks = before.copy()
     fill_traced(blocks, record.lens, None)

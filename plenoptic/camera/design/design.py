@@ -106,7 +106,7 @@ def design_camera(  # noqa: PLR0913
     check_wishes(wishes, lens)
     wave = wavelength_in_nm(wavelength)
     template = template_array(microlenses, pitch, focal_length, lattice)
-    given = checked_numbers(
+    numbers = checked_numbers(
         {
             "h": semi_diameter,
             "L": stop_to_microlenses,
@@ -115,9 +115,9 @@ def design_camera(  # noqa: PLR0913
             "f": focal_length if microlenses is None else microlenses.focal_length / microlenses.power_factor(wave),
         }
     )
-    if "h" not in given and (wishes.image_fill is None or len(wishes.names) <= 4 - len(given)):
-        given["h"] = lens.stop.semi_diameter
-    check_count(wishes, given)
+    if "h" not in numbers and (wishes.image_fill is None or len(wishes.names) <= 4 - len(numbers)):
+        numbers["h"] = lens.stop.semi_diameter
+    check_count(wishes, numbers)
     best = choice(criterion, FocusCriterion, "criterion")
-    search = Search(lens, sensor, wishes, given, template, best, wave)
+    search = Search(lens, sensor, wishes, numbers, template, best, wave)
     return search.found(positive(tolerance, "tolerance"))

@@ -36,28 +36,28 @@ Rule = tuple[str, tuple[str, ...], Callable[[Numbers, str], float]]
 
 def solved(wishes: Wishes, given: Numbers, lens: Lens) -> Numbers:
     """All unknowns, from those given; an error where they are not determined or impossible."""
-    known, rules = dict(given), _rules(wishes, lens)
+    values, rules = dict(given), _rules(wishes, lens)
     while True:
-        rule = next((rule for rule in rules if sum(u not in known for u in rule[1]) <= 1), None)
+        rule = next((rule for rule in rules if sum(u not in values for u in rule[1]) <= 1), None)
         if rule is not None:
             name, unknowns, solve = rule
-            missing = [u for u in unknowns if u not in known]
+            missing = [u for u in unknowns if u not in values]
             if not missing:
                 raise InvalidValueError(
                     f"{name} has nothing left to choose: what it acts on is given or follows from the rest; leave "
                     f"out {name}, or one of what is given"
                 )
-            known[missing[0]] = _possible(solve(known, missing[0]), missing[0], name, wishes)
+            values[missing[0]] = _possible(solve(values, missing[0]), missing[0], name, wishes)
             rules.remove(rule)
-        elif not _solved_pair(known, rules, wishes, lens):
+        elif not _solved_pair(values, rules, wishes, lens):
             break
-    open_ = [FIELDS[u] for u in FIELDS if u not in known]
+    open_ = [FIELDS[u] for u in FIELDS if u not in values]
     if open_:
         raise InvalidValueError(
             f"{' and '.join(open_)} cannot be found from {', '.join(wishes.names)} alone; give one of them, "
             "or a microlens array with pitch and focal length"
         )
-    return known
+    return values
 
 
 def _rules(wishes: Wishes, lens: Lens) -> list[Rule]:
@@ -165,9 +165,9 @@ def _possible(found: float, unknown: str, rule: str, wishes: Wishes) -> float:
     """A number that can be, or an error."""
     if unknown == "s":
         if not wishes.sign * found > 0:
-            there = "behind" if wishes.kind is CameraKind.GALILEAN else "in front of"
+            side = "behind" if wishes.kind is CameraKind.GALILEAN else "in front of"
             raise InvalidValueError(
-                f"a camera of kind {wishes.kind.name} needs its image {there} the array, and {rule} puts it "
+                f"a camera of kind {wishes.kind.name} needs its image {side} the array, and {rule} puts it "
                 f"{found:.4g} mm behind; choose another kind, or change what is given"
             )
         return found

@@ -89,9 +89,9 @@ class Search:
     def found(self, tolerance: float) -> CameraDesign:
         """Rounds of solving and tracing until the wishes are met."""
         history: list[DesignStep] = []
-        now = self._gaussian()
+        optics = self._gaussian()
         for _ in range(_ROUNDS):
-            numbers = solved(self.wishes, self.given, now)
+            numbers = solved(self.wishes, self.given, optics)
             camera = self._camera(numbers)
             try:
                 traced = self._traced(camera)
@@ -100,12 +100,12 @@ class Search:
                     raise
                 # No light of the axis passes an iris that is beyond all rims.
                 raise InvalidValueError(self._too_much_light(numbers["h"], history)) from None
-            history.append(self._step(numbers, camera, now, traced))
+            history.append(self._step(numbers, camera, optics, traced))
             if self._meets(history[-1], tolerance):
                 return CameraDesign(camera, tuple(FIELDS[u] for u in FIELDS if u not in self.given), tuple(history))
             if not math.isfinite(traced.slope):
                 break
-            now = traced
+            optics = traced
         raise InvalidValueError(self._not_met(history))
 
     def _gaussian(self) -> Lens:
@@ -121,17 +121,17 @@ class Search:
         place = max(self.given.get("L", image), end + 1e-3 * (abs(image) + abs(end) + lens.stop.semi_diameter))
         for _ in range(_ROUNDS):
             cone = paraxial_cone(lens, place, self.wavelength)
-            now = Lens(image, shift, cone.slope / lens.stop.semi_diameter, cone.vergence)
-            found = solved(wishes, self.given, now)["L"]
-            if not found > end:
+            gaussian = Lens(image, shift, cone.slope / lens.stop.semi_diameter, cone.vergence)
+            distance = solved(wishes, self.given, gaussian)["L"]
+            if not distance > end:
                 raise InvalidValueError(
-                    f"stop_to_microlenses would be {found:.4g} mm, and the last lens vertex is at z = {end:.4g}; "
+                    f"stop_to_microlenses would be {distance:.4g} mm, and the last lens vertex is at z = {end:.4g}; "
                     "choose a plane nearer to the lens, or a smaller virtual depth"
                 )
-            if found == place:
+            if distance == place:
                 break
-            place = found
-        return now
+            place = distance
+        return gaussian
 
     def _camera(self, n: Numbers) -> PlenopticCamera:
         array = self.template
@@ -182,11 +182,11 @@ class Search:
         )
 
     def _too_much_light(self, semi_diameter: float, history: list[DesignStep]) -> str:
-        wanted = self.wishes.image_fill or 0.0
-        reached = max((step.fill_error + wanted for step in history if math.isfinite(step.fill_error)), default=0.0)
+        fill = self.wishes.image_fill or 0.0
+        reached = max((step.fill_error + fill for step in history if math.isfinite(step.fill_error)), default=0.0)
         so_far = f" and let {reached:.3f} be filled" if reached > 0 else ""
         return (
-            f"image_fill {wanted:g} cannot be had: it would take an iris of semi-diameter {semi_diameter:.4g} mm or "
+            f"image_fill {fill:g} cannot be had: it would take an iris of semi-diameter {semi_diameter:.4g} mm or "
             f"more, but rims and other stops of the lens end the light before{so_far}; wish for less, or for a larger "
             "microlenses_to_sensor or a smaller pitch"
         )

@@ -45,8 +45,8 @@ class Wishes:
     @property
     def names(self) -> list[str]:
         """Names of the required quantities."""
-        wanted = [name for name in ("z", "image_fill", "virtual_depth", "disparity") if getattr(self, name) is not None]
-        return ["kind", *wanted] if self.kind is CameraKind.PLENOPTIC_1 else wanted
+        wishes = [name for name in ("z", "image_fill", "virtual_depth", "disparity") if getattr(self, name) is not None]
+        return ["kind", *wishes] if self.kind is CameraKind.PLENOPTIC_1 else wishes
 
 
 def check_wishes(wishes: Wishes, lens: LensStack) -> None:
@@ -101,23 +101,23 @@ def template_array(
 
 def checked_numbers(numbers: dict[str, float | None]) -> Numbers:
     """Check the given numbers."""
-    given = {u: x for u, x in numbers.items() if x is not None}
-    if given.get("f") == 0:
+    values = {u: x for u, x in numbers.items() if x is not None}
+    if values.get("f") == 0:
         raise InvalidValueError(f"{FIELDS['f']} is 0 mm; it must be another number")
-    return {u: finite(x, FIELDS[u]) if u == "f" else length_in_mm(x, FIELDS[u]) for u, x in given.items()}
+    return {u: finite(x, FIELDS[u]) if u == "f" else length_in_mm(x, FIELDS[u]) for u, x in values.items()}
 
 
 def check_count(wishes: Wishes, given: Numbers) -> None:
     """An error where there are more wishes than open numbers, or fewer."""
-    wanted, open_ = wishes.names, [FIELDS[u] for u in FIELDS if u not in given]
+    wished, open_ = wishes.names, [FIELDS[u] for u in FIELDS if u not in given]
     fill = "; image_fill=None is no wish" if wishes.image_fill is not None else ""
-    if len(wanted) > len(open_):
+    if len(wished) > len(open_):
         raise InvalidValueError(
-            f"{len(wanted)} wishes ({', '.join(wanted)}) for {len(open_)} open numbers ({', '.join(open_) or 'none'}) "
-            f"are too many; leave out {len(wanted) - len(open_)} of the wishes or of what is given{fill}"
+            f"{len(wished)} wishes ({', '.join(wished)}) for {len(open_)} open numbers ({', '.join(open_) or 'none'}) "
+            f"are too many; leave out {len(wished) - len(open_)} of the wishes or of what is given{fill}"
         )
-    if len(wanted) < len(open_):
+    if len(wished) < len(open_):
         raise InvalidValueError(
-            f"{len(wanted)} wishes ({', '.join(wanted) or 'none'}) for {len(open_)} open numbers ({', '.join(open_)}) "
-            f"are too few; give {len(open_) - len(wanted)} more"
+            f"{len(wished)} wishes ({', '.join(wished) or 'none'}) for {len(open_)} open numbers ({', '.join(open_)}) "
+            f"are too few; give {len(open_) - len(wished)} more"
         )

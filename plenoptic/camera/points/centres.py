@@ -194,9 +194,9 @@ def _centres(
     # Rounding must not decide about a centre on the edge.
     limit = 0.5 * np.array(camera.sensor.size[::-1]) + margin + 1e-9 * camera.sensor.pixel_pitch
     with np.errstate(invalid="ignore"):
-        kept = (np.abs(position) <= limit).all(axis=1)
-    places, pixels = position[kept], camera.sensor.pixel_of(position[kept])
-    return MicrolensCentres(lenses.index[kept], lenses.type[kept], lenses.axis[kept], places, pixels, method)
+        inside = (np.abs(position) <= limit).all(axis=1)
+    places, pixels = position[inside], camera.sensor.pixel_of(position[inside])
+    return MicrolensCentres(lenses.index[inside], lenses.type[inside], lenses.axis[inside], places, pixels, method)
 
 
 def _images_apart(axes: ArrayAxes) -> float:

@@ -43,59 +43,59 @@ def lit_centroids(axes: ArrayAxes, array: MicrolensArray, lenses: Lenslets, slop
 
     `slopes` (n, 2) are those of the chief rays, or nan.
     """
-    found, clear = np.full(lenses.axis.shape, np.nan), lenses.transmission > 0
+    centroids, clear = np.full(lenses.axis.shape, np.nan), lenses.transmission > 0
     if not array.model.focuses:
-        found[clear] = _centroids_of_kind(axes, array, axes.local(lenses.axis[clear]), 0.0, np.zeros((1, 2)))
-        return found
+        centroids[clear] = _centroids_of_kind(axes, array, axes.local(lenses.axis[clear]), 0.0, np.zeros((1, 2)))
+        return centroids
     opening, cell = _parts(array, lenses)
-    beside, factor = has_clear_gaps(array.aperture), array.power_factor(axes.camera.wavelength)
+    has_gaps, factor = has_clear_gaps(array.aperture), array.power_factor(axes.camera.wavelength)
     slopes = np.where(np.isfinite(slopes), slopes, 0.0)
     for kind in np.unique(lenses.type[clear]):
         focal_length = array.focal_lengths[int(kind)]
-        of = clear & (lenses.type == kind) & (beside | (opening.area > 0))
+        of = clear & (lenses.type == kind) & (has_gaps | (opening.area > 0))
         middle, ratio = axes.local(opening.middle[of]), (lenses.power[of] * focal_length)[:, None]
         lit = _centroids_of_kind(axes, array, middle, factor / focal_length, opening.points)
-        if beside or (np.abs(ratio - 1.0) > _ROUNDING).any():
+        if has_gaps or (np.abs(ratio - 1.0) > _ROUNDING).any():
             # Where light lands is linear in the power.
             straight = _centroids_of_kind(axes, array, middle, 0.0, opening.points)
             lit = lit + (1.0 - ratio) * (straight - lit)
         # All light of an opening beside the optical axis is deviated alike.
         bent = slopes[of] + (factor * lenses.power[of])[:, None] * (axes.local(lenses.axis[of]) - middle)
         lit = lit + (axes.on_sensor(middle, bent) - axes.on_sensor(middle, slopes[of]))
-        if beside:
+        if has_gaps:
             whole = _centroids_of_kind(axes, array, axes.local(cell.middle[of]), 0.0, cell.points)
             lit = whole + (opening.area[of] / cell.area[of])[:, None] * (lit - straight)
-        found[of] = lit
-    return found
+        centroids[of] = lit
+    return centroids
 
 
 def _parts(array: MicrolensArray, lenses: Lenslets) -> tuple[_Parts, _Parts]:
     """The openings of the lenses, and their cells."""
-    alike = array.imperfections is None and array.lattice is not Lattice.FREE
-    if alike:
+    same = array.imperfections is None and array.lattice is not Lattice.FREE
+    if same:
         polygons = [array.opening.corners[None], array.cell_corners[None]]
     else:
         free = array.lattice is Lattice.FREE
-        known = array.lenses((-np.inf, -np.inf), (np.inf, np.inf)) if free else lenses
+        listed = array.lenses((-np.inf, -np.inf), (np.inf, np.inf)) if free else lenses
         these = lenses.index[:, 0] if free else np.arange(len(lenses))
-        shapes = outlines(array, known.design, known.centre - known.design, turn=np.eye(2), margin=0.0)
+        shapes = outlines(array, listed.design, listed.centre - listed.design, turn=np.eye(2), margin=0.0)
         corner = np.arange(shapes.wide.shape[1])
         polygons = [
             np.take_along_axis(corners[these], np.minimum(corner, counts[these, None] - 1)[..., None], axis=1)
             for corners, counts in ((shapes.openings, shapes.counts), (shapes.wide, shapes.wide_counts))
         ]
-    found = []
+    parts = []
     for corners, outline in zip(polygons, (array.opening.radius, math.inf), strict=True):
         area, middle, variance = polygon_moments(corners)
         if math.isfinite(outline):
             # The polygon around a circle is larger.
-            share = math.pi * outline**2 / polygon_area(array.opening.corners)
-            area, variance = share * area, share * variance
+            fraction = math.pi * outline**2 / polygon_area(array.opening.corners)
+            area, variance = fraction * area, fraction * variance
         lit = area > 0
-        places = lenses.design + (0.0 if alike else np.where(lit[:, None], middle, 0.0))
+        places = lenses.design + (0.0 if same else np.where(lit[:, None], middle, 0.0))
         points = moment_points(np.median(variance[lit], axis=0) if lit.any() else np.zeros(2))
-        found.append(_Parts(np.broadcast_to(area, (len(lenses),)), places, points))
-    return found[0], found[1]
+        parts.append(_Parts(np.broadcast_to(area, (len(lenses),)), places, points))
+    return parts[0], parts[1]
 
 
 def _centroids_of_kind(axes: ArrayAxes, array: MicrolensArray, points: Floats, power: float, offsets: Floats) -> Floats:
@@ -120,10 +120,10 @@ def _interpolated(values: Floats, place: Floats) -> Floats:
     cubic, linear = np.zeros((2, len(place), values.shape[2]))
     for i in range(-1, 3):
         for j in range(-1, 3):
-            there = wide[first[:, 0] + i + 1, first[:, 1] + j + 1]
-            cubic += (_keys(t[:, 0] - i) * _keys(t[:, 1] - j))[:, None] * there
+            neighbour = wide[first[:, 0] + i + 1, first[:, 1] + j + 1]
+            cubic += (_keys(t[:, 0] - i) * _keys(t[:, 1] - j))[:, None] * neighbour
             if i in (0, 1) and j in (0, 1):
-                linear += (np.abs(1 - i - t[:, 0]) * np.abs(1 - j - t[:, 1]))[:, None] * there
+                linear += (np.abs(1 - i - t[:, 0]) * np.abs(1 - j - t[:, 1]))[:, None] * neighbour
     return np.where(np.isfinite(cubic), cubic, linear)
 
 
@@ -228,16 +228,16 @@ def _narrowed(openings: _Openings) -> _Openings:
     Boxes that hold for all points of a cell, and of an interval of the field, are large beside a small pupil.
     """
     n, across = len(openings.start), openings.high - openings.low
-    share = np.linspace(0.0, 1.0, PLACES)
-    places = np.stack(np.meshgrid(share, share), axis=-1).reshape(-1, 2)
+    fractions = np.linspace(0.0, 1.0, PLACES)
+    places = np.stack(np.meshgrid(fractions, fractions), axis=-1).reshape(-1, 2)
     of = np.repeat(np.arange(n), len(places))
     tried = openings.low[of] + across[of] * np.tile(places, (n, 1))
     lit = openings.light(of, tried[:, 0], tried[:, 1]).reshape(n, -1) > 0
     first = np.where(lit[:, :, None], places, np.inf).min(axis=1) - 1 / (PLACES - 1)
     last = np.where(lit[:, :, None], places, -np.inf).max(axis=1) + 1 / (PLACES - 1)
-    found = np.asarray(lit.any(axis=1))[:, None]
-    low = np.where(found, openings.low + across * np.where(found, first, 0.0), openings.low)
-    high = np.where(found, openings.low + across * np.where(found, last, 1.0), openings.high)
+    is_lit = np.asarray(lit.any(axis=1))[:, None]
+    low = np.where(is_lit, openings.low + across * np.where(is_lit, first, 0.0), openings.low)
+    high = np.where(is_lit, openings.low + across * np.where(is_lit, last, 1.0), openings.high)
     return openings._replace(low=low, high=high)
 
 
@@ -292,10 +292,15 @@ def _lit_intervals(
     shape = (n, lines, places)
     of = np.broadcast_to(np.arange(n)[:, None, None], shape).ravel()
     along, across = (np.broadcast_to(g, shape).ravel() for g in (x[:, None, 1:-1], y[:, :, None]))
-    seen = np.zeros((n, lines, places + 2))
-    seen[:, :, 1:-1] = openings.light(of, along, across).reshape(shape)
-    of, line, place = np.nonzero(seen[:, :, 1:] != seen[:, :, :-1])
-    before, after, level, next_level = x[of, place], x[of, place + 1], seen[of, line, place], seen[of, line, place + 1]
+    passing = np.zeros((n, lines, places + 2))
+    passing[:, :, 1:-1] = openings.light(of, along, across).reshape(shape)
+    of, line, place = np.nonzero(passing[:, :, 1:] != passing[:, :, :-1])
+    before, after, level, next_level = (
+        x[of, place],
+        x[of, place + 1],
+        passing[of, line, place],
+        passing[of, line, place + 1],
+    )
     for _ in range(_HALVINGS):
         middle = 0.5 * (before + after)
         light = openings.light(of, middle, y[of, line])

@@ -51,15 +51,15 @@ def _round_slopes(axes: ArrayAxes, points: Floats) -> Floats:
     # Chebyshev nodes in the radius; none is 0, where slope over radius is a limit.
     traced = largest * np.cos(math.pi * (np.arange(_RADII) + 0.5) / (2 * _RADII))[::-1]
     slopes = aimed_slopes(axes, np.stack([traced, np.zeros(_RADII)], axis=1))[:, 0]
-    found = np.isfinite(slopes)
-    reached = _RADII if found.all() else int(np.argmin(found))
+    finite = np.isfinite(slopes)
+    reached = _RADII if finite.all() else int(np.argmin(finite))
     if reached == 0:
         return np.full(points.shape, np.nan)
     end = float(traced[reached - 1]) if reached < _RADII else largest
     knots = 2 * (traced[:reached] / end) ** 2 - 1
     series = chebyshev.chebfit(knots, slopes[:reached] / traced[:reached], min(_DEGREE, reached - 1))
-    share = chebyshev.chebval(2 * np.minimum(radius / end, 1.0) ** 2 - 1, series)
-    return np.asarray(np.where(radius <= end, share, np.nan)[:, None] * points)
+    slope = chebyshev.chebval(2 * np.minimum(radius / end, 1.0) ** 2 - 1, series)
+    return np.asarray(np.where(radius <= end, slope, np.nan)[:, None] * points)
 
 
 def _any_slopes(axes: ArrayAxes, points: Floats) -> Floats:

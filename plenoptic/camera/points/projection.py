@@ -80,12 +80,12 @@ class Projection:
 
     def selected(self, rows: ArrayLike) -> Projection:
         """The rows that a mask (k,) or an array of row numbers selects."""
-        given = {name: array for name, array in vars(self).items() if name != "points" and array is not None}
-        return dataclasses.replace(self, **{name: array[np.asarray(rows)] for name, array in given.items()})
+        arrays = {name: array for name, array in vars(self).items() if name != "points" and array is not None}
+        return dataclasses.replace(self, **{name: array[np.asarray(rows)] for name, array in arrays.items()})
 
     def __repr__(self) -> str:
-        seen, points = int(np.count_nonzero(self.visible)), len(self.points)
-        return f"Projection({points} point{'s' * (points != 1)}, {len(self)} rows, {seen} of them visible)"
+        visible, points = int(np.count_nonzero(self.visible)), len(self.points)
+        return f"Projection({points} point{'s' * (points != 1)}, {len(self)} rows, {visible} of them visible)"
 
     def _repr_html_(self) -> str:
         from plenoptic.plots.notebook.pictures import projection_html
@@ -156,13 +156,13 @@ def project(
     ([[255.5, 255.5]], True)
     """
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
-    given, _ = world_points(points)
+    positions, _ = world_points(points)
     each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
     with Waiting("projecting", kind="camera", show=progress):
         tables = forward_record(camera)
-        rows = rows_of(tables, in_lens_axes(tables, given), each, workers)
-        projection = _assembled(tables, given, rows)
+        rows = rows_of(tables, in_lens_axes(tables, positions), each, workers)
+        projection = _assembled(tables, positions, rows)
         return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
 
 
@@ -176,15 +176,15 @@ def _assembled(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
     # All light in one replicate: the error is not known, and not small.
     centroid_error[~np.isfinite(centroid_error)] = np.inf
     with np.errstate(invalid="ignore"):
-        shown = rows.passes & (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1])).all(axis=1)
+        lands = rows.passes & (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1])).all(axis=1)
     if lenses is not None:
-        shown &= lenses.transmission > 0
+        lands &= lenses.transmission > 0
     if array is not None and not array.model.focuses:
         light, light_error = np.full((2, len(light)), np.nan)
-        centroid = np.where(shown[:, None], rows.position, np.nan)
-        centroid_error = np.where(shown[:, None], 0.0, np.inf)
+        centroid = np.where(lands[:, None], rows.position, np.nan)
+        centroid_error = np.where(lands[:, None], 0.0, np.inf)
     else:
-        light_error[shown & (light == 0)] = np.inf
+        light_error[lands & (light == 0)] = np.inf
     return Projection(
         points=given,
         point=rows.point,
@@ -198,7 +198,7 @@ def _assembled(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
         light=light,
         light_error=light_error,
         passes=rows.passes,
-        visible=shown | (light > 0),
+        visible=lands | (light > 0),
     )
 
 
@@ -225,8 +225,8 @@ def are_hidden(tables: ForwardRecord, points: Floats, entering: Floats, prepared
     through = np.column_stack([entering, np.full(len(points), tables.entrance.z)])
     through = through if placed is None else placed.points(through)
     through = through if pose is None else pose.to_world(through)
-    way = through - points
-    rays = np.ascontiguousarray(np.column_stack([points + _CLEAR * way, (1.0 - _CLEAR) * way]))
+    segments = through - points
+    rays = np.ascontiguousarray(np.column_stack([points + _CLEAR * segments, (1.0 - _CLEAR) * segments]))
     blocked = np.zeros(len(points), dtype=np.uint8)
     left = np.ones((len(points), 1))
     if record.alpha is None:

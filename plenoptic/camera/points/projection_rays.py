@@ -103,29 +103,29 @@ def aimed(entrance: EntranceRays, aim: Aim, points: Floats, wanted: Floats, star
         """By how much (n, 2), and the derivatives (n, 2, 2)."""
         tried = np.concatenate([where, where + right, where + up])
         rays = entrance.through(np.tile(points[rows], (3, 1)), tried)
-        here, beside, above = aim.places(traced_by(aim.lens, rays)).reshape(3, -1, 2)
-        return wanted[rows] - here, np.stack([beside - here, above - here], axis=-1) / h
+        landed, landed_right, above = aim.places(traced_by(aim.lens, rays)).reshape(3, -1, 2)
+        return wanted[rows] - landed, np.stack([landed_right - landed, above - landed], axis=-1) / h
 
     limit = CLOSE + 64 * np.finfo(float).eps * (np.abs(wanted).max(axis=1, initial=0.0) + size)
-    found, share = start.copy(), np.ones(len(points))
+    aims, damping = start.copy(), np.ones(len(points))
     with np.errstate(all="ignore"):
-        miss, slope = missed(found, np.arange(len(points)))
+        miss, slope = missed(aims, np.arange(len(points)))
         for _ in range(_TRIALS):
             off = np.hypot(*miss.T)
-            open_ = np.flatnonzero(np.isfinite(off) & (off > limit) & (share > 1e-6))
+            open_ = np.flatnonzero(np.isfinite(off) & (off > limit) & (damping > 1e-6))
             if not len(open_):
                 break
             step = solved(slope[open_], miss[open_])
             length = np.hypot(*step.T)
-            step *= (share[open_] * np.minimum(1.0, 4.0 * size / length))[:, None]
-            trial = found[open_] + step
+            step *= (damping[open_] * np.minimum(1.0, 4.0 * size / length))[:, None]
+            trial = aims[open_] + step
             trial_miss, trial_slope = missed(trial, open_)
             better = np.hypot(*trial_miss.T) < off[open_]
             rows = open_[better]
-            found[rows], miss[rows], slope[rows] = trial[better], trial_miss[better], trial_slope[better]
-            share[open_] = np.where(better, 1.0, 0.25 * share[open_])
-        found[~(np.hypot(*miss.T) <= limit)] = np.nan
-    return found
+            aims[rows], miss[rows], slope[rows] = trial[better], trial_miss[better], trial_slope[better]
+            damping[open_] = np.where(better, 1.0, 0.25 * damping[open_])
+        aims[~(np.hypot(*miss.T) <= limit)] = np.nan
+    return aims
 
 
 def solved(matrix: Floats, right: Floats) -> Floats:

@@ -100,9 +100,9 @@ def _rows_through_iris(tables: ForwardRecord, seen: Floats, light: Light) -> Row
     entrance, n = entrance_rays(tables), len(seen)
     aim, centre = through_iris(tables, entrance.bare)
     z, pupil = entrance.z, tables.entrance.pupil[0]
-    share = (z - seen[:, 2:]) / (pupil - seen[:, 2:]) if np.isfinite(pupil) else np.zeros((n, 1))
+    fraction = (z - seen[:, 2:]) / (pupil - seen[:, 2:]) if np.isfinite(pupil) else np.zeros((n, 1))
     # Towards the centre of the paraxial entrance pupil, wherever that lies.
-    start = seen[:, :2] * np.where(np.abs(share) < 2.0, 1.0 - share, 0.0)
+    start = seen[:, :2] * np.where(np.abs(fraction) < 2.0, 1.0 - fraction, 0.0)
     entering = aimed(entrance, aim, seen, np.tile(centre, (n, 1)), start)
     rays = entrance.through(seen, entering)
     moments = np.zeros((n, REPLICATES, 3))
@@ -142,17 +142,17 @@ def _rows_through_microlenses(
     again = np.flatnonzero(lit & ~passes & np.isfinite(inside).all(axis=1))
     if len(again):
         other = aimed(entrance, aim, seen[number[again]], centres[again], inside[again])
-        found = traced_by(entrance.lens, entrance.through(seen[number[again]], other)).status == 0
-        entering[again[found]], passes[again[found]] = other[found], True
-    rays, kept = entrance.through(seen[number], entering), passes | lit
+        passed = traced_by(entrance.lens, entrance.through(seen[number[again]], other)).status == 0
+        entering[again[passed]], passes[again[passed]] = other[passed], True
+    rays, lit_rows = entrance.through(seen[number], entering), passes | lit
     shadow = np.where(passes[:, None], entering, inside)
     return Rows(
-        point=number[kept],
-        lens=keys[kept, 1:],
-        position=through.sensor_points(centres, traced_by(entrance.bare, rays))[kept],
-        passes=passes[kept],
-        moments=moments[kept],
-        entering=np.where(np.isfinite(shadow), shadow, entering)[kept],
+        point=number[lit_rows],
+        lens=keys[lit_rows, 1:],
+        position=through.sensor_points(centres, traced_by(entrance.bare, rays))[lit_rows],
+        passes=passes[lit_rows],
+        moments=moments[lit_rows],
+        entering=np.where(np.isfinite(shadow), shadow, entering)[lit_rows],
     )
 
 
@@ -202,19 +202,19 @@ def _candidates(prints: Footprints, through: ThroughArray) -> NDArray[np.int64]:
     height, width = axes.camera.sensor.size
     limit = np.array([width, height])
     limit = 0.5 * limit + np.maximum(0.1 * limit, 2.0 * max(array.pitches))
-    found = [np.empty((0, 3), dtype=np.int64)]
+    pairs = [np.empty((0, 3), dtype=np.int64)]
     for number, arriving, on_sensor in zip(prints.number, prints.arriving, prints.on_sensor, strict=True):
-        met = np.isfinite(arriving).all(axis=1)
-        if not met.any():
+        arrives = np.isfinite(arriving).all(axis=1)
+        if not arrives.any():
             continue
-        on_array = axes.on_array(arriving[met])
+        on_array = axes.on_array(arriving[arrives])
         low, high = on_array.min(axis=0), on_array.max(axis=0)
         room = 0.5 * (_ROOM - 1.0) * (high - low) + array.cell_radius
         lenses = array.lenses(low - room, high + room)
-        near = np.abs(_linear(on_array, on_sensor[met], lenses.axis)) <= limit
+        near = np.abs(_linear(on_array, on_sensor[arrives], lenses.axis)) <= limit
         index = lenses.index[near.all(axis=1)]
-        found.append(np.column_stack([np.full(len(index), number), index]))
-    return np.concatenate(found)
+        pairs.append(np.column_stack([np.full(len(index), number), index]))
+    return np.concatenate(pairs)
 
 
 def _linear(places: Floats, values: Floats, wanted: Floats) -> Floats:
@@ -227,15 +227,15 @@ def _linear(places: Floats, values: Floats, wanted: Floats) -> Floats:
 def lenses_with(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
     """The microlenses with lattice indices (n, 2), which may be the same."""
     once, row = _unique_rows(index)
-    found = lenses_of(array, once)
-    return Lenslets(*(getattr(found, field.name)[row] for field in dataclasses.fields(found)))
+    listed = lenses_of(array, once)
+    return Lenslets(*(getattr(listed, field.name)[row] for field in dataclasses.fields(listed)))
 
 
 def _nearest_rays(prints: Footprints, number: NDArray[np.int64], places: Floats, *, passing: bool) -> Floats:
     """Entrance points of the rays of points `number` (n,) that meet the array nearest to `places` (n, 2); nan without
     one.
     """
-    found = np.full(places.shape, np.nan)
+    nearest = np.full(places.shape, np.nan)
     for k, point in enumerate(prints.number):
         low, high = np.searchsorted(number, [point, point + 1])
         usable = np.isfinite(prints.arriving[k]).all(axis=1)
@@ -245,5 +245,5 @@ def _nearest_rays(prints: Footprints, number: NDArray[np.int64], places: Floats,
             continue
         arriving, entering = prints.arriving[k][usable], prints.entering[k][usable]
         off = places[low:high, None] - arriving
-        found[low:high] = entering[np.einsum("nfi,nfi->nf", off, off).argmin(axis=1)]
-    return found
+        nearest[low:high] = entering[np.einsum("nfi,nfi->nf", off, off).argmin(axis=1)]
+    return nearest

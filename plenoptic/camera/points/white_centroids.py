@@ -33,12 +33,12 @@ def white_centroids(
     image, first = _white_plane(sensor.shape, white)
     reach = int(np.ceil(apart * array.cell_radius / sensor.pixel_pitch))
     pixel = sensor.pixel_of(centres)
-    known = np.asarray(np.isfinite(pixel).all(axis=1))
-    middle = np.rint(np.where(known[:, None], pixel, -1e6)).astype(np.int64) - first
+    finite = np.asarray(np.isfinite(pixel).all(axis=1))
+    middle = np.rint(np.where(finite[:, None], pixel, -1e6)).astype(np.int64) - first
     whole = (middle >= reach).all(axis=1) & (middle + reach < np.array(image.shape)).all(axis=1)
     steps = np.arange(-reach, reach + 1)
     rows, columns = (g.ravel() for g in np.meshgrid(steps, steps, indexing="ij"))
-    found, chosen = np.full(centres.shape, np.nan), np.flatnonzero(known & whole)
+    centroids, chosen = np.full(centres.shape, np.nan), np.flatnonzero(finite & whole)
     turn = axes.parts.sensor_to_local.turn[:2, :2].T @ axes.parts.array_turn
     each = max(1, _PIXELS // rows.size)
     for k in range(0, len(chosen), each):
@@ -48,8 +48,8 @@ def white_centroids(
         offset = (place - centres[these, None]) @ turn / apart
         light = image[row, column] * _in_cell(array, design[these], offset)
         with np.errstate(invalid="ignore", divide="ignore"):
-            found[these] = np.einsum("ij,ijk->ik", light, place) / light.sum(axis=1)[:, None]
-    return found
+            centroids[these] = np.einsum("ij,ijk->ik", light, place) / light.sum(axis=1)[:, None]
+    return centroids
 
 
 def _in_cell(array: MicrolensArray, design: Floats, offset: Floats) -> NDArray[np.bool_]:

@@ -73,12 +73,12 @@ def _around(crops: list[Crop]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 def _within(pixels: Floats, at: NDArray[np.int64], corner: NDArray[np.int64], shape: NDArray[np.int64]) -> Floats:
     """Pixels of which the first is `at` on the sensor, in an array of which the first is `corner`."""
-    found = np.zeros(shape)
+    image = np.zeros(shape)
     # What is empty lies nowhere.
     if pixels.size:
         (top, left), (rows, columns) = at - corner, pixels.shape
-        found[top : top + rows, left : left + columns] = pixels
-    return found
+        image[top : top + rows, left : left + columns] = pixels
+    return image
 
 
 def _spot(crops: list[Crop], each: int) -> Spot:
@@ -130,16 +130,16 @@ def assembled(
     area = camera.sensor.pixel_pitch**2
     centroid, centroid_error = centroids(moments)
     fates, fractions = _fates(counts, replicates * each)
-    known = replicates >= 2
+    has_errors = replicates >= 2
     return CameraSpread(
         image=image / area,
-        standard_error=error / area if known else None,
+        standard_error=error / area if has_errors else None,
         corner=corner,
         points=points,
         light=moments[:, :, 0].mean(axis=1),
-        light_error=moments[:, :, 0].std(axis=1, ddof=1) / np.sqrt(replicates) if known else None,
+        light_error=moments[:, :, 0].std(axis=1, ddof=1) / np.sqrt(replicates) if has_errors else None,
         centroid=centroid,
-        centroid_error=centroid_error if known else None,
+        centroid_error=centroid_error if has_errors else None,
         fates=fates,
         fractions=fractions,
         sensor=camera.sensor,
@@ -151,15 +151,15 @@ def centroids(moments: Floats) -> tuple[Floats, Floats]:
     """Centroids (n, 2) from moments (n, replicates, 3), and their errors, by leaving one replicate out at a time."""
     total, count = moments.sum(axis=1), moments.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
-        others = total[:, None] - moments
-        without = others[..., 1:] / others[..., :1]
+        remaining = total[:, None] - moments
+        without = remaining[..., 1:] / remaining[..., :1]
         return total[:, 1:] / total[:, :1], np.sqrt((count - 1) * without.var(axis=1))
 
 
 def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int | None], ...], Floats]:
     """Fates of rays, with names and elements, and the part of the rays."""
-    shut, beside, arrived = (counts.shape[1] - k for k in (3, 2, 1))
-    fates: dict[int, tuple[str, int | None]] = {arrived: ("landed", None), beside: ("beside_sensor", None)}
+    shut, missed_sensor, arrived = (counts.shape[1] - k for k in (3, 2, 1))
+    fates: dict[int, tuple[str, int | None]] = {arrived: ("landed", None), missed_sensor: ("beside_sensor", None)}
     if counts[:, shut].any():
         fates[shut] = "beside_opening", None
     for code in (np.flatnonzero(counts[:, 1:shut].any(axis=0)) + 1).tolist():

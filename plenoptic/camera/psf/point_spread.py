@@ -79,15 +79,15 @@ def point_spread(
     >>> f"{1e3 * spread.light:.3f} msr"
     '0.982 msr'
     """
-    given, several = _checked_points(camera, points)
+    positions, several = _checked_points(camera, points)
     replicates = whole(replicates, "replicates", at_least=1)
     each = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     with Waiting("tracing points", kind="camera", show=progress):
         record = bending_record(camera)
-        tasks = tasks_of(record, in_lens_axes(record, given), replicates, each)
+        tasks = tasks_of(record, in_lens_axes(record, positions), replicates, each)
         spots = dict(spots_of(record, tasks, each, scrambling, workers))
-        spread = assembled(camera, given, spots, replicates, each)
+        spread = assembled(camera, positions, spots, replicates, each)
     return spread if several else spread.of(0)
 
 
@@ -114,14 +114,14 @@ def landing_points(
     >>> f"{landed.position[landed.source == 1, 0].mean():.1f} mm"
     '-1.0 mm'
     """
-    given, _ = _checked_points(camera, points)
+    positions, _ = _checked_points(camera, points)
     each = whole(rays, "rays", at_least=1, at_most=MOST_POINTS)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     record = measuring_record(camera)
-    tasks = tasks_of(record, in_lens_axes(record, given), 1, each)
-    found = list(run_in_order(lambda task: landed(record, task, scrambling).rows, tasks, threads=workers))
-    rows = np.concatenate([np.empty(0, HIT), *found])
-    source = np.repeat([task.number for task in tasks], [len(part) for part in found]).astype(np.int64)
+    tasks = tasks_of(record, in_lens_axes(record, positions), 1, each)
+    hits = list(run_in_order(lambda task: landed(record, task, scrambling).rows, tasks, threads=workers))
+    rows = np.concatenate([np.empty(0, HIT), *hits])
+    source = np.repeat([task.number for task in tasks], [len(part) for part in hits]).astype(np.int64)
     array = camera.microlenses
     position = np.column_stack([rows["x"], rows["y"]])
     if array is None:
@@ -140,10 +140,10 @@ def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats,
             f"the microlenses have the model {array.model.name}, and no ray from a point meets a hole without extent; "
             "render a small emitter instead, or choose THIN"
         )
-    given, several = world_points(points)
-    if not len(given):
+    positions, several = world_points(points)
+    if not len(positions):
         raise InvalidValueError("points is empty; give at least one point (x, y, z) in mm")
-    return given, several
+    return positions, several
 
 
 def world_points(points: ArrayLike) -> tuple[Floats, bool]:
@@ -153,7 +153,9 @@ def world_points(points: ArrayLike) -> tuple[Floats, bool]:
     except ValueError:  # rows of different lengths, which is said below
         several = True
     rows = points if several else np.expand_dims(np.asarray(points), 0)
-    given = frozen_array(rows, name="points", shape=("n", 3))
-    if not np.isfinite(given).all():
-        raise InvalidValueError(f"points holds {given[~np.isfinite(given)][0]}; all coordinates must be finite, in mm")
-    return given, several
+    positions = frozen_array(rows, name="points", shape=("n", 3))
+    if not np.isfinite(positions).all():
+        raise InvalidValueError(
+            f"points holds {positions[~np.isfinite(positions)][0]}; all coordinates must be finite, in mm"
+        )
+    return positions, several

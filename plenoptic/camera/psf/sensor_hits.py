@@ -127,18 +127,18 @@ def bending_record(camera: PlenopticCamera) -> ForwardRecord:
     """Compile also how light bends at iris and microlenses, where the camera has that."""
     record = measuring_record(camera)._replace(iris=iris_record(camera, (camera.wavelength,)))
     parts = record.array.parts
-    found = bend_record(camera, parts, (camera.wavelength,))
-    if found is None:
+    bend = bend_record(camera, parts, (camera.wavelength,))
+    if bend is None:
         return record
-    if found.field.opening is not None:
+    if bend.field.opening is not None:
         raise InvalidValueError(
             "light bends in one way through the openings of microlenses and in another one beside them, and points are "
             "not traced forwards through both: render the point, or take diffraction=None"
         )
     turn, tilt = parts.sensor_to_local.turn[:2, :2], np.zeros(2) if parts.tilt is None else parts.tilt
     middle = parts.distance + float(tilt @ parts.sensor_to_local.shift[:2])
-    by = float(found.wavelengths[0]) * np.linalg.inv(turn)
-    return record._replace(bends=Bends(found.field, middle, turn.T @ tilt, np.ascontiguousarray(by)))
+    by = float(bend.wavelengths[0]) * np.linalg.inv(turn)
+    return record._replace(bends=Bends(bend.field, middle, turn.T @ tilt, np.ascontiguousarray(by)))
 
 
 def _fill_dimmed_behind_array(blocks: Floats, aims: Floats, record: ForwardRecord) -> None:
@@ -159,16 +159,16 @@ def _fill_dimmed_behind_array(blocks: Floats, aims: Floats, record: ForwardRecor
 def in_lens_axes(record: ForwardRecord, points: Floats) -> Floats:
     """World points in the lens's axes, or an error where one does not lie in front of the lens."""
     pose, placed = record.camera.pose, record.array.parts.lens_to_camera
-    seen = points if pose is None else pose.to_camera(points)
-    seen = seen if placed is None else placed.inverse().points(seen)
-    behind = np.flatnonzero(~(seen[:, 2] < record.entrance.z))
+    local = points if pose is None else pose.to_camera(points)
+    local = local if placed is None else placed.inverse().points(local)
+    behind = np.flatnonzero(~(local[:, 2] < record.entrance.z))
     if len(behind):
-        z, limit = float(seen[behind[0], 2]), record.entrance.z
+        z, limit = float(local[behind[0], 2]), record.entrance.z
         raise InvalidValueError(
             f"point {behind[0]} lies at z = {z:g} mm of the lens's axes, and the lens begins at z = {limit:g} mm; "
             f"points must lie in front of it, at smaller z{metres_guess(z, limit)}"
         )
-    return seen
+    return local
 
 
 def tasks_of(record: ForwardRecord, points: Floats, replicates: int, each: int) -> list[Task]:
@@ -203,7 +203,7 @@ def landed(record: ForwardRecord, task: Task, seed: np.uint64) -> Landed:
     counts = np.zeros(CAUSES * (len(record.camera.lens.elements) + 1), dtype=np.int64)
     blocks = np.empty(-(-min(BUNDLE, task.n) // BLOCK) * RAY)
     aims = np.empty(blocks.size if record.dims_by_aim else 0)
-    arrived = beside = shut = 0
+    arrived = missed_sensor = shut = 0
     for start in range(0, task.n, BUNDLE):
         n = min(BUNDLE, task.n - start)
         bundle = blocks[: -(-n // BLOCK) * RAY]
@@ -221,8 +221,8 @@ def landed(record: ForwardRecord, task: Task, seed: np.uint64) -> Landed:
         if record.bends is not None:
             source_rays.fill_bent(bundle, start, n, seed, task, record.bends)
         fill_status_counts(counts, bundle, n)
-        found, missed, between = source_rays.fill_landed(
+        hits, missed, between = source_rays.fill_landed(
             rows[arrived:], bundle, n, *sensor.shape, sensor.pixel_pitch, record.opening
         )
-        arrived, beside, shut = arrived + found, beside + missed, shut + between
-    return Landed(rows[:arrived], counts, beside, shut)
+        arrived, missed_sensor, shut = arrived + hits, missed_sensor + missed, shut + between
+    return Landed(rows[:arrived], counts, missed_sensor, shut)

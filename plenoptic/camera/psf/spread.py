@@ -88,10 +88,10 @@ class CameraSpread:
     @property
     def fraction_by_fate(self) -> dict[str, Floats]:
         """`fractions` by name alone, over all lens elements."""
-        found: dict[str, Floats] = {}
+        fractions: dict[str, Floats] = {}
         for k, (name, _) in enumerate(self.fates):
-            found[name] = found.get(name, 0.0) + self.fractions[..., k]
-        return found
+            fractions[name] = fractions.get(name, 0.0) + self.fractions[..., k]
+        return fractions
 
     def of(self, number: int) -> CameraSpread:
         """The spread of one of several points.
@@ -114,7 +114,7 @@ class CameraSpread:
         if not self._several:
             return self
 
-        arrays = {name: given[number] for name, given in vars(self).items() if isinstance(given, np.ndarray)}
+        arrays = {name: array[number] for name, array in vars(self).items() if isinstance(array, np.ndarray)}
         of_one: dict[str, Any] = {name: each if each.ndim else float(each) for name, each in arrays.items()}
         return dataclasses.replace(self, **of_one)
 

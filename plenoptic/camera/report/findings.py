@@ -102,10 +102,10 @@ class CameraFinding:
 
 def camera_findings(camera: PlenopticCamera, report: CameraReport) -> tuple[CameraFinding, ...]:
     """Return the warnings of a report, in the order of the kinds."""
-    found = [*_lens(camera, report), *_focus(report), *_placed(camera)]
+    findings = [*_lens(camera, report), *_focus(report), *_placed(camera)]
     if camera.microlenses is not None:
-        found += [*_images(camera, report), *_types(camera, report)]
-    return tuple(sorted(found, key=lambda finding: finding.kind))
+        findings += [*_images(camera, report), *_types(camera, report)]
+    return tuple(sorted(findings, key=lambda finding: finding.kind))
 
 
 def _placed(camera: PlenopticCamera) -> Iterator[CameraFinding]:

@@ -157,7 +157,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
     z_image = camera.stop_to_microlenses + s
     z, (far, near) = plane_in_front(camera, z_image), _limits(camera, kind, s, cone)
     m = lateral_magnification(camera.lens, z, camera.wavelength) if not math.isnan(z) else math.nan
-    onwards, across, seeing, resolution = 1.0, math.nan, math.nan, 1.0
+    spacing, across, seeing, resolution = 1.0, math.nan, math.nan, 1.0
     pixel, v = q, None
     disparities: list[float | None] = [None] * 3
     if array is not None:
@@ -171,7 +171,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
             resolution = min(1.0, q / math.sqrt(cell_area(array)) / abs(1.0 + b * cone.vergence))
             pixel = p
         else:
-            resolution, onwards = 1.0 / max(v, 1.0), 1.0 / v
+            resolution, spacing = 1.0 / max(v, 1.0), 1.0 / v
     return MicrolensFocus(
         type=type_,
         kind=kind,
@@ -183,7 +183,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
         z_far=far,
         z_near=near,
         magnification=m,
-        object_sampling=over(pixel, abs(m) * onwards),
+        object_sampling=over(pixel, abs(m) * spacing),
         lenses_across=across,
         lenses_seeing=seeing,
         disparity=disparities[0],
@@ -221,10 +221,10 @@ def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
         if beyond:
             z = -math.inf
         try:
-            found = best_focus(lens, z_object=z, wavelength=wavelength, criterion=FocusCriterion.RMS_SPOT)
+            focus = best_focus(lens, z_object=z, wavelength=wavelength, criterion=FocusCriterion.RMS_SPOT)
         except InvalidValueError:
             return math.nan
-        off = found - z_image
+        off = focus - z_image
         if not abs(off) > _EXACT * abs(z_image):
             break
         if beyond and off > SAME * abs(z_image):
@@ -280,8 +280,8 @@ def sharp_ends(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) 
     array, q = camera.microlenses, camera.sensor.pixel_pitch
     if array is None:
         # 2 R |s| / (D + s) = q with the exit pupil R at D, slope = R / D.
-        turn, share = q * cone.vergence, 2.0 * cone.slope
-        return -over(q, share + turn), over(q, share - turn)
+        turn, spread = q * cone.vergence, 2.0 * cone.slope
+        return -over(q, spread + turn), over(q, spread - turn)
     b, width = camera.microlenses_to_sensor, opening_width(array)
     if kind is CameraKind.PLENOPTIC_1:
         reach = neighbour_distance(array) * b / q

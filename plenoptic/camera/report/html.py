@@ -66,8 +66,8 @@ def _key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
     yield "sensor", f"{sensor.shape[0]} x {sensor.shape[1]} pixels, {height:.4g} x {width:.4g} mm"
     yield "pixel pitch", f"{1e3 * sensor.pixel_pitch:.4g} µm"
     yield "plane in focus", _focus(camera)
-    seen = camera.sensitivity
-    yield "wavelength", f"{camera.wavelength:g} nm" + ("" if seen is None else ", and those of its sensitivity")
+    sensitivity = camera.sensitivity
+    yield "wavelength", f"{camera.wavelength:g} nm" + ("" if sensitivity is None else ", and those of its sensitivity")
     if camera.pose is not None:
         yield "position", f"({', '.join(f'{x:.5g}' for x in camera.pose.position)}) mm in the world"
     moved = [n for n in ("lens", "microlenses", "sensor") if getattr(camera, f"{n}_placement") is not None]
@@ -94,10 +94,10 @@ def _focus(camera: PlenopticCamera) -> str:
 def report_html(report: CameraReport) -> str:
     """Findings, the gravest first, then all numbers."""
     order = [*_GRAVEST, *(kind for kind in CameraFindingKind if kind not in _GRAVEST)]
-    found = sorted(report.warnings, key=lambda finding: order.index(finding.kind))
+    warnings = sorted(report.warnings, key=lambda finding: order.index(finding.kind))
     parts = [heading_html(report_title(report))]
-    parts.append(list_html((f"{finding.kind.name}: {finding}" for finding in found), title="warnings"))
+    parts.append(list_html((f"{finding.kind.name}: {finding}" for finding in warnings), title="warnings"))
     for title, rows in report_sections(report):
-        shown = [(label, " ".join(part for part in rest if part)) for label, *rest in rows]
-        parts.append(table_html((), shown, caption=title))
+        table = [(label, " ".join(part for part in cells if part)) for label, *cells in rows]
+        parts.append(table_html((), table, caption=title))
     return "".join(parts)

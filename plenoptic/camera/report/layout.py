@@ -63,23 +63,23 @@ def pixel_rays(camera: PlenopticCamera) -> PixelRays:
     up = up / (1.0 + camera.microlenses_to_sensor * cone.vergence)
     middle = array.nearest(np.array([[0.0, up]]))[0]
     reach = np.array([0.3 * wide, _SHOWN * high])
-    around = array.lenses(middle - reach, middle + reach)
-    k = int(np.hypot(*(around.design - middle).T).argmin())
+    lenses = array.lenses(middle - reach, middle + reach)
+    k = int(np.hypot(*(lenses.design - middle).T).argmin())
     # Light from there in the iris, through the centre of the microlens, in the array's own axes.
-    aside = around.centre[k] * cone.vergence - (0.0, _ASIDE * cone.slope)
-    pixel, at = _pixel_met(camera, sensor, place, around.centre[k], aside)
+    aside = lenses.centre[k] * cone.vergence - (0.0, _ASIDE * cone.slope)
+    pixel, at = _pixel_met(camera, sensor, place, lenses.centre[k], aside)
     half = 0.5 * opening_width(array)
-    across = around.centre[k] + half * np.linspace(-1.0, 1.0, _RAYS if half else 1)[:, None] * (0.0, 1.0)
+    across = lenses.centre[k] + half * np.linspace(-1.0, 1.0, _RAYS if half else 1)[:, None] * (0.0, 1.0)
     in_array = place.inverse().points(at)
     behind = (in_array[:2] - across) / (in_array[2] - array.principal_separation)
-    power = around.power[k] * array.power_factor(camera.wavelength) if array.model.focuses else 0.0
-    before = behind + (across - around.axis[k]) * power
+    power = lenses.power[k] * array.power_factor(camera.wavelength) if array.model.focuses else 0.0
+    before = behind + (across - lenses.axis[k]) * power
     on_array = place.points(np.column_stack([across, np.zeros(len(across))]))
     towards = place.directions(-np.column_stack([before, np.ones(len(before))]))
-    points, onwards = _into_scene(camera, on_array, towards)
+    points, directions = _into_scene(camera, on_array, towards)
     start = np.broadcast_to(at, (len(across), 1, 3))
     paths = np.concatenate([start, points], axis=1)
-    return PixelRays(pixel, paths, onwards, sensor, place, around, array.principal_separation)
+    return PixelRays(pixel, paths, directions, sensor, place, lenses, array.principal_separation)
 
 
 def _of_sensor(camera: PlenopticCamera, sensor: Rigid, cone: Cone, up: float) -> PixelRays:
@@ -87,8 +87,8 @@ def _of_sensor(camera: PlenopticCamera, sensor: Rigid, cone: Cone, up: float) ->
     at = sensor.points(np.append(camera.sensor.centre_of(row, column), 0.0))
     slopes = at[1] * cone.vergence - cone.slope * np.linspace(-0.98, 0.98, _RAYS)
     towards = -np.column_stack([np.full(_RAYS, at[0] * cone.vergence), slopes, np.ones(_RAYS)])
-    points, onwards = _into_scene(camera, np.tile(at, (_RAYS, 1)), towards)
-    return PixelRays((row, column), points, onwards, sensor, None, None, 0.0)
+    points, directions = _into_scene(camera, np.tile(at, (_RAYS, 1)), towards)
+    return PixelRays((row, column), points, directions, sensor, None, None, 0.0)
 
 
 def _pixel_met(
@@ -98,10 +98,10 @@ def _pixel_met(
     assert camera.microlenses is not None
     start = array.points(np.append(centre, camera.microlenses.principal_separation))
     along, normal = array.directions(np.append(slopes, 1.0)), sensor.turn[:, 2]
-    met = start + along * (normal @ (sensor.shift - start)) / (normal @ along)
+    hit = start + along * (normal @ (sensor.shift - start)) / (normal @ along)
     last = np.array(camera.sensor.shape) - 1
-    given = camera.sensor.pixel_of(sensor.inverse().points(met)[:2])
-    row, column = np.clip(np.rint(given), 0, last).astype(int).tolist()
+    pixel = camera.sensor.pixel_of(sensor.inverse().points(hit)[:2])
+    row, column = np.clip(np.rint(pixel), 0, last).astype(int).tolist()
     return (row, column), sensor.points(np.append(camera.sensor.centre_of(row, column), 0.0))
 
 
@@ -153,11 +153,11 @@ def _through_iris(
     slopes, at_iris = points * cone.vergence, len(lens.elements) - lens.iris_index
     for _ in range(_AIMS):
         towards = -np.column_stack([slopes, np.ones(len(points))])
-        ways, _ = few_reverse_rays(lens, start, towards, camera.wavelength, clipping=False)
-        slopes = slopes + ways[:, at_iris, :2] * (cone.slope / lens.stop.semi_diameter)
+        traced, _ = few_reverse_rays(lens, start, towards, camera.wavelength, clipping=False)
+        slopes = slopes + traced[:, at_iris, :2] * (cone.slope / lens.stop.semi_diameter)
     towards = -np.column_stack([slopes, np.ones(len(points))])
-    ways, onwards = few_reverse_rays(lens, start, towards, camera.wavelength, clipping=clipping)
-    return ways[:, -1], onwards
+    traced, directions = few_reverse_rays(lens, start, towards, camera.wavelength, clipping=clipping)
+    return traced[:, -1], directions
 
 
 def camera_layout(camera: PlenopticCamera, figure: Figure | None = None) -> Figure:

@@ -101,7 +101,7 @@ def traced_slope(lens: LensStack, z: float, wavelength: float) -> float:
 def _outermost(slopes: Callable[[Floats], Floats], end: float) -> float:
     """Slope of the ray nearest to one end of the diameter that passes."""
     low, high = -end, end
-    found = math.nan
+    position = math.nan
     for _ in range(_ZOOMS):
         pupil = np.linspace(low, high, _ZOOM)
         got = slopes(pupil)
@@ -109,11 +109,11 @@ def _outermost(slopes: Callable[[Floats], Floats], end: float) -> float:
         if not passing.size:
             return math.nan
         last = int(passing[-1])
-        found = float(got[last])
+        position = float(got[last])
         if last == _ZOOM - 1:
             break
         low, high = float(pupil[last]), float(pupil[last + 1])
-    return found
+    return position
 
 
 def object_plane(lens: LensStack, z_image: float, wavelength: float) -> float:
@@ -222,9 +222,9 @@ def _opening_points(array: MicrolensArray) -> Floats:
     opening = array.opening
     points = opening.reach * hexapolar(_RINGS)
     edges = opening.edges
-    kept = (points @ edges[:, :2].T <= edges[:, 2] * (1 + 1e-9)).all(axis=1)
+    inside = (points @ edges[:, :2].T <= edges[:, 2] * (1 + 1e-9)).all(axis=1)
     corners = 0.999 * np.asarray(opening.corners) if len(edges) else np.empty((0, 2))
-    return np.asarray(np.concatenate([points[kept], corners]))
+    return np.asarray(np.concatenate([points[inside], corners]))
 
 
 class Corner(NamedTuple):

@@ -115,5 +115,5 @@ def _row(label: str, number: float | None, unit: str = "", millimetres: float | 
     """One row; none for a part that the camera lacks."""
     if number is None:
         return None
-    shown = "none" if math.isnan(number) else f"{100.0 * number if unit == '%' else number:.6g}"
-    return ReportRow(label, shown, unit, "" if millimetres is None else f"({millimetres:.6g} mm)")
+    text = "none" if math.isnan(number) else f"{100.0 * number if unit == '%' else number:.6g}"
+    return ReportRow(label, text, unit, "" if millimetres is None else f"({millimetres:.6g} mm)")

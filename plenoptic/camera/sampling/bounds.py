@@ -75,12 +75,12 @@ def array_bounds(
         distance = pupil_distance / ratio
         bends = [(power, _bend(array, power, pupil_distance, ratio)) for power in powers if power > 0]
         disperses = any(array.index_at(wavelength) != array.index for wavelength in wavelengths)
-        found = [
+        margins = [
             aberration_margins(array, wavelength, power, distance, pupil_distance, bend, reach)
             for wavelength in (wavelengths if disperses else wavelengths[:1])
             for power, bend in bends
         ]
-        margin, aside = (1.0 + tilt) * max(f[0] for f in found), (1.0 + tilt) * max(f[1] for f in found)
+        margin, aside = (1.0 + tilt) * max(f[0] for f in margins), (1.0 + tilt) * max(f[1] for f in margins)
 
 
 def aberration_margins(
@@ -121,11 +121,11 @@ def aberration_margins(
             counts = (status == 0) & (np.hypot(land_x, land_y) <= array.cell_radius)
             counts &= np.hypot(real_x, real_y) <= reach
             off = np.hypot(real_x - (bend * dx - pupil_distance / distance * sx), real_y - bend * dy)[counts]
-            beside = np.hypot(land_x - dx, land_y - dy)[counts]
+            landing_error = np.hypot(land_x - dx, land_y - dy)[counts]
         if not off.size:
             break
         settled = off.max() <= 1.01 * margin
-        margin, aside = max(margin, _SAFETY * float(off.max())), max(aside, _SAFETY * float(beside.max()))
+        margin, aside = max(margin, _SAFETY * float(off.max())), max(aside, _SAFETY * float(landing_error.max()))
         if settled:
             break
     return margin, aside
@@ -152,17 +152,17 @@ def _united(
 ) -> PupilBounds:
     """Outlines that hold those of planes of all heights, from the least to the greatest, and of all wavelengths."""
     low, high = float(heights.min()), float(heights.max())
-    found = [
+    supports = [
         pupil_bounds(camera.lens, z_plane=z, largest_radius=largest, cell_radius=cell_radius, wavelength=wavelength)
         for z in ((low,) if high - low <= 1e-12 * abs(high) else (low, high))
         for wavelength in wavelengths
     ]
-    if len(found) == 1:
-        return found[0]
-    finest = max(found, key=lambda bounds: len(bounds.support))
+    if len(supports) == 1:
+        return supports[0]
+    finest = max(supports, key=lambda bounds: len(bounds.support))
     support = np.full_like(np.asarray(finest.support), -np.inf)
     parted = np.zeros(len(support), dtype=np.bool_)
-    for bounds in found:
+    for bounds in supports:
         # An interval of the finest division lies in one or two of a coarser one.
         first = np.floor(np.arange(len(support)) * finest.step / bounds.step + 1e-9).astype(int)
         last = np.floor(np.arange(1, len(support) + 1) * finest.step / bounds.step - 1e-9).astype(int)

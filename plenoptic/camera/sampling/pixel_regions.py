@@ -115,13 +115,13 @@ def _candidates(camera: CameraRecord, centres: Floats, margin: float) -> tuple[C
     first, room, ends = np.zeros(len(centres) + 1, dtype=np.int64), 4 * len(centres) + 4, 64 * len(centres) + 64
     while True:
         details = np.empty(room, MICROLENS) if array is not None and array.differs else None
-        found, corners = Candidates(first, np.empty(room, CANDIDATE), details), np.empty((2, ends))
+        candidates_of_groups, corners = Candidates(first, np.empty(room, CANDIDATE), details), np.empty((2, ends))
         if array is None:
-            candidates.fill_pupil(found, corners, used, centres, camera.pupil)
+            candidates.fill_pupil(candidates_of_groups, corners, used, centres, camera.pupil)
         else:
-            candidates.fill_cells(found, corners, used, centres, margin, plane, array, camera.pupil)
+            candidates.fill_cells(candidates_of_groups, corners, used, centres, margin, plane, array, camera.pupil)
         if used[0] <= room and used[1] <= ends:
-            return found._replace(rows=found.rows[: used[0]]), corners
+            return candidates_of_groups._replace(rows=candidates_of_groups.rows[: used[0]]), corners
         room, ends = max(room, used[0]), max(ends, used[1])
 
 
@@ -130,8 +130,8 @@ def _met(camera: CameraRecord, blocks: Floats, waves: NDArray[np.int64] | None) 
     from plenoptic.optics.lens.kernels.trace import fill_traced
 
     fields = blocks.reshape(-1, 8, BLOCK)
-    found = np.empty((len(camera.openings.elements), 3, len(fields), BLOCK))
-    for at, element in zip(found, camera.openings.elements, strict=True):
+    hits = np.empty((len(camera.openings.elements), 3, len(fields), BLOCK))
+    for at, element in zip(hits, camera.openings.elements, strict=True):
         fill_traced(blocks, element, waves)
         at[0], at[1], at[2] = fields[:, 0], fields[:, 1], fields[:, STATUS // BLOCK]
         if element.frames is not None and element.frames[0, MOVED] != 0:
@@ -139,7 +139,7 @@ def _met(camera: CameraRecord, blocks: Floats, waves: NDArray[np.int64] | None) 
             x, y, z = at[0] - frame[9], at[1] - frame[10], fields[:, 2] - element.rows[0]["z"] - frame[11]
             at[0] = frame[0] * x + frame[3] * y + frame[6] * z
             at[1] = frame[1] * x + frame[4] * y + frame[7] * z
-    return found.reshape(len(found), 3, -1)
+    return hits.reshape(len(hits), 3, -1)
 
 
 def _views(camera: CameraRecord, found: Candidates, corners: Floats, centres: Floats, half: _Half) -> NDArray[np.void]:
@@ -157,13 +157,13 @@ def _views(camera: CameraRecord, found: Candidates, corners: Floats, centres: Fl
             chosen = left[start : start + _TOGETHER].copy()
             rays = half.rays * len(chosen)
             blocks = np.empty(-(-rays // BLOCK) * RAY)
-            own, waves = camera.own(blocks.size // 8), None
+            lenslets, waves = camera.own(blocks.size // 8), None
             if camera.dispersed is not None and camera.dispersed.index_ratios is not None:
                 last = camera.dispersed.index_ratios.shape[1] - 1
                 waves = np.zeros(blocks.size // 8, dtype=np.int64)
                 waves[:rays].reshape(-1, half.rays)[:] = np.repeat([last // 2, 0, last], half.rays // 3)
-            kernels.fill_view_rays(blocks, own, found, chosen, centres[group[chosen]], half)
-            fill_through_array(blocks, own, camera, waves)
+            kernels.fill_view_rays(blocks, lenslets, found, chosen, centres[group[chosen]], half)
+            fill_through_array(blocks, lenslets, camera, waves)
             kernels.fill_reopened(blocks)
             points = _met(camera, blocks, waves)
             while (end := kernels.fill_views(views, used, found, chosen, points, openings, half)) > len(views):
@@ -194,21 +194,21 @@ def feeding_regions(
         sides = 0.5 * SIDE * camera.sensor.pitch * np.abs(turn[:2, :2]).sum(axis=1)
         colours = 1 if camera.dispersed is None else 3
         size = _Half(float(sides[0]), float(sides[1]), RAYS * colours, _SLACK)
-        found, corners = _candidates(camera, centres, float(np.hypot(*sides)))
-        views = _views(camera, found, corners, centres, size)
+        chosen, corners = _candidates(camera, centres, float(np.hypot(*sides)))
+        views = _views(camera, chosen, corners, centres, size)
     else:
         centres, group, views = starts, np.arange(len(starts)), np.empty(1, VIEW)
-        found, corners = _candidates(camera, centres, float(np.hypot(*half)))
-    seen = views, camera.openings.edges, centres, certain
+        chosen, corners = _candidates(camera, centres, float(np.hypot(*half)))
+    view = views, camera.openings.edges, centres, certain
     first, used = np.zeros(len(starts) + 1, dtype=np.int64), np.zeros(3, dtype=np.int64)
-    room, ends, most = (k * len(starts) + 64 for k in (2, 16, 4))
+    room, ends, planes = (k * len(starts) + 64 for k in (2, 16, 4))
     while True:
-        details = None if found.details is None else np.empty(room, MICROLENS)
-        regions = Regions(np.empty(room, PIECE), first, np.empty((2, ends)), np.empty(most, PLANE), details)
-        pixel_regions.fill_regions(regions, used, starts, group, found, corners, seen, half)
-        if used[0] <= room and used[1] <= ends and used[2] <= most:
+        details = None if chosen.details is None else np.empty(room, MICROLENS)
+        regions = Regions(np.empty(room, PIECE), first, np.empty((2, ends)), np.empty(planes, PLANE), details)
+        pixel_regions.fill_regions(regions, used, starts, group, chosen, corners, view, half)
+        if used[0] <= room and used[1] <= ends and used[2] <= planes:
             return regions
-        room, ends, most = max(room, used[0]), max(ends, used[1]), max(most, used[2])
+        room, ends, planes = max(room, used[0]), max(ends, used[1]), max(planes, used[2])
 
 
 def fed_pixels(camera: CameraRecord, pixels: Floats, number: NDArray[np.int64], *, certain: bool = False) -> FedPixels:
@@ -228,11 +228,11 @@ def _bent_pixels(
     """Illuminated pixels with diffraction: all pixels, and the aperture regions of those around them."""
     sensor, reach = camera.sensor, 0 if camera.spread is None else camera.spread.table.reach
     right, down = (bend.back @ (pixels - bend.shift).T)[:2]
-    own = np.floor(np.column_stack([sensor.rows / 2 + down, sensor.columns / 2 - right])).astype(np.int64)
-    low = own.min(axis=0, initial=sensor.rows + sensor.columns) - NEAR
-    high = own.max(axis=0, initial=0) + NEAR + 1
+    rows_columns = np.floor(np.column_stack([sensor.rows / 2 + down, sensor.columns / 2 - right])).astype(np.int64)
+    low = rows_columns.min(axis=0, initial=sensor.rows + sensor.columns) - NEAR
+    high = rows_columns.max(axis=0, initial=0) + NEAR + 1
     grid = np.full(np.maximum(high - low, 0), -1, dtype=np.int32)
-    at = tuple((own - low).T)
+    at = tuple((rows_columns - low).T)
     row, column = at
     grid[at] = np.arange(len(pixels))
     for steps in (reach, NEAR):
@@ -249,8 +249,8 @@ def _bent_pixels(
     along = np.arange(-reach, reach + 1)
     down, across = (part.ravel() for part in np.meshgrid(along, along, indexing="ij"))
     ring = _numbers(camera, low[0] + row[len(pixels) : sharing], low[1] + column[len(pixels) : sharing])
-    around = Around(
-        own=own,
+    neighbours = Around(
+        own=rows_columns,
         corner=(int(low[0]), int(low[1])),
         grid=grid,
         numbers=np.append(number, ring),
@@ -262,15 +262,15 @@ def _bent_pixels(
         bend=bend,
     )
     place, centres = np.arange(len(pixels)), np.ascontiguousarray(pixels)
-    return FedPixels(place, number, centres, regions, sensor.pixel, certain, around)
+    return FedPixels(place, number, centres, regions, sensor.pixel, certain, neighbours)
 
 
 def _numbers(camera: CameraRecord, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.int64]:
     """Numbers of pixels on the sensor; beyond the last of these, of those up to `NEAR` rows and columns outside it."""
     rows, columns = camera.sensor.rows, camera.sensor.columns
     on = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    beside = rows * columns + (row + NEAR) * (columns + 2 * NEAR) + column + NEAR
-    return np.where(on, row * columns + column, beside)
+    outside = rows * columns + (row + NEAR) * (columns + 2 * NEAR) + column + NEAR
+    return np.where(on, row * columns + column, outside)
 
 
 def sharing_pixels(camera: CameraRecord, fed: FedPixels, spread: SpreadTable) -> tuple[FedPixels, FedPixels]:
@@ -279,14 +279,14 @@ def sharing_pixels(camera: CameraRecord, fed: FedPixels, spread: SpreadTable) ->
     Places are those of `Around.givers`.
     """
     assert fed.around is not None
-    first, own, end = fed.regions.first, len(fed.place), len(fed.around.numbers)
-    found = []
-    for low, high in ((0, own), (own, end)):
+    first, inner, end = fed.regions.first, len(fed.place), len(fed.around.numbers)
+    parts = []
+    for low, high in ((0, inner), (inner, end)):
         lit = low + np.flatnonzero(np.diff(first[low : high + 1]))
         regions = fed.regions._replace(first=np.append(first[lit], first[high]))
         centres, numbers = fed.around.centres[lit], fed.around.numbers[lit]
-        found.append(FedPixels(lit, numbers, centres, regions, camera.sensor.whole, fed.certain, spread=spread))
-    return found[0], found[1]
+        parts.append(FedPixels(lit, numbers, centres, regions, camera.sensor.whole, fed.certain, spread=spread))
+    return parts[0], parts[1]
 
 
 def _widened(image: NDArray[Any], steps: int) -> NDArray[Any]:

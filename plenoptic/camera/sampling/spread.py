@@ -63,19 +63,19 @@ def spread_of(
     plane, drawn_ones = sensor.plane, bend.wavelengths[min(1, len(bend.wavelengths) - 1) :]
     farther = np.zeros(1) if parts.tilt is None else sensor_corners(camera, parts)[:, :2] @ parts.tilt
     low = float(drawn_ones.min() * (plane.distance + farther.min()))
-    most = float(drawn_ones.max() * (plane.distance + farther.max()))
-    levels = math.ceil(math.log(most / low) / _LEVEL) or 1
-    step = (most - low) / levels or most
-    short, reach = _short(bend, most)
-    rest, drawn = without(bend.field, short)
+    largest = float(drawn_ones.max() * (plane.distance + farther.max()))
+    levels = math.ceil(math.log(largest / low) / _LEVEL) or 1
+    step = (largest - low) / levels or largest
+    short, reach = _short(bend, largest)
+    far, drawn = without(bend.field, short)
     if drawn > _MOST_DRAWN or sensor.fill_factor < _LEAST_SEEN:
         return None
     light = [(np.diff(bend.field.columns, axis=1) * np.diff(bend.field.rows)[:, None])[short]]
     if bend.field.opening is not None:
-        through, share = bend.field.opening[short], bend.field.share
-        light = [light[0] * through, light[0] * (1.0 - share * through) / (1.0 - share)]
+        through, blocked_share = bend.field.opening[short], bend.field.share
+        light = [light[0] * through, light[0] * (1.0 - blocked_share * through) / (1.0 - blocked_share)]
     cells, covers = np.stack(np.nonzero(short)[::-1]), _covers(np.asarray(camera.sensor.pixel_aperture), reach)
-    sizes = low + step * (np.arange(levels) + 0.5) if most > low else np.array([most])
+    sizes = low + step * (np.arange(levels) + 0.5) if largest > low else np.array([largest])
     rows = [_shares(bend, size, cells, part, covers) / sensor.fill_factor for size in sizes for part in light]
     means = None
     if parts.tilt is None and len(light) == 1:
@@ -94,7 +94,7 @@ def spread_of(
         low=low,
         per_level=1.0 / step,
     )
-    return Spread(table, bend._replace(field=rest), drawn)
+    return Spread(table, bend._replace(field=far), drawn)
 
 
 def _ends(bend: BendRecord, longest: float, cells: Floats) -> Floats:
@@ -122,11 +122,11 @@ def _covers(aperture: Floats, reach: int) -> list[Floats]:
     edges = np.arange((2 * reach + 1) * fine + 1) / fine - reach - 0.5
     pixel = np.arange(-reach, reach + 1)[:, None]
     moved = np.arange(fine)[:, None] + np.arange(2 * reach * fine + 1)
-    found = []
+    covers = []
     for part in aperture:
         inside = np.diff(np.clip(edges, pixel - 0.5 * part, pixel + 0.5 * part), axis=1) * fine
-        found.append(inside[:, moved].reshape(len(pixel), _FINE, _FINER, -1).mean(axis=2))
-    return found
+        covers.append(inside[:, moved].reshape(len(pixel), _FINE, _FINER, -1).mean(axis=2))
+    return covers
 
 
 def _shares(bend: BendRecord, longest: float, cells: NDArray[np.int64], light: Floats, covers: list[Floats]) -> Floats:
@@ -140,8 +140,8 @@ def _shares(bend: BendRecord, longest: float, cells: NDArray[np.int64], light: F
     points = math.ceil(widest * fine)
     along = (np.arange(points) + 0.5) / points
     light = np.tile(light, points)
-    for beside in along:
-        inside = np.stack(np.broadcast_arrays(cells[0] + along[:, None], cells[1] + beside)).reshape(2, -1)
+    for across in along:
+        inside = np.stack(np.broadcast_arrays(cells[0] + along[:, None], cells[1] + across)).reshape(2, -1)
         at = np.clip((_ends(bend, longest, inside) + reach) * fine, 0.0, n - 1 - 1e-9)
         corner = at.astype(np.int64)
         part = at - corner
@@ -149,8 +149,8 @@ def _shares(bend: BendRecord, longest: float, cells: NDArray[np.int64], light: F
             weight = np.abs(1 - right - part[0]) * np.abs(1 - down - part[1])
             grid += np.bincount((corner[1] + down) * n + corner[0] + right, weight * light, minlength=n * n)
     by_x, by_y = covers
-    found = np.einsum("dim,mn,ajn->ijda", by_y, grid.reshape(n, n) / points**2, by_x, optimize=True)
-    return np.ascontiguousarray(found.reshape(_FINE * _FINE, -1))
+    shares = np.einsum("dim,mn,ajn->ijda", by_y, grid.reshape(n, n) / points**2, by_x, optimize=True)
+    return np.ascontiguousarray(shares.reshape(_FINE * _FINE, -1))
 
 
 def samples_together(replicates: int) -> int:
