@@ -51,9 +51,9 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
     check_count(len(stack))
     for i, element in enumerate(stack):
         if not isinstance(element, Element):
-            *others, last = (kind.__name__ for kind in (Surface, *STOPS.values()))
+            *kinds, last = (kind.__name__ for kind in (Surface, *STOPS.values()))
             raise PrescriptionError(
-                f"element {i} is {element!r}; a lens is made of {', '.join(others)} and {last}: remove it or describe "
+                f"element {i} is {element!r}; a lens is made of {', '.join(kinds)} and {last}: remove it or describe "
                 "it as one of these"
             )
     surfaces = [i for i, element in enumerate(stack) if isinstance(element, Surface)]
@@ -69,9 +69,11 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
     for element in stack:
         behind = medium_behind(element.medium, behind) if isinstance(element, Surface) else behind
     if behind != ambient:
-        around = "air: its medium must be pl.optics.AIR" if ambient == AIR else f"{ambient!r}: give it that medium"
+        surroundings = (
+            "air: its medium must be pl.optics.AIR" if ambient == AIR else f"{ambient!r}: give it that medium"
+        )
         raise PrescriptionError(
-            f"element {surfaces[-1]}, the last surface, is followed by {behind!r}; the sensor is in {around}"
+            f"element {surfaces[-1]}, the last surface, is followed by {behind!r}; the sensor is in {surroundings}"
         )
     # The gap behind the last element belongs to the camera.
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))

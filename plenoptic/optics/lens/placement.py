@@ -33,10 +33,10 @@ def rotation_about_axes(tilt: Sequence[float]) -> Floats:
 
     Positive angles turn y towards z, z towards x, and x towards y.
     """
-    wanted = "three angles in radians, about x, y and z"
-    angles = coefficients(tilt, "tilt", wanted)
+    expected = "three angles in radians, about x, y and z"
+    angles = coefficients(tilt, "tilt", expected)
     if len(angles) != 3:
-        raise PrescriptionError(f"tilt is {tilt!r}; it must be {wanted}")
+        raise PrescriptionError(f"tilt is {tilt!r}; it must be {expected}")
     if not max(abs(angles[0]), abs(angles[1])) < math.pi / 2:
         raise PrescriptionError(
             f"tilt is {tuple(tilt)!r} rad; about x and y it must be below pi / 2, or light meets the back of the "

@@ -128,18 +128,18 @@ def lens_record(
         rows = [row.opened for row in rows]
     if not clipping:
         rows = [row._replace(semi_diameter2=math.inf) for row in rows]
-    found = _columns(rows[::-1], -1.0) if reverse else _columns(rows, 1.0)
+    record = _columns(rows[::-1], -1.0) if reverse else _columns(rows, 1.0)
     if not isinstance(wavelength, np.ndarray):
-        return found
-    kind, at = found.rows["kind"], found.rows["surface_index"]
+        return record
+    kind, at = record.rows["kind"], record.rows["surface_index"]
     if IDEAL in kind:
         ratios = np.ones((len(kind), len(wavelengths)))
         power = 1.0 / np.array([cardinal_points(lens, each).efl for each in wavelengths])
         ratios[kind == IDEAL] = power / power[0]
-        return found._replace(index_ratios=ratios)
+        return record._replace(index_ratios=ratios)
     index = np.array([lens.indices(each) for each in wavelengths]).T
     ahead, behind = index[at], index[at + 1]
-    return found._replace(index_ratios=np.ascontiguousarray(behind / ahead if reverse else ahead / behind))
+    return record._replace(index_ratios=np.ascontiguousarray(behind / ahead if reverse else ahead / behind))
 
 
 def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
@@ -221,8 +221,8 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[El
     front = rear if lens.model is LensModel.THIN else points.front_principal
     arrives, leaves = (rear, front) if reverse else (front, rear)
     ideal = ElementRow(IDEAL, curvature=1.0 / points.efl, max_depth=leaves - arrives, z=arrives, surface_index=iris)
-    shown, z_stop, behind = shown_stop(lens, wavelength)
-    stop = shown.row()._replace(z=z_stop, surface_index=iris)
+    stop_seen, z_stop, behind = shown_stop(lens, wavelength)
+    stop = stop_seen.row()._replace(z=z_stop, surface_index=iris)
     return [ideal, stop] if behind else [stop, ideal]
 
 

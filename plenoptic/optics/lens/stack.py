@@ -137,13 +137,13 @@ class LensStack:
         >>> pl.load_lens("singlet-100mm-f4").indices(587.6).round(4)
         array([1.    , 1.    , 1.5168, 1.    ])
         """
-        found = np.array([float(medium.index(wavelength)) for medium in self.gap_media])
-        for i in np.flatnonzero(~((found >= 1.0) & (found < np.inf))):
+        values = np.array([float(medium.index(wavelength)) for medium in self.gap_media])
+        for i in np.flatnonzero(~((values >= 1.0) & (values < np.inf))):
             raise PrescriptionError(
-                f"the medium behind element {i - 1} has the refractive index {found[i]:g} at {wavelength:g} nm; "
+                f"the medium behind element {i - 1} has the refractive index {values[i]:g} at {wavelength:g} nm; "
                 "it must be finite and at least 1: use another medium"
             )
-        return read_only(found)
+        return read_only(values)
 
     def with_model(self, model: LensModel) -> LensStack:
         """The same lens, followed more or less faithfully: `trace` and cameras treat it as the model says.
@@ -229,8 +229,8 @@ class LensStack:
         elements = list(self.elements)
         placement = self.stop.placement if stop.placement is None else stop.placement
         elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness, placement=placement)
-        told = None if self.specification is None else self.specification.without_aperture()
-        return dataclasses.replace(self, elements=elements, specification=told)
+        specification = None if self.specification is None else self.specification.without_aperture()
+        return dataclasses.replace(self, elements=elements, specification=specification)
 
     def inserted(self, stop: Stop, z: float) -> LensStack:
         """The same lens with one more stop at z, mm in the lens frame, where no glass is; the iris stays.

@@ -62,10 +62,10 @@ def in_chunks(
 ) -> RayBundle:
     """Call `fill` for all chunks of a bundle, with its output, its input and the chunk's range; returns the output."""
     n = len(rays)
-    given = RayArrays(rays.origin.reshape(-1), rays.direction.reshape(-1), rays.weight, rays.status, rays.lost_at)
+    arrays = RayArrays(rays.origin.reshape(-1), rays.direction.reshape(-1), rays.weight, rays.status, rays.lost_at)
     out = RayArrays(np.empty(3 * n), np.empty(3 * n), np.empty(n), np.empty(n, np.uint8), np.empty(n, np.int16))
     workers = min(thread_count(threads), -(-n // CHUNK))
-    for _ in run_in_order(lambda k: fill(out, given, k, min(k + CHUNK, n)), range(0, n, CHUNK), threads=workers):
+    for _ in run_in_order(lambda k: fill(out, arrays, k, min(k + CHUNK, n)), range(0, n, CHUNK), threads=workers):
         pass
     origin, direction = out.origin.reshape(n, 3), out.direction.reshape(n, 3)
     return RayBundle._made(origin, direction, rays.wavelength, out.weight, out.status, out.lost_at)

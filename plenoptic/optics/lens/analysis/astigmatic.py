@@ -92,19 +92,19 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     n = len(rays)
     # Rows: sagittal, tangential.
     h, w = (np.ones((2, n)), np.zeros((2, n))) if parallel else (np.zeros((2, n)), np.ones((2, n)))
-    here = rays
+    incident = rays
     for k in reversed(order) if reverse else order:
         before, after = (index[k + 1], index[k]) if reverse else (index[k], index[k + 1])
-        there = traced_part(lens, here, k, k, reverse=reverse, clipping=False)
+        outgoing = traced_part(lens, incident, k, k, reverse=reverse, clipping=False)
         element, vertex = lens.elements[k], np.array([0.0, 0.0, lens.vertices[k]])
         reflects = isinstance(element, Surface) and isinstance(element.medium, Mirror)
         # A mirror's points are seen in its plane from behind, in front of it as they are.
-        met = (there.origin - vertex) * (1.0, 1.0, -1.0) + vertex if reflects else there.origin
-        h = h + w / before * np.einsum("ij,ij->i", met - here.origin, here.direction)
+        hit = (outgoing.origin - vertex) * (1.0, 1.0, -1.0) + vertex if reflects else outgoing.origin
+        h = h + w / before * np.einsum("ij,ij->i", hit - incident.origin, incident.direction)
         if isinstance(element, Surface):
-            in_front = there if reflects and reverse else here
-            normal, *curvature = _bending(element, (there.origin if in_front is there else met) - vertex)
-            cos_i, cos_t = (np.abs(np.einsum("ij,ij->i", ray.direction, normal)) for ray in (in_front, there))
+            in_front = outgoing if reflects and reverse else incident
+            normal, *curvature = _bending(element, (outgoing.origin if in_front is outgoing else hit) - vertex)
+            cos_i, cos_t = (np.abs(np.einsum("ij,ij->i", ray.direction, normal)) for ray in (in_front, outgoing))
             if reflects:
                 cos_t, power = cos_i, -2.0 * after * cos_i * np.array(curvature)
             else:
@@ -112,11 +112,11 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
             # The width across the ray changes in the plane of incidence only.
             widen = np.stack([np.ones(n), cos_t / cos_i])
             h, w = h * widen, (w - power * h / np.stack([np.ones(n), cos_i**2])) / widen
-        here = there
+        incident = outgoing
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = -index[0 if reverse else -1] * h / w
-        points = here.origin + distance[:, :, None] * here.direction
-    return Foci(here, points[0], points[1])
+        points = incident.origin + distance[:, :, None] * incident.direction
+    return Foci(incident, points[0], points[1])
 
 
 def require_axis(lens: LensStack, what: str) -> None:

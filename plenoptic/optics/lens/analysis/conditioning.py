@@ -168,12 +168,12 @@ class Conditioning:
 
     def _row(self, i: int) -> tuple[str, ...]:
         asphere, last = self.kinds[i] == "asphere", self.elements[i] not in self.elements[i + 1 :]
-        shown = [_pair(numbers[i]) for numbers in (self.incidence, self.refraction, self.digits_lost)]
+        pairs = [_pair(numbers[i]) for numbers in (self.incidence, self.refraction, self.digits_lost)]
         return (
             str(self.elements[i]),
             self.kinds[i],
             str(self.reached[i]),
-            *shown,
+            *pairs,
             _pair(self.newton[i]) if asphere else "",
             _pair(self.search[i]) if self.searched[i] else "",
             str(self.searched[i]) if asphere else "",
@@ -226,12 +226,12 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
 
 def conditioning_of(notes: Notes) -> Conditioning:
     """Conditioning for each element, from the records of rays."""
-    met = ~np.isnan(notes.newton)
+    is_hit = ~np.isnan(notes.newton)
     return Conditioning(
         elements=notes.lens.rows["surface_index"].copy(),
         kinds=kinds(notes.lens),
         rays=len(notes.codes),
-        reached=met.sum(axis=1),
+        reached=is_hit.sum(axis=1),
         incidence=largest_and(np.median, notes.incidence),
         refraction=largest_and(np.median, notes.refraction),
         cancellation=largest_and(np.median, notes.cancellation),

@@ -51,14 +51,14 @@ def noted(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | N
     from plenoptic.optics.lens.kernels.notes import INCIDENCE, LOG, NEWTON, REACH, REFRACTION, STEPS
 
     elements, whole = len(lens.rows), blocks.size // RAY
-    kept = np.empty((LOG, elements, whole, BLOCK))
+    columns = np.empty((LOG, elements, whole, BLOCK))
     for first in range(0, whole, CHUNK):
         end = min(first + CHUNK, whole)
         log = np.empty((end - first, elements, LOG, BLOCK))
         part = None if waves is None else waves[first * BLOCK : end * BLOCK]
         fill_conditions(blocks[first * RAY : end * RAY], log, lens.completed, part)
-        kept[:, :, first:end] = log.transpose(2, 1, 0, 3)
-    rays = kept.reshape(LOG, elements, -1)[:, :, :n]
+        columns[:, :, first:end] = log.transpose(2, 1, 0, 3)
+    rays = columns.reshape(LOG, elements, -1)[:, :, :n]
     codes = blocks.reshape(-1, RAY)[:, STATUS:].reshape(-1)[:n].astype(np.int64)
     cancellation = rays[REACH] / sizes(lens)[:, None]
     return Notes(lens, rays[INCIDENCE], rays[REFRACTION], cancellation, rays[NEWTON], rays[STEPS], codes)
@@ -81,5 +81,7 @@ def kinds(lens: LensRecord) -> tuple[str, ...]:
 
 def largest_and(typical: Callable[[Floats], Any], numbers: Floats) -> Floats:
     """(n, 2) of (n, rays): the largest number and the mean or median, without rays that are nan; nan where all are."""
-    kept = (row[~np.isnan(row)] for row in numbers)
-    return np.array([(row.max(), typical(row)) if len(row) else (math.nan, math.nan) for row in kept]).reshape(-1, 2)
+    known_rows = (row[~np.isnan(row)] for row in numbers)
+    return np.array([(row.max(), typical(row)) if len(row) else (math.nan, math.nan) for row in known_rows]).reshape(
+        -1, 2
+    )

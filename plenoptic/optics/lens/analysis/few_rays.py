@@ -48,8 +48,8 @@ def few_reverse_rays(
         going = status == 0
         with np.errstate(all="ignore"):  # lost rays are numbers without meaning
             trace(rays.reshape(-1), record._replace(rows=record.rows.view(np.recarray)), None, 0, None, None, None)
-        met = going & ((status == 0) | (status % CAUSES == CLIPPED))
-        points.append(np.where(met[:, None], rays[:3].T, np.nan))
+        arrives = going & ((status == 0) | (status % CAUSES == CLIPPED))
+        points.append(np.where(arrives[:, None], rays[:3].T, np.nan))
     return np.stack(points, axis=1), np.where(status[:, None] == 0, rays[3:6].T, np.nan)
 
 
@@ -69,10 +69,10 @@ def _as_python(
     NumPy's mathematics is as compiled code has it: the root of a negative number is nan, and no error.
     """
     if function not in made:
-        there = {**function.__globals__, "math": np}
-        there |= {name: number for name, number in block.items() if name in there}
-        made[function] = types.FunctionType(function.__code__, there)
+        namespace = {**function.__globals__, "math": np}
+        namespace |= {name: number for name, number in block.items() if name in namespace}
+        made[function] = types.FunctionType(function.__code__, namespace)
         for name in function.__code__.co_names:
-            if called := getattr(there.get(name), "py_func", None):
-                there[name] = _as_python(called, block, made)
+            if called := getattr(namespace.get(name), "py_func", None):
+                namespace[name] = _as_python(called, block, made)
     return made[function]

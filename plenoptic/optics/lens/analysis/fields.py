@@ -247,9 +247,9 @@ def field_curvature(
     radii = checked_fields(lens, fields, z_object)
     z_image = image_plane(lens, z_object, wavelength)
     chiefs = chief_rays(lens, radii, z_object, wavelength)
-    found = foci(lens, chiefs, parallel=z_object == -math.inf)
-    sagittal, tangential = found.sagittal[:, 2] - z_image, found.tangential[:, 2] - z_image
-    return FieldCurvature(radii, sagittal, tangential, found.ray.at_z(z_image)[:, 1], z_image, z_object)
+    narrow_foci = foci(lens, chiefs, parallel=z_object == -math.inf)
+    sagittal, tangential = narrow_foci.sagittal[:, 2] - z_image, narrow_foci.tangential[:, 2] - z_image
+    return FieldCurvature(radii, sagittal, tangential, narrow_foci.ray.at_z(z_image)[:, 1], z_image, z_object)
 
 
 @result
@@ -387,7 +387,7 @@ def depth_distortion(
     for i, z in enumerate(planes.tolist()):
         for j, y in enumerate(radii.tolist()):
             ray = aimed_rays_reverse(lens, image_point=(0.0, y), z_image=z, pupil=[[0.0, 0.0]], wavelength=wavelength)
-            found = foci(lens, ray, parallel=False, reverse=True)
-            sagittal[i, j], tangential[i, j] = found.sagittal[0, 2], found.tangential[0, 2]
+            narrow_foci = foci(lens, ray, parallel=False, reverse=True)
+            sagittal[i, j], tangential[i, j] = narrow_foci.sagittal[0, 2], narrow_foci.tangential[0, 2]
     conjugates = np.array([object_position(lens, z, wavelength) for z in planes.tolist()])
     return DepthDistortion(radii, planes, conjugates, sagittal, tangential)

@@ -72,10 +72,10 @@ def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: f
         reach = abs(paraxial_focus(lens, z_object, wavelength) - points.rear_principal)
         return reach / (2.0 * points.entrance_pupil_semi_diameter * float(lens.indices(wavelength)[0]))
     try:
-        found = paraxial.working_f_number(lens, z_object, wavelength)
+        f_number = paraxial.working_f_number(lens, z_object, wavelength)
     except InvalidValueError:
         return math.nan
-    return found if math.isfinite(found) else math.nan
+    return f_number if math.isfinite(f_number) else math.nan
 
 
 def best_focus(
@@ -248,8 +248,8 @@ def through_focus(
     total = float(beam.weight.sum())
     if z is None:
         offsets = beam.heights + beam.sharpest * beam.slopes
-        least = float(beam.weight @ np.einsum("ij,ij->i", offsets, offsets))
-        reach = max(4.0 * math.sqrt(least / beam.spread), 1e-9 * max(abs(best), 1.0))
+        least_square = float(beam.weight @ np.einsum("ij,ij->i", offsets, offsets))
+        reach = max(4.0 * math.sqrt(least_square / beam.spread), 1e-9 * max(abs(best), 1.0))
         z = np.linspace(best - reach, best + reach, 101)
     planes = frozen_array(np.atleast_1d(np.asarray(z, dtype=object)), name="z", shape=(None,))
     rms, geometric = np.empty(len(planes)), np.empty(len(planes))

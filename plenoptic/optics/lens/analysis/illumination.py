@@ -149,10 +149,10 @@ def vignetting(
     pupil = pupil[stop.contains(*(stop.semi_diameter * pupil.T))]
     if not len(pupil):
         raise InvalidValueError(f"grid is {side}; none of its points falls into the opening of the iris: increase it")
-    share, full = 4.0 / side**2 * stop.semi_diameter**2 / stop.area, np.ones(len(pupil))
+    cell_share, full = 4.0 / side**2 * stop.semi_diameter**2 / stop.area, np.ones(len(pupil))
     if stop.row().cells is not None:
         full = stop.transmission_at(*(stop.semi_diameter * pupil.T))
-        share = 1.0 / float(full.sum())
+        cell_share = 1.0 / float(full.sum())
 
     fraction, error, lower, upper = np.empty((4, len(radii)))
     for i, field in enumerate(radii.tolist()):
@@ -165,8 +165,8 @@ def vignetting(
         count = int(np.count_nonzero(light))
         # Where all points pass, what passes is the iris itself; where none does, less than one of them may.
         entire = bool(np.all(light == full))
-        fraction[i] = 1.0 if entire else min(float(light.sum()) * share, 1.0)
-        error[i] = 0.0 if entire else share * _COUNTING * max(count, 1) ** 0.25
+        fraction[i] = 1.0 if entire else min(float(light.sum()) * cell_share, 1.0)
+        error[i] = 0.0 if entire else cell_share * _COUNTING * max(count, 1) ** 0.25
         lower[i], upper[i] = _rim_rays(passing)
     return Vignetting(radii, fraction, error, lower, upper, z_object)
 
@@ -178,11 +178,11 @@ def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
         low, high = -end, end
         for _ in range(_ZOOMS):
             y = np.linspace(low, high, _ZOOM)
-            found = np.flatnonzero(passing(np.column_stack([np.zeros(_ZOOM), y])))
-            if found.size == 0:
+            passing_rows = np.flatnonzero(passing(np.column_stack([np.zeros(_ZOOM), y])))
+            if passing_rows.size == 0:
                 return math.nan, math.nan
             # From the last that passes to the first beyond it that does not.
-            last = int(found[-1])
+            last = int(passing_rows[-1])
             low, high = float(y[last]), float(y[min(last + 1, _ZOOM - 1)])
             if low == high:
                 break

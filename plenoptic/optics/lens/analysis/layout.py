@@ -45,11 +45,11 @@ def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
     """
     elements = len(lens.elements)
     lost_at = lens.with_model(LensModel.EXACT).trace(rays).lost_at
-    here, points = rays, [rays.origin]
+    bundle, points = rays, [rays.origin]
     for k in range(elements):
-        here = traced_part(lens, here, k, k, clipping=False)
-        points.append(here.origin)
-    points.append(here.at_z(z_end))
+        bundle = traced_part(lens, bundle, k, k, clipping=False)
+        points.append(bundle.origin)
+    points.append(bundle.at_z(z_end))
     paths = np.stack(points, axis=1)
     beyond = np.arange(elements + 2)[None] > lost_at[:, None] + 1
     paths[beyond & (lost_at >= 0)[:, None]] = np.nan
@@ -70,9 +70,9 @@ def layout_fields(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
         rays = aimed_rays(exact, field=(0.0, field), pupil=pupil, z_object=z_object, wavelength=wavelength)
         good[i] = np.mean(exact.trace(rays).status == 0) >= _OPEN
     try:
-        found = field_curvature(exact, tried, z_object=z_object, wavelength=wavelength)
+        curvature = field_curvature(exact, tried, z_object=z_object, wavelength=wavelength)
         depth = _SHARP * abs(cardinal_points(lens, wavelength).efl)
-        good &= (np.abs(found.sagittal) <= depth) & (np.abs(found.tangential) <= depth)
+        good &= (np.abs(curvature.sagittal) <= depth) & (np.abs(curvature.tangential) <= depth)
     except InvalidValueError:
         pass  # No image plane, or foci in no common plane.
     last = _TRIED - 1 if good.all() else int(np.argmin(good)) - 1
@@ -125,8 +125,8 @@ def layout(
         first = traced_part(lens, aimed, 0, 0, clipping=False).origin
         lead = max(_LEAD * lens.length, _LEAD_OF_ALL * (z_end - float(lens.vertices[0])))
         started = _started(aimed, first, lead, parallel=parallel)
-        ways = ray_paths(exact, started, z_end=z_end)
+        polylines = ray_paths(exact, started, z_end=z_end)
         # Rays that pass beside the lens are not drawn.
-        paths.append(ways[np.isfinite(ways[:, 2, 2])])
+        paths.append(polylines[np.isfinite(polylines[:, 2, 2])])
     labels = [f"{math.degrees(field):.3g}°" if parallel else f"{field:.3g} mm" for field in radii.tolist()]
     return plot_layout(lens, paths, labels=labels, z_image=plane, ax=ax)

@@ -223,20 +223,20 @@ def mtf(
     >>> found.tangential.round(2).tolist()
     [1.0, 0.6, 0.5]
     """
-    given = _checked_frequencies(frequencies)
+    checked = _checked_frequencies(frequencies)
     spot = spot_diagram(
         lens, field=field, z_object=z_object, z_image=z_image, wavelength=wavelength, rays=rays, seed=seed
     )
     _needs_light(spot)
     (x, y), (x0, y0) = meridian(spot.field), spot.centroid
     dx, dy = spot.x - x0, spot.y - y0
-    tangential, tangential_error = _modulus(spot, x * dx + y * dy, given)
-    sagittal, sagittal_error = _modulus(spot, y * dx - x * dy, given)
-    f_number, diffraction = working_f_number(lens, spot.z_object, spot.wavelengths[0]), np.full(len(given), np.nan)
+    tangential, tangential_error = _modulus(spot, x * dx + y * dy, checked)
+    sagittal, sagittal_error = _modulus(spot, y * dx - x * dy, checked)
+    f_number, diffraction = working_f_number(lens, spot.z_object, spot.wavelengths[0]), np.full(len(checked), np.nan)
     if math.isfinite(f_number):
-        diffraction = diffraction_mtf(given, f_number=f_number, wavelength=spot.wavelengths[0])
+        diffraction = diffraction_mtf(checked, f_number=f_number, wavelength=spot.wavelengths[0])
     return Mtf(
-        frequencies=given,
+        frequencies=checked,
         tangential=tangential,
         sagittal=sagittal,
         tangential_error=tangential_error,
@@ -250,10 +250,10 @@ def mtf(
 
 
 def _checked_frequencies(frequencies: ArrayLike) -> Floats:
-    given = frozen_array(np.atleast_1d(numbers(frequencies, "frequencies")), name="frequencies", shape=("k",))  # type: ignore[arg-type]
-    if not (np.isfinite(given) & (given >= 0)).all():
+    checked = frozen_array(np.atleast_1d(numbers(frequencies, "frequencies")), name="frequencies", shape=("k",))  # type: ignore[arg-type]
+    if not (np.isfinite(checked) & (checked >= 0)).all():
         raise InvalidValueError("frequencies holds a number that is below 0 or not finite; give cycles per mm")
-    return given
+    return checked
 
 
 def _modulus(spot: SpotDiagram, position: Floats, frequencies: Floats) -> tuple[Floats, Floats]:

@@ -127,12 +127,12 @@ def image_plane(lens: LensStack, z_image: float | None, z_object: float, wavelen
     """The z asked for, or that of the paraxial image, mm."""
     if z_image is not None:
         return finite(z_image, "z_image")
-    found = paraxial_focus(lens, z_object, wavelength)
-    if not math.isfinite(found):
+    focus = paraxial_focus(lens, z_object, wavelength)
+    if not math.isfinite(focus):
         raise InvalidValueError(
             f"the object at z = {z_object:g} mm has its paraxial image at infinity; give z_image, in mm"
         )
-    return found
+    return focus
 
 
 def spot_diagram(
@@ -202,9 +202,9 @@ def spot_diagram(
         warn(f"no light from the field {point} ({unit}) passes {lens.name or 'the lens'}; choose a smaller field")
     passing, through_iris = without_one([light.weight], light.replicate)[0], light.through_iris
     emitted = float(through_iris.sum())
-    others = emitted - through_iris
+    remaining = emitted - through_iris
     with np.errstate(divide="ignore", invalid="ignore"):
-        error = float(jackknife_error(np.where(others > 0, passing / others, 0.0)))
+        error = float(jackknife_error(np.where(remaining > 0, passing / remaining, 0.0)))
     return SpotDiagram(
         x=light.points[:, 0],
         y=light.points[:, 1],

@@ -43,7 +43,7 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
     wave = positive(wavelength, "wavelength", "nm")
     lens.indices(wave)
     with np.errstate(all="ignore"):  # of numbers near the largest and smallest there are
-        found = [
+        all_findings = [
             *_edges(lens),
             *_collisions(lens),
             *_stop_planes(lens),
@@ -53,9 +53,11 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
             *_aperture(lens),
             *ray_findings(lens, wave),
         ]
-        reflecting = {i for finding in found if finding.kind is FindingKind.TOTAL_REFLECTION for i in finding.elements}
-        found += condition_findings(lens, wave, leave_out=reflecting)
-    return tuple(sorted(found, key=lambda finding: (finding.kind, finding.elements)))
+        reflecting = {
+            i for finding in all_findings if finding.kind is FindingKind.TOTAL_REFLECTION for i in finding.elements
+        }
+        all_findings += condition_findings(lens, wave, leave_out=reflecting)
+    return tuple(sorted(all_findings, key=lambda finding: (finding.kind, finding.elements)))
 
 
 def _surfaces(lens: LensStack) -> list[tuple[int, Surface]]:
@@ -123,8 +125,8 @@ def _collisions(lens: LensStack) -> Iterator[Finding]:
         first, second = lens.elements[i], lens.elements[j]
         if first.placement == second.placement:
             continue
-        seen = first.from_behind if isinstance(first, Surface) else first
-        points = _points_on(seen) + np.array([0.0, 0.0, lens.vertices[i]])
+        rear_view = first.from_behind if isinstance(first, Surface) else first
+        points = _points_on(rear_view) + np.array([0.0, 0.0, lens.vertices[i]])
         local = _axes_of(second, points, float(lens.vertices[j]))
         r = np.hypot(local[:, 0], local[:, 1])
         inside = r <= (second.semi_diameter if isinstance(second, Surface) else math.inf)
@@ -157,8 +159,8 @@ def _points_on(element: Element) -> Floats:
     """Points (n, 3) on a surface or on the plane of a stop, in the lens's axes, from the element's place."""
     across = np.linspace(-1.0, 1.0, 41) * element.semi_diameter
     x, y = (g.ravel() for g in np.meshgrid(across, across))
-    kept = np.hypot(x, y) <= element.semi_diameter
-    x, y = x[kept], y[kept]
+    inside = np.hypot(x, y) <= element.semi_diameter
+    x, y = x[inside], y[inside]
     z = _sag_at(element, x, y) if isinstance(element, Surface) else np.zeros_like(x)
     points = np.column_stack([x, y, z])
     if element.placement is not None:
@@ -211,8 +213,8 @@ def _shapes(lens: LensStack) -> Iterator[Finding]:
             yield from _vertex(i, surface)
         if surface.aspheric or surface.departure is not None:
             r = np.linspace(0.0, surface.semi_diameter, _PLACES)
-            around = _AZIMUTHS if surface.departure is not None else np.zeros(1)
-            gradient = surface.gradient(np.outer(np.cos(around), r), np.outer(np.sin(around), r))
+            azimuths = _AZIMUTHS if surface.departure is not None else np.zeros(1)
+            gradient = surface.gradient(np.outer(np.cos(azimuths), r), np.outer(np.sin(azimuths), r))
             slopes = np.hypot(*gradient).max(axis=0)
             if slopes.max() > _STEEPEST:
                 at = surface.semi_diameter * float(np.argmax(slopes)) / (_PLACES - 1)
@@ -239,23 +241,23 @@ def _vertex(i: int, surface: Surface) -> Iterator[Finding]:
 
 def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
     """Glasses that differ from the bundled ones of the same name, or from each other."""
-    named: dict[str, list[tuple[int, float, float]]] = {}
+    by_name: dict[str, list[tuple[int, float, float]]] = {}
     for i, surface in _surfaces(lens):
         name = getattr(surface.medium, "name", "")
         if isinstance(name, str) and name:
             numbers = _nd_vd(surface.medium)
-            if numbers is not None and numbers not in [known[1:] for known in named.get(name, [])]:
-                named.setdefault(name, []).append((i, *numbers))
-    for name, seen in named.items():
+            if numbers is not None and numbers not in [entry[1:] for entry in by_name.get(name, [])]:
+                by_name.setdefault(name, []).append((i, *numbers))
+    for name, entries in by_name.items():
         bundled = _nd_vd(name)
-        for i, nd, vd in seen:
+        for i, nd, vd in entries:
             if bundled is not None and _differ((nd, vd), bundled):
                 message = (
                     f"the glass {name[:40]} behind surface {i} has n_d {nd:.4f} and V_d {vd:.2f}, the bundled one of "
                     f"that name {bundled[0]:.4f} and {bundled[1]:.2f}; it may be a misprint, or another glass"
                 )
                 yield Finding(FindingKind.GLASS, (i,), message)
-        for (i, nd, vd), (j, other_nd, other_vd) in combinations(seen, 2):
+        for (i, nd, vd), (j, other_nd, other_vd) in combinations(entries, 2):
             if _differ((nd, vd), (other_nd, other_vd)):
                 message = (
                     f"the glass {name[:40]} has n_d {nd:.4f} and V_d {vd:.2f} behind surface {i}, and {other_nd:.4f} "
@@ -267,8 +269,8 @@ def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
 def _nd_vd(medium: Medium | str) -> tuple[float, float] | None:
     """Index nd and Abbe number of a medium, or of a bundled glass by name; None where unknown, or for the infrared."""
     try:
-        found = glass(medium) if isinstance(medium, str) else medium
-        return found.index(D_LINE), abbe_number(found)
+        material = glass(medium) if isinstance(medium, str) else medium
+        return material.index(D_LINE), abbe_number(material)
     except InvalidValueError:
         return None
 
@@ -303,16 +305,25 @@ def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
 
 def _aperture(lens: LensStack) -> Iterator[Finding]:
     """An iris of another size than the lens's file says."""
-    told, size, kind, iris = lens.specification, lens.stop.semi_diameter, FindingKind.APERTURE, (lens.iris_index,)
-    given, asked = (told.stop_semi_diameter, told.entrance_pupil_diameter) if told is not None else (None, None)
+    specification, size, kind, iris = (
+        lens.specification,
+        lens.stop.semi_diameter,
+        FindingKind.APERTURE,
+        (lens.iris_index,),
+    )
+    stated, asked = (
+        (specification.stop_semi_diameter, specification.entrance_pupil_diameter)
+        if specification is not None
+        else (None, None)
+    )
     message = f"the iris has a semi-diameter of {size:.4g} mm, and its file says "
-    if given is not None and abs(size - given) > _OTHER_SIZE * given:
-        way = "which its system aperture overrules; load_lens(path, stop_size=pl.optics.StopSize.DIAMETER) takes it"
-        yield Finding(kind, iris, f"{message}{given:.4g} mm, {way}")
-    if told is not None and asked is not None:
-        points = cardinal_points(lens, told.wavelengths[0])
+    if stated is not None and abs(size - stated) > _OTHER_SIZE * stated:
+        remedy = "which its system aperture overrules; load_lens(path, stop_size=pl.optics.StopSize.DIAMETER) takes it"
+        yield Finding(kind, iris, f"{message}{stated:.4g} mm, {remedy}")
+    if specification is not None and asked is not None:
+        points = cardinal_points(lens, specification.wavelengths[0])
         pupil, length = 2.0 * points.entrance_pupil_semi_diameter, abs(points.efl)
         if abs(pupil - asked) > _OTHER_SIZE * asked:
-            wanted = f"that the entrance pupil is {asked:.4g} mm wide (f/{length / asked:.3g}), which it makes "
-            way = "lens.with_stop() gives it another iris"
-            yield Finding(kind, iris, f"{message}{wanted}{pupil:.4g} mm (f/{length / pupil:.3g}); {way}")
+            request = f"that the entrance pupil is {asked:.4g} mm wide (f/{length / asked:.3g}), which it makes "
+            remedy = "lens.with_stop() gives it another iris"
+            yield Finding(kind, iris, f"{message}{request}{pupil:.4g} mm (f/{length / pupil:.3g}); {remedy}")

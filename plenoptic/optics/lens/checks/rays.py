@@ -68,8 +68,8 @@ def _passing_rays(lens: LensStack, angle: Floats, heights: int, wavelength: floa
     origin, direction = (np.concatenate([getattr(fan, name) for fan in fans]) for name in ("origin", "direction"))
     ahead = traced_part(lens, RayBundle(origin, direction, wavelength), 0, lens.iris_index, reverse=True)
     ahead = ahead.selected(ahead.status == RayStatus.OK)
-    there = RayBundle(ahead.origin, -ahead.direction, wavelength)
-    return there.selected(lens.trace(there).status == RayStatus.OK)
+    reversed_rays = RayBundle(ahead.origin, -ahead.direction, wavelength)
+    return reversed_rays.selected(lens.trace(reversed_rays).status == RayStatus.OK)
 
 
 def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, str]:
@@ -111,9 +111,9 @@ def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: 
     filled = float(np.hypot(at_iris.origin[passing, 0], at_iris.origin[passing, 1])) / lens.stop.inner_radius
     at, status = int(whole.lost_at[passing + 1]), RayStatus(int(whole.status[passing + 1]))
     if status in _LOST_IN_THE_LENS:
-        how = "are totally reflected at" if status is RayStatus.TOTAL_REFLECTION else "miss"
+        fate = "are totally reflected at" if status is RayStatus.TOTAL_REFLECTION else "miss"
         message = (
-            f"rays of the beam {origin} on the axis {how} surface {at} once they fill {100 * filled:.0f} % of "
+            f"rays of the beam {origin} on the axis {fate} surface {at} once they fill {100 * filled:.0f} % of "
             f"the iris's semi-diameter, {lens.stop.inner_radius:.4g} mm; reduce the iris, or check the radii"
         )
         yield Finding(FindingKind.TOTAL_REFLECTION, (at,), message)
@@ -178,13 +178,13 @@ def condition_findings(lens: LensStack, wavelength: float, *, leave_out: Collect
         return
     record = lens_record(lens, wavelength, reverse=False, first=0, last=len(lens.elements) - 1)
     notes = noted(record, blocks_of(rays), len(rays))
-    kept = [i not in leave_out for i in range(len(lens.elements))]
+    considered = [i not in leave_out for i in range(len(lens.elements))]
     for kind, numbers, limit in (
         (FindingKind.GRAZING, notes.incidence, _GRAZING),
         (FindingKind.NEAR_TOTAL_REFLECTION, notes.refraction, _NEAR_CRITICAL),
         (FindingKind.CANCELLATION, notes.cancellation, _CANCELLED),
     ):
-        largest = np.where(kept, np.nan_to_num(numbers, nan=0.0, posinf=math.inf).max(axis=1), 0.0)
+        largest = np.where(considered, np.nan_to_num(numbers, nan=0.0, posinf=math.inf).max(axis=1), 0.0)
         at = int(np.argmax(largest))
         if largest[at] > limit:
             yield Finding(kind, (at,), _sentence(kind, at, float(largest[at]), limit, float(sizes(record)[at])))

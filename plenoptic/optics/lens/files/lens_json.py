@@ -135,9 +135,9 @@ def _text(data: Any, name: str) -> str:
 def _fields(data: Any, name: str, wanted: str, allowed: str = "") -> Mapping[str, Any]:
     keys, also = set(wanted.split()), set(allowed.split())
     if not isinstance(data, dict) or not keys <= set(data) <= keys | also:
-        found = ", ".join(sorted(data)) if isinstance(data, dict) else f"{data!r:.40}"
+        content = ", ".join(sorted(data)) if isinstance(data, dict) else f"{data!r:.40}"
         may = f" and may have {', '.join(sorted(also))}" if also else ""
-        raise PrescriptionError(f"{name} has {found or 'nothing'}; it must have {', '.join(sorted(keys))}{may}")
+        raise PrescriptionError(f"{name} has {content or 'nothing'}; it must have {', '.join(sorted(keys))}{may}")
     return data
 
 
@@ -147,8 +147,8 @@ _NAMED: dict[str, Medium] = {"air": AIR, "mirror": MIRROR}
 
 
 def _medium_to_json(medium: Medium, where: str) -> Any:
-    for name, known in _NAMED.items():
-        if medium == known:
+    for name, constant in _NAMED.items():
+        if medium == constant:
             return name
     if isinstance(medium, ConstantMedium):
         return {"index": medium.refractive_index}
@@ -245,8 +245,8 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
     if isinstance(element, Surface):
         radius = None if math.isinf(element.radius) else element.radius
         row = {"radius": radius, **size, "medium": _medium_to_json(element.medium, f"behind element {i}")}
-        own = {name: getattr(element, name) for name in ("conic", "aspheric", "depth")}
-        row |= {name: item for name, item in own.items() if item not in (0.0, (), None)}
+        members = {name: getattr(element, name) for name in ("conic", "aspheric", "depth")}
+        row |= {name: item for name, item in members.items() if item not in (0.0, (), None)}
         row |= {"departure": json.loads(describe(element.departure))} if element.departure is not None else {}
     else:
         row = _stop_to_json(element, size)
@@ -278,14 +278,16 @@ def _stop_to_json(stop: Stop, size: dict[str, float]) -> dict[str, Any]:
 def _stop_from_json(data: Mapping[str, Any]) -> Stop:
     name = data["stop"]
     if not (isinstance(name, str) and name in STOPS):
-        first, *others, last = (f'"{known}"' for known in STOPS)
-        raise PrescriptionError(f"stop is {name!r:.40}; it must be {', '.join([first, *others])} or {last}")
-    own = {field.name: field for field in _own_fields(STOPS[name])}
-    wanted = [name for name, field in own.items() if not field.kw_only]
-    row = _fields(data, "it", " ".join(["stop", *_SIZE, *wanted]), " ".join(["placement", *(set(own) - set(wanted))]))
-    made: dict[str, Any] = {name: _number(row[name], name) for name in _SIZE}
-    made |= {name: _READERS[str(own[name].type)](row[name], name) for name in own if name in row}
-    return STOPS[name](**made, placement=_placement(row["placement"], "placement") if "placement" in row else None)
+        first, *middle, last = (f'"{kind}"' for kind in STOPS)
+        raise PrescriptionError(f"stop is {name!r:.40}; it must be {', '.join([first, *middle])} or {last}")
+    fields = {field.name: field for field in _own_fields(STOPS[name])}
+    required = [name for name, field in fields.items() if not field.kw_only]
+    row = _fields(
+        data, "it", " ".join(["stop", *_SIZE, *required]), " ".join(["placement", *(set(fields) - set(required))])
+    )
+    arguments: dict[str, Any] = {name: _number(row[name], name) for name in _SIZE}
+    arguments |= {name: _READERS[str(fields[name].type)](row[name], name) for name in fields if name in row}
+    return STOPS[name](**arguments, placement=_placement(row["placement"], "placement") if "placement" in row else None)
 
 
 def _element_from_json(data: Any) -> Element:
@@ -294,5 +296,5 @@ def _element_from_json(data: Any) -> Element:
     row = _fields(data, "it", "radius thickness semi_diameter medium", " ".join(_OPTIONAL))
     radius = math.inf if row["radius"] is None else _number(row["radius"], "radius")
     thickness, semi_diameter = (_number(row[name], name) for name in _SIZE)
-    given = {name: read(row[name], name) for name, read in _OPTIONAL.items() if name in row}
-    return Surface(radius, thickness, _medium_from_json(row["medium"]), semi_diameter=semi_diameter, **given)
+    options = {name: read(row[name], name) for name, read in _OPTIONAL.items() if name in row}
+    return Surface(radius, thickness, _medium_from_json(row["medium"]), semi_diameter=semi_diameter, **options)

@@ -116,11 +116,11 @@ def lens_from_zmx(
 def _left_out(blocks: list[list[Line]]) -> list[str]:
     """Properties of surfaces that are ignored."""
     coated = [str(i) for i, block in enumerate(blocks) for line in block if line.keyword == "COAT" and line.rest]
-    found = [f"coatings (COAT of surface{'s' * (len(coated) > 1)} {', '.join(coated)})"] if coated else []
+    ignored = [f"coatings (COAT of surface{'s' * (len(coated) > 1)} {', '.join(coated)})"] if coated else []
     shape = [line for line in blocks[-1] if (line.keyword, line.rest.upper()) != ("TYPE", "STANDARD")]
     if any(line.keyword in ("TYPE", "CONI", "PARM", "XDAT") for line in shape):
-        found.append("the shape of the image but for its curvature")
-    return found
+        ignored.append("the shape of the image but for its curvature")
+    return ignored
 
 
 def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
@@ -128,8 +128,8 @@ def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
     head: list[Line] = []
     blocks: list[list[Line]] = []
     for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
-        keyword, *rest = line.split(None, 1) or [""]
-        entry = Line(number, keyword.upper(), rest[0].strip() if rest else "")
+        keyword, *operands = line.split(None, 1) or [""]
+        entry = Line(number, keyword.upper(), operands[0].strip() if operands else "")
         if entry.keyword == "SURF":
             with naming_line(where, number):
                 if entry.word(0) != str(len(blocks)):
@@ -217,10 +217,10 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
 
 def _type(line: Line, number: int) -> str:
     kind = line.word(0).upper()
-    known = ("STANDARD", "EVENASPH", _BREAK, *ZEMAX)
-    if kind not in known:
+    types = ("STANDARD", "EVENASPH", _BREAK, *ZEMAX)
+    if kind not in types:
         what = f"{_TYPES[kind]} ({kind})" if kind in _TYPES else f"of type {kind[:40]}"
-        listed = " and ".join([", ".join(known[:-1]), known[-1]])
+        listed = " and ".join([", ".join(types[:-1]), types[-1]])
         raise PrescriptionError(f"surface {number} is {what}; only {listed} surfaces can be read")
     return kind
 
@@ -230,8 +230,8 @@ def _set_term(terms: list[float], line: Line) -> None:
     if i in range(1, _TERMS + 1):
         terms[int(i) - 1] = coefficient
     elif coefficient != 0:
-        given = f"PARM {line.word(0)[:40]} is {coefficient:g}"
-        raise PrescriptionError(f"{given}; only PARM 1 to {_TERMS}, those of even aspheres, are read: set it to 0")
+        statement = f"PARM {line.word(0)[:40]} is {coefficient:g}"
+        raise PrescriptionError(f"{statement}; only PARM 1 to {_TERMS}, those of even aspheres, are read: set it to 0")
 
 
 def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:

@@ -32,33 +32,35 @@ def unfolded(rows: list[Row], where: str) -> tuple[list[Row], bool]:
     """Rows with breaks and plane mirrors as rows that vanish, and whether the image stands off the axis."""
     origin, axes, along = np.zeros(3), np.eye(3), 0.0
     # From places in the file to places in the unfolded path, and whether light goes along the axis or against it.
-    seen, offset, sense = np.eye(3), np.zeros(3), 1.0
-    made, before = [rows[0]], rows[0].medium
+    axes_seen, offset, sense = np.eye(3), np.zeros(3), 1.0
+    unfolded_rows, before = [rows[0]], rows[0].medium
     for row in rows[1:]:
         if row.turn is not None:
             shift, rotation = _break(row.turn)
             origin, axes = origin + axes @ shift, axes @ rotation
         gap = row.gap * sense if row is not rows[-1] else 0.0
-        place = _placement(seen @ origin + offset - (0.0, 0.0, along), seen @ axes * (1.0, 1.0, sense))
+        place = _placement(axes_seen @ origin + offset - (0.0, 0.0, along), axes_seen @ axes * (1.0, 1.0, sense))
         facing, curved = sense, row.is_mirror and not row.is_plane
         fold = Mirror() if place is None else Mirror(np.asarray(place.rotation)[:, 2])
         if row.is_mirror:
             _check_mirror(row, where)
             normal = axes[:, 2]
             # The plane goes through the mirror's place on the axis, also where the mirror is decentred.
-            point = seen.T @ ([0.0, 0.0, along] - offset) if curved else origin
-            offset = offset + 2.0 * (normal @ point) * (seen @ normal)
-            seen, sense, gap = seen @ (np.eye(3) - 2.0 * np.outer(normal, normal)), -sense, -gap
+            point = axes_seen.T @ ([0.0, 0.0, along] - offset) if curved else origin
+            offset = offset + 2.0 * (normal @ point) * (axes_seen @ normal)
+            axes_seen, sense, gap = axes_seen @ (np.eye(3) - 2.0 * np.outer(normal, normal)), -sense, -gap
         if curved:
-            made.append(_facing(row, facing)._replace(gap=gap, placement=place, medium=fold))
+            unfolded_rows.append(_facing(row, facing)._replace(gap=gap, placement=place, medium=fold))
         elif row.is_mirror or row.turn is not None:
             # A plane mirror is as a window there: its rim stays, as a stop.
-            made.append(Row(row.number, row.lines, gap=gap, medium=before, aperture=row.aperture, placement=place))
+            unfolded_rows.append(
+                Row(row.number, row.lines, gap=gap, medium=before, aperture=row.aperture, placement=place)
+            )
         else:
-            made.append(_facing(row, sense)._replace(gap=gap, placement=place))
+            unfolded_rows.append(_facing(row, sense)._replace(gap=gap, placement=place))
             before = row.medium
         origin, along = origin + axes[:, 2] * gap * sense, along + gap
-    return made, made[-1].placement is not None
+    return unfolded_rows, unfolded_rows[-1].placement is not None
 
 
 def _break(turn: tuple[float, ...]) -> tuple[Floats, Floats]:

@@ -128,8 +128,8 @@ def stacked(rows: list[Row], system: System, where: str, name: str, source: str,
         elif iris is None and surfaces:
             raise PrescriptionError("no surface is the STOP; mark one")
         lens = LensStack(elements, iris, name, source, ambient=ambient)
-        told = _specification(lens, stop and stop.row, system, beam, (distance, behind), rows[-1])
-    return dataclasses.replace(lens, specification=told)
+        specification = _specification(lens, stop and stop.row, system, beam, (distance, behind), rows[-1])
+    return dataclasses.replace(lens, specification=specification)
 
 
 def _error(where: str, row: Row, keyword: str, message: str) -> PrescriptionError:
@@ -138,34 +138,34 @@ def _error(where: str, row: Row, keyword: str, message: str) -> PrescriptionErro
 
 def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece], float, float]:
     """The elements, and the distances in mm from the object to the first of them, and from the last to the image."""
-    kept: list[tuple[Row, _As, float]] = []  # row, as what, gap
+    kinds: list[tuple[Row, _As, float]] = []  # row, as what, gap
     before, distance = ambient, rows[0].gap
     for row in rows[1:-1]:
         refracts, gap = row.medium != before, row.gap
         if row.obscured > 0:
-            kept.append((row._replace(is_stop=False), _As.RING, 0.0))
+            kinds.append((row._replace(is_stop=False), _As.RING, 0.0))
         if row.is_stop:
-            kept.append((row, _As.STOP, 0.0 if refracts else gap))
+            kinds.append((row, _As.STOP, 0.0 if refracts else gap))
         if refracts or (row.aperture is not None and not row.is_plane and not row.is_stop):
-            kept.append((row, _As.SURFACE, gap))
+            kinds.append((row, _As.SURFACE, gap))
         elif row.aperture is not None and not row.is_stop:
-            kept.append((row, _As.STOP, gap))
-        elif not row.is_stop and kept:
-            kept[-1] = (*kept[-1][:2], kept[-1][2] + gap)
+            kinds.append((row, _As.STOP, gap))
+        elif not row.is_stop and kinds:
+            kinds[-1] = (*kinds[-1][:2], kinds[-1][2] + gap)
         elif not row.is_stop:
             distance += gap
         before = medium_behind(row.medium, before)
-    last = len(kept) - 1
-    pieces = [_piece(row, kind, 0.0 if i == last else gap, where) for i, (row, kind, gap) in enumerate(kept)]
-    return pieces, distance, kept[-1][2] if kept else 0.0
+    last = len(kinds) - 1
+    pieces = [_piece(row, kind, 0.0 if i == last else gap, where) for i, (row, kind, gap) in enumerate(kinds)]
+    return pieces, distance, kinds[-1][2] if kinds else 0.0
 
 
 def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
     size = row.aperture if row.aperture is not None else row.diameter
     size = row.stop_size if kind is _As.STOP and row.is_stop else size
-    known = size != 0 or row.aperture is not None
+    has_size = size != 0 or row.aperture is not None
     radius = 1.0 / row.curvature if row.curvature else math.inf
-    if not known:
+    if not has_size:
         size = _UNKNOWN_SIZE * min(1.0, abs(radius))
     try:
         if kind is _As.RING:
@@ -173,7 +173,7 @@ def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
             ring = RingStop(_BEYOND * max(size, row.obscured), row.obscured, gap, placement=row.placement)
             return _Piece(ring, row, True)
         if kind is _As.STOP:
-            return _Piece(CircularStop(size, gap, placement=row.placement), row, known)
+            return _Piece(CircularStop(size, gap, placement=row.placement), row, has_size)
         equator = _equator(row)
         if equator < size <= equator * (1.0 + _ROUNDING):
             # A curvature that was written from a radius gives it back to rounding only.
@@ -188,7 +188,7 @@ def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
             departure=row.departure,
             placement=row.placement,
         )
-        return _Piece(surface, row, known)
+        return _Piece(surface, row, has_size)
     except InvalidValueError as error:
         size_from = next((keyword for keyword in ("CLAP", "FLAP") if keyword in row.lines), "DIAM")
         keyword = "DISZ" if "thickness" in str(error) else size_from if "semi_diameter" in str(error) else "CURV"
@@ -250,12 +250,12 @@ class _Beam(NamedTuple):
                 raise PrescriptionError("it must be below that of a half space")
             return sine / math.sqrt(1.0 - sine * sine)
         if keyword == "FNUM" and is_other:
-            wanted, has = 0.5 / size, abs(self.leaving)
+            target, has = 0.5 / size, abs(self.leaving)
         else:
-            wanted, has = 0.5 * self.pupil_diameter(aperture), self.at_pupil
-        if not (0 < has < math.inf and 0 < wanted < math.inf):
+            target, has = 0.5 * self.pupil_diameter(aperture), self.at_pupil
+        if not (0 < has < math.inf and 0 < target < math.inf):
             raise PrescriptionError("the marginal ray does not follow from it here")
-        return wanted / has
+        return target / has
 
     def pupil_diameter(self, aperture: Aperture) -> float:
         """Diameter of the entrance pupil for a system aperture."""
@@ -310,12 +310,12 @@ def _with_sizes(
 
 def _with_stop(pieces: list[_Piece], stop: int, size: float, where: str) -> list[_Piece]:
     """With a stop of that semi-diameter, or of its aperture; the surface on which it lies is at least as large."""
-    made, aperture = list(pieces), pieces[stop].row.aperture
-    made[stop] = _resized(pieces[stop], size if aperture is None else min(size, aperture), where)
+    resized, aperture = list(pieces), pieces[stop].row.aperture
+    resized[stop] = _resized(pieces[stop], size if aperture is None else min(size, aperture), where)
     for i, piece in enumerate(pieces[stop + 1 :], start=stop + 1):
         if piece.row.is_stop and piece.size_is_known and piece.row.aperture is None:
-            made[i] = _resized(piece, max(size, piece.element.semi_diameter), where)
-    return made
+            resized[i] = _resized(piece, max(size, piece.element.semi_diameter), where)
+    return resized
 
 
 def _resized(piece: _Piece, size: float, where: str) -> _Piece:
@@ -336,8 +336,8 @@ def _specification(
             fields = points if np.isfinite(points).all() else fields
         if aperture is not None and aperture.size > 0:
             with contextlib.suppress(PrescriptionError):
-                found = beam.pupil_diameter(aperture)
-                diameter = found if 0 < found < math.inf else None
+                asked_diameter = beam.pupil_diameter(aperture)
+                diameter = asked_diameter if 0 < asked_diameter < math.inf else None
     z = lens.vertices
     return Specification(
         fields,

@@ -96,9 +96,9 @@ def system_matrix(lens: LensStack, wavelength: float = 587.6) -> Floats:
     1.0
     """
     first, last = end_surfaces(lens)
-    around = float(lens.indices(wavelength)[0])
+    ambient_index = float(lens.indices(wavelength)[0])
     ((a, b), (c, d)) = transfer_matrix(lens, wavelength, first, last).tolist()
-    return np.array([[a, b * around], [c / around, d]])
+    return np.array([[a, b * ambient_index], [c / ambient_index, d]])
 
 
 def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoints:
@@ -137,9 +137,9 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
     # The iris, at z = 0, seen through what stands before it and behind it.
     front = transfer_matrix(lens, wavelength, 0, lens.iris_index)
     rear = transfer_matrix(lens, wavelength, lens.iris_index, len(z) - 1)
-    around = float(lens.indices(wavelength)[0])
-    entrance_pupil = float(z[0]) + over(around * float(front[0, 1]), float(front[0, 0]))
-    exit_pupil = float(z[-1]) + over(-around * float(rear[0, 1]), float(rear[1, 1]))
+    ambient_index = float(lens.indices(wavelength)[0])
+    entrance_pupil = float(z[0]) + over(ambient_index * float(front[0, 1]), float(front[0, 0]))
+    exit_pupil = float(z[-1]) + over(-ambient_index * float(rear[0, 1]), float(rear[1, 1]))
     magnification = over(1.0, float(rear[1, 1]))
     semi_diameter = lens.stop.semi_diameter
     entrance_semi_diameter = abs(over(semi_diameter, float(front[0, 0])))
@@ -282,9 +282,9 @@ def conjugates(lens: LensStack, magnification: float, wavelength: float = 587.6)
             f"the lens {lens.name!r} is afocal, so its magnification is {a:g} for all planes; "
             "choose planes with image_position"
         )
-    around = float(lens.indices(wavelength)[0])
+    ambient_index = float(lens.indices(wavelength)[0])
     # 1 / m = C x / n + D with the distance x before the lens, m = A + C x' / n behind it.
-    before, behind = around * (1.0 / m - d) / c, around * (m - a) / c
+    before, behind = ambient_index * (1.0 / m - d) / c, ambient_index * (m - a) / c
     return float(lens.vertices[first]) - before, float(lens.vertices[last]) + behind
 
 

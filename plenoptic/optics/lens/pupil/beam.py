@@ -96,10 +96,10 @@ def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> t
 def checked_wavelengths(wavelength: float | Sequence[float]) -> tuple[float, ...]:
     """One wavelength or several as a tuple, or an error."""
     several = isinstance(wavelength, Sequence) or (isinstance(wavelength, np.ndarray) and wavelength.ndim > 0)
-    given: list[Any] = list(wavelength) if several else [wavelength]  # type: ignore[arg-type]
-    if not given:
+    values: list[Any] = list(wavelength) if several else [wavelength]  # type: ignore[arg-type]
+    if not values:
         raise InvalidValueError("wavelength is an empty sequence; give at least one, in nm")
-    return tuple(wavelength_in_nm(w) for w in given)
+    return tuple(wavelength_in_nm(w) for w in values)
 
 
 def meridian(field: Sequence[float] | Floats) -> Floats:

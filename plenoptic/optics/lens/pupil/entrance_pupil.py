@@ -81,11 +81,11 @@ def entering_polygon(where: Entrance, point: Floats) -> Floats | None:
     sight = Sight(where.parts, point, where.z)
     with np.errstate(all="ignore"):  # a point too far away for its squares is out of sight
         low, high = _rim_box(where, point)
-        rim, seen = Guess(low, high, _COARSE), _pupil_box(where, point)
-        found = outlined(sight, [rim] if seen is None else [rim, Guess(*seen, _COARSE)], rim, _FINE)
-        if found is DARK:
-            found = outlined(sight, [rim._replace(rays=_DENSE)], rim, _FINE)
-    return None if found is DARK else polygon_around(found.support)
+        rim, box = Guess(low, high, _COARSE), _pupil_box(where, point)
+        outline = outlined(sight, [rim] if box is None else [rim, Guess(*box, _COARSE)], rim, _FINE)
+        if outline is DARK:
+            outline = outlined(sight, [rim._replace(rays=_DENSE)], rim, _FINE)
+    return None if outline is DARK else polygon_around(outline.support)
 
 
 def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:

@@ -195,9 +195,9 @@ def _all_round(
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     outlines = [_followed_outlines(_turned(lens, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
-    found = np.array([support for support, _ in outlines])
-    largest = found.max(axis=0)
-    smallest = np.where(np.isfinite(found), found, np.inf).min(axis=0)
+    supports = np.array([support for support, _ in outlines])
+    largest = supports.max(axis=0)
+    smallest = np.where(np.isfinite(supports), supports, np.inf).min(axis=0)
     # A change like cos(azimuth) reaches at most (1 - cos(pi / n)) of its amplitude beyond the samples.
     spread = np.where(np.isfinite(largest), largest - smallest, 0.0)
     parted = np.any([parts for _, parts in outlines], axis=0)
@@ -248,27 +248,27 @@ def _followed_outlines(
             guesses.append(_around(heading, _COARSE))
         return outlined(sight._replace(known=grazing[sight.fates(grazing).code == 0]), guesses, rim, _FINE)
 
-    found: list[Outline] = []
+    outlines: list[Outline] = []
     centre, heading = None, None
     for i, radius in enumerate(rho):
-        here = seen(radius, heading)
-        if here is not DARK:
-            x, y, half_width = _middle(here.support)
+        outline = seen(radius, heading)
+        if outline is not DARK:
+            x, y, half_width = _middle(outline.support)
             step = 0.0 if centre is None else x - centre
             centre, heading = x, (x + step, y, 3 * half_width + abs(step))
         elif centre is not None:
-            here, lit, dark = found[-1], rho[i - 1], radius
+            outline, lit, dark = outlines[-1], rho[i - 1], radius
             for _ in range(_BISECTIONS):
                 between = 0.5 * (lit + dark)
-                x, y, half_width = _middle(here.support)
+                x, y, half_width = _middle(outline.support)
                 nearer = seen(between, (x, y, 4 * half_width))
                 if nearer is DARK:
                     dark = between
                 else:
-                    lit, here = between, nearer
+                    lit, outline = between, nearer
             centre, heading = None, None
-        found.append(here)
-    return np.array([here.support for here in found]), np.array([here.parted for here in found])
+        outlines.append(outline)
+    return np.array([outline.support for outline in outlines]), np.array([outline.parted for outline in outlines])
 
 
 def _around(place: Place, rays: int) -> Guess:
@@ -305,5 +305,5 @@ def _widened(
             wide[b] = np.maximum(wide[b], reached.max(axis=0))
     outline = polygon_around(np.where(np.isfinite(wide), wide, 0.0))
     reach = np.where(np.isfinite(wide[:, 0]), np.linalg.norm(outline, axis=-1).max(axis=-1), 0.0)
-    kept = read_only(normals), read_only(wide), read_only(outline), read_only(reach), read_only(several)
-    return PupilBounds(*kept, step, z)
+    arrays = read_only(normals), read_only(wide), read_only(outline), read_only(reach), read_only(several)
+    return PupilBounds(*arrays, step, z)

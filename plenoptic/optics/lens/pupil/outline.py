@@ -66,8 +66,8 @@ class Fates(NamedTuple):
         x, y, dx, dy = self.x, self.y, others.x - self.x, others.y - self.y
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             # The nearest that the straight line between both comes to the centre.
-            share = np.clip(-(x * dx + y * dy) / (dx * dx + dy * dy), 0.0, 1.0)
-            across = (x != 0.0) & ((x + share * dx) ** 2 + (y + share * dy) ** 2 < 1.0)
+            parameter = np.clip(-(x * dx + y * dy) / (dx * dx + dy * dy), 0.0, 1.0)
+            across = (x != 0.0) & ((x + parameter * dx) ** 2 + (y + parameter * dy) ** 2 < 1.0)
         lost = (self.code != 0) & (others.code != 0)
         return np.asarray(lost & ((self.code != others.code) | across))
 
@@ -102,7 +102,7 @@ class Sight(NamedTuple):
         x[:n], y[:n] = points[:, 0] - self.origin[0], points[:, 1] - self.origin[1]
         dz = float(self.z - self.origin[2])
         per_length = 1.0 / np.sqrt(x * x + y * y + dz * dz)
-        blocks, met = np.empty((count, 8, BLOCK)), np.zeros((2, n))
+        blocks, places = np.empty((count, 8, BLOCK)), np.zeros((2, n))
         blocks[:, :3] = self.origin[:, None]
         blocks[:, 3] = (x * per_length).reshape(count, BLOCK)
         blocks[:, 4] = (y * per_length).reshape(count, BLOCK)
@@ -113,11 +113,11 @@ class Sight(NamedTuple):
             last, centre = part.rows[-1], (0.0, 0.0) if part.frames is None else part.frames[-1, 9:11]
             if last["kind"] == CIRCLE:
                 code = CAUSES * (last["surface_index"] + 1.0) + CLIPPED
-                here = blocks[:, 7].reshape(-1)[:n] == code
+                stopped = blocks[:, 7].reshape(-1)[:n] == code
                 for k in range(2):
                     place = (blocks[:, k].reshape(-1)[:n] - centre[k]) / math.sqrt(last["semi_diameter2"])
-                    met[k] = np.where(here, place, met[k])
-        return Fates(blocks[:, 7].reshape(-1)[:n], *met)
+                    places[k] = np.where(stopped, place, places[k])
+        return Fates(blocks[:, 7].reshape(-1)[:n], *places)
 
 
 class Guess(NamedTuple):
@@ -166,18 +166,18 @@ def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outli
     small part may lie between the rays of a grid over the whole `rim`. Light between the rays of a grid alone comes
     last, since a smaller grid may have more of it.
     """
-    found, late = DARK, []
+    outline, late = DARK, []
     for guess in guesses:
-        if np.all(normals_of(SIDES) @ (0.5 * (guess.low + guess.high)) <= found.support):
+        if np.all(normals_of(SIDES) @ (0.5 * (guess.low + guess.high)) <= outline.support):
             continue
         lit = _grown(sight, guess, rim)
         if len(lit.points):
-            found = _with(found, sight, lit, fine)
+            outline = _with(outline, sight, lit, fine)
         elif lit.thin:
             late.append(lit)
     for lit in late:
-        found = _with(found, sight, lit, fine)
-    return found
+        outline = _with(outline, sight, lit, fine)
+    return outline
 
 
 def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
@@ -186,8 +186,8 @@ def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
     if not (lit.all @ normals.T > found.support).any():
         return found
     # Ends of a thin part may lie between the lines that were looked at closely.
-    lines, beside = (1, _LINES * lit.mesh) if lit.thin or lit.parted else (None, lit.mesh)
-    low, high = lit.all.min(axis=0) - beside, lit.all.max(axis=0) + beside
+    lines, margin = (1, _LINES * lit.mesh) if lit.thin or lit.parted else (None, lit.mesh)
+    low, high = lit.all.min(axis=0) - margin, lit.all.max(axis=0) + margin
     inside = _lit(sight, Guess(low, high, fine), lines)
     points, mesh = inside.all, inside.mesh
     if not len(points):
@@ -217,19 +217,19 @@ def _lit(sight: Sight, box: Guess, lines: int | None) -> _Lit:
     n = box.rays
     x, y = (np.linspace(box.low[k], box.high[k], n) for k in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1)
-    found = sight.fates(points.reshape(-1, 2))
-    fates = Fates(*(column.reshape(n, n) for column in found))
+    columns = sight.fates(points.reshape(-1, 2))
+    fates = Fates(*(column.reshape(n, n) for column in columns))
     passes = fates.code == 0
     mesh = float(np.hypot(*((box.high - box.low) / (n - 1))))
     ends = passes.copy()
     ends[:, 1:-1] &= ~(passes[:, :-2] & passes[:, 2:])
-    lit, beside = points[ends], np.empty((0, 2)) if lines is None else _between(sight, points, fates, lines)
-    beside = beside[_beyond(beside, lit, mesh)]
-    thin = len(beside) > 0
+    lit, between = points[ends], np.empty((0, 2)) if lines is None else _between(sight, points, fates, lines)
+    between = between[_beyond(between, lit, mesh)]
+    thin = len(between) > 0
     if thin or len(lit):
-        beside = np.concatenate([beside, sight.known])
+        between = np.concatenate([between, sight.known])
     parted = max(_spanned(passes), _spanned(passes.T)) > (1.0 + _HOLES) * np.count_nonzero(passes)
-    return _Lit(lit, beside, mesh, thin, bool(parted or _beyond(beside, lit, _TIP * mesh).any()))
+    return _Lit(lit, between, mesh, thin, bool(parted or _beyond(between, lit, _TIP * mesh).any()))
 
 
 def _beyond(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
@@ -250,16 +250,16 @@ def _between(sight: Sight, points: Floats, fates: Fates, lines: int) -> Floats:
     """Points (m, 2) that pass between neighbours on every so many lines of a grid of points (n, n, 2)."""
     pairs = []
     for before, after in ((np.s_[:-1, ::lines], np.s_[1:, ::lines]), (np.s_[::lines, :-1], np.s_[::lines, 1:])):
-        apart = fates.of(before).apart(fates.of(after))
-        pairs.append((points[before][apart], points[after][apart], *(part[before][apart] for part in fates)))
+        differ = fates.of(before).apart(fates.of(after))
+        pairs.append((points[before][differ], points[after][differ], *(part[before][differ] for part in fates)))
     first, last, *begin = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     fates = Fates(*begin)
     lit = [np.empty((0, 2))]
     for _ in range(_HALVINGS if len(first) else 0):
         middle = 0.5 * (first + last)
-        here = sight.fates(middle)
-        lit.append(middle[here.code == 0])
-        nearer = (here.code == 0) | fates.apart(here)
+        halfway = sight.fates(middle)
+        lit.append(middle[halfway.code == 0])
+        nearer = (halfway.code == 0) | fates.apart(halfway)
         first, last = np.where(nearer[:, None], first, middle), np.where(nearer[:, None], middle, last)
-        fates = Fates(*(np.where(nearer, before, new) for before, new in zip(fates, here, strict=True)))
+        fates = Fates(*(np.where(nearer, before, new) for before, new in zip(fates, halfway, strict=True)))
     return np.concatenate(lit)

@@ -51,8 +51,8 @@ def _wavefront(lens: LensStack, towards: Floats, points: Floats) -> float:
 
 def _exact_rays(lens: LensStack, half: Half, pupil: Floats) -> RayBundle:
     angles, miss = aimed_angles(half, lens, pupil)
-    wanted = points_of(lens, pupil)
-    first, _ = outermost(half, wanted, angles)
+    targets = points_of(lens, pupil)
+    first, _ = outermost(half, targets, angles)
     if half.aim.size == 2:
         towards = directions_of(half.aim[None], half.sign)[0]
         back = _wavefront(lens, towards, first[np.isfinite(miss)]) - first @ towards
@@ -61,10 +61,10 @@ def _exact_rays(lens: LensStack, half: Half, pupil: Floats) -> RayBundle:
     else:
         origin = np.broadcast_to(half.aim, first.shape)
         direction = RayBundle(origin, first - origin, half.wavelength).direction
-    found, _ = traced_through(half.inwards, origin, direction, half.wavelength)
+    arrived, _ = traced_through(half.inwards, origin, direction, half.wavelength)
     allowed = _ON_THE_IRIS + 1e2 * _EPS * np.abs(origin[np.isfinite(origin)]).max(initial=0.0)
     with np.errstate(invalid="ignore"):
-        off = np.linalg.norm(found - wanted, axis=1)
+        off = np.linalg.norm(arrived - targets, axis=1)
         lost = ~((miss <= SOLVED) & (off <= allowed))
     return _bundle(origin, direction, half.wavelength, lost)
 
@@ -113,8 +113,8 @@ def _ideal_rays(lens: LensStack, wavelength: float, pupil: Floats, aim: Floats, 
 
 
 def _checked_pair(values: float | Sequence[float] | Floats, name: str) -> Floats:
-    given = numbers(values, name)
-    pair = frozen_array(np.array([0.0, given]) if given.ndim == 0 else given, name=name, shape=(2,))
+    array = numbers(values, name)
+    pair = frozen_array(np.array([0.0, array]) if array.ndim == 0 else array, name=name, shape=(2,))
     if not np.isfinite(pair).all():
         raise InvalidValueError(f"{name} is {pair.tolist()}; it must be two finite numbers")
     return pair

@@ -72,10 +72,10 @@ def directions_of(angles: Floats, sign: float) -> Floats:
     theta = np.sqrt(angles[:, 0] ** 2 + angles[:, 1] ** 2)
     with np.errstate(invalid="ignore", divide="ignore"):
         shrink = np.where(theta > 0, np.sin(theta) / theta, 1.0)
-    made = np.empty((len(angles), 3))
-    made[:, :2] = angles * shrink[:, None]
-    made[:, 2] = sign * np.cos(theta)
-    return made
+    directions = np.empty((len(angles), 3))
+    directions[:, :2] = angles * shrink[:, None]
+    directions[:, 2] = sign * np.cos(theta)
+    return directions
 
 
 def half_of(lens: LensStack, wavelength: float, aim: Floats, *, scene: bool) -> Half:
@@ -110,8 +110,8 @@ def outermost(half: Half, points: Floats, angles: Floats) -> tuple[Floats, Float
 def _residual(half: Half, points: Floats, angles: Floats) -> Floats:
     """Angle coordinates (n, 2) by which rays from points of the iris miss the point that is aimed at."""
     origin, direction = outermost(half, points, angles)
-    found = angles_of(direction, half.sign)
-    return found - (half.aim if half.aim.size == 2 else angles_of(half.aim - origin, half.sign))
+    arriving = angles_of(direction, half.sign)
+    return arriving - (half.aim if half.aim.size == 2 else angles_of(half.aim - origin, half.sign))
 
 
 def _length(vectors: Floats) -> Floats:
@@ -123,10 +123,10 @@ def _newton_step(half: Half, points: Floats, angles: Floats, residual: Floats) -
     """Newton's step (n, 2) from difference quotients, taken towards the axis, where rays are surest to exist."""
     n = len(points)
     h = np.where(angles > 0, -_DIFFERENCE, _DIFFERENCE)
-    beside = np.concatenate([angles, angles])
-    beside[:n, 0] += h[:, 0]
-    beside[n:, 1] += h[:, 1]
-    moved = _residual(half, np.concatenate([points, points]), beside)
+    displaced = np.concatenate([angles, angles])
+    displaced[:n, 0] += h[:, 0]
+    displaced[n:, 1] += h[:, 1]
+    moved = _residual(half, np.concatenate([points, points]), displaced)
     with np.errstate(all="ignore"):
         (a, c), (b, d) = ((moved[:n] - residual) / h[:, :1]).T, ((moved[n:] - residual) / h[:, 1:]).T
         fx, fy = residual.T
@@ -149,14 +149,14 @@ def _newton(half: Half, points: Floats, start: Floats) -> tuple[Floats, Floats]:
         active[at] = False
         for _ in range(_HALVINGS):
             trial = angles[at] + step
-            found = _residual(half, points[at], trial)
-            missed = _length(found)
+            trial_residual = _residual(half, points[at], trial)
+            missed = _length(trial_residual)
             better = missed < miss[at]
             took = at[better]
-            angles[took], residual[took], miss[took] = trial[better], found[better], missed[better]
+            angles[took], residual[took], miss[took] = trial[better], trial_residual[better], missed[better]
             active[took] = True
-            rest = ~better & (miss[at] > SOLVED)
-            at, step = at[rest], step[rest] / 2
+            worse = ~better & (miss[at] > SOLVED)
+            at, step = at[worse], step[worse] / 2
             if at.size == 0:
                 break
     return angles, miss
@@ -177,9 +177,9 @@ def _chief_guess(half: Half, centre: Floats) -> Floats:
     In a fan of rays towards the azimuth of the aim, the one nearest to the axis at which the residual changes its sign.
     """
     middle = len(_FAN) // 2
-    seen = half.aim if half.aim.size == 2 else angles_of((half.aim - centre)[None], half.sign)[0]
-    size = math.hypot(*seen)
-    azimuth = seen / size if size > 0 else np.array([0.0, 1.0])
+    aim_angles = half.aim if half.aim.size == 2 else angles_of((half.aim - centre)[None], half.sign)[0]
+    size = math.hypot(*aim_angles)
+    azimuth = aim_angles / size if size > 0 else np.array([0.0, 1.0])
     angles = _FAN[:, None] * azimuth
     past = _residual(half, np.broadcast_to(centre, (len(_FAN), 3)), angles) @ azimuth
     lost = np.flatnonzero(~np.isfinite(past))
@@ -198,19 +198,19 @@ def _chief_guess(half: Half, centre: Floats) -> Floats:
 def _continued(half: Half, lens: LensStack, pupil: Floats, chief: Floats) -> tuple[Floats, Floats]:
     """Angle coordinates (n, 2) at points of the iris and their errors, from those at its centre, (1, 2)."""
     n = len(pupil)
-    angles, way, advance, miss = np.repeat(chief, n, axis=0), np.zeros(n), np.ones(n), np.full(n, math.inf)
+    angles, progress, advance, miss = np.repeat(chief, n, axis=0), np.zeros(n), np.ones(n), np.full(n, math.inf)
     going = np.ones(n, dtype=bool)
     while going.any():
         at = np.flatnonzero(going)
-        to = np.minimum(way[at] + advance[at], 1.0)
+        to = np.minimum(progress[at] + advance[at], 1.0)
         trial, missed = _newton(half, points_of(lens, pupil[at] * to[:, None]), angles[at])
         good = missed <= SOLVED
-        there = at[good]
-        way[there], angles[there] = to[good], trial[good]
+        solved = at[good]
+        progress[solved], angles[solved] = to[good], trial[good]
         advance[at[~good]] /= 4
         going[at[~good]] = advance[at[~good]] >= _SMALLEST_ADVANCE
-        arrived = way[there] == 1.0
-        miss[there[arrived]], going[there[arrived]] = missed[good][arrived], False
+        arrived = progress[solved] == 1.0
+        miss[solved[arrived]], going[solved[arrived]] = missed[good][arrived], False
     return angles, miss
 
 
@@ -238,10 +238,10 @@ def aimed_angles(half: Half, lens: LensStack, pupil: Floats) -> tuple[Floats, Fl
     if len(pupil) <= _MANY:
         return _continued(half, lens, pupil, chief)
     reach = float(np.hypot(pupil[:, 0], pupil[:, 1]).max()) or 1.0
-    known, misses = _continued(half, lens, reach * hexapolar(_RINGS), chief)
+    samples, misses = _continued(half, lens, reach * hexapolar(_RINGS), chief)
     if not np.all(misses <= SOLVED):
         return _continued(half, lens, pupil, chief)
-    coefficients = _fit() @ known
+    coefficients = _fit() @ samples
     angles, miss = np.empty_like(pupil), np.empty(len(pupil))
     for start in range(0, len(pupil), _CHUNK):
         at = slice(start, start + _CHUNK)

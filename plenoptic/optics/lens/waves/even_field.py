@@ -56,24 +56,24 @@ def even_field(
         return rays_to_sphere(lens, field, z_object, z_image, wavelength, pupil)
 
     coarse = square_grid(_COARSE)
-    found = traced(coarse)
-    passes = np.isfinite(found.opd)
+    coarse_rays = traced(coarse)
+    passes = np.isfinite(coarse_rays.opd)
     if passes.sum() < 2 * _DEGREE**2:
         raise InvalidValueError(f"hardly a ray from the field {field} passes the lens; give a field that it images")
-    there = (found.toward - found.middle)[passes, :2] @ axes.T
+    directions = (coarse_rays.toward - coarse_rays.middle)[passes, :2] @ axes.T
     # From the outermost coarse rays it may be a step to the edge.
-    half = float(np.abs(there).max() + 2 / _COARSE * np.nanmax(np.abs(found.slopes[passes])))
+    half = float(np.abs(directions).max() + 2 / _COARSE * np.nanmax(np.abs(coarse_rays.slopes[passes])))
     side = half * (2 * np.arange(n) + 1 - n) / n
-    wanted = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
-    fit = np.linalg.lstsq(_powers(there / half), coarse[passes], rcond=None)[0]
-    pupil = _powers(wanted / half) @ fit
+    nodes = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
+    fit = np.linalg.lstsq(_powers(directions / half), coarse[passes], rcond=None)[0]
+    pupil = _powers(nodes / half) @ fit
     for _ in range(2):
         near = np.hypot(pupil[:, 0], pupil[:, 1]) < _BEYOND
         rays = traced(pupil[near])
-        missed = wanted[near] @ axes - (rays.toward - rays.middle)[:, :2]
-        known = np.isfinite(rays.slopes).all(axis=(1, 2)) & np.isfinite(missed).all(axis=1)
+        missed = nodes[near] @ axes - (rays.toward - rays.middle)[:, :2]
+        solvable = np.isfinite(rays.slopes).all(axis=(1, 2)) & np.isfinite(missed).all(axis=1)
         moves = np.zeros_like(missed)
-        moves[known] = np.linalg.solve(rays.slopes[known], missed[known][:, :, None])[:, :, 0]
+        moves[solvable] = np.linalg.solve(rays.slopes[solvable], missed[solvable][:, :, None])[:, :, 0]
         pupil[near] += np.clip(moves, -0.1, 0.1)
     near = np.hypot(pupil[:, 0], pupil[:, 1]) < _BEYOND
     rays = traced(pupil[near])
@@ -81,12 +81,12 @@ def even_field(
     with np.errstate(invalid="ignore", divide="ignore"):
         size = np.sqrt(rays.light / rays.solid_angle) / np.abs(rays.toward[:, 2])
     values = size * np.exp(2j * np.pi * rays.opd)
-    made, opd, toward = np.zeros(n * n, np.complex128), np.full(n * n, np.nan), np.full((n * n, 3), np.nan)
-    made[near] = np.where(np.isfinite(values), values, 0.0)
+    amplitude, opd, toward = np.zeros(n * n, np.complex128), np.full(n * n, np.nan), np.full((n * n, 3), np.nan)
+    amplitude[near] = np.where(np.isfinite(values), values, 0.0)
     opd[near], toward[near] = np.where(np.isfinite(values), rays.opd, np.nan), rays.toward
     wave = 1e-6 * wavelength / rays.refractive_index
     return EvenField(
-        made.reshape(n, n), opd.reshape(n, n), toward.reshape(n, n, 3), side, rays.image, rays.radius, wave
+        amplitude.reshape(n, n), opd.reshape(n, n), toward.reshape(n, n, 3), side, rays.image, rays.radius, wave
     )
 
 

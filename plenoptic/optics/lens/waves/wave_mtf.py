@@ -88,25 +88,25 @@ def wave_mtf(  # noqa: PLR0913
     """
     pair, z = checked_point(lens, field, z_object)
     waves = checked_wavelengths(wavelength)
-    wanted = numbers(frequencies, "frequencies")
-    if wanted.ndim != 1 or not (np.isfinite(wanted) & (wanted >= 0)).all():
+    checked = numbers(frequencies, "frequencies")
+    if checked.ndim != 1 or not (np.isfinite(checked) & (checked >= 0)).all():
         raise InvalidValueError("frequencies must be numbers that are finite and not negative, in cycles per mm")
     shares = checked_shares(weights, waves)
     count = whole(grid, "grid", at_least=8, at_most=512)
     plane = image_plane(lens, z, z_image, waves[0])
     along = meridian(pair)
     axes = np.stack([along, [along[1], -along[0]]])
-    total: NDArray[np.complex128] = np.zeros((2, len(wanted)), dtype=np.complex128)
+    total: NDArray[np.complex128] = np.zeros((2, len(checked)), dtype=np.complex128)
     reference: Floats | None = None
     for wave, weight in zip(waves, shares, strict=True):
-        found = even_field(lens, pair, z, plane, wave, count, axes)
-        reference = found.image if reference is None else reference
-        offset = axes @ (found.image - reference)[:2]
-        shifts = wanted * found.wave / found.step
+        field_of_point = even_field(lens, pair, z, plane, wave, count, axes)
+        reference = field_of_point.image if reference is None else reference
+        offset = axes @ (field_of_point.image - reference)[:2]
+        shifts = checked * field_of_point.wave / field_of_point.step
         for k in (0, 1):
-            moved = np.exp(-2j * math.pi * wanted * offset[k])
-            total[k] += weight * moved * _autocorrelation(np.moveaxis(found.values, k, 0), shifts)
-    return WaveMtf(wanted, np.abs(total[0]), np.abs(total[1]), np.array(pair), z, plane, waves)
+            moved = np.exp(-2j * math.pi * checked * offset[k])
+            total[k] += weight * moved * _autocorrelation(np.moveaxis(field_of_point.values, k, 0), shifts)
+    return WaveMtf(checked, np.abs(total[0]), np.abs(total[1]), np.array(pair), z, plane, waves)
 
 
 def _autocorrelation(field: NDArray[np.complex128], shifts: Floats) -> NDArray[np.complex128]:

@@ -163,24 +163,26 @@ def wave_spread(  # noqa: PLR0913
     turn = rotation_about_axes((*turned, 0.0))
     fields = [even_field(lens, pair, z, plane, wave, count, np.eye(2)) for wave in waves]
     if pixel_size is None:
-        size = min(found.wave / (2.0 * _width(found)) for found in fields)
+        size = min(one_field.wave / (2.0 * _width(one_field)) for one_field in fields)
     else:
         size = length_in_mm(pixel_size, "pixel_size")
     places = _places(rows, columns, size) @ turn.T + fields[0].image
     corners = places[[0, 0, -1, -1], [0, -1, 0, -1]]
-    for found in fields:
-        _check_sampling(found, corners - found.image)
+    for one_field in fields:
+        _check_sampling(one_field, corners - one_field.image)
     if chosen is None:
-        near = not any(turned) and all(_left_out(found, corners - found.image) <= FAR_ENOUGH for found in fields)
+        near = not any(turned) and all(
+            _left_out(one_field, corners - one_field.image) <= FAR_ENOUGH for one_field in fields
+        )
         chosen = SpreadMethod.FOURIER if near else SpreadMethod.HUYGENS
     elif chosen is SpreadMethod.FOURIER and any(turned):
         raise InvalidValueError("a Fourier transform is that on a plane across the axis; leave tilt or method out")
     image, perfect = np.zeros((rows, columns)), 0.0
-    for found, share in zip(fields, shares, strict=True):
-        scale = share * size**2 / _whole_light(found, turn[:, 2])
+    for one_field, weight_of_field in zip(fields, shares, strict=True):
+        scale = weight_of_field * size**2 / _whole_light(one_field, turn[:, 2])
         light = _fourier if chosen is SpreadMethod.FOURIER else _huygens
-        image += scale * np.abs(light(found, places - found.image)) ** 2
-        perfect += scale * float(np.abs(found.values).sum()) ** 2
+        image += scale * np.abs(light(one_field, places - one_field.image)) ** 2
+        perfect += scale * float(np.abs(one_field.values).sum()) ** 2
     return WaveSpread(
         image=image,
         outside=max(1.0 - float(image.sum()), 0.0),
@@ -218,15 +220,15 @@ def _whole_light(found: EvenField, normal: Floats) -> float:
 
 def _check_sampling(found: EvenField, corners: Floats) -> None:
     """Refuse grids on which light seen from a corner (4, 3) of the picture turns by half a wave from point to point."""
-    most = 0.0
+    largest = 0.0
     for corner in corners:
         phase = found.opd - farther(found.toward, found.radius, corner) / found.wave
-        most = max(most, *(float(np.nanmax(np.abs(np.diff(phase, axis=k)))) for k in (0, 1)))
-    if most >= 0.5:
+        largest = max(largest, *(float(np.nanmax(np.abs(np.diff(phase, axis=k)))) for k in (0, 1)))
+    if largest >= 0.5:
         n, first = len(found.side), "give a smaller picture"
-        needed = math.floor(2.0 * most * n) + 1
+        needed = math.floor(2.0 * largest * n) + 1
         raise InvalidValueError(
-            f"seen from the picture's corner, neighbouring points of the grid differ by {most:.2g} waves, and the "
+            f"seen from the picture's corner, neighbouring points of the grid differ by {largest:.2g} waves, and the "
             "limit is a half; " + (f"{first}, or grid={needed}" if needed <= MOST_GRID else first)
         )
 

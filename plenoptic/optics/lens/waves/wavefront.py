@@ -98,10 +98,10 @@ class Wavefront:
             raise InvalidValueError(
                 f"parts are {', '.join(map(repr, parts))}; they must be among {', '.join(_REMOVABLE)}"
             )
-        found = self.zernike(4).coefficients.copy()
-        kept = {term for part in parts for term in _REMOVABLE[part]}
-        found[[j for j in range(4) if j + 1 not in kept]] = 0.0
-        return dataclasses.replace(self, opd=self.opd - _sum(found, self.pupil))
+        coefficients = self.zernike(4).coefficients.copy()
+        removed = {term for part in parts for term in _REMOVABLE[part]}
+        coefficients[[j for j in range(4) if j + 1 not in removed]] = 0.0
+        return dataclasses.replace(self, opd=self.opd - _sum(coefficients, self.pupil))
 
     def zernike(self, terms: int = 37, *, order: ZernikeOrder = ZernikeOrder.NOLL) -> ZernikeFit:
         """The sum of Zernike polynomials over the iris's circle that comes nearest to the differences.
@@ -135,11 +135,13 @@ class Wavefront:
         -------
         (...) array
         """
-        given = np.asarray(frozen_array(points, name="points", shape=(*[None] * (np.ndim(points) - 1), 3)))
+        positions = np.asarray(frozen_array(points, name="points", shape=(*[None] * (np.ndim(points) - 1), 3)))
         wave = 1e-6 * self.wavelength / self.index
         light = self.amplitude * np.exp(2j * math.pi * self.opd)
-        found = [abs(huygens_sum(light, self.toward, self.radius, wave, point)) ** 2 for point in given.reshape(-1, 3)]
-        return np.array(found).reshape(given.shape[:-1])
+        values = [
+            abs(huygens_sum(light, self.toward, self.radius, wave, point)) ** 2 for point in positions.reshape(-1, 3)
+        ]
+        return np.array(values).reshape(positions.shape[:-1])
 
     def __repr__(self) -> str:
         unit = "rad" if math.isinf(self.z_object) else "mm"
@@ -223,20 +225,20 @@ def wavefront(
     pair, z = checked_point(lens, field, z_object)
     wave = wavelength_in_nm(wavelength)
     plane = image_plane(lens, z, z_image, wave)
-    given = square_grid(64) if pupil is None else np.asarray(frozen_array(pupil, name="pupil", shape=(None, 2)))
-    found = rays_to_sphere(lens, pair, z, plane, wave, given)
-    passes = np.flatnonzero(np.isfinite(found.opd))
+    samples = square_grid(64) if pupil is None else np.asarray(frozen_array(pupil, name="pupil", shape=(None, 2)))
+    to_sphere = rays_to_sphere(lens, pair, z, plane, wave, samples)
+    passes = np.flatnonzero(np.isfinite(to_sphere.opd))
     if not len(passes):
         raise InvalidValueError(f"no ray from the field {pair} passes the lens; give a field that it images")
-    amplitude = np.sqrt(found.light * found.solid_angle)[passes]
+    amplitude = np.sqrt(to_sphere.light * to_sphere.solid_angle)[passes]
     return Wavefront(
-        pupil=given[passes],
-        opd=found.opd[passes],
+        pupil=samples[passes],
+        opd=to_sphere.opd[passes],
         amplitude=amplitude / amplitude.sum(),
-        toward=found.toward[passes],
-        image=found.image,
-        radius=found.radius,
-        index=found.refractive_index,
+        toward=to_sphere.toward[passes],
+        image=to_sphere.image,
+        radius=to_sphere.radius,
+        index=to_sphere.refractive_index,
         field=np.array(pair),
         z_object=z,
         z_image=plane,

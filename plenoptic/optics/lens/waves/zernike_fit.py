@@ -117,14 +117,14 @@ def zernike(term: int, x: ArrayLike, y: ArrayLike, *, order: ZernikeOrder = Zern
     [-1.7321, 1.7321]
     """
     kind = choice(order, ZernikeOrder, "order")
-    most = MOST_TERMS if kind is ZernikeOrder.NOLL else _MOST_FRINGE
-    n, m = _place(whole(term, "term", at_least=1, at_most=most), kind)
+    term_count = MOST_TERMS if kind is ZernikeOrder.NOLL else _MOST_FRINGE
+    n, m = _place(whole(term, "term", at_least=1, at_most=term_count), kind)
     noll = n * (n + 1) // 2 + 1
     while degree_and_order(noll) != (n, m):
         noll += 1
     one = ZernikeSag([*[0.0] * (noll - 1), 1.0], 1.0)
-    found = one.sag(x, y) + one.offset
-    return found if kind is ZernikeOrder.NOLL else found / math.sqrt((n + 1) * (1 if m == 0 else 2))
+    values = one.sag(x, y) + one.offset
+    return values if kind is ZernikeOrder.NOLL else values / math.sqrt((n + 1) * (1 if m == 0 else 2))
 
 
 def _place(term: int, order: ZernikeOrder) -> tuple[int, int]:
@@ -150,6 +150,6 @@ def fitted(
         )
     columns = np.stack([zernike(j, points[:, 0], points[:, 1], order=order) for j in range(1, terms + 1)], axis=1)
     scale = np.sqrt(weight / weight.sum())
-    found = np.linalg.lstsq(columns * scale[:, None], values * scale, rcond=None)[0]
-    residual = math.sqrt(float((scale**2) @ (values - columns @ found) ** 2))
-    return ZernikeFit(frozen_array(found, name="coefficients", shape=(None,)), order, residual)
+    coefficients = np.linalg.lstsq(columns * scale[:, None], values * scale, rcond=None)[0]
+    residual = math.sqrt(float((scale**2) @ (values - columns @ coefficients) ** 2))
+    return ZernikeFit(frozen_array(coefficients, name="coefficients", shape=(None,)), order, residual)
