@@ -22,11 +22,11 @@ def run(options: argparse.Namespace) -> None:
     from plenoptic.rendering.estimation.estimate import Estimated, estimate
 
     request = request_of(options)
-    given = request.arguments("samples", "target_error", "replicates", "threads", "progress")
-    found = estimate(request.scene, request.camera, **given)
+    arguments = request.arguments("samples", "target_error", "replicates", "threads", "progress")
+    estimated = estimate(request.scene, request.camera, **arguments)
     if not options.json:
-        print(found)
+        print(estimated)
         return
-    fields: dict[str, Any] = {name: getattr(found, name) for name in found.__dataclass_fields__}
+    fields: dict[str, Any] = {name: getattr(estimated, name) for name in estimated.__dataclass_fields__}
     numbers = {name: number._asdict() for name, number in fields.items() if isinstance(number, Estimated)}
     print(json.dumps(numbers, indent=1))

@@ -55,11 +55,11 @@ def scene_in(name: str, background: float | None = None) -> Scene:
     from plenoptic.scene.files.load import FileContents
     from plenoptic.scene.scene import Scene
 
-    found = opened(name)
-    if not isinstance(found.content, FileContents):
-        raise FileError(f"{name!r} is {found.kind}; give a scene, such as a glTF or OBJ file")
-    lights = found.content.lights
-    return Scene(found.content.meshes, lights, 1.0 if background is None and not lights else background)
+    file = opened(name)
+    if not isinstance(file.content, FileContents):
+        raise FileError(f"{name!r} is {file.kind}; give a scene, such as a glTF or OBJ file")
+    lights = file.content.lights
+    return Scene(file.content.meshes, lights, 1.0 if background is None and not lights else background)
 
 
 def camera_in(name: str) -> PlenopticCamera:
@@ -68,12 +68,12 @@ def camera_in(name: str) -> PlenopticCamera:
     from plenoptic.core.files.serialization import restored_fields
     from plenoptic.core.files.zarr_reading import attributes_of
 
-    found = opened(name)
-    camera = found.content if isinstance(found.content, PlenopticCamera) else getattr(found.content, "camera", None)
-    if isinstance(found.content, Path):
-        camera = restored_fields(attributes_of(found.content) or {}, ("camera",)).get("camera")
+    file = opened(name)
+    camera = file.content if isinstance(file.content, PlenopticCamera) else getattr(file.content, "camera", None)
+    if isinstance(file.content, Path):
+        camera = restored_fields(attributes_of(file.content) or {}, ("camera",)).get("camera")
     if not isinstance(camera, PlenopticCamera):
-        raise FileError(f"{name!r} is {found.kind} and holds no camera; give one that pl.package.save_value wrote")
+        raise FileError(f"{name!r} is {file.kind} and holds no camera; give one that pl.package.save_value wrote")
     return camera
 
 
@@ -81,10 +81,10 @@ def settings_in(name: str) -> RenderSettings:
     """The settings that a file holds."""
     from plenoptic.rendering.settings import RenderSettings
 
-    found = opened(name)
-    if not isinstance(found.content, RenderSettings):
-        raise FileError(f"{name!r} is {found.kind}; give RenderSettings that pl.package.save_value wrote")
-    return found.content
+    file = opened(name)
+    if not isinstance(file.content, RenderSettings):
+        raise FileError(f"{name!r} is {file.kind}; give RenderSettings that pl.package.save_value wrote")
+    return file.content
 
 
 def exposure_of(found: Opened) -> Exposure | None:

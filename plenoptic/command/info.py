@@ -26,9 +26,9 @@ def run(options: argparse.Namespace) -> None:
     if options.file is None:
         print("\n".join(_here()))
         return
-    found = opened(options.file)
-    print(f"{options.file}: {found.kind}")
-    print("\n".join(_lines(found.content)))
+    file = opened(options.file)
+    print(f"{options.file}: {file.kind}")
+    print("\n".join(_lines(file.content)))
 
 
 def _here() -> list[str]:
@@ -44,9 +44,11 @@ def _here() -> list[str]:
         except importlib.metadata.PackageNotFoundError:
             versions.append(f"no {name}")
     folder = writable_folder()
-    kept = [] if folder is None else list(folder.glob("*.nbc"))
-    size = sum(file.stat().st_size for file in kept)
-    held = "nowhere: it cannot be written" if folder is None else f"{folder} ({len(kept)} kernels, {size / 1e6:.0f} MB)"
+    kernels = [] if folder is None else list(folder.glob("*.nbc"))
+    size = sum(file.stat().st_size for file in kernels)
+    held = (
+        "nowhere: it cannot be written" if folder is None else f"{folder} ({len(kernels)} kernels, {size / 1e6:.0f} MB)"
+    )
     return [
         f"plenoptic {__version__}, Python {platform.python_version()}, {platform.platform()}",
         ", ".join(versions),
@@ -89,9 +91,9 @@ def _store_lines(path: Path) -> list[str]:
     from plenoptic.core.files.zarr_reading import attributes_of, described
 
     arrays, size = described(path)
-    known = restored_fields(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))
-    camera = known.pop("camera", None)
-    facts = [f"{size / 1e6:.3g} MB", *(f"{name} {fact}" for name, fact in known.items())]
+    metadata = restored_fields(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))
+    camera = metadata.pop("camera", None)
+    facts = [f"{size / 1e6:.3g} MB", *(f"{name} {fact}" for name, fact in metadata.items())]
     report = [] if camera is None else ["", str(camera.report())]
     return [", ".join(facts), *(f"{name} {said}" for name, said in arrays.items()), *report]
 

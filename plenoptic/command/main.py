@@ -41,13 +41,13 @@ COMMANDS: dict[str, Any] = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a subcommand; 0: done, 1: refused, with one line on stderr, 2: wrong usage, 130: after Ctrl-C."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    options = _parser(given).parse_args(given)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    options = _parser(words).parse_args(words)
     command: Command = COMMANDS[options.command]
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:
-            for argument in given:
+            for argument in words:
                 utf8_path(argument)  # also what is no file is printed
             code = command.run(options)
             if sys.stdout is not None:  # closed by the shell

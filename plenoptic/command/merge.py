@@ -39,15 +39,15 @@ def run(options: argparse.Namespace) -> None:
     check_target(options.output)
     parts = [_part(name) for name in options.parts]
     _check_complete([part.head for part in parts], options.region)
-    made: Exposure | Head
+    merged: Exposure | Head
     if checked_ending(options.output) == ".zarr":
-        made = merge_to_store(parts, options.output)
+        merged = merge_to_store(parts, options.output)
     else:
-        made = merged_parts(parts)
-        made.save(options.output)
-    print(f"{options.output}: {made}")
-    if made.stats is not None:
-        print(made.stats)
+        merged = merged_parts(parts)
+        merged.save(options.output)
+    print(f"{options.output}: {merged}")
+    if merged.stats is not None:
+        print(merged.stats)
 
 
 def _part(name: str) -> Part:
@@ -58,9 +58,9 @@ def _part(name: str) -> Part:
     from plenoptic.rendering.merging.parts import FilePart, StorePart
 
     def load() -> Exposure:
-        found = opened(name)
-        if (shot := exposure_of(found)) is None:
-            raise FileError(f"{name!r} is {found.kind}; give an image that `plenoptic render` wrote")
+        file = opened(name)
+        if (shot := exposure_of(file)) is None:
+            raise FileError(f"{name!r} is {file.kind}; give an image that `plenoptic render` wrote")
         return shot
 
     path = Path(name)

@@ -23,11 +23,11 @@ def run(options: argparse.Namespace) -> None:
     check_target(options.output)
     request = request_of(options)
     names = ("samples", "target_error", "time_limit", "seed", "replicates", "checkpoint", "threads", "progress")
-    given = request.arguments(*names)
+    arguments = request.arguments(*names)
     if request.scene is None:
-        shot = render_white(request.camera, **given)
+        shot = render_white(request.camera, **arguments)
     else:
-        shot = render(request.scene, request.camera, **given)
+        shot = render(request.scene, request.camera, **arguments)
     shot.save(options.output)
     print(f"{options.output}: {shot}\n{shot.stats}", flush=True)
     if shot.interrupted:

@@ -34,12 +34,12 @@ class Request(NamedTuple):
 
     def arguments(self, *names: str) -> dict[str, Any]:
         """Given options of these names, the region, and options of scenes, as `render` takes them."""
-        given = {name: found for name in names if (found := getattr(self.options, name)) is not None}
-        given |= {"region": self.region, "sampler": self.settings.sampler}
+        values = {name: found for name in names if (found := getattr(self.options, name)) is not None}
+        values |= {"region": self.region, "sampler": self.settings.sampler}
         if self.scene is not None:
-            given |= {name: getattr(self.settings, name) for name in ("max_bounces", "clamp", "caustics")}
-            given |= {} if self.options.truth is None else {"truth": _truth(self.options.truth)}
-        return given
+            values |= {name: getattr(self.settings, name) for name in ("max_bounces", "clamp", "caustics")}
+            values |= {} if self.options.truth is None else {"truth": _truth(self.options.truth)}
+        return values
 
 
 def fill_render_options(parser: argparse.ArgumentParser) -> None:

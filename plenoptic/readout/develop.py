@@ -59,8 +59,8 @@ def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: i
     bands = list(run_in_order(band, range(0, rows, height), threads=thread_count(threads)))
     data = np.concatenate(bands)
     data = data[:, :, 0] if data.shape[2] == 1 else data
-    named = {name: getattr(exposure, name) for name in ("region", "samples", "camera")}
-    return RawImage(data, model, seed=seed, **named)
+    metadata = {name: getattr(exposure, name) for name in ("region", "samples", "camera")}
+    return RawImage(data, model, seed=seed, **metadata)
 
 
 def _check_light(image: NDArray[np.float32]) -> None:
@@ -113,8 +113,8 @@ def _mean_light(image: NDArray[np.float32], model: SensorModel, row: int, column
         light = np.minimum(light * model.electrons_per_unit, _MOST)
     if model.colour_filters is None:
         return light
-    seen = channels_of(model.colour_filters, image.shape[:2], (row, column))
-    return np.take_along_axis(light, seen[:, :, np.newaxis], axis=2)
+    channel = channels_of(model.colour_filters, image.shape[:2], (row, column))
+    return np.take_along_axis(light, channel[:, :, np.newaxis], axis=2)
 
 
 class _Draws(NamedTuple):

@@ -111,16 +111,16 @@ def photon_transfer(
     0.4
     """
     check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
-    given = frozen_array(levels, name="levels", shape=("n",))
+    brightness = frozen_array(levels, name="levels", shape=("n",))
     size = checked_shape(shape, ("rows", "columns"), at_least=2, at_most=MOST_POINTS)
     single = _one_channel(model, channel)
-    seeds = np.random.SeedSequence(seed_number(seed)).generate_state(2 * len(given), np.uint64)
+    seeds = np.random.SeedSequence(seed_number(seed)).generate_state(2 * len(brightness), np.uint64)
     measured = [
-        _measured(single, level, size, int(seeds[2 * i]), int(seeds[2 * i + 1])) for i, level in enumerate(given)
+        _measured(single, level, size, int(seeds[2 * i]), int(seeds[2 * i + 1])) for i, level in enumerate(brightness)
     ]
     mean, variance, pattern = np.array(measured).reshape(-1, 3).T
-    signal, noise, fixed = _expected(single, given)
-    return PhotonTransfer(given, mean, variance, pattern, signal, noise, fixed, model.white_level)
+    signal, noise, fixed = _expected(single, brightness)
+    return PhotonTransfer(brightness, mean, variance, pattern, signal, noise, fixed, model.white_level)
 
 
 def _one_channel(model: SensorModel, channel: int) -> SensorModel:

@@ -147,9 +147,9 @@ class RawImage:
         >>> pl.sensor.RawImage([[100, 300]], pl.SensorModel(photon_rate=800.0, gain=0.5, black_level=100)).linear()
         array([[0. , 0.5]])
         """
-        per_unit, seen = self.model.electrons_per_unit, self.channels
-        if seen is not None:
-            per_unit = np.broadcast_to(per_unit, 3)[seen]
+        per_unit, channel = self.model.electrons_per_unit, self.channels
+        if channel is not None:
+            per_unit = np.broadcast_to(per_unit, 3)[channel]
         return np.asarray((self.electrons() - self.model.dark_electrons) / per_unit)
 
     def demosaic(
@@ -175,11 +175,11 @@ class RawImage:
         InvalidValueError
             Where the method does not know the pattern, a channel has no pixel, or the image is too small.
         """
-        known, filters = self.linear(), self.model.colour_filters
+        linear, filters = self.linear(), self.model.colour_filters
         factors = np.ones(3) if white_balance is None else _factors(white_balance)
-        picture: NDArray[np.floating[Any]] = known.reshape(*known.shape[:2], -1)
+        picture: NDArray[np.floating[Any]] = linear.reshape(*linear.shape[:2], -1)
         if filters is not None:
-            picture = demosaiced(known * factors[self.channels], filters, self._first, method)
+            picture = demosaiced(linear * factors[self.channels], filters, self._first, method)
         elif white_balance is not None:
             picture = picture * factors
         return Exposure(picture, samples=self.samples, seed=self.seed, camera=self.camera, region=self.region)
@@ -235,11 +235,11 @@ class RawImage:
         channels, metadata = images.read_channels(file_path(path), limits=limits)
         if "plenoptic:model" not in metadata:
             raise FileError(f"{os.fspath(path)!r} names no sensor model; read it with pl.images.read_channels")
-        kept = restored_fields(metadata, _KEPT_AS_TEXT)
+        metadata_fields = restored_fields(metadata, _KEPT_AS_TEXT)
         # float32 holds k / 65535 to 2^-25, so that the rounded product is k again.
         data = np.rint(np.stack(list(channels.values()), axis=-1).astype(np.float64) * 65535).astype(np.uint16)
         try:
-            return cls(data[:, :, 0] if data.shape[2] == 1 else data, **kept)
+            return cls(data[:, :, 0] if data.shape[2] == 1 else data, **metadata_fields)
         except (InvalidValueError, TypeError) as error:
             raise FileError(f"{os.fspath(path)!r} holds no possible raw image: {error}") from error
 

@@ -67,21 +67,21 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, 
         fed, _ = sharing_pixels(camera, fed, camera.spread.table)
     if not fed.place.size:
         return None
-    ways = CameraPaths(camera, fed, batch, 1)
-    bundle = ways.started(0, 1)
+    camera_paths = CameraPaths(camera, fed, batch, 1)
+    bundle = camera_paths.started(0, 1)
     aimed = _row(bundle)
-    ways.fill_through_array(bundle)
+    camera_paths.fill_through_array(bundle)
     events: list[Event] = [
         SensorPoint(pixel, _in_camera(camera, _sensor_point(camera, aimed))),
-        _array_event(camera, aimed, ways.own, _row(bundle)),
+        _array_event(camera, aimed, camera_paths.own, _row(bundle)),
     ]
     before = bundle.copy()
     fill_dimmed_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
-    events += _lens_events(camera, ways.lens, before, ways.waves)
-    ways.fill_through_lens(bundle)
-    ways.fill_bent_at_iris(bundle, 0, 1)
-    beside = 0.0 if ways.sure is None else _row(ways.sure).weight
-    return CameraWay(tuple(events), bundle, ways.waves, fed, beside)
+    events += _lens_events(camera, camera_paths.lens, before, camera_paths.waves)
+    camera_paths.fill_through_lens(bundle)
+    camera_paths.fill_bent_at_iris(bundle, 0, 1)
+    core_weight = 0.0 if camera_paths.sure is None else _row(camera_paths.sure).weight
+    return CameraWay(tuple(events), bundle, camera_paths.waves, fed, core_weight)
 
 
 def _behind(camera: CameraRecord) -> float:

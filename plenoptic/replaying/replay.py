@@ -139,8 +139,8 @@ def _array_lines(event: MicrolensPassage) -> list[str]:
 def _element_line(event: ElementPassage) -> str:
     name = f"{event.element:>2} {event.kind.name.lower().replace('_', ' ')}"
     where = "" if event.point is None else f" at {_point(event.point)}"
-    onwards = f"lost: {_cause(event.status)}" if event.after is None else f"towards {_numbers(event.after)}"
-    return f"{name}{where}, {onwards}"
+    continuation = f"lost: {_cause(event.status)}" if event.after is None else f"towards {_numbers(event.after)}"
+    return f"{name}{where}, {continuation}"
 
 
 def _meeting_lines(event: Meeting) -> list[str]:
@@ -167,8 +167,8 @@ def _light_line(light: DirectLight) -> str:
         return f"{name}, shines the other way"
     if light.blocked is None:
         return f"{name} at {_point(light.point)}, of which nothing is scattered here"
-    seen = "is blocked" if light.blocked else f"adds {_numbers(light.contribution)}"
-    return f"{name} at {_point(light.point)} {seen}"
+    effect = "is blocked" if light.blocked else f"adds {_numbers(light.contribution)}"
+    return f"{name} at {_point(light.point)} {effect}"
 
 
 def _which(place: Place) -> str:

@@ -187,25 +187,29 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
     camera, replicates = context.camera, context.replicates
     place = (pixel, sample, sample % replicates, sample // replicates)
     batch = batch_of(context, sample, 1)
-    way = trace_camera(camera, pixel, batch, certain=context.plan.runs(Stage.CERTAIN_LIGHT))
-    if way is None:
+    camera_way = trace_camera(camera, pixel, batch, certain=context.plan.runs(Stage.CERTAIN_LIGHT))
+    if camera_way is None:
         nothing = np.zeros(context.channels)
         return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, 0.0, nothing, 1.0, nothing, True)
-    events, radiance, ending = _through_scene(context, scene, way, batch)
+    events, radiance, ending = _through_scene(context, scene, camera_way, batch)
     limit, brightest = context.settings.clamp, 0.0 if radiance is None else float(radiance.max())
     if limit is not None and radiance is not None:
-        fill_clamped(radiance, way.bundle, 1, limit)
+        fill_clamped(radiance, camera_way.bundle, 1, limit)
     sums, weights = np.zeros((1, 2, context.channels)), None if camera.colour is None else camera.colour.weights
-    dropped = fill_sums(sums, Light(way.bundle, radiance, way.waves, weights), 0, 1, batch)
+    dropped = fill_sums(sums, Light(camera_way.bundle, radiance, camera_way.waves, weights), 0, 1, batch)
     added, fill_factor = sums[0, 0], camera.sensor.fill_factor
-    wave = None if camera.colour is None or way.waves is None else float(camera.colour.wavelengths[way.waves[0]])
+    wave = (
+        None
+        if camera.colour is None or camera_way.waves is None
+        else float(camera.colour.wavelengths[camera_way.waves[0]])
+    )
     return Replay(
         *place,
         wavelength=wave,
-        events=way.events + events,
+        events=camera_way.events + events,
         ending=PathEnding.NOT_FINITE if dropped else ending,
-        weight=way.weight,
-        certain=way.certain,
+        weight=camera_way.weight,
+        certain=camera_way.certain,
         radiance=np.ones(1) if radiance is None else radiance[0].copy(),
         clamped=1.0 if limit is None or not brightest > limit else limit / brightest,
         contribution=added if fill_factor == 1 else fill_factor * added,

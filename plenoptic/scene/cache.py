@@ -35,10 +35,10 @@ class PreparedScene:
             return None
         if instances is None or instances.moving is None:
             return build_intersector(geometry, instances)
-        found = MovingTriangles(geometry, instances, None if self._kept is None else self._kept.trees)
+        trees = MovingTriangles(geometry, instances, None if self._kept is None else self._kept.trees)
         if self._kept is not None:
-            self._kept.trees = found
-        return found
+            self._kept.trees = trees
+        return trees
 
 
 class _Kept:
@@ -52,15 +52,15 @@ class _Kept:
 
 
 def _prepare(scene: Scene) -> PreparedScene:
-    kept = known = None
+    cache = surfaces_before = None
     if scene.meshes:
         first = scene.meshes[0]
-        kept = _kept(first.mesh if isinstance(first, Instances) else first)
-        known = kept.surfaces
-    record, surfaces = build_record(scene.meshes, scene.lights, scene.background, known)
-    if kept is not None:
-        kept.surfaces = surfaces
-    return PreparedScene(record, kept)
+        cache = _kept(first.mesh if isinstance(first, Instances) else first)
+        surfaces_before = cache.surfaces
+    record, surfaces = build_record(scene.meshes, scene.lights, scene.background, surfaces_before)
+    if cache is not None:
+        cache.surfaces = surfaces
+    return PreparedScene(record, cache)
 
 
 def prepared_scene(scene: Scene) -> PreparedScene:

@@ -83,7 +83,7 @@ class Surfaces(NamedTuple):
         """True if compiled from these meshes and lights: the same mesh objects, and equal lights."""
         return (
             len(meshes) == len(self.meshes)
-            and all(known() is _mesh_of(mesh) for known, mesh in zip(self.meshes, meshes, strict=True))
+            and all(reference() is _mesh_of(mesh) for reference, mesh in zip(self.meshes, meshes, strict=True))
             and self.repeated == tuple(isinstance(mesh, Instances) for mesh in meshes)
             and self.shapes == tuple(shapes)
         )
@@ -151,7 +151,7 @@ def build_record(
         emitters = Emitters(geometry, exitance, instances)
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
     boxes += [np.stack([light.position] * 2) for light in lights if isinstance(light, PositionalLight)]
-    found, pdf = lights_record(
+    emitter_record, pdf = lights_record(
         lights, emitters, _sky(background, channels), box_around(boxes), channels, drawn=bsdf is not None
     )
     emission = None
@@ -168,7 +168,7 @@ def build_record(
         absorption=absorption if np.any(absorption) else None,
         alpha=alpha_record(rows, columns.column("opacity")),
         emission=emission,
-        lights=found,
+        lights=emitter_record,
     )
     return record, surfaces
 
@@ -178,19 +178,19 @@ def brightest_radiance(record: SceneRecord) -> float:
 
     Channels are averaged. Textures and maps count with their mean; point lights as seen from the middle of the scene.
     """
-    lights, sky, found = record.lights, record.lights.sky, [0.0]
+    lights, sky, candidates = record.lights, record.lights.sky, [0.0]
     for rows in (None if record.emission is None else record.emission.radiance, sky.background):
         if rows is not None:
-            found.append(float(np.atleast_2d(rows).mean(axis=1).max()))
+            candidates.append(float(np.atleast_2d(rows).mean(axis=1).max()))
     if sky.environment is not None:
-        found.append(sky.environment.total / math.pi)
+        candidates.append(sky.environment.total / math.pi)
     if sky.suns is not None and sky.sun_colors is not None:
         angle = 2 * math.pi * sky.suns["cap"]
         irradiance = sky.sun_colors.mean(axis=1) * np.where(angle > 0, angle, 1.0)
-        found.append(float(irradiance.max()) / math.pi)
+        candidates.append(float(irradiance.max()) / math.pi)
     if lights.point_colors is not None:
-        found.append(float(lights.point_colors.mean(axis=1).max()) / (math.pi * (lights.far / 4) ** 2))
-    return max(found)
+        candidates.append(float(lights.point_colors.mean(axis=1).max()) / (math.pi * (lights.far / 4) ** 2))
+    return max(candidates)
 
 
 def _sky(background: Background | None, channels: int) -> Sky:
@@ -233,8 +233,8 @@ class TextureColumns:
 
     def column(self, *names: str) -> TextureColumn | None:
         """Textures that a property is, or (materials, properties) those that several are; None where none is one."""
-        found = [[getattr(row, name) for name in names] for row in self.rows]
-        numbers = [[self._numbers[f] if isinstance(f, Texture) else -1 for f in row] for row in found]
+        fields = [[getattr(row, name) for name in names] for row in self.rows]
+        numbers = [[self._numbers[f] if isinstance(f, Texture) else -1 for f in row] for row in fields]
         column = np.array([row[0] for row in numbers] if len(names) == 1 else numbers, dtype=np.int32)
         if self._texels is None or self._textures is None or not np.any(column >= 0):
             return None

@@ -83,7 +83,7 @@ class Scene:
         world = "" if self.background is None else repr(self.background)
         if isinstance(self.background, ConstantBackground):
             world = f"background {self.background.radiance}"
-        shown = [
+        parts = [
             _count(len(self.meshes), "mesh", "meshes") or "no meshes",
             _count(triangles, "triangle", "triangles"),
             _count(instances, "instance", "instances"),
@@ -91,7 +91,7 @@ class Scene:
             world,
             _count(len(self.views), "view", "views"),
         ]
-        return f"Scene({', '.join(part for part in shown if part)})"
+        return f"Scene({', '.join(part for part in parts if part)})"
 
     def _repr_html_(self) -> str:
         from plenoptic.plots.notebook.pictures import scene_html

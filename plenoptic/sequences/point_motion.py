@@ -137,15 +137,15 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
     def work(pixels: Floats, rays: PixelRays) -> Arrays:
         stages, n = PixelStages(record, scene.record, intersector, finding, pixels, rays), len(pixels)
         lanes, lenses = stages.hits.lanes, None if record.array is None else stages.lenses[stages.hits.lanes]
-        seen = stages.points.points[lanes]
-        there = _carried(stages.world_points()[lanes], stages.hits.found, *places)
-        before = _chief_rays(tables[0], seen, lenses, stages.entering(tables[0].entrance.z))
-        after = _chief_rays(tables[1], _seen(tables[1], there), lenses, before.entering)
+        before_points = stages.points.points[lanes]
+        after_points = _carried(stages.world_points()[lanes], stages.hits.found, *places)
+        before = _chief_rays(tables[0], before_points, lenses, stages.entering(tables[0].entrance.z))
+        after = _chief_rays(tables[1], _seen(tables[1], after_points), lenses, before.entering)
         found = {"position": np.full((n, 3), np.nan), "shift": np.full((n, 2), np.nan), "visible": np.zeros(n, bool)}
-        found["position"][lanes] = there
+        found["position"][lanes] = after_points
         found["shift"][lanes] = (pixel_of(after.position) - pixel_of(before.position))[:, ::-1]
-        kept = np.flatnonzero(after.passes)
-        found["visible"][lanes[kept]] = ~are_hidden(tables[1], there[kept], after.entering[kept], then)
+        passing = np.flatnonzero(after.passes)
+        found["visible"][lanes[passing]] = ~are_hidden(tables[1], after_points[passing], after.entering[passing], then)
         return found
 
     return MotionTruth(**in_strips(record, region, workers, work))
@@ -186,9 +186,9 @@ def _axes_on(geometry: Geometry, hits: Hits) -> Floats:
 def _seen(tables: ForwardRecord, points: Floats) -> Floats:
     """World points in the lens's axes; nan where they do not lie in front of it."""
     pose, placed = tables.camera.pose, tables.array.parts.lens_to_camera
-    seen = points if pose is None else pose.to_camera(points)
-    seen = seen if placed is None else placed.inverse().points(seen)
-    return np.where(seen[:, 2:] < tables.entrance.z, seen, np.nan)
+    local = points if pose is None else pose.to_camera(points)
+    local = local if placed is None else placed.inverse().points(local)
+    return np.where(local[:, 2:] < tables.entrance.z, local, np.nan)
 
 
 def _chief_rays(tables: ForwardRecord, points: Floats, lenses: NDArray[np.int64] | None, start: Floats) -> _Chief:

@@ -148,14 +148,14 @@ class Sequence:
     @cached_property
     def _objects(self) -> dict[int, tuple[Instances, Motion]]:
         """Moving objects by their index in `scene.meshes`: as instances at their initial pose, named as the mesh is."""
-        names, found = self.scene.object_names, {}
+        names, moving = self.scene.object_names, {}
         for name, motion in self.motions:
             k = names.index(name)
             part = self.scene.meshes[k]
             if not isinstance(part, Instances):
                 part = Instances(dataclasses.replace(part, name=name), np.eye(4)[None])
-            found[k] = part, motion
-        return found
+            moving[k] = part, motion
+        return moving
 
     def _scene_at(self, k: int, time: float) -> Scene:
         if not self.motions and self.lights is None:

@@ -31,15 +31,15 @@ _ALPHA = 3
 
 def read_mtl(text: str) -> dict[str, dict[str, str]]:
     """The materials that a file describes, by their names."""
-    found: dict[str, dict[str, str]] = {}
+    materials: dict[str, dict[str, str]] = {}
     material: dict[str, str] = {}
     for line in text.splitlines():
         keyword, _, said = line.split("#")[0].strip().replace("\t", " ").partition(" ")
         if keyword.lower() == "newmtl":
-            material = found[" ".join(said.split())] = {}
+            material = materials[" ".join(said.split())] = {}
         elif keyword:
             material[keyword.lower()] = said.strip()
-    return found
+    return materials
 
 
 def obj_material(name: str, said: Said, reader: FileReader) -> Material:
@@ -84,13 +84,13 @@ def obj_material(name: str, said: Said, reader: FileReader) -> Material:
     if illum in _PANES and np.any(filtered):
         return ThinGlass(index, filtered)
     emission = dark_or_not(read.textured("ke", read.colour("ke", 1.0 if "map_ke" in said else 0.0)))
-    rest: dict[str, Any] = {"normal_map": read.normals(), "emission": emission, "opacity": opacity}
+    common: dict[str, Any] = {"normal_map": read.normals(), "emission": emission, "opacity": opacity}
     if any(keyword in said for keyword in _PBR):
         base = read.textured("kd", read.colour("kd", 1.0))
-        return MetallicRoughness(base, read.share("pm", 0.0), read.share("pr", math.sqrt(read.alpha())), **rest)
+        return MetallicRoughness(base, read.share("pm", 0.0), read.share("pr", math.sqrt(read.alpha())), **common)
     if emission != 0.0 and not np.any(read.colour("kd", 1.0 if "map_kd" in said else 0.0)):
         return Emissive(emission)
-    return _reflecting(read, illum, rest)
+    return _reflecting(read, illum, common)
 
 
 def _reflecting(read: _Reader, illum: int, rest: Mapping[str, Any]) -> Material:

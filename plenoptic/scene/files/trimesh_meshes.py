@@ -33,25 +33,25 @@ def trimesh_meshes(
     """
     import trimesh
 
-    known: Mapping[str, Material] = {}
+    materials: Mapping[str, Material] = {}
     if kind == "obj":
         content = _plain_obj(content)
-        known = {} if material is not None else _obj_materials(content, reader)
-        if len(known) < 2:
+        materials = {} if material is not None else _obj_materials(content, reader)
+        if len(materials) < 2:
             _check_parts(len(set(re.findall(rb"^usemtl [^\n]*", content, re.MULTILINE))))
     elif kind == "ply":
         header = _ply_header(content)
         material = _ply_texture(header, reader) if material is None else material
     elif kind == "stl":
         _check_stl(content)
-    for key, part in _parts(file_name, kind, content, known).items():
+    for key, part in _parts(file_name, kind, content, materials).items():
         visible = isinstance(part, trimesh.Trimesh) and len(part.faces) > 0
         if not visible or not has_area(np.asarray(part.vertices), np.asarray(part.faces)):
             continue
         label = str(getattr(getattr(part.visual, "material", None), "name", None) or "")
         chosen = material
         if chosen is None:
-            chosen = known[label] if label in known else _coloured(part.visual)
+            chosen = materials[label] if label in materials else _coloured(part.visual)
         # trimesh makes up normals when asked for them; only the file's are there before.
         normals = part.vertex_normals if "vertex_normals" in part._cache else None
         uv = getattr(part.visual, "uv", None)
@@ -127,9 +127,13 @@ def _obj_materials(content: bytes, reader: FileReader) -> Mapping[str, Material]
     """The materials that an OBJ file uses and its material files describe."""
     text = content.decode(errors="replace")
     described: dict[str, dict[str, str]] = {}
-    for named in _said(text, "mtllib"):
+    for library_name in _said(text, "mtllib"):
         # A name may hold spaces, and a line several names.
-        for name in [named] if len(named.split()) < 2 or reader.named(named).is_file() else named.split():
+        for name in (
+            [library_name]
+            if len(library_name.split()) < 2 or reader.named(library_name).is_file()
+            else library_name.split()
+        ):
             library = reader.named(name)
             if not os.path.lexists(library):
                 raise FileError(f"its material file {name!r} is missing; put it beside the file, {REPLACE}")

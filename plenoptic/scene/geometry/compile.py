@@ -64,12 +64,12 @@ def child_meshes(
         matrices = instances.matrices[rows].reshape(-1, 3, 4)
         fits = suits_float32(matrices[:, :, :3])
         if fits.any():
-            own = np.median(corners, axis=0)
-            yield ChildMesh(corners, faces, own, _relative(matrices[fits], own, middle), rows[fits])
+            mesh_middle = np.median(corners, axis=0)
+            yield ChildMesh(corners, faces, mesh_middle, _relative(matrices[fits], mesh_middle, middle), rows[fits])
         for matrix, k in zip(matrices[~fits], np.flatnonzero(~fits), strict=True):
             turned = corners @ matrix[:, :3].T + matrix[:, 3]
-            own = np.median(turned, axis=0)
-            yield ChildMesh(turned, faces, own, _relative(np.eye(4)[None, :3], own, middle), rows[[k]])
+            mesh_middle = np.median(turned, axis=0)
+            yield ChildMesh(turned, faces, mesh_middle, _relative(np.eye(4)[None, :3], mesh_middle, middle), rows[[k]])
 
 
 def _relative(matrices: Floats, own: Floats, middle: Floats) -> Floats:

@@ -31,10 +31,10 @@ class SceneRunTriangles:
 
     def fill_closest(self, hits: Hits, rays: Floats) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
-        found = self._scene.run(*self._halves(rays), query="INTERSECT")
-        hits.triangle[:] = found if self._row is None else np.where(found < 0, -1, self._row[found])
+        rows = self._scene.run(*self._halves(rays), query="INTERSECT")
+        hits.triangle[:] = rows if self._row is None else np.where(rows < 0, -1, self._row[rows])
         if hits.instance is not None:
-            hits.instance[:] = -1 if self._instance is None else np.where(found < 0, -1, self._instance[found])
+            hits.instance[:] = -1 if self._instance is None else np.where(rows < 0, -1, self._instance[rows])
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""

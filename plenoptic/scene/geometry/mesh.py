@@ -153,31 +153,31 @@ def affine_determinants(matrices: Floats) -> Floats:
     with np.errstate(all="ignore"):
         determinants = np.asarray(np.linalg.det(matrices[:, :3, :3]))
     affine = np.isfinite(matrices).all(axis=(1, 2)) & (matrices[:, 3] == (0, 0, 0, 1)).all(axis=1)
-    for fits, wanted in (
+    for fits, requirement in (
         (affine, "it must be finite and end with the row 0, 0, 0, 1"),
         (determinants != 0, "it flattens the mesh; its determinant must not be 0"),
     ):
         if not fits.all():
             k = int(np.argmin(fits))
             name = f"matrix {k}" if len(matrices) > 1 else "matrix"
-            raise SceneError(f"{name} is {matrices[k].tolist()}; {wanted}")
+            raise SceneError(f"{name} is {matrices[k].tolist()}; {requirement}")
     return determinants
 
 
 def _faces(faces: ArrayLike, count: int) -> NDArray[np.int32]:
     """(m, 3) int32, with each index in range; floats that are whole numbers will do."""
     try:
-        given = np.asarray(faces)
+        rows = np.asarray(faces)
     except ValueError as error:
         raise InvalidValueError(f"faces is not an array of whole numbers: {error}") from None
-    if given.size == 0:
+    if rows.size == 0:
         raise SceneError("the mesh has no triangles; give at least one row of faces, or leave the mesh out")
-    if given.dtype.kind not in "iu" and not (given.dtype.kind == "f" and np.array_equal(given, np.rint(given))):
-        raise InvalidValueError(f"faces is of {given.dtype}; it must be whole numbers, the rows of vertices")
-    low, high = given.min(), given.max()
+    if rows.dtype.kind not in "iu" and not (rows.dtype.kind == "f" and np.array_equal(rows, np.rint(rows))):
+        raise InvalidValueError(f"faces is of {rows.dtype}; it must be whole numbers, the rows of vertices")
+    low, high = rows.min(), rows.max()
     if low < 0 or high >= count:
         raise SceneError(f"faces names vertex {low if low < 0 else high}; it must be within 0 and {count - 1}")
-    return frozen_array(given, name="faces", shape=(None, 3), dtype=np.int32)
+    return frozen_array(rows, name="faces", shape=(None, 3), dtype=np.int32)
 
 
 def _check_range(array: Floats, name: str, remedy: str) -> None:

@@ -65,11 +65,11 @@ class MovingTriangles:
             placed = hits.instance >= 0
             hits.instance[placed] = self._rows[hits.instance[placed]]
         interaction.fill_distances(reached, hits, rays, self._geometry)
-        found = np.empty(len(rays), dtype=np.int32)
+        triangles = np.empty(len(rays), dtype=np.int32)
         for mesh in self.meshes:
             moving.fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
-            mesh.tree.fill_closest(Hits(found, None, None), local)
-            moving.fill_nearer(hits, reached, found, local, self._geometry, mesh.first, mesh.row)
+            mesh.tree.fill_closest(Hits(triangles, None, None), local)
+            moving.fill_nearer(hits, reached, triangles, local, self._geometry, mesh.first, mesh.row)
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
@@ -116,5 +116,5 @@ class MovingTriangles:
 def _own_tree(geometry: Geometry, first: int, faces: int) -> tuple[Intersector, Floats]:
     """Intersector of a mesh in its own frame, and the mesh's middle, the origin of its float32 coordinates."""
     corners, triangles = part_of(geometry.vertices, geometry.triangles[first : first + faces])
-    own = geometry_record(corners, contiguous(triangles), np.zeros(faces, dtype=np.int32))
-    return build_intersector(own), own.middle
+    record = geometry_record(corners, contiguous(triangles), np.zeros(faces, dtype=np.int32))
+    return build_intersector(record), record.middle

@@ -63,10 +63,10 @@ def lights_record(
     diameter = float(np.linalg.norm(extent[1] - extent[0]))
     disc = math.pi * max(diameter / 2, 1e-9) ** 2
     # Powers relative to the brightest, so that no radiance overflows.
-    found = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
-    found += [] if emitters is None else [float(emitters.exitance.max())]
-    found += [] if environment is None else [environment.total]
-    unit = max(found, default=0.0) or 1.0
+    unit_powers = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
+    unit_powers += [] if emitters is None else [float(emitters.exitance.max())]
+    unit_powers += [] if environment is None else [environment.total]
+    unit = max(unit_powers, default=0.0) or 1.0
     near_rows, near_instances, near_power, area_power = _triangle_powers(emitters if drawn else None, unit)
     point_power = np.array([light.power / unit for light in points])
     sun_power = np.array([disc * (channel_mean(light.irradiance) / unit) for light in suns if drawn])
@@ -122,18 +122,18 @@ def _triangle_powers(
         parts += zip(instances.first.tolist(), instances.faces.tolist(), linear, strict=True)
     rows, places, areas = [], [], []
     for place, (first, count, matrix) in enumerate(parts, start=-1):
-        found = first + np.flatnonzero(shines[first : first + count])
-        if found.size or place < 0:
-            corners = geometry.vertices[geometry.triangles[found]]
+        shining = first + np.flatnonzero(shines[first : first + count])
+        if shining.size or place < 0:
+            corners = geometry.vertices[geometry.triangles[shining]]
             edges = corners[:, 1:] - corners[:, :1]
             edges = edges if matrix is None else edges @ matrix.T
-            rows.append(found)
-            places.append(np.full(found.size, place, np.int32))
+            rows.append(shining)
+            places.append(np.full(shining.size, place, np.int32))
             areas.append(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
     row, where, area = np.concatenate(rows), np.concatenate(places), np.concatenate(areas)
     power = area * exitance[geometry.triangle_material[row]]
-    kept = (power > 0) & ~_repeated(geometry, row, where)
-    return row[kept], where[kept], power[kept], exitance
+    counts = (power > 0) & ~_repeated(geometry, row, where)
+    return row[counts], where[counts], power[counts], exitance
 
 
 def _area_rows(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int32]) -> Floats:
@@ -164,8 +164,8 @@ def _largest_offsets(corners: Floats, normal: Floats, middle: Floats, distance: 
     off_middle = np.einsum("nij,nj->ni", np.abs(corners - middle), across)
     near = distance
     for a, b in itertools.product(range(3), repeat=2):
-        apart = np.einsum("nj,nj->n", np.abs(corners[:, a] - corners[:, b]), across)
-        near = np.maximum(near, off_middle[:, a] + apart)
+        half_width = np.einsum("nj,nj->n", np.abs(corners[:, a] - corners[:, b]), across)
+        near = np.maximum(near, off_middle[:, a] + half_width)
     return np.asarray(RAY_OFFSET * near + RAY_OFFSET_64 * np.abs(corners).sum(axis=2).max(axis=1))
 
 
@@ -176,12 +176,12 @@ def _repeated(geometry: Geometry, row: NDArray[np.int64], place: NDArray[np.int3
     number = np.sort(corners @ np.array([0.8654, 0.4211, 0.2718]), axis=1) @ np.array([1.0, 0.5773, 0.3183])
     _, group, count = np.unique(number, return_inverse=True, return_counts=True)
     repeated = np.zeros(len(row), dtype=bool)
-    seen: set[bytes] = set()
+    keys: set[bytes] = set()
     for k in np.flatnonzero(count[group] > 1):
         first = min(range(3), key=lambda corner: corners[k, corner].tolist())
         key = np.roll(corners[k], -first, axis=0).tobytes() + place[k].tobytes()
-        repeated[k] = key in seen
-        seen.add(key)
+        repeated[k] = key in keys
+        keys.add(key)
     return repeated
 
 
@@ -192,11 +192,12 @@ def _shared(near: Floats, distant: Floats) -> tuple[Floats, float]:
     if not largest > 0:
         return np.empty(0), 0.0
     sums = [(part / largest).sum() for part in (near, distant)]
-    share = sums[1] / (sums[0] + sums[1])
+    sun_share = sums[1] / (sums[0] + sums[1])
     if sums[0] > 0 and sums[1] > 0:
-        share = min(max(share, _FEWEST), _MOST)
+        sun_share = min(max(sun_share, _FEWEST), _MOST)
     scales = [
-        (kept / total if total > 0 else 0.0) / largest for kept, total in zip((1 - share, share), sums, strict=True)
+        (portion / total if total > 0 else 0.0) / largest
+        for portion, total in zip((1 - sun_share, sun_share), sums, strict=True)
     ]
     return np.concatenate([near * scales[0], distant * scales[1]]), scales[0]
 

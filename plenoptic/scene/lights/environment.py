@@ -194,10 +194,10 @@ class EnvironmentMap:
         >>> left_and_right.radiance([[-1, 0, 0], [1, 0, 0]]).tolist()
         [[1.0], [2.0]]
         """
-        given = frozen_array(directions, name="directions", shape=("n", 3))
-        if not (np.isfinite(given).all() and given.any(axis=1).all()):
+        vectors = frozen_array(directions, name="directions", shape=("n", 3))
+        if not (np.isfinite(vectors).all() and vectors.any(axis=1).all()):
             raise SceneError("directions holds one that is not finite or has no length; leave it out")
-        scaled = given / np.abs(given).max(axis=1, keepdims=True)
+        scaled = vectors / np.abs(vectors).max(axis=1, keepdims=True)
         x, y, z = (scaled if self.rotation is None else scaled @ self.rotation).T
         rows, columns = self.texels.shape[:2]
         row = np.arctan2(np.hypot(x, z), y) / np.pi * rows

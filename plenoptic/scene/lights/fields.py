@@ -20,15 +20,15 @@ def place_in_mm(vector: ArrayLike, name: str) -> Floats:
 
 def unit_vector(vector: ArrayLike, name: str) -> Floats:
     """(3,), read-only: a direction of any length above 0, brought to length 1; to rounding so, it keeps its bits."""
-    given = frozen_array(vector, name=name, shape=(3,))
-    largest = float(np.abs(given).max())
+    components = frozen_array(vector, name=name, shape=(3,))
+    largest = float(np.abs(components).max())
     if not 0 < largest < np.inf:
-        raise SceneError(f"{name} is {given.tolist()}; it must be finite and longer than 0")
+        raise SceneError(f"{name} is {components.tolist()}; it must be finite and longer than 0")
     # The largest component first, so that squares neither overflow nor vanish.
-    scaled = given / largest
+    scaled = components / largest
     length = float(np.linalg.norm(scaled))
     if abs(length * largest - 1) <= 1e-15:
-        return given
+        return components
     return frozen_array(scaled / length, name=name, shape=(3,))
 
 

@@ -121,8 +121,8 @@ class SpotLight:
         [1.0, 0.538, 0.0]
         """
         inner, outer = math.cos(self.inner_angle), math.cos(self.outer_angle)
-        share = (np.cos(numbers(angle, "angle")) - outer) / (inner - outer)
-        return np.asarray(np.clip(share, 0.0, 1.0) ** 2)
+        fraction = (np.cos(numbers(angle, "angle")) - outer) / (inner - outer)
+        return np.asarray(np.clip(fraction, 0.0, 1.0) ** 2)
 
     @property
     def power(self) -> float:

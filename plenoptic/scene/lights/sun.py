@@ -99,10 +99,10 @@ class SunLight:
         >>> sun.direction.round(3).tolist()
         [-0.866, -0.5, 0.0]
         """
-        around, up = radians(azimuth, "azimuth"), finite(elevation, "elevation")
+        turn, up = radians(azimuth, "azimuth"), finite(elevation, "elevation")
         if not abs(up) <= math.pi / 2:
             raise InvalidValueError(f"elevation is {up:g} rad; it must be within -pi/2 and pi/2")
-        direction = (-math.cos(up) * math.sin(around), -math.sin(up), math.cos(up) * math.cos(around))
+        direction = (-math.cos(up) * math.sin(turn), -math.sin(up), math.cos(up) * math.cos(turn))
         return cls(direction, irradiance, angular_radius)
 
     @property

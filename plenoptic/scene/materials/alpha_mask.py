@@ -101,8 +101,8 @@ def _meet_again(
     """Closest hits of some of the rays from their present origins."""
     if not len(which):
         return
-    found = no_hits(scene, len(which))
-    intersector.fill_closest(found, np.ascontiguousarray(rays[which]))
-    hits.triangle[which] = found.triangle
-    if hits.instance is not None and found.instance is not None:
-        hits.instance[which] = found.instance
+    next_hits = no_hits(scene, len(which))
+    intersector.fill_closest(next_hits, np.ascontiguousarray(rays[which]))
+    hits.triangle[which] = next_hits.triangle
+    if hits.instance is not None and next_hits.instance is not None:
+        hits.instance[which] = next_hits.instance

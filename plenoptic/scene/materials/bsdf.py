@@ -107,21 +107,25 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
     """
     from plenoptic.scene.materials.kernels import bsdf
 
-    given = frozen_array(points, name="points", shape=(None, 3))
-    if not np.all((given >= 0) & (given < 1)):
+    random_points = frozen_array(points, name="points", shape=(None, 3))
+    if not np.all((random_points >= 0) & (random_points < 1)):
         raise InvalidValueError(
             "points has numbers outside [0, 1); take them from a random generator or pl.sobol_points"
         )
-    viewers = np.broadcast_to(_to_viewer(to_viewer), (len(given), 3))
+    viewers = np.broadcast_to(_to_viewer(to_viewer), (len(random_points), 3))
     record = _record(material)
-    drawn = Drawn(np.empty((len(given), 3)), np.empty((len(given), record.base_color.shape[1])), np.empty(len(given)))
-    bsdf.fill_sampled(*drawn, np.ascontiguousarray(viewers), given, bool(front), record)
+    drawn = Drawn(
+        np.empty((len(random_points), 3)),
+        np.empty((len(random_points), record.base_color.shape[1])),
+        np.empty(len(random_points)),
+    )
+    bsdf.fill_sampled(*drawn, np.ascontiguousarray(viewers), random_points, bool(front), record)
     return drawn
 
 
 def _directions(directions: ArrayLike, name: str) -> Floats:
-    given = frozen_array(directions, name=name, shape=(3,) if numbers(directions, name).ndim == 1 else (None, 3))
-    rows = np.atleast_2d(given)
+    vectors = frozen_array(directions, name=name, shape=(3,) if numbers(directions, name).ndim == 1 else (None, 3))
+    rows = np.atleast_2d(vectors)
     length = np.linalg.norm(rows, axis=1, keepdims=True)
     if not np.all((length > 0) & np.isfinite(length)):
         raise InvalidValueError(f"{name} has directions without length; all must be finite and not 0, 0, 0")

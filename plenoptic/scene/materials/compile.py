@@ -56,6 +56,6 @@ def color_rows(colors: Sequence[Colour], channels: int) -> Floats:
 
 def _shares(shares: Sequence[float | Texture | None]) -> Floats | None:
     """Shares as numbers: 0 where a texture gives one, or a material has none; None where all have none."""
-    if all(share is None for share in shares):
+    if all(entry is None for entry in shares):
         return None
-    return contiguous(np.array([share if isinstance(share, float) else 0.0 for share in shares]))
+    return contiguous(np.array([entry if isinstance(entry, float) else 0.0 for entry in shares]))

@@ -173,5 +173,5 @@ def _layer_albedo(alpha: Floats, x: Floats, z: Floats, u: Floats, v: Floats) -> 
     with np.errstate(divide="ignore", over="ignore"):
         hidden_i = 0.5 * (np.sqrt(1 + alpha**2 * (ix * ix + iy * iy) / (iz * iz)) - 1)
     fresnel = 0.04 + 0.96 * (1 - cosine) ** 5
-    seen = np.where(iz > 0, (1 + hidden_o) / (1 + hidden_o + hidden_i), 0.0)
-    return np.asarray((fresnel * seen).mean(axis=-1))
+    visible = np.where(iz > 0, (1 + hidden_o) / (1 + hidden_o + hidden_i), 0.0)
+    return np.asarray((fresnel * visible).mean(axis=-1))

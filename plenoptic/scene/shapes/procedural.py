@@ -110,14 +110,16 @@ def sphere(
     Mesh(8385 vertices, 16128 triangles, Lambertian())
     """
     try:
-        around, along = segments
+        meridians, along = segments
     except (TypeError, ValueError):
         raise InvalidValueError(f"segments is {segments!r}; it must be (around, from pole to pole)") from None
-    around, along = checked_shape((around, along), ("segments", "segments from pole to pole"), at_most=MOST_SQUARES)
+    meridians, along = checked_shape(
+        (meridians, along), ("segments", "segments from pole to pole"), at_most=MOST_SQUARES
+    )
     angle = np.linspace(-math.pi / 2, math.pi / 2, whole(along, "segments from pole to pole", at_least=2) + 1)
     profile = length_in_mm(radius, "radius") * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     profile[[0, -1], 0] = 0.0
-    return turned(profile, segments=around, material=material).translated(
+    return turned(profile, segments=meridians, material=material).translated(
         *positions(center, name="center", shape=(3,)).tolist()
     )
 
@@ -143,13 +145,13 @@ def turned(profile: ArrayLike, *, segments: int = 128, material: Material | None
     line = positions(profile, name="profile", shape=(None, 2))
     if len(line) < 2 or np.any(line[:, 0] < 0):
         raise InvalidValueError("profile must have two points or more, none at a negative distance from the axis")
-    around = whole(segments, "segments", at_least=3, at_most=MOST_SQUARES // len(line))
-    angle = 2 * math.pi * np.arange(around + 1) / around
+    facets = whole(segments, "segments", at_least=3, at_most=MOST_SQUARES // len(line))
+    angle = 2 * math.pi * np.arange(facets + 1) / facets
     rows = len(line)
     slope = np.gradient(line, axis=0)
     vertices, normals = _swept(line[:, 0], line[:, 1], angle), _swept(slope[:, 1], -slope[:, 0], angle)
-    uv = np.stack(np.broadcast_arrays(np.arange(around + 1) / around, np.linspace(0, 1, rows)[:, None]), axis=-1)
-    faces = grid_faces(np.ones((rows - 1, around), dtype=bool))
+    uv = np.stack(np.broadcast_arrays(np.arange(facets + 1) / facets, np.linspace(0, 1, rows)[:, None]), axis=-1)
+    faces = grid_faces(np.ones((rows - 1, facets), dtype=bool))
     corners = vertices[faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return Mesh(vertices, faces[area > 1e-12 * area.max()], _or_grey(material), normals=normals, uv=uv.reshape(-1, 2))
@@ -200,9 +202,9 @@ def checkerboard(
             raise InvalidValueError(f"square is {square:g} mm; squares along an edge must be below {MOST_SQUARES}")
         first, last = math.floor((-half - start) / square), math.ceil((half - start) / square)
         places = np.clip(start + square * np.arange(first, last + 1), -half, half)
-        kept = np.append(True, np.diff(places) > 0)
+        distinct = np.append(True, np.diff(places) > 0)
         # A line that the border cuts away leaves its number to the border itself.
-        lines.append((places[kept], np.arange(first, last + 1)[kept]))
+        lines.append((places[distinct], np.arange(first, last + 1)[distinct]))
     (x, column), (y, row) = lines
     checked_shape((len(x), len(y)), ("lines across", "lines up"), at_most=MOST_SQUARES)
     corners = grid_corners(x, y)

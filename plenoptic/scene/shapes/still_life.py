@@ -44,9 +44,9 @@ def still_life() -> Scene:
         sphere(2.2, center=(4.8, -2.8, -411), material=Conductor(0.95)),
         sphere(1.3, center=(-2.6, -3.7, -396), material=Dielectric(1.5)),
     )
-    things = (*table, vase, block, *balls)
+    objects = (*table, vase, block, *balls)
     # The table leans towards the camera, which sees its top that way.
-    leaning = [mesh.translated(y=3, z=404).rotated_deg((1, 0, 0), 15).translated(y=-3, z=-404) for mesh in things]
+    leaning = [mesh.translated(y=3, z=404).rotated_deg((1, 0, 0), 15).translated(y=-3, z=-404) for mesh in objects]
     wall = quad((-22, -30, -446), (44, 0, 0), (0, 70, 0), material=Lambertian((0.55, 0.6, 0.62)))
     light = QuadLight.facing((-35, 55, -350), (0, -2, -404), (48, 48), radiance=5.0)
     return Scene([*leaning, wall], [light], background=0.25)

@@ -56,7 +56,9 @@ def _colours(image: Image) -> tuple[NDArray[Any], int | None]:
 def _opacity(image: Image) -> tuple[NDArray[Any], int]:
     """(rows, columns, 1) codes of alpha, and the code of an opaque pixel."""
     image.load()  # what Pillow knows of transparency may stand behind the pixels in the file
-    told = image.mode in ("P", "PA", "LA", "RGBA") or ("transparency" in image.info and image.mode in ("1", "L", "RGB"))
-    if not told:
+    has_alpha = image.mode in ("P", "PA", "LA", "RGBA") or (
+        "transparency" in image.info and image.mode in ("1", "L", "RGB")
+    )
+    if not has_alpha:
         return np.full((image.height, image.width, 1), 255, dtype=np.uint8), 255
     return np.asarray(image.convert("RGBA"))[..., 3:], 255

@@ -247,15 +247,15 @@ def as_texels(texels: ArrayLike, owner: type, *, most: int, from_codes: str) -> 
             raise InvalidValueError(f"texels are {texels.dtype}; they must be linear floats, or use {from_codes}")
         check_size(texels.shape, "texels", most)  # before they are copied
     with np.errstate(over="ignore"):
-        kept = frozen_array(texels, name="texels", shape=("rows", "columns", "channels"), dtype=np.float32)
-    if kept.shape[2] not in (1, 3):
-        raise InvalidValueError(f"texels has {kept.shape[2]} channels; it must have 1 or 3 (drop alpha)")
-    check_size(kept.shape, "texels", most)
+        checked = frozen_array(texels, name="texels", shape=("rows", "columns", "channels"), dtype=np.float32)
+    if checked.shape[2] not in (1, 3):
+        raise InvalidValueError(f"texels has {checked.shape[2]} channels; it must have 1 or 3 (drop alpha)")
+    check_size(checked.shape, "texels", most)
     # min and max hand NaN on, so two passes without temporaries see everything.
-    low, high = float(kept.min()), float(kept.max())
+    low, high = float(checked.min()), float(checked.max())
     if not (low >= 0 and high < np.inf):
         raise SceneError(f"texels lie between {low:g} and {high:g}; they must be finite and 0 or more, so clip them")
-    return kept
+    return checked
 
 
 def check_size(shape: tuple[int, ...], name: str, most: int) -> None:

@@ -130,10 +130,10 @@ def whole(
 
 
 def _one_of(known: Mapping[Any, T], described: Mapping[str, Any], name: str, place: str) -> T:
-    found = described.get(name)
-    if not isinstance(found, int | str) or found not in known:
-        raise FileError(f"its {place} has the {name} {found!r}; it must be one of {', '.join(map(str, known))}")
-    return known[found]
+    key = described.get(name)
+    if not isinstance(key, int | str) or key not in known:
+        raise FileError(f"its {place} has the {name} {key!r}; it must be one of {', '.join(map(str, known))}")
+    return known[key]
 
 
 def read_gltf(content: bytes, kind: str, reader: FileReader) -> GltfFile:
@@ -153,11 +153,11 @@ def read_gltf(content: bytes, kind: str, reader: FileReader) -> GltfFile:
         raise FileError(f"it needs the extensions {', '.join(needed)}, which are not read; export without them")
     buffers = []
     for number, buffer in enumerate(header.get("buffers", ())):
-        given = memoryview(resource(buffer["uri"], reader)) if "uri" in buffer else b"" if number else binary
+        data = memoryview(resource(buffer["uri"], reader)) if "uri" in buffer else b"" if number else binary
         length = whole(buffer, "byteLength", f"buffers {number}")
-        if length > len(given):
-            raise FileError(f"its buffers {number} is cut off after {len(given)} of {length} bytes; export it again")
-        buffers.append(memoryview(given)[:length])
+        if length > len(data):
+            raise FileError(f"its buffers {number} is cut off after {len(data)} of {length} bytes; export it again")
+        buffers.append(memoryview(data)[:length])
     return GltfFile(header, tuple(buffers), reader)
 
 
@@ -172,9 +172,9 @@ def _chunks(content: memoryview) -> tuple[bytes, memoryview]:
     length, end = int.from_bytes(content[8:12], "little"), 20 + int.from_bytes(content[12:16], "little")
     if max(length, end) > len(content):
         raise FileError(f"it is cut off after {len(content)} of {max(length, end)} bytes; export it again")
-    text, rest = content[20:end], content[end:length]
-    size = int.from_bytes(rest[:4], "little")
-    return bytes(text), rest[8 : 8 + size] if bytes(rest[4:8]) == b"BIN\0" else memoryview(b"")
+    text, remainder = content[20:end], content[end:length]
+    size = int.from_bytes(remainder[:4], "little")
+    return bytes(text), remainder[8 : 8 + size] if bytes(remainder[4:8]) == b"BIN\0" else memoryview(b"")
 
 
 def resource(uri: str, reader: FileReader) -> bytes:

@@ -29,11 +29,11 @@ def gltf_lights(nodes: Iterable[PlacedNode], file: GltfFile, scale: float) -> It
     along its -z. `scale` is mm in one unit of the file.
     """
     for node in nodes:
-        named = node.described.get("extensions", {}).get("KHR_lights_punctual")
-        if named is None:
+        extension = node.described.get("extensions", {}).get("KHR_lights_punctual")
+        if extension is None:
             continue
         listed = file.header.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights")
-        light = entry_of(listed, named.get("light"), "lights")
+        light = entry_of(listed, extension.get("light"), "lights")
         emitted = np.array(light.get("color", (1.0, 1.0, 1.0)), dtype=np.float64) * light.get("intensity", 1.0)
         if not emitted.any():
             continue

@@ -69,8 +69,8 @@ def _metallic_roughness(described: Mapping[str, Any]) -> Mapping[str, Any]:
     """The metallic-roughness part; for the older specular-glossiness model, its nearest equivalent."""
     older = described.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
     if older is None or "pbrMetallicRoughness" in described:
-        found: Mapping[str, Any] = described.get("pbrMetallicRoughness", {})
-        return found
+        part: Mapping[str, Any] = described.get("pbrMetallicRoughness", {})
+        return part
     nearest = {"metallicFactor": 0.0, "roughnessFactor": 1 - older.get("glossinessFactor", 1.0)}
     nearest["baseColorFactor"] = older.get("diffuseFactor", WHITE)
     if "diffuseTexture" in older:
@@ -91,8 +91,8 @@ def _opacity(
     cutoff = float(described.get("alphaCutoff", 0.5))
     if isinstance(opacity, Texture) and cutoff <= 1:
         return opacity, cutoff
-    there = not isinstance(opacity, Texture) and opacity >= cutoff
-    return float(there), None
+    opaque = not isinstance(opacity, Texture) and opacity >= cutoff
+    return float(opaque), None
 
 
 def _emission(described: Mapping[str, Any], read: MaterialTextures) -> Colour | Texture:

@@ -47,8 +47,8 @@ def gltf_meshes(
                 warn(f"the node {label!r} bends its mesh, which is shown as it is stored, unbent", FileWarning)
             places.setdefault(node.described["mesh"], []).append(copies(node, file))
     reader = _MeshReader(file, scale, material)
-    for number, found in places.items():
-        matrices = np.concatenate(found)
+    for number, poses in places.items():
+        matrices = np.concatenate(poses)
         # What is flattened cannot be seen.
         matrices = np.diag([scale, scale, scale, 1.0]) @ matrices[np.linalg.det(matrices[:, :3, :3]) != 0]
         described = file.described("meshes", number)

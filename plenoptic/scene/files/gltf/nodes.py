@@ -30,14 +30,14 @@ def placed_nodes(file: GltfFile) -> list[PlacedNode]:
     """
     nodes = [file.described("nodes", number) for number in range(len(file.header.get("nodes", ())))]
     above = _parents(nodes)
-    own, found = _local(nodes), []
+    local, placed = _local(nodes), []
     waiting = [(number, np.eye(4)) for number in reversed(_roots(file, above))]
     while waiting:
         number, frame = waiting.pop()
-        matrix = frame @ own[number]
-        found.append(PlacedNode(nodes[number], matrix))
+        matrix = frame @ local[number]
+        placed.append(PlacedNode(nodes[number], matrix))
         waiting.extend((child, matrix) for child in reversed(nodes[number].get("children", ())))
-    return found
+    return placed
 
 
 def _parents(nodes: list[Mapping[str, Any]]) -> list[int | None]:
@@ -89,12 +89,12 @@ def _local(nodes: list[Mapping[str, Any]]) -> Floats:
 def _numbers(node: Mapping[str, Any], name: str, number: int, default: tuple[float, ...]) -> tuple[float, ...]:
     if name not in node:
         return default
-    given = node[name]
-    if not isinstance(given, list) or len(given) != len(default) or not all(type(x) in (int, float) for x in given):
+    values = node[name]
+    if not isinstance(values, list) or len(values) != len(default) or not all(type(x) in (int, float) for x in values):
         raise FileError(f"its node {number} has a {name} that is not {len(default)} numbers; export it again")
-    if name == "rotation" and not any(given):
+    if name == "rotation" and not any(values):
         raise FileError(f"its node {number} has a rotation of 0, which is none; export it again")
-    return tuple(map(float, given))
+    return tuple(map(float, values))
 
 
 def composed(translations: Floats, rotations: Floats, scales: Floats) -> Floats:
@@ -117,17 +117,17 @@ def copies(node: PlacedNode, file: GltfFile) -> Floats:
     described = node.described.get("extensions", {}).get("EXT_mesh_gpu_instancing")
     if described is None:
         return node.matrix[None]
-    given = {
+    columns = {
         name: file.array(number).astype(np.float64)
         for name, number in described["attributes"].items()
         if name in _INSTANCED
     }
-    count = max((len(array) for array in given.values()), default=1)
-    for name, array in given.items():
+    count = max((len(array) for array in columns.values()), default=1)
+    for name, array in columns.items():
         if array.shape != (count, _INSTANCED[name]):
             raise FileError(f"its instances have {name} of the shape {array.shape} for {count} places; export it again")
     file.reader.take(PLACE * count, f"{count} instances")
-    translations = given.get("TRANSLATION", np.zeros((count, 3)))
-    rotations = given.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
-    scales = given.get("SCALE", np.ones((count, 3)))
+    translations = columns.get("TRANSLATION", np.zeros((count, 3)))
+    rotations = columns.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
+    scales = columns.get("SCALE", np.ones((count, 3)))
     return np.asarray(node.matrix @ composed(translations, rotations, scales))

@@ -28,15 +28,17 @@ def warn_of_tangents(mesh: Mesh, tangents: Floats) -> None:
     # The direction in which u grows, times the area of the triangle in the texture.
     along_u = np.sign(area)[:, None] * ((b - a) * t2[:, None] - (c - a) * t1[:, None])
     normal = np.cross(b - a, c - a)
-    given = tangents[mesh.faces].mean(axis=1)
-    flat = given[:, :3] - normal * _ratio((given[:, :3] * normal).sum(axis=1), (normal * normal).sum(axis=1))[:, None]
+    of_file = tangents[mesh.faces].mean(axis=1)
+    flat = (
+        of_file[:, :3] - normal * _ratio((of_file[:, :3] * normal).sum(axis=1), (normal * normal).sum(axis=1))[:, None]
+    )
     cosine = _ratio((flat * along_u).sum(axis=1), np.linalg.norm(flat, axis=1) * np.linalg.norm(along_u, axis=1))
-    known = (area != 0) & normal.any(axis=1)
-    other = known & ((cosine < math.cos(_ANGLE)) | (given[:, 3] * area < 0))
-    share = float(other.sum() / max(1.0, float(known.sum())))
-    if share > _SHARE:
+    has_area = (area != 0) & normal.any(axis=1)
+    other = has_area & ((cosine < math.cos(_ANGLE)) | (of_file[:, 3] * area < 0))
+    differ = float(other.sum() / max(1.0, float(has_area.sum())))
+    if differ > _SHARE:
         warn(
-            f"the tangents of mesh {mesh.name!r} are left out, and on {100 * share:.0f} % of its triangles they differ "
+            f"the tangents of mesh {mesh.name!r} are left out, and on {100 * differ:.0f} % of its triangles they differ "
             f"from the directions of its texture by more than {math.degrees(_ANGLE):g} degrees: its normal map is "
             "turned there; export without tangents to see what is rendered, or bake the map again",
             FileWarning,

@@ -75,9 +75,9 @@ class GltfTextures:
         between = TextureFilter.NEAREST if sampler.get("magFilter") == _NEAREST else TextureFilter.BILINEAR
         image = self._image(described)
         # Texels are float32, and copied once.
-        wanted = 4 * image.width * image.height * (3 if channel is None else 1)
-        self._file.reader.check(2 * wanted, "its image")
-        self._file.reader.take(wanted, "its image")
+        decoded_bytes = 4 * image.width * image.height * (3 if channel is None else 1)
+        self._file.reader.check(2 * decoded_bytes, "its image")
+        self._file.reader.take(decoded_bytes, "its image")
         return Texture.from_image(image, encoding=encoding, channel=channel, wrap=(along_u, along_v), filter=between)
 
     def _image(self, described: Mapping[str, Any]) -> Image:
@@ -113,11 +113,13 @@ class MaterialTextures:
 
     def share(self, info: Info | None, factor: float, channel: int) -> float | Texture:
         """A number, or one channel of a texture times that number; a number too where the channel is constant."""
-        share = float(factor)
-        if info is None or share == 0:
-            return share
-        made = self._once(info, channel, share, lambda: times(self._read(info, Encoding.LINEAR, channel), share))
-        return number_or_texture(made)
+        constant = float(factor)
+        if info is None or constant == 0:
+            return constant
+        texture = self._once(
+            info, channel, constant, lambda: times(self._read(info, Encoding.LINEAR, channel), constant)
+        )
+        return number_or_texture(texture)
 
     def normals(self, info: Info | None) -> Texture | None:
         """A map of normals, its slopes times the `scale` that the file gives for them."""
@@ -139,18 +141,18 @@ class MaterialTextures:
         Some turned out to be a number, or multiplied by 0. A `FileError` where there are several ways.
         """
         used = material.row().textures
-        found = set()
+        placements = set()
         for info in (info for info, texture in self._made if any(texture is one for one in used)):
             moved = info.get("extensions", {}).get("KHR_texture_transform", {})
             (x, y), (along_u, along_v) = moved.get("offset", (0.0, 0.0)), moved.get("scale", (1.0, 1.0))
             coordinates = moved.get("texCoord", info.get("texCoord", 0))
-            found.add(TexturePlacement(coordinates, (x, y), moved.get("rotation", 0.0), (along_u, along_v)))
-        if len(found) > 1:
+            placements.add(TexturePlacement(coordinates, (x, y), moved.get("rotation", 0.0), (along_u, along_v)))
+        if len(placements) > 1:
             raise FileError(
-                f"material {self.name!r} moves its textures in {len(found)} ways, or uses several sets of uv; "
+                f"material {self.name!r} moves its textures in {len(placements)} ways, or uses several sets of uv; "
                 "bake them and export again"
             )
-        return found.pop() if found else TexturePlacement()
+        return placements.pop() if placements else TexturePlacement()
 
     def _once(self, info: Info, kind: str | int, factor: Colour, make: Callable[[], Texture]) -> Texture:
         key = (info["index"], kind, factor)

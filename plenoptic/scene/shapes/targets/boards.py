@@ -151,11 +151,11 @@ def point_grid(
     # Corners of each dot, then of its cell: upper right, upper left, lower left, lower right.
     below = (rows - 1 - index[:, 0]) * (columns + 1) + index[:, 1]
     cell = below[:, None] + np.array([columns + 2, columns + 1, 0, 1])
-    own = np.concatenate([len(lattice) + np.arange(len(centres) * sides).reshape(-1, sides), cell], axis=1)
+    corner_numbers = np.concatenate([len(lattice) + np.arange(len(centres) * sides).reshape(-1, sides), cell], axis=1)
     fan = np.stack([np.zeros(sides - 2, dtype=np.int64), np.arange(1, sides - 1), np.arange(2, sides)], axis=1)
     meshes = [
-        flat_mesh(corners, own[:, fan].reshape(-1, 3), dark, "dots"),
-        flat_mesh(corners, own[:, faces_around(sides)].reshape(-1, 3), bright, "board"),
+        flat_mesh(corners, corner_numbers[:, fan].reshape(-1, 3), dark, "dots"),
+        flat_mesh(corners, corner_numbers[:, faces_around(sides)].reshape(-1, 3), bright, "board"),
     ]
     return Target(meshes, in_plane(centres), index, name="point grid")
 
@@ -207,20 +207,22 @@ def random_dots(
     Lambertian(albedo=Texture(texels=<100 x 200 x 1 float32>, ...))
     """
     columns, rows = checked_shape((columns, rows), ("columns", "rows"), at_most=MOST_POINTS)
-    dot, share = length_in_mm(dot, "dot"), finite(density, "density")
-    if not 0 <= share <= 1:
-        raise InvalidValueError(f"density is {share:g}; it must be within 0 and 1, the expected share of dark dots")
+    dot, probability = length_in_mm(dot, "dot"), finite(density, "density")
+    if not 0 <= probability <= 1:
+        raise InvalidValueError(
+            f"density is {probability:g}; it must be within 0 and 1, the expected share of dark dots"
+        )
     colours = [np.ravel(as_colour(c, n, at_most=1.0)) for c, n in ((bright, "bright"), (dark, "dark"))]
     # Raw numbers of the generator: NumPy promises that they stay the same; 53 of their bits make a number in [0, 1).
     raw = np.random.PCG64(seed_number(seed)).random_raw(rows * columns)
-    is_dark = ((raw >> np.uint64(11)) * 2.0**-53 < share).reshape(rows, columns)
+    is_dark = ((raw >> np.uint64(11)) * 2.0**-53 < probability).reshape(rows, columns)
     texels = np.stack(np.broadcast_arrays(*colours))[is_dark.astype(np.int64)]
     texture = Texture(texels, wrap=Wrap.CLAMP, filter=TextureFilter.NEAREST)
     width, height = columns * dot, rows * dot
     mesh = quad((-width / 2, -height / 2, 0), (width, 0, 0), (0, height, 0), material=Lambertian(texture))
     centres, index = _lattice(columns, rows, dot)
-    kept = is_dark.ravel()
-    return Target([mesh], in_plane(centres[kept]), index[kept], name="random dots")
+    dark_cells = is_dark.ravel()
+    return Target([mesh], in_plane(centres[dark_cells]), index[dark_cells], name="random dots")
 
 
 def _lines(cells: int, width: float) -> Floats:

@@ -68,26 +68,31 @@ def siemens_star(
         )
     outside = polygon(sides, radius)
     rings = [np.zeros((1, 2)), outside] if inner == 0 else [np.zeros((1, 2)), polygon(sides, inner), outside]
-    known = np.concatenate(rings)
+    vertices = np.concatenate(rings)
     reach = radius + border
-    corners = np.concatenate([known, reach * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])])
+    corners = np.concatenate([vertices, reach * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])])
     edge = np.arange(sides)
-    here = 1 + np.stack([edge, (edge + 1) % sides], axis=1)
-    wedges = np.insert(here, 0, 0, axis=1)[:, None]
+    inner_ring = 1 + np.stack([edge, (edge + 1) % sides], axis=1)
+    wedges = np.insert(inner_ring, 0, 0, axis=1)[:, None]
     plain = []
     if inner > 0:
         plain.append(wedges[:, 0])
-        there = here + sides
-        wedges = np.stack([[here[:, 0], there[:, 0], there[:, 1]], [here[:, 0], there[:, 1], here[:, 1]]]).T
+        outer_ring = inner_ring + sides
+        wedges = np.stack(
+            [
+                [inner_ring[:, 0], outer_ring[:, 0], outer_ring[:, 1]],
+                [inner_ring[:, 0], outer_ring[:, 1], inner_ring[:, 1]],
+            ]
+        ).T
         wedges = wedges.swapaxes(1, 2)
     if border > 0:
-        plain.append(len(known) - sides + faces_around(sides))
+        plain.append(len(vertices) - sides + faces_around(sides))
     meshes = [
         flat_mesh(corners, wedges[::2].reshape(-1, 3), dark, "dark"),
         flat_mesh(corners, np.concatenate([wedges[1::2].reshape(-1, 3), *plain]), bright, "bright"),
     ]
     number = np.concatenate([[[0, 0]], *(np.stack([np.full(sides, k), edge], axis=1) for k in range(1, len(rings)))])
-    return Target(meshes, in_plane(known), number, name="Siemens star")
+    return Target(meshes, in_plane(vertices), number, name="Siemens star")
 
 
 def slanted_edge(size: float, *, angle_deg: float = 5.0, dark: Material = DARK, bright: Material = BRIGHT) -> Target:

@@ -93,10 +93,10 @@ def _fan(rectangle: Floats, corners: Floats, middle: int) -> Faces:
     # Counter-clockwise from the lower left: along the lower, right, upper and left edge. Nothing lies inside.
     edges = [(y == y0) & (x < x1), (x == x1) & (y < y1), (y == y1) & (x > x0), x == x0]
     order = np.lexsort([np.select(edges, [x, y, -x, -y]), np.select(edges, [0, 1, 2, 3])])
-    around = touching[order]
-    if len(around) == 4:
-        return around[[[0, 1, 2], [0, 2, 3]]]
-    return np.stack([np.full(len(around), middle), around, np.roll(around, -1)], axis=1)
+    ring = touching[order]
+    if len(ring) == 4:
+        return ring[[[0, 1, 2], [0, 2, 3]]]
+    return np.stack([np.full(len(ring), middle), ring, np.roll(ring, -1)], axis=1)
 
 
 def faces_around(sides: int) -> Faces:
