@@ -76,7 +76,7 @@ class PreparedCamera:
             return regions
         regions = fed_pixels(self.record, tile.centres(self.record), tile.numbers(self.record), certain=certain)
         if self._keeps:
-            regions = _fitted(regions)
+            regions = _trim(regions)
             arrays = (*regions[:3], *regions.regions, *(regions.around or ()))
             size = sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
             if self._bytes + size <= MOST_BYTES:
@@ -84,7 +84,7 @@ class PreparedCamera:
         return regions
 
 
-def _fitted(fed: FedPixels) -> FedPixels:
+def _trim(fed: FedPixels) -> FedPixels:
     """The same in arrays without room for more."""
     pieces, first, corners, planes, details = fed.regions
     last = pieces[: first[-1]][-1:]

@@ -53,12 +53,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if sys.stdout is not None:  # closed by the shell
                 sys.stdout.flush()
         except PlenopticError as error:
-            return _refused(options.command, error)
+            return _refuse(options.command, error)
         except BrokenPipeError:  # whoever reads the output has seen enough
             sys.stderr.close()
             return REFUSED
         except OSError as error:
-            return _refused(options.command, error)
+            return _refuse(options.command, error)
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             return INTERRUPTED
@@ -79,7 +79,7 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     return parser
 
 
-def _refused(name: str, error: BaseException) -> int:
+def _refuse(name: str, error: BaseException) -> int:
     print(f"plenoptic {name}: {' '.join(str(error).split())}", file=sys.stderr)
     return REFUSED
 

@@ -23,7 +23,7 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the page and open it."""
-    chosen = None if options.output is None else _checked(options.output)  # before minutes are spent
+    chosen = None if options.output is None else _page_path(options.output)  # before minutes are spent
     seen = _viewable(options.file)
     target = (
         Path(tempfile.mkdtemp(prefix="plenoptic-"), f"{Path(options.file).stem}.html") if chosen is None else chosen
@@ -34,7 +34,7 @@ def run(options: argparse.Namespace) -> None:
         raise FileError(f"no browser could be opened; open {str(target)!r} in one")
 
 
-def _checked(output: str) -> Path:
+def _page_path(output: str) -> Path:
     """Path of the page, or an error."""
     check_folder(real_path(output))
     if Path(output).suffix.lower() not in (".html", ".htm"):

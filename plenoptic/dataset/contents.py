@@ -66,7 +66,7 @@ class DataSet:
         `camera` is its name; None: the only one. Needs the package xarray.
         """
         module: Any = extra_package("xarray", "DataSet.open", EXTRA)
-        dataset: xarray.Dataset = module.open_zarr(self._store(self._named(camera)))
+        dataset: xarray.Dataset = module.open_zarr(self._store(self._camera_name(camera)))
         return dataset
 
     def frame(self, number: int, camera: str | None = None, *, limits: FileLimits = DEFAULT) -> Exposure:
@@ -88,7 +88,7 @@ class DataSet:
         FileError
             Where files cannot be read.
         """
-        name, k = self._named(camera), self._numbered(number)
+        name, k = self._camera_name(camera), self._frame_number(number)
         about = self._about(name, k)
         noted = about["parts"][0]["arrays"]  # others of its store belong to other frames
         noted = tuple(key for key in (*EXPOSURE_NAMES, *CHANNELS) if key in noted)
@@ -113,20 +113,20 @@ class DataSet:
         """Positions in the next frame of the points that a frame shows, as `motion_truth` found them; parameters as for
         `frame`.
         """
-        name, k = self._named(camera), self._numbered(number)
+        name, k = self._camera_name(camera), self._frame_number(number)
         if not self._about(name, k)["motion"]:
             raise InvalidValueError(f"frame {k} of {name!r} has no motion: it is the last one, or none was asked for")
         arrays = read_arrays(self._store(name), MOTION_NAMES, limits, frame=k)
         return MotionTruth(*(arrays[key] for key in MOTION_NAMES))
 
-    def _named(self, camera: str | None) -> str:
+    def _camera_name(self, camera: str | None) -> str:
         if camera is None and len(self.cameras) == 1:
             return self.cameras[0]
         if camera not in self.cameras:
             raise InvalidValueError(f"camera is {camera!r}; it must be one of {', '.join(self.cameras)}")
         return camera
 
-    def _numbered(self, number: int) -> int:
+    def _frame_number(self, number: int) -> int:
         n = len(self)
         return whole(number, "the number of a frame", at_least=-n, at_most=n - 1) % n
 

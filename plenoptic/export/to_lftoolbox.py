@@ -81,7 +81,7 @@ def lftoolbox(
     target, scale = folder_at(folder), brightest(field.views)
     model = grid_model(lens)
     content: dict[str, Any] = {
-        "LF": _weighted(field.views, scale),
+        "LF": _append_weights(field.views, scale),
         "LensletGridModel": model,
         "LFMetadata": {"camera": {"makerName": "plenoptic"}, "fullCode": scale},
         "WhiteImageMetadata": {"camera": {"makerName": "plenoptic"}, "fullCode": brightest(light)},
@@ -110,7 +110,7 @@ def lftoolbox(
     )
 
 
-def _weighted(views: NDArray[np.float32], scale: float) -> NDArray[np.uint16]:
+def _append_weights(views: NDArray[np.float32], scale: float) -> NDArray[np.uint16]:
     """(T, S, V, U, 4): colours and weight of views (U, V, rows, columns, C)."""
     turned = views.transpose(1, 0, 2, 3, 4)
     colours = codes(turned, scale=scale, encoded=False)

@@ -93,14 +93,14 @@ def pyolaf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -> N
     ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
     ['H.npy', 'README.txt', 'load_patterns.py', 'patterns.json']
     """
-    pixels = _checked(stack)
+    pixels = _check_stack(stack)
     target = folder_at(folder)
     depths, across = stack.images.shape[:2]
     parts = _parts(stack)
     steps = np.rint(((np.arange(across) + 0.5) / across - 0.5) * pixels).astype(int)
     patterns = np.zeros((across, across, depths, *parts.shape[-2:]), np.float32)
     for depth, i, j in np.ndindex(depths, across, across):
-        patterns[i, j, depth] = _displaced(parts[depth, i, j], -int(steps[i]), -int(steps[j]))
+        patterns[i, j, depth] = _displace(parts[depth, i, j], -int(steps[i]), -int(steps[j]))
     _write_array(target / "H.npy", patterns)
     write_json(target / "patterns.json", _said(stack, pixels))
     write_file(target / "load_patterns.py", _LOAD_PYOLAF.encode("ascii"))
@@ -135,7 +135,7 @@ def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -
     ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
     ['README.txt', 'load_patterns.py', 'patterns.json', 'psf_db.npz']
     """
-    pixels = _checked(stack)
+    pixels = _check_stack(stack)
     order = np.argsort(stack.z_objects)
     z = 1e3 * stack.z_objects[order]
     if len(z) > 2 and not np.allclose(np.diff(z), z[1] - z[0], rtol=1e-6):
@@ -180,7 +180,7 @@ def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -
     write_readme(target, "napari-LF", instruction, "errors, colour, patterns that change over the image.", {})
 
 
-def _checked(stack: WaveSpreadStack) -> int:
+def _check_stack(stack: WaveSpreadStack) -> int:
     """Pixels of a microlens, or an error where pixels do not lie behind microlenses as these programs need it."""
     check_kind(stack, "stack", WaveSpreadStack, "pl.wave.point_spread_stack(camera, z_objects, across=5)")
     array, sensor = stack.camera.microlenses, stack.camera.sensor
@@ -203,7 +203,7 @@ def _parts(stack: WaveSpreadStack) -> NDArray[np.float32]:
     return (stack.images * scale[..., None, None]).astype(np.float32)
 
 
-def _displaced(image: NDArray[np.float32], down: int, right: int) -> NDArray[np.float32]:
+def _displace(image: NDArray[np.float32], down: int, right: int) -> NDArray[np.float32]:
     """Image moved by pixels; pixels that enter are dark."""
     displaced = np.zeros_like(image)
     rows, columns = image.shape

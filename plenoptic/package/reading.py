@@ -64,12 +64,12 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
     if source.is_dir():
         return _read(source, limits)
     check_file(source, limits)
-    with _unpacked(source, limits) as folder:
+    with _unpack(source, limits) as folder:
         return _read(folder, limits)
 
 
 @contextmanager
-def _unpacked(source: Path, limits: FileLimits) -> Iterator[Path]:
+def _unpack(source: Path, limits: FileLimits) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="plenoptic-") as folder, explained(source, "read"):
         try:
             with zipfile.ZipFile(source) as archive:

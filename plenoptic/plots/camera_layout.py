@@ -56,7 +56,7 @@ def _draw_section(camera: PlenopticCamera, rays: PixelRays, ax: Axes) -> None:
     fill_glass(camera.lens, ax)
     plot_lens(camera.lens, ax)
     half = 0.5 * camera.sensor.size[0]
-    paths = np.concatenate([rays.paths, _led(camera, rays)[:, None]], axis=1)
+    paths = np.concatenate([rays.paths, _extend(camera, rays)[:, None]], axis=1)
     ax.plot(paths[:, :, 2].T, paths[:, :, 1].T, color=_RAYS, linewidth=0.7, zorder=1.5)
     if rays.array is not None:
         _mark(ax, _line(rays.array, half), _ARRAY, "array", (0, (2.0, 0.6)))
@@ -73,7 +73,7 @@ def _mark(ax: Axes, ends: Floats, colour: str, label: str, style: Any) -> None:
     ax.plot(ends[:, 2], ends[:, 1], color=colour, linewidth=2.2, linestyle=style, label=label, zorder=2.0)
 
 
-def _led(camera: PlenopticCamera, rays: PixelRays) -> Floats:
+def _extend(camera: PlenopticCamera, rays: PixelRays) -> Floats:
     """Points at which the rays leave the picture in front of the lens; nan for lost ones."""
     front = float(camera.lens.vertices[0])
     widest = 2.0 * max(element.semi_diameter for element in camera.lens.elements)

@@ -177,7 +177,7 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _joined(paths: Floats) -> tuple[Floats, Floats]:
+def _join(paths: Floats) -> tuple[Floats, Floats]:
     """Coordinates z and y of all paths as one line with gaps."""
     gap = np.full((len(paths), 1, 3), np.nan)
     points = np.concatenate([paths, gap], axis=1).reshape(-1, 3)
@@ -215,7 +215,7 @@ def plot_layout(
     ax = axes_or_new(ax, (10.0, 5.0))
     for k, field in enumerate(paths):
         label = labels[k] if labels else None
-        z, y = _joined(np.asarray(field, dtype=np.float64))
+        z, y = _join(np.asarray(field, dtype=np.float64))
         ax.plot(z, y, color=COLOURS[k % len(COLOURS)], linewidth=0.7, label=label, zorder=1.5)
     fill_glass(lens, ax)
     plot_lens(lens, ax)

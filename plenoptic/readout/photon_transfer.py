@@ -116,10 +116,10 @@ def photon_transfer(
     single = _one_channel(model, channel)
     seeds = np.random.SeedSequence(seed_number(seed)).generate_state(2 * len(brightness), np.uint64)
     measured = [
-        _measured(single, level, size, int(seeds[2 * i]), int(seeds[2 * i + 1])) for i, level in enumerate(brightness)
+        _measure(single, level, size, int(seeds[2 * i]), int(seeds[2 * i + 1])) for i, level in enumerate(brightness)
     ]
     mean, variance, pattern = np.array(measured).reshape(-1, 3).T
-    signal, noise, fixed = _expected(single, brightness)
+    signal, noise, fixed = _predict(single, brightness)
     return PhotonTransfer(brightness, mean, variance, pattern, signal, noise, fixed, model.white_level)
 
 
@@ -136,7 +136,7 @@ def _one_channel(model: SensorModel, channel: int) -> SensorModel:
     )
 
 
-def _measured(
+def _measure(
     model: SensorModel, level: float, shape: tuple[int, ...], seed: int, other_seed: int
 ) -> tuple[float, float, float]:
     """Mean, temporal variance and variance of the fixed pattern of two raw images."""
@@ -147,7 +147,7 @@ def _measured(
     return float(0.5 * (one.mean() + two.mean())), temporal, spatial
 
 
-def _expected(model: SensorModel, levels: Floats) -> tuple[Floats, Floats, Floats]:
+def _predict(model: SensorModel, levels: Floats) -> tuple[Floats, Floats, Floats]:
     """Mean, temporal variance and variance of the fixed pattern, without saturation."""
     light = levels.astype(np.float32) * model.electrons_per_unit
     collected = light + model.dark_electrons

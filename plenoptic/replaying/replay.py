@@ -90,7 +90,7 @@ class Replay:
         place = f"replicate {self.replicate}, point {self.index}{wave}"
         lines, bounce, first = [f"sample {self.sample} of pixel ({row}, {column}): {place}"], 0, self.first_nonfinite
         for number, event in enumerate(self.events):
-            name, texts = _described(event, bounce)
+            name, texts = _describe(event, bounce)
             bounce += isinstance(event, Meeting)
             if number == first:
                 texts = [*texts, "not finite from here on"]
@@ -112,7 +112,7 @@ def _is_finite(event: Event | DirectLight) -> bool:
     return numbers and all(_is_finite(item) for item in items if isinstance(item, DirectLight))
 
 
-def _described(event: Event, bounce: int) -> tuple[str, list[str]]:
+def _describe(event: Event, bounce: int) -> tuple[str, list[str]]:
     """Texts for the first column, and lines for the second."""
     if isinstance(event, SensorPoint):
         return "sensor", [f"from {_point(event.point)}"]

@@ -119,8 +119,8 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
     context = _context(exposure, scene)
     if isinstance(paths, str | bytes) or not isinstance(paths, Iterable):
         raise wrong_kind(paths, "paths", "sequence of (row, column, sample)", "exposure.stats.nonfinite_paths")
-    checked = (_checked(exposure, *_members(path, "a path", "row", "column", "sample")) for path in paths)
-    return tuple(_retraced(context, scene, *path) for path in checked)
+    checked = (_check_path(exposure, *_members(path, "a path", "row", "column", "sample")) for path in paths)
+    return tuple(_retrace(context, scene, *path) for path in checked)
 
 
 def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
@@ -163,7 +163,7 @@ def _members(given: Any, name: str, *members: str) -> Any:
     return given
 
 
-def _checked(exposure: Exposure, row: int, column: int, sample: int) -> tuple[tuple[int, int], int]:
+def _check_path(exposure: Exposure, row: int, column: int, sample: int) -> tuple[tuple[int, int], int]:
     """Pixel and sample, or an error where the exposure has no such path."""
     row, column = whole(row, "row of the pixel", at_least=0), whole(column, "column of the pixel", at_least=0)
     height, width = exposure.image.shape[:2]
@@ -183,7 +183,7 @@ def _checked(exposure: Exposure, row: int, column: int, sample: int) -> tuple[tu
     return (row, column), sample
 
 
-def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int], sample: int) -> Replay:
+def _retrace(context: RenderContext, scene: Scene | None, pixel: tuple[int, int], sample: int) -> Replay:
     camera, replicates = context.camera, context.replicates
     place = (pixel, sample, sample % replicates, sample // replicates)
     batch = batch_of(context, sample, 1)

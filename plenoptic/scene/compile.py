@@ -95,7 +95,7 @@ def _mesh_of(part: Mesh | Instances) -> Mesh:
 
 def build_surfaces(meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]) -> Surfaces:
     """Compile meshes and the shapes of lights."""
-    parts, first_of, numbers = _ordered(meshes, shapes)
+    parts, first_of, numbers = _order(meshes, shapes)
     index: dict[Material, int] = {}
     mesh_material = [index.setdefault(part.material, len(index)) for part in parts]
     counts = [len(part.faces) for part in parts]
@@ -246,9 +246,7 @@ class TextureColumns:
         return None if all(column is None for column in columns) else columns
 
 
-def _ordered(
-    meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]
-) -> tuple[list[Mesh], dict[Mesh, int], list[int]]:
+def _order(meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]) -> tuple[list[Mesh], dict[Mesh, int], list[int]]:
     """All meshes in the order of their triangles, the place of instanced ones among them, and their numbers."""
     plain = [(mesh, number) for number, mesh in enumerate(meshes) if isinstance(mesh, Mesh)]
     plain += [(mesh, len(meshes) + number) for number, mesh in enumerate(shapes)]

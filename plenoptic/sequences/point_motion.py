@@ -138,7 +138,7 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
         stages, n = PixelStages(record, scene.record, intersector, finding, pixels, rays), len(pixels)
         lanes, lenses = stages.hits.lanes, None if record.array is None else stages.lenses[stages.hits.lanes]
         before_points = stages.points.points[lanes]
-        after_points = _carried(stages.world_points()[lanes], stages.hits.found, *places)
+        after_points = _carry(stages.world_points()[lanes], stages.hits.found, *places)
         before = _chief_rays(tables[0], before_points, lenses, stages.entering(tables[0].entrance.z))
         after = _chief_rays(tables[1], _seen(tables[1], after_points), lenses, before.entering)
         found = {"position": np.full((n, 3), np.nan), "shift": np.full((n, 2), np.nan), "visible": np.zeros(n, bool)}
@@ -163,7 +163,7 @@ def _places(now: Frame, following: Frame, here: Geometry | None, then: Geometry 
     return here, then
 
 
-def _carried(points: Floats, hits: Hits, here: Geometry, then: Geometry) -> Floats:
+def _carry(points: Floats, hits: Hits, here: Geometry, then: Geometry) -> Floats:
     """Points (m, 3) that keep their places on their triangles, where these are then."""
     before, after = _axes_on(here, hits), _axes_on(then, hits)
     along = np.linalg.solve(before[:, :, :3], (points - before[:, :, 3])[:, :, None])

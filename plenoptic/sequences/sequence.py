@@ -102,7 +102,7 @@ class Sequence:
         check_kind(self.scene, "scene", Scene, "pl.Scene([pl.box(4)])")
         check_kind(self.camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
         set_field(self, "times", ascending(self.times, "times"))
-        set_field(self, "motions", self._checked(self.motions))
+        set_field(self, "motions", self._check_motions(self.motions))
         if self.camera_motion is not None:
             check_kind(self.camera_motion, "camera_motion", Motion, "pl.Motion((0, 1), [first_pose, last_pose])")
         if self.lights is not None:
@@ -111,7 +111,7 @@ class Sequence:
                 raise InvalidValueError(f"there are lights for {len(lights)} frames of {len(self.times)}")
             set_field(self, "lights", lights)
 
-    def _checked(self, motions: object) -> tuple[tuple[str, Motion], ...]:
+    def _check_motions(self, motions: object) -> tuple[tuple[str, Motion], ...]:
         """Motions by names that a single mesh has."""
         pairs = tuple(motions.items()) if isinstance(motions, Mapping) else motions
         if not isinstance(pairs, tuple) or not all(isinstance(pair, tuple) and len(pair) == 2 for pair in pairs):

@@ -29,7 +29,7 @@ def _points(bits: int) -> Floats:
     return np.stack([np.arange(count) + 0.5, np.array(reversed_bits) + 0.5], axis=1) / count
 
 
-def _shifted(points: Floats, count: int) -> Floats:
+def _shift(points: Floats, count: int) -> Floats:
     """(count, n, 2): patterns that fill the gaps of one another, each in its order (M. Roberts's R2 sequence)."""
     shift = np.arange(count)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
     first, second = np.modf(0.5 + shift)[0].T[:, :, None]
@@ -40,7 +40,7 @@ _PROBES, _MORE_PROBES = _points(4)[None], _points(6)[None]
 """Where rays look for light in what feeds a start: the pixel's centre, and any other."""
 _RIM_STARTS = np.stack(np.meshgrid(*2 * [np.linspace(-0.499, 0.499, 4)]), axis=-1).reshape(-1, 2)
 _STARTS = _points(6) - 0.5
-_SHIFTED_PROBES = _shifted(_points(6), len(_STARTS))
+_SHIFTED_PROBES = _shift(_points(6), len(_STARTS))
 """Starts on a pixel, in parts of its sides, and their probes; more where the hole of a stop is not convex."""
 _TOGETHER = 1 << 14
 """Probes at a time."""

@@ -104,7 +104,7 @@ def exposure_page(
 def _shown(exposure: Exposure, white: Exposure | None, region: tuple[slice, slice] | None) -> _Shown:
     image, error = exposure.image, exposure.standard_error
     if white is not None:
-        image, error = _divided(exposure, white)
+        image, error = _divide(exposure, white)
     truth = {} if exposure.truth is None else dict(exposure.truth.arrays())
     start = (0, 0) if exposure.region is None else (exposure.region[0], exposure.region[2])
     first, part = start, (slice(None), slice(None))
@@ -120,7 +120,7 @@ def _shown(exposure: Exposure, white: Exposure | None, region: tuple[slice, slic
     )
 
 
-def _divided(exposure: Exposure, white: Exposure) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+def _divide(exposure: Exposure, white: Exposure) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Radiance and its error; nan where the white image is dark."""
     planes = raw_planes(exposure, white, _LEAST_LIGHT)
     light = np.where(planes.white >= planes.least, planes.white, np.nan)

@@ -60,8 +60,8 @@ class Sight(NamedTuple):
         offset = pixel - self.straight[0] - on_array @ self.straight[1:]
         lines = self.lines(on_array, offset)
         slopes = [(self.lines(on_array, offset + _STEP * np.eye(2)[k]) - lines) / _STEP for k in range(2)]
-        off = points[:, :2] - _placed(lines, points[:, 2])
-        return _turned(np.stack([_placed(slope, points[:, 2]) for slope in slopes], axis=2), off)
+        off = points[:, :2] - _intersect(lines, points[:, 2])
+        return _rotate(np.stack([_intersect(slope, points[:, 2]) for slope in slopes], axis=2), off)
 
     def facts(self) -> dict[str, Any]:
         """For the page."""
@@ -159,18 +159,18 @@ def _error(sight: Sight, samples: Samples, distances: Floats) -> float:
     displacements = []
     for distance in distances.tolist():
         z = np.full(len(line), -distance)
-        displacements.append(sight.beside(np.column_stack([_placed(line, z), z]), pixel, on_array))
+        displacements.append(sight.beside(np.column_stack([_intersect(line, z), z]), pixel, on_array))
     distances_px = np.linalg.norm(np.concatenate(displacements), axis=1)
     distances_px = distances_px[np.isfinite(distances_px)]
     return float(np.percentile(distances_px, 99)) if distances_px.size else np.inf
 
 
-def _placed(lines: Floats, z: Floats) -> Floats:
+def _intersect(lines: Floats, z: Floats) -> Floats:
     """Intersections of lines (n, 4) with planes (n,): x and y (n, 2)."""
     return np.asarray(lines[:, :2] + z[:, None] * lines[:, 2:])
 
 
-def _turned(jacobian: Floats, off: Floats) -> Floats:
+def _rotate(jacobian: Floats, off: Floats) -> Floats:
     """(n, 2): solutions of n systems; nan where rays of all pixels meet, for a point that the array has in focus."""
     (a, b), (c, d) = jacobian.transpose(1, 2, 0)
     with np.errstate(divide="ignore", invalid="ignore"):

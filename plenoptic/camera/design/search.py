@@ -94,7 +94,7 @@ class Search:
             numbers = solved(self.wishes, self.given, optics)
             camera = self._camera(numbers)
             try:
-                traced = self._traced(camera)
+                traced = self._trace_lens(camera)
             except InvalidValueError:
                 if "h" in self.given:
                     raise
@@ -146,7 +146,7 @@ class Search:
             wavelength=self.wavelength,
         )
 
-    def _traced(self, camera: PlenopticCamera) -> Lens:
+    def _trace_lens(self, camera: PlenopticCamera) -> Lens:
         wishes, z = self.wishes, camera.stop_to_microlenses
         image = 0.0 if wishes.z is None else self._image(camera.lens, wishes.z)
         shift = 0.0 if wishes.depth_at is None else self._image(camera.lens, wishes.depth_at) - image

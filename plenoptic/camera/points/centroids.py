@@ -106,10 +106,10 @@ def _centroids_of_kind(axes: ArrayAxes, array: MicrolensArray, points: Floats, p
     knots = [np.linspace(low[k], low[k] + size[k], FIELDS) for k in range(2)]
     grid = np.stack(np.meshgrid(*knots, indexing="ij"), axis=-1)
     lit = centroids_at(axes, array, grid.reshape(-1, 2), power, offsets).reshape(grid.shape)
-    return _interpolated(lit, (points - low) / size * (FIELDS - 1))
+    return _interpolate(lit, (points - low) / size * (FIELDS - 1))
 
 
-def _interpolated(values: Floats, place: Floats) -> Floats:
+def _interpolate(values: Floats, place: Floats) -> Floats:
     """Cubic convolution (R. Keys, IEEE Trans. ASSP 29(6), 1981) of a grid (a, b, c) at places (n, 2), in steps of it.
 
     It reproduces quadratic functions. Linear where the cubic would need values outside the grid or nan.
@@ -180,7 +180,7 @@ def centroids_at(
     each = max(1, _RAYS // (len(offsets) * lines * places))
     parts = []
     for k in range(0, len(points), each):
-        openings = _narrowed(_openings(axes, points[k : k + each], offsets, bounds))
+        openings = _narrow(_openings(axes, points[k : k + each], offsets, bounds))
         sums = _sums(openings, len(offsets), power, lines, places)
         with np.errstate(invalid="ignore", divide="ignore"):
             parts.append(sums[:, 1:] / sums[:, :1])
@@ -221,7 +221,7 @@ def _openings(axes: ArrayAxes, points: Floats, offsets: Floats, bounds: PupilBou
     )
 
 
-def _narrowed(openings: _Openings) -> _Openings:
+def _narrow(openings: _Openings) -> _Openings:
     """Narrow the boxes to the lit part of a grid of rays and a step of the grid around it; unchanged where no ray is
     lit.
 

@@ -162,11 +162,11 @@ def project(
     with Waiting("projecting", kind="camera", show=progress):
         tables = forward_record(camera)
         rows = rows_of(tables, in_lens_axes(tables, positions), each, workers)
-        projection = _assembled(tables, positions, rows)
+        projection = _projection_of(tables, positions, rows)
         return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
 
 
-def _assembled(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
+def _projection_of(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
     sensor, array = tables.camera.sensor, tables.camera.microlenses
     lenses = None if array is None or rows.lens is None else lenses_with(array, rows.lens)
     light = rows.moments[:, :, 0].mean(axis=1)

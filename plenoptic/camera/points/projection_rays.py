@@ -71,14 +71,14 @@ class ThroughArray(NamedTuple):
         """
         slopes = self.axes.slopes_of(rays.direction)
         origin = self.axes.parts.local_to_lens.inverse().points(rays.origin)
-        return self._displaced(origin[:, :2] - origin[:, 2:] * slopes, slopes, False)
+        return self._displace(origin[:, :2] - origin[:, 2:] * slopes, slopes, False)
 
     def sensor_points(self, centres: Floats, rays: RayBundle) -> Floats:
         """Intersections with the sensor, (n, 2) in its own axes, of rays through local optical centres."""
         slopes = self.axes.slopes_of(rays.direction)
-        return self.axes.on_sensor(self._displaced(centres, slopes, True), slopes)
+        return self.axes.on_sensor(self._displace(centres, slopes, True), slopes)
 
-    def _displaced(self, points: Floats, slopes: Floats, rear: bool) -> Floats:
+    def _displace(self, points: Floats, slopes: Floats, rear: bool) -> Floats:
         return self.array.model.rules.displaced(self.array, points, slopes, self.axes.camera.wavelength, rear)
 
 

@@ -40,7 +40,7 @@ class Spot(NamedTuple):
     """(replicates, 3)."""
 
 
-def _counted(record: ForwardRecord, task: Task, seed: np.uint64) -> Crop:
+def _count_hits(record: ForwardRecord, task: Task, seed: np.uint64) -> Crop:
     """Trace one task and count the rays that land on each pixel."""
     from plenoptic.camera.psf.kernels.source_rays import extent, fill_crop
 
@@ -54,7 +54,7 @@ def _counted(record: ForwardRecord, task: Task, seed: np.uint64) -> Crop:
     return Crop(corner, sums, moments, counts)
 
 
-def _added(crops: list[Crop]) -> Crop:
+def _add(crops: list[Crop]) -> Crop:
     """Crops of the chunks of a replicate as one."""
     corner, shape = _around(crops)
     sums = sum((_within(crop.sums, crop.corner, corner, shape) for crop in crops), start=np.zeros(shape))
@@ -102,12 +102,12 @@ def spots_of(
     """Number and spot of each point that has tasks."""
 
     def work(task: Task) -> tuple[Task, Crop]:
-        return task, _counted(record, task, seed)
+        return task, _count_hits(record, task, seed)
 
     results = run_in_order(work, tasks, threads=threads)
     for number, of_point in groupby(results, key=lambda pair: pair[0].number):
         replicates = groupby(of_point, key=lambda pair: pair[0].replicate)
-        yield number, _spot([_added([crop for _, crop in chunks]) for _, chunks in replicates], each)
+        yield number, _spot([_add([crop for _, crop in chunks]) for _, chunks in replicates], each)
 
 
 def assembled(

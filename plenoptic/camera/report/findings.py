@@ -102,13 +102,13 @@ class CameraFinding:
 
 def camera_findings(camera: PlenopticCamera, report: CameraReport) -> tuple[CameraFinding, ...]:
     """Return the warnings of a report, in the order of the kinds."""
-    findings = [*_lens(camera, report), *_focus(report), *_placed(camera)]
+    findings = [*_lens(camera, report), *_focus(report), *_placements(camera)]
     if camera.microlenses is not None:
         findings += [*_images(camera, report), *_types(camera, report)]
     return tuple(sorted(findings, key=lambda finding: finding.kind))
 
 
-def _placed(camera: PlenopticCamera) -> Iterator[CameraFinding]:
+def _placements(camera: PlenopticCamera) -> Iterator[CameraFinding]:
     places = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
     if any(place is not None for place in places):
         yield CameraFinding(

@@ -40,7 +40,7 @@ def sensor_bounds(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[f
     corners = sensor_corners(camera, parts)
     farthest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
     heights = parts.z_plane + corners[:, 2]
-    return _united(camera, heights, farthest, SIDE * camera.sensor.pixel_pitch / np.sqrt(2), wavelengths)
+    return _union(camera, heights, farthest, SIDE * camera.sensor.pixel_pitch / np.sqrt(2), wavelengths)
 
 
 def array_bounds(
@@ -67,7 +67,7 @@ def array_bounds(
         farthest = (1.0 + tilt) * ratio * sensor + a + strongest * array.cell_radius + margin + off_axis
         widest = 1.02 * farthest / max(1.0 + ratio - b, 0.1 * (1.0 + ratio)) + array.cell_radius + aside
         heights = parts.z_plane + tilt * (widest + sensor) * np.array([-1.0, 0.0, 1.0])
-        bounds = _united(camera, heights, widest, array.cell_radius + aside, wavelengths)
+        bounds = _union(camera, heights, widest, array.cell_radius + aside, wavelengths)
         rounds -= 1
         if rounds == 0:
             return Bounds(bounds, margin, aside, widest)
@@ -147,7 +147,7 @@ def _bend(array: MicrolensArray, power: float, pupil_distance: float, ratio: flo
     return 1.0 + ratio - pupil_distance * power if array.model.focuses else 0.0
 
 
-def _united(
+def _union(
     camera: PlenopticCamera, heights: Floats, largest: float, cell_radius: float, wavelengths: tuple[float, ...]
 ) -> PupilBounds:
     """Outlines that hold those of planes of all heights, from the least to the greatest, and of all wavelengths."""

@@ -46,10 +46,10 @@ def _on_sensor(camera: CameraRecord, row: Floats, column: Floats) -> Floats:
     """(n, 2): points of the sensor, given in rows and columns from its corner: local x and y in mm."""
     sensor, placed = camera.sensor, camera.parts.sensor_to_local
     on_sensor = np.stack([-(column - sensor.columns / 2), row - sensor.rows / 2], axis=-1) * sensor.pitch
-    return _turned(on_sensor, placed.turn[:2, :2]) + placed.shift[:2]
+    return _rotate(on_sensor, placed.turn[:2, :2]) + placed.shift[:2]
 
 
-def _turned(points: Floats, matrix: Floats) -> Floats:
+def _rotate(points: Floats, matrix: Floats) -> Floats:
     """Points (n, 2) under a matrix. Products of matrices would round otherwise for one point than for many."""
     return np.stack([points[:, 0] * row[0] + points[:, 1] * row[1] for row in matrix], axis=-1)
 
@@ -94,11 +94,11 @@ class _Half(NamedTuple):
     slack: float
 
 
-def _grouped(camera: CameraRecord, starts: Floats) -> tuple[Floats, NDArray[np.int64]]:
+def _group(camera: CameraRecord, starts: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """Centres (g, 2) of the groups of pixels in which points of the sensor (n, 2) lie, and which is whose (n,)."""
     sensor, placed = camera.sensor, camera.parts.sensor_to_local
     back = np.asarray(np.linalg.inv(placed.turn[:2, :2]), dtype=np.float64)
-    on_sensor = _turned(starts - placed.shift[:2], back) / sensor.pitch
+    on_sensor = _rotate(starts - placed.shift[:2], back) / sensor.pitch
     column = np.floor((sensor.columns / 2 - on_sensor[:, 0]) / SIDE).astype(np.int64)
     row = np.floor((on_sensor[:, 1] + sensor.rows / 2) / SIDE).astype(np.int64)
     across = sensor.columns // SIDE + 2 * _BESIDE
@@ -189,7 +189,7 @@ def feeding_regions(
 
     cells_per_pixel(camera)
     if certain or camera.exact:
-        centres, group = _grouped(camera, starts)
+        centres, group = _group(camera, starts)
         turn = camera.parts.sensor_to_local.turn
         sides = 0.5 * SIDE * camera.sensor.pitch * np.abs(turn[:2, :2]).sum(axis=1)
         colours = 1 if camera.dispersed is None else 3
@@ -236,7 +236,7 @@ def _bent_pixels(
     row, column = at
     grid[at] = np.arange(len(pixels))
     for steps in (reach, NEAR):
-        new = np.nonzero(_widened(grid >= 0, steps) & (grid < 0))
+        new = np.nonzero(_widen(grid >= 0, steps) & (grid < 0))
         grid[new] = len(row) + np.arange(len(new[0]))
         if steps == reach:
             sharing = len(row) + len(new[0])
@@ -256,7 +256,7 @@ def _bent_pixels(
         numbers=np.append(number, ring),
         givers=grid[at[0][:, None] - down, at[1][:, None] + across].astype(np.int64),
         centres=centres,
-        areas=_widened(areas, NEAR)[at],
+        areas=_widen(areas, NEAR)[at],
         shape=(sensor.rows, sensor.columns),
         plane=sensor.plane,
         bend=bend,
@@ -289,7 +289,7 @@ def sharing_pixels(camera: CameraRecord, fed: FedPixels, spread: SpreadTable) ->
     return parts[0], parts[1]
 
 
-def _widened(image: NDArray[Any], steps: int) -> NDArray[Any]:
+def _widen(image: NDArray[Any], steps: int) -> NDArray[Any]:
     """The largest value of an image among those up to some rows and columns away."""
     for axis in range(2):
         before, image = image, image.copy()

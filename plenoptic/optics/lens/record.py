@@ -151,8 +151,8 @@ def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
         edges=np.array(edges, dtype=np.float64).reshape(-1, 4),
         first_edge=np.cumsum([0, *(len(row.edges) for row in rows)], dtype=np.int64),
         conic=np.array([row.conic for row in rows]) if shaped else None,
-        aspheric=_padded([row.aspheric for row in rows]),
-        departure=_padded([row.departure for row in rows]),
+        aspheric=_pad([row.aspheric for row in rows]),
+        departure=_pad([row.departure for row in rows]),
         frames=np.array([row.frame or still for row in rows]) if any(row.frame for row in rows) else None,
         mirrors=np.array([row.mirror or still for row in rows]) if any(row.mirror for row in rows) else None,
         masks=_masks(rows),
@@ -161,7 +161,7 @@ def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
     )
 
 
-def _padded(numbers: list[tuple[float, ...]]) -> Floats | None:
+def _pad(numbers: list[tuple[float, ...]]) -> Floats | None:
     """One row an element, filled up with 0; None where no element has any."""
     width = max(map(len, numbers))
     return np.array([(*row, *[0.0] * (width - len(row))) for row in numbers]) if width else None

@@ -52,17 +52,17 @@ def _small_picture(rgba: Any) -> tuple[str, bytes]:
     drawn = Image.fromarray(np.asarray(rgba))
     full = Image.new("RGB", drawn.size, "white")
     full.paste(drawn, mask=drawn.getchannel("A"))
-    kind, data = "png", _encoded(full, format="PNG", compress_level=6)
+    kind, data = "png", _encode(full, format="PNG", compress_level=6)
     for scale, quality in _SMALLER:
         if len(data) <= _MOST_BYTES:
             break
         size = max(1, round(scale * full.width)), max(1, round(scale * full.height))
         smaller = full if scale == 1.0 else full.resize(size, Image.Resampling.LANCZOS)
-        kind, data = "jpeg", _encoded(smaller, format="JPEG", quality=quality, subsampling=0)
+        kind, data = "jpeg", _encode(smaller, format="JPEG", quality=quality, subsampling=0)
     return kind, data
 
 
-def _encoded(image: Any, **options: Any) -> bytes:
+def _encode(image: Any, **options: Any) -> bytes:
     stream = io.BytesIO()
     image.save(stream, **options)
     return stream.getvalue()

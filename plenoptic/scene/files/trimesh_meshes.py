@@ -51,7 +51,7 @@ def trimesh_meshes(
         label = str(getattr(getattr(part.visual, "material", None), "name", None) or "")
         chosen = material
         if chosen is None:
-            chosen = materials[label] if label in materials else _coloured(part.visual)
+            chosen = materials[label] if label in materials else _vertex_colour(part.visual)
         # trimesh makes up normals when asked for them; only the file's are there before.
         normals = part.vertex_normals if "vertex_normals" in part._cache else None
         uv = getattr(part.visual, "uv", None)
@@ -165,7 +165,7 @@ def _ply_texture(header: str, reader: FileReader) -> Lambertian | None:
         raise FileError(f"its texture cannot be used: {error}, {REPLACE}") from None
 
 
-def _coloured(visual: Any) -> Lambertian:
+def _vertex_colour(visual: Any) -> Lambertian:
     """The one colour of a part without material, sRGB-encoded; grey where it has many or none."""
     from plenoptic.core.color.srgb import srgb_to_linear
 

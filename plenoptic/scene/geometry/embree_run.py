@@ -24,7 +24,7 @@ class SceneRunTriangles:
         self._instance: NDArray[np.int32] | None = None
         vertices, triangles = geometry.vertices, geometry.triangles
         if instances is not None:
-            vertices, triangles, self._row, self._instance = _copied(vertices, triangles, instances)
+            vertices, triangles, self._row, self._instance = _copies(vertices, triangles, instances)
         self._scene: Any = EmbreeScene(robust=True)
         centred = (vertices - self._middle).astype(np.float32)
         self._mesh = TriangleMesh(self._scene, centred, np.ascontiguousarray(triangles))
@@ -46,7 +46,7 @@ class SceneRunTriangles:
         return np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(directions, np.float32)
 
 
-def _copied(
+def _copies(
     vertices: Floats, triangles: NDArray[np.int32], instances: InstanceRecord
 ) -> tuple[Floats, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """All triangles in the world, with the row of `triangles` and the instance (or -1) of each."""

@@ -71,7 +71,9 @@ def lights_record(
     point_power = np.array([light.power / unit for light in points])
     sun_power = np.array([disc * (channel_mean(light.irradiance) / unit) for light in suns if drawn])
     sky_power = np.array([] if environment is None or not drawn else [disc * (environment.total / unit)])
-    probability, per_near = _shared(np.concatenate([near_power, point_power]), np.concatenate([sun_power, sky_power]))
+    probability, per_near = _share_sky(
+        np.concatenate([near_power, point_power]), np.concatenate([sun_power, sky_power])
+    )
     cdf = items = None
     sun_pdf = np.zeros(len(suns))
     if probability.size:
@@ -132,7 +134,7 @@ def _triangle_powers(
             areas.append(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
     row, where, area = np.concatenate(rows), np.concatenate(places), np.concatenate(areas)
     power = area * exitance[geometry.triangle_material[row]]
-    counts = (power > 0) & ~_repeated(geometry, row, where)
+    counts = (power > 0) & ~_duplicates(geometry, row, where)
     return row[counts], where[counts], power[counts], exitance
 
 
@@ -169,7 +171,7 @@ def _largest_offsets(corners: Floats, normal: Floats, middle: Floats, distance: 
     return np.asarray(RAY_OFFSET * near + RAY_OFFSET_64 * np.abs(corners).sum(axis=2).max(axis=1))
 
 
-def _repeated(geometry: Geometry, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _duplicates(geometry: Geometry, row: NDArray[np.int64], place: NDArray[np.int32]) -> NDArray[np.bool_]:
     """True for triangles exactly on an earlier one, facing the same way: rays hit one of them, not both."""
     corners = geometry.vertices[geometry.triangles[row]]
     # A number for each triangle that does not depend on its first corner; equal ones are compared in full.
@@ -185,7 +187,7 @@ def _repeated(geometry: Geometry, row: NDArray[np.int64], place: NDArray[np.int3
     return repeated
 
 
-def _shared(near: Floats, distant: Floats) -> tuple[Floats, float]:
+def _share_sky(near: Floats, distant: Floats) -> tuple[Floats, float]:
     """Probabilities by power, and probability per power of the near lights."""
     # Relative to the strongest, so that no radiance overflows the sums.
     largest = max(near.max(initial=0.0), distant.max(initial=0.0))

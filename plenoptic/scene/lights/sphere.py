@@ -122,7 +122,7 @@ def _body() -> tuple[Floats, NDArray[np.int64]]:
     """Vertices (642, 3) and faces (1280, 3) of a nearly round body around the origin with the area 4 pi."""
     vertices, faces = _icosahedron()
     for _ in range(_SUBDIVISIONS):
-        vertices, faces = _subdivided(vertices, faces)
+        vertices, faces = _subdivide(vertices, faces)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     return vertices * math.sqrt(4 * math.pi / area), faces
@@ -144,7 +144,7 @@ def _icosahedron() -> tuple[Floats, NDArray[np.int64]]:
     return np.concatenate([ring, [[0, 0, 1.0], [0, 0, -1.0]]]), np.concatenate(faces)
 
 
-def _subdivided(vertices: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray[np.int64]]:
+def _subdivide(vertices: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray[np.int64]]:
     """Four triangles for each one, with the middles of its edges moved out to the unit sphere."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     edges, numbers = np.unique(sides, axis=0, return_inverse=True)

@@ -150,7 +150,7 @@ class Conditioning:
 
     def __repr__(self) -> str:
         worst = self.worst
-        what = "" if worst is None else f": worst at element {worst.element}, {_named(worst)}"
+        what = "" if worst is None else f": worst at element {worst.element}, {_element_name(worst)}"
         return f"<Conditioning of {self.rays} rays at {len(self.elements)} elements{what}>"
 
     def __str__(self) -> str:
@@ -163,7 +163,7 @@ class Conditioning:
         worst = self.worst
         if worst is not None:
             lines.append("largest / median of all rays; digits lost: logarithm of the cancellation")
-            lines.append(f"worst: {_named(worst)} at element {worst.element}")
+            lines.append(f"worst: {_element_name(worst)} at element {worst.element}")
         return "\n".join(lines)
 
     def _row(self, i: int) -> tuple[str, ...]:
@@ -189,7 +189,7 @@ def _pair(numbers: Floats) -> str:
     return "" if np.isnan(numbers).any() else " / ".join(f"{number:.3g}" for number in numbers)
 
 
-def _named(worst: Worst) -> str:
+def _element_name(worst: Worst) -> str:
     return f"{worst.condition.name.lower()} {worst.number:.3g}"
 
 

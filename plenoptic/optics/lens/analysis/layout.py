@@ -84,7 +84,7 @@ def _usual_object(lens: LensStack, wavelength: float) -> float:
     return points.front_focus if points.rear_focus <= last and points.front_focus < first else -math.inf
 
 
-def _started(rays: RayBundle, first: Floats, lead: float, *, parallel: bool) -> RayBundle:
+def _start_rays(rays: RayBundle, first: Floats, lead: float, *, parallel: bool) -> RayBundle:
     """The rays from at most `lead` before their first point on the lens; parallel ones from their wavefront there."""
     before = np.einsum("ij,ij->i", first - rays.origin, rays.direction)
     if parallel:
@@ -124,7 +124,7 @@ def layout(
         aimed = aimed_rays(exact, field=(0.0, field), pupil=pupil, z_object=place, wavelength=wavelength)
         first = traced_part(lens, aimed, 0, 0, clipping=False).origin
         lead = max(_LEAD * lens.length, _LEAD_OF_ALL * (z_end - float(lens.vertices[0])))
-        started = _started(aimed, first, lead, parallel=parallel)
+        started = _start_rays(aimed, first, lead, parallel=parallel)
         polylines = ray_paths(exact, started, z_end=z_end)
         # Rays that pass beside the lens are not drawn.
         paths.append(polylines[np.isfinite(polylines[:, 2, 2])])

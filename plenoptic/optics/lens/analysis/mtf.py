@@ -116,7 +116,7 @@ def point_spread(  # noqa: PLR0913
     else:
         size = length_in_mm(pixel_size, "pixel_size")
     middle = spot.centroid if centre is None else frozen_array(centre, name="centre", shape=(2,))
-    counted = _counted(spot, middle, size, rows, columns)
+    counted = _count(spot, middle, size, rows, columns)
     image = counted.sum(axis=0)
     return PointSpread(
         image=image,
@@ -140,7 +140,7 @@ def _needs_light(spot: SpotDiagram) -> None:
         )
 
 
-def _counted(spot: SpotDiagram, centre: Floats, size: float, rows: int, columns: int) -> Floats:
+def _count(spot: SpotDiagram, centre: Floats, size: float, rows: int, columns: int) -> Floats:
     """Light on each pixel from each replicate, (REPLICATES, rows, columns)."""
     column = np.floor((spot.x - centre[0]) / size + 0.5 * columns)
     row = np.floor((centre[1] - spot.y) / size + 0.5 * rows)

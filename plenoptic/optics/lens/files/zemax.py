@@ -172,10 +172,10 @@ class _Glasses:
             nd, vd = line.real(3), line.real(4) if len(line.words) > 4 else 0.0
             return ModelGlass(nd, vd) if vd != 0 else ConstantMedium(nd)
         if name not in self._found:
-            self._found[name] = self._own[name] if name in self._own else self._bundled(name)
+            self._found[name] = self._own[name] if name in self._own else self._bundled_glass(name)
         return self._found[name]
 
-    def _bundled(self, name: str) -> Medium:
+    def _bundled_glass(self, name: str) -> Medium:
         try:
             return bundled_glass(name, self._catalogues.split())
         except PrescriptionError:

@@ -65,7 +65,7 @@ def unfolded(rows: list[Row], where: str) -> tuple[list[Row], bool]:
 
 def _break(turn: tuple[float, ...]) -> tuple[Floats, Floats]:
     """Shift and rotation of a coordinate break, in the axes before it."""
-    x, y, z = (_turned(axis, math.radians(angle)) for axis, angle in enumerate(turn[2:5]))
+    x, y, z = (_rotate(axis, math.radians(angle)) for axis, angle in enumerate(turn[2:5]))
     decentre = np.array([turn[0], turn[1], 0.0])
     if turn[5] == 0:
         return decentre, x @ y @ z
@@ -73,7 +73,7 @@ def _break(turn: tuple[float, ...]) -> tuple[Floats, Floats]:
     return rotation @ decentre, rotation
 
 
-def _turned(axis: int, angle: float) -> Floats:
+def _rotate(axis: int, angle: float) -> Floats:
     i, j = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(3)
     matrix[i, i] = matrix[j, j] = math.cos(angle)

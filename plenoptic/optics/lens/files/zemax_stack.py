@@ -303,7 +303,7 @@ def _with_sizes(
     with np.errstate(all="ignore"):
         sizes = np.abs(beam.heights @ beam.marginal) * scale + np.abs(beam.heights @ chief)
     return [
-        piece if piece.size_is_known else _resized(piece, min(float(size), _equator(piece.row)), where)
+        piece if piece.size_is_known else _resize(piece, min(float(size), _equator(piece.row)), where)
         for piece, size in zip(pieces, sizes, strict=True)
     ]
 
@@ -311,14 +311,14 @@ def _with_sizes(
 def _with_stop(pieces: list[_Piece], stop: int, size: float, where: str) -> list[_Piece]:
     """With a stop of that semi-diameter, or of its aperture; the surface on which it lies is at least as large."""
     resized, aperture = list(pieces), pieces[stop].row.aperture
-    resized[stop] = _resized(pieces[stop], size if aperture is None else min(size, aperture), where)
+    resized[stop] = _resize(pieces[stop], size if aperture is None else min(size, aperture), where)
     for i, piece in enumerate(pieces[stop + 1 :], start=stop + 1):
         if piece.row.is_stop and piece.size_is_known and piece.row.aperture is None:
-            resized[i] = _resized(piece, max(size, piece.element.semi_diameter), where)
+            resized[i] = _resize(piece, max(size, piece.element.semi_diameter), where)
     return resized
 
 
-def _resized(piece: _Piece, size: float, where: str) -> _Piece:
+def _resize(piece: _Piece, size: float, where: str) -> _Piece:
     try:
         return piece._replace(element=dataclasses.replace(piece.element, semi_diameter=size), size_is_known=True)
     except InvalidValueError as error:

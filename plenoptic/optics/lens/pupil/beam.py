@@ -140,7 +140,7 @@ def pencil(
     corners = _grown(lens, launch, _outline(launch.coordinates(aimed)))
     each = -(-rays // replicates)
     uniform = np.concatenate([sobol_points(each, seed=seed, replicate=k)[:, :2] for k in range(replicates)])
-    points, extent = _filled(corners, uniform)
+    points, extent = _fill(corners, uniform)
     entering = launch.rays(points)
     return Pencil(entering, lens.trace(entering), lens.trace(chief), extent)
 
@@ -268,7 +268,7 @@ def _grown(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
     return np.asarray(centre + size * (corners - centre))
 
 
-def _filled(corners: Floats, uniform: Floats) -> tuple[Floats, float]:
+def _fill(corners: Floats, uniform: Floats) -> tuple[Floats, float]:
     """Points (n, 2) spread evenly over a polygon from points (n, 2) of the unit square, and the polygon's area."""
     centre = corners.mean(axis=0)
     first = corners - centre

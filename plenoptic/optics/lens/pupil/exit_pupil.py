@@ -111,7 +111,7 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
     if lens.model is not LensModel.EXACT:
         rows = lens_record(lens, wavelength, reverse=True, round_stops=True).rows
         stop = rows[rows["kind"] == CIRCLE][0]
-        return _projected(gap, float(stop["z"]) - z_last, math.sqrt(stop["semi_diameter2"]))
+        return _project(gap, float(stop["z"]) - z_last, math.sqrt(stop["semi_diameter2"]))
     depth, reach, tilted = 0.0, last.semi_diameter, 0.0
     if isinstance(last, Surface):
         last = last.from_behind
@@ -121,11 +121,11 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
         shift, turn = np.asarray(last.placement.shift), np.asarray(last.placement.rotation)
         tilted += reach * float(np.hypot(turn[2, 0], turn[2, 1]))
         depth, reach = depth + float(shift[2]), reach + float(np.hypot(shift[0], shift[1]))
-    near, far = (_projected(gap, depth + side, reach) for side in (tilted, -tilted))
+    near, far = (_project(gap, depth + side, reach) for side in (tilted, -tilted))
     return max(near[0], far[0]), max(near[1], far[1])
 
 
-def _projected(gap: float, ahead: float, reach: float) -> tuple[float, float]:
+def _project(gap: float, ahead: float, reach: float) -> tuple[float, float]:
     """A disc of radius `reach`, `ahead` of the plane of outlines, as (a, b) of `rear_reach`."""
     fraction = min(gap / max(gap - ahead, 1e-3 * gap), _LARGEST_FRACTION)
     return max(fraction, 1.0) * reach, abs(1.0 - fraction)
@@ -169,7 +169,7 @@ def _traced_bounds(
         rho = np.linspace(0.0, largest_radius + cell_radius, radii)
         support, parted = _all_round(content.lens, rho, pupil, z, z_plane, rear)
         if radii >= _MOST_RADII or _largest_step(support) < 0.5:
-            return _widened(rho, support, parted, cell_radius, largest_radius, z)
+            return _widen(rho, support, parted, cell_radius, largest_radius, z)
         radii *= 3
 
 
@@ -194,7 +194,7 @@ def _all_round(
     if lens.frames is None and lens.departure is None:
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
-    outlines = [_followed_outlines(_turned(lens, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
+    outlines = [_followed_outlines(_rotate(lens, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
     supports = np.array([support for support, _ in outlines])
     largest = supports.max(axis=0)
     smallest = np.where(np.isfinite(supports), supports, np.inf).min(axis=0)
@@ -204,7 +204,7 @@ def _all_round(
     return np.asarray(largest + (1.0 - math.cos(math.pi / _AZIMUTHS)) * spread), parted
 
 
-def _turned(lens: LensRecord, angle: float) -> LensRecord:
+def _rotate(lens: LensRecord, angle: float) -> LensRecord:
     """The lens turned about the axis by -angle, which is the same as looking at it from the azimuth `angle`."""
     cos, sin = math.cos(angle), math.sin(angle)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -282,7 +282,7 @@ def _middle(support: Floats) -> Place:
     return 0.5 * float(left + right), 0.5 * float(up + down), 0.5 * float(max(right - left, up - down))
 
 
-def _widened(
+def _widen(
     rho: Floats, support: Floats, parted: NDArray[np.bool_], cell_radius: float, largest_radius: float, z: float
 ) -> PupilBounds:
     """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""

@@ -228,7 +228,7 @@ def _lit(sight: Sight, box: Guess, lines: int | None) -> _Lit:
     thin = len(between) > 0
     if thin or len(lit):
         between = np.concatenate([between, sight.known])
-    parted = max(_spanned(passes), _spanned(passes.T)) > (1.0 + _HOLES) * np.count_nonzero(passes)
+    parted = max(_span(passes), _span(passes.T)) > (1.0 + _HOLES) * np.count_nonzero(passes)
     return _Lit(lit, between, mesh, thin, bool(parted or _beyond(between, lit, _TIP * mesh).any()))
 
 
@@ -240,7 +240,7 @@ def _beyond(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
     return np.asarray((points @ normals.T > (lit @ normals.T).max(axis=0) + by).any(axis=1))
 
 
-def _spanned(passes: NDArray[np.bool_]) -> int:
+def _span(passes: NDArray[np.bool_]) -> int:
     """Number of points of a grid between the first and the last passing one of their row, these included."""
     lit = passes[passes.any(axis=1)]
     return int((lit.shape[1] - lit.argmax(axis=1) - lit[:, ::-1].argmax(axis=1)).sum())

@@ -195,7 +195,7 @@ def _chief_guess(half: Half, centre: Floats) -> Floats:
     return np.asarray((angles[i] + (angles[i + 1] - angles[i]) * past[i] / (past[i] - past[i + 1]))[None])
 
 
-def _continued(half: Half, lens: LensStack, pupil: Floats, chief: Floats) -> tuple[Floats, Floats]:
+def _continue_to(half: Half, lens: LensStack, pupil: Floats, chief: Floats) -> tuple[Floats, Floats]:
     """Angle coordinates (n, 2) at points of the iris and their errors, from those at its centre, (1, 2)."""
     n = len(pupil)
     angles, progress, advance, miss = np.repeat(chief, n, axis=0), np.zeros(n), np.ones(n), np.full(n, math.inf)
@@ -236,16 +236,16 @@ def aimed_angles(half: Half, lens: LensStack, pupil: Floats) -> tuple[Floats, Fl
     if len(pupil) == 0 or not missed[0] <= SOLVED:
         return np.repeat(chief, len(pupil), axis=0), np.full(len(pupil), math.inf)
     if len(pupil) <= _MANY:
-        return _continued(half, lens, pupil, chief)
+        return _continue_to(half, lens, pupil, chief)
     reach = float(np.hypot(pupil[:, 0], pupil[:, 1]).max()) or 1.0
-    samples, misses = _continued(half, lens, reach * hexapolar(_RINGS), chief)
+    samples, misses = _continue_to(half, lens, reach * hexapolar(_RINGS), chief)
     if not np.all(misses <= SOLVED):
-        return _continued(half, lens, pupil, chief)
+        return _continue_to(half, lens, pupil, chief)
     coefficients = _fit() @ samples
     angles, miss = np.empty_like(pupil), np.empty(len(pupil))
     for start in range(0, len(pupil), _CHUNK):
         at = slice(start, start + _CHUNK)
         angles[at], miss[at] = _newton(half, points_of(lens, pupil[at]), _terms(pupil[at] / reach) @ coefficients)
     lost = np.flatnonzero(~(miss <= SOLVED))
-    angles[lost], miss[lost] = _continued(half, lens, pupil[lost], chief)
+    angles[lost], miss[lost] = _continue_to(half, lens, pupil[lost], chief)
     return angles, miss

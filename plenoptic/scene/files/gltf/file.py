@@ -67,30 +67,30 @@ class GltfFile:
         kind = np.dtype(_one_of(_COMPONENTS, accessor, "componentType", place))
         width, count = _one_of(_WIDTHS, accessor, "type", place), whole(accessor, "count", place, least=1)
         if "bufferView" in accessor:
-            array = self._strided(accessor, place, count, kind, width)
+            array = self._strided_view(accessor, place, count, kind, width)
         else:
             self.reader.check(8 * count * width, f"its {place}")
             array = np.zeros((count, width), kind)
         if "sparse" in accessor:
-            array = self._replaced(accessor["sparse"], f"{place} (sparse)", array)
+            array = self._replace_sparse(accessor["sparse"], f"{place} (sparse)", array)
         if not accessor.get("normalized", False):
             return array
         if kind.kind == "f" or kind.itemsize > 2:
             raise FileError(f"its {place} is normalised {kind.name}; only whole numbers of 8 and 16 bits can be")
         return np.maximum(array / np.float64(np.iinfo(kind).max), -1.0)
 
-    def _replaced(self, sparse: Mapping[str, Any], place: str, array: NDArray[Any]) -> NDArray[Any]:
+    def _replace_sparse(self, sparse: Mapping[str, Any], place: str, array: NDArray[Any]) -> NDArray[Any]:
         """A copy with some rows replaced."""
         count, indices = whole(sparse, "count", place, least=1, most=len(array)), sparse["indices"]
         kind = np.dtype(_one_of(INDICES, indices, "componentType", place))
-        rows = self._strided(indices, place, count, kind, 1)[:, 0].astype(np.int64)
+        rows = self._strided_view(indices, place, count, kind, 1)[:, 0].astype(np.int64)
         if rows[-1] >= len(array) or (np.diff(rows) <= 0).any():
             raise FileError(f"its {place} has indices that do not grow, or reach {len(array)}; export it again")
         array = array.copy()
-        array[rows] = self._strided(sparse["values"], place, count, array.dtype, array.shape[1])
+        array[rows] = self._strided_view(sparse["values"], place, count, array.dtype, array.shape[1])
         return array
 
-    def _strided(
+    def _strided_view(
         self, described: Mapping[str, Any], place: str, count: int, kind: np.dtype[Any], width: int
     ) -> NDArray[Any]:
         content, size = self.view(described.get("bufferView")), kind.itemsize * width

@@ -45,7 +45,7 @@ def gltf_material(
         return MetallicRoughness(0.0, 0.0, 1.0, emission=base, two_sided=two_sided, opacity=opacity, cutoff=cutoff)
     metallic = read.share(layer_info, pbr.get("metallicFactor", 1.0), BLUE)
     roughness = read.share(layer_info, pbr.get("roughnessFactor", 1.0), GREEN)
-    passed = _transmitted(extensions, metallic, read.name)
+    passed = _transmission(extensions, metallic, read.name)
     if passed == 1:
         return _glass(extensions, base, roughness, scale, read.name)
     coat = extensions.get("KHR_materials_clearcoat", {})
@@ -58,7 +58,7 @@ def gltf_material(
         normal_map=read.normals(described.get("normalTexture")),
         emission=_emission(described, read),
         two_sided=two_sided,
-        opacity=_thinned(opacity, passed, read.name),
+        opacity=_thin(opacity, passed, read.name),
         cutoff=cutoff,
         clearcoat=clearcoat,
         clearcoat_roughness=read.share(coat.get("clearcoatRoughnessTexture"), coat_factor, GREEN),
@@ -102,7 +102,7 @@ def _emission(described: Mapping[str, Any], read: MaterialTextures) -> Colour | 
     return dark_or_not(read.colour(described.get("emissiveTexture"), strengthened))
 
 
-def _thinned(opacity: float | Texture, passed: float, name: str) -> float | Texture:
+def _thin(opacity: float | Texture, passed: float, name: str) -> float | Texture:
     """The opacity of a surface that also lets a share of the light pass."""
     if passed == 0:
         return opacity
@@ -112,7 +112,7 @@ def _thinned(opacity: float | Texture, passed: float, name: str) -> float | Text
     return opacity
 
 
-def _transmitted(extensions: Mapping[str, Any], metallic: float | Texture, name: str) -> float:
+def _transmission(extensions: Mapping[str, Any], metallic: float | Texture, name: str) -> float:
     """The share of light that a material lets pass instead of scattering it back: 1 is glass.
 
     Metal lets nothing pass. A texture of transmission is left out, with a warning.

@@ -35,10 +35,10 @@ def warn_of_tangents(mesh: Mesh, tangents: Floats) -> None:
     cosine = _ratio((flat * along_u).sum(axis=1), np.linalg.norm(flat, axis=1) * np.linalg.norm(along_u, axis=1))
     has_area = (area != 0) & normal.any(axis=1)
     other = has_area & ((cosine < math.cos(_ANGLE)) | (of_file[:, 3] * area < 0))
-    differ = float(other.sum() / max(1.0, float(has_area.sum())))
-    if differ > _SHARE:
+    part = float(other.sum() / max(1.0, float(has_area.sum())))
+    if part > _SHARE:
         warn(
-            f"the tangents of mesh {mesh.name!r} are left out, and on {100 * differ:.0f} % of its triangles they differ "
+            f"the tangents of mesh {mesh.name!r} are left out, and on {100 * part:.0f} % of its triangles they differ "
             f"from the directions of its texture by more than {math.degrees(_ANGLE):g} degrees: its normal map is "
             "turned there; export without tangents to see what is rendered, or bake the map again",
             FileWarning,
