@@ -136,8 +136,8 @@ seed_of_a_camera dataset/task.py: dataset
 - spawn_key=(frame, camera)
 + spawn_key=(frame,)
 toolbox_middle export/to_lftoolbox.py: export
-- found[axis, [axis, 4]] = step, -step * 0.5 * (views + 1)
-+ found[axis, [axis, 4]] = step, -step * 0.5 * (views - 1)
+- matrix[axis, [axis, 4]] = step, -step * 0.5 * (views + 1)
++ matrix[axis, [axis, 4]] = step, -step * 0.5 * (views - 1)
 blur_of_a_point package/calibration.py: package export
 - blur = 0.5 * opening_width(array) * spread
 + blur = opening_width(array) * spread
