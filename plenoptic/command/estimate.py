@@ -1,10 +1,9 @@
-"""Say what a render would take in time, memory and files."""
+"""Estimate time, memory and files of a render."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
 
 from plenoptic.command.render_options import fill_render_options, request_of
 
@@ -18,15 +17,14 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print it."""
+    """Print the estimate."""
     from plenoptic.rendering.estimation.estimate import Estimated, estimate
 
     request = request_of(options)
-    given = request.arguments("samples", "target_error", "replicates", "threads", "progress")
-    found = estimate(request.scene, request.camera, **given)
-    if not options.json:
-        print(found)
-        return
-    fields: dict[str, Any] = {name: getattr(found, name) for name in found.__dataclass_fields__}
-    numbers = {name: number._asdict() for name, number in fields.items() if isinstance(number, Estimated)}
-    print(json.dumps(numbers, indent=1))
+    arguments = request.arguments("samples", "target_error", "replicates", "threads", "progress")
+    estimated = estimate(request.scene, request.camera, **arguments)
+    if options.json:
+        numbers = {name: n._asdict() for name, n in vars(estimated).items() if isinstance(n, Estimated)}
+        print(json.dumps(numbers, indent=1))
+    else:
+        print(estimated)

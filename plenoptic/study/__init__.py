@@ -1,4 +1,4 @@
-"""What the simulator can be trusted with: studies that print a table. ``plenoptic study`` runs them."""
+"""Studies of the simulator, each printed as a table; ``plenoptic study`` runs them."""
 
 import lazy_loader
 

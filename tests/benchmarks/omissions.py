@@ -10,8 +10,8 @@ from table import Table
 from timing import median, taking_turns
 
 import plenoptic as pl
-from plenoptic.study.cost.cases import COST_CASES
-from plenoptic.study.cost.measurement import cost_of
+from plenoptic.study.cost.cost_cases import COST_CASES
+from plenoptic.study.cost.cost_study import cost_of
 from plenoptic.truth.channels import Truth
 
 CASES = ("white", "check", "objects", "furnished")
@@ -34,22 +34,10 @@ def omitted(case, *, quick):
     samples, rounds, side = (8, 2, 64) if quick else (8, 5, 48) if case == "furnished" else (32, 9, 128)
     plan = COST_CASES[case]()
     region = reference.middle(side, of=plan.subject.camera.sensor.shape[0])
-    found = cost_of(plan, samples=samples, rounds=rounds, region=region)
-    rows = []
-    for row in found.dearest:
-        costs = (row.with_it, row.without_it, row.percent, row.standard_error, 1000 * row.set_up)
-        name = row.stage.name.lower().replace("_", " ")
-        rows.append((name, row.instead, *costs, row.picture_change, len(row.also)))
-    columns = (
-        "stage | without it | CPU s per million paths with it | without | % of the CPU time | standard error | set-"
-        "up, ms | picture changes by % | stages that stop too"
-    )
-    title = f"What leaving out saves: `{case}`, {side} x {side} pixels, {samples} samples, one thread, {rounds} rounds"
-    remarks = [
-        f"All of it takes {found.cpu_per_million:.3g} CPU s per million paths and {found.set_up:.2f} s of set-up.",
-        *(f"Not left out: {stage.name.lower()}: {reason}." for stage, reason in found.kept),
-    ]
-    return Table(title, columns, rows, remarks)
+    costs = cost_of(plan, samples=samples, rounds=rounds, region=region)
+    columns = [head for head, _ in costs.rows[0].cells]
+    rows = [[text for _, text in row.cells] for row in costs.rows]
+    return Table(f"What leaving out saves: `{case}`", columns, rows, costs.notes)
 
 
 def part_costs(*, quick):

@@ -94,7 +94,7 @@ def test_what_is_refused_is_told_in_one_line(files, capsys):
     latin = ("info ?.exr", "info ?.json", "view ?.png", "view shot.exr --output ?.html", "warm-up --scene ?.obj")
     for typed, said in (
         ("info missing.exr", "plenoptic info: 'missing.exr' does not exist; check the path"),
-        ("info notes.txt", "ends in '.txt'; what can be opened ends in .csv, .exr"),
+        ("info notes.txt", "ends in '.txt'; files that can be opened end in .csv, .exr"),
         ("info broken.json", "is not JSON"),
         ("info empty", "give one of them, or a file"),
         ("view wall.obj", "plenoptic view: 'wall.obj' is a scene; give an image"),

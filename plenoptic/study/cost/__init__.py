@@ -1,1 +1,1 @@
-"""What each part of a render costs."""
+"""Cost of each part of a render."""

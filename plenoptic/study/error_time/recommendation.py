@@ -1,17 +1,19 @@
-"""Which setting reaches an error in the least time: interpolation between the rows of an error study."""
+"""The setting that reaches an error in the least time: interpolation between the rows of an error study."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
-from plenoptic.study.error_time.rows import ErrorRow
+from plenoptic.study.error_time.error_row import ErrorRow
+
+if TYPE_CHECKING:
+    from plenoptic.study.error_time.error_table import ErrorTable
 
 _MOST_SAMPLES = 1 << 30
 """Paths per pixel beyond which nothing is promised."""
@@ -22,29 +24,9 @@ _FAR = 8.0
 _FLAT = -0.05
 """Slopes above this are no fall: independent samples have -0.5."""
 
-Fit = tuple[Sequence[ErrorRow], float, float]
-"""Rows of a variant by their number of samples, the slope of its noise, its bias floor."""
 
-
-@value
-class Recommendation:
+class Recommendation(NamedTuple):
     """The cheapest setting for an error; made by `ErrorTable.recommend`.
-
-    Attributes
-    ----------
-    target_error : float
-        What was asked for.
-    variant : str
-    samples : int
-        Paths per pixel; between the rows, 4 to 7 times a power of 2, which scrambled points use well.
-    cpu_seconds, wall_seconds : float
-        Expected for the region of the study, setting up included, with its number of threads.
-    error, bias : float
-        Expected; the bias is part of the error.
-    extrapolated : bool
-        Whether it needs more samples than were measured.
-    remarks : tuple of str
-        What to know: how far it extrapolates, and which variants cannot get there.
 
     Examples
     --------
@@ -54,12 +36,17 @@ class Recommendation:
     target_error: float
     variant: str
     samples: int
+    """Paths per pixel; between the rows, 4 to 7 times a power of 2, which scrambled points use well."""
     cpu_seconds: float
+    """Expected for the region of the study, setting up included, with its number of threads."""
     wall_seconds: float
     error: float
+    """Expected, bias included."""
     bias: float
     extrapolated: bool
+    """True if it needs more samples than were measured."""
     remarks: tuple[str, ...] = ()
+    """How far it extrapolates, and the variants that do not reach the error."""
 
     def __str__(self) -> str:
         bias = f" (bias {100 * self.bias:.3g} %)" if self.bias else ""
@@ -70,30 +57,54 @@ class Recommendation:
         return "\n".join([first, *(f"- {remark}" for remark in self.remarks)])
 
 
-def recommended(fits: Mapping[str, Fit], target: float) -> Recommendation:
-    """The cheapest of what the variants need for an error; see `ErrorTable.recommend`."""
-    needed = {name: _samples_for(name, fit, target) for name, fit in fits.items()}
-    refusals = [why for why in needed.values() if isinstance(why, str)]
-    reached = [_expected(name, fits[name], target, n) for name, n in needed.items() if isinstance(n, int)]
+def cheapest_setting(table: ErrorTable, target: float) -> Recommendation:
+    """The setting with the least CPU time for an error; see `ErrorTable.recommend`."""
+    reached, refusals, silent = [], [], set()
+    for name in table.variants:
+        rows = table.of(name)
+        # One standard error flatter than fitted, so that extrapolation promises too little rather than too much.
+        fit = _Fit(name, rows, table.slope(name) + table.slope_error(name), table.bias_floor(name))
+        samples = _samples_for(fit, target)
+        if isinstance(samples, str):
+            refusals.append(samples)
+        else:
+            reached.append(_expected(fit, target, samples))
+        if rows[0].reported_variance is None:
+            silent.add(name)
     if not reached:
         raise InvalidValueError(
             f"target_error is {100 * target:.3g} %, which no variant reaches; {'; '.join(refusals)}. "
             "Raise the target, or study a variant without that bias"
         )
-    best = min(reached, key=lambda found: found.cpu_seconds)
-    telling = [found for found in reached if fits[found.variant][0][0].reported_variance is not None]
-    remarks = list(best.remarks)
-    if best not in telling:
-        remarks.append(f"{best.variant} reports no standard errors")
-        if telling:  # what it would cost to know the error of each image too
-            second = min(telling, key=lambda found: found.cpu_seconds)
-            remarks[-1] += f"; {second.variant} does, with {second.samples} samples in {second.cpu_seconds:.3g} CPU-s"
-    return dataclasses.replace(best, remarks=(*remarks, *refusals))
+    best = min(reached, key=lambda setting: setting.cpu_seconds)
+    remarks = [f"for {table.pixels} pixels and {table.threads} thread{'s' * (table.threads != 1)}"]
+    if table.reference_error > target:
+        remarks.append(
+            f"the reference's own error, {100 * table.reference_error:.2g} %, is above {100 * target:.3g} %; study "
+            "with more reference_samples"
+        )
+    remarks += best.remarks
+    if best.variant in silent:
+        remark = f"{best.variant} reports no standard errors"
+        if reporting := [setting for setting in reached if setting.variant not in silent]:
+            second = min(reporting, key=lambda setting: setting.cpu_seconds)
+            remark += f"; {second.variant} does, with {second.samples} samples in {second.cpu_seconds:.3g} CPU-s"
+        remarks.append(remark)
+    return best._replace(remarks=(*remarks, *refusals))
 
 
-def _samples_for(name: str, fit: Fit, target: float) -> int | str:
-    """How many samples a variant needs, or why it cannot get there."""
-    rows, slope, floor = fit
+class _Fit(NamedTuple):
+    """Rows of a variant by their number of samples, the slope of its noise, its bias floor."""
+
+    name: str
+    rows: Sequence[ErrorRow]
+    slope: float
+    floor: float
+
+
+def _samples_for(fit: _Fit, target: float) -> int | str:
+    """Number of samples that a variant needs, or the reason why it does not reach the error."""
+    name, rows, slope, floor = fit
     allowed = target**2 - floor**2
     if allowed <= 0:
         return f"{name} cannot: its bias of {100 * floor:.3g} % is above {100 * target:.3g} %"
@@ -101,7 +112,7 @@ def _samples_for(name: str, fit: Fit, target: float) -> int | str:
         return rows[0].samples
     for less, more in pairwise(rows):
         if more.variance <= allowed:
-            # Straight in logarithms; the row before is above what is allowed.
+            # Straight in logarithms; the row before is above the allowed variance.
             part = math.log(less.variance / allowed) / math.log(less.variance / max(more.variance, 1e-300))
             return min(_rounded_up(less.samples * (more.samples / less.samples) ** part), more.samples)
     last = rows[-1]
@@ -113,8 +124,8 @@ def _samples_for(name: str, fit: Fit, target: float) -> int | str:
     return _rounded_up(needed)
 
 
-def _expected(name: str, fit: Fit, target: float, samples: int) -> Recommendation:
-    rows, slope, floor = fit
+def _expected(fit: _Fit, target: float, samples: int) -> Recommendation:
+    name, rows, _, floor = fit
     last = rows[-1]
     remarks = []
     if samples > last.samples:
@@ -122,7 +133,7 @@ def _expected(name: str, fit: Fit, target: float, samples: int) -> Recommendatio
         remarks.append(f"{name} is extrapolated from {last.samples} samples to {samples}{far}")
     elif samples == rows[0].samples:
         remarks.append(f"{name} may need fewer: {samples} samples are the fewest that were measured")
-    error = math.sqrt(_variance_at(rows, slope, samples) + floor**2)
+    error = math.sqrt(_variance_at(fit, samples) + floor**2)
     known = min(rows, key=lambda row: row.bias_squared_error)
     if not known.bias_is_found and known.bias_limit > 0.5 * target:
         remarks.append(f"a bias of {name} below {100 * known.bias_limit:.2g} % would not have been found")
@@ -130,21 +141,21 @@ def _expected(name: str, fit: Fit, target: float, samples: int) -> Recommendatio
     return Recommendation(target, name, samples, cpu, wall, error, floor, samples > last.samples, tuple(remarks))
 
 
-def _variance_at(rows: Sequence[ErrorRow], slope: float, samples: int) -> float:
-    """The variance for a number of samples: straight in logarithms between rows, and by the slope beyond them."""
-    last = rows[-1]
+def _variance_at(fit: _Fit, samples: int) -> float:
+    """Variance with a number of samples: straight in logarithms between rows, and by the slope beyond them."""
+    last = fit.rows[-1]
     if samples > last.samples:
-        return float(last.variance * (samples / last.samples) ** (2.0 * slope))
-    with np.errstate(divide="ignore"):  # there may be no noise at all
-        counts, variances = np.log([(row.samples, row.variance) for row in rows]).T
+        return float(last.variance * (samples / last.samples) ** (2.0 * fit.slope))
+    with np.errstate(divide="ignore"):  # the noise may be 0
+        counts, variances = np.log([(row.samples, row.variance) for row in fit.rows]).T
     return float(np.exp(np.interp(np.log(samples), counts, variances)))
 
 
 def _seconds_at(rows: Sequence[ErrorRow], samples: int, clock: str) -> float:
-    """Seconds for a number of samples: straight between rows, and beyond the last one by what its samples cost."""
+    """Seconds for a number of samples: straight between rows, and by the time per sample beyond the last one."""
     counts, seconds = [row.samples for row in rows], [getattr(row, f"{clock}_seconds") for row in rows]
-    each = max(seconds[-1] - getattr(rows[-1], f"setup_{clock}_seconds"), 0.0) / counts[-1]
-    return float(np.interp(samples, counts, seconds) + each * max(samples - counts[-1], 0))
+    per_sample = max(seconds[-1] - getattr(rows[-1], f"setup_{clock}_seconds"), 0.0) / counts[-1]
+    return float(np.interp(samples, counts, seconds) + per_sample * max(samples - counts[-1], 0))
 
 
 def _rounded_up(samples: float) -> int:
