@@ -1,4 +1,4 @@
-"""The table of a study: as text, Markdown and comma-separated values; complete, or interrupted."""
+"""The table of a study: in Markdown and comma-separated values; complete, or interrupted."""
 
 from __future__ import annotations
 
@@ -69,23 +69,17 @@ class StudyTable(Generic[Row]):
 
     def to_markdown(self) -> str:
         """The table in Markdown, with the notes below."""
-        return self._with_notes(markdown_table([row.cells for row in self.rows]))
+        table = markdown_table([row.cells for row in self.rows])
+        return "\n\n".join([table, *self.notes, *[INTERRUPTED] * self.interrupted])
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
         """All numbers as comma-separated values; also written to a file if `path` is given."""
         return comma_separated([row._asdict() for row in self.rows], path)
 
-    def _repr_markdown_(self) -> str:
-        return self.to_markdown()
-
-    def __str__(self) -> str:
-        return self._with_notes(plain_table([row.cells for row in self.rows]))
+    __str__ = _repr_markdown_ = to_markdown
 
     def __repr__(self) -> str:
         return f"<StudyTable: {len(self.rows)} row{'s' * (len(self.rows) != 1)}{', interrupted' * self.interrupted}>"
-
-    def _with_notes(self, table: str) -> str:
-        return "\n\n".join([table, *self.notes, *[INTERRUPTED] * self.interrupted])
 
 
 def until_interrupted(measure: Callable[[Item], Measured], items: Iterable[Item]) -> list[Measured]:
@@ -100,24 +94,14 @@ def until_interrupted(measure: Callable[[Item], Measured], items: Iterable[Item]
     return measured
 
 
-def _aligned(rows: Sequence[Sequence[Cell]], separator: str) -> list[str]:
-    """Lines of a table, its head first, padded to equal widths."""
-    lines = [[head for head, _ in rows[0]], *([text for _, text in row] for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return [separator.join(text.ljust(width) for text, width in zip(line, widths, strict=True)) for line in lines]
-
-
-def plain_table(rows: Sequence[Sequence[Cell]]) -> str:
-    """A table for terminals, padded to equal widths."""
-    return "\n".join(line.rstrip() for line in _aligned(rows, "  "))
-
-
 def markdown_table(rows: Sequence[Sequence[Cell]]) -> str:
     """A table in Markdown, padded to equal widths."""
-    escaped = [[(head, " ".join(text.replace("|", "\\|").split())) for head, text in row] for row in rows]
-    head, *body = _aligned(escaped, " | ")
-    rule = " | ".join("-" * len(cell) for cell in head.split(" | "))
-    return "\n".join(f"| {line} |" for line in (head, rule, *body))
+    head = [name for name, _ in rows[0]]
+    lines = [head, *([" ".join(text.replace("|", "\\|").split()) for _, text in row] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    lines.insert(1, ["-" * width for width in widths])
+    padded = ([text.ljust(width) for text, width in zip(line, widths, strict=True)] for line in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in padded)
 
 
 def comma_separated(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[str] | None) -> str:

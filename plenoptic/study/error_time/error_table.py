@@ -179,8 +179,7 @@ class ErrorTable:
             f"{', interrupted' * self.interrupted}>"
         )
 
-    def _repr_markdown_(self) -> str:
-        return self.to_markdown()
+    _repr_markdown_ = to_markdown
 
     def __str__(self) -> str:
         return (

@@ -57,42 +57,6 @@ class Recommendation(NamedTuple):
         return "\n".join([first, *(f"- {remark}" for remark in self.remarks)])
 
 
-def cheapest_setting(table: ErrorTable, target: float) -> Recommendation:
-    """The setting with the least CPU time for an error; see `ErrorTable.recommend`."""
-    reached, refusals, silent = [], [], set()
-    for name in table.variants:
-        rows = table.of(name)
-        # One standard error flatter than fitted, so that extrapolation promises too little rather than too much.
-        fit = _Fit(name, rows, table.slope(name) + table.slope_error(name), table.bias_floor(name))
-        samples = _samples_for(fit, target)
-        if isinstance(samples, str):
-            refusals.append(samples)
-        else:
-            reached.append(_expected(fit, target, samples))
-        if rows[0].reported_variance is None:
-            silent.add(name)
-    if not reached:
-        raise InvalidValueError(
-            f"target_error is {100 * target:.3g} %, which no variant reaches; {'; '.join(refusals)}. "
-            "Raise the target, or study a variant without that bias"
-        )
-    best = min(reached, key=lambda setting: setting.cpu_seconds)
-    remarks = [f"for {table.pixels} pixels and {table.threads} thread{'s' * (table.threads != 1)}"]
-    if table.reference_error > target:
-        remarks.append(
-            f"the reference's own error, {100 * table.reference_error:.2g} %, is above {100 * target:.3g} %; study "
-            "with more reference_samples"
-        )
-    remarks += best.remarks
-    if best.variant in silent:
-        remark = f"{best.variant} reports no standard errors"
-        if reporting := [setting for setting in reached if setting.variant not in silent]:
-            second = min(reporting, key=lambda setting: setting.cpu_seconds)
-            remark += f"; {second.variant} does, with {second.samples} samples in {second.cpu_seconds:.3g} CPU-s"
-        remarks.append(remark)
-    return best._replace(remarks=(*remarks, *refusals))
-
-
 class _Fit(NamedTuple):
     """Rows of a variant by their number of samples, the slope of its noise, its bias floor."""
 
@@ -100,6 +64,40 @@ class _Fit(NamedTuple):
     rows: Sequence[ErrorRow]
     slope: float
     floor: float
+
+
+def cheapest_setting(table: ErrorTable, target: float) -> Recommendation:
+    """The setting with the least CPU time for an error; see `ErrorTable.recommend`."""
+    settings, refusals = [], []
+    for name in table.variants:
+        # One standard error flatter than fitted, so that extrapolation promises too little rather than too much.
+        slope = table.slope(name) + table.slope_error(name)
+        fit = _Fit(name, table.of(name), slope, table.bias_floor(name))
+        samples = _samples_for(fit, target)
+        if isinstance(samples, str):
+            refusals.append(samples)
+        else:
+            settings.append(_expected(fit, target, samples))
+    if not settings:
+        raise InvalidValueError(
+            f"target_error is {100 * target:.3g} %, which no variant reaches; {'; '.join(refusals)}. "
+            "Raise the target, or study a variant without that bias"
+        )
+    settings.sort(key=lambda setting: setting.cpu_seconds)
+    best = settings[0]
+    remarks = [f"for {table.pixels} pixels and {table.threads} thread{'s' * (table.threads != 1)}"]
+    if table.reference_error > target:
+        remarks.append(
+            f"the reference's own error, {100 * table.reference_error:.2g} %, is above {100 * target:.3g} %; study "
+            "with more reference_samples"
+        )
+    remarks += best.remarks
+    reporting = [setting for setting in settings if table.of(setting.variant)[0].reported_variance is not None]
+    if best not in reporting:
+        remarks.append(f"{best.variant} reports no standard errors")
+        for second in reporting[:1]:
+            remarks[-1] += f"; {second.variant} does, with {second.samples} samples in {second.cpu_seconds:.3g} CPU-s"
+    return best._replace(remarks=(*remarks, *refusals))
 
 
 def _samples_for(fit: _Fit, target: float) -> int | str:
@@ -119,24 +117,24 @@ def _samples_for(fit: _Fit, target: float) -> int | str:
     if not slope < _FLAT:
         return f"{name} cannot: its error was not seen to fall with the number of samples"
     needed = last.samples * math.exp(min(0.5 * math.log(allowed / last.variance) / slope, 100.0))
-    if needed > _MOST_SAMPLES:
-        return f"{name} would need more than {_MOST_SAMPLES:.0e} samples"
-    return _rounded_up(needed)
+    return (
+        _rounded_up(needed) if needed <= _MOST_SAMPLES else f"{name} would need more than {_MOST_SAMPLES:.0e} samples"
+    )
 
 
 def _expected(fit: _Fit, target: float, samples: int) -> Recommendation:
     name, rows, _, floor = fit
-    last = rows[-1]
+    first, last = rows[0], rows[-1]
     remarks = []
     if samples > last.samples:
         far = ", so that it is uncertain" if samples > _FAR * last.samples else ""
         remarks.append(f"{name} is extrapolated from {last.samples} samples to {samples}{far}")
-    elif samples == rows[0].samples:
+    elif samples == first.samples:
         remarks.append(f"{name} may need fewer: {samples} samples are the fewest that were measured")
-    error = math.sqrt(_variance_at(fit, samples) + floor**2)
     known = min(rows, key=lambda row: row.bias_squared_error)
     if not known.bias_is_found and known.bias_limit > 0.5 * target:
         remarks.append(f"a bias of {name} below {100 * known.bias_limit:.2g} % would not have been found")
+    error = math.sqrt(_variance_at(fit, samples) + floor**2)
     cpu, wall = (_seconds_at(rows, samples, clock) for clock in ("cpu", "wall"))
     return Recommendation(target, name, samples, cpu, wall, error, floor, samples > last.samples, tuple(remarks))
 

@@ -13,7 +13,6 @@ from mpmath import mp
 
 import plenoptic as pl
 from plenoptic.core.rays import RayStatus
-from plenoptic.optics.lens.elements import is_centred
 
 from .asphere import exact_sag, first_crossing
 
@@ -59,16 +58,11 @@ def trace_exactly(lens, rays, first=0, last=None, *, reverse=False, digits=DIGIT
     last = len(lens.elements) - 1 if last is None else last
     order = range(last, first - 1, -1) if reverse else range(first, last + 1)
     n = lens.indices(rays.wavelength)
-    stations = []
-    for i in order:
-        element = lens.elements[i]
-        mirror = isinstance(element, pl.Surface) and isinstance(element.medium, pl.optics.Mirror)
-        if not isinstance(element, pl.Surface | pl.CircularStop) or not is_centred(element) or mirror:
-            raise pl.errors.PrescriptionError(
-                f"element {i} is {element!r}; the exact trace is for centred surfaces of revolution and circular stops"
-            )
-        before, behind = (i + 1, i) if reverse else (i, i + 1)
-        stations.append((element, float(lens.vertices[i]), float(n[before]), float(n[behind])))
+    sides = [(i + 1, i) if reverse else (i, i + 1) for i in order]
+    stations = [
+        (lens.elements[i], float(lens.vertices[i]), float(n[before]), float(n[behind]))
+        for i, (before, behind) in zip(order, sides, strict=True)
+    ]
     with mp.workdps(digits):
         sign = -1 if reverse else 1
         return [_trace_ray(stations, p, d, sign) for p, d in zip(rays.origin, rays.direction, strict=True)]
@@ -89,7 +83,9 @@ def _trace_ray(stations, origin, direction, sign):
         path += n * distance
         point = local + d * distance
         p = point + vertex
-        if not _is_clear(element, point):
+        # A surface beyond its equator ends at its depth, which chose the root.
+        ends_at_its_rim = isinstance(element, pl.CircularStop) or element.depth is None
+        if ends_at_its_rim and point[0] ** 2 + point[1] ** 2 > element.semi_diameter**2:
             return ExactRay(RayStatus.CLIPPED, p, d, tuple(hits), start, path)
         if isinstance(element, pl.CircularStop):
             continue
@@ -102,13 +98,6 @@ def _trace_ray(stations, origin, direction, sign):
             return ExactRay(RayStatus.TOTAL_REFLECTION, p, d, tuple(hits), start, path)
         d = refracted
     return ExactRay(RayStatus.OK, p, d, tuple(hits), start, path)
-
-
-def _is_clear(element, point):
-    # A surface beyond its equator ends at its depth, which chose the root.
-    if isinstance(element, pl.Surface) and element.depth is not None:
-        return True
-    return point[0] ** 2 + point[1] ** 2 <= element.semi_diameter**2
 
 
 def _intersect(element, p, d, sign):
