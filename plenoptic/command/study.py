@@ -25,7 +25,7 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
     """Add the studies."""
     from plenoptic.study.cost.cost_cases import COST_CASES
     from plenoptic.study.error_time.error_cases import ERROR_CASES
-    from plenoptic.study.stability import QUICK, THOROUGH
+    from plenoptic.study.stability_study import QUICK, THOROUGH
 
     studies = parser.add_subparsers(title="studies", required=True, metavar="NAME")
 
@@ -77,7 +77,7 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _stability(options: argparse.Namespace) -> int:
-    from plenoptic.study.stability import QUICK, THOROUGH, stability
+    from plenoptic.study.stability_study import QUICK, THOROUGH, stability
 
     count = options.rays if options.rays is not None else QUICK if options.quick else THOROUGH
     table = stability(rays=count, seed=options.seed, only=options.only)

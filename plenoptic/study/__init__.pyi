@@ -6,6 +6,6 @@ from .error_time.error_table import ErrorTable as ErrorTable
 from .error_time.recommendation import Recommendation as Recommendation
 from .error_time.variants import Variant as Variant
 from .error_time.variants import default_variants as default_variants
-from .stability import StabilityRow as StabilityRow
-from .stability import stability as stability
+from .stability_study import StabilityRow as StabilityRow
+from .stability_study import stability as stability
 from .study_table import StudyTable as StudyTable

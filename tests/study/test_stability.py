@@ -12,7 +12,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.command.main import main
 from plenoptic.study import stability
-from plenoptic.study.stability import QUICK, StabilityRow
+from plenoptic.study.stability_study import QUICK, StabilityRow
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "validation"))
 import rounding_study
@@ -167,7 +167,7 @@ def test_the_command_prints_the_table_and_says_what_is_wrong(capsys):
 
 
 def test_without_mpmath_or_the_repository_it_says_how_to_get_it(monkeypatch, tmp_path):
-    monkeypatch.setattr("plenoptic.study.stability.__file__", str(tmp_path / "a" / "b" / "c.py"))
+    monkeypatch.setattr("plenoptic.study.stability_study.__file__", str(tmp_path / "a" / "b" / "c.py"))
     assert stability(rays=1, only=["plane"]).rows  # the working directory is a clone
     monkeypatch.chdir(tmp_path)
     with pytest.raises(pl.PlenopticError, match="run this in a clone"):
