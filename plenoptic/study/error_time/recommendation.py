@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,8 +14,11 @@ from plenoptic.study.error_time.error_row import ErrorRow
 if TYPE_CHECKING:
     from plenoptic.study.error_time.error_table import ErrorTable
 
-_MOST_SAMPLES = 1 << 30
-"""Paths per pixel beyond which nothing is promised."""
+_GOOD_SAMPLES = (1, 2, 3, *(m << k for k in range(28) for m in (4, 5, 6, 7)), 1 << 30)
+"""Numbers of samples to recommend: 4 to 7 times a power of 2, which scrambled points use well."""
+
+_ROUNDING = 1e-12
+"""Relative rounding error of an interpolated variance."""
 
 _FAR = 8.0
 """Recommendations for more than this times the samples measured are called uncertain."""
@@ -106,20 +108,13 @@ def _samples_for(fit: _Fit, target: float) -> int | str:
     allowed = target**2 - floor**2
     if allowed <= 0:
         return f"{name} cannot: its bias of {100 * floor:.3g} % is above {100 * target:.3g} %"
-    if rows[0].variance <= allowed:
-        return rows[0].samples
-    for less, more in pairwise(rows):
-        if more.variance <= allowed:
-            # Straight in logarithms; the row before is above the allowed variance.
-            part = math.log(less.variance / allowed) / math.log(less.variance / max(more.variance, 1e-300))
-            return min(_rounded_up(less.samples * (more.samples / less.samples) ** part), more.samples)
-    last = rows[-1]
-    if not slope < _FLAT:
-        return f"{name} cannot: its error was not seen to fall with the number of samples"
-    needed = last.samples * math.exp(min(0.5 * math.log(allowed / last.variance) / slope, 100.0))
-    return (
-        _rounded_up(needed) if needed <= _MOST_SAMPLES else f"{name} would need more than {_MOST_SAMPLES:.0e} samples"
-    )
+    measured = {row.samples for row in rows}
+    for n in sorted(measured | {n for n in _GOOD_SAMPLES if n > rows[0].samples}):
+        if n > rows[-1].samples and not slope < _FLAT:
+            return f"{name} cannot: its error was not seen to fall with the number of samples"
+        if _variance_at(fit, n) <= allowed * (1.0 + _ROUNDING):
+            return n
+    return f"{name} would need more than {_GOOD_SAMPLES[-1]:.0e} samples"
 
 
 def _expected(fit: _Fit, target: float, samples: int) -> Recommendation:
@@ -154,10 +149,3 @@ def _seconds_at(rows: Sequence[ErrorRow], samples: int, clock: str) -> float:
     counts, seconds = [row.samples for row in rows], [getattr(row, f"{clock}_seconds") for row in rows]
     per_sample = max(seconds[-1] - getattr(rows[-1], f"setup_{clock}_seconds"), 0.0) / counts[-1]
     return float(np.interp(samples, counts, seconds) + per_sample * max(samples - counts[-1], 0))
-
-
-def _rounded_up(samples: float) -> int:
-    """The next number that is 4, 5, 6 or 7 times a power of 2, or below 4 whole."""
-    needed = math.ceil(samples * (1.0 - 1e-12))
-    step: int = max(1 << max(needed.bit_length() - 3, 0), 1)
-    return -(-needed // step) * step
