@@ -128,12 +128,8 @@ def error_against_time(  # noqa: PLR0913
     True
     """
     check_scene_and_camera(scene, camera)
-    count, rounds, workers = (
-        whole(seeds, "seeds", at_least=2),
-        whole(repeats, "repeats", at_least=1),
-        thread_count(threads),
-    )
-    runs = Runs(_rising(samples), count, seed_number(seed), rounds)
+    count, rounds = whole(seeds, "seeds", at_least=2), whole(repeats, "repeats", at_least=1)
+    runs, workers = Runs(_rising(samples), count, seed_number(seed), rounds), thread_count(threads)
     chosen = default_variants(scene, camera) if variants is None else checked_variants(variants)
     window = bounded_region(camera.sensor.shape, region, SIDE)
     if isinstance(reference, Exposure):
