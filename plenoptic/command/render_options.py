@@ -59,18 +59,20 @@ def fill_render_options(parser: argparse.ArgumentParser) -> None:
     parts.add_argument("--region", type=parse_region, metavar="R0:R1,C0:C1", help="rows R0 to R1 - 1 and columns alike")
     text = "the K-th of N parts, counted from 1 row by row, that are as square as can be and make up the whole"
     parts.add_argument("--tile", type=parse_tile, metavar="K/N", help=text)
-    how = parser.add_argument_group("how")
-    how.add_argument("--seed", type=int, help="of the random numbers (0)")
-    how.add_argument("--replicates", type=int, metavar="N", help="independent parts of the samples, for errors (2)")
+    group = parser.add_argument_group("settings")
+    group.add_argument("--seed", type=int, help="of the random numbers (0)")
+    group.add_argument("--replicates", type=int, metavar="N", help="independent parts of the samples, for errors (2)")
     text = "ground truth beside the image (depth), such as depth,normal,object; none; all"
-    how.add_argument("--truth", metavar="NAME[,NAME]", help=text)
-    how.add_argument("--max-bounces", type=int, metavar="N", help="of a path (8)")
-    how.add_argument("--clamp", type=float, metavar="RADIANCE", help="the most that a path may bring")
-    how.add_argument("--caustics", choices=("kept", "left-out"), help="light thrown by mirrors and glass (kept)")
-    how.add_argument("--settings", metavar="FILE", help="RenderSettings as JSON; other options override them")
-    how.add_argument("--threads", type=int, metavar="N", help="of the render (one for each processor)")
-    how.add_argument("--checkpoint", metavar="FILE", help="file to continue from: the same call resumes there")
-    add_progress(how)
+    group.add_argument("--truth", metavar="NAME[,NAME]", help=text)
+    group.add_argument("--max-bounces", type=int, metavar="N", help="of a path (8)")
+    group.add_argument("--clamp", type=float, metavar="RADIANCE", help="the most that a path may bring")
+    group.add_argument("--caustics", choices=("kept", "left-out"), help="light thrown by mirrors and glass (kept)")
+    group.add_argument("--settings", metavar="FILE", help="RenderSettings as JSON; other options override them")
+    group.add_argument("--threads", type=int, metavar="N", help="of the render (one for each processor)")
+    group.add_argument(
+        "--checkpoint", metavar="FILE", help="file that keeps the state of the render; the same call resumes from it"
+    )
+    add_progress(group)
 
 
 def add_progress(parser: Any) -> None:

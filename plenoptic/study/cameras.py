@@ -80,7 +80,7 @@ def furnished_camera() -> PlenopticCamera:
 
 def _lens_with_defects(lens: LensStack) -> LensStack:
     """The lens with a slight asphere, a decentred element and an iris of blades."""
-    first, *others = lens.elements
+    first, *following = lens.elements
     assert isinstance(first, Surface)
-    aspheric = dataclasses.replace(lens, elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9)), *others])
+    aspheric = dataclasses.replace(lens, elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9)), *following])
     return aspheric.with_stop(PolygonStop(blades=6, semi_diameter=5.0)).moved(3, shift=(0.02, 0.0, 0.0))

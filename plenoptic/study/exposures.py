@@ -39,7 +39,7 @@ def central_region(shape: tuple[int, int], side: int) -> Region:
     return rows, columns
 
 
-def bounded_region(shape: tuple[int, int], region: Region | None, side: int) -> Region:
+def region_bounds(shape: tuple[int, int], region: Region | None, side: int) -> Region:
     """A region of a sensor with its bounds in full; None: the `central_region`."""
     first, end, left, right = sensor_region(shape, central_region(shape, side) if region is None else region)
     return slice(first, end), slice(left, right)

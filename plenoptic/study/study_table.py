@@ -74,7 +74,7 @@ class StudyTable(Generic[Row]):
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
         """All numbers as comma-separated values; also written to a file if `path` is given."""
-        return comma_separated([row._asdict() for row in self.rows], path)
+        return csv_text([row._asdict() for row in self.rows], path)
 
     __str__ = _repr_markdown_ = to_markdown
 
@@ -104,7 +104,7 @@ def markdown_table(rows: Sequence[Sequence[Cell]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in padded)
 
 
-def comma_separated(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[str] | None) -> str:
+def csv_text(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[str] | None) -> str:
     """Rows as comma-separated values, None and nan as nothing; also written to a file if `path` is given."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

@@ -61,7 +61,7 @@ def without_imperfections(camera: PlenopticCamera) -> PlenopticCamera:
     return with_array(camera, imperfections=None)
 
 
-def _turned(placement: Placement | None, other: Placement | None) -> Placement:
+def _with_rotation(placement: Placement | None, other: Placement | None) -> Placement:
     """A placement with the rotation of another one, None being no rotation."""
     shift = np.zeros(3) if placement is None else np.asarray(placement.shift)
     return Placement(shift=shift, rotation=np.eye(3) if other is None else np.asarray(other.rotation))
@@ -70,12 +70,12 @@ def _turned(placement: Placement | None, other: Placement | None) -> Placement:
 def with_parallel_sensor(camera: PlenopticCamera) -> PlenopticCamera:
     """The sensor turned as the array is, or as the lens is if there is no array."""
     ahead = camera.lens_placement if camera.microlenses is None else camera.microlenses_placement
-    return dataclasses.replace(camera, sensor_placement=_turned(camera.sensor_placement, ahead))
+    return dataclasses.replace(camera, sensor_placement=_with_rotation(camera.sensor_placement, ahead))
 
 
 def with_upright_array(camera: PlenopticCamera) -> PlenopticCamera:
     """The array turned as the lens is."""
-    placement = _turned(camera.microlenses_placement, camera.lens_placement)
+    placement = _with_rotation(camera.microlenses_placement, camera.lens_placement)
     return dataclasses.replace(camera, microlenses_placement=placement)
 
 
@@ -83,9 +83,11 @@ def with_upright_pixels(camera: PlenopticCamera) -> PlenopticCamera:
     """All parts without rotation; shifts stay."""
     return dataclasses.replace(
         camera,
-        lens_placement=_turned(camera.lens_placement, None),
-        microlenses_placement=None if camera.microlenses is None else _turned(camera.microlenses_placement, None),
-        sensor_placement=_turned(camera.sensor_placement, None),
+        lens_placement=_with_rotation(camera.lens_placement, None),
+        microlenses_placement=None
+        if camera.microlenses is None
+        else _with_rotation(camera.microlenses_placement, None),
+        sensor_placement=_with_rotation(camera.sensor_placement, None),
     )
 
 

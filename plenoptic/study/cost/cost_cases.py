@@ -62,7 +62,7 @@ def _curtain(rng: np.random.Generator) -> Material:
     )
 
 
-def _furnished() -> Plan:
+def _furnished_plan() -> Plan:
     shake = Motion.screw((-1.0, 1.0), axis=(1.0, 2.0, 3.0), angle_deg=0.1, advance=0.5)
     camera = dataclasses.replace(furnished_camera(), shutter=Shutter(0.02, row_time=1e-5, motion=shake))
     settings: dict[str, Any] = {"caustics": Caustics.LEFT_OUT, "clamp": 100.0, "sampler": Sampler.RANDOM}
@@ -74,6 +74,6 @@ COST_CASES: dict[str, Callable[[], Plan]] = {
     "check": lambda: plan(check_scene(), reference_camera()),
     "objects": lambda: plan(objects_scene(), reference_camera()),
     "still_life": lambda: plan(still_life(), reference_camera()),
-    "furnished": _furnished,
+    "furnished": _furnished_plan,
 }
 """Makers of the plans of the bundled cases; "furnished" has every part that cameras and scenes can have."""

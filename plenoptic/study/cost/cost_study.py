@@ -18,14 +18,14 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
 from plenoptic.study.cost.cost_row import CostRow, stage_text
-from plenoptic.study.exposures import Region, bounded_region, central_pixel, expose
+from plenoptic.study.exposures import Region, central_pixel, expose, region_bounds
 from plenoptic.study.study_table import StudyTable, until_interrupted
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
 
 _SIDE = 128
-"""Pixels along the middle of the sensor that are rendered by default."""
+"""Pixels along the middle of the sensor that are render_seconds by default."""
 
 _NORMAL_SPREAD = 1.4826
 """Standard deviation over the median absolute deviation of normal numbers."""
@@ -98,7 +98,7 @@ def cost_of(
     separable = [stage for stage in stages if isinstance(stage, Ablation)]
     if not separable:
         raise InvalidValueError("nothing that the plan runs can be left out; choose a richer camera or scene")
-    window = bounded_region(plan.subject.camera.sensor.shape, region, _SIDE)
+    window = region_bounds(plan.subject.camera.sensor.shape, region, _SIDE)
     run = _Run(samples, window, seed, threads)
     picture = Picture()
     comparisons = _compare_all(plan.subject, separable, run, rounds, picture, progress)
@@ -196,7 +196,7 @@ def _compare_all(
     numbers = itertools.count(1)
     with load_tqdm()(total=len(separable) * (2 * rounds + 3 + 2 * set_ups), disable=not progress) as bar:
 
-        def rendered(subject: Subject, run: _Run, picture: Picture | None = None) -> tuple[float, int]:
+        def render_stats(subject: Subject, run: _Run, picture: Picture | None = None) -> tuple[float, int]:
             exposure = _exposure(subject, run, next(numbers))
             bar.update()
             assert exposure.stats is not None
@@ -207,12 +207,12 @@ def _compare_all(
         def compare(ablation: Ablation) -> _Comparison:
             subjects, without_it = (subject, ablation.subject), Picture()
             for each in subjects:  # compiles
-                rendered(each, run)
-            set_up = [[rendered(each, one_path)[0] for each in subjects] for _ in range(set_ups)]
-            whole, without = [rendered(subject, run, picture)], []
+                render_stats(each, run)
+            set_up = [[render_stats(each, one_path)[0] for each in subjects] for _ in range(set_ups)]
+            whole, without = [render_stats(subject, run, picture)], []
             for _ in range(rounds):
-                without.append(rendered(ablation.subject, run, without_it))
-                whole.append(rendered(subject, run, picture))
+                without.append(render_stats(ablation.subject, run, without_it))
+                whole.append(render_stats(subject, run, picture))
             seconds = (np.array([cpu for cpu, _ in renders]) for renders in (whole, without))
             return _Comparison(*seconds, np.array(set_up).T, (whole[-1][1], without[-1][1]), without_it)
 

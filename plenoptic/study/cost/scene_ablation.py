@@ -95,7 +95,7 @@ def _mean_of(world: EnvironmentMap) -> Colour:
     return red, green, blue
 
 
-def lambertian(material: Material) -> Material:
+def as_lambertian(material: Material) -> Material:
     """A matt material of the same colour, grey for clear bodies. An emitter emits as before, and does not reflect."""
     if MATERIALS[type(material)] == LAMBERTIAN:
         return material
@@ -120,7 +120,7 @@ def _map_fields(owner: T, change: Callable[[str, Any], Any]) -> T:
     return dataclasses.replace(owner, **fields)
 
 
-def untextured(material: Material) -> Material:
+def without_textures(material: Material) -> Material:
     """A material with the mean of each of its textures."""
     plain = with_fields(material, normal_map=None)
     return _map_fields(plain, lambda _, field: mean_colour(field) if isinstance(field, Texture) else field)

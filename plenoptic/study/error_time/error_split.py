@@ -87,10 +87,10 @@ def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
     noise = np.var(images, axis=0, ddof=1)
     difference = (np.mean(images, axis=0) - reference.image) ** 2 - noise / count - reference.variance
     variance, bias_squared = (_mean_over_pixels(reference.relative_squares(part)) for part in (noise, difference))
-    return Split(*variance, *bias_squared, _reported(exposures, reference))
+    return Split(*variance, *bias_squared, _reported_variance(exposures, reference))
 
 
-def _reported(exposures: Sequence[Exposure], reference: Reference) -> float | None:
+def _reported_variance(exposures: Sequence[Exposure], reference: Reference) -> float | None:
     errors = [shot.standard_error for shot in exposures]
     squares = [error[reference.lit].astype(np.float64) ** 2 for error in errors if error is not None]
     if len(squares) < len(errors):

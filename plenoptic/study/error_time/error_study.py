@@ -21,7 +21,7 @@ from plenoptic.study.error_time.error_row import ErrorRow
 from plenoptic.study.error_time.error_split import Reference, reference_of, split_error
 from plenoptic.study.error_time.error_table import ErrorTable
 from plenoptic.study.error_time.variants import Variant, checked_variants, default_variants
-from plenoptic.study.exposures import Region, bounded_region, central_pixel, expose
+from plenoptic.study.exposures import Region, central_pixel, expose, region_bounds
 from plenoptic.study.study_table import until_interrupted
 from plenoptic.truth.channels import Truth
 
@@ -131,7 +131,7 @@ def error_against_time(  # noqa: PLR0913
     count, rounds = whole(seeds, "seeds", at_least=2), whole(repeats, "repeats", at_least=1)
     runs, workers = Runs(_rising(samples), count, seed_number(seed), rounds), thread_count(threads)
     chosen = default_variants(scene, camera) if variants is None else checked_variants(variants)
-    window = bounded_region(camera.sensor.shape, region, SIDE)
+    window = region_bounds(camera.sensor.shape, region, SIDE)
     if isinstance(reference, Exposure):
         _check_region(reference, window)
     elif reference is not None and not isinstance(reference, Variant):
@@ -159,7 +159,7 @@ def error_against_time(  # noqa: PLR0913
             render(name, runs.samples[0], runs.seed)
         # With one thread it is this one that renders, whatever others of the process do meanwhile.
         clock = time.thread_time if workers == 1 else time.process_time
-        rows = measured_rows(render, list(chosen), runs, truth, clock=clock, done=bar.update)
+        rows = measure_rows(render, list(chosen), runs, truth, clock=clock, done=bar.update)
     return ErrorTable(
         title=title or ("white image" if scene is None else repr(scene)),
         rows=rows,
@@ -186,7 +186,7 @@ class Runs(NamedTuple):
     """Number of times that each render is timed."""
 
 
-def measured_rows(
+def measure_rows(
     render: Callable[[str, int, int], Exposure],
     variants: Sequence[str],
     runs: Runs,
@@ -203,12 +203,12 @@ def measured_rows(
     interrupt ends it with the rows that are done.
     """
 
-    def timed(name: str, n: int, seed: int) -> tuple[Exposure, tuple[float, float]]:
+    def time_render(name: str, n: int, seed: int) -> tuple[Exposure, tuple[float, float]]:
         wall, cpu = time.perf_counter(), clock()
         exposure = render(name, n, seed)
         return exposure, (clock() - cpu, time.perf_counter() - wall)
 
-    setups = {name: [timed(name, 0, runs.seed)[1] for _ in range(_SETUPS)] for name in variants}
+    setups = {name: [time_render(name, 0, runs.seed)[1] for _ in range(_SETUPS)] for name in variants}
 
     def measure(place: int) -> list[ErrorRow]:
         n, first = runs.samples[place], runs.seed + place * runs.seeds
@@ -217,7 +217,7 @@ def measured_rows(
         for seed in range(first, first + runs.seeds):
             for repeat in range(runs.repeats):
                 for name in variants:
-                    exposure, seconds = timed(name, n, seed)
+                    exposure, seconds = time_render(name, n, seed)
                     times[name].append(seconds)
                     if repeat == 0:
                         exposures[name].append(exposure)

@@ -14,7 +14,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.schedule.budget import checked_target
 from plenoptic.study.error_time.error_row import ErrorRow
 from plenoptic.study.error_time.recommendation import Recommendation, cheapest_setting
-from plenoptic.study.study_table import INTERRUPTED, Cell, comma_separated, markdown_table
+from plenoptic.study.study_table import INTERRUPTED, Cell, csv_text, markdown_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -195,7 +195,7 @@ def csv_of(tables: Sequence[ErrorTable], path: str | os.PathLike[str] | None) ->
     for table in tables:
         facts = {name: fact for name, fact in vars(table).items() if name != "rows"}
         lines += [facts | row._asdict() for row in table.rows]
-    return comma_separated(lines, path)
+    return csv_text(lines, path)
 
 
 def _fit_slope(rows: Sequence[ErrorRow]) -> tuple[float, float]:

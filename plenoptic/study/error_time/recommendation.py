@@ -79,7 +79,7 @@ def cheapest_setting(table: ErrorTable, target: float) -> Recommendation:
         if isinstance(samples, str):
             refusals.append(samples)
         else:
-            settings.append(_expected(fit, target, samples))
+            settings.append(_expected_setting(fit, target, samples))
     if not settings:
         raise InvalidValueError(
             f"target_error is {100 * target:.3g} %, which no variant reaches; {'; '.join(refusals)}. "
@@ -117,7 +117,7 @@ def _samples_for(fit: _Fit, target: float) -> int | str:
     return f"{name} would need more than {_GOOD_SAMPLES[-1]:.0e} samples"
 
 
-def _expected(fit: _Fit, target: float, samples: int) -> Recommendation:
+def _expected_setting(fit: _Fit, target: float, samples: int) -> Recommendation:
     name, rows, _, floor = fit
     first, last = rows[0], rows[-1]
     remarks = []
@@ -126,9 +126,9 @@ def _expected(fit: _Fit, target: float, samples: int) -> Recommendation:
         remarks.append(f"{name} is extrapolated from {last.samples} samples to {samples}{far}")
     elif samples == first.samples:
         remarks.append(f"{name} may need fewer: {samples} samples are the fewest that were measured")
-    known = min(rows, key=lambda row: row.bias_squared_error)
-    if not known.bias_is_found and known.bias_limit > 0.5 * target:
-        remarks.append(f"a bias of {name} below {100 * known.bias_limit:.2g} % would not have been found")
+    best_bias = min(rows, key=lambda row: row.bias_squared_error)
+    if not best_bias.bias_is_found and best_bias.bias_limit > 0.5 * target:
+        remarks.append(f"a bias of {name} below {100 * best_bias.bias_limit:.2g} % would not have been found")
     error = math.sqrt(_variance_at(fit, samples) + floor**2)
     cpu, wall = (_seconds_at(rows, samples, clock) for clock in ("cpu", "wall"))
     return Recommendation(target, name, samples, cpu, wall, error, floor, samples > last.samples, tuple(remarks))

@@ -17,7 +17,7 @@ from plenoptic.study import ErrorRow, ErrorTable, Variant, default_variants
 from plenoptic.study.cameras import reference_camera, smooth_camera
 from plenoptic.study.error_time import error_cases
 from plenoptic.study.error_time.error_split import reference_of
-from plenoptic.study.error_time.error_study import Runs, measured_rows
+from plenoptic.study.error_time.error_study import Runs, measure_rows
 
 RANDOM, ONE = Variant(sampler=pl.rendering.Sampler.RANDOM), Variant(replicates=1)
 SIGMAS = 4
@@ -48,7 +48,7 @@ def test_rows_find_what_was_put_in():
 
     reference = reference_of(made_up("plain", 1 << 14, 10**6))
     runs = Runs([64, 256, 1024], seeds=6, repeats=2)
-    rows = measured_rows(render, ["plain", "biased"], runs, reference, clock=time.process_time)
+    rows = measure_rows(render, ["plain", "biased"], runs, reference, clock=time.process_time)
     for row in rows:
         assert abs(row.variance - 1 / row.samples) < SIGMAS * row.variance_error
         bias = 0.02 if row.variant == "biased" else 0.0
@@ -89,7 +89,7 @@ def test_times_are_medians_and_setting_up_is_measured_by_itself():
         return made_up(name, n, seed) if n else None
 
     reference = reference_of(made_up("plain", 4096, 99))
-    (row,) = measured_rows(render, ["a"], Runs([16], seeds=5), reference, clock=time.process_time)
+    (row,) = measure_rows(render, ["a"], Runs([16], seeds=5), reference, clock=time.process_time)
     assert 0.004 <= row.wall_seconds < 0.05 and row.cpu_seconds < row.wall_seconds
     assert 0.002 <= row.setup_wall_seconds < 0.05
 

@@ -11,7 +11,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.study import ErrorRow, ErrorTable
 from plenoptic.study.error_time.error_table import csv_of
-from plenoptic.study.study_table import comma_separated, markdown_table
+from plenoptic.study.study_table import csv_text, markdown_table
 
 matplotlib.use("Agg")
 
@@ -167,7 +167,7 @@ def cells(markdown):
 def test_columns_are_padded_and_signs_escaped():
     escaped = ["| a  | b    |", "| -- | ---- |", r"| 10 | x\|y |"]
     assert markdown_table([(("a", "10"), ("b", "x|y"))]).splitlines() == escaped
-    lines = comma_separated([{"name": "a, b", "s": None}, {"name": "c", "s": 0.1}], None).splitlines()
+    lines = csv_text([{"name": "a, b", "s": None}, {"name": "c", "s": 0.1}], None).splitlines()
     assert lines == ["name,s", '"a, b",', "c,0.1"]
 
 
