@@ -81,14 +81,9 @@ def with_upright_array(camera: PlenopticCamera) -> PlenopticCamera:
 
 def with_upright_pixels(camera: PlenopticCamera) -> PlenopticCamera:
     """All parts without rotation; shifts stay."""
-    return dataclasses.replace(
-        camera,
-        lens_placement=_with_rotation(camera.lens_placement, None),
-        microlenses_placement=None
-        if camera.microlenses is None
-        else _with_rotation(camera.microlenses_placement, None),
-        sensor_placement=_with_rotation(camera.sensor_placement, None),
-    )
+    array = None if camera.microlenses is None else _with_rotation(camera.microlenses_placement, None)
+    lens, sensor = (_with_rotation(part, None) for part in (camera.lens_placement, camera.sensor_placement))
+    return dataclasses.replace(camera, lens_placement=lens, microlenses_placement=array, sensor_placement=sensor)
 
 
 def with_thin_lens(camera: PlenopticCamera) -> PlenopticCamera:
