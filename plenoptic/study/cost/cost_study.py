@@ -209,12 +209,12 @@ def _compare_all(
             for each in subjects:  # compiles
                 render_stats(each, run)
             set_up = [[render_stats(each, one_path)[0] for each in subjects] for _ in range(set_ups)]
-            whole, without = [render_stats(subject, run, picture)], []
-            for _ in range(rounds):
-                without.append(render_stats(ablation.subject, run, without_it))
-                whole.append(render_stats(subject, run, picture))
-            seconds = (np.array([cpu for cpu, _ in renders]) for renders in (whole, without))
-            return _Comparison(*seconds, np.array(set_up).T, (whole[-1][1], without[-1][1]), without_it)
+            seconds, paths = render_stats(subject, run, picture)
+            whole, without = np.full(rounds + 1, seconds), np.empty(rounds)
+            for turn in range(rounds):
+                without[turn], paths_without = render_stats(ablation.subject, run, without_it)
+                whole[turn + 1], _ = render_stats(subject, run, picture)
+            return _Comparison(whole, without, np.array(set_up).T, (paths, paths_without), without_it)
 
         return until_interrupted(compare, separable)
 
