@@ -1,10 +1,9 @@
-"""Estimate a render's time, memory and files."""
+"""Estimate time, memory and files of a render."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
 
 from plenoptic.command.render_options import fill_render_options, request_of
 
@@ -18,15 +17,14 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print it."""
+    """Print the estimate."""
     from plenoptic.rendering.estimation.estimate import Estimated, estimate
 
     request = request_of(options)
     arguments = request.arguments("samples", "target_error", "replicates", "threads", "progress")
     estimated = estimate(request.scene, request.camera, **arguments)
-    if not options.json:
+    if options.json:
+        numbers = {name: n._asdict() for name, n in vars(estimated).items() if isinstance(n, Estimated)}
+        print(json.dumps(numbers, indent=1))
+    else:
         print(estimated)
-        return
-    fields: dict[str, Any] = {name: getattr(estimated, name) for name in estimated.__dataclass_fields__}
-    numbers = {name: number._asdict() for name, number in fields.items() if isinstance(number, Estimated)}
-    print(json.dumps(numbers, indent=1))

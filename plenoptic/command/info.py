@@ -1,4 +1,4 @@
-"""Describe a file, or, without one, versions and processors."""
+"""Describe a file, or, without one, versions and processor."""
 
 from __future__ import annotations
 
@@ -6,10 +6,16 @@ import argparse
 import importlib.metadata
 import platform
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plenoptic import __version__
-from plenoptic.command.files import opened
+from plenoptic.command.open_file import open_file
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.optics.lens.stack import LensStack
+    from plenoptic.rendering.exposure import Exposure
+    from plenoptic.scene.files.load import FileContents
 
 _LIBRARIES = ("numpy", "numba", "llvmlite", "embreex", "OpenImageIO", "trimesh", "pillow", "matplotlib")
 
@@ -22,16 +28,15 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print it."""
+    """Print the description."""
     if options.file is None:
-        print("\n".join(_here()))
+        print("\n".join(_installation()))
         return
-    file = opened(options.file)
-    print(f"{options.file}: {file.kind}")
-    print("\n".join(_lines(file.content)))
+    file = open_file(options.file)
+    print("\n".join([f"{options.file}: {file.kind}", *_lines(file.content)]))
 
 
-def _here() -> list[str]:
+def _installation() -> list[str]:
     from plenoptic.core.numba.jit import processor
     from plenoptic.core.numba.kernel_cache import writable_folder
     from plenoptic.core.parallel import thread_count
@@ -44,16 +49,16 @@ def _here() -> list[str]:
         except importlib.metadata.PackageNotFoundError:
             versions.append(f"no {name}")
     folder = writable_folder()
-    kernels = [] if folder is None else list(folder.glob("*.nbc"))
-    size = sum(file.stat().st_size for file in kernels)
-    held = (
-        "nowhere: it cannot be written" if folder is None else f"{folder} ({len(kernels)} kernels, {size / 1e6:.0f} MB)"
-    )
+    if folder is None:
+        cache = "nowhere: it cannot be written"
+    else:
+        sizes = [file.stat().st_size for file in folder.glob("*.nbc")]
+        cache = f"{folder} ({len(sizes)} kernels, {sum(sizes) / 1e6:.0f} MB)"
     return [
         f"plenoptic {__version__}, Python {platform.python_version()}, {platform.platform()}",
         ", ".join(versions),
         f"processor: {processor()}, {thread_count(None)} threads",
-        f"compiled code: {held}",
+        f"compiled code: {cache}",
         f"lenses: {', '.join(lens_names())}",
     ]
 
@@ -74,10 +79,9 @@ def _lines(content: Any) -> list[str]:
     if isinstance(content, FileContents):
         return _scene_lines(content)
     if isinstance(content, Package):
-        return [str(content), "", *_image_lines(content.exposure), "", str(content.camera.report())]
+        return [str(content), "", *_image_lines(content.exposure), *_report(content.camera)]
     if isinstance(content, Exposure):
-        camera = [] if content.camera is None else ["", str(content.camera.report())]
-        return [*_image_lines(content), *camera]
+        return [*_image_lines(content), *_report(content.camera)]
     if isinstance(content, Path):
         return _store_lines(content)
     if isinstance(content, LightField):
@@ -86,7 +90,7 @@ def _lines(content: Any) -> list[str]:
 
 
 def _store_lines(path: Path) -> list[str]:
-    """Lines about the arrays of a store, and about the whole; no pixel is read."""
+    """Arrays and metadata of a store; no pixel is read."""
     from plenoptic.core.files.serialization import restored_fields
     from plenoptic.core.files.zarr_reading import attributes_of, described
 
@@ -94,18 +98,21 @@ def _store_lines(path: Path) -> list[str]:
     metadata = restored_fields(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))
     camera = metadata.pop("camera", None)
     facts = [f"{size / 1e6:.3g} MB", *(f"{name} {fact}" for name, fact in metadata.items())]
-    report = [] if camera is None else ["", str(camera.report())]
-    return [", ".join(facts), *(f"{name} {said}" for name, said in arrays.items()), *report]
+    return [", ".join(facts), *(f"{name} {text}" for name, text in arrays.items()), *_report(camera)]
 
 
-def _image_lines(shot: Any) -> list[str]:
+def _report(camera: PlenopticCamera | None) -> list[str]:
+    return [] if camera is None else ["", str(camera.report())]
+
+
+def _image_lines(exposure: Exposure) -> list[str]:
     import numpy as np
 
-    low, middle, high = np.nanpercentile(shot.image, [0, 50, 100])
-    return [str(shot), f"values {low:.4g} to {high:.4g}, median {middle:.4g}"]
+    low, middle, high = np.nanpercentile(exposure.image, [0, 50, 100])
+    return [str(exposure), f"values {low:.4g} to {high:.4g}, median {middle:.4g}"]
 
 
-def _lens_lines(lens: Any) -> list[str]:
+def _lens_lines(lens: LensStack) -> list[str]:
     from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 
     points = cardinal_points(lens)
@@ -113,11 +120,11 @@ def _lens_lines(lens: Any) -> list[str]:
         str(lens),
         f"focal length {points.efl:.6g} mm, f/{points.f_number:.3g}, back focal length {points.bfl:.6g} mm at "
         f"{points.wavelength:g} nm",
-        *(f"{finding}" for finding in lens.check()),
+        *map(str, lens.check()),
     ]
 
 
-def _scene_lines(contents: Any) -> list[str]:
+def _scene_lines(contents: FileContents) -> list[str]:
     from plenoptic.scene.geometry.instance import Instances
     from plenoptic.scene.scene import Scene
 

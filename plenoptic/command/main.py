@@ -19,13 +19,13 @@ INTERRUPTED = 130
 
 
 class Command(Protocol):
-    """Subcommand: a module. The first line of its docstring is its description, without a full stop."""
+    """A subcommand: a module. The first line of its docstring is its description."""
 
     def fill_parser(self, parser: argparse.ArgumentParser) -> None:
-        """Add its arguments."""
+        """Add the arguments."""
 
     def run(self, options: argparse.Namespace) -> int | None:
-        """Run the command, and return the exit code, if any; a PlenopticError is a refusal."""
+        """Run it, and return the exit code, None for 0; raise a PlenopticError to refuse."""
 
 
 COMMANDS: dict[str, Any] = {
@@ -47,43 +47,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:
-            for argument in words:
-                utf8_path(argument)  # also what is no file is printed
+            for word in words:
+                utf8_path(word)  # words that are no files are printed, too
             code = command.run(options)
             if sys.stdout is not None:  # closed by the shell
                 sys.stdout.flush()
-        except PlenopticError as error:
-            return _refuse(options.command, error)
-        except BrokenPipeError:  # whoever reads the output has seen enough
+        except BrokenPipeError:  # the reader of the output has closed it
             sys.stderr.close()
             return REFUSED
-        except OSError as error:
-            return _refuse(options.command, error)
+        except (PlenopticError, OSError) as error:
+            print(f"plenoptic {options.command}: {' '.join(str(error).split())}", file=sys.stderr)
+            return REFUSED
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             return INTERRUPTED
     return 0 if code is None else code
 
 
-def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    """Parser of all commands, with the arguments of those that may be meant: some import slow modules."""
-    text = "Plenoptic cameras, simulated physically: what there is to do without writing a program."
+def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser of all commands, with the arguments of those that `words` names: some imports take long."""
+    text = "Plenoptic cameras, simulated physically: tasks that need no program of one's own."
     parser = argparse.ArgumentParser(prog="plenoptic", description=text)
     parser.add_argument("--version", action="version", version=f"plenoptic {__version__}")
     parts = parser.add_subparsers(title="commands", dest="command", required=True, metavar="COMMAND")
     for name, command in COMMANDS.items():
-        what = (command.__doc__ or "").strip().splitlines()[0].rstrip(".")
-        one = parts.add_parser(name, help=what[0].lower() + what[1:], description=f"{what}.")
-        if name in given:
-            command.fill_parser(one)
+        text = (command.__doc__ or "").strip().splitlines()[0].rstrip(".")
+        subparser = parts.add_parser(name, help=text[0].lower() + text[1:], description=f"{text}.")
+        if name in words:
+            command.fill_parser(subparser)
     return parser
 
 
-def _refuse(name: str, error: BaseException) -> int:
-    print(f"plenoptic {name}: {' '.join(str(error).split())}", file=sys.stderr)
-    return REFUSED
-
-
 def _show_warning(message: Warning | str, *where: Any, **also: Any) -> None:
-    """In one line, without the place in the code."""
+    """Print a warning in one line, without the place in the code."""
     print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Make one image of parts of it, and of renders with other seeds."""
+"""Make one image of its parts, and of renders with other seeds."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plenoptic.command.files import exposure_of, opened
-from plenoptic.command.render_options import region_of
+from plenoptic.command.open_file import exposure_of, open_file
+from plenoptic.command.render_options import add_output, parse_region
 from plenoptic.command.tiles import missing_tiles
 from plenoptic.errors import FileError, InvalidValueError
 
@@ -18,21 +18,20 @@ if TYPE_CHECKING:
     from plenoptic.rendering.merging.regions import Region
 
 _NAMED = 8
-"""Missing parts whose names fit into a line."""
+"""Missing parts that a message names."""
 
 
 def fill_parser(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     text = "images (EXR, zarr) or packages: regions beside each other, and the same region with other seeds"
     parser.add_argument("parts", metavar="PART", nargs="+", help=text)
-    text = "image to write: .exr or .zarr keep everything, .tif and .png the picture"
-    parser.add_argument("-o", "--output", metavar="OUT", required=True, help=text)
-    text = "what parts make up, if not the whole sensor; it need not be given where all are of the same region"
-    parser.add_argument("--region", type=region_of, metavar="R0:R1,C0:C1", help=text)
+    add_output(parser)
+    text = "region that the parts make up, if not the whole sensor; not needed if all are of the same region"
+    parser.add_argument("--region", type=parse_region, metavar="R0:R1,C0:C1", help=text)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Merge, save, and print a summary; a store is written while parts are read."""
+    """Merge, save and print the exposure; a store is written while parts are read."""
     from plenoptic.rendering.exposure_files import check_target, checked_ending
     from plenoptic.rendering.merging.merge import merge_to_store, merged_parts
 
@@ -51,17 +50,17 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _part(name: str) -> Part:
-    """Open a file or folder, and read only its metadata."""
+    """A file or folder, of which only the metadata has been read if that is possible."""
     from plenoptic.core.files.zarr_reading import attributes_of
     from plenoptic.rendering.exposure_files import head_of_image
     from plenoptic.rendering.heads import head_of
     from plenoptic.rendering.merging.parts import FilePart, StorePart
 
     def load() -> Exposure:
-        file = opened(name)
-        if (shot := exposure_of(file)) is None:
+        file = open_file(name)
+        if (exposure := exposure_of(file)) is None:
             raise FileError(f"{name!r} is {file.kind}; give an image that `plenoptic render` wrote")
-        return shot
+        return exposure
 
     path = Path(name)
     if path.is_file() and path.suffix.lower() == ".exr":
@@ -71,25 +70,25 @@ def _part(name: str) -> Part:
     return FilePart(name, head_of(load()), load)
 
 
-def _check_complete(heads: list[Head], wanted: tuple[slice, slice] | None) -> None:
-    """Raise an error that names the missing parts of a region, or of the sensor."""
+def _check_complete(heads: list[Head], region: tuple[slice, slice] | None) -> None:
+    """Raise if parts of a region, or of the sensor, are missing; the error names them."""
     from plenoptic.camera.checks import sensor_region
     from plenoptic.rendering.frame import region_text
     from plenoptic.rendering.merging.regions import left_out
 
     regions = {head.place for head in heads}
     camera = heads[0].camera
-    if camera is None or (wanted is None and len(regions) == 1):
+    if camera is None or (region is None and len(regions) == 1):
         return
     shape = camera.sensor.shape
-    missing: list[Region] = left_out(sensor_region(shape, wanted), regions)
+    missing: list[Region] = left_out(sensor_region(shape, region), regions)
     if not missing:
         return
-    tiles = [] if wanted is not None else missing_tiles(shape, regions)
-    names = [f"{tile.k}/{tile.n}" for tile in tiles] or [region_text(region) for region in missing]
+    tiles = [] if region is not None else missing_tiles(shape, regions)
+    names = [f"{tile.k}/{tile.n}" for tile in tiles] or [region_text(part) for part in missing]
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    what, are = ("tile" if tiles else "region"), ("are" if len(names) > 1 else "is")
+    kind, are = ("tile" if tiles else "region"), ("are" if len(names) > 1 else "is")
     raise InvalidValueError(
-        f"{what} {'; '.join(names[:_NAMED])}{more} {are} missing; render what is missing, or say by --region what "
-        "parts make up"
+        f"{kind} {'; '.join(names[:_NAMED])}{more} {are} missing; render the missing parts, or give the region that "
+        "the parts make up by --region"
     )

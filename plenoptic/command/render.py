@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import argparse
 
-from plenoptic.command.render_options import fill_render_options, request_of
+from plenoptic.command.render_options import add_output, fill_render_options, request_of
 
 
 def fill_parser(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     fill_render_options(parser)
-    text = "image to write: .exr or .zarr keep everything, .tif and .png the picture"
-    parser.add_argument("-o", "--output", metavar="OUT", required=True, help=text)
-    parser.epilog = "Interrupted once (Ctrl-C, SIGINT), it saves what there is and ends with exit code 130."
+    add_output(parser)
+    parser.epilog = "Interrupted once (Ctrl-C, SIGINT), it saves the unfinished image and ends with exit code 130."
 
 
 def run(options: argparse.Namespace) -> None:
-    """Render, save, and print a summary; KeyboardInterrupt where it was interrupted, after saving."""
+    """Render, save and print the exposure; KeyboardInterrupt after saving if the render was interrupted."""
     from plenoptic.rendering.exposure_files import check_target
     from plenoptic.rendering.render import render, render_white
 
@@ -25,10 +24,10 @@ def run(options: argparse.Namespace) -> None:
     names = ("samples", "target_error", "time_limit", "seed", "replicates", "checkpoint", "threads", "progress")
     arguments = request.arguments(*names)
     if request.scene is None:
-        shot = render_white(request.camera, **arguments)
+        exposure = render_white(request.camera, **arguments)
     else:
-        shot = render(request.scene, request.camera, **arguments)
-    shot.save(options.output)
-    print(f"{options.output}: {shot}\n{shot.stats}", flush=True)
-    if shot.interrupted:
+        exposure = render(request.scene, request.camera, **arguments)
+    exposure.save(options.output)
+    print(f"{options.output}: {exposure}\n{exposure.stats}", flush=True)
+    if exposure.interrupted:
         raise KeyboardInterrupt

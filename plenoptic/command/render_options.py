@@ -1,4 +1,4 @@
-"""Arguments of `render` and `estimate`: subject, camera, region, and limits."""
+"""Arguments of `render` and `estimate`: scene, camera, region and the end of the render."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import re
 import sys
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from plenoptic.command.files import camera_in, scene_in, settings_in
-from plenoptic.command.tiles import Tile, tile_of, tile_region
+from plenoptic.command.open_file import load_camera, load_scene, load_settings
+from plenoptic.command.tiles import parse_tile, tile_region
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
 Slices = tuple[slice, slice]
+
 _OF_SCENES = ("background", "truth", "max_bounces", "clamp", "caustics")
-"""Options that say nothing about a white image."""
+"""Options that a white image does not have."""
 
 
 class Request(NamedTuple):
-    """Subject of a render."""
+    """Render that was asked for."""
 
     scene: Scene | None
     """None: a white image."""
@@ -33,48 +34,61 @@ class Request(NamedTuple):
     options: argparse.Namespace
 
     def arguments(self, *names: str) -> dict[str, Any]:
-        """Given options of these names, the region, and options of scenes, as `render` takes them."""
-        values = {name: found for name in names if (found := getattr(self.options, name)) is not None}
-        values |= {"region": self.region, "sampler": self.settings.sampler}
+        """Arguments of `render`: the options of these names that are not None, region, settings and truth."""
+        arguments = _options(self.options, *names)
+        arguments |= {"region": self.region, "sampler": self.settings.sampler}
         if self.scene is not None:
-            values |= {name: getattr(self.settings, name) for name in ("max_bounces", "clamp", "caustics")}
-            values |= {} if self.options.truth is None else {"truth": _truth(self.options.truth)}
-        return values
+            arguments |= {name: getattr(self.settings, name) for name in ("max_bounces", "clamp", "caustics")}
+            arguments |= {} if self.options.truth is None else {"truth": _parse_truth(self.options.truth)}
+        return arguments
 
 
 def fill_render_options(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that both have."""
+    """Add the common arguments."""
     add = parser.add_argument
     add("scene", metavar="SCENE", nargs="?", help="glTF, OBJ, PLY or STL; none with --white")
     add("camera", metavar="CAMERA", help="JSON of pl.package.save_value, or an image or package that holds a camera")
     add("--white", action="store_true", help="a white image: no scene, radiance 1 everywhere")
-    text = "of what is around the scene; 1 where the file has no lights, otherwise 0"
+    text = "of the surroundings of the scene; 1 if the file has no lights, otherwise 0"
     add("--background", type=float, metavar="RADIANCE", help=text)
-    ends = parser.add_argument_group("what ends it, whichever comes first; at least one is needed")
+    ends = parser.add_argument_group("end of the render, whichever comes first; at least one is needed")
     ends.add_argument("--samples", type=int, metavar="N", help="paths per pixel")
     ends.add_argument("--target-error", type=float, metavar="E", help="relative error, such as 0.02")
     ends.add_argument("--time-limit", type=float, metavar="SECONDS", help="from the start on")
     parts = parser.add_argument_group("a part of the sensor").add_mutually_exclusive_group()
-    parts.add_argument("--region", type=region_of, metavar="R0:R1,C0:C1", help="rows R0 to R1 - 1 and columns alike")
+    parts.add_argument("--region", type=parse_region, metavar="R0:R1,C0:C1", help="rows R0 to R1 - 1 and columns alike")
     text = "the K-th of N parts, counted from 1 row by row, that are as square as can be and make up the whole"
-    parts.add_argument("--tile", type=tile_of, metavar="K/N", help=text)
-    how = parser.add_argument_group("how")
-    how.add_argument("--seed", type=int, help="of the random numbers (0)")
-    how.add_argument("--replicates", type=int, metavar="N", help="independent parts of the samples, for errors (2)")
-    text = "what is found beside the image (depth), such as depth,normal,object; none; all"
-    how.add_argument("--truth", metavar="NAME[,NAME]", help=text)
-    how.add_argument("--max-bounces", type=int, metavar="N", help="of a path (8)")
-    how.add_argument("--clamp", type=float, metavar="RADIANCE", help="the most that a path may bring")
-    how.add_argument("--caustics", choices=("kept", "left-out"), help="light thrown by mirrors and glass (kept)")
-    how.add_argument("--settings", metavar="FILE", help="RenderSettings as JSON; options beside it count more")
-    how.add_argument("--threads", type=int, metavar="N", help="one for each processor, if not told otherwise")
-    how.add_argument("--checkpoint", metavar="FILE", help="is added to on the way; the same call goes on from there")
+    parts.add_argument("--tile", type=parse_tile, metavar="K/N", help=text)
+    group = parser.add_argument_group("settings")
+    group.add_argument("--seed", type=int, help="of the random numbers (0)")
+    group.add_argument("--replicates", type=int, metavar="N", help="independent parts of the samples, for errors (2)")
+    text = "ground truth beside the image (depth), such as depth,normal,object; none; all"
+    group.add_argument("--truth", metavar="NAME[,NAME]", help=text)
+    group.add_argument("--max-bounces", type=int, metavar="N", help="of a path (8)")
+    group.add_argument("--clamp", type=float, metavar="RADIANCE", help="the most that a path may bring")
+    group.add_argument("--caustics", choices=("kept", "left-out"), help="light thrown by mirrors and glass (kept)")
+    group.add_argument("--settings", metavar="FILE", help="RenderSettings as JSON; other options override them")
+    group.add_argument("--threads", type=int, metavar="N", help="of the render (one for each processor)")
+    group.add_argument(
+        "--checkpoint", metavar="FILE", help="file that keeps the state of the render; the same call resumes from it"
+    )
+    add_progress(group)
+
+
+def add_progress(parser: Any) -> None:
+    """Add the switch for progress bars to a parser or a group of it."""
     show = argparse.BooleanOptionalAction
-    how.add_argument("--progress", action=show, default=sys.stderr.isatty(), help="in terminals")
+    parser.add_argument("--progress", action=show, default=sys.stderr.isatty(), help="in terminals")
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Add the image to write."""
+    text = "image to write: .exr or .zarr keep everything, .tif and .png the picture"
+    parser.add_argument("-o", "--output", metavar="OUT", required=True, help=text)
 
 
 def request_of(options: argparse.Namespace) -> Request:
-    """Request of the options, with its files read; an error where they do not fit together."""
+    """The render that the options describe, with its files read."""
     if options.white and options.scene is not None:
         raise InvalidValueError(f"--white has no scene, and {options.scene!r} is one too many; give the camera alone")
     if not options.white and options.scene is None:
@@ -83,43 +97,47 @@ def request_of(options: argparse.Namespace) -> Request:
         if getattr(options, name) is not None:
             raise InvalidValueError(f"--{name.replace('_', '-')} is about a scene, and --white has none; leave it out")
     if options.truth is not None:
-        _truth(options.truth)
-    camera = camera_in(options.camera)
-    tile: Tile | None = options.tile
-    region = options.region if tile is None else tile_region(camera.sensor.shape, tile)
+        _parse_truth(options.truth)
+    camera = load_camera(options.camera)
+    region = options.region if options.tile is None else tile_region(camera.sensor.shape, options.tile)
     settings = _settings(options)
-    scene = None if options.white else scene_in(options.scene, options.background)
+    scene = None if options.white else load_scene(options.scene, options.background)
     return Request(scene, camera, region, settings, options)
 
 
-def region_of(text: str) -> Slices:
+def parse_region(text: str) -> Slices:
     """Slices of rows and columns, for argparse."""
-    found = re.fullmatch(r"(\d*):(\d*),(\d*):(\d*)", text)
-    if found is None:
+    numbers = re.fullmatch(r"(\d*):(\d*),(\d*):(\d*)", text)
+    if numbers is None:
         raise argparse.ArgumentTypeError(f"{text!r} is no region; give rows and columns, such as 0:64,128:256")
-    first_row, end_row, first_column, end_column = (int(number) if number else None for number in found.groups())
+    first_row, end_row, first_column, end_column = (int(number) if number else None for number in numbers.groups())
     return slice(first_row, end_row), slice(first_column, end_column)
 
 
 def _settings(options: argparse.Namespace) -> RenderSettings:
     from plenoptic.rendering.settings import Caustics, RenderSettings
 
-    kept = RenderSettings() if options.settings is None else settings_in(options.settings)
-    given = {name: found for name in ("max_bounces", "clamp") if (found := getattr(options, name)) is not None}
+    settings = RenderSettings() if options.settings is None else load_settings(options.settings)
+    changes = _options(options, "max_bounces", "clamp")
     if options.caustics is not None:
-        given["caustics"] = Caustics.KEPT if options.caustics == "kept" else Caustics.LEFT_OUT
-    return dataclasses.replace(kept, **given)
+        changes["caustics"] = Caustics.KEPT if options.caustics == "kept" else Caustics.LEFT_OUT
+    return dataclasses.replace(settings, **changes)
 
 
-def _truth(names: str) -> Any:
-    """The channels of these names."""
+def _options(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Options of these names that are not None."""
+    return {name: value for name in names if (value := getattr(options, name)) is not None}
+
+
+def _parse_truth(names: str) -> Any:
+    """The channels of comma-separated names."""
     from plenoptic.truth.channels import Truth
 
-    known = {name.lower().replace("_", "-"): flag for name, flag in Truth.__members__.items()}
-    found = Truth.NONE
+    flags = {name.lower().replace("_", "-"): flag for name, flag in Truth.__members__.items()}
+    truth = Truth.NONE
     for name in names.split(","):
-        flag = known.get(name.strip().lower().replace("_", "-"))
+        flag = flags.get(name.strip().lower().replace("_", "-"))
         if flag is None:
-            raise InvalidValueError(f"--truth has {name!r}; it must be one or several of {', '.join(known)}")
-        found |= flag
-    return found
+            raise InvalidValueError(f"--truth has {name!r}; it must be one or several of {', '.join(flags)}")
+        truth |= flag
+    return truth

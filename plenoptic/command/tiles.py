@@ -1,4 +1,4 @@
-"""Parts of the sensor for jobs on several machines: the third of 16."""
+"""Tiles of the sensor for jobs on several machines, such as the third of 16."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from plenoptic.rendering.merging.regions import Region
 
 _MORE = 8
-"""How many times the parts that are there it is tried how many there may be."""
+"""Numbers of tiles are tried up to this times the number of regions."""
 
 
 class Tile(NamedTuple):
-    """The k-th of n parts of the sensor, counted from 1."""
+    """The k-th of n tiles of the sensor, counted from 1."""
 
     k: int
     n: int
 
 
-def tile_of(text: str) -> Tile:
-    """Parse a tile, for argparse."""
-    found = re.fullmatch(r"(\d+)/(\d+)", text)
-    if found is None:
+def parse_tile(text: str) -> Tile:
+    """Tile of a text such as 3/16, for argparse."""
+    numbers = re.fullmatch(r"(\d+)/(\d+)", text)
+    if numbers is None:
         raise argparse.ArgumentTypeError(f"{text!r} is no part of the sensor; give one such as 3/16, the third of 16")
-    tile = Tile(*map(int, found.groups()))
+    tile = Tile(*map(int, numbers.groups()))
     if not 1 <= tile.k <= tile.n:
         raise argparse.ArgumentTypeError(f"{text!r} is no part of {tile.n}; they are counted from 1/{tile.n}")
     return tile
@@ -49,7 +49,7 @@ def tile_region(shape: tuple[int, int], tile: Tile) -> tuple[slice, slice]:
 
 
 def tile_grid(shape: tuple[int, int], n: int) -> tuple[int, int] | None:
-    """Rows and columns of n parts that are as square as can be; None where there are too few pixels for n."""
+    """Numbers of rows and columns of n tiles, as square as can be; None if there are too few pixels for n."""
     from plenoptic.camera.checks import BLOCK
 
     high, wide = (-(-length // BLOCK) for length in shape)
@@ -58,13 +58,13 @@ def tile_grid(shape: tuple[int, int], n: int) -> tuple[int, int] | None:
 
 
 def missing_tiles(shape: tuple[int, int], regions: Collection[Region]) -> list[Tile]:
-    """Tiles that are not among regions, if these are some of the least number of tiles; otherwise none."""
+    """Tiles that complete the regions, if the regions are tiles of a common number; otherwise none."""
     from plenoptic.camera.checks import sensor_tiles
 
-    there = set(regions)
-    for n in range(len(there) + 1, _MORE * len(there) + 2):
+    rendered = set(regions)
+    for n in range(len(rendered) + 1, _MORE * len(rendered) + 2):
         if (grid := tile_grid(shape, n)) is not None:
             tiles = [(row.start, row.stop, column.start, column.stop) for row, column in sensor_tiles(shape, *grid)]
-            if there <= set(tiles):
-                return [Tile(k, n) for k, tile in enumerate(tiles, start=1) if tile not in there]
+            if rendered <= set(tiles):
+                return [Tile(k, n) for k, tile in enumerate(tiles, start=1) if tile not in rendered]
     return []

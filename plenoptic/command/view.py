@@ -6,9 +6,8 @@ import argparse
 import tempfile
 import webbrowser
 from pathlib import Path
-from typing import Any
 
-from plenoptic.command.files import exposure_of, opened
+from plenoptic.command.open_file import exposure_of, open_file
 from plenoptic.core.files.atomic_file import check_folder, real_path
 from plenoptic.errors import FileError
 
@@ -23,31 +22,21 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the page and open it."""
-    chosen = None if options.output is None else _page_path(options.output)  # before minutes are spent
-    seen = _viewable(options.file)
-    target = (
-        Path(tempfile.mkdtemp(prefix="plenoptic-"), f"{Path(options.file).stem}.html") if chosen is None else chosen
-    )
-    seen.save_html(target)
-    print(target)
-    if not options.no_browser and not webbrowser.open(target.resolve().as_uri()):
-        raise FileError(f"no browser could be opened; open {str(target)!r} in one")
-
-
-def _page_path(output: str) -> Path:
-    """Path of the page, or an error."""
-    check_folder(real_path(output))
-    if Path(output).suffix.lower() not in (".html", ".htm"):
-        raise FileError(f"--output is {output!r}; it must end in .html")
-    return Path(output)
-
-
-def _viewable(name: str) -> Any:
-    """The exposure or light field of a file."""
     from plenoptic.lightfield.views import LightField
 
-    found = opened(name)
-    content = found.content if isinstance(found.content, LightField) else exposure_of(found)
+    if options.output is not None:  # before minutes are spent
+        check_folder(real_path(options.output))
+        if Path(options.output).suffix.lower() not in (".html", ".htm"):
+            raise FileError(f"--output is {options.output!r}; it must end in .html")
+    file = open_file(options.file)
+    content = file.content if isinstance(file.content, LightField) else exposure_of(file)
     if content is None:
-        raise FileError(f"{name!r} is {found.kind}; give an image, a package or a light field to look at")
-    return content
+        raise FileError(f"{options.file!r} is {file.kind}; give an image, a package or a light field to look at")
+    if options.output is None:
+        page = Path(tempfile.mkdtemp(prefix="plenoptic-"), f"{Path(options.file).stem}.html")
+    else:
+        page = Path(options.output)
+    content.save_html(page)
+    print(page)
+    if not options.no_browser and not webbrowser.open(page.resolve().as_uri()):
+        raise FileError(f"no browser could be opened; open {str(page)!r} in one")

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import sys
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from plenoptic.command.files import camera_in, scene_in
+from plenoptic.command.open_file import load_camera, load_scene
+from plenoptic.command.render_options import add_progress
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -20,37 +19,35 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", metavar="FILE", help="a scene (glTF, OBJ, PLY, STL); otherwise the bundled kinds")
     text = "a camera (JSON), or an image or package that holds one; otherwise the bundled kinds"
     parser.add_argument("--camera", metavar="FILE", help=text)
-    show = argparse.BooleanOptionalAction
-    parser.add_argument("--progress", action=show, default=sys.stderr.isatty(), help="in terminals")
+    add_progress(parser)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Compile, and print the number of kernels and the time."""
+    """Compile, and print the kernels and the time they took."""
     from plenoptic.rendering.warm_up import warm_up
 
-    cameras = {options.camera: camera_in(options.camera)} if options.camera else dict(_cameras())
-    scenes = {options.scene: scene_in(options.scene)} if options.scene else dict(_scenes())
-    for seen, scene in scenes.items():
+    cameras = {options.camera: load_camera(options.camera)} if options.camera else _cameras()
+    scenes = {options.scene: load_scene(options.scene)} if options.scene else _scenes()
+    for scene_name, scene in scenes.items():
         for name, camera in cameras.items():
-            print(f"{seen}, {name}: {warm_up(scene, camera, progress=options.progress)}", flush=True)
+            print(f"{scene_name}, {name}: {warm_up(scene, camera, progress=options.progress)}", flush=True)
 
 
-def _scenes() -> Iterator[tuple[str, Scene]]:
+def _scenes() -> dict[str, Scene]:
     from plenoptic.scene.shapes.procedural import check_scene, objects_scene
     from plenoptic.scene.shapes.still_life import still_life
 
-    yield "a textured wall", check_scene()
-    yield "bodies under a lamp", objects_scene()
-    yield "the still life", still_life()
+    return {"a textured wall": check_scene(), "bodies under a lamp": objects_scene(), "the still life": still_life()}
 
 
-def _cameras() -> Iterator[tuple[str, PlenopticCamera]]:
-    from plenoptic.camera.design.example import example_camera
+def _cameras() -> dict[str, PlenopticCamera]:
     from plenoptic.optics.microlens.models import MicrolensModel
 
     camera = example_camera()
     assert camera.microlenses is not None
-    yield "thin microlenses", camera
     refracting = dataclasses.replace(camera.microlenses, model=MicrolensModel.SPHERICAL)
-    yield "plano-convex microlenses", dataclasses.replace(camera, microlenses=refracting)
-    yield "no microlenses", dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
+    return {
+        "thin microlenses": camera,
+        "plano-convex microlenses": dataclasses.replace(camera, microlenses=refracting),
+        "no microlenses": dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0),
+    }

@@ -1,4 +1,4 @@
-"""Studies of the simulator's accuracy that print a table. ``plenoptic study`` runs them."""
+"""Studies of the simulator, each printed as a table; ``plenoptic study`` runs them."""
 
 import lazy_loader
 

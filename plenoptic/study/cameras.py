@@ -1,4 +1,4 @@
-"""Cameras of the bundled cases beside the example camera: one that is smooth, and one that has everything."""
+"""Cameras of the bundled cases: the reference camera, a smooth one, and one with every part that there is."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.surfaces.surface import Surface
 
 _SIDE = 128
-"""Pixels: bounds on the pupils of tilted parts, found once for each camera, take a time that grows with its sensor."""
+"""Pixels: the time for the bounds on the pupils of tilted parts grows with the sensor."""
 
 
 def smooth_camera() -> PlenopticCamera:
-    """The example camera wide open, 20 x 20 pixels behind one square microlens between walls: nothing cuts light."""
+    """The reference camera wide open, 20 x 20 pixels behind one square microlens between walls: nothing clips light."""
     array = MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=Lattice.SQUARE, walls=Walls.OPAQUE)
     sensor = Sensor(shape=(20, 20), pixel_pitch=0.010)
     wide_open = load_lens("double-gauss-100mm-f2")
@@ -34,8 +34,8 @@ def smooth_camera() -> PlenopticCamera:
 
 
 def furnished_camera() -> PlenopticCamera:
-    """The example camera with everything that a camera can have, 128 x 128 pixels, in another place."""
-    plain = example_camera()
+    """The reference camera with every part that a camera can have, 128 x 128 pixels, posed."""
+    plain = reference_camera()
     assert plain.microlenses is not None
     array = dataclasses.replace(
         plain.microlenses,
@@ -50,24 +50,26 @@ def furnished_camera() -> PlenopticCamera:
         pixel_pitch=plain.sensor.pixel_pitch,
         angular_response=AngularResponse(well_depth=0.5, pupil_distance=130.0),
     )
-    half = tuple(0.5 * side for side in sensor.size)
-    whole = dataclasses.replace(
+    half_size = (0.5 * sensor.size[0], 0.5 * sensor.size[1])
+    camera = dataclasses.replace(
         plain,
-        lens=_spoiled(plain.lens),
+        lens=_lens_with_defects(plain.lens),
         microlenses=array,
         sensor=sensor,
         sensitivity=colour_camera(),
-        blemishes=(Blemishes.scattered(BlemishSite.SENSOR, half_size=(half[0], half[1]), dust_per_mm2=4.0),),
+        blemishes=(Blemishes.scattered(BlemishSite.SENSOR, half_size=half_size, dust_per_mm2=4.0),),
     )
     tilt = math.radians(0.2)
-    whole = whole.moved(CameraPart.SENSOR, tilt=(tilt, 0.0, tilt)).moved(CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0))
-    whole = whole.moved(CameraPart.LENS, shift=(0.05, 0.0, 0.0))
-    return whole.posed(position=(30.0, 20.0, 10.0), look_at=(-200.0, 0.0, -400.0))
+    camera = camera.moved(CameraPart.SENSOR, tilt=(tilt, 0.0, tilt)).moved(
+        CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0)
+    )
+    camera = camera.moved(CameraPart.LENS, shift=(0.05, 0.0, 0.0))
+    return camera.posed(position=(30.0, 20.0, 10.0), look_at=(-200.0, 0.0, -400.0))
 
 
-def _spoiled(lens: LensStack) -> LensStack:
-    """A lens with a slight asphere, an element out of place and an iris of blades."""
-    first, *others = lens.elements
+def _lens_with_defects(lens: LensStack) -> LensStack:
+    """The lens with a slight asphere, a decentred element and an iris of blades."""
+    first, *following = lens.elements
     assert isinstance(first, Surface)
-    aspheric = dataclasses.replace(lens, elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9)), *others])
+    aspheric = dataclasses.replace(lens, elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9)), *following])
     return aspheric.with_stop(PolygonStop(blades=6, semi_diameter=5.0)).moved(3, shift=(0.02, 0.0, 0.0))

@@ -7,7 +7,6 @@ different files take turns. Whatever happens, the one that is there is one of th
 temporary file is beside it after a signal, none after an error, and none after the next save.
 """
 
-import dataclasses
 import os
 import random
 import re
@@ -50,7 +49,7 @@ def shot(path, n):
 
 
 def tables(n):
-    numbers = dict.fromkeys([field.name for field in dataclasses.fields(pl.study.ErrorRow)[2:]], 0.25 + n)
+    numbers = dict.fromkeys(pl.study.ErrorRow._fields[2:], 0.25 + n)
     rows = [pl.study.ErrorRow("THIN lens", k, **numbers) for k in range(1, 400)]
     return [pl.study.ErrorTable("made up", rows, 1, 1, 2, 1, 1, 0.1)]
 

@@ -2,8 +2,8 @@
 
 import functools
 import math
-import subprocess
 import sys
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -12,69 +12,65 @@ import pytest
 import plenoptic as pl
 from plenoptic.command.main import main
 from plenoptic.study import stability
-from plenoptic.study.rounding.bounds import EPS, LENS_DIRECTION, LENS_POSITION, Law, bounds_of
-from plenoptic.study.rounding.cases import GLASS, WIDE, single, stability_cases
-from plenoptic.study.rounding.exact_asphere import first_crossing
-from plenoptic.study.rounding.reference import DIGITS, exact_rays, normal_at
-from plenoptic.study.rounding.table import QUICK, StabilityRow, StabilityTable, stability_row
+from plenoptic.study.stability_study import QUICK, StabilityRow
 
-CASES = {case.name: case for case in stability_cases()}
+sys.path.insert(0, str(Path(__file__).parents[1] / "validation"))
+import rounding_study
+from rounding_study.asphere import first_crossing
+from rounding_study.exact_trace import DIGITS, normal_at, trace_exactly, vector
+from rounding_study.rounding_bounds import EPS, LENS_DIRECTION, LENS_POSITION, Law, bounds_of
+from rounding_study.rounding_cases import GLASS, WIDE, single
+
+CASES = {case.name: case for case in rounding_study.rounding_cases()}
 
 
 @functools.cache
-def quick_row(name):
-    return stability_row(CASES[name], rays=QUICK)
+def quick_table():
+    return stability(rays=QUICK)
 
 
 def test_every_ray_is_within_its_bounds():
-    for name in CASES:
-        row = quick_row(name)
+    for row in quick_table().rows:
         assert row.holds, row
-        assert sum(count for _, count in row.returned) == QUICK, name
+        assert sum(count for _, count in row.returned) == QUICK, row
+    assert quick_table().notes == (f"{len(CASES)} cases, all within their bounds.",)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(3))
 def test_every_one_of_many_rays_is_within_its_bounds(part):
-    for name in list(CASES)[part::3]:
-        row = stability_row(CASES[name], rays=250, seed=1)
+    for row in stability(rays=250, seed=1, only=list(CASES)[part::3]).rows:
         assert row.holds, row
 
 
-def returned(name):
-    return dict(quick_row(name).returned)
-
-
 def test_cases_return_what_they_are_about():
-    assert returned("miss") == {"MISSED": QUICK}
+    returned = {row.case: dict(row.returned) for row in quick_table().rows}
+    assert returned["miss"] == {"MISSED": QUICK}
     for name in ("backward rays: the wrong way", "backward rays: the wrong way, plane"):
-        assert "OK" not in returned(name), name
+        assert "OK" not in returned[name], name
     for name in ("total reflection, sphere", "exact tangent", "hyper-hemisphere, in reverse"):
-        assert len(returned(name)) >= 2 and "OK" in returned(name), name
+        assert len(returned[name]) >= 2 and "OK" in returned[name], name
     for name in (*(f"grazing, cos i 1e-{k}" for k in range(2, 8)), "radius 1e9, then 1e-3, scene 1 km away"):
-        assert returned(name) == {"OK": QUICK}, name
-    assert {"OK", "NOT_FINITE"} <= set(returned("wild numbers, double Gauss"))
+        assert returned[name] == {"OK": QUICK}, name
+    assert {"OK", "NOT_FINITE"} <= set(returned["wild numbers, double Gauss"])
 
 
 def exact_of(name, n=QUICK):
     case = CASES[name]
     lens, rays, first, last, reverse = case.setup(np.random.default_rng(5), n)
-    return exact_rays(lens, rays, first, last, reverse=reverse, digits=case.digits)
+    return trace_exactly(lens, rays, first, last, reverse=reverse, digits=case.digits)
 
 
-def test_grazing_rays_graze():
+def test_rays_graze_and_meet_the_critical_angle_down_to_rounding():
     for k in range(2, 8):
         # cos^2 i is off by some ten eps, those of coordinates of up to 10 mm over the radius of 10 mm: 10 % of it at
         # 1e-7.
-        cosines = [float(ray.crossings[0].cos_i) for ray in exact_of(f"grazing, cos i 1e-{k}")]
+        cosines = [float(ray.hits[0].cos_i) for ray in exact_of(f"grazing, cos i 1e-{k}")]
         assert cosines == pytest.approx([10.0**-k] * QUICK, rel=0.3), k
     for ray in exact_of("near the axis, 1e-4"):
-        assert math.hypot(*map(float, ray.crossings[0].hit[:2])) <= 1.1e-4
-
-
-def test_reflections_lie_on_both_sides_of_the_critical_angle_down_to_rounding():
-    beside = np.array([float(ray.crossings[0].cos2_t) for ray in exact_of("total reflection, sphere", 200)])
-    for side in (beside[beside > 0], -beside[beside < 0]):
+        assert math.hypot(*map(float, ray.hits[0].point[:2])) <= 1.1e-4
+    cos2_t = np.array([float(ray.hits[0].cos2_t) for ray in exact_of("total reflection, sphere", 200)])
+    for side in (cos2_t[cos2_t > 0], -cos2_t[cos2_t < 0]):
         assert side.size > 50 and side.min() < 1e-13 and side.max() > 1e-3
 
 
@@ -82,8 +78,7 @@ def test_some_rays_cross_their_asphere_several_times():
     for shape in ["a ring", "gull wings", "ripples"]:
         lens, rays, k, _, _ = CASES[f"asphere crossed several times: {shape}"].setup(np.random.default_rng(5), 200)
         surface = lens.elements[k]
-        t = np.linspace(0.0, 20.0, 4001)
-        points = rays.origin[:, None] + t[:, None] * rays.direction[:, None]
+        points = rays.origin[:, None] + np.linspace(0.0, 20.0, 4001)[:, None] * rays.direction[:, None]
         r = np.hypot(points[..., 0], points[..., 1])
         inside = r <= surface.semi_diameter
         above = points[..., 2] - lens.vertices[k] > surface.sag(np.minimum(r, surface.semi_diameter))
@@ -94,7 +89,7 @@ def test_some_rays_cross_their_asphere_several_times():
 def test_normals_of_an_asphere_are_gradients_of_its_sag():
     surface = pl.Surface(20.0, semi_diameter=4.0, conic=-0.5, aspheric=(0.0, 1e-3, -1e-5))
     with mpmath.workdps(DIGITS):
-        normal, curvature = normal_at(mpmath.mp, surface, [mpmath.mpf(3), mpmath.mpf(0), mpmath.mpf(0)])
+        normal, curvature = normal_at(surface, vector([3, 0, 0]))
     assert float(-normal[0] / normal[2]) == pytest.approx(float(surface.slope(3.0)), rel=1e-14)
     # The larger of the curvatures of meridian and parallel; second derivative by differences, O(h^2).
     slope, h = float(surface.slope(3.0)), 1e-4
@@ -108,10 +103,9 @@ def test_a_hill_that_float64_only_touches_is_no_crossing():
     ring = pl.Surface(math.inf, semi_diameter=2.5, aspheric=(-0.2, 0.05))
     a, b = (mpmath.mpf(x) for x in ring.aspheric)
     with mpmath.workdps(DIGITS):
-        low = -a * a / (4 * b)
         for lift in (-(mpmath.mpf(10) ** -30), mpmath.mpf(10) ** -10):
-            start = [mpmath.mpf(0), mpmath.mpf(0), low + lift]
-            crossed = first_crossing(mpmath.mp, ring, start, [mpmath.mpf(1), 0, 0], 1)
+            start = np.array([mpmath.mpf(0), mpmath.mpf(0), -a * a / (4 * b) + lift])
+            crossed = first_crossing(ring, start, vector([1, 0, 0]), 1)
             if lift < 0:
                 assert crossed is None
             else:
@@ -122,12 +116,12 @@ def test_a_hill_that_float64_only_touches_is_no_crossing():
 def test_bounds_of_one_surface_are_those_of_the_book():
     lens, k = single(pl.Surface(50.0, semi_diameter=45.0), 1.0, GLASS)
     rays = pl.RayBundle([[0, 0.0, -100.0], [20.0, 0.0, -60.0]], [[0, 0, 1.0], [0, 0.1, 1.0]])
-    for ray in exact_rays(lens, rays, k, k):
-        found, crossing = bounds_of(ray, [lens.elements[k]]), ray.crossings[0]
-        cos_i, cos_t, mu = float(crossing.cos_i), math.sqrt(float(crossing.cos2_t)), float(crossing.mu)
-        size = float(mpmath.norm(crossing.hit))
-        assert found.position == pytest.approx(4 * EPS * size / cos_i, rel=1e-12, abs=1e-29)
-        assert found.direction == found.snell == pytest.approx(4 * EPS * (1 + mu * mu) / cos_t, rel=1e-12)
+    for ray in trace_exactly(lens, rays, k, k):
+        bounds, hit = bounds_of(ray, [lens.elements[k]]), ray.hits[0]
+        cos_i, cos_t, mu = float(hit.cos_i), math.sqrt(float(hit.cos2_t)), float(hit.mu)
+        size = math.hypot(*map(float, hit.point))
+        assert bounds.position == pytest.approx(4 * EPS * size / cos_i, rel=1e-12, abs=1e-29)
+        assert bounds.direction == bounds.snell == pytest.approx(4 * EPS * (1 + mu * mu) / cos_t, rel=1e-12)
     lens, k = single(pl.Surface(10.0, semi_diameter=5.0), 1.7, 1.5, iris=3.0)
     assert lens.indices()[k : k + 2].tolist() == [1.7, 1.5]
     assert lens.vertices[k] == -3.0 and lens.stop.semi_diameter == WIDE
@@ -135,92 +129,74 @@ def test_bounds_of_one_surface_are_those_of_the_book():
 
 def test_bounds_grow_from_surface_to_surface():
     lens = pl.load_lens("double-gauss-100mm-f2")
-    (ray,) = exact_rays(lens, pl.RayBundle([[0, 10.0, -404.0]], [[0, 0, 1.0]]))
+    (ray,) = trace_exactly(lens, pl.RayBundle([[0, 10.0, -404.0]], [[0, 0, 1.0]]))
     surfaces = [element for element in lens.elements if isinstance(element, pl.Surface)]
-    bounds = [bounds_of(ray._replace(crossings=ray.crossings[:k]), surfaces[:k]) for k in range(1, len(surfaces) + 1)]
+    bounds = [bounds_of(ray._replace(hits=ray.hits[:k]), surfaces[:k]) for k in range(1, len(surfaces) + 1)]
     assert bounds[-1].direction > max(bound.snell for bound in bounds) and bounds[-1].position > bounds[0].position
     # The whole lens is held to less than what its surfaces might add up to.
     assert bounds[-1].position > LENS_POSITION and bounds[-1].direction > LENS_DIRECTION
     assert CASES["double Gauss, full field"].law == Law.LENS
-    rays = pl.RayBundle([[0, 0, -100.0]], [[0, 0, 1.0]])
-    for unknown in (lens.with_stop(pl.PolygonStop(blades=6, semi_diameter=3.0)), lens.moved(1, shift=(0.1, 0, 0))):
-        with pytest.raises(pl.errors.PrescriptionError, match="centred surfaces of revolution and circular stops"):
-            exact_rays(unknown, rays)
 
 
 def made_up(**changed):
-    row = {"case": "made up", "rays": 3, "position_error": 1e-15, "position_ulps": 1.0, "position_ratio": 0.5}
-    row |= {"direction_error": 0.0, "direction_ratio": None, "snell_ratio": None, "path_error": 1e-9}
-    row |= {"path_ratio": 0.001, "returned": [("OK", 2), ("MISSED", 1)], "wrong": 0, "seconds": 0.1}
-    return StabilityRow(**(row | changed))
+    row = StabilityRow("made up", 3, 1e-15, 1.0, 0.5, 0.0, None, None, 1e-9, 0.001, (("OK", 2), ("MISSED", 1)), 0, 0.1)
+    return row._replace(**changed)
 
 
-def test_a_row_beyond_a_bound_is_named():
+def test_a_row_beyond_a_bound_is_named(monkeypatch, capsys):
     assert made_up().holds
     for changed in ({"position_ratio": 1.01}, {"snell_ratio": math.nan}, {"direction_ratio": 2.0}, {"wrong": 1}):
-        table = StabilityTable([made_up(), made_up(case="bad", **changed)])
-        assert not table.holds and "1 beyond their bounds: bad" in repr(table)
-
-
-def test_a_table_prints_itself():
-    table = StabilityTable([made_up(), made_up(case="another", position_error=None, position_ratio=None)])
-    lines = table.to_markdown().splitlines()
-    assert len(lines) == 4 and len({line.count("|") for line in lines}) == 1 and "2 OK, 1 MISSED" in lines[2]
-    assert str(table).splitlines()[1].startswith("made up") and len(str(table).splitlines()) == 3
-    assert table == StabilityTable(list(table.rows)) and hash(table)
-
-
-def test_the_command_prints_the_table_and_says_what_is_wrong(capsys, monkeypatch):
-    assert main(["study", "stability", "--quick", "--only", "radius", "--markdown"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("| case") and len(lines) == 2 + sum(name.startswith("radius") for name in CASES)
-    assert any(line.startswith("| radius 1e-3") and f" {QUICK} OK" in line for line in lines)
-    assert main(["study", "stability", "--rays", "0"]) == 1
-    assert "rays is 0; it must be at least 1" in capsys.readouterr().err
-    assert main(["study", "stability", "--only", "spheres"]) == 1
-    assert "no case begins so; the cases are 'double Gauss" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main(["study"])
-    wrong = lambda case, **_: made_up(case=case.name, wrong=1)  # noqa: E731
-    monkeypatch.setattr("plenoptic.study.rounding.table.stability_row", wrong)
+        assert not made_up(**changed).holds
+    lost = rounding_study.RayErrors(False)
+    monkeypatch.setattr(rounding_study, "case_errors", lambda case, **_: ([lost], [("MISSED", 1)]))
     assert main(["study", "stability", "--only", "plane"]) == 1
-    assert "beyond their bounds: plane" in capsys.readouterr().out
+    assert "2 beyond their bounds: plane, plane, in reverse" in capsys.readouterr().out
 
 
-def test_without_mpmath_it_says_how_to_get_it(monkeypatch):
+def test_the_command_prints_the_table_and_says_what_is_wrong(capsys):
+    assert main(["study", "stability", "--quick", "--only", "radius 1e-3", "--markdown"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("| case") and len(lines) == 4 + sum(name.startswith("radius 1e-3") for name in CASES)
+    assert f" {QUICK} OK" in lines[3] and len({line.count("|") for line in lines[:-2]}) == 1
+    for typed, said in (
+        ("--rays 0", "rays is 0; it must be at least 1"),
+        ("--only spheres", "no case begins so; the cases are 'double Gauss"),
+    ):
+        assert main(["study", "stability", *typed.split()]) == 1
+        assert said in capsys.readouterr().err
+
+
+def test_without_mpmath_or_the_repository_it_says_how_to_get_it(monkeypatch, tmp_path):
+    monkeypatch.setattr("plenoptic.study.stability_study.__file__", str(tmp_path / "a" / "b" / "c.py"))
+    assert stability(rays=1, only=["plane"]).rows  # the working directory is a clone
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(pl.PlenopticError, match="run this in a clone"):
+        stability(rays=1, only=["plane"])
     monkeypatch.setitem(sys.modules, "mpmath", None)
     with pytest.raises(pl.PlenopticError, match="pip install mpmath") as caught:
         stability(rays=1, only=["plane"])
     assert isinstance(caught.value, ImportError)
 
 
-def test_the_study_loads_mpmath_only_when_it_runs():
-    code = (
-        "import sys, plenoptic; assert 'plenoptic.study' not in sys.modules; import plenoptic.study; "
-        "print(sorted({'mpmath', 'numba'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
 def test_the_same_seed_gives_the_same_numbers_whatever_else_runs():
     alone, among = stability(rays=10, only=["plane"]), stability(rays=10, only=["radius 50", "plane"])
     same = [row for row in among.rows if row.case.startswith("plane")]
     assert [row.cells[:-1] for row in alone.rows] == [row.cells[:-1] for row in same]
-    assert stability(rays=10, seed=1, only=["plane"]).rows[0].position_error != alone.rows[0].position_error
+    assert stability(rays=10, seed=1, only=["plane"]).rows[0].position != alone.rows[0].position
 
 
 def test_an_interrupted_study_keeps_the_cases_it_has(monkeypatch, capsys):
-    def interrupted(case, **given):
+    original = rounding_study.case_errors
+
+    def interrupted(case, **options):
         if case.name.startswith("miss"):
             raise KeyboardInterrupt
-        return stability_row(case, **given)
+        return original(case, **options)
 
-    monkeypatch.setattr("plenoptic.study.rounding.table.stability_row", interrupted)
+    monkeypatch.setattr(rounding_study, "case_errors", interrupted)
     table = stability(rays=10, only=["plane", "miss"])
-    assert table.interrupted and len(table.rows) == 2 and table.holds
-    assert repr(table) == "<StabilityTable: 2 cases, all within their bounds, interrupted>"
-    assert table.to_markdown().endswith("|\n\nInterrupted: further rows were asked for.")
+    assert table.interrupted and len(table.rows) == 2 and repr(table) == "<StudyTable: 2 rows, interrupted>"
+    assert table.to_markdown().endswith("bounds.\n\nInterrupted: further rows were asked for.")
     assert main(["study", "stability", "--rays", "10", "--only", "plane", "--only", "miss"]) == 130
     assert "Interrupted: further rows" in capsys.readouterr().out
     with pytest.raises(KeyboardInterrupt):

@@ -1,1 +1,1 @@
-"""Costs of the parts of a render."""
+"""Cost of each part of a render."""

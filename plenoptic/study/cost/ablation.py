@@ -1,9 +1,10 @@
-"""Every stage of a render, and how it can be left out alone."""
+"""Stages of a render, each left out alone."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -15,6 +16,7 @@ from plenoptic.rendering.plan.plan import plan_for
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.rendering.settings import Caustics, Sampler
+from plenoptic.scene.scene import Scene
 from plenoptic.study.cost import camera_ablation, scene_ablation
 from plenoptic.truth.channels import Truth
 
@@ -26,11 +28,11 @@ class Ablation(NamedTuple):
 
     stage: Stage
     instead: str
-    """What is done instead."""
+    """What is done in place of the stage."""
     subject: Subject
-    """What is rendered then."""
+    """The render without it."""
     also: tuple[Stage, ...]
-    """Other stages that do not run either without it."""
+    """Other stages that do not run without it."""
 
 
 class Inseparable(NamedTuple):
@@ -41,7 +43,7 @@ class Inseparable(NamedTuple):
 
 
 def ablations(plan: Plan) -> tuple[Ablation | Inseparable, ...]:
-    """Ways to leave out each stage that a plan runs, one at a time, in the order of the stages."""
+    """Leave out each stage that a plan runs, one at a time, in the order of the stages."""
     if plan.subject is None:
         raise InvalidValueError("the plan does not know what it was made for; make it by pl.plan(scene, camera)")
     running = {decision.stage for decision in plan.decisions if decision.runs}
@@ -49,35 +51,39 @@ def ablations(plan: Plan) -> tuple[Ablation | Inseparable, ...]:
 
 
 def _ablation(subject: Subject, stage: Stage, running: set[Stage]) -> Ablation | Inseparable:
-    instead, change = _WAYS[stage]
+    instead, change = _CHANGES[stage]
     try:
         changed = change(subject)
     except PlenopticError as error:
         return Inseparable(stage, str(error))
-    then = plan_for(changed)
-    if then.runs(stage) and stage not in _REDUCED:
-        (reason,) = (decision.reason for decision in then.decisions if decision.stage is stage)
+    plan = plan_for(changed)
+    if plan.runs(stage) and stage not in _REDUCED:
+        (reason,) = (decision.reason for decision in plan.decisions if decision.stage is stage)
         return Inseparable(stage, f"with {instead}: {reason}")
-    return Ablation(stage, instead, changed, tuple(sorted(s for s in running - {stage} if not then.runs(s))))
+    return Ablation(stage, instead, changed, tuple(sorted(s for s in running - {stage} if not plan.runs(s))))
 
 
-def _camera(change: Callable[..., Any], **arguments: Any) -> _Change:
-    return lambda subject: dataclasses.replace(subject, camera=change(subject.camera, **arguments))
-
-
-def _scene(change: Callable[..., Any]) -> _Change:
-    return lambda subject: dataclasses.replace(subject, scene=change(subject.scene))
-
-
-def _materials(change: Callable[..., Any], **arguments: Any) -> _Change:
-    return _scene(lambda scene: scene_ablation.with_materials(scene, change, **arguments))
+def _render(**changes: Any) -> _Change:
+    return lambda subject: dataclasses.replace(subject, **changes)
 
 
 def _settings(**changes: Any) -> _Change:
     return lambda subject: dataclasses.replace(subject, settings=dataclasses.replace(subject.settings, **changes))
 
 
-def _into_the_cameras_frame(subject: Subject) -> Subject:
+def _camera(change: Callable[..., Any], **arguments: Any) -> _Change:
+    return lambda subject: dataclasses.replace(subject, camera=change(subject.camera, **arguments))
+
+
+def _scene(change: Callable[..., Any], *arguments: Any) -> _Change:
+    return lambda subject: dataclasses.replace(subject, scene=change(subject.scene, *arguments))
+
+
+def _materials(change: Callable[..., Any], **arguments: Any) -> _Change:
+    return _scene(scene_ablation.with_materials, partial(change, **arguments))
+
+
+def _without_pose(subject: Subject) -> Subject:
     """The world moved so that the camera needs no pose and sees the same."""
     pose, scene, shutter = subject.camera.pose, subject.scene, subject.camera.shutter
     assert pose is not None
@@ -96,20 +102,16 @@ def _one_bounce(subject: Subject) -> Subject:
     return _settings(max_bounces=1)(subject)
 
 
-def _under_a_sky(subject: Subject) -> Subject:
-    from plenoptic.scene.scene import Scene
-
-    return dataclasses.replace(subject, scene=Scene(background=1.0))
-
-
-def _chosen(_: Subject) -> Subject:
+def _inseparable(_: Subject) -> Subject:
     raise InvalidValueError("the camera says what costs less: bounds on the pupil where microlenses are many")
 
 
 _REDUCED = {Stage.LENS, Stage.ONWARD_RAYS}
-"""Stages of which something must stay: rays pass a lens, and with one bounce lights are still met by chance."""
+"""Stages that are reduced: rays pass a lens, and with one bounce they still meet lights by chance."""
 
-_WAYS: dict[Stage, tuple[str, _Change]] = {
+_array, _field = camera_ablation.with_array, scene_ablation.with_fields
+
+_CHANGES: dict[Stage, tuple[str, _Change]] = {
     Stage.INDEPENDENT_SAMPLES: ("scrambled Sobol points", _settings(sampler=Sampler.SOBOL)),
     Stage.WAVELENGTHS: ("one wavelength", _camera(dataclasses.replace, sensitivity=None)),
     Stage.PIXEL_RESPONSE: (
@@ -119,40 +121,40 @@ _WAYS: dict[Stage, tuple[str, _Change]] = {
     Stage.TURNED_PIXELS: ("parts that are not turned", _camera(camera_ablation.with_upright_pixels)),
     Stage.BLEMISHES: ("a clean camera", _camera(dataclasses.replace, blemishes=())),
     Stage.DIFFRACTION: ("straight paths", _camera(dataclasses.replace, diffraction=None)),
-    Stage.EXACT_PUPILS: ("bounds on the pupil", _chosen),
-    Stage.CERTAIN_LIGHT: ("a sky, which is traced", _under_a_sky),
+    Stage.EXACT_PUPILS: ("bounds on the pupil", _inseparable),
+    Stage.CERTAIN_LIGHT: ("a sky, which is traced", _render(scene=Scene(background=1.0))),
     Stage.MICROLENSES: ("a bare sensor", _camera(camera_ablation.without_microlenses)),
     Stage.MICROLENS_TYPES: ("one focal length", _camera(camera_ablation.with_one_type)),
-    Stage.OPENINGS: ("lenses that fill their cells", _camera(camera_ablation.with_array, aperture=None)),
-    Stage.WALLS: ("no walls", _camera(camera_ablation.with_array, walls=Walls.NONE)),
+    Stage.OPENINGS: ("lenses that fill their cells", _camera(_array, aperture=None)),
+    Stage.WALLS: ("no walls", _camera(_array, walls=Walls.NONE)),
     Stage.LISTED_LENSES: ("lenses as designed", _camera(camera_ablation.without_imperfections)),
-    Stage.MICROLENS_PLATES: ("thin microlenses", _camera(camera_ablation.with_array, model=MicrolensModel.THIN)),
+    Stage.MICROLENS_PLATES: ("thin microlenses", _camera(_array, model=MicrolensModel.THIN)),
     Stage.TILTED_SENSOR: ("a sensor parallel to the array", _camera(camera_ablation.with_parallel_sensor)),
     Stage.TILTED_ARRAY: ("an array upright on the lens's axis", _camera(camera_ablation.with_upright_array)),
-    Stage.LENS: ("an ideal thin lens", _camera(camera_ablation.with_simpler_lens)),
+    Stage.LENS: ("an ideal thin lens", _camera(camera_ablation.with_thin_lens)),
     Stage.ASPHERES: ("spheres", _camera(camera_ablation.without_aspheres)),
     Stage.PLACEMENTS: ("centred elements", _camera(camera_ablation.without_placements)),
     Stage.SHAPED_STOPS: ("round stops", _camera(camera_ablation.with_round_stops)),
     Stage.DISPLACED_LENS: ("the lens as designed", _camera(dataclasses.replace, lens_placement=None)),
-    Stage.POSE: ("the scene in the camera's frame", _into_the_cameras_frame),
+    Stage.POSE: ("the scene in the camera's frame", _without_pose),
     Stage.SHUTTER: ("an instant", _camera(dataclasses.replace, shutter=None)),
     Stage.INTERSECTION: ("a scene without surfaces", _scene(scene_ablation.without_meshes)),
     Stage.INSTANCES: ("copies", _scene(scene_ablation.without_instances)),
-    Stage.OPACITY: ("opaque surfaces", _materials(scene_ablation.with_fields, opacity=1.0, cutoff=None)),
+    Stage.OPACITY: ("opaque surfaces", _materials(_field, opacity=1.0, cutoff=None)),
     Stage.EMISSION: ("dark surfaces and lamps", _scene(scene_ablation.without_emission)),
     Stage.BACKGROUND: ("a black world", _scene(scene_ablation.without_world)),
     Stage.SCATTERING: ("0 bounces", _settings(max_bounces=0)),
-    Stage.MATERIALS: ("Lambertian surfaces", _materials(scene_ablation.lambertian)),
-    Stage.ABSORPTION: ("clear glass", _materials(scene_ablation.with_fields, absorption=0.0)),
-    Stage.DIRECT_LIGHT: ("no lights but a constant world", _scene(scene_ablation.without_drawn_lights)),
+    Stage.MATERIALS: ("Lambertian surfaces", _materials(scene_ablation.as_lambertian)),
+    Stage.ABSORPTION: ("clear glass", _materials(_field, absorption=0.0)),
+    Stage.DIRECT_LIGHT: ("no lights but a constant world", _scene(scene_ablation.without_lights)),
     Stage.ONWARD_RAYS: ("one bounce", _one_bounce),
     Stage.RUSSIAN_ROULETTE: (f"at most {ROULETTE} bounces", _settings(max_bounces=ROULETTE)),
     Stage.VERTEX_NORMALS: ("flat triangles", _scene(scene_ablation.without_vertex_normals)),
-    Stage.NORMAL_MAPS: ("the normals of meshes", _materials(scene_ablation.with_fields, normal_map=None)),
-    Stage.TEXTURES: ("their mean colours", _materials(scene_ablation.untextured)),
+    Stage.NORMAL_MAPS: ("the normals of meshes", _materials(_field, normal_map=None)),
+    Stage.TEXTURES: ("their mean colours", _materials(scene_ablation.without_textures)),
     Stage.COLOUR: ("grey", _scene(scene_ablation.grey)),
     Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.KEPT)),
     Stage.CLAMPING: ("no limit", _settings(clamp=None)),
-    Stage.TRUTH: ("no ground truth", lambda subject: dataclasses.replace(subject, truth=Truth.NONE)),
-    Stage.STANDARD_ERROR: ("one replicate", lambda subject: dataclasses.replace(subject, replicates=1)),
+    Stage.TRUTH: ("no ground truth", _render(truth=Truth.NONE)),
+    Stage.STANDARD_ERROR: ("one replicate", _render(replicates=1)),
 }

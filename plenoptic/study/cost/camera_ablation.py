@@ -1,4 +1,4 @@
-"""Cameras without one of their parts or properties: each answers one stage of a render."""
+"""Cameras without one of their parts or properties, each for one stage of a render."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.models import LensModel
@@ -22,7 +21,7 @@ from plenoptic.optics.surfaces.surface import Surface
 
 
 def with_sensor(camera: PlenopticCamera, **changes: Any) -> PlenopticCamera:
-    """The camera with fields of its sensor changed."""
+    """The camera with changed fields of its sensor."""
     return dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor, **changes))
 
 
@@ -33,12 +32,12 @@ def _array(camera: PlenopticCamera) -> MicrolensArray:
 
 
 def with_array(camera: PlenopticCamera, **changes: Any) -> PlenopticCamera:
-    """The camera with fields of its microlenses changed."""
+    """The camera with changed fields of its microlenses."""
     return dataclasses.replace(camera, microlenses=dataclasses.replace(_array(camera), **changes))
 
 
 def without_microlenses(camera: PlenopticCamera) -> PlenopticCamera:
-    """The bare sensor where it is, in the main lens's light."""
+    """The bare sensor in its place, in the main lens's light."""
     return dataclasses.replace(
         camera,
         microlenses=None,
@@ -51,7 +50,7 @@ def without_microlenses(camera: PlenopticCamera) -> PlenopticCamera:
 
 
 def with_one_type(camera: PlenopticCamera) -> PlenopticCamera:
-    """All microlenses with the focal length of the one in the middle."""
+    """All microlenses with the focal length of the central one."""
     return with_array(camera, focal_lengths=(_array(camera).focal_length,), pattern=None, types=None)
 
 
@@ -62,38 +61,32 @@ def without_imperfections(camera: PlenopticCamera) -> PlenopticCamera:
     return with_array(camera, imperfections=None)
 
 
-def _turned(placement: Placement | None, rotation: Floats | None) -> Placement:
+def _with_rotation(placement: Placement | None, other: Placement | None) -> Placement:
+    """A placement with the rotation of another one, None being no rotation."""
     shift = np.zeros(3) if placement is None else np.asarray(placement.shift)
-    return Placement(shift=shift, rotation=np.eye(3) if rotation is None else rotation)
-
-
-def _rotation(placement: Placement | None) -> Floats | None:
-    return None if placement is None else np.asarray(placement.rotation)
+    return Placement(shift=shift, rotation=np.eye(3) if other is None else np.asarray(other.rotation))
 
 
 def with_parallel_sensor(camera: PlenopticCamera) -> PlenopticCamera:
-    """The sensor turned as the array is, or as the lens is where there is none."""
+    """The sensor turned as the array is, or as the lens is if there is no array."""
     ahead = camera.lens_placement if camera.microlenses is None else camera.microlenses_placement
-    return dataclasses.replace(camera, sensor_placement=_turned(camera.sensor_placement, _rotation(ahead)))
+    return dataclasses.replace(camera, sensor_placement=_with_rotation(camera.sensor_placement, ahead))
 
 
 def with_upright_array(camera: PlenopticCamera) -> PlenopticCamera:
     """The array turned as the lens is."""
-    turned = _turned(camera.microlenses_placement, _rotation(camera.lens_placement))
-    return dataclasses.replace(camera, microlenses_placement=turned)
+    placement = _with_rotation(camera.microlenses_placement, camera.lens_placement)
+    return dataclasses.replace(camera, microlenses_placement=placement)
 
 
 def with_upright_pixels(camera: PlenopticCamera) -> PlenopticCamera:
-    """Sensor and lens turned as the design has them: shifts stay."""
-    return dataclasses.replace(
-        camera,
-        lens_placement=_turned(camera.lens_placement, None),
-        microlenses_placement=None if camera.microlenses is None else _turned(camera.microlenses_placement, None),
-        sensor_placement=_turned(camera.sensor_placement, None),
-    )
+    """All parts without rotation; shifts stay."""
+    array = None if camera.microlenses is None else _with_rotation(camera.microlenses_placement, None)
+    lens, sensor = (_with_rotation(part, None) for part in (camera.lens_placement, camera.sensor_placement))
+    return dataclasses.replace(camera, lens_placement=lens, microlenses_placement=array, sensor_placement=sensor)
 
 
-def with_simpler_lens(camera: PlenopticCamera) -> PlenopticCamera:
+def with_thin_lens(camera: PlenopticCamera) -> PlenopticCamera:
     """A thin lens of the same focal length."""
     if camera.lens.model in (LensModel.THIN, LensModel.NONE):
         raise InvalidValueError("rays must pass at least the stops or one ideal plane")
@@ -106,7 +99,7 @@ def _with_elements(camera: PlenopticCamera, elements: list[Element]) -> Plenopti
 
 
 def without_aspheres(camera: PlenopticCamera) -> PlenopticCamera:
-    """Conics and aspheres become the spheres that touch them best at their vertices."""
+    """Conics and aspheres replaced by the osculating spheres of their vertices."""
     return _with_elements(camera, [e.osculating if isinstance(e, Surface) else e for e in camera.lens.elements])
 
 

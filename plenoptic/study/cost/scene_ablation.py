@@ -1,8 +1,9 @@
-"""Scenes without one of their properties: each answers one stage of a render."""
+"""Scenes without one of their properties, each for one stage of a render."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -21,14 +22,14 @@ from plenoptic.scene.textures.color import Colour, mean_colour
 from plenoptic.scene.textures.texture import Texture
 
 MOST_COPIES = 5_000_000
-"""Triangles that instances may become: some 700 MB of memory, 130 bytes each."""
+"""Largest number of triangles of copies: some 700 MB of memory, 130 bytes each."""
 
 _BLACK = Lambertian(0.0)
 T = TypeVar("T", bound=Material | Light)
 
 
 def _scene(meshes: Any, lights: Any, background: Any) -> Scene:
-    """Scene of the remaining parts, black where nothing is."""
+    """A scene, black if it is empty."""
     if not meshes and not lights and background is None:
         background = 0.0
     return Scene(meshes, lights, background)
@@ -45,27 +46,27 @@ def with_materials(scene: Scene, change: Callable[..., Material], **arguments: A
 
 
 def without_meshes(scene: Scene) -> Scene:
-    """Scene without meshes: far lights and point lights, which no ray hits."""
-    return _scene((), [one for one in scene.lights if not isinstance(one, AreaLight)], scene.background)
+    """Only lights that are far away or points, which no ray meets."""
+    return _scene((), [light for light in scene.lights if not isinstance(light, AreaLight)], scene.background)
 
 
 def without_instances(scene: Scene) -> Scene:
-    """A copy of the mesh for each of its places."""
+    """Instances replaced by copies of their mesh."""
     repeated = [mesh for mesh in scene.meshes if isinstance(mesh, Instances)]
-    triangles = sum(len(one) * len(one.mesh.faces) for one in repeated)
+    triangles = sum(len(instances) * len(instances.mesh.faces) for instances in repeated)
     if triangles > MOST_COPIES:
         raise InvalidValueError(f"copies would have {triangles} triangles, and the limit is {MOST_COPIES}")
     copies = [mesh.meshes() if isinstance(mesh, Instances) else (mesh,) for mesh in scene.meshes]
-    return dataclasses.replace(scene, meshes=tuple(mesh for some in copies for mesh in some))
+    return dataclasses.replace(scene, meshes=tuple(itertools.chain(*copies)))
 
 
 def with_fields(material: Material, **changes: Any) -> Material:
-    """A material with other values in those of the fields named that it has."""
+    """A material with changed fields; names of fields that it does not have are skipped."""
     return dataclasses.replace(material, **{k: v for k, v in changes.items() if k in material.__dataclass_fields__})
 
 
 def without_emission(scene: Scene) -> Scene:
-    """All surfaces dark, those of lamps too, which stay where they are."""
+    """All surfaces dark, including those of lamps, which stay in place."""
     dark = with_materials(scene, with_fields, emission=0.0, radiance=0.0)
     lamps = [light for light in scene.lights if isinstance(light, AreaLight)]
     bodies = [light.mesh().with_material(_BLACK) for light in lamps]
@@ -77,8 +78,8 @@ def without_world(scene: Scene) -> Scene:
     return _scene(scene.meshes, [light for light in scene.lights if not isinstance(light, DistantLight)], None)
 
 
-def without_drawn_lights(scene: Scene) -> Scene:
-    """Nothing that could be drawn as a light: at most a world of constant radiance."""
+def without_lights(scene: Scene) -> Scene:
+    """No light that could be sampled: at most a world of constant radiance."""
     world = scene.background
     if isinstance(world, EnvironmentMap):
         world = ConstantBackground(_mean_of(world))
@@ -87,15 +88,15 @@ def without_drawn_lights(scene: Scene) -> Scene:
 
 
 def _mean_of(world: EnvironmentMap) -> Colour:
-    """Mean radiance of a map over the sphere: rows count by their solid angle."""
+    """Mean radiance of a map over the sphere: rows are weighed by their solid angle."""
     edges = np.cos(np.pi * np.arange(world.texels.shape[0] + 1) / world.texels.shape[0])
     mean = (edges[:-1] - edges[1:]) @ world.texels.mean(axis=1, dtype=np.float64) / 2.0
     red, green, blue = np.broadcast_to(mean, 3).tolist()
     return red, green, blue
 
 
-def lambertian(material: Material) -> Material:
-    """Matt material of the same colour; of clear bodies, grey. Emitters go on to emit, and do not reflect."""
+def as_lambertian(material: Material) -> Material:
+    """A matt material of the same colour, grey for clear bodies. An emitter emits as before, and does not reflect."""
     if MATERIALS[type(material)] == LAMBERTIAN:
         return material
     row = material.row()
@@ -105,32 +106,28 @@ def lambertian(material: Material) -> Material:
 
 
 def without_vertex_normals(scene: Scene) -> Scene:
-    """Flat triangles, those of meshes that are repeated as well."""
-
-    def flat(mesh: Mesh) -> Mesh:
-        return dataclasses.replace(mesh, normals=None)
-
-    meshes = [
-        dataclasses.replace(mesh, mesh=flat(mesh.mesh)) if isinstance(mesh, Instances) else flat(mesh)
-        for mesh in scene.meshes
-    ]
+    """Flat triangles, including those of instances."""
+    meshes: list[Mesh | Instances] = []
+    for mesh in scene.meshes:
+        flat = dataclasses.replace(mesh.mesh if isinstance(mesh, Instances) else mesh, normals=None)
+        meshes.append(dataclasses.replace(mesh, mesh=flat) if isinstance(mesh, Instances) else flat)
     return dataclasses.replace(scene, meshes=tuple(meshes))
 
 
-def _changed(one: T, change: Callable[[str, Any], Any]) -> T:
+def _map_fields(owner: T, change: Callable[[str, Any], Any]) -> T:
     """A material or a light with all of its fields changed."""
-    fields = {name: change(name, getattr(one, name)) for name in one.__dataclass_fields__}
-    return dataclasses.replace(one, **fields)
+    fields = {name: change(name, getattr(owner, name)) for name in owner.__dataclass_fields__}
+    return dataclasses.replace(owner, **fields)
 
 
-def untextured(material: Material) -> Material:
+def without_textures(material: Material) -> Material:
     """A material with the mean of each of its textures."""
     plain = with_fields(material, normal_map=None)
-    return _changed(plain, lambda _, field: mean_colour(field) if isinstance(field, Texture) else field)
+    return _map_fields(plain, lambda _, field: mean_colour(field) if isinstance(field, Texture) else field)
 
 
 def _grey(name: str, field: Any) -> Any:
-    """The mean of three channels; other fields stay."""
+    """The mean of the three channels of a colour or texture; other fields stay."""
     if isinstance(field, Texture) and name != "normal_map":
         mean = field.texels.mean(axis=2, keepdims=True, dtype=np.float64)
         return dataclasses.replace(field, texels=mean.astype(np.float32))
@@ -141,10 +138,12 @@ def _grey(name: str, field: Any) -> Any:
 
 def grey(scene: Scene) -> Scene:
     """The scene in one channel."""
-    toned = with_materials(scene, lambda material: _changed(material, _grey))
+    grey_meshes = with_materials(scene, lambda material: _map_fields(material, _grey))
     world: Any = scene.background
     if isinstance(world, EnvironmentMap):
         world = dataclasses.replace(world, texels=world.texels.mean(axis=2, keepdims=True))
     elif world is not None:
         world = ConstantBackground(_grey("radiance", world.radiance))
-    return dataclasses.replace(toned, lights=tuple(_changed(light, _grey) for light in scene.lights), background=world)
+    return dataclasses.replace(
+        grey_meshes, lights=tuple(_map_fields(light, _grey) for light in scene.lights), background=world
+    )

@@ -1,26 +1,19 @@
-"""Variants of a render that an error study compares."""
+"""Variants of a render, which an error study compares."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import check_kind, choice, set_field, value, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.models import MicrolensModel
-from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.plan import plan
-from plenoptic.rendering.plan.stages import Stage, Subject
+from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.scene.scene import Scene
-from plenoptic.study.exposures import expose
-from plenoptic.truth.channels import Truth
-
-if TYPE_CHECKING:
-    import distributed
 
 _FEW_BOUNCES = 2
 """Depth limit of the default variant with fewer bounces: light that was scattered once more after direct light."""
@@ -28,16 +21,16 @@ _FEW_BOUNCES = 2
 
 @value
 class Variant:
-    """Difference of one way of rendering from `render`'s defaults for the camera of a study.
+    """One way of rendering, by its differences from the defaults of `render` and from the camera of a study.
 
     Parameters
     ----------
     camera : PlenopticCamera, optional
         In place of the study's camera; its sensor must have as many pixels.
     lens : LensModel, optional
-        How faithfully the main lens is followed; None: as the camera has it.
+        Model of the main lens; None: that of the camera.
     microlenses : MicrolensModel, optional
-        How microlenses refract; None: as the camera has it.
+        Model of the microlenses; None: that of the camera.
     sampler, replicates, max_bounces, caustics, clamp
         As for `render`, with its defaults.
 
@@ -70,36 +63,21 @@ class Variant:
         if self.microlenses is not None:
             set_field(self, "microlenses", choice(self.microlenses, MicrolensModel, "microlenses"))
         set_field(self, "replicates", whole(self.replicates, "replicates", at_least=1))
-        for name, checked in vars(self._settings).items():
+        for name, checked in vars(self.settings).items():
             set_field(self, name, checked)
 
     @property
-    def _settings(self) -> RenderSettings:
+    def settings(self) -> RenderSettings:
+        """Settings of its renders."""
         return RenderSettings(self.max_bounces, self.caustics, self.clamp, self.sampler)
 
     def camera_from(self, camera: PlenopticCamera) -> PlenopticCamera:
-        """The camera that this variant renders with.
-
-        Parameters
-        ----------
-        camera : PlenopticCamera
-            That of the study.
-
-        Returns
-        -------
-        PlenopticCamera
+        """The camera of its renders, from that of the study.
 
         Raises
         ------
         InvalidValueError
-            If it has no microlenses whose model could be changed, or a sensor of other size.
-
-        Examples
-        --------
-        >>> import plenoptic as pl
-        >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(16, 16))
-        >>> pl.study.Variant(lens=pl.LensModel.THIN).camera_from(camera).lens.model.name
-        'THIN'
+            If the camera has no microlenses whose model could be changed, or a sensor of another size.
         """
         chosen = camera if self.camera is None else self.camera
         if chosen.sensor.shape != camera.sensor.shape:
@@ -118,34 +96,6 @@ class Variant:
             chosen = dataclasses.replace(chosen, microlenses=array)
         return chosen
 
-    def render(
-        self,
-        scene: Scene | None,
-        camera: PlenopticCamera,
-        *,
-        samples: int,
-        seed: int,
-        region: tuple[slice, slice] | None = None,
-        threads: int | None = None,
-        client: distributed.Client | None = None,
-    ) -> Exposure:
-        """Render a scene, or the white image where it is None, in this way and without ground truth.
-
-        Parameters
-        ----------
-        scene : Scene or None
-        camera : PlenopticCamera
-            As `camera_from` has made it.
-        samples, seed, region, threads, client
-            As for `render`.
-
-        Returns
-        -------
-        Exposure
-        """
-        subject = Subject(scene, camera, samples, self.replicates, Truth.NONE, self._settings)
-        return expose(subject, seed=seed, region=region, threads=threads, client=client)
-
 
 def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, Variant]:
     """The variants that make a difference to a scene and a camera, the camera as it is first.
@@ -159,8 +109,8 @@ def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, 
     Returns
     -------
     dict of str to Variant
-        Simpler models of lens and microlenses, independent samples, a single replicate; where something scatters,
-        fewer bounces; where materials are not all Lambertian, no caustics.
+        Simpler models of lens and microlenses, independent samples, a single replicate; fewer bounces if surfaces
+        scatter light; no caustics if materials are not all Lambertian.
 
     Examples
     --------
@@ -185,7 +135,7 @@ def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, 
 
 
 def checked_variants(variants: Mapping[str, Variant]) -> dict[str, Variant]:
-    """The variants of a study, or an error where there is none or one of them is something else."""
+    """The variants of a study, or an error if there is none or one of them is of another kind."""
     if not isinstance(variants, Mapping):
         raise wrong_kind(variants, "variants", "mapping of names to variants", '{"thin": Variant(...)}')
     if not variants:

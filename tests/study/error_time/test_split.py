@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.study.error_time.split import reference_of, split_error
+from plenoptic.study.error_time.error_split import reference_of, split_error
 
 SHAPE = (48, 40, 3)
 

@@ -3,29 +3,21 @@
 import dataclasses
 import math
 import signal
-import socket
 import statistics
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import plenoptic as pl
 from plenoptic.command.main import main
-from plenoptic.core.engines.engine import ThreadEngine
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.schedule import orders
 from plenoptic.study import ErrorRow, ErrorTable, Variant, default_variants
-from plenoptic.study.cameras import smooth_camera
-from plenoptic.study.error_time import cases as cases_of_errors
-from plenoptic.study.error_time.measurement import Runs, measured_rows, timed
-from plenoptic.study.error_time.split import reference_of
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "core" / "engines"))
-import fake_client
+from plenoptic.study.cameras import reference_camera, smooth_camera
+from plenoptic.study.error_time import error_cases
+from plenoptic.study.error_time.error_split import reference_of
+from plenoptic.study.error_time.error_study import Runs, measure_rows
 
 RANDOM, ONE = Variant(sampler=pl.rendering.Sampler.RANDOM), Variant(replicates=1)
 SIGMAS = 4
@@ -46,27 +38,24 @@ def made_up(name, n, seed):
     return pl.Exposure(image, standard_error=truth * n**-0.5)
 
 
-def here(expose, set_up=lambda name: None):
-    """Calls in this thread."""
-    return ThreadEngine(lambda call, _: timed(expose, set_up, call, time.process_time), 1)
-
-
 def test_rows_find_what_was_put_in():
     calls = []
 
-    def expose(name, n, seed):
-        calls.append((name, n, seed))
-        return made_up(name, n, seed)
+    def render(name, n, seed):
+        if n:
+            calls.append((name, n, seed))
+        return made_up(name, n, seed) if n else None
 
     reference = reference_of(made_up("plain", 1 << 14, 10**6))
-    rows = measured_rows(here(expose), ["plain", "biased"], Runs([64, 256, 1024], seeds=6, repeats=2), reference)
-    for one in rows:
-        assert abs(one.variance - 1 / one.samples) < SIGMAS * one.variance_error
-        bias = 0.02 if one.variant == "biased" else 0.0
+    runs = Runs([64, 256, 1024], seeds=6, repeats=2)
+    rows = measure_rows(render, ["plain", "biased"], runs, reference, clock=time.process_time)
+    for row in rows:
+        assert abs(row.variance - 1 / row.samples) < SIGMAS * row.variance_error
+        bias = 0.02 if row.variant == "biased" else 0.0
         # Forgotten, the reference's own 0.8 % would be 14 standard errors in the last row.
-        assert abs(one.bias_squared - bias**2) < SIGMAS * one.bias_squared_error
-        assert one.true_over_reported == pytest.approx(1.0, abs=SIGMAS / math.sqrt(2 * 5 * 4096))
-    assert rows[-1].bias_is_found and not any(one.bias_is_found for one in rows if one.variant == "plain")
+        assert abs(row.bias_squared - bias**2) < SIGMAS * row.bias_squared_error
+        assert row.true_over_reported == pytest.approx(1.0, abs=SIGMAS / math.sqrt(2 * 5 * 4096))
+    assert rows[-1].bias_is_found and not any(row.bias_is_found for row in rows if row.variant == "plain")
     # Every row has seeds of its own, all variants the same; repeats are renderings of the same seed.
     seeds = {(name, n): {s for a, b, s in calls if (a, b) == (name, n)} for name, n, _ in calls}
     assert seeds["plain", 64] == seeds["biased", 64] == set(range(6))
@@ -94,33 +83,15 @@ def test_an_interrupted_study_keeps_the_rows_it_has(monkeypatch):
 
 
 def test_times_are_medians_and_setting_up_is_measured_by_itself():
-    def expose(name, n, seed):
-        time.sleep(0.05 if seed == 1 else 0.004)  # one rendering is disturbed
-        return made_up(name, n, seed)
+    def render(name, n, seed):
+        # Set-up is quick, and one rendering is disturbed.
+        time.sleep(0.002 if n == 0 else 0.05 if seed == 1 else 0.004)
+        return made_up(name, n, seed) if n else None
 
     reference = reference_of(made_up("plain", 4096, 99))
-    engine = here(expose, set_up=lambda name: time.sleep(0.002))
-    one = measured_rows(engine, ["a"], Runs([16], seeds=5), reference)[0]
-    assert 0.004 <= one.wall_seconds < 0.05 and one.cpu_seconds < one.wall_seconds
-    assert 0.002 <= one.setup_wall_seconds < 0.05
-
-
-def test_a_cluster_finds_the_same_errors():
-    """Any order of results; times are those of the workers, which are here."""
-    client = fake_client.FakeClient(seed=4)
-    how = {"samples": (8, 16), "seeds": 3, "repeats": 2, "reference_samples": 64, "progress": False}
-    variants = {"plain": Variant(), "thin": Variant(lens=pl.LensModel.THIN)}
-    one, other = (
-        pl.study.error_against_time(None, conventional(5.0, side=8), variants, client=c, **how) for c in (None, client)
-    )
-    client.close()
-    assert client.calls.count("carry_out") > 3
-    times = ("cpu_seconds", "wall_seconds", "setup_cpu_seconds", "setup_wall_seconds")
-    for row, same in zip(one.rows, other.rows, strict=True):
-        timeless = (dataclasses.replace(each, **dict.fromkeys(times, 0.0)) for each in (row, same))
-        assert next(timeless) == next(timeless) and all(0 < getattr(same, name) < 5 for name in times)
-    with pytest.raises(InvalidValueError, match="threads is 2 and client is given"):
-        pl.study.error_against_time(None, conventional(5.0, side=8), client=client, threads=2, progress=False)
+    (row,) = measure_rows(render, ["a"], Runs([16], seeds=5), reference, clock=time.process_time)
+    assert 0.004 <= row.wall_seconds < 0.05 and row.cpu_seconds < row.wall_seconds
+    assert 0.002 <= row.setup_wall_seconds < 0.05
 
 
 @pytest.mark.slow
@@ -295,40 +266,27 @@ def test_the_command_prints_writes_and_draws(tmp_path, capsys):
     assert main([*arguments, "--csv", str(written), "--plot", str(drawn)]) == 0
     shown = capsys.readouterr().out
     assert "| THIN lens " in shown and "For 10 %: " in shown and "extrapolated" in shown
-    assert drawn.read_bytes().startswith(b"\x89PNG") and ErrorTable.from_csv(written).title == "white"
-    assert main(["study", "error-against-time", "--case", "white", "--target", "0"]) == 1
-    assert "--target is 0" in capsys.readouterr().err
-    assert main(["study", "error-against-time", "--csv", str(tmp_path / "nowhere" / "a.csv")]) == 1
-    assert "does not exist; make it first" in capsys.readouterr().err
+    assert drawn.read_bytes().startswith(b"\x89PNG") and written.read_text().count("\nwhite,1024,") == 3 * 5
+    for typed, said in (("--case white --target 0", "--target is 0"), (f"--csv {tmp_path}/no/a.csv", "make it first")):
+        assert main(["study", "error-against-time", *typed.split()]) == 1
+        assert said in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("when", ["between rows", "before the first"])
-def test_the_command_writes_what_it_has_when_interrupted(tmp_path, capsys, monkeypatch, when):
-    def made_up(case, **_):
-        row = ErrorRow("THIN lens", 16, **dict.fromkeys([f.name for f in dataclasses.fields(ErrorRow)[2:]], 0.25))
-        if case.name == "check" and when == "before the first":
-            raise KeyboardInterrupt
-        return ErrorTable(case.name, [row], 1, 1, 2, 1, 1, 0.1, interrupted=case.name == "check")
+def test_the_command_writes_what_it_has_when_interrupted(tmp_path, capsys, monkeypatch):
+    row = ErrorRow("THIN lens", 16, **dict.fromkeys(ErrorRow._fields[2:], 0.25))
+    written = tmp_path / "all.csv"
+    command = ["study", "error-against-time", "--csv", str(written), "--case"]
+    for between_rows, tables in ((True, ["white", "check"]), (False, ["white"])):
 
-    monkeypatch.setattr(cases_of_errors, "case_table", made_up)
-    written, cases = tmp_path / "all.csv", ["white", "check", "objects"]
-    assert main(["study", "error-against-time", "--csv", str(written), "--case", *cases]) == 130
-    shown = capsys.readouterr()
-    assert shown.err == "interrupted\n" and "white: 1 pixels" in shown.out and "objects" not in shown.out
-    assert not ErrorTable.from_csv(written, title="white").interrupted
-    if when == "between rows":
-        assert ErrorTable.from_csv(written, title="check").interrupted and "check: 1 pixels" in shown.out
-    monkeypatch.setattr(cases_of_errors, "case_table", lambda case, **_: made_up(case._replace(name="white")))
-    assert main(["study", "error-against-time", "--case", *cases]) == 0
+        def made_up(name, between_rows=between_rows, **_):
+            if name == "check" and not between_rows:
+                raise KeyboardInterrupt
+            return ErrorTable(name, [row], 1, 1, 2, 1, 1, 0.1, interrupted=name == "check")
 
-
-@pytest.mark.slow
-def test_the_document_is_whole():
-    command = [sys.executable, "-m", "plenoptic", "study", "error-against-time", "--quick", "--document"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    heads = [line for line in done.splitlines() if line.startswith("#")]
-    cases = [f"## `{case}`" for case in ("white", "smooth", "check", "objects")]
-    assert heads == ["# Error against time", "## What the numbers are", "## The machine", *cases]
-    for word in ("Lit pixels", "Bias", "Processor: ", "numba ", "Load: ", "wanted error %"):
-        assert word in done
-    assert len(socket.gethostname()) < 4 or socket.gethostname() not in done
+        monkeypatch.setattr(error_cases, "case_table", made_up)
+        assert main([*command, "white", "check", "objects"]) == 130
+        shown = capsys.readouterr()
+        assert shown.err == "interrupted\n" and "objects" not in shown.out
+        assert [line.split(",")[0] for line in written.read_text().splitlines()[1:]] == tables
+        assert all(f"{name}: 1 pixels" in shown.out for name in tables)
+    assert main([*command, "white", "objects"]) == 0

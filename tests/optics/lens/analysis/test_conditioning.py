@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +15,15 @@ from plenoptic.optics.lens.analysis.conditioning_rows import Notes, blocks_of, n
 from plenoptic.optics.lens.checks.check import findings
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
-from plenoptic.study.rounding.cases import stability_cases
-from plenoptic.study.rounding.reference import exact_rays
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "validation"))
+from rounding_study import rounding_cases
+from rounding_study.exact_trace import trace_exactly
 
 EPS = float(np.finfo(float).eps)
 GLASS, INDEX = pl.ConstantMedium(1.5), 1.5
 STOP = pl.CircularStop(50.0, 1.0)
-CASES = {case.name: case for case in stability_cases()}
+CASES = {case.name: case for case in rounding_cases()}
 ASPHERE = pl.Surface(50.0, 5.0, GLASS, semi_diameter=25.0, conic=-1.0, aspheric=(0.0, 1e-6, -2e-9))
 STRONG = pl.Surface(20.0, 5.0, GLASS, semi_diameter=4.5, aspheric=(0.0, -4e-3, 4e-4, -1e-5))
 SHAPES = {
@@ -125,7 +129,7 @@ def exactly(name, n=8):
     k, reverse = setup.first, setup.reverse
     notes = at_element(setup.lens, setup.rays, k, reverse=reverse)
     traced = traced_part(setup.lens, setup.rays, k, k, reverse=reverse)
-    true = exact_rays(setup.lens, setup.rays, k, k, reverse=reverse)
+    true = trace_exactly(setup.lens, setup.rays, k, k, reverse=reverse)
     both = [i for i in range(n) if traced.status[i] == 0 and true[i].status == 0]
     return setup, notes, float(sizes(notes.lens)[0]), traced, true, both
 
@@ -139,10 +143,10 @@ def test_rounding_stays_below_the_condition_numbers():
     for name in SINGLE:
         _, notes, size, traced, true, both = exactly(name)
         for i in both:
-            crossing = true[i].crossings[-1]
+            hit = true[i].hits[-1]
             incidence, refraction = float(notes.incidence[0, i]), float(notes.refraction[0, i])
-            mu, cos_i, cos_t = float(crossing.mu), float(crossing.cos_i), math.sqrt(float(crossing.cos2_t))
-            if abs(float(crossing.cos2_t)) <= 8 * mu**2 * EPS:
+            mu, cos_i, cos_t = float(hit.mu), float(hit.cos_i), math.sqrt(float(hit.cos2_t))
+            if abs(float(hit.cos2_t)) <= 8 * mu**2 * EPS:
                 continue  # rounding decides whether it is reflected
             assert incidence == pytest.approx(1 / cos_i, rel=1e-2 if cos_i > 1e-6 else 1.0)
             allowed = 4 * EPS * incidence * float(notes.cancellation[0, i]) * size * (10.0 if cos_i < 1e-2 else 1.0)
@@ -153,7 +157,7 @@ def test_rounding_stays_below_the_condition_numbers():
                 sum((float(x) - y) ** 2 for x, y in zip(traced.direction[i], true[i].direction, strict=True))
             )
             bend = abs(cos_t - mu * cos_i) * (1 + mu / cos_t)
-            of_normal = bend * float(crossing.curvature) * allowed
+            of_normal = bend * float(hit.curvature) * allowed
             assert turned <= 4 * EPS * (1 + mu * mu) * refraction * incidence / mu * 1.1 + of_normal + 2 * EPS, name
             seen += 1
     assert seen > 200

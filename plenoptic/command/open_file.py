@@ -1,11 +1,10 @@
-"""Files of this package, opened by their content."""
+"""Open files of any kind that the package knows, by their endings and contents."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from plenoptic.errors import FileError
 
@@ -15,90 +14,94 @@ if TYPE_CHECKING:
     from plenoptic.rendering.settings import RenderSettings
     from plenoptic.scene.scene import Scene
 
-PICTURES = (".exr", ".tif", ".tiff", ".png")
-LENSES = (".csv", ".zmx")
+Kind = TypeVar("Kind")
 
 
-class Opened(NamedTuple):
-    """Content of a file."""
+class OpenFile(NamedTuple):
+    """A file that has been read."""
 
     kind: str
-    """In words."""
+    """In words, such as "an image"."""
     content: Any
     """An Exposure, RawImage, Package, LightField, LensStack, FileContents, any value that `save_value` wrote, or the
     Path of a zarr store, which may be large and is not read."""
 
 
-def opened(name: str) -> Opened:
-    """Open a file or folder, or a lens that comes with the package; FileError where it is nothing of these."""
+def open_file(name: str) -> OpenFile:
+    """Open a file or folder, or a lens that comes with the package; FileError if it is none of these."""
     from plenoptic.optics.lens.files.library import lens_names, load_lens
     from plenoptic.scene.files.load import ENDINGS, load_file
 
     path = Path(name)
     if not path.exists():
         if name in lens_names():
-            return Opened("a lens that comes with the package", load_lens(name))
+            return OpenFile("a lens that comes with the package", load_lens(name))
         raise FileError(f"{name!r} does not exist; check the path")
     if path.is_dir():
-        return _folder(path)
-    ending, readers = path.suffix.lower(), dict[str, Callable[[Path], Opened]]()
-    readers |= dict.fromkeys(PICTURES, _picture) | {".json": _json, ".zip": _package}
-    readers |= dict.fromkeys(LENSES, lambda file: Opened("a lens", load_lens(file)))
-    readers |= dict.fromkeys(ENDINGS, lambda file: Opened("a scene", load_file(file)))
+        return _open_folder(path)
+    readers = {
+        **dict.fromkeys((".exr", ".tif", ".tiff", ".png"), _open_image),
+        **dict.fromkeys((".csv", ".zmx"), lambda file: OpenFile("a lens", load_lens(file))),
+        **dict.fromkeys(ENDINGS, lambda file: OpenFile("a scene", load_file(file))),
+        ".json": _open_json,
+        ".zip": _open_package,
+    }
+    ending = path.suffix.lower()
     if ending not in readers:
-        raise FileError(f"{name!r} ends in {ending!r}; what can be opened ends in {', '.join(sorted(readers))}")
+        raise FileError(f"{name!r} ends in {ending!r}; files that can be opened end in {', '.join(sorted(readers))}")
     return readers[ending](path)
 
 
-def scene_in(name: str, background: float | None = None) -> Scene:
+def load_scene(name: str, background: float | None = None) -> Scene:
     """The scene of a file; without lights and `background` it has a background of radiance 1."""
     from plenoptic.scene.files.load import FileContents
     from plenoptic.scene.scene import Scene
 
-    file = opened(name)
-    if not isinstance(file.content, FileContents):
-        raise FileError(f"{name!r} is {file.kind}; give a scene, such as a glTF or OBJ file")
-    lights = file.content.lights
-    return Scene(file.content.meshes, lights, 1.0 if background is None and not lights else background)
+    content = _load(name, FileContents, "a scene, such as a glTF or OBJ file")
+    return Scene(content.meshes, content.lights, 1.0 if background is None and not content.lights else background)
 
 
-def camera_in(name: str) -> PlenopticCamera:
-    """The camera that a file is or holds."""
+def load_settings(name: str) -> RenderSettings:
+    """The settings of a file."""
+    from plenoptic.rendering.settings import RenderSettings
+
+    return _load(name, RenderSettings, "RenderSettings that pl.package.save_value wrote")
+
+
+def load_camera(name: str) -> PlenopticCamera:
+    """The camera of a file, or of an image, store or package."""
     from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.core.files.serialization import restored_fields
     from plenoptic.core.files.zarr_reading import attributes_of
 
-    file = opened(name)
-    camera = file.content if isinstance(file.content, PlenopticCamera) else getattr(file.content, "camera", None)
-    if isinstance(file.content, Path):
-        camera = restored_fields(attributes_of(file.content) or {}, ("camera",)).get("camera")
+    kind, content = open_file(name)
+    camera = content if isinstance(content, PlenopticCamera) else getattr(content, "camera", None)
+    if isinstance(content, Path):
+        camera = restored_fields(attributes_of(content) or {}, ("camera",)).get("camera")
     if not isinstance(camera, PlenopticCamera):
-        raise FileError(f"{name!r} is {file.kind} and holds no camera; give one that pl.package.save_value wrote")
+        raise FileError(f"{name!r} is {kind} and holds no camera; give one that pl.package.save_value wrote")
     return camera
 
 
-def settings_in(name: str) -> RenderSettings:
-    """The settings that a file holds."""
-    from plenoptic.rendering.settings import RenderSettings
-
-    file = opened(name)
-    if not isinstance(file.content, RenderSettings):
-        raise FileError(f"{name!r} is {file.kind}; give RenderSettings that pl.package.save_value wrote")
-    return file.content
+def _load(name: str, wanted: type[Kind], remedy: str) -> Kind:
+    kind, content = open_file(name)
+    if not isinstance(content, wanted):
+        raise FileError(f"{name!r} is {kind}; give {remedy}")
+    return content
 
 
-def exposure_of(found: Opened) -> Exposure | None:
-    """The exposure of an image, a store or a package; None where it is something else."""
+def exposure_of(file: OpenFile) -> Exposure | None:
+    """The exposure of an image, a store or a package; None if it is something else."""
     from plenoptic.package.contents import Package
     from plenoptic.rendering.exposure import Exposure
 
-    content = found.content.exposure if isinstance(found.content, Package) else found.content
+    content = file.content.exposure if isinstance(file.content, Package) else file.content
     if isinstance(content, Path):
         content = Exposure.load(content)
     return content if isinstance(content, Exposure) else None
 
 
-def _folder(path: Path) -> Opened:
+def _open_folder(path: Path) -> OpenFile:
     from plenoptic.core.files.zarr_reading import METADATA, attributes_of
     from plenoptic.dataset.contents import MANIFEST
     from plenoptic.dataset.reading import read
@@ -107,15 +110,15 @@ def _folder(path: Path) -> Opened:
 
     kinds = {EXPOSURE: "an exposure in a zarr store", SEQUENCE: "a sequence of exposures in a zarr store"}
     if (attributes := attributes_of(path)) is not None:
-        return Opened(kinds.get(str(attributes.get(KIND)), "a zarr store of another origin"), path)
+        return OpenFile(kinds.get(str(attributes.get(KIND)), "a zarr store of another origin"), path)
     if (path / "parameters.cfg").is_file():
         from plenoptic.lightfield.reading import read_hci
 
-        return Opened("a light field of the HCI benchmark's form", read_hci(path))
+        return OpenFile("a light field of the HCI benchmark's form", read_hci(path))
     if (path / PROVENANCE).is_file():
-        return _package(path)
+        return _open_package(path)
     if (path / MANIFEST).is_file():
-        return Opened("a data set", read(path))
+        return OpenFile("a data set", read(path))
     raise FileError(
         f"{str(path)!r} is no folder that can be opened: a package has a {PROVENANCE}, a data set a {MANIFEST}, a "
         "light field of the HCI benchmark's form has parameters.cfg, a zarr store "
@@ -123,23 +126,23 @@ def _folder(path: Path) -> Opened:
     )
 
 
-def _package(path: Path) -> Opened:
+def _open_package(path: Path) -> OpenFile:
     from plenoptic.package.reading import read
 
-    return Opened("a package", read(path))
+    return OpenFile("a package", read(path))
 
 
-def _picture(path: Path) -> Opened:
+def _open_image(path: Path) -> OpenFile:
     from plenoptic.core.files.images import read_channels
     from plenoptic.readout.raw import RawImage
     from plenoptic.rendering.exposure import Exposure
 
     if path.suffix.lower().startswith(".tif") and "plenoptic:model" in read_channels(path)[1]:
-        return Opened("a raw image of a sensor", RawImage.load(path))
-    return Opened("an image", Exposure.load(path))
+        return OpenFile("a raw image of a sensor", RawImage.load(path))
+    return OpenFile("an image", Exposure.load(path))
 
 
-def _json(path: Path) -> Opened:
+def _open_json(path: Path) -> OpenFile:
     from plenoptic.core.files.reading import read_file
     from plenoptic.core.files.value_files import FORMAT, load_value
     from plenoptic.optics.lens.files.library import load_lens
@@ -150,5 +153,5 @@ def _json(path: Path) -> Opened:
         raise FileError(f"{str(path)!r} is not JSON: {error}") from None
     if isinstance(head, dict) and head.get("format") == FORMAT:
         value = load_value(path)
-        return Opened(f"a value of the kind {type(value).__name__}", value)
-    return Opened("a lens", load_lens(path))
+        return OpenFile(f"a value of the kind {type(value).__name__}", value)
+    return OpenFile("a lens", load_lens(path))

@@ -1,7 +1,7 @@
 """The squared error of rendered images, split into variance and squared bias.
 
-All figures are relative and means over lit pixels (`core.relative_error`). Channels of a pixel count together: with
-its image x and the reference r, its squared error is mean((x - r)^2) / mean(r)^2, means over the channels.
+Errors are relative, and means over lit pixels (`core.relative_error`). Channels of a pixel count together: with the
+image x and the reference r, the squared error of a pixel is mean((x - r)^2) / mean(r)^2, means over the channels.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from plenoptic.rendering.exposure import Exposure
 
 
 class Split(NamedTuple):
-    """Parts of one setting's squared error: the last fields of an `ErrorRow`."""
+    """Parts of the squared error of one setting: the last fields of an `ErrorRow`."""
 
     variance: float
     variance_error: float
@@ -30,7 +30,7 @@ class Split(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """A converged image, its own squared error, and the pixels that count."""
+    """A converged image, its variance, and the lit pixels, over which errors are means."""
 
     image: Floats
     """(n, C): the lit pixels."""
@@ -51,7 +51,7 @@ class Reference(NamedTuple):
 
 
 def reference_of(exposure: Exposure) -> Reference:
-    """A reference from a converged render, which must have standard errors."""
+    """The reference of a converged exposure with standard errors."""
     if exposure.standard_error is None:
         raise InvalidValueError("the reference has no standard errors; render it with replicates of at least 2")
     if not np.isfinite(exposure.standard_error).all():
@@ -64,7 +64,7 @@ def reference_of(exposure: Exposure) -> Reference:
 
 
 def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
-    """Split the squared error of independent renders, at least 2 that differ in their seeds alone.
+    """Split the squared error of 2 or more renders that differ in their seeds alone.
 
     With S images x_s of mean m and sample variance v, and a reference r of variance w, per pixel and channel,
 
@@ -72,8 +72,8 @@ def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
         bias squared = (m - r)^2 - v / S - w
 
     Both are unbiased, whatever the reference's own error, and add up to mean((x_s - r)^2) - w. Standard errors
-    are those of means over pixels, since random numbers of different pixels are independent; differences that pixels
-    really have count too, so that they are rather too large where there is a bias.
+    are those of means over pixels, since random numbers of different pixels are independent. They include the true
+    differences among pixels, so that they are rather too large where there is a bias.
     """
     count = len(exposures)
     if count < 2:
@@ -81,17 +81,16 @@ def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
     channels = {shot.image.shape[2] for shot in exposures} | {reference.image.shape[1]}
     if len(channels) > 1:
         raise InvalidValueError(
-            f"renders and reference have {' and '.join(map(str, sorted(channels)))} channels; what is compared must "
-            "have the same ones"
+            f"renders and reference have {' and '.join(map(str, sorted(channels)))} channels; both must have the same"
         )
     images = np.stack([shot.image[reference.lit] for shot in exposures]).astype(np.float64)
-    spread = np.var(images, axis=0, ddof=1)
-    off = (np.mean(images, axis=0) - reference.image) ** 2 - spread / count - reference.variance
-    variance, bias_squared = (_mean_over_pixels(reference.relative_squares(part)) for part in (spread, off))
-    return Split(*variance, *bias_squared, _reported(exposures, reference))
+    noise = np.var(images, axis=0, ddof=1)
+    difference = (np.mean(images, axis=0) - reference.image) ** 2 - noise / count - reference.variance
+    variance, bias_squared = (_mean_over_pixels(reference.relative_squares(part)) for part in (noise, difference))
+    return Split(*variance, *bias_squared, _reported_variance(exposures, reference))
 
 
-def _reported(exposures: Sequence[Exposure], reference: Reference) -> float | None:
+def _reported_variance(exposures: Sequence[Exposure], reference: Reference) -> float | None:
     errors = [shot.standard_error for shot in exposures]
     squares = [error[reference.lit].astype(np.float64) ** 2 for error in errors if error is not None]
     if len(squares) < len(errors):
@@ -100,6 +99,6 @@ def _reported(exposures: Sequence[Exposure], reference: Reference) -> float | No
 
 
 def _mean_over_pixels(values: Floats) -> tuple[float, float]:
-    """Mean, and its standard error; infinite for a single pixel."""
+    """Mean and its standard error, which is infinite for a single pixel."""
     error = float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.inf
     return float(np.mean(values)), error

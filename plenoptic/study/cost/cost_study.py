@@ -1,0 +1,265 @@
+"""The study of costs: CPU time of each part of a render, measured by leaving it out."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+import statistics
+import warnings
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import Floats, check_kind, seed_number, whole
+from plenoptic.core.waiting.bar import load_tqdm
+from plenoptic.errors import InvalidValueError
+from plenoptic.rendering.plan.stages import Plan, Subject
+from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
+from plenoptic.study.cost.cost_row import CostRow, stage_text
+from plenoptic.study.exposures import Region, central_pixel, expose, region_bounds
+from plenoptic.study.study_table import StudyTable, until_interrupted
+
+if TYPE_CHECKING:
+    from plenoptic.rendering.exposure import Exposure
+
+_SIDE = 128
+"""Pixels along the middle of the sensor that are render_seconds by default."""
+
+_NORMAL_SPREAD = 1.4826
+"""Standard deviation over the median absolute deviation of normal numbers."""
+
+_SIGNIFICANT = 3.0
+"""Standard errors by which a change of the picture must exceed 0."""
+
+_SET_UPS = 3
+"""Rounds in which set-up is measured."""
+
+
+def cost_of(
+    plan: Plan,
+    *,
+    samples: int = 16,
+    region: Region | None = None,
+    rounds: int = 5,
+    seed: int = 0,
+    threads: int = 1,
+    progress: bool = True,
+) -> StudyTable[CostRow]:
+    """Measure the CPU time of each part of a render by leaving it out, one at a time.
+
+    The whole render and one without a part take turns, round after round: each time without is compared with the
+    two times of the whole before and after it. Set-up (tables, bounds on pupils, the tree of triangles) is measured by
+    renders of a single path, stated apart and subtracted: take so many paths that it is the smaller part. A first
+    render of each is not counted; it compiles.
+
+    Parameters
+    ----------
+    plan : Plan
+        From `plenoptic.plan`.
+    samples : int, optional
+        Paths per pixel, in place of those of the plan.
+    region : (slice, slice), optional
+        As for `render`; None: the middle of the sensor, at most 128 x 128 pixels.
+    rounds : int, optional
+        At least 2: the spread over the rounds tells the noise of the pictures. Standard errors take at least 3.
+    seed : int, optional
+        First seed; each render has another.
+    threads : int, optional
+        1 disturbs measurements least.
+    progress : bool, optional
+        True shows a progress bar.
+
+    Returns
+    -------
+    StudyTable
+        Its rows are `CostRow`, the dearest stage first. After Ctrl-C it is `interrupted`, with the parts measured.
+
+    Raises
+    ------
+    InvalidValueError
+        If the plan has no subject, or an argument is impossible.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
+    >>> table = pl.study.cost_of(pl.plan(None, camera), samples=8, rounds=2)
+    >>> sorted(row.stage.name for row in table.rows)
+    ['CERTAIN_LIGHT', 'LENS', 'STANDARD_ERROR']
+    """
+    whole(rounds, "rounds", at_least=2)
+    seed_number(seed)
+    check_kind(plan, "plan", Plan, "pl.plan(scene, camera)")
+    stages = ablations(plan)
+    assert plan.subject is not None
+    separable = [stage for stage in stages if isinstance(stage, Ablation)]
+    if not separable:
+        raise InvalidValueError("nothing that the plan runs can be left out; choose a richer camera or scene")
+    window = region_bounds(plan.subject.camera.sensor.shape, region, _SIDE)
+    run = _Run(samples, window, seed, threads)
+    picture = Picture()
+    comparisons = _compare_all(plan.subject, separable, run, rounds, picture, progress)
+
+    rows = [_row(one, times, picture) for one, times in zip(separable, comparisons, strict=False)]
+    rows.sort(key=lambda row: -row.percent if math.isfinite(row.percent) else math.inf)
+    notes = [_summary(rows, comparisons, run, rounds)]
+    notes += [f"Not left out: {stage_text(s.stage)}: {s.reason}." for s in stages if isinstance(s, Inseparable)]
+    return StudyTable(rows, notes, interrupted=len(rows) < len(separable))
+
+
+def _summary(rows: list[CostRow], comparisons: list[_Comparison], run: _Run, rounds: int) -> str:
+    seconds = np.concatenate([times.per_path[0] for times in comparisons])
+    cpu_per_million = 1e6 * float(np.nanmedian(seconds)) if np.isfinite(seconds).any() else math.nan
+    set_up = float(np.median([times.set_up[0, 0] for times in comparisons]))
+    height, width = (part.stop - part.start for part in run.region)
+    text = (
+        f"{height} x {width} pixels, {run.samples} samples, {run.threads} thread{'s' * (run.threads != 1)}, {rounds} "
+        f"rounds; s are CPU seconds per million paths, {cpu_per_million:.3g} for all of it, beside {set_up:.2g} s of "
+        "set-up."
+    )
+    if any(math.isnan(row.percent) for row in rows):
+        text += " Empty: renders took no longer than set-up, too short to tell; take more samples or pixels."
+    if any(row.percent < 0 for row in rows):
+        text += " Negative: without it paths do more. Shares overlap and do not add up."
+    return text
+
+
+class _Run(NamedTuple):
+    samples: int
+    region: Region
+    seed: int
+    threads: int
+
+
+def _exposure(subject: Subject, run: _Run, number: int) -> Exposure:
+    """One render, without warnings of scenes that are dark or out of sight."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        subject = dataclasses.replace(subject, samples=run.samples)
+        return expose(subject, seed=run.seed + number, region=run.region, threads=run.threads)
+
+
+class Picture:
+    """Mean of images with independent noise, and the variance of that mean."""
+
+    def __init__(self) -> None:
+        self.count, self.mean, self._squares = 0, np.zeros(()), np.zeros(())
+
+    def add(self, image: NDArray[np.float32]) -> None:
+        """Add one image, the mean of its channels."""
+        grey = image.mean(axis=2, dtype=np.float64)
+        self.count += 1
+        deviation = grey - self.mean
+        self.mean = self.mean + deviation / self.count
+        self._squares = self._squares + deviation * (grey - self.mean)
+
+    @property
+    def variance(self) -> Floats:
+        """Variance of the mean."""
+        return np.asarray(self._squares / (self.count * (self.count - 1)))
+
+
+class _Comparison(NamedTuple):
+    """CPU seconds of the whole render and of the one without a part."""
+
+    whole: Floats
+    """(rounds + 1,)."""
+    without: Floats
+    """(rounds,)."""
+    set_up: Floats
+    """(2, n): medians over the n renders of one path are those of whole and without."""
+    paths: tuple[int, int]
+    picture: Picture
+    """Without the part."""
+
+    @property
+    def per_path(self) -> tuple[Floats, Floats]:
+        """CPU seconds per path beyond set-up, of `whole` and `without`; nan if a render took no longer than set-up."""
+        renders = (self.whole, self.without)
+        each = [(renders[i] - np.median(self.set_up[i])) / max(self.paths[i], 1) for i in (0, 1)]
+        whole, without = (np.where(seconds > 0, seconds, np.nan) for seconds in each)
+        return whole, without
+
+
+def _compare_all(
+    subject: Subject, separable: list[Ablation], run: _Run, rounds: int, picture: Picture, progress: bool
+) -> list[_Comparison]:
+    """For each part: render the whole, without the part, the whole, without the part, and so on.
+
+    Only two cameras take turns at a time, so that the caches of the cameras used last hold. `picture` gets the whole.
+    """
+    set_ups = min(rounds, _SET_UPS)
+    one_path = run._replace(samples=1, region=central_pixel(run.region))
+    numbers = itertools.count(1)
+    with load_tqdm()(total=len(separable) * (2 * rounds + 3 + 2 * set_ups), disable=not progress) as bar:
+
+        def render_stats(subject: Subject, run: _Run, picture: Picture | None = None) -> tuple[float, int]:
+            exposure = _exposure(subject, run, next(numbers))
+            bar.update()
+            assert exposure.stats is not None
+            if picture is not None:
+                picture.add(exposure.image)
+            return exposure.stats.cpu_seconds, exposure.stats.paths
+
+        def compare(ablation: Ablation) -> _Comparison:
+            subjects, without_it = (subject, ablation.subject), Picture()
+            for each in subjects:  # compiles
+                render_stats(each, run)
+            set_up = [[render_stats(each, one_path)[0] for each in subjects] for _ in range(set_ups)]
+            seconds, paths = render_stats(subject, run, picture)
+            whole, without = np.full(rounds + 1, seconds), np.empty(rounds)
+            for turn in range(rounds):
+                without[turn], paths_without = render_stats(ablation.subject, run, without_it)
+                whole[turn + 1], _ = render_stats(subject, run, picture)
+            return _Comparison(whole, without, np.array(set_up).T, (paths, paths_without), without_it)
+
+        return until_interrupted(compare, separable)
+
+
+def _row(ablation: Ablation, times: _Comparison, picture: Picture) -> CostRow:
+    whole, without = times.per_path
+    neighbours = 0.5 * (whole[:-1] + whole[1:])
+    set_up = np.median(times.set_up, axis=1)
+    return CostRow(
+        ablation.stage,
+        ablation.instead,
+        1e6 * float(np.median(neighbours)),
+        1e6 * float(np.median(without)),
+        *share_of(without, neighbours),
+        float(set_up[0] - set_up[1]),
+        picture_change(picture, times.picture),
+        ablation.also,
+    )
+
+
+def share_of(without: Floats, whole: Floats) -> tuple[float, float | None]:
+    """Median over the rounds of the per cent of the whole that a part takes, and its standard error.
+
+    `without` and `whole`, (rounds,): costs in the same round. The error is None with fewer than 3 rounds; nan and None
+    if a cost is nan.
+    """
+    shares = (100.0 * (1.0 - without / whole)).tolist()
+    if not all(map(math.isfinite, shares)):
+        return math.nan, None
+    median = statistics.median(shares)
+    if len(shares) < 3:
+        return median, None
+    spread = _NORMAL_SPREAD * statistics.median(abs(share - median) for share in shares)
+    # The median of n normal numbers has a standard error of sqrt(pi / 2) / sqrt(n) standard deviations.
+    return median, math.sqrt(0.5 * math.pi / len(shares)) * spread
+
+
+def picture_change(picture: Picture, other: Picture) -> float | None:
+    """Root mean square difference of two pictures over the mean of the first, noise subtracted, in per cent.
+
+    0 if it does not exceed 3 of its standard errors; None if the first picture is black.
+    """
+    mean = float(picture.mean.mean())
+    if not mean > 0.0:
+        return None
+    squares = (picture.mean - other.mean) ** 2 - picture.variance - other.variance
+    mean_square, error = float(squares.mean()), float(squares.std()) / math.sqrt(squares.size)
+    return 100.0 * math.sqrt(mean_square) / mean if mean_square > _SIGNIFICANT * error else 0.0

@@ -1,1 +1,0 @@
-"""Rounding errors of traced rays."""
