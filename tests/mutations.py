@@ -55,8 +55,8 @@ plane_moves_along_u camera/sampling/kernels/pieces.py: camera/test_pixel_regions
 - nx * view.x_by_v + ny * view.y_by_v
 + nx * view.x_by_v + ny * view.y_by_u
 point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_pixel_regions.py camera/psf
-- root = math.sqrt(min(max(left / twice, 0.0), 1.0)) if twice > 0.0 else 0.0
-+ root = min(max(left / twice, 0.0), 1.0) if twice > 0.0 else 0.0
+- root = math.sqrt(min(max(remaining / twice, 0.0), 1.0)) if twice > 0.0 else 0.0
++ root = min(max(remaining / twice, 0.0), 1.0) if twice > 0.0 else 0.0
 projection_axes camera/points/projection.py: camera/points
 - (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1]))
 + (np.abs(rows.position) <= 0.5 * np.array(sensor.size))
@@ -64,8 +64,8 @@ spread_error camera/psf/histogram.py: camera/psf
 - error = np.sqrt(squares / (max(len(crops) - 1, 1) * len(crops)))
 + error = np.sqrt(squares / max(len(crops) - 1, 1))
 far_field_tail optics/diffraction/kernels/far_field.py: optics/diffraction rendering/test_diffraction.py
-- a = field.inner / (1.0 - v)
-+ a = field.inner / math.sqrt(1.0 - v)
+- a = field.radius / (1.0 - v)
++ a = field.radius / math.sqrt(1.0 - v)
 wave_through_dim_lens wave/microlenses.py: wave
 - dim = math.sqrt(self.lenses.transmission[k])
 + dim = self.lenses.transmission[k]
@@ -94,8 +94,8 @@ pooled_error rendering/film.py: rendering/test_film.py rendering/test_standard_e
 - pooled = (single + _SHARED * alike) / (1.0 + _SHARED) * (between / within)[..., None]
 + pooled = (single + _SHARED * alike) * (between / within)[..., None]
 expected_with_noise core/relative_error.py: core/test_relative_error.py rendering/test_rare_light.py
-- shown = np.maximum(between - diagonal_sums(noise) / most, 0.0)
-+ shown = np.maximum(between, 0.0)
+- signal_variance = np.maximum(between - diagonal_sums(noise) / divisor, 0.0)
++ signal_variance = np.maximum(between, 0.0)
 own_colour_decides rendering/schedule/progress.py: rendering/schedule rendering/test_render.py
 - others = here[(colours == 1 - colour) & ~np.isnan(here)]
 + others = here[(colours == colour) & ~np.isnan(here)]
@@ -130,8 +130,8 @@ gltf_turned_texture scene/files/gltf/textures.py: scene/files
 - u, v = cosine * u + sine * v, cosine * v - sine * u
 + u, v = cosine * u - sine * v, cosine * v + sine * u
 damage_in_a_record core/files/record_log.py: core/files rendering/schedule/test_resuming.py
-- return found if sha.digest() == entry.digest else None
-+ return found
+- return arrays if body.digest() == entry.digest else None
++ return arrays
 seed_of_a_camera dataset/task.py: dataset
 - spawn_key=(frame, camera)
 + spawn_key=(frame,)

@@ -20,8 +20,14 @@ from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.record import ArrayRecord, ResponseRecord, SensorPlane, array_record, possible_powers
-from plenoptic.optics.stops.registry import Stop, is_convex
+from plenoptic.optics.microlens.microlens_record import (
+    ArrayRecord,
+    ResponseRecord,
+    SensorPlane,
+    array_record,
+    possible_powers,
+)
+from plenoptic.optics.stops.stop_registry import Stop, is_convex
 
 
 class PixelRecord(NamedTuple):
@@ -128,7 +134,7 @@ class CameraRecord(NamedTuple):
 
     def own(self, n: int) -> NDArray[np.void] | None:
         """Room for what n paths, in whole blocks, keep of their microlenses; None where these do not differ."""
-        return None if self.array is None else self.array.own(n)
+        return None if self.array is None else self.array.lenslet_rows(n)
 
 
 def camera_record(camera: PlenopticCamera) -> CameraRecord:

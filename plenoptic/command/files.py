@@ -65,13 +65,13 @@ def scene_in(name: str, background: float | None = None) -> Scene:
 def camera_in(name: str) -> PlenopticCamera:
     """The camera that a file is or holds."""
     from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.core.files.serialization import restored_fields
+    from plenoptic.core.files.serialization import fields_from_metadata
     from plenoptic.core.files.zarr_reading import attributes_of
 
     found = opened(name)
     camera = found.content if isinstance(found.content, PlenopticCamera) else getattr(found.content, "camera", None)
     if isinstance(found.content, Path):
-        camera = restored_fields(attributes_of(found.content) or {}, ("camera",)).get("camera")
+        camera = fields_from_metadata(attributes_of(found.content) or {}, ("camera",)).get("camera")
     if not isinstance(camera, PlenopticCamera):
         raise FileError(f"{name!r} is {found.kind} and holds no camera; give one that pl.package.save_value wrote")
     return camera
@@ -140,7 +140,7 @@ def _picture(path: Path) -> Opened:
 
 
 def _json(path: Path) -> Opened:
-    from plenoptic.core.files.reading import read_file
+    from plenoptic.core.files.file_limits import read_file
     from plenoptic.core.files.value_files import FORMAT, load_value
     from plenoptic.optics.lens.files.library import load_lens
 

@@ -85,11 +85,11 @@ def _lines(content: Any) -> list[str]:
 
 def _store_lines(path: Path) -> list[str]:
     """What its arrays are, and what is known of all of it; no pixel is read."""
-    from plenoptic.core.files.serialization import restored_fields
-    from plenoptic.core.files.zarr_reading import attributes_of, described
+    from plenoptic.core.files.serialization import fields_from_metadata
+    from plenoptic.core.files.zarr_reading import attributes_of, summarize_store
 
-    arrays, size = described(path)
-    known = restored_fields(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))
+    arrays, size = summarize_store(path)
+    known = fields_from_metadata(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))
     camera = known.pop("camera", None)
     facts = [f"{size / 1e6:.3g} MB", *(f"{name} {fact}" for name, fact in known.items())]
     report = [] if camera is None else ["", str(camera.report())]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plenoptic.core.files.atomic_file import check_folder, real_path, replaced
+from plenoptic.core.files.atomic_file import check_folder, real_path, replace_file
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def draw(tables: list[ErrorTable], path: str) -> None:
     from plenoptic.plots.error_time import plot_error_studies
 
     figure = plot_error_studies(tables)
-    with replaced(path) as file:
+    with replace_file(path) as file:
         figure.savefig(file, format=Path(path).suffix[1:] or None, dpi=110)
 
 

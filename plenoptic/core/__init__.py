@@ -1,1 +1,1 @@
-"""What all rooms share: values, rays, random numbers, compilation, files."""
+"""Foundations shared by all rooms: values, rays, random numbers, compilation, files."""

@@ -35,7 +35,7 @@ def versions() -> dict[str, str]:
 
 def statistics_of(shot: Exposure) -> dict[str, Any]:
     """What the table says about an image; the same bits give the same numbers, but for the times."""
-    level, stats = HighPercentile(99.0, most=shot.image.size), shot.stats
+    level, stats = HighPercentile(99.0, max_count=shot.image.size), shot.stats
     for row in shot.image:
         level.add(row[np.isfinite(row)])
     assert stats is not None
@@ -43,7 +43,7 @@ def statistics_of(shot: Exposure) -> dict[str, Any]:
     return {
         "relative_error": None if error is None or not np.isfinite(error) else error,
         "mean": float(shot.image.mean(dtype=np.float64)),
-        "percentile_99": level.found(),
+        "percentile_99": level.value(),
         "maximum": float(shot.image.max()),
         "paths": stats.paths,
         "paths_through_lens": stats.paths_through_lens,

@@ -1,4 +1,4 @@
-"""Lenses: what they are made of, how they are described, and how light goes through them."""
+"""Lenses: materials, prescriptions and ray tracing."""
 
 import lazy_loader
 

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.files.atomic_file import explained, write_file
-from plenoptic.core.files.reading import DEFAULT, FileLimits, allowed_memory, check_file, read_file
+from plenoptic.core.files.atomic_file import translate_errors, write_file
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, read_file
 from plenoptic.core.files.value_files import load_value
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError
@@ -70,7 +70,7 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
 
 @contextmanager
 def _unpacked(source: Path, limits: FileLimits) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix="plenoptic-") as folder, explained(source, "read"):
+    with tempfile.TemporaryDirectory(prefix="plenoptic-") as folder, translate_errors(source, "read"):
         try:
             with zipfile.ZipFile(source) as archive:
                 found = [entry for entry in archive.infolist() if _NAME.fullmatch(entry.filename)][:_MOST_FILES]

@@ -21,7 +21,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
 from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files import images
-from plenoptic.core.files.atomic_file import replaced, replaced_folder, write_file, write_json
+from plenoptic.core.files.atomic_file import replace_file, replace_folder, write_file, write_json
 from plenoptic.core.files.value_files import save_value
 from plenoptic.core.values import check_kind, file_path, seed_number
 from plenoptic.errors import FileError, InvalidValueError
@@ -113,7 +113,7 @@ def write(
         raise FileError(f"the file {str(target)!r} is something else than a package; choose a new name")
     if not zipped:
         _check_replaceable(target)
-    with tempfile.TemporaryDirectory() if zipped else replaced_folder(target) as made:
+    with tempfile.TemporaryDirectory() if zipped else replace_folder(target) as made:
         folder = Path(made)
         _fill(folder, exposure, white, tuple(other_whites), model, seed)
         _describe(folder, camera)
@@ -300,6 +300,6 @@ def _holds_package(file: Path) -> bool:
 
 
 def _zip(folder: Path, target: Path) -> None:
-    with replaced(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+    with replace_file(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for found in sorted(folder.iterdir()):
             archive.write(found, found.name)

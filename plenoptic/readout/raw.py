@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.files import images
-from plenoptic.core.files.reading import DEFAULT, FileLimits
-from plenoptic.core.files.serialization import described_fields, restored_fields
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits
+from plenoptic.core.files.serialization import fields_from_metadata, fields_to_metadata
 from plenoptic.core.values import (
     Floats,
     Given,
@@ -25,7 +25,7 @@ from plenoptic.core.values import (
 )
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, channels_of
-from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
+from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaic
 from plenoptic.optics.sensor.model import SensorModel
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.frame import checked_region, region_text
@@ -179,7 +179,7 @@ class RawImage:
         factors = np.ones(3) if white_balance is None else _factors(white_balance)
         picture: NDArray[np.floating[Any]] = known.reshape(*known.shape[:2], -1)
         if filters is not None:
-            picture = demosaiced(known * factors[self.channels], filters, self._first, method)
+            picture = demosaic(known * factors[self.channels], filters, self._first, method)
         elif white_balance is not None:
             picture = picture * factors
         return Exposure(picture, samples=self.samples, seed=self.seed, camera=self.camera, region=self.region)
@@ -213,7 +213,7 @@ class RawImage:
         """
         if self.model.bits is None:
             raise InvalidValueError("the numbers are not quantised, so no 16-bit file holds them; give the model bits")
-        texts = described_fields(self, _KEPT_AS_TEXT)
+        texts = fields_to_metadata(self, _KEPT_AS_TEXT)
         pixels = self.data.reshape(*self.data.shape[:2], -1)
         images.write_16bit(path, pixels, {"plenoptic:kind": "raw", images.COLOR_SPACE: images.LINEAR, **texts})
 
@@ -235,7 +235,7 @@ class RawImage:
         channels, metadata = images.read_channels(file_path(path), limits=limits)
         if "plenoptic:model" not in metadata:
             raise FileError(f"{os.fspath(path)!r} names no sensor model; read it with pl.images.read_channels")
-        kept = restored_fields(metadata, _KEPT_AS_TEXT)
+        kept = fields_from_metadata(metadata, _KEPT_AS_TEXT)
         # float32 holds k / 65535 to 2^-25, so that the rounded product is k again.
         data = np.rint(np.stack(list(channels.values()), axis=-1).astype(np.float64) * 65535).astype(np.uint16)
         try:

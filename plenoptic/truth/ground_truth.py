@@ -18,8 +18,8 @@ from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, fed_pixels,
 from plenoptic.core.engines.choice import cluster_of
 from plenoptic.core.engines.engine import Engine, ThreadEngine
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats
-from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
@@ -149,7 +149,7 @@ def ground_truth(
     check_scene_and_camera(scene, camera)
     bounds = sensor_region(camera.sensor.shape, region)
     workers, asked, cluster = thread_count(threads), checked_truth(truth), cluster_of(client, threads)
-    with Waiting("ground truth", kind="scene", show=progress):
+    with CallProgress("ground truth", kind="scene", show=progress):
         return _ground_truth(scene, camera, asked, bounds, workers, cluster)
 
 
@@ -192,7 +192,7 @@ def _put_together(engine: Engine[Strip, Arrays], region: tuple[int, int, int, in
     first_row, end_row, first_column, end_column = region
     rows = max(1, _STRIP // (end_column - first_column))
     strips = [Strip(row, min(row + rows, end_row), first_column, end_column) for row in range(first_row, end_row, rows)]
-    done = {one.order: one.result for one in engine.results(strips, left=len(strips), given_up=lambda: False)}
+    done = {one.job: one.result for one in engine.results(strips, n_jobs=len(strips), is_cancelled=lambda: False)}
     shape = (end_row - first_row, end_column - first_column)
     found = [done[strip] for strip in strips]
     arrays = {name: np.concatenate([part[name] for part in found]) for name in found[0]}

@@ -92,6 +92,6 @@ def estimated(measured, megapixels, workers, rounds):
 
 def _together(left, workers, seconds, nbytes):
     """Orders of a task; see `DaskEngine._group`."""
-    fitting = min(dask_engine._SECONDS / seconds, dask_engine._MOST_BYTES / nbytes, left)
-    shared = max(-(-left // (dask_engine._SHARE * workers)), math.ceil(dask_engine._HANDLING * workers / seconds))
+    fitting = min(dask_engine._SECONDS / seconds, dask_engine._MAX_BYTES / nbytes, left)
+    shared = max(-(-left // (dask_engine._FRACTION * workers)), math.ceil(dask_engine._HANDLING * workers / seconds))
     return max(min(int(fitting), shared), 1)

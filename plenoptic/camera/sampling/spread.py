@@ -18,7 +18,7 @@ from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.sampling.record import Batch, SpreadTable, batch_record
 from plenoptic.core.color.spectra import ColourTables
 from plenoptic.core.values import Floats
-from plenoptic.optics.diffraction.far_field import without
+from plenoptic.optics.diffraction.far_field import remove_cells
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -67,12 +67,12 @@ def spread_of(
     levels = math.ceil(math.log(most / low) / _LEVEL) or 1
     step = (most - low) / levels or most
     short, reach = _short(bend, most)
-    rest, drawn = without(bend.field, short)
+    rest, drawn = remove_cells(bend.field, short)
     if drawn > _MOST_DRAWN or sensor.fill_factor < _LEAST_SEEN:
         return None
     light = [(np.diff(bend.field.columns, axis=1) * np.diff(bend.field.rows)[:, None])[short]]
     if bend.field.opening is not None:
-        through, share = bend.field.opening[short], bend.field.share
+        through, share = bend.field.opening[short], bend.field.opening_fraction
         light = [light[0] * through, light[0] * (1.0 - share * through) / (1.0 - share)]
     cells, covers = np.stack(np.nonzero(short)[::-1]), _covers(np.asarray(camera.sensor.pixel_aperture), reach)
     sizes = low + step * (np.arange(levels) + 0.5) if most > low else np.array([most])
@@ -99,7 +99,7 @@ def spread_of(
 
 def _ends(bend: BendRecord, longest: float, cells: Floats) -> Floats:
     """(2, ...): how far bends lead, in pixels, of places (2, ...) in the table, in cells along x and y."""
-    periods = cells * bend.field.step - bend.field.inner
+    periods = cells * bend.field.step - bend.field.radius
     return np.asarray(np.tensordot(longest * (bend.back @ bend.field.scale), periods, axes=1))
 
 
@@ -109,7 +109,7 @@ def _short(bend: BendRecord, longest: float) -> tuple[NDArray[np.bool_], int]:
     ends = np.abs(_ends(bend, longest, np.stack(np.meshgrid(corners, corners)))).max(axis=0)
     ends = np.maximum(np.maximum(ends[1:, 1:], ends[:-1, :-1]), np.maximum(ends[1:, :-1], ends[:-1, 1:]))
     for reach in range(1, _REACH):
-        if without(bend.field, ends <= reach)[1] <= _DRAWN:
+        if remove_cells(bend.field, ends <= reach)[1] <= _DRAWN:
             return ends <= reach, reach
     return ends <= _REACH, _REACH
 

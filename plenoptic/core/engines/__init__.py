@@ -1,1 +1,1 @@
-"""What work runs on: the threads of this process, or the workers of a cluster."""
+"""Engines, which run jobs: threads of this process, or workers of a dask cluster."""

@@ -1,1 +1,1 @@
-"""Where things are and how they move: turns, poses, and rigid motions in time."""
+"""Poses and motions: rotations, rigid transforms, and rigid motions in time."""

@@ -13,7 +13,7 @@ from plenoptic.core.numba.typing_context import KernelTyping
 from plenoptic.core.numba.wide_vectors import WideLowering
 
 _UNUSED = (WithLifting, InlineClosureLikes, NopythonRewrites)
-"""Passes for what kernels do not contain: `with`, closures, and expressions of whole arrays."""
+"""Passes for features that kernels do not use: `with`, closures, and expressions of whole arrays."""
 
 
 def apply(chosen: frozenset[str], state: Any, passes: Any) -> None:

@@ -29,11 +29,11 @@ class _WideLower(Lower):
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class WideLowering(BaseNativeLowering):
-    """Numba's last pass, with that attribute of functions."""
+    """Numba's last pass, with the attribute for vectors of 512 bits."""
 
     _name = "wide_lowering"  # type: ignore[assignment]
 
     @property
     def lowering_class(self) -> type[Lower]:
-        """What makes LLVM's code."""
+        """Class that generates LLVM's code."""
         return _WideLower

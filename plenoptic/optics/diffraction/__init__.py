@@ -1,1 +1,1 @@
-"""What openings do to light because it is a wave."""
+"""Diffraction at openings."""

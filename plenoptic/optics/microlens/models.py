@@ -1,16 +1,16 @@
-"""Models of a microlens: the closed set."""
+"""Registry of microlens models."""
 
 from __future__ import annotations
 
 import enum
 
-from plenoptic.optics.microlens.ideal import PINHOLE, THIN
+from plenoptic.optics.microlens.ideal_microlenses import PINHOLE, THIN
 from plenoptic.optics.microlens.model_rules import ModelRules
 from plenoptic.optics.microlens.plano_convex import FLAT_HIGH_INDEX, SPHERICAL
 
 
 class MicrolensModel(enum.IntEnum):
-    """How a microlens refracts. See `MicrolensArray`.
+    """Model of the refraction by a microlens. See `MicrolensArray`.
 
     PINHOLE: all light of a cell passes its centre, undeviated. THIN: an ideal thin lens in one plane. FLAT_HIGH_INDEX:
     two planes of high index, one with the normals of a sphere, as published Blender models have it. SPHERICAL: an
@@ -30,22 +30,22 @@ class MicrolensModel(enum.IntEnum):
 
     @property
     def rules(self) -> ModelRules:
-        """What the rest of the package asks of a model."""
+        """Implementation of the model."""
         return _RULES[self]
 
     @property
     def focuses(self) -> bool:
-        """Whether light is bent."""
+        """True if lenses have a power."""
         return self.rules.focuses
 
     @property
     def is_plate(self) -> bool:
-        """Whether rays pass two surfaces of glass."""
+        """True if rays pass two surfaces of glass."""
         return self.rules.is_plate
 
     @property
     def is_flat(self) -> bool:
-        """Whether a plane with the normals of a sphere stands for the sphere."""
+        """True if a plane with the normals of a sphere stands for the sphere."""
         return self.rules.is_flat
 
 

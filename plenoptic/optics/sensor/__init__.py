@@ -1,1 +1,1 @@
-"""The image sensor: pixels, what they see of each direction and colour, and the noise they add."""
+"""The image sensor: pixels, their response to direction and colour, and their noise."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from plenoptic.core.files.reading import FileReader
+from plenoptic.core.files.file_limits import FileReader
 from plenoptic.errors import FileError, PlenopticError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, file_texture
 from plenoptic.scene.files.obj import obj_material, read_mtl
@@ -129,8 +129,8 @@ def _obj_materials(content: bytes, reader: FileReader) -> Mapping[str, Material]
     described: dict[str, dict[str, str]] = {}
     for named in _said(text, "mtllib"):
         # A name may hold spaces, and a line several names.
-        for name in [named] if len(named.split()) < 2 or reader.named(named).is_file() else named.split():
-            library = reader.named(name)
+        for name in [named] if len(named.split()) < 2 or reader.resolve(named).is_file() else named.split():
+            library = reader.resolve(name)
             if not os.path.lexists(library):
                 raise FileError(f"its material file {name!r} is missing; put it beside the file, {REPLACE}")
             described |= read_mtl(reader.read(library).decode(errors="replace"))

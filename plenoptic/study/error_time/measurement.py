@@ -90,8 +90,8 @@ def measured_rows(
     pixels, (samples, seeds, seed, repeats) = int(reference.lit.size), runs
 
     def carried_out(calls: list[Call]) -> Iterator[tuple[Call, Exposure | None, Cost]]:
-        for each in engine.results(iter(calls), left=len(calls), given_up=lambda: False):
-            yield each.order, *each.result
+        for each in engine.results(iter(calls), n_jobs=len(calls), is_cancelled=lambda: False):
+            yield each.job, *each.result
 
     starting: dict[str, list[Cost]] = {name: [] for name in variants}
     for call, _, cost in carried_out([Call(name, 0, seed, False, 1) for name in variants for _ in range(_SETUPS)]):

@@ -13,8 +13,8 @@ from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.engines.choice import cluster_of
 from plenoptic.core.engines.engine import Engine, ThreadEngine
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import load_tqdm
 from plenoptic.core.values import seed_number, whole, wrong_kind
-from plenoptic.core.waiting.bar import load_tqdm
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.study.error_time.measurement import Call, Runs, Timed, measured_rows, timed

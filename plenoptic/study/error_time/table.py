@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic.core.files.reading import read_file
+from plenoptic.core.files.file_limits import read_file
 from plenoptic.core.values import file_path, not_negative, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.schedule.budget import checked_target

@@ -66,12 +66,12 @@ def test_a_catalogue_is_a_mapping_from_names_to_media(tmp_path):
 
 
 def test_encodings_line_ends_and_tabs_make_no_difference(tmp_path):
-    wanted = _written(tmp_path, MINE)
+    reference = _written(tmp_path, MINE)
     for newline in ("\n", "\r\n", "\r"):
         for encoding in ("utf-8", "utf-8-sig", "utf-16", "latin-1"):
-            assert _written(tmp_path, MINE.replace("\n", newline).encode(encoding)) == wanted, (newline, encoding)
-    assert _written(tmp_path, b"\xfe\xff" + MINE.encode("utf-16-be")) == wanted
-    assert _written(tmp_path, MINE.replace(" ", "\t").replace("\t0.5;\tG", " 0.5; G")) == wanted
+            assert _written(tmp_path, MINE.replace("\n", newline).encode(encoding)) == reference, (newline, encoding)
+    assert _written(tmp_path, b"\xfe\xff" + MINE.encode("utf-16-be")) == reference
+    assert _written(tmp_path, MINE.replace(" ", "\t").replace("\t0.5;\tG", " 0.5; G")) == reference
     with pytest.raises(FileError, match=r"cannot read .*mine.agf"):  # half a character
         _written(tmp_path, MINE.encode("utf-16")[:-1])
 

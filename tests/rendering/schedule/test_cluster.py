@@ -34,7 +34,7 @@ def test_any_order_of_results_gives_the_same_bits(fake):
         fake.calls.clear()
         one, other = small(**way), small(client=fake, **way)
         assert_same(one, other)
-        assert other.stats.threads == 2 and fake.calls.count("carry_out") >= 3, way
+        assert other.stats.threads == 2 and fake.calls.count("run_jobs") >= 3, way
     given = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
     one, other = (pl.render_white(reference_camera(), client=client, **given) for client in (None, fake))
     assert one.image.tobytes() == other.image.tobytes()
@@ -77,7 +77,7 @@ def test_ground_truth_has_the_same_bits(fake, monkeypatch):
     given = {"region": np.s_[240:264, 240:264], "progress": False}
     one = pl.ground_truth(pl.objects_scene(), reference_camera(), **given)
     other = pl.ground_truth(pl.objects_scene(), reference_camera(), client=fake, **given)
-    assert fake.calls.count("carry_out") >= 3
+    assert fake.calls.count("run_jobs") >= 3
     for name in one.__dataclass_fields__:
         a, b = getattr(one, name), getattr(other, name)
         assert (a is None and b is None) or a.tobytes() == b.tobytes(), name

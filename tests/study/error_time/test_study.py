@@ -114,7 +114,7 @@ def test_a_cluster_finds_the_same_errors():
         pl.study.error_against_time(None, conventional(5.0, side=8), variants, client=c, **how) for c in (None, client)
     )
     client.close()
-    assert client.calls.count("carry_out") > 3
+    assert client.calls.count("run_jobs") > 3
     times = ("cpu_seconds", "wall_seconds", "setup_cpu_seconds", "setup_wall_seconds")
     for row, same in zip(one.rows, other.rows, strict=True):
         timeless = (dataclasses.replace(each, **dict.fromkeys(times, 0.0)) for each in (row, same))

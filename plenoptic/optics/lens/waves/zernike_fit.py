@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, choice, frozen_array, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.surfaces.zernike import MOST_TERMS, ZernikeSag, degree_and_order
+from plenoptic.optics.surfaces.zernike import MAX_TERMS, ZernikeSag, degree_and_order
 
 _NAMES = {
     (0, 0): "piston",
@@ -117,7 +117,7 @@ def zernike(term: int, x: ArrayLike, y: ArrayLike, *, order: ZernikeOrder = Zern
     [-1.7321, 1.7321]
     """
     kind = choice(order, ZernikeOrder, "order")
-    most = MOST_TERMS if kind is ZernikeOrder.NOLL else _MOST_FRINGE
+    most = MAX_TERMS if kind is ZernikeOrder.NOLL else _MOST_FRINGE
     n, m = _place(whole(term, "term", at_least=1, at_most=most), kind)
     noll = n * (n + 1) // 2 + 1
     while degree_and_order(noll) != (n, m):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import (
-    MOST_POINTS,
+    MAX_POINTS,
     Floats,
     checked_shape,
     finite,
@@ -206,7 +206,7 @@ def random_dots(
     >>> board.meshes[0].material
     Lambertian(albedo=Texture(texels=<100 x 200 x 1 float32>, ...))
     """
-    columns, rows = checked_shape((columns, rows), ("columns", "rows"), at_most=MOST_POINTS)
+    columns, rows = checked_shape((columns, rows), ("columns", "rows"), at_most=MAX_POINTS)
     dot, share = length_in_mm(dot, "dot"), finite(density, "density")
     if not 0 <= share <= 1:
         raise InvalidValueError(f"density is {share:g}; it must be within 0 and 1, the expected share of dark dots")

@@ -1,1 +1,0 @@
-"""What a call shows that takes long: how far it is, and what is compiled first."""
