@@ -224,7 +224,7 @@ class _Sums(NamedTuple):
     total: float
     sum_of_squares: float
     """Of the squared errors."""
-    count: int
+    n_pixels: int
 
 
 def _sums_above(threshold: float, image: AnyFloats, error: AnyFloats) -> _Sums:
@@ -242,6 +242,6 @@ def _sums_above(threshold: float, image: AnyFloats, error: AnyFloats) -> _Sums:
 def _relative(sums: _Sums, error: AnyFloats) -> float:
     if any(np.isinf(row).any() for row in error):
         return math.inf
-    if sums.count:
-        return math.sqrt(sums.total / sums.count)
+    if sums.n_pixels:
+        return math.sqrt(sums.total / sums.n_pixels)
     return math.inf if sum(float(np.nansum(row)) for row in error) > 0 else math.nan

@@ -39,7 +39,7 @@ class Taking(NamedTuple):
     seed: int
     settings: RenderSettings
 
-    def to_tree(self) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         """As JSON."""
         return {**self._asdict(), "truth": self.truth_names, "settings": to_tree(self.settings)}
 
