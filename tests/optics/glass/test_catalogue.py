@@ -117,7 +117,7 @@ def test_a_line_that_cannot_be_understood_is_named(tmp_path):
 def test_a_glass_that_makes_no_sense_is_an_error_when_it_is_asked_for(tmp_path):
     for content, message in (
         (_with("NM OLD 1 1 1.51880 64.17", NM), "its formula gives n_d 1.5168 and its line NM"),
-        (_with("NM OLD 14 1 1.51680 64.17", NM), "formula is 14; those that are known are 1 to 13"),
+        (_with("NM OLD 14 1 1.51680 64.17", NM), "formula is 14; supported ones are 1 to 13"),
         (_with("IT", LD), "it has no line CD or no line LD"),
         (_with("LD 1.014 0.365", LD), "wavelength_range (1014, 365) is empty"),
         (_with("CD 0.99", CD), "must be finite and at least 1"),
