@@ -1,8 +1,8 @@
 """Reading and writing images, through OpenImageIO, which is loaded on first use; statistics of their pixels."""
 
 from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
+from plenoptic.core.files.file_limits import FileLimits
 from plenoptic.core.files.images import read_channels, read_linear, write_16bit, write_channels
-from plenoptic.core.files.reading import FileLimits
 from plenoptic.truth.channels import PixelState
 
 __all__ = [

@@ -64,8 +64,8 @@ spread_error camera/psf/histogram.py: camera/psf
 - error = np.sqrt(squares / (max(len(crops) - 1, 1) * len(crops)))
 + error = np.sqrt(squares / max(len(crops) - 1, 1))
 far_field_tail optics/diffraction/kernels/far_field.py: optics/diffraction rendering/test_diffraction.py
-- a = field.inner / (1.0 - v)
-+ a = field.inner / math.sqrt(1.0 - v)
+- a = field.radius / (1.0 - v)
++ a = field.radius / math.sqrt(1.0 - v)
 wave_through_dim_lens wave/microlenses.py: wave
 - dim = math.sqrt(self.lenses.transmission[k])
 + dim = self.lenses.transmission[k]
@@ -130,8 +130,8 @@ gltf_turned_texture scene/files/gltf/textures.py: scene/files
 - u, v = cosine * u + sine * v, cosine * v - sine * u
 + u, v = cosine * u - sine * v, cosine * v + sine * u
 damage_in_a_record core/files/record_log.py: core/files rendering/schedule/test_resuming.py
-- return found if sha.digest() == entry.digest else None
-+ return found
+- return arrays if body.digest() == entry.digest else None
++ return arrays
 seed_of_a_camera dataset/task.py: dataset
 - spawn_key=(frame, camera)
 + spawn_key=(frame,)

@@ -23,7 +23,7 @@ from plenoptic.camera.sampling.record import Around, Bends, SpreadTable
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.diffraction.far_field import far_field
 from plenoptic.optics.microlens.aperture import Opening
-from plenoptic.optics.microlens.record import MICROLENS, SensorPlane
+from plenoptic.optics.microlens.microlens_record import MICROLENS, SensorPlane
 from plenoptic.scene.lights.record import POINT_LIGHT, SUN_LIGHT, Environment
 from plenoptic.scene.materials.record import Alpha
 from plenoptic.scene.textures.record import TEXTURE, TextureColumn
@@ -229,7 +229,7 @@ MODULES = {
     "fill_camera_samples": "camera.sampling.kernels.paths",
     "fill_sums": "rendering.kernels.film_sums",
     "fill_world_rays": "core.kernels.bundles",
-    "fill_thin": "optics.microlens.kernels.ideal",
+    "fill_thin": "optics.microlens.kernels.ideal_microlenses",
     "fill_traced": "optics.lens.kernels.trace",
     "add_emission": "rendering.integrator.kernels.emission",
     "fill_interactions": "scene.geometry.kernels.interaction",
@@ -246,7 +246,7 @@ FEATURES = [
     ("fill_sums", {"bundle.waves": NUMBERS, "bundle.weights": ROWS}),
     ("fill_world_rays", {"rotation": ROWS, "position": COLUMN}),
     ("fill_thin", {"sensor.tilt": COLUMN}),
-    ("fill_thin", {"own": OWN}),
+    ("fill_thin", {"lenslets": OWN}),
     ("fill_traced", {"lens.conic": COLUMN, "lens.aspheric": ROWS}),
     ("fill_traced", {"lens.frames": ROWS}),
     ("fill_traced", {"lens.masks": COLUMN}),
@@ -281,7 +281,7 @@ FEATURES = [
 """A kernel, and its arguments or members of them that are None where nothing needs them, as they are otherwise."""
 
 LARGE = {
-    *("fill_thin: own", "fill_traced: lens.frames", "add_emission: sky.suns, sky.sun_colors"),
+    *("fill_thin: lenslets", "fill_traced: lens.frames", "add_emission: sky.suns, sky.sun_colors"),
     *("fill_interactions: hits.instance, geometry.instance_to_world", "eval_direct: bsdf.kind, bsdf.metal_index"),
     "sample_bsdf: bsdf.kind, bsdf.pane_index",
 }
@@ -440,7 +440,13 @@ look(pl.render(pl.Scene([floor], [lamp]), camera(5.0), samples=8, max_bounces=2,
 """
 
 OF_THE_CAMERA = {
-    *("sobol.fill_net", "candidates.fill_cells", "pixel_regions.fill_regions", "ideal.fill_thin", "trace.fill_traced"),
+    *(
+        "sobol.fill_net",
+        "candidates.fill_cells",
+        "pixel_regions.fill_regions",
+        "ideal_microlenses.fill_thin",
+        "trace.fill_traced",
+    ),
     *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
 OF_OPENINGS = {
@@ -449,7 +455,7 @@ OF_OPENINGS = {
 }
 """Where few microlenses are near a pixel, so that it pays to look through them at the openings of the lens."""
 OF_THE_SCENE = {
-    *("bundles.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_drawn", "embree._fill_closest"),
+    *("bundles.fill_world_rays", "path_keys.fill_path_keys", "sobol.fill_samples", "embree._fill_closest"),
     "grown.fill_grown",
     *("interaction.fill_interactions", "parameters.fill_parameters", "sample_emitters.sample_emitters"),
     *("emission.add_emission", "direct_light.eval_direct", "bounce.sample_bsdf"),

@@ -9,7 +9,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.camera.assembly import rigid
-from plenoptic.optics.record import ElementKind
+from plenoptic.optics.element_record import ElementKind
 from plenoptic.replaying.events import (
     DrawnKind,
     ElementPassage,

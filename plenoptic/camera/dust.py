@@ -51,9 +51,9 @@ def fill_dimmed_at_lens(blocks: Floats, dust: tuple[PlacedDust, ...], site: Blem
     """Dust on the lens: LENS_REAR before, LENS_FRONT behind the lens as seen from the sensor."""
     for placed in dust:
         if placed.site is site:
-            from plenoptic.optics.microlens.kernels.dust import fill_dimmed_rays
+            from plenoptic.optics.microlens.kernels.dust_transmission import fill_ray_transmission
 
-            fill_dimmed_rays(blocks, placed.height, placed.axes, placed.record)
+            fill_ray_transmission(blocks, placed.height, placed.axes, placed.record)
 
 
 def check_blemishes(camera: PlenopticCamera) -> None:

@@ -20,8 +20,14 @@ from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.record import ArrayRecord, ResponseRecord, SensorPlane, array_record, possible_powers
-from plenoptic.optics.stops.registry import Stop, is_convex
+from plenoptic.optics.microlens.microlens_record import (
+    ArrayRecord,
+    ResponseRecord,
+    SensorPlane,
+    array_record,
+    possible_powers,
+)
+from plenoptic.optics.stops.stop_registry import Stop, is_convex
 
 
 class PixelRecord(NamedTuple):

@@ -71,7 +71,7 @@ def load_settings(name: str) -> RenderSettings:
 def load_camera(name: str) -> PlenopticCamera:
     """The camera of a file, or of an image, store or package."""
     from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.core.files.serialization import restored_fields
+    from plenoptic.core.files.serialization import fields_from_metadata
     from plenoptic.core.files.zarr_reading import attributes_of
 
     kind, content = open_file(name)

@@ -131,7 +131,7 @@ def draw(tables: list[ErrorTable], path: str) -> None:
     from plenoptic.plots.error_time import plot_error_studies
 
     figure = plot_error_studies(tables)
-    with replaced(path) as file:
+    with replace_file(path) as file:
         figure.savefig(file, format=Path(path).suffix[1:] or None, dpi=110)
 
 

@@ -1,1 +1,1 @@
-"""Common parts of all rooms: values, rays, random numbers, compilation, files."""
+"""Foundations shared by all rooms: values, rays, random numbers, compilation, files."""

@@ -1,4 +1,4 @@
-"""Bundles of rays, and their fates."""
+"""Bundles of rays and their status."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from plenoptic.core.values import (
 from plenoptic.errors import InvalidValueError
 
 UNIT_TOLERANCE = 8 * np.finfo(np.float64).eps
-"""A direction whose length differs from 1 by less is left as it is: normalising would add error, not remove it."""
+"""Directions whose length differs from 1 by less stay unchanged: normalising would add error, not remove it."""
 
 _ARRAYS = ("origin", "direction", "weight", "status", "lost_at")
 
 
 class RayStatus(enum.IntEnum):
-    """Cause of a ray's loss; `OK` is 0, so that `status == 0` or `not status` selects rays that arrived.
+    """Cause of the loss of a ray; `OK` is 0, so that `status == 0` or `not status` selects rays that are not lost.
 
     Examples
     --------
@@ -40,7 +40,7 @@ class RayStatus(enum.IntEnum):
 
     OK = 0
     MISSED = 1
-    """The ray passes beside a surface."""
+    """The ray does not intersect a surface."""
     CLIPPED = 2
     """The ray is outside the semi-diameter of a surface or the opening of a stop."""
     TOTAL_REFLECTION = 3
@@ -48,11 +48,11 @@ class RayStatus(enum.IntEnum):
     NOT_FINITE = 4
     """The ray's numbers are infinite or not numbers."""
     OUTSIDE_MICROLENS = 5
-    """The ray lands in another microlens than the one it was aimed at (and is counted there)."""
+    """The ray meets another microlens than the one it was aimed at (and is counted there)."""
     NOT_CONVERGED = 6
-    """The point on an aspheric surface was not found within the limit of iterations."""
+    """The intersection with an aspheric surface did not converge within the limit of iterations."""
     BENT_IN = 7
-    """The path's light bent to the pixel from farther outside the sensor than is followed."""
+    """Diffraction deflects the path's light into the pixel from beyond the margin around the sensor that is traced."""
 
 
 @value
@@ -69,7 +69,7 @@ class RayBundle:
     wavelength : float
         Vacuum wavelength of all rays in nm.
     weight : (n,) array, optional
-        Weight that each ray carries; 1 by default, 0 for a ray that is lost.
+        Weight of each ray; 1 by default, 0 for a lost ray.
     status : (n,) array, optional
         `RayStatus` of each ray; OK by default.
     lost_at : (n,) array, optional
@@ -78,7 +78,7 @@ class RayBundle:
     Raises
     ------
     InvalidValueError
-        Where shapes do not fit, the wavelength is not positive or a weight is not finite. An origin or direction
+        If shapes do not fit, the wavelength is not positive or a weight is not finite. An origin or direction
         that is not finite, or a direction of length 0, is no error but a ray with status `NOT_FINITE`.
 
     Examples
@@ -106,36 +106,36 @@ class RayBundle:
         status: ArrayLike | None = None,
         lost_at: ArrayLike | None = None,
     ) -> None:
-        start = frozen_array(origin, name="origin", shape=(None, 3))
-        n = len(start)
-        along = np.array(frozen_array(direction, name="direction", shape=(n, 3)))
+        points = frozen_array(origin, name="origin", shape=(None, 3))
+        n = len(points)
+        vectors = np.array(frozen_array(direction, name="direction", shape=(n, 3)))
         with np.errstate(all="ignore"):
-            length = np.sqrt(np.einsum("ij,ij->i", along, along))
-            off = np.abs(length - 1.0) > UNIT_TOLERANCE
-            if off.any():
-                along[off] = _normalised(along[off])
-            broken = ~(np.isfinite(start).all(axis=1) & np.isfinite(along).all(axis=1))
+            length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+            unnormalised = np.abs(length - 1.0) > UNIT_TOLERANCE
+            if unnormalised.any():
+                vectors[unnormalised] = _normalise(vectors[unnormalised])
+            not_finite = ~(np.isfinite(points).all(axis=1) & np.isfinite(vectors).all(axis=1))
         if status is None:
-            state = np.where(broken, np.uint8(RayStatus.NOT_FINITE), np.uint8(0))
+            state = np.where(not_finite, np.uint8(RayStatus.NOT_FINITE), np.uint8(0))
         else:
             state = np.array(frozen_array(status, name="status", shape=(n,), dtype=np.uint8))
             if state.size and state.max() > max(RayStatus):
                 raise InvalidValueError(f"status {state.max()} is not one of RayStatus; use 0 to {max(RayStatus):d}")
-            state[broken & (state == 0)] = RayStatus.NOT_FINITE
-        load = np.ones(n) if weight is None else np.array(frozen_array(weight, name="weight", shape=(n,)))
-        if not np.isfinite(load).all():
+            state[not_finite & (state == 0)] = RayStatus.NOT_FINITE
+        weights = np.ones(n) if weight is None else np.array(frozen_array(weight, name="weight", shape=(n,)))
+        if not np.isfinite(weights).all():
             raise InvalidValueError("weight holds a number that is not finite; give 0 to rays that carry nothing")
-        load[state != 0] = 0.0
-        where = np.full(n, -1, np.int16) if lost_at is None else lost_at
-        set_field(self, "origin", start)
-        set_field(self, "direction", read_only(along))
+        weights[state != 0] = 0.0
+        element = np.full(n, -1, np.int16) if lost_at is None else lost_at
+        set_field(self, "origin", points)
+        set_field(self, "direction", read_only(vectors))
         set_field(self, "wavelength", wavelength_in_nm(wavelength))
-        set_field(self, "weight", read_only(load))
+        set_field(self, "weight", read_only(weights))
         set_field(self, "status", read_only(state))
-        set_field(self, "lost_at", frozen_array(where, name="lost_at", shape=(n,), dtype=np.int16))
+        set_field(self, "lost_at", frozen_array(element, name="lost_at", shape=(n,), dtype=np.int16))
 
     @classmethod
-    def _made(
+    def _from_arrays(
         cls,
         origin: Floats,
         direction: Floats,
@@ -145,13 +145,13 @@ class RayBundle:
         lost_at: NDArray[np.int16],
     ) -> RayBundle:
         """A bundle of arrays that a kernel has just filled: neither copied nor checked."""
-        made = object.__new__(cls)
+        bundle = object.__new__(cls)
         arrays: tuple[NDArray[Any], ...] = (origin, direction, weight, status, lost_at)
         for name, array in zip(_ARRAYS, arrays, strict=True):
             array.flags.writeable = False
-            set_field(made, name, array)
-        set_field(made, "wavelength", wavelength)
-        return made
+            set_field(bundle, name, array)
+        set_field(bundle, "wavelength", wavelength)
+        return bundle
 
     def __len__(self) -> int:
         return len(self.origin)
@@ -168,13 +168,13 @@ class RayBundle:
         -------
         (n, 3) array
         """
-        along = numbers(distance, "distance")
-        if along.shape not in ((), (len(self),)):
-            raise InvalidValueError(f"distance has shape {along.shape}; give one number or ({len(self)},), one a ray")
-        return self.origin + along[..., None] * self.direction
+        t = numbers(distance, "distance")
+        if t.shape not in ((), (len(self),)):
+            raise InvalidValueError(f"distance has shape {t.shape}; give one number or ({len(self)},), one a ray")
+        return self.origin + t[..., None] * self.direction
 
     def at_z(self, z: float) -> Floats:
-        """Points at which the rays, or their extensions backwards, meet a plane across the axis.
+        """Intersections of the rays, or of their backward extensions, with a plane perpendicular to the axis.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class RayBundle:
         Returns
         -------
         (n, 3) array
-            Not finite for rays that run parallel to the plane.
+            Not finite for rays parallel to the plane.
 
         Examples
         --------
@@ -198,23 +198,23 @@ class RayBundle:
         return points
 
     def selected(self, mask: ArrayLike) -> RayBundle:
-        """The rays that a mask (n,) or an array of row numbers selects."""
-        chosen, n = plain_array(mask, "mask"), len(self)
-        if chosen.dtype == bool:
-            rows = np.flatnonzero(chosen) if chosen.shape == (n,) else np.array([n])
+        """The rays selected by a mask (n,) or an array of row numbers."""
+        selection, n = plain_array(mask, "mask"), len(self)
+        if selection.dtype == bool:
+            rows = np.flatnonzero(selection) if selection.shape == (n,) else np.array([n])
         else:
-            rows = frozen_array(chosen, name="mask", shape=("n",), dtype=np.intp)
+            rows = frozen_array(selection, name="mask", shape=("n",), dtype=np.intp)
         if ((rows < -n) | (rows >= n)).any():
             raise InvalidValueError(f"mask must be ({n},) of booleans, or numbers of rows below {n}")
-        kept = {name: getattr(self, name)[rows] for name in _ARRAYS}
-        return RayBundle(wavelength=self.wavelength, **kept)
+        arrays = {name: getattr(self, name)[rows] for name in _ARRAYS}
+        return RayBundle(wavelength=self.wavelength, **arrays)
 
     def __repr__(self) -> str:
-        arrived = int(np.count_nonzero(self.status == 0))
-        return f"RayBundle({len(self)} ray{'s' * (len(self) != 1)}, {arrived} OK, {self.wavelength:g} nm)"
+        n_ok = int(np.count_nonzero(self.status == 0))
+        return f"RayBundle({len(self)} ray{'s' * (len(self) != 1)}, {n_ok} OK, {self.wavelength:g} nm)"
 
 
-def _normalised(direction: Floats) -> Floats:
+def _normalise(direction: Floats) -> Floats:
     # Scaling by the largest component first keeps squares of tiny and of huge numbers in range.
     largest = np.max(np.abs(direction), axis=1, keepdims=True)
     scaled = direction / largest
@@ -223,16 +223,16 @@ def _normalised(direction: Floats) -> Floats:
 
 @result
 class Frustum:
-    """View frustum: four rays around the view, in the world: of a `PlenopticCamera`, or of a `View` of a scene's file.
+    """Rays through the four corners of a camera's field of view, in the world, of a `PlenopticCamera` or a `View`.
 
     Attributes
     ----------
     origins : (4, 3) array
-        Where they leave the camera, in mm, around the picture in turn.
+        Points in mm at which the rays leave the camera, in order around the image.
     directions : (4, 3) array
-        Of unit length, into the scene.
+        Unit vectors into the scene.
     in_focus : (4, 3) array or None
-        Where they meet the plane in focus, in mm; None where none lies in front of the camera, or it is not known.
+        Intersections with the plane in focus, in mm; None if none lies in front of the camera, or it is unknown.
 
     Examples
     --------

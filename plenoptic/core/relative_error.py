@@ -1,4 +1,4 @@
-"""Lit pixels and the error over them: the one number that stands for the noise of an image."""
+"""Lit pixels, and the relative error over them: a single number for the noise of an image."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from plenoptic.core.values import AnyFloats, Floats, frozen_array
 from plenoptic.errors import InvalidValueError
 
 LIT = 0.1
-"""Pixels are lit whose mean over the channels is above this share of the 99th percentile of all but black ones."""
+"""Threshold of lit pixels over the 99th percentile of the mean over the channels of all pixels above 0."""
 _PERCENTILE = 99
 _FEW = 8
-_MOST_UNCERTAIN = 0.1
-_MOST_LIFTED = 2.5
+_MAX_UNCERTAINTY = 0.1
+_MAX_THRESHOLD_RATIO = 2.5
 _STRIP = 1 << 15
-"""Pixels at a time: some twenty arrays of them stay in a processor's cache."""
+"""Pixels that are processed at a time: some twenty arrays of them fit into a processor's cache."""
 _ROWS = 16
-"""Rows at a time, at least: of two more the moments are found twice."""
+"""Fewest rows of a strip: the moments of two more rows are computed twice."""
 
 
 def brightness(image: AnyFloats) -> Floats:
-    """(..., C) to (...): the mean over the channels."""
+    """Mean over the channels of an image (..., C), shape (...)."""
     total = image[..., 0].astype(np.float64)
     for channel in range(1, image.shape[-1]):
         total += image[..., channel]
@@ -35,8 +35,8 @@ def brightness(image: AnyFloats) -> Floats:
 
 
 def mean_square(error: AnyFloats) -> Floats:
-    """(..., C) to (...): the mean over the channels of the squares."""
-    with np.errstate(over="ignore"):  # inf is what it is then
+    """Mean over the channels of the squares of errors (..., C), shape (...)."""
+    with np.errstate(over="ignore"):  # inf is the right result
         total = np.square(error[..., 0], dtype=np.float64)
         for channel in range(1, error.shape[-1]):
             total += np.square(error[..., channel], dtype=np.float64)
@@ -44,16 +44,16 @@ def mean_square(error: AnyFloats) -> Floats:
     return np.asarray(total)
 
 
-def lit_level(bright: Floats) -> float:
-    """Brightness above which a pixel is lit; black pixels, however many there are, do not matter."""
-    seen = bright[bright > 0]
-    return LIT * float(np.percentile(seen, _PERCENTILE)) if seen.size else 0.0
+def lit_threshold(bright: Floats) -> float:
+    """Brightness above which a pixel is lit, independent of the number of black pixels."""
+    positive = bright[bright > 0]
+    return LIT * float(np.percentile(positive, _PERCENTILE)) if positive.size else 0.0
 
 
 def lit_pixels(image: ArrayLike) -> NDArray[np.bool_]:
-    """True for lit pixels: those brighter than a tenth of the 99th percentile of the pixels above 0.
+    """Mask of lit pixels: those brighter than a tenth of the 99th percentile of the pixels above 0.
 
-    In `Exposure.relative_error` those count whose expected brightness is, as far as noisy images tell.
+    `Exposure.relative_error` applies the same threshold to the expected brightness, estimated from noisy images.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def lit_pixels(image: ArrayLike) -> NDArray[np.bool_]:
     Raises
     ------
     InvalidValueError
-        If it is no image of finite numbers.
+        If the image is not an array (H, W, C) of finite numbers.
 
     Examples
     --------
@@ -77,169 +77,171 @@ def lit_pixels(image: ArrayLike) -> NDArray[np.bool_]:
     """
     numbers = frozen_array(image, name="image", shape=("H", "W", "C"))
     if not np.isfinite(numbers).all():
-        raise InvalidValueError("image has numbers that are not finite; lit pixels are told by those that are")
+        raise InvalidValueError("image has numbers that are not finite; replace them")
     bright = brightness(numbers)
-    return np.asarray(bright > lit_level(bright))
+    return np.asarray(bright > lit_threshold(bright))
 
 
 def expected_brightness(bright: Floats, variance: Floats) -> Floats:
-    """Expected brightness of pixels (rows, columns), from themselves and their four diagonal neighbours.
+    """Expected brightness of pixels (rows, columns), estimated from their values and their four diagonal neighbours.
 
-    A pixel that has met rare light is too bright and one that has not is too dark, so that neither may be divided by
-    itself. Each is drawn towards its neighbours' mean, by as much as its variance (squared standard error) is of the
-    variance that there is between pixels, noise included. Pixels of one colour of a checkerboard see each other only.
+    A pixel with a rare bright path is too bright and one without too dark, so that dividing errors by the pixel's own
+    value would be biased. Each value is shrunk towards its neighbours' mean, by the ratio of its variance (squared
+    standard error) to the total variance between pixels. Diagonal neighbours have the same colour of a checkerboard.
 
     B. Efron and C. Morris, J. Am. Stat. Assoc. 68, 117 (1973): the empirical Bayes estimate of normal means.
     """
-    known = np.isfinite(variance)
-    values, noise = np.where(known, bright, 0.0), np.where(known, variance, 0.0)
-    number = diagonal_sums(known.astype(np.float64))
-    most = np.maximum(number, 1.0)
-    mean = diagonal_sums(values) / most
+    is_finite = np.isfinite(variance)
+    values, noise = np.where(is_finite, bright, 0.0), np.where(is_finite, variance, 0.0)
+    count = diagonal_sums(is_finite.astype(np.float64))
+    divisor = np.maximum(count, 1.0)
+    mean = diagonal_sums(values) / divisor
     with np.errstate(over="ignore", invalid="ignore"):
-        # Less the noise, the variance of neighbours is that of what they show.
-        between = (diagonal_sums(values * values) / most - mean * mean) * number / np.maximum(number - 1.0, 1.0)
-        shown = np.maximum(between - diagonal_sums(noise) / most, 0.0)
-        drawn = (noise > 0) & (number >= 2)
-        share = np.divide(noise, shown + noise, out=np.zeros_like(noise), where=drawn)
-        found = values + share * (mean - values)
-        # Divisors count as darker the less they are known, since the mean of 1 / x^2 is above 1 / mean^2.
-        left = np.divide(share * shown, found * found, out=np.zeros_like(noise), where=found > 0)
-        return np.asarray(found / np.sqrt(1.0 + np.minimum(left, _MOST_UNCERTAIN)))
+        # The variance between neighbours is that of the signal plus that of the noise.
+        between = (diagonal_sums(values * values) / divisor - mean * mean) * count / np.maximum(count - 1.0, 1.0)
+        signal_variance = np.maximum(between - diagonal_sums(noise) / divisor, 0.0)
+        is_shrunk = (noise > 0) & (count >= 2)
+        shrinkage = np.divide(noise, signal_variance + noise, out=np.zeros_like(noise), where=is_shrunk)
+        posterior = values + shrinkage * (mean - values)
+        # Uncertain divisors count as darker, since the mean of 1 / x^2 is above 1 / mean^2.
+        relative_variance = np.divide(
+            shrinkage * signal_variance, posterior * posterior, out=np.zeros_like(noise), where=posterior > 0
+        )
+        return np.asarray(posterior / np.sqrt(1.0 + np.minimum(relative_variance, _MAX_UNCERTAINTY)))
 
 
 def diagonal_sums(values: Floats) -> Floats:
-    """Sums (rows, columns) over the four diagonal neighbours: those of a pixel's own colour of a checkerboard."""
-    beside, found = np.empty_like(values), np.empty_like(values)
-    beside[:-1], beside[-1:] = values[1:], 0.0
-    beside[1:] += values[:-1]
-    found[:, :-1], found[:, -1:] = beside[:, 1:], 0.0
-    found[:, 1:] += beside[:, :-1]
-    return found
+    """Sums over the four diagonal neighbours of each pixel (rows, columns): those of its colour of a checkerboard."""
+    vertical, sums = np.empty_like(values), np.empty_like(values)
+    vertical[:-1], vertical[-1:] = values[1:], 0.0
+    vertical[1:] += values[:-1]
+    sums[:, :-1], sums[:, -1:] = vertical[:, 1:], 0.0
+    sums[:, 1:] += vertical[:, :-1]
+    return sums
 
 
 def relative_squares(expected: Floats, variance: Floats) -> Floats:
-    """Squared relative errors: variance over the square of the expected brightness; 0 where dark."""
-    with np.errstate(over="ignore"):  # inf is what it is then
+    """Squared relative errors: variance over the square of the expected brightness; 0 where that is 0."""
+    with np.errstate(over="ignore"):  # inf is the right result
         return np.divide(variance, np.square(expected), out=np.zeros_like(expected), where=expected > 0)
 
 
-def rests_on_few(squares: Floats) -> bool:
-    """True if the mean of squared relative errors (n,) rests on few pixels: fewer than 8, and than one of 16.
+def is_dominated_by_few(squares: Floats) -> bool:
+    """True if few pixels dominate the mean of squared relative errors (n,): fewer than 8, or than one in 16.
 
-    Counted is (sum q)^2 / sum q^2, the number of equal ones that would scatter as much. With 8 of them, the root mean
-    square is known to 1 / (2 sqrt(8)), some 18 %. White images have n / 6, `objects` n / 50 at 32 samples.
+    The effective number is (sum q)^2 / sum q^2. With 8, the root mean square is known to 1 / (2 sqrt(8)), some 18 %.
+    White images have n / 6, `objects` n / 50 at 32 samples.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        return _sum_rests_on_few(float(np.sum(squares)), float(np.sum(np.square(squares))), squares.size)
+        return _is_dominated(float(np.sum(squares)), float(np.sum(np.square(squares))), squares.size)
 
 
-def _sum_rests_on_few(total: float, scatter: float, number: int) -> bool:
-    """The same, from the sum of the squared errors, the sum of their squares, and how many they are."""
-    return total * total < min(_FEW, number / (2 * _FEW)) * scatter
+def _is_dominated(total: float, sum_of_squares: float, count: int) -> bool:
+    """`is_dominated_by_few` from the sum of the squared errors, the sum of their squares, and their number."""
+    return total * total < min(_FEW, count / (2 * _FEW)) * sum_of_squares
 
 
-def level_is_known(bright: Floats, variance: Floats) -> bool:
-    """True if noise lifts the level above which pixels are lit by a factor of at most 2.5.
+def is_threshold_robust(bright: Floats, variance: Floats) -> bool:
+    """True if noise raises the threshold of lit pixels at most 2.5 times above that of brightness less error.
 
-    Where more than a hundredth of the pixels have met a rare bright path, these make all others dark. Scenes whose
-    light is not rare have at most 1.8, with 16 samples.
+    If more than a hundredth of the pixels have rare bright paths, the threshold makes all others dark. Scenes without
+    rare light have at most 1.8, with 16 samples.
     """
-    return _level_is_near(lit_level(bright), lit_level(_less_error(bright, variance)))
+    return _is_near(lit_threshold(bright), lit_threshold(_less_error(bright, variance)))
 
 
 def _less_error(bright: Floats, variance: Floats) -> Floats:
-    """Brightness less its standard error, at least 0; 0 where the error is not known."""
+    """Brightness less its standard error, at least 0; 0 if the error is unknown."""
     error = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
     return np.maximum(bright - error, 0.0)
 
 
-def _level_is_near(level: float, lower: float) -> bool:
-    """True if the level above which pixels are lit is near that of the pixels less their errors."""
-    return level <= _MOST_LIFTED * lower
+def _is_near(threshold: float, lower: float) -> bool:
+    """True if the threshold of lit pixels is near that of the pixels less their errors."""
+    return threshold <= _MAX_THRESHOLD_RATIO * lower
 
 
 class ImageError(NamedTuple):
-    """The error of an image."""
+    """Relative error of an image."""
 
     relative: float
-    """Root mean square of the relative errors of lit pixels; nan where there are neither lit pixels nor errors.
+    """Root mean square of the relative errors of lit pixels; nan if there are neither lit pixels nor errors.
 
-    inf where the error of any pixel is, since it may be lit. Pixels whose error is nan do not count.
+    inf if the error of any pixel is inf, since it may be lit. Pixels whose error is nan do not count.
     """
     rare: bool
-    """Whether light is too rare to know that: it is that of few pixels, or which are lit is not known."""
+    """True if light is too rare for a reliable estimate: few pixels dominate, or the threshold is not robust."""
 
 
 def relative_error(image: AnyFloats, error: AnyFloats) -> float:
-    """The first number of `image_error`."""
+    """Root mean square of the relative errors of lit pixels; see `ImageError.relative`."""
     return image_error(image, error).relative
 
 
 def light_is_rare(image: AnyFloats, error: AnyFloats) -> bool:
-    """The second one."""
+    """True if light is too rare for a reliable error; see `ImageError.rare`."""
     return image_error(image, error).rare
 
 
 def image_error(image: AnyFloats, error: AnyFloats) -> ImageError:
-    """The error of an image (rows, columns, C) whose standard errors are as many."""
-    expected, bright, lower = (HighPercentile(_PERCENTILE, most=image[..., 0].size) for _ in range(3))
-    for here in _strips(image, error):
-        for level, values in ((expected, here.expected), (bright, here.bright), (lower, _less_error(*here[:2]))):
+    """Relative error of an image (rows, columns, C) from standard errors of the same shape."""
+    expected, bright, lower = (HighPercentile(_PERCENTILE, max_count=image[..., 0].size) for _ in range(3))
+    for strip in _strips(image, error):
+        for level, values in ((expected, strip.expected), (bright, strip.bright), (lower, _less_error(*strip[:2]))):
             level.add(values[values > 0])
-    sums = _sums_above(_lit_level(expected), image, error)
-    rare = _sum_rests_on_few(*sums) or not _level_is_near(_lit_level(bright), _lit_level(lower))
+    sums = _sums_above(_threshold(expected), image, error)
+    rare = _is_dominated(*sums) or not _is_near(_threshold(bright), _threshold(lower))
     return ImageError(_relative(sums, error), rare)
 
 
-class _Strip(NamedTuple):
-    """Statistics of the pixels of some rows, (rows, columns) each."""
+class _Moments(NamedTuple):
+    """Moments of some rows of pixels, (rows, columns) each."""
 
     bright: Floats
     variance: Floats
     expected: Floats
 
 
-def _strips(image: AnyFloats, error: AnyFloats) -> Iterator[_Strip]:
-    """All rows, some at a time."""
+def _strips(image: AnyFloats, error: AnyFloats) -> Iterator[_Moments]:
+    """All rows in strips."""
     rows, columns = image.shape[:2]
-    high = max(_STRIP // columns, _ROWS)
-    for top in range(0, rows, high):
-        # Pixels see their diagonal neighbours.
-        seen, end = max(top - 1, 0), min(top + high, rows)
-        moments = brightness(image[seen : end + 1]), mean_square(error[seen : end + 1])
-        yield _Strip(*(values[top - seen : end - seen] for values in (*moments, expected_brightness(*moments))))
+    height = max(_STRIP // columns, _ROWS)
+    for top in range(0, rows, height):
+        # The expected brightness needs the rows above and below.
+        first, end = max(top - 1, 0), min(top + height, rows)
+        moments = brightness(image[first : end + 1]), mean_square(error[first : end + 1])
+        yield _Moments(*(values[top - first : end - first] for values in (*moments, expected_brightness(*moments))))
 
 
-def _lit_level(level: HighPercentile) -> float:
-    """The `lit_level` of all numbers that were added."""
-    return LIT * level.found() if level.added else 0.0
+def _threshold(percentile: HighPercentile) -> float:
+    """`lit_threshold` of all numbers that were added."""
+    return LIT * percentile.value() if percentile.count else 0.0
 
 
 class _Sums(NamedTuple):
-    """Sums of squared relative errors."""
+    """Sums over squared relative errors."""
 
     total: float
-    scatter: float
-    """Of their squares."""
-    number: int
+    sum_of_squares: float
+    """Of the squared errors."""
+    n_pixels: int
 
 
-def _sums_above(level: float, image: AnyFloats, error: AnyFloats) -> _Sums:
-    """Over the pixels that are lit and known."""
-    total, scatter, number = 0.0, 0.0, 0
-    for here in _strips(image, error):
-        lit = (here.expected > level) & ~np.isnan(here.variance)
-        squares = relative_squares(here.expected[lit], here.variance[lit])
+def _sums_above(threshold: float, image: AnyFloats, error: AnyFloats) -> _Sums:
+    """Sums over lit pixels whose error is known."""
+    total, sum_of_squares, count = 0.0, 0.0, 0
+    for strip in _strips(image, error):
+        lit = (strip.expected > threshold) & ~np.isnan(strip.variance)
+        squares = relative_squares(strip.expected[lit], strip.variance[lit])
         with np.errstate(over="ignore"):
-            total, scatter = total + float(np.sum(squares)), scatter + float(np.sum(np.square(squares)))
-        number += squares.size
-    return _Sums(total, scatter, number)
+            total, sum_of_squares = total + float(np.sum(squares)), sum_of_squares + float(np.sum(np.square(squares)))
+        count += squares.size
+    return _Sums(total, sum_of_squares, count)
 
 
 def _relative(sums: _Sums, error: AnyFloats) -> float:
     if any(np.isinf(row).any() for row in error):
         return math.inf
-    if sums.number:
-        return math.sqrt(sums.total / sums.number)
+    if sums.n_pixels:
+        return math.sqrt(sums.total / sums.n_pixels)
     return math.inf if sum(float(np.nansum(row)) for row in error) > 0 else math.nan

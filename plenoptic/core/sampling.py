@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.values import MOST_POINTS, Floats, seed_number, whole
+from plenoptic.core.values import MAX_POINTS, Floats, seed_number, whole
 
 
 def sobol_points(n: int, *, seed: int = 0, pixel: int = 0, replicate: int = 0, set_number: int = 0) -> Floats:
-    """The first points that paths of one pixel's replicate are made from.
+    """The first points of one pixel's replicate, from which its paths are sampled.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def sobol_points(n: int, *, seed: int = 0, pixel: int = 0, replicate: int = 0, s
     Returns
     -------
     (n, 4) array
-        Coordinates in [0, 1). Any aligned 2^k of them are spread evenly: one falls in each of the 2^k intervals of
+        Coordinates in [0, 1). Aligned groups of 2^k points are stratified: one falls in each of the 2^k intervals of
         each coordinate.
 
     Notes
@@ -39,8 +39,8 @@ def sobol_points(n: int, *, seed: int = 0, pixel: int = 0, replicate: int = 0, s
     """
     from plenoptic.core.kernels.sobol import DIMENSIONS, fill_points
 
-    points = np.empty((whole(n, "n", at_least=0, at_most=MOST_POINTS), DIMENSIONS))
-    others = {"pixel": pixel, "replicate": replicate, "set_number": set_number}
-    keys = [whole(k, name, at_least=0) for name, k in others.items()]
+    points = np.empty((whole(n, "n", at_least=0, at_most=MAX_POINTS), DIMENSIONS))
+    counters = {"pixel": pixel, "replicate": replicate, "set_number": set_number}
+    keys = [whole(k, name, at_least=0) for name, k in counters.items()]
     fill_points(points, np.uint64(seed_number(seed)), *keys)
     return points

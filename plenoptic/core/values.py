@@ -20,124 +20,124 @@ if TYPE_CHECKING:
 else:
 
     def dataclass_transform(**_: Any) -> Callable[[Any], Any]:
-        """Substitute for the decorator of Python 3.11, which type checkers know."""
-        return lambda decorated: decorated
+        """Stand-in for the decorator that type checkers know since Python 3.11."""
+        return lambda cls: cls
 
 
 Floats = NDArray[np.float64]
 AnyFloats = NDArray[np.floating[Any]]
-"""Of any precision."""
+"""Floating-point arrays of any precision."""
 
 T = TypeVar("T")
-Kept = TypeVar("Kept")
-Taken = TypeVar("Taken")
+Stored = TypeVar("Stored")
+Accepted = TypeVar("Accepted")
 Number = TypeVar("Number", bound=np.generic)
 Choice = TypeVar("Choice", bound=enum.Enum)
 
 if TYPE_CHECKING:
 
-    class Given(Generic[Kept, Taken]):
-        """The type of a field that takes more than it keeps, as lists for an array; called, its default."""
+    class Given(Generic[Stored, Accepted]):
+        """Type of a field that stores one type and accepts others, as lists for an array; a call sets its default."""
 
         def __init__(self, *, default: Any) -> None: ...
-        def __get__(self, instance: object, owner: Any) -> Kept: ...
-        def __set__(self, instance: object, value: Taken) -> None: ...
+        def __get__(self, instance: object, owner: Any) -> Stored: ...
+        def __set__(self, instance: object, value: Accepted) -> None: ...
 else:
     Given = dataclasses.field
 
 SHORTEST, LONGEST = 10.0, 1e6
-"""Wavelengths in nm, from ultraviolet to far infrared; 0.55, meant as micrometres, is none."""
+"""Limits of wavelengths in nm, from ultraviolet to far infrared; they exclude 0.55, meant as micrometres."""
 
 SMALLEST_LENGTH, LARGEST_LENGTH = 1e-15, 1e15
-"""mm, from a nucleus to a light-month: products and quotients of four are finite, as are areas in float32.
+"""Limits of lengths in mm, from a nucleus to a light-month: products and quotients of four, float32 areas, are finite.
 
 Embree, in float32, drops vertices beyond 1.8e18.
 """
 
 LARGEST_WHOLE = (1 << 63) - 1
-"""Of 64 bits with a sign, as kernels count."""
+"""Largest signed integer of 64 bits, the type of integers in kernels."""
 
-MOST_PIXELS = 1 << 31
-"""Of a sensor, as random numbers and files count them."""
+MAX_PIXELS = 1 << 31
+"""Limit of the pixels of a sensor, from the types of random-number keys and of files."""
 
-MOST_POINTS = 1 << 24
-"""Points, rays or corners that one array holds: 400 MB of their coordinates."""
+MAX_POINTS = 1 << 24
+"""Limit of the points, rays or corners of one array: 400 MB of coordinates."""
 
-_SHOWN = 9
-"""Numbers that an array may have to be shown in full: those of a rotation."""
+_MAX_SHOWN = 9
+"""Largest size of an array that is printed in full: that of a rotation matrix."""
 
 
 def read_only(array: NDArray[Number]) -> NDArray[Number]:
-    """A read-only view of an array; the array itself stays as it is."""
+    """A read-only view of an array; the array itself stays writable."""
     view = array.view()
     view.flags.writeable = False
     return view
 
 
 def contiguous(array: NDArray[Number]) -> NDArray[Number]:
-    """A read-only, C-contiguous form of an array, as kernels take it."""
+    """A read-only, C-contiguous form of an array, for kernels."""
     return read_only(np.ascontiguousarray(array))
 
 
 def plain_array(values: ArrayLike, name: str) -> NDArray[Any]:
     """An array of booleans, whole numbers or floats, or an error that names it."""
     try:
-        given = np.asarray(values)
-        if given.dtype.kind == "O":  # whole numbers beyond 64 bits, fractions; None would become nan
-            given = np.array([number(item, f"an item of {name}") for item in given.ravel()]).reshape(given.shape)
-        if given.dtype.kind in "biuf":
-            return given
-        found = f"it has the type {given.dtype}"
+        array = np.asarray(values)
+        if array.dtype.kind == "O":  # whole numbers beyond 64 bits, fractions; None would become nan
+            array = np.array([number(item, f"an item of {name}") for item in array.ravel()]).reshape(array.shape)
+        if array.dtype.kind in "biuf":
+            return array
+        reason = f"it has the type {array.dtype}"
     except ValueError as error:
-        found = str(error)
-    raise InvalidValueError(f"{name} is not an array of numbers: {found}")
+        reason = str(error)
+    raise InvalidValueError(f"{name} is not an array of numbers: {reason}")
 
 
 def numbers(values: ArrayLike, name: str, *, columns: int | None = None) -> Floats:
-    """Numbers in an array of any shape, or one whose rows have so many columns; an error that names it otherwise."""
+    """A float64 array of any shape, or with the given number of columns; an error that names it otherwise."""
     array = plain_array(values, name).astype(np.float64, copy=False)
     if columns is not None and array.shape[-1:] != (columns,):
         raise InvalidValueError(f"{name} has shape {array.shape}; it must have shape (..., {columns})")
     return array
 
 
-def alike(**arrays: ArrayLike) -> tuple[Floats, ...]:
-    """Several arrays of numbers, brought to one shape as NumPy does, or an error that names them."""
-    given = [numbers(values, name) for name, values in arrays.items()]
+def broadcast(**arrays: ArrayLike) -> tuple[Floats, ...]:
+    """Several arrays of numbers, broadcast to one shape, or an error that names them."""
+    parts = [numbers(values, name) for name, values in arrays.items()]
     try:
-        return tuple(np.broadcast_arrays(*given))
+        return tuple(np.broadcast_arrays(*parts))
     except ValueError:
-        shapes = " and ".join(f"{name} {array.shape}" for name, array in zip(arrays, given, strict=True))
+        shapes = " and ".join(f"{name} {array.shape}" for name, array in zip(arrays, parts, strict=True))
         raise InvalidValueError(f"the shapes of {shapes} do not fit; give one for each, or one for all") from None
 
 
 def frozen_array(
     values: ArrayLike, *, name: str, shape: tuple[int | str | None, ...], dtype: Any = np.float64
 ) -> NDArray[Any]:
-    """A read-only copy of `values`, of the given shape (None, or a name for the message: any length).
+    """A read-only copy of `values` of a required shape; None, or a name for the message, is any length.
 
-    An array that is read-only and no view of another one is taken as it is.
+    An array of that type and shape that is read-only and owns its data is not copied.
     """
-    given = plain_array(values, name)
-    frozen = not given.flags.writeable and given.flags.owndata and given.flags.c_contiguous
+    raw = plain_array(values, name)
+    is_frozen = not raw.flags.writeable and raw.flags.owndata and raw.flags.c_contiguous
     with np.errstate(invalid="ignore", over="ignore"):
-        array = given.astype(dtype, order="C", copy=not frozen)
-    if array.dtype.kind in "iu" and array.dtype != given.dtype and not np.array_equal(given, array):
+        array = raw.astype(dtype, order="C", copy=not is_frozen)
+    if array.dtype.kind in "iu" and array.dtype != raw.dtype and not np.array_equal(raw, array):
         raise InvalidValueError(f"{name} must hold whole numbers, from {np.iinfo(dtype).min} to {np.iinfo(dtype).max}")
     fits = array.ndim == len(shape) and all(
-        not isinstance(want, int) or have == want for have, want in zip(array.shape, shape, strict=True)
+        not isinstance(required, int) or side == required for side, required in zip(array.shape, shape, strict=True)
     )
     if not fits:
-        wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
+        sides = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
         flat = shape[-1] == "channels" and array.ndim == len(shape) - 1
         hint = f": give {name}[..., np.newaxis], which has one channel" if flat else ""
-        raise InvalidValueError(f"{name} has shape {array.shape}; it must have shape {wanted}{hint}")
+        raise InvalidValueError(f"{name} has shape {array.shape}; it must have shape {sides}{hint}")
     array.flags.writeable = False
     return array
 
 
 def number(value: float, name: str) -> float:
-    """`value` as a float, which may be infinite or nan, or an error that names it where it is no number."""
+    """`value` as a float, which may be infinite or nan; an error that names it if it is no number."""
     try:
         if isinstance(value, str | bytes | bool | np.bool_):
             raise TypeError
@@ -147,119 +147,119 @@ def number(value: float, name: str) -> float:
 
 
 def finite(value: float, name: str) -> float:
-    """`value` as a float, or an error that names it where it is not a finite number."""
-    given = number(value, name)
-    if not math.isfinite(given):
-        raise InvalidValueError(f"{name} is {given}; it must be finite")
-    return given
+    """`value` as a finite float, or an error that names it."""
+    checked = number(value, name)
+    if not math.isfinite(checked):
+        raise InvalidValueError(f"{name} is {checked}; it must be finite")
+    return checked
 
 
 _TURNS = 4
-"""More than that are degrees."""
+"""Angles of more turns are taken for degrees."""
 
 
 def radians(value: float, name: str) -> float:
-    """`value` as an angle in radians, or an error where it must be one in degrees."""
-    given = finite(value, name)
-    if abs(given) > _TURNS * math.tau:
+    """`value` as an angle in radians, or an error if its size suggests degrees."""
+    angle = finite(value, name)
+    if abs(angle) > _TURNS * math.tau:
         raise InvalidValueError(
-            f"{name} is {given:g} rad; it must be at most {_TURNS} turns: give radians, such as math.radians({given:g})"
+            f"{name} is {angle:g} rad; it must be at most {_TURNS} turns: give radians, such as math.radians({angle:g})"
         )
-    return given
+    return angle
 
 
-def coefficients(values: Iterable[float], name: str, wanted: str = "a sequence of numbers") -> tuple[float, ...]:
-    """Finite numbers of a prescription; an error for others, and a PrescriptionError for anything but a sequence."""
+def coefficients(values: Iterable[float], name: str, expected: str = "a sequence of numbers") -> tuple[float, ...]:
+    """Finite coefficients of a prescription, or an error; a PrescriptionError if `values` is no sequence."""
     try:
         if isinstance(values, str | bytes | Mapping | Set):
             raise TypeError
         return tuple(finite(item, f"{name}[{i}]") for i, item in enumerate(values))
     except TypeError:
-        raise PrescriptionError(f"{name} is {values!r}; it must be {wanted}") from None
+        raise PrescriptionError(f"{name} is {values!r}; it must be {expected}") from None
 
 
 def wavelength_in_nm(value: float, name: str = "wavelength") -> float:
-    """`value` as a float, or an error where it cannot be a wavelength in nm."""
-    given = positive(value, name, "nm")
-    if not SHORTEST <= given <= LONGEST:
+    """`value` as a float, or an error if it is no plausible wavelength in nm."""
+    nm = positive(value, name, "nm")
+    if not SHORTEST <= nm <= LONGEST:
         raise InvalidValueError(
-            f"{name} is {given:g} nm; it must be from {SHORTEST:g} to {LONGEST:g} nm: wavelengths are in nanometres"
+            f"{name} is {nm:g} nm; it must be from {SHORTEST:g} to {LONGEST:g} nm: wavelengths are in nanometres"
         )
-    return given
+    return nm
 
 
 def positive(value: float, name: str, unit: str = "") -> float:
-    """`value` as a float, or an error that names it where it is not above zero and finite."""
-    given = finite(value, name)
-    if given <= 0:
-        raise InvalidValueError(f"{name} is {given:g}{unit and ' ' + unit}; it must be above 0")
-    return given
+    """`value` as a float, or an error that names it if it is not above zero and finite."""
+    checked = finite(value, name)
+    if checked <= 0:
+        raise InvalidValueError(f"{name} is {checked:g}{unit and ' ' + unit}; it must be above 0")
+    return checked
 
 
 def length_in_mm(value: float, name: str) -> float:
-    """`value` as a float, or an error that names it where it is no length above 0 mm that anything has."""
-    given = positive(value, name, "mm")
-    if not SMALLEST_LENGTH <= given <= LARGEST_LENGTH:
+    """`value` as a float, or an error that names it if it is no plausible length above 0 in mm."""
+    length = positive(value, name, "mm")
+    if not SMALLEST_LENGTH <= length <= LARGEST_LENGTH:
         raise InvalidValueError(
-            f"{name} is {given:g} mm; it must be from {SMALLEST_LENGTH:g} to {LARGEST_LENGTH:g} mm: lengths are in mm"
+            f"{name} is {length:g} mm; it must be from {SMALLEST_LENGTH:g} to {LARGEST_LENGTH:g} mm: lengths are in mm"
         )
-    return given
+    return length
 
 
 def coordinate(value: float, name: str) -> float:
-    """`value` as a float, or an error that names it where it is farther from 0 mm than anything."""
-    given = finite(value, name)
-    if abs(given) > LARGEST_LENGTH:
-        raise InvalidValueError(f"{name} is {given:g} mm; it must be within {LARGEST_LENGTH:g} mm of 0")
-    return given
+    """`value` as a float, or an error that names it if it is no plausible coordinate in mm."""
+    checked = finite(value, name)
+    if abs(checked) > LARGEST_LENGTH:
+        raise InvalidValueError(f"{name} is {checked:g} mm; it must be within {LARGEST_LENGTH:g} mm of 0")
+    return checked
 
 
 def positions(values: ArrayLike, *, name: str, shape: tuple[int | str | None, ...]) -> Floats:
-    """A read-only copy of coordinates, of the given shape, none of them farther from 0 mm than anything."""
+    """A read-only copy of coordinates in mm, of a required shape, all of plausible size."""
     array = frozen_array(values, name=name, shape=shape)
-    near = np.abs(array) <= LARGEST_LENGTH
-    if not near.all():
+    is_near = np.abs(array) <= LARGEST_LENGTH
+    if not is_near.all():
         raise InvalidValueError(
-            f"{name} holds {array[~near][0]:g} mm, which is not finite or farther than {LARGEST_LENGTH:g} mm from 0"
+            f"{name} holds {array[~is_near][0]:g} mm, which is not finite or farther than {LARGEST_LENGTH:g} mm from 0"
         )
     return array
 
 
 def not_negative(value: float, name: str, unit: str = "") -> float:
-    """`value` as a float, or an error that names it where it is below zero or not finite."""
-    given = finite(value, name)
-    if given < 0:
-        raise InvalidValueError(f"{name} is {given:g}{unit and ' ' + unit}; it must be at least 0")
-    return given
+    """`value` as a float, or an error that names it if it is below zero or not finite."""
+    checked = finite(value, name)
+    if checked < 0:
+        raise InvalidValueError(f"{name} is {checked:g}{unit and ' ' + unit}; it must be at least 0")
+    return checked
 
 
 def whole(value: int, name: str, *, at_least: int, at_most: int = LARGEST_WHOLE) -> int:
-    """`value` as an int, or an error where it is no whole number, too small or too large."""
+    """`value` as an int, or an error if it is no whole number, too small or too large."""
     if isinstance(value, bool | np.bool_ | np.timedelta64) or not isinstance(value, int | np.integer):
         raise InvalidValueError(f"{name} is {value!r}; it must be a whole number")
-    given = int(value)
-    if not at_least <= given <= at_most:
-        limit = f"at least {at_least}" if given < at_least else f"at most {at_most}"
-        raise InvalidValueError(f"{name} is {given}; it must be {limit}")
-    return given
+    integer = int(value)
+    if not at_least <= integer <= at_most:
+        limit = f"at least {at_least}" if integer < at_least else f"at most {at_most}"
+        raise InvalidValueError(f"{name} is {integer}; it must be {limit}")
+    return integer
 
 
 def checked_shape(
-    shape: Any, names: tuple[str, ...], *, at_least: int = 1, at_most: int = MOST_PIXELS
+    shape: Any, names: tuple[str, ...], *, at_least: int = 1, at_most: int = MAX_PIXELS
 ) -> tuple[int, ...]:
-    """`shape` as ints, one for each name, or an error where one is too small or all together are too many."""
+    """`shape` as ints, one for each name, or an error if one is too small or their product too large."""
     sides = tuple(shape) if isinstance(shape, Sequence) or (isinstance(shape, np.ndarray) and shape.ndim) else ()
     if len(sides) != len(names) or isinstance(shape, str | bytes):
         raise InvalidValueError(f"shape is {shape!r}; it must be ({', '.join(name.split()[0] for name in names)})")
-    found = tuple(whole(side, name, at_least=at_least) for side, name in zip(sides, names, strict=True))
-    if math.prod(found) > at_most:
-        product = " x ".join(map(str, found))
+    checked = tuple(whole(side, name, at_least=at_least) for side, name in zip(sides, names, strict=True))
+    if math.prod(checked) > at_most:
+        product = " x ".join(map(str, checked))
         raise InvalidValueError(f"{' x '.join(names)} is {product}; it must be at most {at_most} in all")
-    return found
+    return checked
 
 
 def seed_number(value: int, name: str = "seed") -> int:
-    """`value` as an int, or an error where it is no whole number from 0 to 2^64 - 1."""
+    """`value` as an int, or an error if it is no whole number from 0 to 2^64 - 1."""
     return whole(value, name, at_least=0, at_most=(1 << 64) - 1)
 
 
@@ -275,22 +275,22 @@ def choice(value: Any, kind: type[Choice], name: str) -> Choice:
         raise InvalidValueError(f"{name} is {value!r}; it must be {members}") from None
 
 
-def wrong_kind(value: object, name: str, wanted: str, such_as: str) -> InvalidValueError:
-    """The error for an argument of another type than `wanted`, with a way to one that fits."""
-    given = _with_article(type(value).__name__)
-    return InvalidValueError(f"{name} is {given}; give {_with_article(wanted)}, such as {such_as}")
+def wrong_kind(value: object, name: str, expected: str, example: str) -> InvalidValueError:
+    """Error for an argument that is not of the type `expected`, with an example of that type."""
+    actual = _with_article(type(value).__name__)
+    return InvalidValueError(f"{name} is {actual}; give {_with_article(expected)}, such as {example}")
 
 
-def check_kind(value: object, name: str, wanted: type, such_as: str) -> None:
-    """The same error, raised where the argument is of another type."""
-    if not isinstance(value, wanted):
-        raise wrong_kind(value, name, wanted.__name__, such_as)
+def check_kind(value: object, name: str, expected: type, example: str) -> None:
+    """Raise InvalidValueError if an argument is of another type."""
+    if not isinstance(value, expected):
+        raise wrong_kind(value, name, expected.__name__, example)
 
 
-def check_has(value: object, name: str, wanted: str, such_as: str, *attributes: str) -> None:
-    """The same error, raised where an attribute is missing: for code that must not import the type."""
+def check_has(value: object, name: str, expected: str, example: str, *attributes: str) -> None:
+    """Raise InvalidValueError if an attribute is missing, for code that must not import the type."""
     if not all(hasattr(value, attribute) for attribute in attributes):
-        raise wrong_kind(value, name, wanted, such_as)
+        raise wrong_kind(value, name, expected, example)
 
 
 def _with_article(noun: str) -> str:
@@ -312,14 +312,14 @@ def _same(a: Any, b: Any) -> bool:
 def _hashable(item: Any) -> Any:
     if not isinstance(item, np.ndarray):
         return item
-    if item.dtype.kind in "fc":  # what compares equal must hash equal: both zeros, and every NaN
+    if item.dtype.kind in "fc":  # equal values must have equal hashes: both zeros, and every nan
         item = np.where(np.isnan(item), np.nan, item) + 0.0
     return item.shape, item.tobytes()
 
 
 def _short(item: Any) -> str:
     if isinstance(item, np.ndarray):
-        if 1 <= item.size <= _SHOWN and item.ndim <= 2:
+        if 1 <= item.size <= _MAX_SHOWN and item.ndim <= 2:
             return repr(item.tolist())
         return f"<{' x '.join(map(str, item.shape))} {item.dtype}>"
     return repr(item)
@@ -337,12 +337,12 @@ def _hash(self: Any) -> int:
 
 
 def _repr(self: Any) -> str:
-    shown = []
+    entries = []
     for field in dataclasses.fields(self):
         item = getattr(self, field.name)
         if field.repr and not (field.default is not dataclasses.MISSING and _same(item, field.default)):
-            shown.append(f"{field.name}={_short(item)}")
-    return f"{type(self).__name__}({', '.join(shown)})"
+            entries.append(f"{field.name}={_short(item)}")
+    return f"{type(self).__name__}({', '.join(entries)})"
 
 
 def _restore(self: Any, state: dict[str, Any]) -> None:
@@ -356,33 +356,33 @@ def _restore(self: Any, state: dict[str, Any]) -> None:
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given))
 def value(cls: type[T]) -> type[T]:
     """Make a class a frozen dataclass that also compares, hashes, prints and pickles with arrays in it."""
-    has_own_repr = "__repr__" in cls.__dict__
-    made: Any = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
-    made.__eq__ = _equal
-    made.__hash__ = _hash
-    made.__setstate__ = _restore
-    if not has_own_repr:
-        made.__repr__ = _repr
-    finished: type[T] = made
-    return finished
+    has_repr = "__repr__" in cls.__dict__
+    decorated: Any = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
+    decorated.__eq__ = _equal
+    decorated.__hash__ = _hash
+    decorated.__setstate__ = _restore
+    if not has_repr:
+        decorated.__repr__ = _repr
+    typed: type[T] = decorated
+    return typed
 
 
 def flag(value: bool, name: str) -> bool:
-    """`value` as a bool, or an error where it is something else."""
+    """`value` as a bool, or an error if it is something else."""
     if not isinstance(value, bool | np.bool_):
         raise InvalidValueError(f"{name} is {value!r}; it must be True or False")
     return bool(value)
 
 
 def file_path(path: Any) -> Path:
-    """A path, or an error where it cannot be one."""
+    """A path, or an error if it cannot be one."""
     if not isinstance(path, str | os.PathLike) or isinstance(os.fspath(path), bytes):
         raise FileError(f"{path!r} is not a path; give the name of a file as a text or a Path")
     return Path(path)
 
 
 def set_field(instance: Any, name: str, item: Any) -> None:
-    """Set a field of a frozen value from its own `__post_init__`, where it is brought into its final form."""
+    """Set a field of a frozen value in its own `__post_init__`, for conversion to its stored form."""
     object.__setattr__(instance, name, item)
 
 
@@ -394,7 +394,7 @@ def _freeze(self: Any) -> None:
 
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given))
 def result(cls: type[T]) -> type[T]:
-    """Make a class a value that only functions of the package make: its arrays become read-only, unchecked."""
-    made: Any = cls
-    made.__post_init__ = _freeze
+    """Make a class a value that only functions of the package construct: its arrays become read-only, unchecked."""
+    decorated: Any = cls
+    decorated.__post_init__ = _freeze
     return value(cls)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Any
 
-from plenoptic.core.waiting.bar import DELAY, Watch, load_tqdm
-from plenoptic.core.waiting.compiling import compiling_text
+from plenoptic.core.progress.bar import DELAY, Poller, load_tqdm
+from plenoptic.core.progress.compiling import compiling_text
 
 
 class FrameBar:
@@ -14,7 +14,7 @@ class FrameBar:
 
     def __init__(self, total: int, *, show: bool) -> None:
         self._bar: Any = load_tqdm()(total=total, unit="part") if show else None
-        self._watch = Watch(self._look) if show else None
+        self._watch = Poller(self._look) if show else None
 
     def __enter__(self) -> FrameBar:
         if self._watch is not None:

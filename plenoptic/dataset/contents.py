@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.files.extras import extra_package
-from plenoptic.core.files.reading import DEFAULT, FileLimits
-from plenoptic.core.files.serialization import restored
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits
+from plenoptic.core.files.serialization import from_tree
 from plenoptic.core.files.zarr_files import EXTRA
 from plenoptic.core.files.zarr_reading import read_arrays
 from plenoptic.core.values import result, whole
@@ -104,7 +104,7 @@ class DataSet:
             replicates=about["replicates"],
             seed=about["seed"],
             camera=self._camera(about),
-            settings=restored(self.manifest["made_with"]["settings"]),
+            settings=from_tree(self.manifest["made_with"]["settings"]),
             white=False,
             object_names=self.manifest["object_names"][about["object_names"]] if "object" in truth else None,
         )
@@ -141,7 +141,7 @@ class DataSet:
         raise InvalidValueError(f"frame {k} of {name!r} is not there yet; `write` goes on with what is missing")
 
     def _camera(self, about: Mapping[str, Any]) -> PlenopticCamera:
-        camera = restored(self.manifest["cameras"][about["camera"]][about["camera_value"]])
+        camera = from_tree(self.manifest["cameras"][about["camera"]][about["camera_value"]])
         if not isinstance(camera, PlenopticCamera):
             raise FileError(f"{str(self.path / MANIFEST)!r} holds a {type(camera).__name__} where a camera must be")
-        return dataclasses.replace(camera, pose=restored(about["pose"]), shutter=restored(about["shutter"]))
+        return dataclasses.replace(camera, pose=from_tree(about["pose"]), shutter=from_tree(about["shutter"]))

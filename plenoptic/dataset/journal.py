@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from plenoptic.core.files.record_log import LogKind, RecordLog, begin_log, log_is_there
+from plenoptic.core.files.record_log import LogKind, RecordLog, begin_log, log_exists
 from plenoptic.core.warn import warn
 from plenoptic.dataset.task import Task
 from plenoptic.errors import FileError, FileWarning
@@ -24,7 +24,7 @@ class Journal:
     """The log of a data set, which is begun if there is none; a FileError where it is that of another one."""
 
     def __init__(self, path: Path, identity: Mapping[str, str], frames: int) -> None:
-        if not log_is_there(path):
+        if not log_exists(path):
             begin_log(path, _KIND, {"identity": dict(identity)})
         self._path, self._log = path, RecordLog(path, _KIND)
         facts = [entry.facts for entry in self._log.entries]

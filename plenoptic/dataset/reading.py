@@ -8,7 +8,7 @@ import re
 from types import MappingProxyType
 from typing import Any
 
-from plenoptic.core.files.reading import DEFAULT, FileLimits, read_file
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, read_file
 from plenoptic.core.values import file_path
 from plenoptic.dataset.contents import FORMAT, LOG, MANIFEST, DataSet
 from plenoptic.errors import FileError

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import block_means, codes, white_point
-from plenoptic.core.files.zarr_files import CHUNK, understood, zarr_module
+from plenoptic.core.files.zarr_files import CHUNK, translate_zarr_errors, zarr_module
 from plenoptic.dataset.contents import CONTACT_SHEET
 
 _SIDE, _GAP, _TEXT = 160, 6, 14
@@ -65,7 +65,7 @@ def _row(folder: Path, name: str, images: Sequence[Mapping[str, Any]]) -> Image.
 
 def _small(store: Path, frame: int) -> NDArray[Any]:
     """Means over blocks of a frame, some rows at a time."""
-    with understood(store, "read"):
+    with translate_zarr_errors(store, "read"):
         image = zarr_module().open_array(store / "image", mode="r")
         _, rows, columns, _ = image.shape
         block = -(-max(rows, columns) // _SIDE)

@@ -43,7 +43,7 @@ def statistics_of(shot: Exposure) -> dict[str, Any]:
     return {
         "relative_error": None if error is None or not np.isfinite(error) else error,
         "mean": float(shot.image.mean(dtype=np.float64)),
-        "percentile_99": level.found(),
+        "percentile_99": level.value(),
         "maximum": float(shot.image.max()),
         "paths": stats.paths,
         "paths_through_lens": stats.paths_through_lens,

@@ -12,7 +12,7 @@ import numpy as np
 from plenoptic import __version__
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.files.digest import digest
-from plenoptic.core.files.serialization import described
+from plenoptic.core.files.serialization import to_tree
 from plenoptic.core.files.zarr_files import CHUNK
 from plenoptic.core.values import Floats, check_kind, seed_number, wrong_kind
 from plenoptic.dataset.reading import NAME
@@ -146,9 +146,9 @@ def described_frame(frame: Frame) -> dict[str, Any]:
     }
     return {
         "time": frame.time,
-        "camera_value": described(dataclasses.replace(frame.camera, pose=None, shutter=None)),
-        "pose": described(pose),
-        "shutter": described(frame.camera.shutter),
+        "camera_value": to_tree(dataclasses.replace(frame.camera, pose=None, shutter=None)),
+        "pose": to_tree(pose),
+        "shutter": to_tree(frame.camera.shutter),
         "object_names": list(names),
         "object_to_world": {name: mesh.matrices[0, :3].tolist() for name, mesh in single.items()},
     }

@@ -16,11 +16,11 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.engines.choice import cluster_of
 from plenoptic.core.files.atomic_file import (
     check_folder,
-    explained,
-    held_folder,
-    holds_nothing,
+    claim_folder,
+    is_empty_folder,
     real_path,
-    replaced_folder,
+    replace_folder,
+    translate_errors,
 )
 from plenoptic.core.files.digest import bytes_of
 from plenoptic.core.files.zarr_files import Store, zarr_module
@@ -156,7 +156,7 @@ def write(  # noqa: PLR0913
     )
     sequences, show_bar = named_cameras(sequence, cameras), flag(progress, "progress")
     target = _folder(folder)
-    with held_folder(target):
+    with claim_folder(target):
         journal = Journal(target / LOG, taking.identity(sequences), len(next(iter(sequences.values()))))
         try:
             _Writer(target, sequences, taking, journal, {"threads": threads, "client": client}).run(show=show_bar)
@@ -173,9 +173,9 @@ def _folder(folder: str | os.PathLike[str]) -> Path:
     target = real_path(folder)
     if not target.exists():
         check_folder(target)
-    with explained(target, "used"):
+    with translate_errors(target, "used"):
         target.mkdir(exist_ok=True)
-        if not (target / LOG).is_file() and not holds_nothing(target):
+        if not (target / LOG).is_file() and not is_empty_folder(target):
             raise FileError(f"{str(target)!r} is there and holds no data set; choose a new name, or remove it first")
     return target
 
@@ -279,7 +279,7 @@ class _Writer:
             layout = layout_of(shot, self._taking.truth, microlenses=microlenses)
             layout = layout._replace(shape=frame.camera.sensor.shape, corner=(0, 0))
             names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._taking.motion else ()))
-            with replaced_folder(path) as new:
+            with replace_folder(path) as new:
                 create_store(new, layout._replace(names=names), {}, times=times_of(self._sequences[task.camera]))
         channels = self._store(task).sizes("image")[-1]
         for name in ("image", "standard_error"):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic import __version__
-from plenoptic.core.files.atomic_file import explained, write_file
+from plenoptic.core.files.atomic_file import translate_errors, write_file
 from plenoptic.core.files.codes import codes
 from plenoptic.core.files.images import COLOR_SPACE, LINEAR, SRGB, write_codes
 from plenoptic.core.values import file_path
@@ -21,7 +21,7 @@ from plenoptic.errors import FileError, InvalidValueError
 def folder_at(path: str | os.PathLike[str], *below: str) -> Path:
     """A folder, made where it is missing, with folders below it."""
     folder = file_path(path)
-    with explained(folder, "made"):
+    with translate_errors(folder, "made"):
         for part in (folder, *(folder / name for name in below)):
             part.mkdir(exist_ok=True)
     if not folder.is_dir():

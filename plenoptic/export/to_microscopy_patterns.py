@@ -14,7 +14,7 @@ from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.pictures import folder_at, write_readme
-from plenoptic.wave.stack import WaveSpreadStack
+from plenoptic.wave.spread_stack import WaveSpreadStack
 
 _LEAST = 1e-6
 """Of the brightest coefficient: what napari-LF need not know."""

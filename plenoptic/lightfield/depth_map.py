@@ -9,8 +9,8 @@ import numpy as np
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
-from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.epipolar import default_range, view_depths, view_disparities
 from plenoptic.lightfield.estimation import agreed, estimated, side_of_images
@@ -142,13 +142,13 @@ def depth(  # noqa: PLR0913
     if isinstance(seen, LightField):
         if white is not None or camera is not None:
             raise InvalidValueError("a light field needs neither white nor camera; leave them out")
-        with Waiting("matching", kind="light field", show=progress):
+        with CallProgress("matching", kind="light field", show=progress):
             return _of_views(seen, default_range(seen) if between is None else _range(between), reach)
     check_kind(seen, "seen", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
     planes, found = raw_planes(seen, white, share_of_light(least_light)), camera_of(seen, camera)
-    with Waiting("matching", kind="camera", show=progress):
+    with CallProgress("matching", kind="camera", show=progress):
         return _of_raw(found, planes, _virtual_depths(found, between), reach, thread_count(threads))
 
 

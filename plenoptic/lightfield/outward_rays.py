@@ -72,9 +72,9 @@ def leaving(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Flo
     slopes, rules = np.zeros_like(passed), array.model.rules
     # Plates displace rays by what depends on their slope, which depends on the displacement.
     for _ in range(3):
-        rear = rules.displaced(array, passed, slopes, camera.wavelength, True)
+        rear = rules.shift_chief_rays(array, passed, slopes, camera.wavelength, True)
         slopes = (start[:, :2] - rear) / start[:, 2:]
-    return 2.0 * passed - rules.displaced(array, passed, slopes, camera.wavelength, False), slopes, start[:, 2]
+    return 2.0 * passed - rules.shift_chief_rays(array, passed, slopes, camera.wavelength, False), slopes, start[:, 2]
 
 
 def _towards_scene(axes: ArrayAxes, leaving: Floats, slopes: Floats) -> RayBundle:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, read_file
 from plenoptic.core.files.images import read_linear
-from plenoptic.core.files.reading import DEFAULT, FileLimits, check_memory, read_file
 from plenoptic.core.values import file_path, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.lightfield.views import LightField

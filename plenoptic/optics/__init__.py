@@ -1,4 +1,4 @@
-"""Lenses: their elements, descriptions, and the rays through them."""
+"""Lenses: materials, prescriptions and ray tracing."""
 
 import lazy_loader
 

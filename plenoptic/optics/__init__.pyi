@@ -41,7 +41,7 @@ from .microlens.dust import BlemishSite as BlemishSite
 from .microlens.imperfections import MicrolensDeviations as MicrolensDeviations
 from .microlens.imperfections import MicrolensImperfections as MicrolensImperfections
 from .microlens.lattice import Lattice as Lattice
-from .microlens.listed import Lenslets as Lenslets
+from .microlens.lenslets import Lenslets as Lenslets
 from .microlens.models import MicrolensModel as MicrolensModel
 from .microlens.plano_convex import ConvexSide as ConvexSide
 from .stops.circle import CircularStop as CircularStop

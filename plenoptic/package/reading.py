@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.files.atomic_file import explained, write_file
-from plenoptic.core.files.reading import DEFAULT, FileLimits, allowed_memory, check_file, read_file
+from plenoptic.core.files.atomic_file import translate_errors, write_file
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, read_file
 from plenoptic.core.files.value_files import load_value
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from plenoptic.camera.psf.spread import CameraSpread
     from plenoptic.camera.report.report import CameraReport
     from plenoptic.optics.sensor.sensor import Sensor
-    from plenoptic.wave.spread import WaveSpread
+    from plenoptic.wave.wave_spread import WaveSpread
 
 _ARRAY, _SENSOR, _LIGHT = COLOURS[2], "#222222", COLOURS[1]
 _COLOURS = ("#1f5fbf", "#b07a00")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from plenoptic.optics.lens.stack import LensStack
-    from plenoptic.optics.stops.registry import Stop
+    from plenoptic.optics.stops.stop_registry import Stop
 
 _GLASS = "#cfe3f3"
 _EDGE = "#31566f"

@@ -12,7 +12,7 @@ from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import Floats, check_kind, seed_number
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import channels_of
-from plenoptic.optics.sensor.model import SensorModel, ShotNoise, has
+from plenoptic.optics.sensor.model import SensorModel, ShotNoise, any_pixels
 from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
 
@@ -81,9 +81,9 @@ def _band(image: NDArray[np.float32], model: SensorModel, seed: int, row: int, c
         electrons *= np.maximum(1.0 + model.prnu * draw.normals(electrons, model.pattern_seed, _Purpose.PRNU), 0.0)
     electrons += model.dark_electrons
     # A pixel that is both hot and dead is dead.
-    if has(model.hot):
+    if any_pixels(model.hot):
         electrons[draw.chosen(model.hot, model.pattern_seed, _Purpose.HOT)] += model.hot_current * model.exposure_time
-    if has(model.dead):
+    if any_pixels(model.dead):
         electrons[draw.chosen(model.dead, model.pattern_seed, _Purpose.DEAD)] = 0.0
     if model.shot_noise == ShotNoise.POISSON:
         electrons = draw.poisson(electrons, seed)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.values import (
-    MOST_POINTS,
+    MAX_POINTS,
     Floats,
     check_kind,
     checked_shape,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.files import images
-from plenoptic.core.files.reading import DEFAULT, FileLimits
-from plenoptic.core.files.serialization import described_fields, restored_fields
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits
+from plenoptic.core.files.serialization import fields_from_metadata, fields_to_metadata
 from plenoptic.core.values import (
     Floats,
     Given,
@@ -25,7 +25,7 @@ from plenoptic.core.values import (
 )
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, channels_of
-from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaiced
+from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaic
 from plenoptic.optics.sensor.model import SensorModel
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.frame import checked_region, region_text
@@ -213,7 +213,7 @@ class RawImage:
         """
         if self.model.bits is None:
             raise InvalidValueError("the numbers are not quantised, so no 16-bit file holds them; give the model bits")
-        texts = described_fields(self, _KEPT_AS_TEXT)
+        texts = fields_to_metadata(self, _KEPT_AS_TEXT)
         pixels = self.data.reshape(*self.data.shape[:2], -1)
         images.write_16bit(path, pixels, {"plenoptic:kind": "raw", images.COLOR_SPACE: images.LINEAR, **texts})
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.files.reading import DEFAULT, FileLimits
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.relative_error import ImageError, image_error
 from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, seed_number, set_field, value
 from plenoptic.errors import InvalidValueError

@@ -13,8 +13,8 @@ from plenoptic import __version__
 from plenoptic.core.files import images
 from plenoptic.core.files.atomic_file import check_replaceable, real_path
 from plenoptic.core.files.codes import brightest, codes
-from plenoptic.core.files.reading import FileLimits
-from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
+from plenoptic.core.files.file_limits import FileLimits
+from plenoptic.core.files.serialization import describe, fields_from_metadata, fields_to_metadata, restore
 from plenoptic.core.values import file_path, positive
 from plenoptic.errors import FileError
 from plenoptic.rendering.frame import counts_in
@@ -69,7 +69,7 @@ def save_16bit(exposure: Exposure, path: str | os.PathLike[str], scale: float | 
 def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[str, Any]:
     """The fields of the exposure that an image file holds."""
     image, channels, metadata = images.read_picture(path, limits=limits)
-    kept = restored_fields(metadata, FACTS)
+    kept = fields_from_metadata(metadata, FACTS)
     planes = [channels.get(f"error.{name}") for name in CHANNEL_NAMES[image.shape[2]]]
     errors = [plane for plane in planes if plane is not None]
     if "plenoptic:scale" in metadata:
@@ -85,14 +85,16 @@ def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
 
 def head_of_image(path: str | os.PathLike[str]) -> Head:
     """All but the pixels of the exposure that an image file holds."""
-    shape, names, picture, metadata = images.read_head(path)
+    shape, names, picture, metadata = images.read_header(path)
     arrays = ["image"]
     if all(f"error.{name}" in names for name in CHANNEL_NAMES[len(picture)]):
         arrays.append("standard_error")
     if _SAMPLES in names:
         arrays.append("sample_counts")
     with possible(path):
-        return checked_head((*shape, len(picture)), (*arrays, *truth_named(names)), restored_fields(metadata, FACTS))
+        return checked_head(
+            (*shape, len(picture)), (*arrays, *truth_named(names)), fields_from_metadata(metadata, FACTS)
+        )
 
 
 def _channels(exposure: Exposure) -> Mapping[str, NDArray[Any]]:

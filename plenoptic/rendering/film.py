@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.checks import BLOCK
 from plenoptic.core.relative_error import brightness
-from plenoptic.core.values import MOST_PIXELS, AnyFloats, Floats, checked_shape, frozen_array
+from plenoptic.core.values import MAX_PIXELS, AnyFloats, Floats, checked_shape, frozen_array
 from plenoptic.errors import InvalidValueError
 
 
@@ -70,7 +70,7 @@ class Film:
     def __init__(self, shape: tuple[int, int, int], *, counts: ArrayLike) -> None:
         from plenoptic.core.numba.jit import processor
 
-        rows, columns, channels = checked_shape(shape, ("rows", "columns", "channels"), at_most=3 * MOST_PIXELS)
+        rows, columns, channels = checked_shape(shape, ("rows", "columns", "channels"), at_most=3 * MAX_PIXELS)
         used = frozen_array(counts, name="counts", shape=("replicates",), dtype=np.int64)
         self._counts = used[used > 0].astype(np.float64)
         self.samples = int(self._counts.sum())

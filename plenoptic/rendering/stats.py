@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.core.lost_rays import Lost, by_cause, checked_lost, in_words
+from plenoptic.core.lost_rays import Lost, by_cause, check_lost, in_words
 from plenoptic.core.values import choice, finite, frozen_array, not_negative, plain_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
 
@@ -132,7 +132,7 @@ class RenderStats:
             raise InvalidValueError(
                 f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
             )
-        set_field(self, "lost", checked_lost(self.lost))
+        set_field(self, "lost", check_lost(self.lost))
 
     @property
     def fraction_through_lens(self) -> float:

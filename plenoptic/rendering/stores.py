@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.files.atomic_file import check_folder, real_path, replaced_folder
+from plenoptic.core.files.atomic_file import check_folder, real_path, replace_folder
 from plenoptic.core.files.extras import extra_package
-from plenoptic.core.files.reading import FileLimits
-from plenoptic.core.files.serialization import restored_fields
+from plenoptic.core.files.file_limits import FileLimits
+from plenoptic.core.files.serialization import fields_from_metadata
 from plenoptic.core.files.zarr_files import COLUMN, EXTRA, FRAME, ROW, Store, Variable, zarr_module
 from plenoptic.core.files.zarr_reading import ANY_SIZE, array_shapes, attributes_of, read_arrays
 from plenoptic.core.values import Floats
@@ -97,7 +97,7 @@ def save_store(exposure: Exposure, path: str | os.PathLike[str]) -> None:
     """Write an exposure to a store, whole or not at all."""
     target = real_path(path)
     check_store(target)
-    with replaced_folder(target) as folder:
+    with replace_folder(target) as folder:
         rows, columns, _ = exposure.image.shape
         store = create_store(folder, layout_of(exposure), texts_of(exposure))
         store.put((0, rows, 0, columns), pixels_of(exposure))
@@ -106,7 +106,7 @@ def save_store(exposure: Exposure, path: str | os.PathLike[str]) -> None:
 def fields_of_store(path: str | os.PathLike[str], limits: FileLimits) -> dict[str, Any]:
     """The fields of the exposure that a store holds."""
     texts = _attributes(path)
-    return {**fields_of(_read(path, limits)), **restored_fields(texts, FACTS)}
+    return {**fields_of(_read(path, limits)), **fields_from_metadata(texts, FACTS)}
 
 
 def head_of_store(path: str | os.PathLike[str]) -> Head:
@@ -114,7 +114,7 @@ def head_of_store(path: str | os.PathLike[str]) -> Head:
     texts = _attributes(path)
     shapes = array_shapes(path, (*EXPOSURE_NAMES, *CHANNELS))
     with possible(path):
-        return checked_head(shapes.get("image", ()), shapes, restored_fields(texts, FACTS))
+        return checked_head(shapes.get("image", ()), shapes, fields_from_metadata(texts, FACTS))
 
 
 def rows_of_store(path: str | os.PathLike[str], head: Head, first: int, end: int) -> Exposure:

@@ -15,9 +15,9 @@ from plenoptic.camera.points.centres import microlens_centres
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.psf.point_spread import point_spread
 from plenoptic.camera.report.optics import object_plane
+from plenoptic.core.progress.bar import CallProgress
+from plenoptic.core.progress.compiling import compiling
 from plenoptic.core.values import Floats, value
-from plenoptic.core.waiting.bar import Waiting
-from plenoptic.core.waiting.compiling import compiling
 from plenoptic.rendering.render import render, render_white
 from plenoptic.truth.arrays import available_truth, checked_truth
 from plenoptic.truth.channels import Truth
@@ -99,7 +99,7 @@ def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Trut
     check_scene_and_camera(scene, camera)
     asked = checked_truth(truth)
     begin, before = time.perf_counter(), len(compiling.names)
-    with Waiting("warming up", kind="scene", show=progress), warnings.catch_warnings():
+    with CallProgress("warming up", kind="scene", show=progress), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what few pixels do not show
         _run_small(scene, camera, asked)
     return WarmUp(tuple(compiling.names[before:]), time.perf_counter() - begin)

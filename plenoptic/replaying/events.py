@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats, result
-from plenoptic.optics.record import ElementKind
+from plenoptic.optics.element_record import ElementKind
 from plenoptic.scene.materials.registry import Material
 
 # ---- in the camera, in its axes ----

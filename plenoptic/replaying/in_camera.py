@@ -14,9 +14,9 @@ from plenoptic.camera.sampling.pixel_regions import fed_pixels, sharing_pixels
 from plenoptic.camera.sampling.record import Batch, FedPixels
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
+from plenoptic.optics.element_record import ElementKind
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
-from plenoptic.optics.record import ElementKind
 from plenoptic.rendering.tile import Tile
 from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
 from plenoptic.truth.lookups import fill_microlens, fill_microlens_type, listed_numbers

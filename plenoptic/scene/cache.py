@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.core.last_made import LastMade
+from plenoptic.core.last_result import LastResultCache
 from plenoptic.scene.compile import SceneRecord, Surfaces, build_record
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
 from plenoptic.scene.geometry.instance import Instances
@@ -68,6 +68,6 @@ def prepared_scene(scene: Scene) -> PreparedScene:
     return _last(scene)
 
 
-_last: LastMade[Scene, PreparedScene] = LastMade(_prepare)
+_last: LastResultCache[Scene, PreparedScene] = LastResultCache(_prepare)
 """Of one scene only: trees take as much memory as scenes do."""
-_kept: LastMade[Mesh, _Kept] = LastMade(_Kept)
+_kept: LastResultCache[Mesh, _Kept] = LastResultCache(_Kept)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.files.reading import DEFAULT, FileLimits
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.values import Floats, Given, check_kind, numbers, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.compile import SceneRecord, box_around, build_record

@@ -15,8 +15,8 @@ from plenoptic.camera.points.projection_rays import Aim, ThroughArray, aimed, en
 from plenoptic.camera.points.projection_rows import lenses_with, straight_to_sensor
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, result
-from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.sequences.sequence import Frame
@@ -109,7 +109,7 @@ def motion_truth(
     for name, frame in (("now", now), ("following", following)):
         check_kind(frame, name, Frame, "sequence[0]")
     bounds, workers = sensor_region(now.camera.sensor.shape, region), thread_count(threads)
-    with Waiting("motion truth", kind="scene", show=progress):
+    with CallProgress("motion truth", kind="scene", show=progress):
         return _motion_truth(now, following, bounds, workers)
 
 

@@ -18,8 +18,8 @@ from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, fed_pixels,
 from plenoptic.core.engines.choice import cluster_of
 from plenoptic.core.engines.engine import Engine, ThreadEngine
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats
-from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
@@ -145,7 +145,7 @@ def ground_truth(
     check_scene_and_camera(scene, camera)
     bounds = sensor_region(camera.sensor.shape, region)
     workers, asked, cluster = thread_count(threads), checked_truth(truth), cluster_of(client, threads)
-    with Waiting("ground truth", kind="scene", show=progress):
+    with CallProgress("ground truth", kind="scene", show=progress):
         return _ground_truth(scene, camera, asked, bounds, workers, cluster)
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.microlens.listed import types_of
+from plenoptic.optics.microlens.lenslets import types_of
 from plenoptic.truth.channels import PixelState
 from plenoptic.truth.stages import Chords, LitCells, ObjectShares, PixelStates, SurfaceHits
 
@@ -68,6 +68,6 @@ def listed_numbers(camera: CameraRecord) -> NDArray[np.int64] | None:
     if array is None or array.lattice is not Lattice.FREE:
         return None
     assert array.centres is not None
-    assert camera.array is not None and camera.array.listed is not None
+    assert camera.array is not None and camera.array.lens_table is not None
     farther = np.abs(np.asarray(array.centres)).max(axis=1)
-    return np.sort(np.argsort(farther, kind="stable")[: len(camera.array.listed.lenses)])
+    return np.sort(np.argsort(farther, kind="stable")[: len(camera.array.lens_table.lenses)])

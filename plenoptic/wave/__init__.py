@@ -1,4 +1,4 @@
-"""Light as waves: images of points with diffraction at the main lens and at microlenses."""
+"""Wave optics: images of points with diffraction at the main lens and at microlenses."""
 
 import lazy_loader
 

@@ -28,14 +28,14 @@ class Watched:
 
     @contextlib.contextmanager
     def watching(self):
-        original_taken, original_take = DaskEngine._taken, Progress.take
+        original_results, original_take = DaskEngine._job_results, Progress.take
 
-        def taken(engine, group, reply):
+        def job_results(engine, group, reply):
             self.tasks.append(sum(reply.seconds))
             self.cpu += reply.cpu_seconds
             arrays = [array for one in reply.results for array in (one.sums, one.weights, *(one.truth or {}).values())]
             self.brought.append(sum(array.nbytes for array in arrays if array is not None))
-            return original_taken(engine, group, reply)
+            return original_results(engine, group, reply)
 
         def take(progress, i, result):
             begin = time.thread_time()
@@ -43,7 +43,7 @@ class Watched:
             self.take += time.thread_time() - begin
             self.pixels += result.tile.pixels
 
-        with mock.patch.object(DaskEngine, "_taken", taken), mock.patch.object(Progress, "take", take):
+        with mock.patch.object(DaskEngine, "_job_results", job_results), mock.patch.object(Progress, "take", take):
             yield
 
 

@@ -6,8 +6,8 @@ from table import Table
 from timing import apart, memory, timed
 
 import plenoptic as pl
-from plenoptic.wave.grid import DENSER
-from plenoptic.wave.patterns import _added, _of_wavelength
+from plenoptic.wave.grid import OVERSAMPLING
+from plenoptic.wave.point_image import _add_images, _image_at
 
 UNFOCUSED = {"stop": 5.0, "z": 134.6, "b": 2.0}
 CASES = (
@@ -22,9 +22,9 @@ def tables(*, quick):
     for name, changes, point in CASES[:1] if quick else CASES:
         camera = reference.built((512, 512), **changes)
         cpu, peak = apart(cost, changes, point)
-        parts = [_of_wavelength(camera, np.array(point), denser) for denser in (DENSER, 2 * DENSER)]
+        parts = [_image_at(camera, np.array(point), denser) for denser in (OVERSAMPLING, 2 * OVERSAMPLING)]
         given = camera, np.array(point), np.array([camera.wavelength]), np.ones(1)
-        once, twice = (_added(*given, [part]) for part in parts)
+        once, twice = (_add_images(*given, [part]) for part in parts)
         rays = pl.point_spread(camera, point, progress=False).whole()
         told, whole = once.samplings[0], once.whole()
         errors = [100 * value for value in (told.error, off(whole, twice.whole()), off(whole, rays))]

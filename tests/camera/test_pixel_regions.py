@@ -11,7 +11,7 @@ import plenoptic as pl
 from plenoptic.camera.record import camera_record
 from plenoptic.camera.sampling.pixel_regions import feeding_regions
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
-from plenoptic.optics.microlens.record import SensorPlane, array_record
+from plenoptic.optics.microlens.microlens_record import SensorPlane, array_record
 
 SENSOR = CAMERA.sensor
 SPHERICAL = {"model": pl.optics.MicrolensModel.SPHERICAL, "thickness": 0.3}

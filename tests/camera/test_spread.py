@@ -15,7 +15,7 @@ import plenoptic as pl
 from plenoptic.camera.record import camera_record
 from plenoptic.camera.sampling.spread import EVERY, rest_of
 from plenoptic.optics import ApertureShape, Gaps, MicrolensAperture
-from plenoptic.optics.diffraction.kernels.far_field import fill_bends
+from plenoptic.optics.diffraction.kernels.far_field import fill_deflections
 from plenoptic.rendering.context import batch_of
 from plenoptic.rendering.kernels import film_sums
 from plenoptic.rendering.settings import RenderSettings
@@ -72,7 +72,7 @@ def test_shares_are_those_of_bends_that_are_drawn(pixel, turned, more):
     found = {}
     for name, field in (("all", bend.field), ("rest", record.spread.rest.field)):
         found[name] = np.empty((n, 4))
-        fill_bends(found[name], numbers, field)
+        fill_deflections(found[name], numbers, field)
     steps = np.arange(-table.reach, table.reach + 1)
     for kind in range(table.kinds):
         for across, down in ((5, 20), (31, 0)):

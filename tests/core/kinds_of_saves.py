@@ -94,8 +94,8 @@ def end(child, number):
     while True:
         os.kill(child, number)
         for _ in range(1000):
-            found, status = os.waitpid(child, os.WNOHANG)
-            if found:
+            pid, status = os.waitpid(child, os.WNOHANG)
+            if pid:
                 return status
             time.sleep(0.003)
 
@@ -109,7 +109,7 @@ def content(path):
 
 
 def both(path, save):
-    """What the file may hold, how long a save takes, and the size of the second one; the first is there."""
+    """Possible contents of the file, duration of a save, and size of the second content; the first one is saved."""
     contents, sizes, begin = set(), [], time.perf_counter()
     for n in (1, 0):
         done(lambda n=n: save(path, n))
@@ -120,7 +120,7 @@ def both(path, save):
 
 
 def ended_by(number, times, path, save):
-    """How many signals met a save, of `times` that are to, and how many have been sent."""
+    """Number of signals that met a save, up to `times`, and number of signals sent."""
     contents, seconds, _ = both(path, save)
 
     def saving():
@@ -128,8 +128,8 @@ def ended_by(number, times, path, save):
             for n in (1, 0):
                 save(path, n)
 
-    met = sent = 0
-    while met < times and sent < MOST * times:
+    n_met = sent = 0
+    while n_met < times and sent < MOST * times:
         child = in_child(saving)
         time.sleep(random.uniform(0, 2 * seconds))
         status = end(child, number)
@@ -137,14 +137,14 @@ def ended_by(number, times, path, save):
         assert os.WIFEXITED(status) if number == signal.SIGINT else status == number, status
         left = set(os.listdir(path.parent)) - {path.name}
         assert len(left) <= 1 and content(path) in contents, (path.name, left, path.stat().st_size)
-        met, sent = met + (number == signal.SIGINT or len(left)), sent + 1
+        n_met, sent = n_met + (number == signal.SIGINT or len(left)), sent + 1
     done(lambda: save(path, 0))
     assert os.listdir(path.parent) == [path.name] and content(path) in contents
-    return met, sent
+    return n_met, sent
 
 
 def without_room(path, save):
-    """How often a save was refused since there was no room, of how often it was to be."""
+    """Number of saves refused for lack of space, and number of attempts."""
     _, _, size = both(path, save)
     before = content(path)
 

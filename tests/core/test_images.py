@@ -143,7 +143,7 @@ def test_names_that_no_file_can_have(tmp_path):
         with pytest.raises(FileError, match=r"cannot be (read|used) \(.*; check its name"):
             images.write_channels(tmp_path / f"{name}.exr", plane)
     for name in ("", "a" * 300):  # of channels: OpenImageIO calls the first R and cuts the second at 255 characters
-        with pytest.raises(FileError, match="what was written does not come back"):
+        with pytest.raises(FileError, match="the file does not hold the pixels written"):
             images.write_channels(tmp_path / "a.exr", {name: np.ones((2, 2)), **plane})
     assert not os.listdir(tmp_path)
 
@@ -151,14 +151,14 @@ def test_names_that_no_file_can_have(tmp_path):
 def test_places_that_cannot_be_written(tmp_path, monkeypatch):
     plane, grey = {"Y": np.ones((2, 2))}, np.ones((2, 2, 1), np.uint16)
     (tmp_path / "folder.exr").mkdir()
-    for write, name, given, text in (
+    for write, name, content, text in (
         (images.write_channels, "none/a.exr", plane, "does not exist; make it first"),
         (images.write_channels, "a.xyz", plane, r"ends in '.xyz'; it must end in .exr"),
         (images.write_16bit, "a.exr", grey, "must end in .png or .tif or .tiff"),
         (images.write_channels, "folder.exr", plane, "is a folder"),
     ):
         with pytest.raises(FileError, match=text):
-            write(tmp_path / name, given)
+            write(tmp_path / name, content)
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(FileError, match="is not writable; choose another one"):
         images.write_channels(tmp_path / "a.exr", plane)

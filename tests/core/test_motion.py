@@ -42,30 +42,30 @@ def test_bodies_stand_still_before_and_after():
 
 
 def test_keyframes_are_met_and_turns_between_them_are_even():
-    given = poses(5)
-    motion = pl.Motion([0.0, 0.1, 0.7, 2.0, 2.5], given, pivot=(3, 4, 5))
-    for time, pose in zip(motion.times, given, strict=True):
-        found = motion.at(time)
-        np.testing.assert_allclose(found.rotation, pose.rotation, atol=1e-15)
-        np.testing.assert_allclose(found.to_world((3, 4, 5)), pose.to_world((3, 4, 5)), atol=1e-13)
+    keyframes = poses(5)
+    motion = pl.Motion([0.0, 0.1, 0.7, 2.0, 2.5], keyframes, pivot=(3, 4, 5))
+    for time, pose in zip(motion.times, keyframes, strict=True):
+        matrices = motion.at(time)
+        np.testing.assert_allclose(matrices.rotation, pose.rotation, atol=1e-15)
+        np.testing.assert_allclose(matrices.to_world((3, 4, 5)), pose.to_world((3, 4, 5)), atol=1e-13)
     # Slerp: equal times, equal turns, all about one axis; the pivot on a line.
-    found = motion.matrices(np.linspace(0.7, 2.0, 5))
-    steps = found[1:, :, :3] @ found[:-1, :, :3].transpose(0, 2, 1)
+    matrices = motion.matrices(np.linspace(0.7, 2.0, 5))
+    steps = matrices[1:, :, :3] @ matrices[:-1, :, :3].transpose(0, 2, 1)
     np.testing.assert_allclose(steps, np.broadcast_to(steps[0], steps.shape), atol=1e-15)
-    pivots = found[:, :, :3] @ [3, 4, 5] + found[:, :, 3]
+    pivots = matrices[:, :, :3] @ [3, 4, 5] + matrices[:, :, 3]
     np.testing.assert_allclose(np.diff(pivots, 2, axis=0), 0, atol=1e-12)
-    assert motion.at(0.3) == motion.at(0.3) and hash(motion) == hash(pl.Motion(motion.times, given, (3, 4, 5)))
+    assert motion.at(0.3) == motion.at(0.3) and hash(motion) == hash(pl.Motion(motion.times, keyframes, (3, 4, 5)))
 
 
 def test_a_motion_seen_from_a_time_and_in_another_world_is_the_same():
     motion = pl.Motion([0.0, 0.4, 1.0], poses(3), pivot=(3, 4, 5))
-    there = motion.at(0.3)
+    reference = motion.at(0.3)
     for time in (-0.2, 0.0, 0.35, 0.9):
-        seen, here = motion.seen_from(0.3).at(time).to_world(there.to_world(POINTS)), motion.at(time)
-        np.testing.assert_allclose(seen, motion.at(0.3 + time).to_world(POINTS), atol=1e-11)
+        relative, pose = motion.seen_from(0.3).at(time).to_world(reference.to_world(POINTS)), motion.at(time)
+        np.testing.assert_allclose(relative, motion.at(0.3 + time).to_world(POINTS), atol=1e-11)
         turn, shift = rotation_about((1, 1, 0), 0.7), np.array([5.0, 6.0, 7.0])
-        found = motion.carried(turn, shift, 2.0).at(time).to_world(2.0 * POINTS @ turn.T + shift)
-        np.testing.assert_allclose(found, 2.0 * here.to_world(POINTS) @ turn.T + shift, atol=1e-11)
+        transformed = motion.carried(turn, shift, 2.0).at(time).to_world(2.0 * POINTS @ turn.T + shift)
+        np.testing.assert_allclose(transformed, 2.0 * pose.to_world(POINTS) @ turn.T + shift, atol=1e-11)
 
 
 def test_small_and_large_turns_keep_their_digits():

@@ -22,8 +22,8 @@ def test_directions_get_unit_length(direction):
     assert rays.status.tolist() == [pl.RayStatus.OK]
     # Parallel: each component keeps its share of the largest one.
     largest = max(map(abs, direction))
-    share = np.array(direction) / largest
-    assert unit / np.abs(unit).max() == pytest.approx(share, abs=4 * EPS)
+    scaled = np.array(direction) / largest
+    assert unit / np.abs(unit).max() == pytest.approx(scaled, abs=4 * EPS)
 
 
 @settings(max_examples=100)

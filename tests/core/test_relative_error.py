@@ -1,4 +1,4 @@
-"""The error of an image is found some rows at a time, and is what all of it at once would give."""
+"""The error of an image, computed in strips, equals that of the whole image at once."""
 
 import itertools
 import math
@@ -15,13 +15,13 @@ def test_a_percentile_of_parts_is_that_of_all():
     cases = [(99, 1), (99, 2), (99, 101), (99.9, 50_000), (50, 999), (100, 40)]
     for (percentile, count), kind in itertools.product(cases, (np.float32, np.float64)):
         numbers = np.random.default_rng(1).normal(size=count).astype(kind)
-        level = HighPercentile(percentile, most=count + 1000)  # fewer may come
+        level = HighPercentile(percentile, max_count=count + 1000)  # fewer may come
         for part in np.array_split(numbers, 7):
             level.add(part)
         # In float64 the place between two numbers is exact; between 32-bit ones there are a few roundings.
-        wanted = np.percentile(numbers.astype(float), percentile)
-        assert level.found() == pytest.approx(wanted, rel=4 * float(np.finfo(kind).eps)), (percentile, count, kind)
-    assert math.isnan(HighPercentile(99, most=5).found())
+        reference = np.percentile(numbers.astype(float), percentile)
+        assert level.value() == pytest.approx(reference, rel=4 * float(np.finfo(kind).eps)), (percentile, count, kind)
+    assert math.isnan(HighPercentile(99, max_count=5).value())
 
 
 def test_rows_are_taken_some_at_a_time(monkeypatch):
@@ -30,14 +30,15 @@ def test_rows_are_taken_some_at_a_time(monkeypatch):
         image = rng.gamma(1.0, size=shape).astype(np.float32)
         error = (image * rng.uniform(0.0, 1.0, shape)).astype(np.float32)
         error[rng.random(shape) < 0.05] = np.nan
-        found = []
+        errors = []
         for rows in (1, 2, 16, 1000):
             monkeypatch.setattr(module, "_STRIP", 1)
             monkeypatch.setattr(module, "_ROWS", rows)
-            found.append(module.image_error(image, error))
+            errors.append(module.image_error(image, error))
         # Sums of some thousand numbers above 0 in another order.
-        assert {known.rare for known in found} == {found[0].rare}, shape
-        np.testing.assert_allclose([known.relative for known in found], found[0].relative, rtol=image.size * 2.3e-16)
+        relative, rare = zip(*errors, strict=True)
+        assert set(rare) == {rare[0]}, shape
+        np.testing.assert_allclose(relative, relative[0], rtol=image.size * 2.3e-16)
 
 
 def test_the_error_of_an_exposure_is_found_once(monkeypatch):

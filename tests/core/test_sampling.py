@@ -22,7 +22,7 @@ def bits_of_sobol(index, numbers):
 
 def test_direction_numbers_are_those_of_joe_and_kuo():
     # new-joe-kuo-6.21201, dimensions 2 to 4 (d s a m): 2 1 0 1; 3 2 1 1 3; 4 3 1 1 3 1, by their recurrence on m.
-    found = _direction_numbers()
+    numbers = _direction_numbers()
     polynomials = {1: ([1], [1]), 2: ([1, 1], [1, 3]), 3: ([0, 1, 1], [1, 3, 1])}
     for dimension, (a, m) in polynomials.items():
         m = list(m)
@@ -32,8 +32,8 @@ def test_direction_numbers_are_those_of_joe_and_kuo():
             for j in range(1, s):
                 term ^= (a[j - 1] * m[k - j]) << j
             m.append(term)
-        assert found[dimension].tolist() == [m[k] << (31 - k) for k in range(32)]
-    assert found[0].tolist() == [1 << (31 - k) for k in range(32)]
+        assert numbers[dimension].tolist() == [m[k] << (31 - k) for k in range(32)]
+    assert numbers[0].tolist() == [1 << (31 - k) for k in range(32)]
 
 
 @settings(max_examples=25)

@@ -113,10 +113,10 @@ def test_what_cannot_be_restored(public):
         *(f'{{"enum": {inside}}}' for inside in enums),
         *(json.dumps({"array": dict(zip(("dtype", "shape", "values"), array, strict=True))}) for array in arrays),
     ):
-        made = NotAValue.made
+        constructed = NotAValue.made
         with pytest.raises(FileError, match="a description cannot be understood"):
             restore(text)
-        assert NotAValue.made == made, text
+        assert NotAValue.made == constructed, text
     # A value that cannot be says why.
     text = describe(Cloth(Weave.PLAIN, [[1, 2]], area=1.0)).replace("1.0}", "-1.0}")
     with pytest.raises(FileError, match="area is -1.0; it must be at least 0"):

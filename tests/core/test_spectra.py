@@ -47,21 +47,21 @@ def probability(tables):
 
 
 def test_response_is_linear_between_samples_and_zero_beyond():
-    made = Sensitivity([500.0, 520.0, 600.0], [[1.0, 0.0, -1.0], [3.0, 1.0, 2.0], [2.0, 0.5, 2.0]])
-    found = made.at([499.9, 500.0, 505.0, 560.0, 600.0, 600.1])
-    assert found == pytest.approx(
+    sensitivity = Sensitivity([500.0, 520.0, 600.0], [[1.0, 0.0, -1.0], [3.0, 1.0, 2.0], [2.0, 0.5, 2.0]])
+    response = sensitivity.at([499.9, 500.0, 505.0, 560.0, 600.0, 600.1])
+    assert response == pytest.approx(
         np.array([[0, 0, 0], [1, 0, -1], [1.5, 0.25, -0.25], [2.5, 0.75, 2], [2, 0.5, 2], [0, 0, 0]])
     )
 
 
 def test_normalised_channels_integrate_to_one():
     for name, make in PRESETS.items():
-        made, scaled = make(), make().normalised
+        sensitivity, scaled = make(), make().normalised
         integral = np.diff(scaled.wavelengths) @ (scaled.response[1:] + scaled.response[:-1]) / 2
         # A sum of n positive numbers errs by n eps at most; those of linear_srgb cancel by a factor below 3.
-        assert integral == pytest.approx(1.0, abs=3 * len(made.wavelengths) * EPS), name
+        assert integral == pytest.approx(1.0, abs=3 * len(sensitivity.wavelengths) * EPS), name
         assert scaled.response == pytest.approx(scaled.normalised.response, rel=1e-12), name
-        shape = made.response / made.response.max(axis=0)
+        shape = sensitivity.response / sensitivity.response.max(axis=0)
         assert scaled.response / scaled.response.max(axis=0) == pytest.approx(shape, abs=1e-12), name
 
 
@@ -78,8 +78,8 @@ def test_sensitivities_have_one_channel_or_three():
     assert flat == column and flat.channels == PRESETS["silicon"]().channels == 1
     lines = Sensitivity.lines(LINES)
     assert lines.channels == PRESETS["colour_camera"]().channels == 3 and lines.normalised is lines
-    for made in (*(make() for make in PRESETS.values()), lines):
-        assert pickle.loads(pickle.dumps(made)) == made and not made.wavelengths.flags.writeable
+    for sensitivity in (*(make() for make in PRESETS.values()), lines):
+        assert pickle.loads(pickle.dumps(sensitivity)) == sensitivity and not sensitivity.wavelengths.flags.writeable
 
 
 def test_what_cannot_be_is_refused():
@@ -136,8 +136,8 @@ def test_reflectances_are_energy_conserving(rgb, wavelengths):
 def test_spectra_are_linear_in_the_colour(a, b, scale):
     wavelengths = [380.0, 487.0, 541.3, 666.0, 730.0]
     together = rgb_to_spectrum(np.add(a, np.multiply(scale, b)), wavelengths)
-    apart = rgb_to_spectrum(a, wavelengths) + scale * rgb_to_spectrum(b, wavelengths)
-    assert together == pytest.approx(apart, rel=1e-14, abs=1e-300)
+    combined = rgb_to_spectrum(a, wavelengths) + scale * rgb_to_spectrum(b, wavelengths)
+    assert together == pytest.approx(combined, rel=1e-14, abs=1e-300)
 
 
 def test_images_of_colours_become_images_of_spectra():
@@ -153,9 +153,9 @@ def test_colours_come_back_through_linear_srgb():
     # Millionths in the table, times integrals of |response| below 2.1: about 1e-6 at worst.
     assert exact(sensitivities.linear_srgb()) == pytest.approx(np.eye(3), abs=1e-6)
     tables = colour_tables(sensitivities.linear_srgb())
-    seen = np.einsum("w,wc,wk->ck", probability(tables), tables.weights, tables.basis)
+    measured = np.einsum("w,wc,wk->ck", probability(tables), tables.weights, tables.basis)
     # With steps of 1 nm, midpoints err by h^2/12 times the integral of the product of both slopes: 4e-5 here.
-    assert seen == pytest.approx(np.eye(3), abs=1e-4)
+    assert measured == pytest.approx(np.eye(3), abs=1e-4)
 
 
 def test_colours_keep_their_chromaticity():
@@ -180,17 +180,17 @@ def solved():
     cost = np.kron(np.eye(3), slopes.T @ slopes)
     # What blue measures follows from the sums and from what red and green measure.
     laws = np.vstack([np.kron(np.eye(3), measure)[:6], np.tile(np.eye(n), 3)])
-    wanted = np.append(np.eye(3).ravel()[:6], np.ones(n))
+    targets = np.append(np.eye(3).ravel()[:6], np.ones(n))
     zero = np.zeros(3 * n, bool)
     for _ in range(30):
         kkt = np.block([[cost[~zero][:, ~zero], laws[:, ~zero].T], [laws[:, ~zero], np.zeros((len(laws),) * 2)]])
-        found = np.linalg.solve(kkt, np.append(np.zeros((~zero).sum()), wanted))
+        solution = np.linalg.solve(kkt, np.append(np.zeros((~zero).sum()), targets))
         x = np.zeros(3 * n)
-        x[~zero] = found[: (~zero).sum()]
-        pull = cost @ x + laws.T @ found[(~zero).sum() :]
+        x[~zero] = solution[: (~zero).sum()]
+        pull = cost @ x + laws.T @ solution[(~zero).sum() :]
         negative, released = x < -1e-13, zero & (pull < -1e-12)
         if not negative.any() and not released.any():
-            return x.reshape(3, n).T, laws @ x - wanted, pull, zero
+            return x.reshape(3, n).T, laws @ x - targets, pull, zero
         zero = (zero | negative) & ~released
     raise AssertionError("the active set does not settle")
 
@@ -219,10 +219,10 @@ def test_white_is_measured_as_one_in_every_channel():
         tables = colour_tables(sensitivity, step=step)
         drawn, case = probability(tables), (sensitivity, step)
         assert tables.cdf[-1] == 1.0 and (drawn > 0).all(), case
-        # Sums of n terms of at most `most` together.
+        # Sums of n terms of at most `max_weight` together.
         shares = drawn[:, None] * tables.weights
-        most = np.abs(shares).sum()
-        assert drawn @ tables.weights == pytest.approx(1.0, abs=len(drawn) * EPS * most), case
+        max_weight = np.abs(shares).sum()
+        assert drawn @ tables.weights == pytest.approx(1.0, abs=len(drawn) * EPS * max_weight), case
         assert shares.T @ tables.basis.sum(axis=1) == pytest.approx(1.0, abs=1e-12), case
         low, high = sensitivity.wavelength_range
         assert low < tables.wavelengths[0] and tables.wavelengths[-1] < high, case
@@ -248,24 +248,24 @@ def test_shares_are_integrals_over_bins():
         fine = low + (np.arange(round((high - low) / width) * 2000) + 0.5) * width / 2000
         heights = sensitivity.normalised.at(fine).reshape(-1, 2000, sensitivity.channels)
         middles = fine.reshape(-1, 2000).mean(axis=1)
-        kept = np.abs(middles[:, None] - tables.wavelengths).min(axis=1) < 0.5 * width
-        assert tables.wavelengths == pytest.approx(middles[kept], rel=1e-12), sensitivity
+        significant = np.abs(middles[:, None] - tables.wavelengths).min(axis=1) < 0.5 * width
+        assert tables.wavelengths == pytest.approx(middles[significant], rel=1e-12), sensitivity
         # A midpoint sum errs by its step times the height of a kink's cell: width / 2000 squared times the steepest
         # slope.
         slopes = np.diff(sensitivity.normalised.response, axis=0) / np.diff(sensitivity.wavelengths)[:, None]
-        most = 1e-6 + (width / 2000) ** 2 * np.abs(slopes).max()
+        tolerance = 1e-6 + (width / 2000) ** 2 * np.abs(slopes).max()
         shares = probability(tables)[:, None] * tables.weights
-        assert shares == pytest.approx(heights.mean(axis=1)[kept] * width, abs=most), sensitivity
+        assert shares == pytest.approx(heights.mean(axis=1)[significant] * width, abs=tolerance), sensitivity
 
 
 @given(st.tuples(UNIT, UNIT, UNIT))
 def test_the_mean_is_what_channels_see_of_a_colour(rgb):
-    for sensitivity, tables, seen in COMPILED:
-        found = (probability(tables)[:, None] * tables.weights).T @ (tables.basis @ np.asarray(rgb))
+    for sensitivity, tables, expected in COMPILED:
+        mean = (probability(tables)[:, None] * tables.weights).T @ (tables.basis @ np.asarray(rgb))
         # See test_colours_come_back_through_linear_srgb, for each of three colours.
-        assert found == pytest.approx(seen @ np.asarray(rgb), abs=3e-4)
+        assert mean == pytest.approx(expected @ np.asarray(rgb), abs=3e-4)
         if sensitivity.response.min() >= 0:
-            assert (found >= min(rgb) - 1e-12).all() and (found <= max(rgb) + 1e-12).all()
+            assert (mean >= min(rgb) - 1e-12).all() and (mean <= max(rgb) + 1e-12).all()
 
 
 COMPILED = [(s, colour_tables(s), exact(s)) for s in (make() for make in PRESETS.values())]
@@ -277,8 +277,8 @@ def test_a_channel_of_lines_sees_the_channel_of_the_scene():
         assert tables.wavelengths.tolist() == list(lines) and tables.cdf[-1] == 1.0
         assert probability(tables) == pytest.approx(1 / 3) and (tables.basis == np.eye(3)).all()
         rgb = np.array([0.2, 0.5, 3.0])
-        found = (probability(tables)[:, None] * tables.weights).T @ (tables.basis @ rgb)
-        assert found == pytest.approx(rgb, rel=4 * EPS), lines
+        mean = (probability(tables)[:, None] * tables.weights).T @ (tables.basis @ rgb)
+        assert mean == pytest.approx(rgb, rel=4 * EPS), lines
     # A single line sees the spectrum.
     tables = colour_tables(Sensitivity.lines([632.8]))
     assert tables.weights.tolist() == [[1.0]] and (tables.basis == rgb_basis([632.8])).all()
@@ -294,9 +294,9 @@ def test_the_observer_follows_the_tables_of_the_cie():
 
 
 def test_camera_channels_peak_where_they_should():
-    made = sensitivities.colour_camera(peaks=(610.0, 540.0, 450.0), widths=(60.0, 100.0, 80.0))
-    assert made.wavelengths[made.response.argmax(axis=0)].tolist() == [610.0, 540.0, 450.0]
-    assert made.at([580.0, 490.0, 490.0])[[0, 1, 2], [0, 1, 2]] == pytest.approx(0.5, abs=1e-12)
+    camera = sensitivities.colour_camera(peaks=(610.0, 540.0, 450.0), widths=(60.0, 100.0, 80.0))
+    assert camera.wavelengths[camera.response.argmax(axis=0)].tolist() == [610.0, 540.0, 450.0]
+    assert camera.at([580.0, 490.0, 490.0])[[0, 1, 2], [0, 1, 2]] == pytest.approx(0.5, abs=1e-12)
 
 
 def test_cut_filters_transmit_half_at_their_limits():
@@ -318,14 +318,16 @@ def test_silicon_absorbs_less_red_than_blue():
 
 
 def test_a_figure_draws_each_channel():
-    for made in (PRESETS["colour_camera"](), PRESETS["silicon"](), Sensitivity.lines(LINES)):
-        ax = plot_sensitivity(made)
+    for sensitivity in (PRESETS["colour_camera"](), PRESETS["silicon"](), Sensitivity.lines(LINES)):
+        ax = plot_sensitivity(sensitivity)
         curves = [line for line in ax.lines if line.get_label().startswith("channel")]
-        assert len(curves) == made.channels and (ax.get_legend() is not None) == (made.channels == 3), made
+        assert len(curves) == sensitivity.channels and (ax.get_legend() is not None) == (sensitivity.channels == 3), (
+            sensitivity
+        )
         for channel, curve in enumerate(curves):
-            if made.response is None:
-                assert set(curve.get_xdata()) == {made.wavelengths[channel]}
+            if sensitivity.response is None:
+                assert set(curve.get_xdata()) == {sensitivity.wavelengths[channel]}
             else:
-                assert (curve.get_xdata() == made.wavelengths).all()
-                assert (curve.get_ydata() == made.normalised.response[:, channel]).all()
+                assert (curve.get_xdata() == sensitivity.wavelengths).all()
+                assert (curve.get_ydata() == sensitivity.normalised.response[:, channel]).all()
         plt.close(ax.figure)

@@ -8,7 +8,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.values import (
-    alike,
+    broadcast,
     choice,
     finite,
     frozen_array,
@@ -64,11 +64,11 @@ def test_equal_values_are_equal_and_hash_alike():
 
 def test_arrays_are_read_only_copies():
     corners = np.zeros((1, 2))
-    made = Plate(corners)
+    value = Plate(corners)
     corners[0, 0] = 7
-    assert made.corners[0, 0] == 0
+    assert value.corners[0, 0] == 0
     with pytest.raises(ValueError, match="read-only"):
-        made.corners[0, 0] = 1
+        value.corners[0, 0] = 1
     view = read_only(corners)
     assert corners.flags.writeable and not view.flags.writeable and np.shares_memory(corners, view)
 
@@ -112,15 +112,15 @@ def test_what_cannot_be_is_named():
         (lambda: whole(np.timedelta64(5, "s"), "rows", at_least=1), "rows is .*; it must be a whole number"),
         (lambda: length_in_mm(1e-300, "pitch"), "pitch is 1e-300 mm; it must be from 1e-15 to 1e\\+15 mm"),
         (lambda: positions([0, 1e38, 0], name="shift", shape=(3,)), "shift holds 1e\\+38 mm, which is not finite"),
-        (lambda: alike(x=[1, 2], y=[1, 2, 3]), r"the shapes of x \(2,\) and y \(3,\) do not fit"),
+        (lambda: broadcast(x=[1, 2], y=[1, 2, 3]), r"the shapes of x \(2,\) and y \(3,\) do not fit"),
     ]:
         with pytest.raises(InvalidValueError, match=sentence):
             check()
 
 
 def test_members_of_choices_are_numbered_without_a_gap():
-    found = [getattr(room, name) for room in (pl.optics, pl.sensor) for name in dir(room) if not name.startswith("_")]
-    kinds = [kind for kind in found if isinstance(kind, enum.EnumType) and issubclass(kind, enum.IntEnum)]
+    enums = [getattr(room, name) for room in (pl.optics, pl.sensor) for name in dir(room) if not name.startswith("_")]
+    kinds = [kind for kind in enums if isinstance(kind, enum.EnumType) and issubclass(kind, enum.IntEnum)]
     assert len(kinds) >= 12
     for kind in [*kinds, pl.LensModel, pl.RayStatus]:
         first, *_ = numbers = [int(member) for member in kind]

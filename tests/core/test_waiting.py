@@ -1,4 +1,4 @@
-"""What is shown while a call takes long, what Ctrl-C does meanwhile, and where nothing happens; threads."""
+"""Progress bars of long calls, Ctrl-C during compilation, and threads."""
 
 import os
 import re
@@ -10,12 +10,12 @@ import time
 
 import pytest
 
-from plenoptic.core.parallel import MOST_THREADS, GivenUp, check_wanted, run_in_order, thread_count
-from plenoptic.core.waiting import bar
-from plenoptic.core.waiting import compiling as module
-from plenoptic.core.waiting.bar import Waiting, Watch, waiting_here
-from plenoptic.core.waiting.compiling import ENDING, Compiling, compiling, compiling_text
-from plenoptic.core.waiting.deferring import interrupts_deferred
+from plenoptic.core.parallel import MAX_THREADS, Cancelled, check_cancelled, run_in_order, thread_count
+from plenoptic.core.progress import bar
+from plenoptic.core.progress import compiling as module
+from plenoptic.core.progress.bar import CallProgress, Poller, current_progress
+from plenoptic.core.progress.compiling import ENDING, Compiling, compiling, compiling_text
+from plenoptic.core.progress.deferring import defer_interrupts
 from plenoptic.errors import InvalidValueError
 
 
@@ -34,23 +34,23 @@ def quick(monkeypatch):
 
 
 def test_what_takes_long_shows_how_far_it_is_and_vanishes(capsys, quick):
-    with Waiting("waiting", kind="camera", show=True):
+    with CallProgress("waiting", kind="camera", show=True):
         list(run_in_order(time.sleep, [0.05] * 8, threads=1))
         for _ in range(20):  # short steps do not move the bar back
             list(run_in_order(time.sleep, [0.01, 0.0], threads=1))
-    shown = capsys.readouterr().err
-    *before, after = re.findall(r"(\d+)%", shown)
+    output = capsys.readouterr().err
+    *before, after = re.findall(r"(\d+)%", output)
     assert after == "100" and sorted(before, key=int) == before
-    assert "waiting: " in shown and "50%" in shown and shown.endswith("\r")
+    assert "waiting: " in output and "50%" in output and output.endswith("\r")
 
 
 def test_compiling_is_told_by_a_thread_of_its_own(capsys, quick):
     def work(seconds):
-        with compiling.noted("some_kernel"):
+        with compiling.track("some_kernel"):
             time.sleep(seconds)
 
     for threads in (1, 2):
-        with Waiting("waiting", kind="camera", show=True):
+        with CallProgress("waiting", kind="camera", show=True):
             list(run_in_order(work, [0.4], threads=threads))
         assert "compiling, first time for this kind of camera" in capsys.readouterr().err, threads
         assert compiling.since() is None, threads
@@ -58,26 +58,26 @@ def test_compiling_is_told_by_a_thread_of_its_own(capsys, quick):
 
 def test_nothing_is_shown_where_it_is_not_wanted(capsys, quick):
     def elsewhere():
-        with Waiting("elsewhere", kind="camera", show=True):
+        with CallProgress("elsewhere", kind="camera", show=True):
             list(run_in_order(time.sleep, [0.05] * 4, threads=1))
 
-    with Waiting("waiting", kind="camera", show=False):
+    with CallProgress("waiting", kind="camera", show=False):
         list(run_in_order(time.sleep, [0.05] * 4, threads=1))
-        with Waiting("inside", kind="camera", show=True):  # the outermost decides
+        with CallProgress("inside", kind="camera", show=True):  # the outermost decides
             list(run_in_order(time.sleep, [0.05] * 4, threads=1))
     thread = threading.Thread(target=elsewhere)
     thread.start()
     thread.join()
-    assert capsys.readouterr().err == "" and waiting_here() is None
+    assert capsys.readouterr().err == "" and current_progress() is None
 
 
 def test_what_is_quick_shows_nothing_and_starts_no_thread(capsys):
     before = threading.active_count()
-    with Waiting("waiting", kind="camera", show=True):
+    with CallProgress("waiting", kind="camera", show=True):
         assert list(run_in_order(abs, range(-3, 0), threads=2)) == [3, 2, 1]
-    with Watch(lambda: None):
+    with Poller(lambda: None):
         assert threading.active_count() == before
-        with compiling.noted(None):
+        with compiling.track(None):
             assert threading.active_count() == before + 1
     assert threading.active_count() == before and capsys.readouterr() == ("", "")
 
@@ -89,14 +89,14 @@ def test_what_is_left_is_told_by_the_bytes_of_code_and_the_pace(monkeypatch):
     assert one.seconds_left() is None
     one.left, one.workers = {"first": 10_000, "second": 20_000, "third": 10_000}, 2
     assert one.seconds_left() == pytest.approx(40_000 * 1.7e-4 / 2)
-    with one.noted("first"):
-        with one.noted("a device function"):
+    with one.track("first"):
+        with one.track("a device function"):
             pass
         now[0] += 5.1  # three times as slow as expected
     # Of 15 000 bytes, 5000 count as expected: (5000 p + 5.1) / 15000.
     pace = (5000 * 1.7e-4 + 5.1) / 15_000
     assert one.names == ["first"] and one.seconds_left() == pytest.approx(30_000 * pace / 2)
-    with one.noted("second"):
+    with one.track("second"):
         now[0] += 10_000 * pace
         assert one.seconds_left() == pytest.approx(20_000 * pace / 2)
         now[0] += 90_000 * pace  # far beyond what was expected: the others take longer, too
@@ -108,7 +108,7 @@ def test_the_text_is_as_exact_as_what_is_known(monkeypatch):
     monkeypatch.setattr(module.time, "perf_counter", lambda: now[0])
     monkeypatch.setattr(module, "compiling", one := Compiling())
     assert compiling_text("scene", after=1.0) == ""
-    with one.noted("kernel"):
+    with one.track("kernel"):
         assert compiling_text("scene", after=1.0) == ""
         now[0] += 2.0
         assert compiling_text("scene", after=1.0).endswith("kind of scene, a few seconds")
@@ -122,14 +122,14 @@ def test_the_text_is_as_exact_as_what_is_known(monkeypatch):
 
 
 def test_ctrl_c_while_compiling_is_obeyed_afterwards():
-    done, heard = False, []
-    with pytest.raises(KeyboardInterrupt), interrupts_deferred():
+    has_ended, heard = False, []
+    with pytest.raises(KeyboardInterrupt), defer_interrupts():
         signal.raise_signal(signal.SIGINT)
         assert compiling.interrupted
-        done = True
-    assert done and not compiling.interrupted and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        has_ended = True
+    assert has_ended and not compiling.interrupted and signal.getsignal(signal.SIGINT) is signal.default_int_handler
     signal.signal(signal.SIGINT, lambda *_: heard.append(1))
-    with interrupts_deferred():
+    with defer_interrupts():
         signal.raise_signal(signal.SIGINT)
         assert heard == [1]  # handlers of others hear it at once
 
@@ -143,8 +143,8 @@ def test_what_nobody_waits_for_gives_up():
         begun.set()
         while True:
             try:
-                check_wanted()
-            except GivenUp:
+                check_cancelled()
+            except Cancelled:
                 ended.append(task)
                 raise
             time.sleep(0.01)
@@ -153,9 +153,9 @@ def test_what_nobody_waits_for_gives_up():
     assert next(results)
     results.close()  # waits for the other one
     assert ended == [1]
-    with pytest.raises(GivenUp):
-        list(run_in_order(work, [1], threads=1, given_up=lambda: True))
-    check_wanted()  # nothing is given up here
+    with pytest.raises(Cancelled):
+        list(run_in_order(work, [1], threads=1, is_cancelled=lambda: True))
+    check_cancelled()  # nothing is given up here
 
 
 def test_numba_num_threads_is_the_most_that_is_taken_unasked(monkeypatch):
@@ -163,12 +163,12 @@ def test_numba_num_threads_is_the_most_that_is_taken_unasked(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
     assert thread_count(None) == 8
-    for given, taken in (("3", 3), ("64", 8), ("1", 1), ("many", 8), ("", 8), ("0", 1)):
-        monkeypatch.setenv("NUMBA_NUM_THREADS", given)
-        assert thread_count(None) == taken
+    for variable, threads in (("3", 3), ("64", 8), ("1", 1), ("many", 8), ("", 8), ("0", 1)):
+        monkeypatch.setenv("NUMBA_NUM_THREADS", variable)
+        assert thread_count(None) == threads
     assert thread_count(5) == 5
-    with pytest.raises(InvalidValueError, match=f"threads is {MOST_THREADS + 1}; it must be at most {MOST_THREADS}"):
-        thread_count(MOST_THREADS + 1)
+    with pytest.raises(InvalidValueError, match=f"threads is {MAX_THREADS + 1}; it must be at most {MAX_THREADS}"):
+        thread_count(MAX_THREADS + 1)
 
 
 def test_results_come_in_the_order_of_their_tasks():
@@ -182,7 +182,7 @@ def test_ctrl_c_in_a_cold_process_ends_it_soon(tmp_path, what):
     code = """
 import os, signal, sys, threading, time
 import plenoptic as pl
-from plenoptic.core.waiting.compiling import compiling
+from plenoptic.core.progress.compiling import compiling
 signal.signal(signal.SIGINT, signal.default_int_handler)
 camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)),
     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
@@ -191,7 +191,7 @@ scene, what = pl.check_scene(), sys.argv[1]
 after = {"render": "fill_cells", "ground_truth": "fill_cells", "project": "fill_traced"}[what]
 
 def interrupt():
-    while after not in (compiling._now or ("",)):
+    while after not in (compiling._current or ("",)):
         time.sleep(0.001)
     time.sleep(0.05)
     os.kill(os.getpid(), signal.SIGINT)
@@ -208,8 +208,8 @@ print(len(compiling.names))
 print(calls[what](2))
 """
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", code, what], capture_output=True, text=True, env=environment)
-    assert done.returncode == 0, done.stderr
-    said, compiled, later = done.stdout.split()
+    process = subprocess.run([sys.executable, "-c", code, what], capture_output=True, text=True, env=environment)
+    assert process.returncode == 0, process.stderr
+    said, compiled, later = process.stdout.split()
     assert said == ("True" if what == "render" else "KeyboardInterrupt")
     assert int(compiled) <= 6 and later == "False"

@@ -22,14 +22,14 @@ WRITERS = {"write_text", "write_bytes", "tofile", "savetxt", "savez", "touch", "
 
 
 def run(folder, times, ends, *kinds):
-    """That for each end and kind as many saves were met as were to be."""
+    """Check that for each end and kind as many saves were met as required."""
     command = [sys.executable, str(HARNESS), str(folder), str(times), ends, *kinds]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stderr
-    found = [line.split() for line in done.stdout.splitlines()]
-    assert len(found) == len(ends.split(",")) * (len(kinds) or 5)
-    for how, kind, met, tried in found:
-        assert int(met) == (times if how.startswith("SIG") else int(tried)) > 0, (how, kind)
+    process = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert process.returncode == 0, process.stderr
+    results = [line.split() for line in process.stdout.splitlines()]
+    assert len(results) == len(ends.split(",")) * (len(kinds) or 5)
+    for ending, kind, n_met, tried in results:
+        assert int(n_met) == (times if ending.startswith("SIG") else int(tried)) > 0, (ending, kind)
 
 
 @FORKS
@@ -59,7 +59,7 @@ def test_an_image_that_does_not_come_back_is_not_put_in_place(tmp_path, monkeypa
 
         with monkeypatch.context() as patch:
             patch.setattr(images, "check_room", damage)  # stands for a disk that was full for a while
-            with pytest.raises(pl.errors.FileError, match="cannot be written: what was written does not come back"):
+            with pytest.raises(pl.errors.FileError, match="cannot be written: the file does not hold the pixels"):
                 shot.save(path)
         assert path.read_bytes() == before and os.listdir(tmp_path) == [path.name], (ending, place)
         path.unlink()
@@ -88,7 +88,7 @@ def test_what_others_left_behind_goes_after_a_day(tmp_path):
 
 
 def test_all_that_is_written_goes_through_one_writer():
-    found = set()
+    writers = set()
     for path in ROOT.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call):
@@ -96,7 +96,7 @@ def test_all_that_is_written_goes_through_one_writer():
                 texts = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
                 modes = {text for text in texts if isinstance(text, str) and set(text) <= set("wxabrt+")}
                 if name in WRITERS or (name == "open" and any(set(mode) & set("wxa+") for mode in modes)):
-                    found.add(path.relative_to(ROOT).as_posix())
+                    writers.add(path.relative_to(ROOT).as_posix())
                 if name in ("savefig", "savez_compressed"):
                     assert isinstance(node.args[0], ast.Name) and node.args[0].id == "file", path
-    assert found == {"core/files/atomic_file.py", "core/files/record_log.py"}  # logs grow in place
+    assert writers == {"core/files/atomic_file.py", "core/files/record_log.py"}  # logs grow in place

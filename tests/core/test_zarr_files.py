@@ -31,7 +31,7 @@ VARIABLES = {
 
 
 def pixels(region, frame=0):
-    """What a worker computes of a region: it depends on the pixel's place alone."""
+    """Values of a region, which depend on the position of each pixel only."""
     rows, columns = np.arange(*region[:2])[:, None], np.arange(*region[2:])
     numbers = rows * 2000 + columns + 7 * frame
     return {"image": np.sqrt(numbers)[:, :, None] * [1.0, 0.5, 0.25], "object": numbers}
@@ -122,9 +122,9 @@ def test_what_does_not_fit_is_refused(whole):
         (first, {"object": [["a"]]}, None, "object is not an array of numbers"),
         (first, {}, 0, "frame is 0, and .* is no sequence"),
     ):
-        given = arrays or {"object": np.ones((region[1] - region[0], region[3] - region[2]))}
+        pixels_by_name = arrays or {"object": np.ones((region[1] - region[0], region[3] - region[2]))}
         with pytest.raises(pl.errors.InvalidValueError, match=sentence):
-            Store(whole).put(region, given, frame=frame)
+            Store(whole).put(region, pixels_by_name, frame=frame)
     with pytest.raises(pl.errors.InvalidValueError, match="is no sequence"):
         Store(whole).extend(4)
     assert content(whole) == before
@@ -237,8 +237,8 @@ def test_a_signal_while_it_is_saved_leaves_one_of_the_two(tmp_path):
             with pytest.raises(subprocess.TimeoutExpired):
                 child.wait(wait)
             child.send_signal(number)
-        found = pl.Exposure.load(path).image
-        assert any(np.array_equal(found, image) for image in noise), (number, wait)
+        loaded = pl.Exposure.load(path).image
+        assert any(np.array_equal(loaded, image) for image in noise), (number, wait)
         assert len(os.listdir(tmp_path)) <= 2
     pl.Exposure(noise[0]).save(path)
     assert os.listdir(tmp_path) == ["shot.zarr"]

@@ -19,7 +19,7 @@ import pytest
 from PIL import Image
 
 import plenoptic as pl
-from plenoptic.core.files.atomic_file import held_folder
+from plenoptic.core.files.atomic_file import claim_folder
 from plenoptic.dataset import tables, task, writing
 from plenoptic.errors import FileError, FileWarning, InvalidValueError
 from plenoptic.scene.geometry.instance import Instances
@@ -325,7 +325,7 @@ def test_tiles_of_frames_may_be_rendered_elsewhere(mended, tmp_path):
     client = fake_client.FakeClient(seed=2)
     mended(tmp_path / "set", client=client)
     client.close()
-    assert client.calls.count("carry_out") >= 2
+    assert client.calls.count("run_jobs") >= 2
 
 
 def test_another_data_set_is_not_mixed_with_it(single):
@@ -370,7 +370,7 @@ def test_folders_of_something_else_are_refused(tmp_path):
 
 @pytest.mark.skipif(os.name == "nt", reason="no locks")
 def test_one_program_at_a_time_writes(single):
-    with held_folder(single.path), pytest.raises(FileError, match="another program is writing to"):
+    with claim_folder(single.path), pytest.raises(FileError, match="another program is writing to"):
         pl.dataset.write(single.path, sequence(2), **HOW)
 
 

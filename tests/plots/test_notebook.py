@@ -139,7 +139,7 @@ def test_texts_are_escaped():
 def test_pyplot_stays_out_and_nothing_is_compiled(tmp_path):
     code = """
 import sys, plenoptic as pl
-from plenoptic.core.waiting.compiling import compiling
+from plenoptic.core.progress.compiling import compiling
 lens = pl.load_lens("double-gauss-100mm-f2")
 camera = pl.PlenopticCamera(lens, pl.Sensor((64, 64), 0.01), 123.3, pl.MicrolensArray(0.217, (2.0,)), 1.7)
 assert "data:image" in camera._repr_html_() and "data:image" in pl.Scene([pl.box(4)])._repr_html_()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.core.waiting.compiling import compiling
+from plenoptic.core.progress.compiling import compiling
 from plenoptic.rendering import Stage
 
 CAMERA = pl.camera.example_camera()

@@ -13,9 +13,9 @@ from plenoptic.optics.lens.analysis.focus import paraxial_focus
 from plenoptic.optics.lens.waves.wavefront import wavefront
 from plenoptic.wave.beam import beam_of
 from plenoptic.wave.field import plane_waves, through_array, to_sensor
-from plenoptic.wave.grid import DENSER, grid_for, lit_box
+from plenoptic.wave.grid import OVERSAMPLING, grid_for, lit_box
 from plenoptic.wave.microlenses import microlenses_around
-from plenoptic.wave.patterns import _added, _of_wavelength
+from plenoptic.wave.point_image import _add_images, _image_at
 
 SPHERICAL, FLAT = pl.optics.MicrolensModel.SPHERICAL, pl.optics.MicrolensModel.FLAT_HIGH_INDEX
 GLASS = pl.ConstantMedium(1.5)
@@ -89,13 +89,13 @@ def test_all_light_is_accounted_for():
         pl.MicrolensArray(pitch=0.1, focal_lengths=(1.0, 1.3, 1.6), model=SPHERICAL, aperture=clear),
     ):
         spread = pl.wave.point_spread(small_camera(array=array, count=400), ASIDE)
-        told = spread.samplings[0]
-        kept = (1 - told.beside) * (1 - told.stopped) * (1 - told.lost)
+        sampling = spread.samplings[0]
+        expected = (1 - sampling.beside) * (1 - sampling.stopped) * (1 - sampling.lost)
         # Slopes weigh light by cos^4 before and after microlenses: by at most twice the square of the largest slope.
-        assert spread.landed == pytest.approx(kept, abs=1e-4 if array.is_plate else 2 * 0.1**2), array
+        assert spread.landed == pytest.approx(expected, abs=1e-4 if array.is_plate else 2 * 0.1**2), array
         opaque = array.aperture is not None and array.aperture.gaps is gaps.OPAQUE
         # Over some 30 microlenses, of which those on the spot's rim are lit in part.
-        assert told.stopped == pytest.approx(1 - array.aperture.fill_factor if opaque else 0.0, abs=0.02), array
+        assert sampling.stopped == pytest.approx(1 - array.aperture.fill_factor if opaque else 0.0, abs=0.02), array
 
 
 def test_light_of_the_lens_is_that_of_rays():
@@ -175,8 +175,8 @@ def test_rays_are_the_limit_of_short_waves(lens, array):
     for wavelength in (600.0, 150.0):
         camera = small_camera(singlet(lens), square_array(**array), wavelength=wavelength)
         traced = pl.point_spread(camera, ASIDE, progress=False)
-        found = pl.wave.point_spread(camera, ASIDE)
-        far.append(off(found.whole(), traced.whole()))
+        spread = pl.wave.point_spread(camera, ASIDE)
+        far.append(off(spread.whole(), traced.whole()))
     # Diffraction reaches as far as the wavelength is long; a pixel takes 10 um of it.
     assert far[1] < 0.4 * far[0] and far[1] < 0.16
 
@@ -193,8 +193,8 @@ def test_light_goes_in_the_mean_where_rays_go():
         ),
     ):
         traced = pl.point_spread(camera, ASIDE, rays=1 << 16, progress=False)
-        found = pl.wave.point_spread(camera, ASIDE).whole()
-        centroid = np.tensordot(found, camera.sensor.centre_of(*np.indices(found.shape)), 2) / found.sum()
+        image = pl.wave.point_spread(camera, ASIDE).whole()
+        centroid = np.tensordot(image, camera.sensor.centre_of(*np.indices(image.shape)), 2) / image.sum()
         # Some 1 % of the light is diffracted beside what is looked at: its mean is known to half a spot, 0.3 mm.
         assert np.abs(centroid - traced.centroid).max() < 3e-3, camera.microlenses
 
@@ -217,7 +217,7 @@ def fields(camera, point):
     """Beam, grid, and the field behind the array and on the sensor, with the grid's carrier."""
     beam = beam_of(camera, np.array(point))
     lenses = microlenses_around(beam.record, *lit_box(beam))
-    grid = grid_for(beam, lenses, beam.record.array.parts.distance, DENSER)
+    grid = grid_for(beam, lenses, beam.record.array.parts.distance, OVERSAMPLING)
     waves = through_array(plane_waves(beam, grid).waves, beam, grid, lenses).waves
     behind = np.fft.ifft2(waves, norm="ortho").copy()
     to_sensor(waves, beam, grid)
@@ -242,11 +242,11 @@ def test_propagation_is_rayleighs_and_sommerfelds_sum():
     times, k = 4, 2 * math.pi / beam.wavelength
     x, y = (grid.first[axis] + grid.spacing[axis] / times * np.arange(times * grid.shape[axis]) for axis in (0, 1))
     field = denser_by(times, behind) * np.exp(1j * k * (grid.carrier[0] * x + grid.carrier[1] * y[:, None]))
-    rows, columns = (np.linspace(part.start + 2, part.stop - 3, 7).astype(int) for part in grid.seen[::-1])
+    rows, columns = (np.linspace(part.start + 2, part.stop - 3, 7).astype(int) for part in grid.valid[::-1])
     brightest = np.unravel_index(np.abs(arriving).argmax(), arriving.shape)
     for row, column in [brightest, *((i, j) for i in rows[2:5:2] for j in columns[2:5:2])]:
-        there = grid.first + grid.shift + grid.spacing * np.array([column, row])
-        r = np.sqrt(grid.distance**2 + (there[0] - x) ** 2 + ((there[1] - y) ** 2)[:, None])
+        position = grid.first + grid.shift + grid.spacing * np.array([column, row])
+        r = np.sqrt(grid.distance**2 + (position[0] - x) ** 2 + ((position[1] - y) ** 2)[:, None])
         kernel = grid.distance / r * (1 / r - 1j * k) * np.exp(1j * k * r) / r / (2 * math.pi)
         direct = abs((field * kernel).sum()) * grid.spacing.prod() / times**2
         assert abs(abs(arriving[row, column]) - direct) < 1e-3 * np.abs(arriving).max()
@@ -256,16 +256,16 @@ def test_the_field_on_the_array_is_huygens_sum():
     lens, point = singlet(pl.LensModel.EXACT, stop=3.0), np.array([1.0, 0.5, -100.0])
     sharp = pl.aberrations.wavefront(lens, z_object=-100.0, wavelength=550.0).z_image
     for z in (sharp, sharp + 0.4):
-        given = {"field": (1.0, 0.5), "z_object": -100.0, "z_image": z, "wavelength": 550.0}
-        waves = wavefront(lens, pupil=pl.aiming.square_grid(128), **given)
+        options = {"field": (1.0, 0.5), "z_object": -100.0, "z_image": z, "wavelength": 550.0}
+        waves = wavefront(lens, pupil=pl.aiming.square_grid(128), **options)
         beam = beam_of(bare_camera(z, 0.01, lens=lens, wavelength=550.0), point)
-        grid = grid_for(beam, None, 0.0, DENSER)
+        grid = grid_for(beam, None, 0.0, OVERSAMPLING)
         field = np.abs(np.fft.ifft2(plane_waves(beam, grid).waves, norm="ortho")) ** 2
-        x, y = (grid.places(axis, slice(0, n)) for axis, n in enumerate(grid.shape))
+        x, y = (grid.positions(axis, slice(0, n)) for axis, n in enumerate(grid.shape))
         rows, columns = (np.abs(part - middle) < 0.03 for part, middle in ((y, waves.image[1]), (x, waves.image[0])))
         near = field[np.ix_(rows, columns)]
-        there = np.stack(np.meshgrid(x[columns], y[rows]), axis=-1) - waves.image[:2]
-        summed = waves.point_spread(np.concatenate([there, np.zeros((*there.shape[:2], 1))], axis=-1))
+        offsets = np.stack(np.meshgrid(x[columns], y[rows]), axis=-1) - waves.image[:2]
+        summed = waves.point_spread(np.concatenate([offsets, np.zeros((*offsets.shape[:2], 1))], axis=-1))
         # Edges are known to a part of a step; with the defocus, that of the pupil is a place on its sphere.
         assert np.abs(near / near.max() - summed / summed.max()).max() < 1e-2, z
 
@@ -273,9 +273,9 @@ def test_the_field_on_the_array_is_huygens_sum():
 @pytest.mark.parametrize("array", [{}, pytest.param({"model": SPHERICAL}, marks=pytest.mark.slow)])
 def test_twice_as_dense_samples_agree_within_the_error(array):
     camera, point = small_camera(array=square_array(**array)), np.array(ASIDE)
-    found = pl.wave.point_spread(camera, point)
-    dense = _added(camera, point, np.array([587.6]), np.ones(1), [_of_wavelength(camera, point, 2 * DENSER)])
-    assert off(found.whole(), dense.whole()) < found.samplings[0].error
+    spread = pl.wave.point_spread(camera, point)
+    dense = _add_images(camera, point, np.array([587.6]), np.ones(1), [_image_at(camera, point, 2 * OVERSAMPLING)])
+    assert off(spread.whole(), dense.whole()) < spread.samplings[0].error
 
 
 def test_pixels_see_through_their_openings(aside):
@@ -348,11 +348,11 @@ def stack():
 
 def test_patterns_are_those_of_their_points(stack):
     for place in ((0, 0, 1), (1, 2, 1)):
-        alone = pl.wave.point_spread(stack.camera, stack.points[place])
+        single = pl.wave.point_spread(stack.camera, stack.points[place])
         (row, column), (rows, columns) = stack.corner, stack.images.shape[-2:]
-        there = alone.whole()[row : row + rows, column : column + columns]
-        assert np.abs(there - stack.images[place]).sum() < 1e-3 * there.sum()
-        assert stack.light[place] == pytest.approx(alone.light, rel=1e-6)
+        window = single.whole()[row : row + rows, column : column + columns]
+        assert np.abs(window - stack.images[place]).sum() < 1e-3 * window.sum()
+        assert stack.light[place] == pytest.approx(single.light, rel=1e-6)
 
 
 def test_places_follow_the_image(stack):
@@ -364,12 +364,12 @@ def test_places_follow_the_image(stack):
 
 def test_pyolaf_gets_patterns_around_the_point(stack, tmp_path):
     pl.export.pyolaf_patterns(tmp_path, stack)
-    found = np.load(tmp_path / "H.npy")
-    assert found.shape[:3] == (3, 3, 2) and found.dtype == np.float32
+    patterns = np.load(tmp_path / "H.npy")
+    assert patterns.shape[:3] == (3, 3, 2) and patterns.dtype == np.float32
     # Moved back by whole pixels, from -2 to 2.
     part = stack.camera.sensor.pixel_pitch**2 / stack.light[1, 0, 1]
-    assert np.allclose(found[0, 1, 1][2:], part * stack.images[1, 0, 1][:-2], rtol=1e-6)
-    assert np.all(found.sum(axis=(-2, -1)) <= 1.0)
+    assert np.allclose(patterns[0, 1, 1][2:], part * stack.images[1, 0, 1][:-2], rtol=1e-6)
+    assert np.all(patterns.sum(axis=(-2, -1)) <= 1.0)
     said = json.loads((tmp_path / "patterns.json").read_text())
     assert said["across"] == 3 and said["z_objects"] == [-62.0, -60.0]
     compile((tmp_path / "load_patterns.py").read_text(), "load_patterns.py", "exec")
@@ -377,17 +377,17 @@ def test_pyolaf_gets_patterns_around_the_point(stack, tmp_path):
 
 def test_napari_lf_gets_coordinates_of_all_light(stack, tmp_path):
     pl.export.napari_lf_patterns(tmp_path, stack)
-    found = np.load(tmp_path / "psf_db.npz")
-    first, last = 0, found["ends"][0]
-    assert found["places"][0].tolist() == [0, 0, 0] and len(found["places"]) == 18
-    u, v, s, t = found["coordinates"][first:last].T
+    database = np.load(tmp_path / "psf_db.npz")
+    first, last = 0, database["ends"][0]
+    assert database["places"][0].tolist() == [0, 0, 0] and len(database["places"]) == 18
+    u, v, s, t = database["coordinates"][first:last].T
     rows, columns = stack.images.shape[-2:]
-    made = np.zeros((rows, columns))
-    made[t * 5 + v + (rows - 5) // 2, s * 5 + u + (columns - 5) // 2] = found["coefficients"][first:last]
+    pattern = np.zeros((rows, columns))
+    pattern[t * 5 + v + (rows - 5) // 2, s * 5 + u + (columns - 5) // 2] = database["coefficients"][first:last]
     part = stack.camera.sensor.pixel_pitch**2 / stack.light[0, 0, 0]
     # Places (x, y) are columns, rows; what is below 1e-6 of the brightest is left out.
-    assert np.allclose(made, part * stack.images[0, 0, 0], atol=2e-6 * found["coefficients"].max())
-    assert found["z_coords"].tolist() == [-1000.0, 1000.0]
+    assert np.allclose(pattern, part * stack.images[0, 0, 0], atol=2e-6 * database["coefficients"].max())
+    assert database["z_coords"].tolist() == [-1000.0, 1000.0]
     compile((tmp_path / "load_patterns.py").read_text(), "load_patterns.py", "exec")
 
 

@@ -16,12 +16,12 @@ from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, choice, coordinate, result
-from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.listed import Lenslets
+from plenoptic.optics.microlens.lenslets import Lenslets
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -169,7 +169,7 @@ def microlens_centres(
             "walls end the image of each microlens at its cell, and centroids are not defined for them; take "
             "CentreMethod.CHIEF_RAY"
         )
-    with Waiting("finding centres", kind="camera", show=progress):
+    with CallProgress("finding centres", kind="camera", show=progress):
         return _centres(camera, array, method, white, margin)
 
 
@@ -185,7 +185,9 @@ def _centres(
     centres = axes.local(lenses.axis)
     straight = array.walls is Walls.OPAQUE or method is CentreMethod.ORTHOGONAL
     slopes = np.zeros_like(centres) if straight else chief_slopes(axes, centres)
-    position = axes.on_sensor(array.model.rules.displaced(array, centres, slopes, camera.wavelength, True), slopes)
+    position = axes.on_sensor(
+        array.model.rules.shift_chief_rays(array, centres, slopes, camera.wavelength, True), slopes
+    )
     if method is CentreMethod.CENTROID:
         if white is None:
             position = lit_centroids(axes, array, lenses, slopes)

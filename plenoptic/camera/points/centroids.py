@@ -15,8 +15,8 @@ from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
 from plenoptic.optics.microlens.aperture import has_clear_gaps
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice, polygon_area, polygon_moments
-from plenoptic.optics.microlens.listed import Lenslets
-from plenoptic.optics.microlens.record import outlines
+from plenoptic.optics.microlens.lenslets import Lenslets
+from plenoptic.optics.microlens.microlens_record import outlines
 
 FIELDS = 33
 """Fields along x and along y for which centroids are computed; others lie between them."""

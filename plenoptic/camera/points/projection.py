@@ -14,8 +14,8 @@ from plenoptic.camera.psf.histogram import centroids
 from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, result, whole
-from plenoptic.core.waiting.bar import Waiting
 
 if TYPE_CHECKING:
     from plenoptic.scene.cache import PreparedScene
@@ -159,7 +159,7 @@ def project(
     positions, _ = world_points(points)
     each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
-    with Waiting("projecting", kind="camera", show=progress):
+    with CallProgress("projecting", kind="camera", show=progress):
         tables = forward_record(camera)
         rows = rows_of(tables, in_lens_axes(tables, positions), each, workers)
         projection = _projection_of(tables, positions, rows)

@@ -12,10 +12,10 @@ from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
+from plenoptic.optics.element_record import IDEAL
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.record import IDEAL
 
 CLOSE = 1e-10
 """How far from its place, in mm, an aimed ray may pass, above what the digits of the coordinates allow."""

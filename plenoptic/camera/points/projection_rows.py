@@ -16,7 +16,7 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.listed import Lenslets, lenses_of
+from plenoptic.optics.microlens.lenslets import Lenslets, lenses_of
 
 REPLICATES = 32
 """Independent scramblings of the rays of a point; errors come from their spread."""

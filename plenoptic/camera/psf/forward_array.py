@@ -14,8 +14,8 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.forward_record import differs_forward, forward_record
 from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.microlens.model_rules import Crossing
-from plenoptic.optics.microlens.record import ArrayRecord, SensorPlane
+from plenoptic.optics.microlens.microlens_record import ArrayRecord, SensorPlane
+from plenoptic.optics.microlens.model_rules import ArrayCrossing
 
 _GENEROUS = 1.25
 """How much farther from the axis lenses are listed than thin lenses need it."""
@@ -89,4 +89,4 @@ def fill_through_array_forward(blocks: Floats, made: ForwardArray) -> None:
         z = 0.0
     to_sensor = made.microlenses.model.rules.to_sensor
     assert to_sensor is not None
-    to_sensor(blocks, Crossing(array, sensor, z), made.differs)
+    to_sensor(blocks, ArrayCrossing(array, sensor, z), made.differs)

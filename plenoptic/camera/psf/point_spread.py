@@ -20,8 +20,8 @@ from plenoptic.camera.psf.histogram import assembled, spots_of
 from plenoptic.camera.psf.sensor_hits import HIT, bending_record, in_lens_axes, landed, measuring_record, tasks_of
 from plenoptic.camera.psf.spread import CameraSpread, LandingPoints
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import MOST_POINTS, Floats, check_kind, frozen_array, seed_number, whole
-from plenoptic.core.waiting.bar import Waiting
+from plenoptic.core.progress.bar import CallProgress
+from plenoptic.core.values import MAX_POINTS, Floats, check_kind, frozen_array, seed_number, whole
 from plenoptic.errors import InvalidValueError
 
 
@@ -83,7 +83,7 @@ def point_spread(
     replicates = whole(replicates, "replicates", at_least=1)
     each = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
-    with Waiting("tracing points", kind="camera", show=progress):
+    with CallProgress("tracing points", kind="camera", show=progress):
         record = bending_record(camera)
         tasks = tasks_of(record, in_lens_axes(record, positions), replicates, each)
         spots = dict(spots_of(record, tasks, each, scrambling, workers))

@@ -26,7 +26,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entering_polygon, entrance
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.dust import BlemishSite
-from plenoptic.optics.microlens.record import ResponseRecord
+from plenoptic.optics.microlens.microlens_record import ResponseRecord
 
 BUNDLE = 1 << 13
 """Rays that go through the stages together."""

@@ -16,7 +16,7 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.lens.analysis.few_rays import few_reverse_rays
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
-from plenoptic.optics.microlens.listed import Lenslets
+from plenoptic.optics.microlens.lenslets import Lenslets
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

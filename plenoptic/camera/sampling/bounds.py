@@ -15,8 +15,8 @@ from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds, re
 from plenoptic.optics.lens.pupil.outline import polygon_around
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import largest_offset
-from plenoptic.optics.microlens.model_rules import Crossing
-from plenoptic.optics.microlens.record import SensorPlane, lone_lens
+from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens
+from plenoptic.optics.microlens.model_rules import ArrayCrossing
 
 _AIMS, _OFFSETS = 33, 49
 _SAFETY = 1.25
@@ -101,7 +101,7 @@ def aberration_margins(
     from plenoptic.core.kernels.ray_blocks import BLOCK
 
     rules = array.model.rules
-    lens = Crossing(lone_lens(array, power, wavelength), SensorPlane(distance, None), pupil_distance)
+    lens = ArrayCrossing(lone_lens(array, power, wavelength), SensorPlane(distance, None), pupil_distance)
     aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _AIMS)
     margin = aside = 0.0
     for _ in range(4):
@@ -115,7 +115,7 @@ def aberration_margins(
         rules.to_lens(blocks.reshape(-1), None, lens, None)
         x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            land_x, land_y = rules.landing(array, power, (dx, dy), ((dx - sx) / distance, dy / distance), (x, y))
+            land_x, land_y = rules.exit_points(array, power, (dx, dy), ((dx - sx) / distance, dy / distance), (x, y))
             t = -z / w
             real_x, real_y = x + t * u, y + t * v
             counts = (status == 0) & (np.hypot(land_x, land_y) <= array.cell_radius)

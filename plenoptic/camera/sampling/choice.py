@@ -14,7 +14,7 @@ from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.microlens.aperture import ApertureShape, Walls, has_clear_gaps
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.microlens.record import possible_powers
+from plenoptic.optics.microlens.microlens_record import possible_powers
 
 _MANY, _MANY_CERTAIN = 12.0, 48.0
 """Microlenses near a pixel on the axis beyond which bounds on the pupil must do: polygons that are cut for each path

@@ -12,7 +12,7 @@ from plenoptic.optics.lens.record import lens_record, shown_stop
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.polygon import PolygonStop, convex_hull
-from plenoptic.optics.stops.registry import Stop
+from plenoptic.optics.stops.stop_registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
 
 _SIDES, _POINTS, _ROUNDING = 32, 1 << 12, 1e-5

@@ -26,7 +26,7 @@ from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import MOVED
-from plenoptic.optics.microlens.record import MICROLENS
+from plenoptic.optics.microlens.microlens_record import MICROLENS
 
 _TOGETHER = 512
 """Candidates whose rays are traced together."""
@@ -79,7 +79,7 @@ def _cells(camera: CameraRecord) -> float:
     bend = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
     reach = float(pupil.reach.max()) + pupil.margin + bend * array.opening.radius
     search = (reach + ratio * camera.sensor.pitch) / (1.0 + ratio) + array.opening.radius
-    area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.listed
+    area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.lens_table
     if listed is not None:
         area = float(listed.bins.width**2 * (len(listed.bins.first) - 1) / max(len(listed.lenses), 1))
     return 1.0 + float(np.pi * search**2 / area)

@@ -18,7 +18,7 @@ from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.sampling.record import Batch, SpreadTable, batch_record
 from plenoptic.core.color.spectra import ColourTables
 from plenoptic.core.values import Floats
-from plenoptic.optics.diffraction.far_field import without
+from plenoptic.optics.diffraction.far_field import remove_cells
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -99,7 +99,7 @@ def spread_of(
 
 def _ends(bend: BendRecord, longest: float, cells: Floats) -> Floats:
     """(2, ...): how far bends lead, in pixels, of places (2, ...) in the table, in cells along x and y."""
-    periods = cells * bend.field.step - bend.field.inner
+    periods = cells * bend.field.step - bend.field.radius
     return np.asarray(np.tensordot(longest * (bend.back @ bend.field.scale), periods, axes=1))
 
 
@@ -109,7 +109,7 @@ def _short(bend: BendRecord, longest: float) -> tuple[NDArray[np.bool_], int]:
     ends = np.abs(_ends(bend, longest, np.stack(np.meshgrid(corners, corners)))).max(axis=0)
     ends = np.maximum(np.maximum(ends[1:, 1:], ends[:-1, :-1]), np.maximum(ends[1:, :-1], ends[:-1, 1:]))
     for reach in range(1, _REACH):
-        if without(bend.field, ends <= reach)[1] <= _DRAWN:
+        if remove_cells(bend.field, ends <= reach)[1] <= _DRAWN:
             return ends <= reach, reach
     return ends <= _REACH, _REACH
 

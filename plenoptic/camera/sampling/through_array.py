@@ -9,8 +9,8 @@ from plenoptic.camera.dust import BETWEEN, PlacedDust
 from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.kernels import to_lens
-from plenoptic.optics.microlens.model_rules import Crossing
-from plenoptic.optics.microlens.record import ResponseRecord, SensorPlane
+from plenoptic.optics.microlens.microlens_record import ResponseRecord, SensorPlane
+from plenoptic.optics.microlens.model_rules import ArrayCrossing
 
 
 def fill_dimmed_before_array(
@@ -21,9 +21,9 @@ def fill_dimmed_before_array(
         to_lens.fill_pixel_response(blocks, sensor, response)
     for placed in dust:
         if placed.site in BETWEEN:
-            from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims
+            from plenoptic.optics.microlens.kernels.dust_transmission import fill_aim_transmission
 
-            fill_dimmed_aims(blocks, sensor, placed.height, placed.axes, placed.record)
+            fill_aim_transmission(blocks, sensor, placed.height, placed.axes, placed.record)
 
 
 def fill_through_array(
@@ -40,6 +40,6 @@ def fill_through_array(
         return
     if array.walls is not None and own is not None:
         to_lens.fill_walls(blocks, own, array.cell, array.cells)
-    camera.microlenses.model.rules.to_lens(blocks, own, Crossing(array, sensor, z_plane), waves)
+    camera.microlenses.model.rules.to_lens(blocks, own, ArrayCrossing(array, sensor, z_plane), waves)
     if camera.frame is not None:
         to_lens.fill_in_lens_axes(blocks, camera.frame)

@@ -1,1 +1,1 @@
-"""Colour by wavelength and as codes of images."""
+"""Colour: spectra, sensor sensitivities, sRGB codes."""

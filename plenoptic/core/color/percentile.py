@@ -1,4 +1,4 @@
-"""A percentile near 100 of numbers that come in parts."""
+"""Percentile near 100 of numbers that arrive in batches."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ from numpy.typing import NDArray
 
 
 class HighPercentile:
-    """`np.percentile` of all numbers that were added, of which only the highest are stored."""
+    """`np.percentile` of all numbers added, with memory for the highest of them only."""
 
-    def __init__(self, percentile: float, *, most: int) -> None:
-        """`most`: numbers that may be added."""
-        self._share = percentile / 100.0
-        self._wanted = most - math.floor(self._place(most))
+    def __init__(self, percentile: float, *, max_count: int) -> None:
+        """`max_count`: upper limit of the count of numbers added."""
+        self._fraction = percentile / 100.0
+        self._n_highest = max_count - math.floor(self._rank(max_count))
         self._parts: list[NDArray[Any]] = []
-        self._least = -np.inf
-        """What is below is not among the highest."""
-        self.added = 0
+        self._lower_bound = -np.inf
+        """Numbers below are not among the highest."""
+        self.count = 0
 
-    def _place(self, count: int) -> float:
-        """Position of the percentile in the order of so many numbers, from 0."""
-        return max(count - 1, 0) * self._share
+    def _rank(self, count: int) -> float:
+        """Fractional rank of the percentile among `count` sorted numbers, from 0."""
+        return max(count - 1, 0) * self._fraction
 
     def add(self, numbers: NDArray[Any]) -> None:
-        """Numbers (n,), none of them nan."""
-        self.added += numbers.size
-        self._parts.append(numbers[numbers >= self._least])
-        if sum(part.size for part in self._parts) > 2 * self._wanted:
-            kept = np.concatenate(self._parts)
-            kept.partition(kept.size - self._wanted)
-            self._parts = [kept[-self._wanted :].copy()]
-            self._least = float(self._parts[0].min())
+        """Add numbers (n,), none of them nan."""
+        self.count += numbers.size
+        self._parts.append(numbers[numbers >= self._lower_bound])
+        if sum(part.size for part in self._parts) > 2 * self._n_highest:
+            highest = np.concatenate(self._parts)
+            highest.partition(highest.size - self._n_highest)
+            self._parts = [highest[-self._n_highest :].copy()]
+            self._lower_bound = float(self._parts[0].min())
 
-    def found(self) -> float:
+    def value(self) -> float:
         """The percentile; nan where there are no numbers."""
-        if not self.added:
+        if not self.count:
             return math.nan
-        kept, place = np.concatenate(self._parts), self._place(self.added)
-        # From the lower one of the two numbers between which it lies, of which the latter is absent at the very end.
-        above = self.added - 1 - math.floor(place)
-        places = [kept.size - 1 - above, kept.size - 1 - max(above - 1, 0)]
-        kept.partition(places)
-        return float(np.quantile(kept[places], place - math.floor(place)))
+        highest, rank = np.concatenate(self._parts), self._rank(self.count)
+        # Interpolate from the lower of the two neighbours of the rank; the upper one is absent at the very end.
+        n_above = self.count - 1 - math.floor(rank)
+        neighbours = [highest.size - 1 - n_above, highest.size - 1 - max(n_above - 1, 0)]
+        highest.partition(neighbours)
+        return float(np.quantile(highest[neighbours], rank - math.floor(rank)))

@@ -1,4 +1,4 @@
-"""Sensitivities that come with the package: colour matching functions, and models of sensors."""
+"""Bundled sensitivities: colour matching functions, and models of sensors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from plenoptic.errors import InvalidValueError
 __all__ = ["cie_1931", "colour_camera", "linear_srgb", "silicon"]
 
 _EDGE = 20.0
-"""nm over which a cut filter falls from 1 to 0."""
+"""Width in nm of the edges of a band-pass filter, over which its transmission falls from 1 to 0."""
 
 # Height, peak in nm, and inverse widths in 1/nm on its short and its long side, of each lobe of x, y and z.
 _LOBES = (
@@ -63,16 +63,16 @@ def cie_1931() -> Sensitivity:
     table = np.zeros((len(wavelengths), 3))
     for channel, lobes in enumerate(_LOBES):
         for height, peak, short, long in lobes:
-            away = (wavelengths - peak) * np.where(wavelengths < peak, short, long)
-            table[:, channel] += height * np.exp(-0.5 * away**2)
+            deviation = (wavelengths - peak) * np.where(wavelengths < peak, short, long)
+            table[:, channel] += height * np.exp(-0.5 * deviation**2)
     return Sensitivity(wavelengths, table)
 
 
 def linear_srgb() -> Sensitivity:
-    """Linear sRGB, whose white is adapted from daylight to equal energy: the colours of the scene, seen again.
+    """Linear sRGB, adapted from D65 to equal-energy white: a sensor that measures the scene's colours unchanged.
 
     A surface or lamp of colour rgb is measured as rgb, since `rgb_basis` is made for these sensitivities. Responses
-    are negative in part, so a renderer needs more samples than for a camera's; the red channel most.
+    are partly negative, those of the red channel most. A renderer therefore needs more samples than for a camera's.
 
     Returns
     -------
@@ -107,16 +107,16 @@ def colour_camera(
     widths: tuple[float, float, float] = (75.0, 90.0, 75.0),
     band: tuple[float, float] = (400.0, 700.0),
 ) -> Sensitivity:
-    """Model of a typical colour camera: three Gaussians of the wavelength behind a cut filter.
+    """Model of a typical colour camera: three Gaussians of the wavelength behind a band-pass filter.
 
     Parameters
     ----------
     peaks : (float, float, float)
-        Of red, green and blue in nm.
+        Wavelengths in nm of the maxima of red, green and blue.
     widths : (float, float, float)
         Full widths at half maximum in nm.
     band : (float, float)
-        Wavelengths in nm at which the cut filter transmits one half; it falls from 1 to 0 within 20 nm around them.
+        Wavelengths in nm at which the filter transmits one half; each of its edges is 20 nm wide.
 
     Returns
     -------
@@ -126,11 +126,11 @@ def colour_camera(
     Raises
     ------
     InvalidValueError
-        For numbers out of range.
+        If a number is out of range.
 
     Notes
     -----
-    A model and no particular camera. Peaks and widths are of the size found for the 28 cameras that were measured by
+    A generic model, not a particular camera. Peaks and widths are typical of the 28 cameras that were measured by
     J. Jiang et al., "What is the space of spectral sensitivity functions for digital color cameras?", WACV 2013, DOI
     10.1109/WACV.2013.6475015. Real curves are less regular, and overlap by leaks of their filters.
 
@@ -140,18 +140,18 @@ def colour_camera(
     >>> pl.sensitivities.colour_camera().wavelength_range
     (390.0, 710.0)
     """
-    wavelengths, transmitted = _cut_filter(band)
+    wavelengths, transmission = _band_pass(band)
     middle = frozen_array(peaks, name="peaks", shape=(3,))
     width = frozen_array(widths, name="widths", shape=(3,))
-    for each in range(3):
-        wavelength_in_nm(middle[each], "a peak")
-        positive(width[each], "a width", "nm")
-    away = (wavelengths[:, None] - middle) / width
-    return Sensitivity(wavelengths, transmitted[:, None] * np.exp(-4.0 * math.log(2.0) * away**2))
+    for channel in range(3):
+        wavelength_in_nm(middle[channel], "a peak")
+        positive(width[channel], "a width", "nm")
+    deviation = (wavelengths[:, None] - middle) / width
+    return Sensitivity(wavelengths, transmission[:, None] * np.exp(-4.0 * math.log(2.0) * deviation**2))
 
 
 def silicon(*, depth: float = 0.005, band: tuple[float, float] = (400.0, 700.0)) -> Sensitivity:
-    """Model of a monochrome sensor: absorption by a layer of silicon, behind a cut filter.
+    """Model of a monochrome sensor: absorption of a silicon layer behind a band-pass filter.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def silicon(*, depth: float = 0.005, band: tuple[float, float] = (400.0, 700.0))
     Notes
     -----
     The quantum efficiency is 1 - exp(-alpha depth) with alpha = 4 pi k / wavelength, and the response to energy is
-    that times the wavelength. Reflection and losses at the surface, which cost blue most, are left out. The
+    that times the wavelength. Reflection and losses at the surface, which affect blue most, are neglected. The
     extinction coefficient k is that of C. Schinke et al., AIP Advances 5, 067168 (2015), DOI 10.1063/1.4923379, as
     tabulated in the refractiveindex.info database (public domain, CC0), its logarithm linear between steps of 20 nm.
 
@@ -179,27 +179,27 @@ def silicon(*, depth: float = 0.005, band: tuple[float, float] = (400.0, 700.0))
     (390.0, 1010.0)
     """
     depth = length_in_mm(depth, "depth")
-    wavelengths, transmitted = _cut_filter(band)
+    wavelengths, transmission = _band_pass(band)
     tabulated = 360.0 + 20.0 * np.arange(len(_EXTINCTION))
     if wavelengths[0] < tabulated[0] or wavelengths[-1] > tabulated[-1]:
         raise InvalidValueError(
             f"band is {band[0]:g} to {band[1]:g} nm; it must lie within {tabulated[0] + 0.5 * _EDGE:g} to "
-            f"{tabulated[-1] - 0.5 * _EDGE:g} nm, where the absorption of silicon is known"
+            f"{tabulated[-1] - 0.5 * _EDGE:g} nm, where the absorption of silicon is tabulated"
         )
     extinction = np.exp(np.interp(wavelengths, tabulated, np.log(_EXTINCTION)))
-    absorbed = -np.expm1(-4.0 * np.pi * extinction / (wavelengths * 1e-6) * depth)
-    response = transmitted * absorbed * wavelengths
+    absorptance = -np.expm1(-4.0 * np.pi * extinction / (wavelengths * 1e-6) * depth)
+    response = transmission * absorptance * wavelengths
     return Sensitivity(wavelengths, response / response.max())
 
 
 def _tristimulus(xy: tuple[float, float]) -> Floats:
-    """X, Y and Z of a chromaticity, for Y = 1."""
+    """Tristimulus values X, Y and Z of a chromaticity, for Y = 1."""
     x, y = xy
     return np.array([x / y, 1.0, (1.0 - x - y) / y])
 
 
-def _cut_filter(band: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Wavelengths around a band, 5 nm apart at most, and the transmission of its filter there."""
+def _band_pass(band: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Wavelengths around a band, 5 nm apart at most, and the transmission of a band-pass filter."""
     low, high = (
         wavelength_in_nm(limit, "a limit of the band") for limit in frozen_array(band, name="band", shape=(2,))
     )
@@ -207,5 +207,5 @@ def _cut_filter(band: tuple[float, float]) -> tuple[Floats, Floats]:
         raise InvalidValueError(f"band is {low:g} to {high:g} nm; it must ascend and be at least {_EDGE:g} nm wide")
     steps = math.ceil((high - low + _EDGE) / 5.0)
     wavelengths = np.linspace(low - 0.5 * _EDGE, high + 0.5 * _EDGE, steps + 1)
-    transmitted = np.minimum(wavelengths - low, high - wavelengths) / _EDGE + 0.5
-    return wavelengths, np.clip(transmitted, 0.0, 1.0)
+    transmission = np.minimum(wavelengths - low, high - wavelengths) / _EDGE + 0.5
+    return wavelengths, np.clip(transmission, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Colour by wavelength: sensitivity of a sensor, and colours of the scene."""
+"""Spectral sensitivities of sensors, and spectra of the scene's RGB colours."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from plenoptic.core.values import (
 from plenoptic.errors import InvalidValueError
 
 _SMALLEST_INTEGRAL = 1e-9
-"""Of a channel, against the integral of its magnitude: below, it is rounding that would be scaled up to white."""
+"""Smallest valid integral of a response over the integral of its magnitude; smaller ones are rounding errors."""
 
-_UNSEEN = 1e-7
-"""Part of the response that bins may have, all together, which are left out: no float32 image can tell."""
+_NEGLIGIBLE_RESPONSE = 1e-7
+"""Fraction of the response that all omitted bins may have together, below the resolution of a float32 image."""
 
 
 @value
 class Sensitivity:
-    """Spectral sensitivity of a sensor's channels: a response for each wavelength, or one wavelength for each channel.
+    """Spectral sensitivity of the channels of a sensor: a response curve, or one wavelength, for each channel.
 
     A response is the value of a channel for spectral radiance (energy, not photons, per nm): a quantum efficiency
     times the wavelength. Its unit is free: a camera scales every channel so that a spectrum of constant radiance 1
     gives 1, as `normalised` does. Gains of the channels belong to the sensor's electronics. Responses may be negative,
     as those of colour matching functions are.
 
-    Without `response` each channel is a line: channel c is traced at wavelengths[c] and sees channel c of the scene's
-    colours, as they are. A single line sees colours as `rgb_to_spectrum` makes them.
+    Without `response` each channel is a line: channel c is traced at wavelengths[c] and measures channel c of the
+    scene's colours unchanged. A single line measures the spectra of `rgb_to_spectrum`.
 
     Parameters
     ----------
     wavelengths : (n,) array
-        Vacuum wavelengths in nm, ascending; of lines (1 or 3) in the order of the channels.
+        Vacuum wavelengths in nm, ascending. Lines (1 or 3) are in the order of the channels.
     response : (n, C) array, optional
         Response of the C channels (1, or 3: red, green, blue), linear between the wavelengths and 0 beyond them; (n,)
         is one channel. None: lines.
@@ -52,7 +52,7 @@ class Sensitivity:
     Raises
     ------
     InvalidValueError
-        Where shapes do not fit, a number is not finite, wavelengths do not ascend, or the integral of a channel is
+        If shapes do not fit, a number is not finite, wavelengths do not ascend, or the integral of a channel is
         not above 0.
 
     Examples
@@ -81,8 +81,8 @@ class Sensitivity:
             if n not in (1, 3):
                 raise InvalidValueError(f"{n} wavelengths are given without a response; lines have 1 or 3 channels")
             return
-        given = np.asarray(self.response, dtype=object)
-        table = frozen_array(given[:, None] if given.ndim == 1 else given, name="response", shape=(n, "C"))
+        raw = np.asarray(self.response, dtype=object)
+        table = frozen_array(raw[:, None] if raw.ndim == 1 else raw, name="response", shape=(n, "C"))
         if table.shape[1] not in (1, 3):
             raise InvalidValueError(f"response has {table.shape[1]} channels; it must have 1 or 3, one in each column")
         if n < 2 or not (np.diff(self.wavelengths) > 0).all():
@@ -90,11 +90,11 @@ class Sensitivity:
         if not np.isfinite(table).all():
             raise InvalidValueError("response holds a number that is not finite; give 0 where a channel sees nothing")
         set_field(self, "response", table)
-        whole, magnitude = _integral(self.wavelengths, table), _integral(self.wavelengths, np.abs(table))
-        for channel in np.flatnonzero(~(whole > _SMALLEST_INTEGRAL * magnitude)):
+        integral, magnitude = _integral(self.wavelengths, table), _integral(self.wavelengths, np.abs(table))
+        for channel in np.flatnonzero(~(integral > _SMALLEST_INTEGRAL * magnitude)):
             raise InvalidValueError(
-                f"the response of channel {channel} has the integral {whole[channel]:g}; it must be above 0, so that "
-                "the channel can be scaled to see a constant spectrum as 1"
+                f"the response of channel {channel} has the integral {integral[channel]:g}; it must be above 0, so "
+                "that the channel can be scaled to see a constant spectrum as 1"
             )
 
     @staticmethod
@@ -104,30 +104,30 @@ class Sensitivity:
 
     @property
     def channels(self) -> int:
-        """1 or 3."""
+        """Number of channels, 1 or 3."""
         return len(self.wavelengths) if self.response is None else self.response.shape[1]
 
     @property
     def wavelength_range(self) -> tuple[float, float]:
-        """Shortest and longest wavelength, nm, between which any channel sees anything."""
+        """Shortest and longest wavelength in nm of non-zero response."""
         if self.response is None:
             return float(self.wavelengths.min()), float(self.wavelengths.max())
-        seen = np.flatnonzero(self.response.any(axis=1))
+        nonzero = np.flatnonzero(self.response.any(axis=1))
         last = len(self.wavelengths) - 1
-        return float(self.wavelengths[max(seen[0] - 1, 0)]), float(self.wavelengths[min(seen[-1] + 1, last)])
+        return float(self.wavelengths[max(nonzero[0] - 1, 0)]), float(self.wavelengths[min(nonzero[-1] + 1, last)])
 
     @property
     def normalised(self) -> Sensitivity:
-        """The same with channels whose integrals over the wavelength are 1, in 1/nm; lines as they are."""
+        """Sensitivity with channels of integral 1 over the wavelength, in 1/nm; lines stay unchanged."""
         if self.response is None:
             return self
         return Sensitivity(self.wavelengths, self.response / _integral(self.wavelengths, self.response))
 
     def at(self, wavelengths: ArrayLike) -> Floats:
-        """The response (m, C) at wavelengths (m,) in nm; an InvalidValueError for lines, whose response is infinite."""
+        """Response (m, C) at wavelengths (m,) in nm; InvalidValueError for lines, whose response is infinite."""
         if self.response is None:
             raise InvalidValueError("the channels are lines, which have no response to tabulate; see `wavelengths`")
-        return _interpolated(_as_wavelengths(wavelengths), self.wavelengths, self.response, beyond=0.0)
+        return _interpolate(_as_wavelengths(wavelengths), self.wavelengths, self.response, outside=0.0)
 
 
 def rgb_basis(wavelengths: ArrayLike) -> Floats:
@@ -150,8 +150,8 @@ def rgb_basis(wavelengths: ArrayLike) -> Floats:
     Notes
     -----
     Spectral primary decomposition: I. Mallett, C. Yuksel, Eurographics Symposium on Rendering (2019), DOI
-    10.2312/sr.20191216. Theirs is for the white of daylight, D65; here the scene's light is the colour of a lamp
-    as given, and white is constant.
+    10.2312/sr.20191216. Their white is daylight, D65. Here the colour of a lamp is relative to equal-energy white, of
+    constant spectrum.
 
     Examples
     --------
@@ -161,11 +161,11 @@ def rgb_basis(wavelengths: ArrayLike) -> Floats:
            [0.  , 1.  , 0.  ],
            [0.96, 0.04, 0.  ]])
     """
-    return _interpolated(_as_wavelengths(wavelengths), basis_table.WAVELENGTHS, basis_table.PARTS, beyond=None) * 1e-6
+    return _interpolate(_as_wavelengths(wavelengths), basis_table.WAVELENGTHS, basis_table.PARTS, outside=None) * 1e-6
 
 
 def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> Floats:
-    """Spectra of colours, rgb . `rgb_basis`: smooth, and no more than 1 where no channel is more than 1.
+    """Smooth spectra of RGB colours, rgb . `rgb_basis`; at most 1 if no channel exceeds 1.
 
     Parameters
     ----------
@@ -177,12 +177,12 @@ def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> Floats:
     Returns
     -------
     (..., n) array
-        Reflectance, or radiance per nm relative to that of a constant spectrum which is white of radiance 1.
+        Reflectance, or radiance per nm relative to the constant spectrum of white of radiance 1.
 
     Raises
     ------
     InvalidValueError
-        If `rgb` has no last axis of 3 finite numbers, or `wavelengths` are none.
+        If `rgb` has no last axis of 3 finite numbers, or a wavelength is invalid.
 
     Examples
     --------
@@ -199,77 +199,77 @@ def rgb_to_spectrum(rgb: ArrayLike, wavelengths: ArrayLike) -> Floats:
 
 
 class ColourTables(NamedTuple):
-    """Wavelengths to sample for a sensitivity, and the weights of each; all read-only.
+    """A sensitivity as a distribution of wavelengths to sample, and the weight of each sample; all read-only.
 
-    With wavelength w drawn from `cdf`, channel c measures weights[w, c] (basis[w] . rgb) of a colour rgb of the
-    scene; the mean over w is the sensor's response to it.
+    With wavelength w sampled from `cdf`, channel c measures weights[w, c] (basis[w] . rgb) of a colour rgb of the
+    scene; the expectation over w is the measured value.
     """
 
     wavelengths: Floats
-    """(W,) in nm."""
+    """(W,) vacuum wavelengths in nm."""
     cdf: Floats
-    """(W,) probability of this wavelength and those before; rises, and ends at exactly 1."""
+    """(W,) cumulative probability; ascends to exactly 1."""
     weights: Floats
-    """(W, C) share of a channel's response over the probability."""
+    """(W, C) integral of a channel's response over a bin, divided by the bin's probability."""
     basis: Floats
-    """(W, 3) what of the scene's red, green and blue is seen."""
+    """(W, 3) spectral value at each wavelength of the scene's red, green and blue."""
 
 
 def colour_tables(sensitivity: Sensitivity, *, step: float = 1.0) -> ColourTables:
-    """Wavelengths for a renderer to sample, in proportion to the sensitivity of all channels together.
+    """Wavelengths to sample in proportion to the total response of all channels.
 
     The range is cut into bins of equal width, `step` nm at most; the error of a smooth spectrum falls with its square.
-    A bin's wavelength is its middle, its share of channel c the integral of the normalised response over it, s[w, c],
+    A bin's wavelength is its middle, its weight in channel c the integral of the normalised response over it, s[w, c],
     and its probability p[w] = sum_c |s[w, c]| / S with S the sum over all bins. The weights s / p are at most S in
-    magnitude (C where no response is negative), and exactly 1 for a single channel without negative response. Shares
-    add up to 1 for each channel: a constant spectrum of radiance 1 has the mean 1. Bins that hardly any channel sees
-    are left out. Lines are drawn as often as each other.
+    magnitude (C if no response is negative), and exactly 1 for a single channel without negative response. The s[w, c]
+    of each channel add up to 1: a constant spectrum of radiance 1 has the mean 1. Bins of negligible response are
+    omitted. Lines are equally probable.
     """
     check_kind(sensitivity, "sensitivity", Sensitivity, "sensitivities.colour_camera()")
     if sensitivity.response is None:
-        wavelengths, shares = sensitivity.wavelengths, np.eye(sensitivity.channels)
-        basis = shares if sensitivity.channels == 3 else rgb_basis(wavelengths)
+        wavelengths, integrals = sensitivity.wavelengths, np.eye(sensitivity.channels)
+        basis = integrals if sensitivity.channels == 3 else rgb_basis(wavelengths)
     else:
-        wavelengths, shares = _binned(sensitivity, positive(step, "step", "nm"))
+        wavelengths, integrals = _bin_integrals(sensitivity, positive(step, "step", "nm"))
         basis = rgb_basis(wavelengths)
-    drawn = np.abs(shares).sum(axis=1)
-    cdf = np.cumsum(drawn)
+    magnitudes = np.abs(integrals).sum(axis=1)
+    cdf = np.cumsum(magnitudes)
     cdf /= cdf[-1]
-    # The probability is what the rounded cdf makes of it, so that no rounding biases the mean.
-    weights = shares / np.diff(cdf, prepend=0.0)[:, None]
+    # Differences of the rounded cdf are the true probabilities, so that rounding does not bias the mean.
+    weights = integrals / np.diff(cdf, prepend=0.0)[:, None]
     return ColourTables(*(read_only(np.ascontiguousarray(part)) for part in (wavelengths, cdf, weights, basis)))
 
 
-def _binned(sensitivity: Sensitivity, step: float) -> tuple[Floats, Floats]:
-    """Middles of bins, and the integrals over them of the response: exact, since it is piecewise linear."""
+def _bin_integrals(sensitivity: Sensitivity, step: float) -> tuple[Floats, Floats]:
+    """Middles of bins, and the exact integrals of the piecewise linear response over them."""
     low, high = sensitivity.wavelength_range
     count = max(1, math.ceil((high - low) / step - 1e-9))
     edges = np.linspace(low, high, count + 1)
     inside = (sensitivity.wavelengths > low) & (sensitivity.wavelengths < high)
     points = np.union1d(edges, sensitivity.wavelengths[inside])
-    height = sensitivity.at(points)
-    pieces = (height[1:] + height[:-1]) * (0.5 * np.diff(points))[:, None]
-    shares = np.zeros((count, sensitivity.channels))
-    np.add.at(shares, np.searchsorted(edges, points[:-1], side="right") - 1, pieces)
-    shares /= shares.sum(axis=0)
-    magnitude = np.abs(shares).sum(axis=1)
-    kept = magnitude > _UNSEEN / count * magnitude.sum()
+    heights = sensitivity.at(points)
+    pieces = (heights[1:] + heights[:-1]) * (0.5 * np.diff(points))[:, None]
+    integrals = np.zeros((count, sensitivity.channels))
+    np.add.at(integrals, np.searchsorted(edges, points[:-1], side="right") - 1, pieces)
+    integrals /= integrals.sum(axis=0)
+    magnitude = np.abs(integrals).sum(axis=1)
+    significant = magnitude > _NEGLIGIBLE_RESPONSE / count * magnitude.sum()
     middles = 0.5 * (edges[1:] + edges[:-1])
-    return middles[kept], shares[kept] / shares[kept].sum(axis=0)
+    return middles[significant], integrals[significant] / integrals[significant].sum(axis=0)
 
 
 def _as_wavelengths(wavelengths: ArrayLike) -> Floats:
-    given = frozen_array(wavelengths, name="wavelengths", shape=("n",))
-    for wavelength in given.tolist():
+    array = frozen_array(wavelengths, name="wavelengths", shape=("n",))
+    for wavelength in array.tolist():
         wavelength_in_nm(wavelength)
-    return given
+    return array
 
 
-def _interpolated(x: Floats, nodes: Floats, table: Floats, *, beyond: float | None) -> Floats:
-    columns = [np.interp(x, nodes, column, left=beyond, right=beyond) for column in table.T]
+def _interpolate(x: Floats, nodes: Floats, table: Floats, *, outside: float | None) -> Floats:
+    columns = [np.interp(x, nodes, column, left=outside, right=outside) for column in table.T]
     return np.stack(columns, axis=-1)
 
 
 def _integral(x: Floats, table: Floats) -> Floats:
-    """Over x, of the columns of a table that is linear between its rows."""
+    """Integrals over x of the columns of a table that is linear between its rows."""
     return np.asarray(0.5 * np.diff(x) @ (table[1:] + table[:-1]))

@@ -1,4 +1,4 @@
-"""Encoding of images: sRGB and linear values."""
+"""Encoding of the integer codes of an image: sRGB or linear."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Encoding(enum.IntEnum):
     """
 
     SRGB = 0
-    """Colours, as screens show them (IEC 61966-2-1); linear where the file says so."""
+    """Colours encoded for displays (IEC 61966-2-1); linear if the file says so."""
     LINEAR = 1
-    """Proportional to what they stand for: normals, roughness, opacity and other data."""
+    """Proportional to the quantity: normals, roughness, opacity and other data."""
 
 
 def srgb_to_linear(encoded: ArrayLike) -> AnyFloats:
@@ -61,7 +61,7 @@ def srgb_to_linear(encoded: ArrayLike) -> AnyFloats:
 
 
 def linear_to_srgb(linear: ArrayLike) -> AnyFloats:
-    """Encode linear values in 0..1 as sRGB values in 0..1: the inverse of `srgb_to_linear`, see there.
+    """Encode linear values in 0..1 as sRGB values in 0..1: the inverse of `srgb_to_linear`.
 
     Examples
     --------
@@ -73,8 +73,8 @@ def linear_to_srgb(linear: ArrayLike) -> AnyFloats:
 
 
 def _odd(values: ArrayLike, curve: Callable[[Any], Any]) -> AnyFloats:
-    """A curve for values from 0, continued as an odd function; of integers in float64."""
+    """A curve for values from 0, continued as an odd function; integers become float64."""
     array = plain_array(values, "values")
-    given = array if array.dtype.kind == "f" else array.astype(np.float64)
-    signed: AnyFloats = np.copysign(curve(np.abs(given)), given)
+    floats = array if array.dtype.kind == "f" else array.astype(np.float64)
+    signed: AnyFloats = np.copysign(curve(np.abs(floats)), floats)
     return signed

@@ -1,1 +1,1 @@
-"""Engines that run the jobs of a render: threads of this process, or workers of a cluster."""
+"""Engines, which run jobs: threads of this process, or workers of a dask cluster."""

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def cluster_of(client: Any, threads: int | None) -> DaskCluster | None:
-    """The workers of a client that was given to a call; None: threads of this process are to do it."""
+    """The workers of a client passed to a call; None: threads of this process run the jobs."""
     if client is None:
         return None
     if threads is not None:

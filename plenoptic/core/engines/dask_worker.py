@@ -1,4 +1,4 @@
-"""Functions that run in the workers of dask, which pickle by their names, and their values for the next task."""
+"""Code that dask's workers run: functions that pickle by name, and their caches of shared state."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from plenoptic.core.numba.jit import processor
 from plenoptic.errors import InvalidValueError
 
 Make = Callable[[Any, int], Callable[[Any], Any]]
-"""Makes of a job what carries out its orders; it may compile with so many processes meanwhile."""
+"""Makes of the content of a shared state, with that many processes for compilation, the function that runs a job."""
 PROCESSOR = "processor"
 _PACKAGES = ("numpy", "numba", "llvmlite", "embreex")
-"""On whose versions bits depend."""
-_MOST_MADE = 2
-"""Jobs of which what was made is kept: scenes and trees."""
+"""Packages whose versions determine the bits of images."""
+_MAX_CACHED = 2
+"""Shared states, with their scenes and trees, that a worker keeps."""
 
 
-class Job(NamedTuple):
-    """Values that all orders of a job share, as a worker gets them."""
+class SharedState(NamedTuple):
+    """Content that all jobs have in common, as a worker receives it."""
 
     content: bytes
-    """How to make what carries out orders, and of what, pickled: whatever a worker makes of it is then of its own."""
+    """Pickled pair of a `Make` and its argument; each worker makes its own function of it."""
     key: str
-    """The same for the same content."""
-    surroundings: dict[str, str]
-    """Where the client runs."""
+    """Digest of the content."""
+    environment: dict[str, str]
+    """Environment of the client."""
 
 
-class Reply(NamedTuple):
-    """Results of a task."""
+class TaskResult(NamedTuple):
+    """Results of the jobs of a task."""
 
     results: list[Any]
     seconds: list[float]
-    """For each result."""
+    """Wall time of each job."""
     cpu_seconds: float
     processor: str
 
@@ -56,59 +56,59 @@ def sources_hash() -> str:
     return digest.hexdigest()[:20]
 
 
-def surroundings() -> dict[str, str]:
-    """Versions that must be the same here as at the client, and the kind of processor."""
-    found = {"plenoptic": __version__, "kernels": sources_hash()}
+def environment() -> dict[str, str]:
+    """Versions that must agree between client and workers, and the kind of processor."""
+    versions = {"plenoptic": __version__, "kernels": sources_hash()}
     for name in _PACKAGES:
         try:
-            found[name] = importlib.metadata.version(name)
+            versions[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            found[name] = "none"
-    return {**found, PROCESSOR: processor()}
+            versions[name] = "none"
+    return {**versions, PROCESSOR: processor()}
 
 
-def check_same(theirs: Mapping[str, str], ours: Mapping[str, str], whose: str) -> None:
-    """An InvalidValueError where a worker would render other bits than the client."""
-    found = [
-        f"other {name}" if name == "kernels" else f"{name} {theirs.get(name, 'none')}, not {one}"
-        for name, one in ours.items()
-        if name != PROCESSOR and theirs.get(name) != one
+def check_environment(theirs: Mapping[str, str], ours: Mapping[str, str], whose: str) -> None:
+    """Raise InvalidValueError if a worker would render other bits than the client."""
+    differences = [
+        f"other {name}" if name == "kernels" else f"{name} {theirs.get(name, 'none')}, not {version}"
+        for name, version in ours.items()
+        if name != PROCESSOR and theirs.get(name) != version
     ]
-    if found:
+    if differences:
         raise InvalidValueError(
-            f"client has {whose} with {', '.join(found)}; install there what is installed here, or leave it out"
+            f"client has {whose} with {', '.join(differences)}; install the same versions there, or leave it out"
         )
 
 
-_made: OrderedDict[str, Callable[[Any], Any]] = OrderedDict()
-_making = threading.Lock()
+_run_functions: OrderedDict[str, Callable[[Any], Any]] = OrderedDict()
+_lock = threading.Lock()
 
 
-def prepare(job: Job, threads: int = 1) -> Callable[[Any], Any]:
-    """Function for the orders of a job, made once in each worker; other threads of it wait meanwhile."""
-    with _making:
-        if job.key not in _made:
-            check_same(surroundings(), job.surroundings, "a worker")
-            while len(_made) >= _MOST_MADE:
-                _made.popitem(last=False)
-            make, given = pickle.loads(job.content)
-            _made[job.key] = make(given, threads)
-        _made.move_to_end(job.key)
-        return _made[job.key]
+def prepare(state: SharedState, threads: int = 1) -> Callable[[Any], Any]:
+    """The function that runs jobs with a shared state, made once in each worker; other threads of it wait."""
+    with _lock:
+        if state.key not in _run_functions:
+            check_environment(environment(), state.environment, "a worker")
+            while len(_run_functions) >= _MAX_CACHED:
+                _run_functions.popitem(last=False)
+            make, content = pickle.loads(state.content)
+            _run_functions[state.key] = make(content, threads)
+        _run_functions.move_to_end(state.key)
+        return _run_functions[state.key]
 
 
-def prepared(job: Job, threads: int) -> str:
-    """Prepare a job; the kind of processor that it is for."""
-    prepare(job, threads)
+def prepare_worker(state: SharedState, threads: int) -> str:
+    """Prepare a shared state, and return the kind of processor of this worker."""
+    prepare(state, threads)
     return processor()
 
 
-def carry_out(job: Job, orders: bytes) -> Reply:
-    """Some orders of a job, pickled, one after the other."""
+def run_jobs(state: SharedState, jobs: bytes) -> TaskResult:
+    """Run pickled jobs one after the other."""
     begin = time.thread_time()
-    work, results, seconds = prepare(job), [], []
-    for order in pickle.loads(orders):
-        before = time.perf_counter()
-        results.append(work(order))
-        seconds.append(time.perf_counter() - before)
-    return Reply(results, seconds, time.thread_time() - begin, processor())
+    run, results, seconds = prepare(state), [], []
+    for job in pickle.loads(jobs):
+        job_begin = time.perf_counter()
+        results.append(run(job))
+        seconds.append(time.perf_counter() - job_begin)
+    return TaskResult(results, seconds, time.thread_time() - begin, processor())

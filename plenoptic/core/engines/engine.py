@@ -1,4 +1,4 @@
-"""Protocol between the code that divides work into orders and engines that run them; each engine is a file here."""
+"""Protocol between code that divides work into jobs and engines that run them; other engines are files beside this."""
 
 from __future__ import annotations
 
@@ -9,61 +9,65 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from plenoptic.core.parallel import run_in_order
 
 
-class Order(Protocol):
-    """Unit of work: a value that pickles, with its size for engines."""
+class Job(Protocol):
+    """A unit of work: a picklable value with its estimated cost."""
 
     @property
     def size(self) -> float:
-        """In any unit of work: orders of twice the size take about twice as long."""
+        """Amount of work in any unit: a job of twice the size takes about twice as long."""
 
     @property
     def nbytes(self) -> int:
-        """Approximate number of bytes that it needs or returns."""
+        """Approximate bytes of its input or output."""
 
 
-OrderT = TypeVar("OrderT", bound=Order)
+JobT = TypeVar("JobT", bound=Job)
 ResultT = TypeVar("ResultT")
-GivenUp = Callable[[], bool]
+IsCancelled = Callable[[], bool]
 
 
-class Done(NamedTuple, Generic[OrderT, ResultT]):
-    """An order that has been carried out."""
+class JobResult(NamedTuple, Generic[JobT, ResultT]):
+    """A finished job."""
 
-    order: OrderT
+    job: JobT
     result: ResultT
     seconds: float
-    """How long it took."""
-    elsewhere: float
-    """Seconds of processors that it took in other processes than this one."""
+    """Wall time."""
+    remote_cpu_seconds: float
+    """CPU time in other processes than this one."""
 
 
-class Engine(Protocol[OrderT, ResultT]):
-    """Engine that runs orders, pure functions of their members, and returns their results in any order."""
+class Engine(Protocol[JobT, ResultT]):
+    """Runs jobs, which are pure functions of their content, and returns results in any order."""
 
     @property
     def threads(self) -> int:
-        """Orders that are carried out at a time."""
+        """Number of jobs that run at a time."""
 
-    def results(self, orders: Iterable[OrderT], *, left: int, given_up: GivenUp) -> Iterator[Done[OrderT, ResultT]]:
-        """Carry out at most `left` orders. Few are drawn before their results are taken, however many there are.
+    def results(
+        self, jobs: Iterable[JobT], *, n_jobs: int, is_cancelled: IsCancelled
+    ) -> Iterator[JobResult[JobT, ResultT]]:
+        """Run at most `n_jobs` jobs. Few are drawn from the iterable before their results are taken.
 
-        Where the iterator is closed or `given_up` says so, those that have not begun never begin.
+        Once the iterator is closed or `is_cancelled` returns True, no further job begins.
         """
 
 
-class ThreadEngine(Generic[OrderT, ResultT]):
-    """The threads of this process; results come in the order of the orders."""
+class ThreadEngine(Generic[JobT, ResultT]):
+    """Engine on the threads of this process; results are in the order of the jobs."""
 
-    def __init__(self, function: Callable[[OrderT, GivenUp], ResultT], threads: int, *, ahead: int = 4) -> None:
-        """`function` is told with an order whether its result is no longer wanted; `ahead`: see `run_in_order`."""
+    def __init__(self, function: Callable[[JobT, IsCancelled], ResultT], threads: int, *, ahead: int = 4) -> None:
+        """`function` runs a job and may poll whether it is cancelled; `ahead`: see `run_in_order`."""
         self._function, self._ahead, self.threads = function, ahead, threads
 
-    def results(self, orders: Iterable[OrderT], *, left: int, given_up: GivenUp) -> Iterator[Done[OrderT, ResultT]]:
+    def results(
+        self, jobs: Iterable[JobT], *, n_jobs: int, is_cancelled: IsCancelled
+    ) -> Iterator[JobResult[JobT, ResultT]]:
         """See `Engine`."""
 
-        def work(order: OrderT) -> Done[OrderT, ResultT]:
+        def run(job: JobT) -> JobResult[JobT, ResultT]:
             begin = time.perf_counter()
-            result = self._function(order, given_up)
-            return Done(order, result, time.perf_counter() - begin, 0.0)
+            result = self._function(job, is_cancelled)
+            return JobResult(job, result, time.perf_counter() - begin, 0.0)
 
-        return run_in_order(work, orders, threads=min(self.threads, left), ahead=self._ahead, given_up=given_up)
+        return run_in_order(run, jobs, threads=min(self.threads, n_jobs), ahead=self._ahead, is_cancelled=is_cancelled)

@@ -1,1 +1,1 @@
-"""Files of all rooms: images, values as text, and how files are replaced."""
+"""Files shared by all rooms: images, values as text, atomic replacement of files."""

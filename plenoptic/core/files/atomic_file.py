@@ -1,9 +1,9 @@
-"""Atomic writing of files, in place of those before: temporary files, their locks, errors in words.
+"""Atomic writing of files: temporary files, their locks, and readable errors.
 
-Until the new file is complete and on the disk it is a temporary one in the same folder, ``.<digits>-<digits>.part``; a
-folder that is replaced is ``.<digits>-<digits>.old`` until it is gone. Whoever writes one holds a lock on it, which
-ends with its process, however that ends; a file without a lock has been left behind, and goes when the same file
-is written again, or after a day when any other one in the folder is.
+A new file is written to a temporary one in the same folder, ``.<digits>-<digits>.part``, until it is complete and on
+the disk. A folder that is replaced is ``.<digits>-<digits>.old`` until it is removed. The writer holds a lock on its
+temporary file, which ends with the process. An unlocked temporary file is left over: it is removed when the same target
+is written again, or after a day when another file of the folder is written.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from plenoptic.errors import FileError, PlenopticError
 
 try:
     import fcntl
-except ImportError:  # Windows, where what has been left behind stays
+except ImportError:  # Windows, where temporary files left over by dead processes stay
     fcntl = None  # type: ignore[assignment]
 
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EBADF)
-"""What file systems say that cannot flush a folder; the file itself is on the disk then."""
+"""Error codes of file systems that cannot flush a folder; the file itself is on the disk then."""
 _TEMPORARY = re.compile(r"\.[0-9a-f]{16}-[0-9a-f]{16}\.(part|old)")
-_FORGOTTEN = 86400.0
-"""Seconds after which a temporary file of another target goes too. Locks may not reach other machines."""
+_MAX_AGE = 86400.0
+"""Seconds after which a left-over temporary file of another target is removed. Locks may not reach other machines."""
 _ROOM = 1 << 16
-"""Bytes that must still fit: more than the buffers of libraries that write."""
+"""Bytes that must still fit on the disk: more than the buffers of libraries that write."""
 
 
 @contextmanager
-def replaced(path: str | os.PathLike[str], *, check: Callable[[], None] = lambda: None) -> Iterator[BinaryIO]:
-    """A new file that takes the place of the one at `path` if the block ends well; else nothing changes.
+def replace_file(path: str | os.PathLike[str], *, check: Callable[[], None] = lambda: None) -> Iterator[BinaryIO]:
+    """Context manager of a new file that replaces the one at `path` if the block succeeds; otherwise nothing changes.
 
-    It has the rights of the one before, and links to that stay links. `check` raises an error where the new file must
-    not replace the present one; it is called before anything is written and once more at the end.
+    It keeps the permissions of the old file, and links to that stay links. `check` raises an error if the target must
+    not be replaced; it is called before anything is written and once more at the end.
     """
     target = real_path(path)
     check_replaceable(target)
     check()
-    with explained(target, "written"):
-        _remove_left_behind(target)
+    with translate_errors(target, "written"):
+        _remove_left_over(target)
         with _temporary(target) as (temporary, file):
             yield file
             file.flush()
@@ -63,29 +63,29 @@ def replaced(path: str | os.PathLike[str], *, check: Callable[[], None] = lambda
 
 
 def write_file(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file as a whole, or an error and all stays as it was."""
-    with replaced(path) as file:
+    """Write a whole file; after an error the old one is unchanged."""
+    with replace_file(path) as file:
         file.write(content)
 
 
 def write_json(path: str | os.PathLike[str], content: Any) -> None:
-    """A JSON file; floats keep every bit, and must be finite."""
+    """Write a JSON file; floats keep every bit, and must be finite."""
     write_file(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("ascii"))
 
 
 @contextmanager
-def replaced_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A new folder that takes the place of the one at `path`, if there is one, if the block ends well."""
+def replace_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Context manager of a new folder that replaces the one at `path`, if any, if the block succeeds."""
     target = file_path(path)
     check_folder(target)
-    new, old = (target.with_name(f"{_beginning(target)}{secrets.token_hex(8)}.{kind}") for kind in ("part", "old"))
-    with explained(target, "written"):
-        _remove_left_behind(target)
+    new, old = (target.with_name(f"{_prefix(target)}{secrets.token_hex(8)}.{kind}") for kind in ("part", "old"))
+    with translate_errors(target, "written"):
+        _remove_left_over(target)
         new.mkdir()
         try:
-            with ExitStack() as held:
-                with suppress(OSError):  # there are file systems without locks: what is left behind stays
-                    held.enter_context(locked_folder(new))
+            with ExitStack() as stack:
+                with suppress(OSError):  # a file system without locks: left-over folders stay
+                    stack.enter_context(lock_folder(new))
                 yield new
                 sync_files(new)
                 if target.exists():
@@ -98,7 +98,7 @@ def replaced_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def check_room(file: BinaryIO) -> None:
-    """An error where the disk is full: libraries that write by name may lose the end of a file and say nothing."""
+    """Raise an error if the disk is full: libraries that write by name may silently lose the end of a file."""
     size = file.seek(0, os.SEEK_END)
     file.write(bytes(_ROOM))
     file.flush()
@@ -106,25 +106,25 @@ def check_room(file: BinaryIO) -> None:
 
 
 def utf8_path(path: str | os.PathLike[str]) -> Path:
-    """A path, or an error where it is not UTF-8, which libraries and terminals ask for."""
-    given = file_path(path)
+    """A path, or an error if it is not UTF-8, which libraries and terminals require."""
+    checked = file_path(path)
     try:
-        str(given).encode("utf-8")
+        str(checked).encode("utf-8")
     except UnicodeEncodeError:
-        raise FileError(f"{str(given)!a} is not UTF-8; rename the file or folder") from None
-    return given
+        raise FileError(f"{str(checked)!a} is not UTF-8; rename the file or folder") from None
+    return checked
 
 
 def real_path(path: str | os.PathLike[str]) -> Path:
     """Path of the file itself: links to it stay links."""
-    given = file_path(path)
-    with explained(given, "used"):
-        return Path(os.path.realpath(given))
+    checked = file_path(path)
+    with translate_errors(checked, "used"):
+        return Path(os.path.realpath(checked))
 
 
-def is_there(target: Path) -> bool:
-    """True if there is a file; an error for anything else."""
-    with explained(target, "read"):
+def file_exists(target: Path) -> bool:
+    """True if there is a file; an error if the path is something else."""
+    with translate_errors(target, "read"):
         try:
             mode = os.stat(target).st_mode
         except FileNotFoundError:
@@ -136,20 +136,20 @@ def is_there(target: Path) -> bool:
     return True
 
 
-def holds_nothing(folder: Path) -> bool:
-    """True if a folder is empty, or has temporary files only: of a process that writes its first one, or was killed."""
+def is_empty_folder(folder: Path) -> bool:
+    """True if a folder is empty but for temporary files, of a process that writes its first file or was killed."""
     return all(_TEMPORARY.fullmatch(name) for name in os.listdir(folder))
 
 
 def check_replaceable(target: Path) -> None:
-    """An error where no file could be put at `target`."""
-    if is_there(target) and not os.access(target, os.W_OK):
+    """Raise an error if no file can be put at `target`."""
+    if file_exists(target) and not os.access(target, os.W_OK):
         raise FileError(f"{str(target)!r} is write-protected; choose another name, or change its rights")
     check_folder(target)
 
 
 def check_folder(target: Path) -> None:
-    """An error where no file could be put in the folder of `target`."""
+    """Raise an error if no file can be put in the folder of `target`."""
     if not target.parent.is_dir():
         raise FileError(f"the folder {str(target.parent)!r} does not exist; make it first")
     if not os.access(target.parent, os.W_OK | os.X_OK):
@@ -157,8 +157,8 @@ def check_folder(target: Path) -> None:
 
 
 @contextmanager
-def explained(target: Path, what: str) -> Iterator[None]:
-    """Errors of the system in this package's words."""
+def translate_errors(target: Path, what: str) -> Iterator[None]:
+    """Context manager that turns errors of the system into FileError."""
     try:
         yield
     except PlenopticError:
@@ -173,8 +173,8 @@ def explained(target: Path, what: str) -> Iterator[None]:
         ) from error
 
 
-def _beginning(target: Path) -> str:
-    """Prefix of the names of temporary files for this target; short, whatever its own name."""
+def _prefix(target: Path) -> str:
+    """Prefix of the names of temporary files for this target, of constant length."""
     return f".{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"
 
 
@@ -182,15 +182,15 @@ def _beginning(target: Path) -> str:
 def _temporary(target: Path) -> Iterator[tuple[Path, BinaryIO]]:
     """A new file beside the target, locked, and removed in the end unless it has been renamed."""
     while True:
-        path = target.with_name(f"{_beginning(target)}{secrets.token_hex(8)}.part")
+        path = target.with_name(f"{_prefix(target)}{secrets.token_hex(8)}.part")
         try:
             with open(path, "xb") as file:
                 if fcntl is not None:
-                    with suppress(OSError):  # there are file systems without locks: what is left behind stays
+                    with suppress(OSError):  # a file system without locks: left-over files stay
                         fcntl.flock(file, fcntl.LOCK_EX)
                 with suppress(OSError):  # there may be no file before
                     path.chmod(stat.S_IMODE(target.stat().st_mode))
-                # Before it was locked, another process may have taken it for left behind.
+                # Before it was locked, another process may have removed it as left over.
                 if path.exists():
                     yield path, file
                     return
@@ -199,34 +199,34 @@ def _temporary(target: Path) -> Iterator[tuple[Path, BinaryIO]]:
                 path.unlink()
 
 
-def _remove_left_behind(target: Path) -> None:
+def _remove_left_over(target: Path) -> None:
     """Remove temporary files of processes that have ended while they wrote them."""
     if fcntl is None:
         return
-    ours, forgotten = _beginning(target), time.time() - _FORGOTTEN
+    ours, oldest = _prefix(target), time.time() - _MAX_AGE
     with suppress(PermissionError):  # a folder that may be written but not read
-        for found in filter(_TEMPORARY.fullmatch, os.listdir(target.parent)):
-            path = target.with_name(found)
-            with suppress(OSError), locked_folder(path) if path.is_dir() else _locked_file(path):
-                if found.endswith("old"):  # a folder that has been replaced, or was to be when its process ended
-                    wanted = not (found.startswith(ours) and target.exists())
+        for name in filter(_TEMPORARY.fullmatch, os.listdir(target.parent)):
+            path = target.with_name(name)
+            with suppress(OSError), lock_folder(path) if path.is_dir() else _lock_file(path):
+                if name.endswith("old"):  # a folder that has been replaced, or was to be when its process ended
+                    is_needed = not (name.startswith(ours) and target.exists())
                 else:
-                    wanted = not found.startswith(ours) and path.stat().st_mtime >= forgotten
-                if not wanted:
+                    is_needed = not name.startswith(ours) and path.stat().st_mtime >= oldest
+                if not is_needed:
                     shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 @contextmanager
-def _locked_file(path: Path) -> Iterator[None]:
-    """Hold the lock on a file; an OSError while the process that writes it lives."""
+def _lock_file(path: Path) -> Iterator[None]:
+    """Context manager that locks a file; OSError while the process that writes it lives."""
     with open(path, "r+b") as file:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield
 
 
 @contextmanager
-def locked_folder(path: Path) -> Iterator[None]:
-    """The same for a folder, which is opened otherwise; nothing where there are no locks."""
+def lock_folder(path: Path) -> Iterator[None]:
+    """Context manager that locks a folder; OSError while another process holds the lock. No-op without locks."""
     descriptor = None if fcntl is None else os.open(path, os.O_RDONLY)
     try:
         if descriptor is not None:
@@ -238,7 +238,7 @@ def locked_folder(path: Path) -> Iterator[None]:
 
 
 def sync_files(folder: Path) -> None:
-    """Put all files of a folder on the disk: libraries that write them may not."""
+    """Flush all files of a folder to the disk: libraries that write them may not."""
     for path in folder.rglob("*"):
         if path.is_file():
             with open(path, "r+b") as file:
@@ -246,11 +246,11 @@ def sync_files(folder: Path) -> None:
 
 
 @contextmanager
-def held_folder(folder: Path) -> Iterator[None]:
-    """Hold a folder to which one program writes at a time; an error where another one holds it."""
-    with ExitStack() as held:
+def claim_folder(folder: Path) -> Iterator[None]:
+    """Context manager of a folder to which one program writes at a time; FileError if another one does."""
+    with ExitStack() as stack:
         try:
-            held.enter_context(locked_folder(folder))
+            stack.enter_context(lock_folder(folder))
         except BlockingIOError:
             raise FileError(f"another program is writing to {str(folder)!r}; wait until it ends") from None
         except OSError:
@@ -259,7 +259,7 @@ def held_folder(folder: Path) -> Iterator[None]:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Put the new name on the disk as well."""
+    """Flush the entry of a new name to the disk as well."""
     if os.name == "nt":  # folders cannot be opened there
         return
     try:

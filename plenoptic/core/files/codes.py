@@ -1,4 +1,4 @@
-"""Linear images as whole numbers of 8 or 16 bits."""
+"""Quantisation of linear images to codes of 8 or 16 bits."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from numpy.typing import NDArray
 from plenoptic.core.color.percentile import HighPercentile
 from plenoptic.core.color.srgb import linear_to_srgb
 
-SHOWN = 99.9
-"""Percentile of an image above which pictures to be looked at are cut, so that a highlight does not darken the rest."""
+DISPLAY_PERCENTILE = 99.9
+"""Percentile of an image that is white on displays, so that a highlight does not darken the rest of the image."""
 _PART = 1 << 18
-"""Numbers at a time: large images take no memory beside."""
+"""Numbers that are processed at a time, to bound the memory."""
 
 
 def brightest(image: NDArray[np.floating[Any]]) -> float:
-    """Value of the largest code where nothing is clipped: the finite maximum, or 1 where it is 0."""
+    """Value of the largest code if nothing is clipped: the finite maximum, or 1 if that is 0."""
     return float(np.max(image, initial=0.0, where=np.isfinite(image))) or 1.0
 
 
 def white_point(image: NDArray[np.floating[Any]]) -> float:
-    """Value of white in pictures for display: the percentile, the maximum, or 1, whichever is first above 0."""
-    level, numbers = HighPercentile(SHOWN, most=image.size), image.reshape(-1)
+    """Value that is white on displays: the percentile, the maximum, or 1, whichever is first above 0."""
+    percentile, numbers = HighPercentile(DISPLAY_PERCENTILE, max_count=image.size), image.reshape(-1)
     for start in range(0, image.size, _PART):
         part = numbers[start : start + _PART]
-        level.add(part[np.isfinite(part)])
-    return (level.found() if level.added else 0.0) or brightest(image)
+        percentile.add(part[np.isfinite(part)])
+    return (percentile.value() if percentile.count else 0.0) or brightest(image)
 
 
 def block_means(values: NDArray[Any], block: int) -> NDArray[Any]:
-    """Means over blocks of so many pixels along each side, without the rest at the end; nan where one is nan.
+    """Means over blocks of `block` x `block` pixels; incomplete blocks at the end are dropped, nan propagates.
 
-    Shape (rows, columns, ...); where a side is shorter than a block, it is one.
+    Shape (rows, columns, ...); a side shorter than a block is one block.
     """
     if block == 1:
         return values
@@ -44,7 +44,7 @@ def block_means(values: NDArray[Any], block: int) -> NDArray[Any]:
 
 
 def codes(image: NDArray[np.floating[Any]], *, scale: float, encoded: bool, bits: int = 16) -> NDArray[Any]:
-    """Image over `scale`, encoded as sRGB or linear: nan and negative values become 0, values above 1 are clipped."""
+    """Codes of image / scale, encoded as sRGB or linear: nan and negative values give 0, values above 1 are clipped."""
     relative = np.clip(np.nan_to_num(image.astype(np.float64), posinf=np.inf, neginf=0.0) / scale, 0.0, 1.0)
-    shown = linear_to_srgb(relative) if encoded else relative
-    return np.asarray(np.rint(shown * (2**bits - 1)), dtype=np.uint16 if bits == 16 else np.uint8)
+    values = linear_to_srgb(relative) if encoded else relative
+    return np.asarray(np.rint(values * (2**bits - 1)), dtype=np.uint16 if bits == 16 else np.uint8)

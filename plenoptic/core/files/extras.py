@@ -1,4 +1,4 @@
-"""Packages that some kinds of files need and that are not installed with this one: imported on use."""
+"""Optional packages that some file formats need, imported on use."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from plenoptic.errors import PlenopticError
 
 
 class MissingPackageError(PlenopticError, ImportError):
-    """Error for an optional package that is not installed."""
+    """An optional package is not installed."""
 
 
 def extra_package(name: str, what: str, install: str) -> ModuleType:
-    """The module of this name, or an error that says how to install it: "this file needs the package h5py"."""
+    """Import an optional module, or raise an error that says how to install it: "this file needs the package h5py"."""
     try:
         return importlib.import_module(name)
     except ImportError:

@@ -1,8 +1,8 @@
 """Reading and writing images: the only module that knows OpenImageIO, which it loads on first use.
 
-Images are `(rows, columns, channels)` float32 arrays, linear, row 0 at the top. The content of a file is
-converted on the way in: integers of 8 or 16 bits are taken as sRGB-encoded unless the caller or the file
-says that they are linear; floating-point files (EXR, HDR) are taken as they are.
+Images are `(rows, columns, channels)` float32 arrays, linear, row 0 at the top. Files are converted on reading:
+integers of 8 or 16 bits are taken as sRGB-encoded unless the caller or the file says that they are linear.
+Floating-point files (EXR, HDR) are taken as linear.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.files.atomic_file import check_room, explained, replaced, utf8_path
-from plenoptic.core.files.picture_channels import ImageHead, each_channel, made_linear, picture_names, picture_of
-from plenoptic.core.files.reading import DEFAULT, FileLimits, allowed_memory, check_file, check_memory, check_scans
+from plenoptic.core.files.atomic_file import check_room, replace_file, translate_errors, utf8_path
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, check_memory, check_scans
+from plenoptic.core.files.picture_channels import ImageHeader, each_channel, linearize, picture_names, picture_of
 from plenoptic.core.values import AnyFloats, choice, whole
 from plenoptic.errors import FileError, InvalidValueError
 
@@ -29,19 +29,19 @@ COLOR_SPACE = "oiio:ColorSpace"  # the metadata key under which OpenImageIO keep
 LINEAR = "Linear"
 SRGB = "sRGB"
 
-_LONGEST_DESCRIPTION = 65535  # OpenImageIO cuts a TIFF text off beyond this many characters
+_MAX_DESCRIPTION = 65535  # OpenImageIO truncates longer TIFF texts
 
 _ROWS = 64
 """Rows of an image that are compared at a time."""
 
 _Content: TypeAlias = tuple[NDArray[np.float32], list[str], dict[str, Any], bool]
-"""Channels, metadata, and whether the file has whole numbers."""
+"""Channels, their names, metadata, and True for a file of integers."""
 
 _LIMIT = "limits:imagesize_MB"
 _OPENING = threading.Lock()
 
 ALPHA = 3
-"""The number of the channel that says how opaque a pixel is."""
+"""Number of the opacity channel."""
 
 
 def read_linear(
@@ -62,12 +62,12 @@ def read_linear(
         Encoding of integers: SRGB decodes them unless the file's metadata says that they are linear, LINEAR
         never does. A gamma other than these two is decoded as sRGB.
     channel : int, optional
-        One channel alone: 0, 1, 2 for red, green, blue (of a grey image, its grey), 3 for alpha, which is
-        never sRGB and 1 where the file has none. By default all but alpha.
+        A single channel: 0, 1, 2 for red, green, blue (of a grey image, its grey), 3 for alpha, which is
+        never sRGB and 1 if the file has none. By default all but alpha.
     max_pixels : int, optional
         An image of more pixels is refused before they are read.
     limits : FileLimits
-        The size of the file, and of the image.
+        Limits of the size of the file, and of the image.
 
     Returns
     -------
@@ -77,9 +77,9 @@ def read_linear(
     Raises
     ------
     FileError
-        Where the file is missing, damaged, no image, too large, or holds neither grey nor RGB.
+        If the file is missing, damaged, no image, too large, or holds neither grey nor RGB.
     InvalidValueError
-        Where there is no such encoding or channel.
+        If there is no such encoding or channel.
 
     Examples
     --------
@@ -97,11 +97,11 @@ def read_linear(
     image = picture_of(pixels, names, path)
     if channel is not None and image.shape[2] > 1:
         image = np.ascontiguousarray(image[:, :, channel : channel + 1])
-    return made_linear(image) if encoding is Encoding.SRGB and _is_encoded(content) else image
+    return linearize(image) if encoding is Encoding.SRGB and _is_encoded(content) else image
 
 
 def channel_number(channel: int | None) -> int | None:
-    """`channel`, or an error where it is not None and no channel of an image."""
+    """`channel`, or an error if it is not None and no channel of an image."""
     if channel is None or whole(channel, "channel", at_least=0) <= ALPHA:
         return channel
     raise InvalidValueError(f"channel is {channel}; it must be 0, 1, 2 (red, green, blue), 3 (alpha) or None")
@@ -117,7 +117,7 @@ def read_channels(
     path : path-like
         An image file.
     limits : FileLimits
-        The size of the file, and of the image.
+        Limits of the size of the file, and of the image.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def read_channels(
     Raises
     ------
     FileError
-        Where the file is missing, damaged or no image.
+        If the file is missing, damaged or no image.
 
     Examples
     --------
@@ -149,17 +149,17 @@ def read_channels(
 def read_picture(
     path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
 ) -> tuple[NDArray[np.float32], dict[str, NDArray[np.float32]], dict[str, Any]]:
-    """Read a file once, and return the results of `read_linear` and `read_channels`."""
+    """Results of `read_linear` and `read_channels` from a single read of the file."""
     pixels, names, metadata, _ = content = _read(path, limits)
     channels, image = each_channel(pixels, names), picture_of(pixels, names, path)
-    return made_linear(image) if _is_encoded(content) else image, channels, metadata
+    return linearize(image) if _is_encoded(content) else image, channels, metadata
 
 
-def read_head(path: str | os.PathLike[str]) -> ImageHead:
-    """Read the header of an image for `read_picture`; damaged pixels are not noticed."""
-    with _opened(path, DEFAULT) as (_, spec, metadata):
+def read_header(path: str | os.PathLike[str]) -> ImageHeader:
+    """Shape, channels and metadata of an image file, without its pixels; damage among these goes unnoticed."""
+    with _open_image(path, DEFAULT) as (_, spec, metadata):
         names = list(spec.channelnames)
-        return ImageHead((spec.height, spec.width), names, picture_names(names, path), metadata)
+        return ImageHeader((spec.height, spec.width), names, picture_names(names, path), metadata)
 
 
 def write_channels(
@@ -182,27 +182,27 @@ def write_channels(
     Raises
     ------
     FileError
-        Where the file cannot be written.
+        If the file cannot be written.
     InvalidValueError
-        Where there are no channels, or their shapes differ.
+        If there are no channels, or their shapes differ.
 
     Examples
     --------
     See `read_channels`.
     """
-    target = _writable(path, (".exr",))
+    target = _image_path(path, (".exr",))
     planes = {name: np.asarray(plane, dtype=np.float32) for name, plane in channels.items()}
     shapes = {plane.shape for plane in planes.values()}
     if len(shapes) != 1 or len(shape := shapes.pop()) != 2 or 0 in shape:
-        found = {name: plane.shape for name, plane in planes.items()}
-        raise InvalidValueError(f"the channels have shapes {found}; give at least one, all of one shape (H, W)")
+        by_name = {name: plane.shape for name, plane in planes.items()}
+        raise InvalidValueError(f"the channels have shapes {by_name}; give at least one, all of one shape (H, W)")
     _write(target, np.stack(list(planes.values()), axis=-1), tuple(planes), {"compression": "zip", **(metadata or {})})
 
 
 def write_16bit(
     path: str | os.PathLike[str], image: NDArray[np.uint16], metadata: Mapping[str, str] | None = None
 ) -> None:
-    """Write a 16-bit grey or RGB image to a TIFF or PNG file, its values as they are.
+    """Write a 16-bit grey or RGB image to a TIFF or PNG file without conversion of its values.
 
     The file appears whole or not at all.
 
@@ -214,14 +214,14 @@ def write_16bit(
         C is 1 or 3.
     metadata : mapping, optional
         Name to text; kept as JSON in the image description, the one text that both formats hold.
-        The name `oiio:ColorSpace` says how values are encoded: `"Linear"` or, by default, `"sRGB"`.
+        The name `oiio:ColorSpace` states the encoding of the values: `"Linear"` or, by default, `"sRGB"`.
 
     Raises
     ------
     FileError
-        Where the file cannot be written.
+        If the file cannot be written.
     InvalidValueError
-        Where the image has another shape or type, or the metadata exceed 65535 characters.
+        If the image has another shape or type, or the metadata exceed 65535 characters.
 
     Examples
     --------
@@ -236,38 +236,38 @@ def write_16bit(
 
 
 def write_codes(path: str | os.PathLike[str], pixels: NDArray[Any], metadata: Mapping[str, str] | None = None) -> None:
-    """Write codes (H, W, 1 or 3) as `write_16bit` does, also those of 8 bits."""
-    target = _writable(path, (".png", ".tif", ".tiff"))
-    said = {COLOR_SPACE: SRGB, **(metadata or {})}
-    description = json.dumps(said)
-    if len(description) > _LONGEST_DESCRIPTION:
+    """Write codes (H, W, 1 or 3) of 8 or 16 bits, as `write_16bit` does."""
+    target = _image_path(path, (".png", ".tif", ".tiff"))
+    attributes = {COLOR_SPACE: SRGB, **(metadata or {})}
+    description = json.dumps(attributes)
+    if len(description) > _MAX_DESCRIPTION:
         raise InvalidValueError(
-            f"the metadata take {len(description)} characters; a description holds at most {_LONGEST_DESCRIPTION}; "
+            f"the metadata take {len(description)} characters; a description holds at most {_MAX_DESCRIPTION}; "
             "write an EXR file instead"
         )
     names = ("Y",) if pixels.shape[2] == 1 else ("R", "G", "B")
-    _write(target, pixels, names, {COLOR_SPACE: said[COLOR_SPACE], "ImageDescription": description})
+    _write(target, pixels, names, {COLOR_SPACE: attributes[COLOR_SPACE], "ImageDescription": description})
 
 
 def bayer_to_rgb(mosaic: AnyFloats, *, layout: str, algorithm: str) -> NDArray[np.float32]:
-    """(H, W, 3) from a linear Bayer mosaic (H, W) of at least 2 x 2.
+    """(H, W, 3) image from a linear Bayer mosaic (H, W) of at least 2 x 2.
 
-    `layout` is the first two pixels of row 0, then those of row 1: RGGB, BGGR, GRBG or GBRG; `algorithm` is, as
-    OpenImageIO calls it, linear or MHC.
+    `layout` is the first two pixels of row 0, then those of row 1: RGGB, BGGR, GRBG or GBRG. `algorithm` is one of
+    OpenImageIO's: linear or MHC.
     """
     import OpenImageIO as oiio
 
     source = oiio.ImageBuf(np.ascontiguousarray(mosaic, dtype=np.float32)[:, :, np.newaxis])
-    made = oiio.ImageBufAlgo.demosaic(source, pattern="bayer", algorithm=algorithm, layout=layout)
-    if made.has_error:
+    image = oiio.ImageBufAlgo.demosaic(source, pattern="bayer", algorithm=algorithm, layout=layout)
+    if image.has_error:
         raise InvalidValueError(
-            f"the mosaic cannot be demosaiced: {_reason(made)}; check layout {layout} and {algorithm}"
+            f"the mosaic cannot be demosaiced: {_reason(image)}; check layout {layout} and {algorithm}"
         )
-    return np.asarray(made.get_pixels(oiio.FLOAT), dtype=np.float32)
+    return np.asarray(image.get_pixels(oiio.FLOAT), dtype=np.float32)
 
 
 def _is_encoded(content: _Content) -> bool:
-    """True if whole numbers are sRGB: where the file does not state that they are linear."""
+    """True if integers are sRGB: the file does not say that they are linear."""
     _, _, metadata, is_integer = content
     return is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower()
 
@@ -275,7 +275,7 @@ def _is_encoded(content: _Content) -> bool:
 def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | None = None) -> _Content:
     import OpenImageIO as oiio
 
-    with _opened(path, limits, max_pixels) as (source, spec, metadata):
+    with _open_image(path, limits, max_pixels) as (source, spec, metadata):
         pixels = source.read_image(oiio.FLOAT)
         trouble = _reason(source)
     if pixels is None:
@@ -285,27 +285,27 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
 
 
 @contextmanager
-def _opened(
+def _open_image(
     path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | None = None
 ) -> Iterator[tuple[Any, Any, dict[str, Any]]]:
-    """Open a file whose pixels can be read; returns its format of pixels and its metadata, too."""
+    """Context manager of an open image file: its reader, its specification, and its metadata."""
     import OpenImageIO as oiio
 
     name = str(utf8_path(path))
     size = check_file(Path(name), limits)
-    with explained(Path(name), "read"), open(name, "rb") as file:
+    with translate_errors(Path(name), "read"), open(name, "rb") as file:
         start = file.read(2)
         check_scans(start + file.read() if start == b"\xff\xd8" else start, repr(name))
-    wish = oiio.ImageSpec()
-    wish.attribute("oiio:UnassociatedAlpha", 1)  # otherwise colours come multiplied by alpha
-    # Some formats are decoded when they are opened: the library itself must know the limit, which it has for all only.
+    options = oiio.ImageSpec()
+    options.attribute("oiio:UnassociatedAlpha", 1)  # otherwise colours come multiplied by alpha
+    # Some formats are decoded on opening, so that the library itself needs the limit, which is global.
     with _OPENING:
-        before = oiio.get_int_attribute(_LIMIT)
+        previous = oiio.get_int_attribute(_LIMIT)
         oiio.attribute(_LIMIT, max(1, allowed_memory(size, limits) >> 21))
         try:
-            source = oiio.ImageInput.open(name, wish)
+            source = oiio.ImageInput.open(name, options)
         finally:
-            oiio.attribute(_LIMIT, before)
+            oiio.attribute(_LIMIT, previous)
     if source is None:
         reason = _reason(oiio) or "no reason given"
         if _LIMIT in reason:
@@ -322,20 +322,20 @@ def _opened(
         check_memory(8 * max(spec.image_pixels(), spec.tile_pixels()) * spec.nchannels, repr(name), size, limits)
         yield source, spec, _metadata(spec)
     except UnicodeDecodeError as error:
-        raise FileError(f"{name!r} is damaged: it holds a text that is none; restore it from its origin") from error
+        raise FileError(f"{name!r} is damaged: it holds an invalid text; restore it from its origin") from error
     finally:
         source.close()
 
 
 def _metadata(spec: Any) -> dict[str, Any]:
-    found: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
+    attributes: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
     with suppress(ValueError, RecursionError):  # any other description stays a plain text
-        described = json.loads(found.get("ImageDescription", ""))
-        found |= described if isinstance(described, dict) else {}
-    return found
+        description = json.loads(attributes.get("ImageDescription", ""))
+        attributes |= description if isinstance(description, dict) else {}
+    return attributes
 
 
-def _writable(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:
+def _image_path(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:
     target = utf8_path(path)
     if target.suffix.lower() not in endings:
         raise FileError(f"{str(target)!r} ends in {target.suffix!r}; it must end in {' or '.join(endings)}")
@@ -354,19 +354,19 @@ def _write(target: Path, pixels: NDArray[Any], names: tuple[str, ...], metadata:
     sink = oiio.ImageOutput.create(str(target))
     if sink is None:
         raise FileError(f"{str(target)!r} cannot be written: {_reason(oiio)}; choose another ending")
-    with replaced(target) as file:
+    with replace_file(target) as file:
         name = str(file.name)
-        written = sink.open(name, spec) and sink.write_image(np.ascontiguousarray(pixels))
+        is_written = sink.open(name, spec) and sink.write_image(np.ascontiguousarray(pixels))
         reason = _reason(sink)
-        written = sink.close() and written
+        is_written = sink.close() and is_written
         check_room(file)
-        if not written or not _comes_back(name, pixels, names):
-            reason = "what was written does not come back" if written else reason or _reason(sink)
+        if not is_written or not _is_readable(name, pixels, names):
+            reason = "the file does not hold the pixels written" if is_written else reason or _reason(sink)
             raise FileError(f"{str(target)!r} cannot be written: {reason}; check the folder's rights and free space")
 
 
-def _comes_back(name: str, pixels: NDArray[Any], names: tuple[str, ...]) -> bool:
-    """True if a file holds these pixels: writers may lose some without an error."""
+def _is_readable(name: str, pixels: NDArray[Any], names: tuple[str, ...]) -> bool:
+    """True if a file holds these pixels: writers may silently lose some."""
     import OpenImageIO as oiio
 
     with _OPENING:
@@ -389,7 +389,7 @@ def _comes_back(name: str, pixels: NDArray[Any], names: tuple[str, ...]) -> bool
 
 
 def _reason(speaker: Any) -> str:
-    """Error message of OpenImageIO, which may quote undecodable bytes of a damaged file."""
+    """OpenImageIO's message, which may quote undecodable bytes of a damaged file."""
     try:
         return " ".join(str(speaker.geterror()).split())
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""MATLAB's .mat files of version 7.3, by h5py. Octave reads them too."""
+"""MATLAB's .mat files of version 7.3, by h5py; Octave reads them too."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ def matlab_7_3(content: Mapping[str, Any]) -> bytes:
 
 def _put(group: Any, name: str, value: Any) -> None:
     if isinstance(value, Mapping):
-        made = group.create_group(name)
-        made.attrs["MATLAB_class"] = np.bytes_("struct")
+        struct = group.create_group(name)
+        struct.attrs["MATLAB_class"] = np.bytes_("struct")
         for key, part in value.items():
-            _put(made, key, part)
+            _put(struct, key, part)
     elif isinstance(value, str):
-        made = group.create_dataset(name, data=np.frombuffer(value.encode("utf-16-le"), np.uint16)[:, None])
-        made.attrs["MATLAB_class"] = np.bytes_("char")
-        made.attrs["MATLAB_int_decode"] = np.int32(2)
+        dataset = group.create_dataset(name, data=np.frombuffer(value.encode("utf-16-le"), np.uint16)[:, None])
+        dataset.attrs["MATLAB_class"] = np.bytes_("char")
+        dataset.attrs["MATLAB_int_decode"] = np.int32(2)
     else:
         array = np.atleast_2d(np.asarray(value))
         compressed = {"compression": "gzip"} if array.size > 1000 else {}
-        made = group.create_dataset(name, data=np.ascontiguousarray(array.T), **compressed)
+        dataset = group.create_dataset(name, data=np.ascontiguousarray(array.T), **compressed)
         kind = "double" if array.dtype == np.float64 else "single" if array.dtype == np.float32 else array.dtype.name
-        made.attrs["MATLAB_class"] = np.bytes_(kind)
+        dataset.attrs["MATLAB_class"] = np.bytes_(kind)
 
 
 def matlab_array(content: bytes, name: str) -> NDArray[Any]:
-    """One array of a .mat file; KeyError where it has none, ValueError where it is no such file."""
+    """An array of a .mat file; KeyError if it has none of that name, ValueError if it is no such file."""
     if content[_HEADER : _HEADER + 8] != b"\x89HDF\r\n\x1a\n":
         raise ValueError("it is no .mat file of version 7.3, which save(..., '-v7.3') makes")
     try:

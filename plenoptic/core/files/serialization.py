@@ -1,16 +1,16 @@
-"""Values of the package as text and back, such as the camera in an image file.
+"""The package's values as text and back: the description of the camera in an image file.
 
 The text is JSON. Numbers, texts, True, False and None stand for themselves and a list for a tuple;
-all else is an object with a single key that names its kind:
+everything else is an object with a single key that names its kind:
 
-    {"float": "inf"}                                          a number that JSON lacks
+    {"float": "inf"}                                          infinity and nan, which JSON lacks
     {"enum": ["Lattice", "HEXAGONAL"]}                        a member of a public IntEnum
     {"array": {"dtype": "float64", "shape": [2], "values": [1.0, "nan"]}}
     {"value": ["Sensor", {"pixel_pitch": 0.01, ...}]}         a public frozen dataclass by its fields
 
-A name is looked up among the public names of this package and of its public modules, and nowhere else: where a value
-moves from one to the other, files still open. A value is made by its own constructor, so that a file can neither run
-code nor describe a value that could not be made by hand.
+Names are looked up only among the public names of this package and of its public modules, so that files still open
+after a value has moved from one module to another. A value is made by its own constructor: a file can neither run
+code nor describe an invalid value.
 """
 
 from __future__ import annotations
@@ -35,47 +35,47 @@ _DTYPES = (
 
 
 def describe(value: Any) -> str:
-    """Describe a value of this package as JSON text in ASCII; floats keep every bit. An error for other values."""
-    return json.dumps(described(value), allow_nan=False)
+    """A value of this package as JSON text in ASCII; floats keep every bit. An error for unsupported types."""
+    return json.dumps(to_tree(value), allow_nan=False)
 
 
 def restore(text: str) -> Any:
-    """Restore a value that `describe` wrote; a FileError where the text names nothing public or an impossible value."""
+    """The value of a text made by `describe`; FileError for a name that is not public or an invalid value."""
     try:
-        return restored(json.loads(text))
+        return from_tree(json.loads(text))
     except FileError:
         raise
     except (ValueError, RecursionError) as error:
-        raise _not_understood(error) from error
+        raise _unreadable(error) from error
 
 
-def restored(tree: Any) -> Any:
-    """The value that `described` made a tree of."""
+def from_tree(tree: Any) -> Any:
+    """The value of a tree made by `to_tree`."""
     try:
-        return _restored(tree)
+        return _from_tree(tree)
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
-        raise _not_understood(error) from error
+        raise _unreadable(error) from error
 
 
-def _not_understood(error: BaseException) -> FileError:
+def _unreadable(error: BaseException) -> FileError:
     return FileError(
         f"a description cannot be understood: {error}; "
         "it must come from this package in this version or a compatible one"
     )
 
 
-def described_fields(value: Any, names: Iterable[str]) -> dict[str, str]:
-    """Fields of a value as metadata of an image file; those that are None are left out."""
-    return {f"plenoptic:{name}": describe(kept) for name in names if (kept := getattr(value, name)) is not None}
+def fields_to_metadata(value: Any, names: Iterable[str]) -> dict[str, str]:
+    """Fields of a value as metadata of an image file; fields that are None are omitted."""
+    return {f"plenoptic:{name}": describe(item) for name in names if (item := getattr(value, name)) is not None}
 
 
-def restored_fields(metadata: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
-    """The fields that the metadata of an image file hold."""
+def fields_from_metadata(metadata: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """Fields of a value from the metadata of an image file."""
     return {name: restore(metadata[key]) for name in names if (key := f"plenoptic:{name}") in metadata}
 
 
-def described(value: Any) -> Any:
-    """Describe a value by JSON's types."""
+def to_tree(value: Any) -> Any:
+    """A value as a tree of JSON's types."""
     if isinstance(value, enum.IntEnum):
         _check_public(type(value))
         return {"enum": [type(value).__name__, value.name]}
@@ -84,30 +84,30 @@ def described(value: Any) -> Any:
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, float):
-        return _described_float(value) if math.isfinite(value) else {"float": str(value)}
+        return _float_to_tree(value) if math.isfinite(value) else {"float": str(value)}
     if isinstance(value, tuple):
-        return [described(item) for item in value]
+        return [to_tree(item) for item in value]
     if isinstance(value, np.ndarray) and value.dtype.name in _DTYPES:
-        values = [_described_float(item) for item in value.ravel().tolist()]
+        values = [_float_to_tree(item) for item in value.ravel().tolist()]
         return {"array": {"dtype": value.dtype.name, "shape": list(value.shape), "values": values}}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         _check_public(type(value))
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value) if field.init}
-        return {"value": [type(value).__name__, {name: described(item) for name, item in fields.items()}]}
+        return {"value": [type(value).__name__, {name: to_tree(item) for name, item in fields.items()}]}
     raise InvalidValueError(
         f"a {type(value).__name__} cannot be described in a file; only numbers, texts, tuples, arrays of numbers "
         "and the package's own values can"
     )
 
 
-def _described_float(number: Any) -> Any:
+def _float_to_tree(number: Any) -> Any:
     """A number as JSON can hold it: finite ones by their shortest exact decimals, others by name."""
     return number if math.isfinite(number) else str(number)
 
 
-def _restored(tree: Any) -> Any:
+def _from_tree(tree: Any) -> Any:
     if isinstance(tree, list):
-        return tuple(_restored(item) for item in tree)
+        return tuple(_from_tree(item) for item in tree)
     if not isinstance(tree, dict):
         return tree
     if len(tree) != 1:
@@ -116,44 +116,44 @@ def _restored(tree: Any) -> Any:
     if kind == "float":
         return float(content)
     if kind == "array":
-        return _restored_array(**content)
+        return _array_from_tree(**content)
     if kind not in ("enum", "value"):
         raise ValueError(f"{kind!r} is no kind of value")
-    name, inside = content
-    found = _public(name)
-    if not isinstance(found, type) or (kind == "enum") != issubclass(found, enum.IntEnum):
+    name, argument = content
+    cls = _public(name)
+    if not isinstance(cls, type) or (kind == "enum") != issubclass(cls, enum.IntEnum):
         raise ValueError(f"{name!r} is no {kind} of this package")
     if kind == "enum":
-        return found[inside]  # type: ignore[index]
-    return found(**{field: _restored(item) for field, item in inside.items()})
+        return cls[argument]  # type: ignore[index]
+    return cls(**{field: _from_tree(item) for field, item in argument.items()})
 
 
-def _restored_array(*, dtype: str, shape: list[int], values: list[Any]) -> np.ndarray[Any, Any]:
+def _array_from_tree(*, dtype: str, shape: list[int], values: list[Any]) -> np.ndarray[Any, Any]:
     if dtype not in _DTYPES:
         raise ValueError(f"{dtype!r} is no type of an array")
     return np.array(values, dtype=dtype).reshape(shape)
 
 
 def _public(name: Any) -> type | None:
-    """The public dataclass or IntEnum of this name, wherever it is public, or None."""
+    """The public dataclass or IntEnum of this name in any public module; None if there is none."""
     import plenoptic
 
     if not isinstance(name, str) or name.startswith("_"):
         return None
-    for found in (getattr(plenoptic, name, None), *_in_namespaces(name)):
-        if isinstance(found, type) and found.__module__.partition(".")[0] == "plenoptic":
-            return found if dataclasses.is_dataclass(found) or issubclass(found, enum.IntEnum) else None
+    for cls in (getattr(plenoptic, name, None), *_in_namespaces(name)):
+        if isinstance(cls, type) and cls.__module__.partition(".")[0] == "plenoptic":
+            return cls if dataclasses.is_dataclass(cls) or issubclass(cls, enum.IntEnum) else None
     return None
 
 
 def _in_namespaces(name: str) -> Iterator[Any]:
-    """Objects of a name in the public modules of this package, such as `plenoptic.lightfield`."""
+    """Objects of this name in the public modules of this package, such as `plenoptic.lightfield`."""
     import plenoptic
 
     public = set(getattr(plenoptic, "__all__", ()))
-    for found in pkgutil.iter_modules(plenoptic.__path__):
-        if found.name in public:
-            module = importlib.import_module(f"plenoptic.{found.name}")
+    for info in pkgutil.iter_modules(plenoptic.__path__):
+        if info.name in public:
+            module = importlib.import_module(f"plenoptic.{info.name}")
             if name in getattr(module, "__all__", ()):
                 yield getattr(module, name)
 

@@ -1,4 +1,4 @@
-"""Text files that other programs or people have written: encodings, numbers, and errors that name the line."""
+"""Text files of other programs or people: encodings, numbers, and errors that name the line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from plenoptic.errors import InvalidValueError, PrescriptionError
 
 
-def decoded(content: bytes, *, errors: str = "strict") -> str:
+def decode_text(content: bytes, *, errors: str = "strict") -> str:
     """The text of a file in UTF-16 with or without its mark (and `errors` as for `bytes.decode`), UTF-8, or Latin-1."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16", errors)
@@ -23,15 +23,15 @@ def decoded(content: bytes, *, errors: str = "strict") -> str:
 
 
 @contextmanager
-def naming_line(where: str, line: int) -> Iterator[None]:
-    """Errors inside name the file and the line."""
+def name_line_in_errors(file: str, line: int) -> Iterator[None]:
+    """Context manager that adds the file and the line to errors."""
     try:
         yield
     except InvalidValueError as error:
-        raise PrescriptionError(f"{where}, line {line}: {error}") from None
+        raise PrescriptionError(f"{file}, line {line}: {error}") from None
 
 
-def written_number(word: str, name: str) -> float:
+def parse_number(word: str, name: str) -> float:
     """A finite number, also with Fortran's D for E; stricter than float(): no nan, underscores or decimal comma."""
     if not re.fullmatch(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eEdD][+-]?[0-9]+)?", word):
         raise PrescriptionError(f"{name} is {word[:40]!r}; it must be a number with a decimal point")

@@ -9,8 +9,8 @@ from typing import Any
 
 from plenoptic import __version__
 from plenoptic.core.files.atomic_file import write_json
-from plenoptic.core.files.reading import DEFAULT, FileLimits, read_file
-from plenoptic.core.files.serialization import described, restored
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, read_file
+from plenoptic.core.files.serialization import from_tree, to_tree
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError
 
@@ -20,24 +20,24 @@ FORMAT = "plenoptic-value-1"
 def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, Any] | None = None) -> None:
     """Write a camera, or any other value of the package, as JSON, from which `load_value` makes an equal one.
 
-    The file is an object with `format`, `software`, the items of `about`, and `value`: the form of values is described
-    in docs/package.md. Floats keep every bit.
+    The file is an object with `format`, `software`, the entries of `about`, and `value`, whose format is described in
+    docs/package.md. Floats keep every bit.
 
     Parameters
     ----------
     value
         A camera, lens, array, sensor, sensor model, pose, render settings, or a tuple of them. Not scenes.
     path : path-like
-        A file of that name is replaced, as a whole or not at all.
+        An existing file is replaced, as a whole or not at all.
     about : mapping, optional
         Information for readers, as JSON; it is not read back.
 
     Raises
     ------
     InvalidValueError
-        Where something in it is not of this package.
+        If a part of it is not of this package.
     FileError
-        Where the file cannot be written.
+        If the file cannot be written.
 
     Examples
     --------
@@ -50,23 +50,23 @@ def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, 
     """
     if isinstance(value, str | os.PathLike) and not isinstance(path, str | os.PathLike):
         raise InvalidValueError(f"the value is {value!r}; give the value first and then the path")
-    content = {"format": FORMAT, "software": f"plenoptic {__version__}", **(about or {}), "value": described(value)}
+    content = {"format": FORMAT, "software": f"plenoptic {__version__}", **(about or {}), "value": to_tree(value)}
     write_json(file_path(path), content)
 
 
 def load_value(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Any:
-    """The value that `save_value` wrote.
+    """Read the value that `save_value` wrote.
 
     Parameters
     ----------
     path : path-like
     limits : FileLimits
-        The size of the file.
+        Limit of the size of the file.
 
     Raises
     ------
     FileError
-        Where there is no such file, or it holds no value of this package.
+        If there is no such file, or it holds no value of this package.
 
     Examples
     --------
@@ -78,9 +78,9 @@ def load_value(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     except (ValueError, RecursionError) as error:
         raise FileError(f"{str(source)!r} is not JSON: {error}; give a file that save_value wrote") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT or "value" not in content:
-        found = content.get("format") if isinstance(content, dict) else None
-        raise FileError(f"{str(source)!r} has format {found!r:.40}; it must be {FORMAT!r}, with a value")
+        file_format = content.get("format") if isinstance(content, dict) else None
+        raise FileError(f"{str(source)!r} has format {file_format!r:.40}; it must be {FORMAT!r}, with a value")
     try:
-        return restored(content["value"])
+        return from_tree(content["value"])
     except FileError as error:
         raise FileError(f"{str(source)!r}: {error}") from None

@@ -1,8 +1,8 @@
-"""Arrays of pixels in zarr stores: written chunk by chunk by threads or processes, and opened by xarray as they are.
+"""Arrays of pixels in zarr stores, written chunk by chunk by threads or processes, and readable by xarray.
 
-A store is a group of version 3 of the format. Its arrays name their dimensions, and its attributes say which are
-coordinates, so that `xarray.open_zarr` shows all of it. Chunks are compressed without loss (Blosc: bytes of equal rank
-together, then zstd), and each has a checksum.
+A store is a group of version 3 of the format. Its arrays name their dimensions and its attributes name the coordinates,
+so that `xarray.open_zarr` opens the whole store. Chunks are compressed without loss (Blosc with byte shuffle, then
+zstd), and each has a checksum.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.files.atomic_file import check_folder, explained, sync_files
+from plenoptic.core.files.atomic_file import check_folder, sync_files, translate_errors
 from plenoptic.core.files.extras import extra_package
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import file_path, frozen_array, plain_array, whole
@@ -26,40 +26,40 @@ from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 CHUNK = 512
 """Rows and columns of a chunk: one number of four bytes a pixel makes 1 MiB, three colours 3 MiB."""
 EXTRA = "zarr xarray"
-"""What `pip install` is given."""
+"""Arguments of `pip install`."""
 FRAME, ROW, COLUMN = "frame", "row", "column"
 _LEVEL = 3
-"""Of zstd: beyond it, images get hardly smaller."""
+"""Compression level of zstd: higher ones hardly shrink images."""
 Region = tuple[int, int, int, int]
 """First row, end row, first column, end column."""
 
 
 class Variable(NamedTuple):
-    """One array of a store."""
+    """Description of an array of a store."""
 
     dimensions: tuple[str, ...]
     shape: tuple[int, ...]
     dtype: Any
     fill: float
-    """What stands for a number that has not been written."""
+    """Value of numbers that have not been written."""
     meaning: str
     unit: str = "1"
     more: Mapping[str, Any] = {}
     """Further attributes."""
     values: NDArray[Any] | None = None
-    """Of a coordinate, which is written when the store is made; None: pixels, which are put in later."""
+    """Values of a coordinate, written when the store is made; None: pixels, which are written later."""
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes as xarray and others know them."""
+        """Attributes in the names of the CF conventions."""
         return {"long_name": self.meaning, **({"units": self.unit} if self.unit else {}), **self.more}
 
 
 class Store:
-    """A store that is filled region by region; other processes open the same one by `Store(path)`.
+    """A store that is written region by region; other processes open the same one by `Store(path)`.
 
-    Regions consist of whole chunks, so that each chunk is written by one worker, and no worker waits for another. In
-    memory there are the chunks that are being packed, two for each thread or so.
+    Regions consist of whole chunks, so that each chunk has one writer, and no writer waits for another. Memory holds
+    about two chunks for each thread, while they are compressed.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -67,7 +67,7 @@ class Store:
         self._open()
 
     def _open(self) -> None:
-        with understood(self.path, "written"):
+        with translate_zarr_errors(self.path, "written"):
             self._group = zarr_module().open_group(self.path, mode="r+", zarr_format=3, use_consolidated=False)
             arrays = dict(self._group.arrays())
         self._arrays = {name: array for name, array in arrays.items() if {ROW, COLUMN} <= {*dimensions_of(array)}}
@@ -83,31 +83,31 @@ class Store:
         *,
         frames: int | None = None,
     ) -> Store:
-        """A new store, in which nothing is written but coordinates.
+        """Make a new store, in which only coordinates are written.
 
-        With `frames`, the length of a sequence so far, pixels have a dimension `frame` before the others, one frame a
-        chunk. A FileError where there is something at `path` already, other than an empty folder.
+        With `frames`, the present length of a sequence, pixels have a leading dimension `frame`, one frame a
+        chunk. FileError if `path` exists and is no empty folder.
         """
         target = file_path(path)
         check_folder(target)
         if target.exists() and not (target.is_dir() and not any(target.iterdir())):
             raise FileError(f"{str(target)!r} exists; choose a new name, or remove it first")
         pixels = {name for name, variable in variables.items() if variable.values is None}
-        named = {dimension for variable in variables.values() for dimension in variable.dimensions}
-        others = [name for name in variables if name not in pixels | named]
-        with understood(target, "written"):
+        dimensions = {dimension for variable in variables.values() for dimension in variable.dimensions}
+        others = [name for name in variables if name not in pixels | dimensions]
+        with translate_zarr_errors(target, "written"):
             noted = dict(attributes) if not others else {**attributes, "coordinates": " ".join(others)}
             group = zarr_module().create_group(target, zarr_format=3, attributes=noted)
             for name, variable in variables.items():
                 _make(group, name, variable, frames if name in pixels else None)
-            _note_all(group)
+            _consolidate(group)
         return cls(target)
 
     @property
     def frames(self) -> int | None:
-        """Number of frames of a sequence; None for a single one."""
-        found = next(iter(self._arrays.values()))
-        return int(found.shape[0]) if dimensions_of(found)[0] == FRAME else None
+        """Length of a sequence; None for a single exposure."""
+        array = next(iter(self._arrays.values()))
+        return int(array.shape[0]) if dimensions_of(array)[0] == FRAME else None
 
     def sizes(self, name: str) -> tuple[int, ...]:
         """The shape of an array."""
@@ -116,38 +116,38 @@ class Store:
         return tuple(self._arrays[name].shape)
 
     def extend(self, frames: int, coordinates: Mapping[str, ArrayLike] | None = None) -> None:
-        """Let a sequence have so many frames in all; one worker does it, and others see it.
+        """Extend a sequence to `frames` frames in all; one worker does it, and others see it.
 
-        `coordinates` (frames,) are those of frames, by name.
+        `coordinates` (frames,) are the new coordinates of all frames, by name.
         """
         if self.frames is None or whole(frames, "frames", at_least=0) < self.frames:
             have = "is no sequence" if self.frames is None else f"has {self.frames} frames already"
             raise InvalidValueError(f"{str(self.path)!r} {have}; it cannot be given {frames}")
-        with understood(self.path, "written"):
+        with translate_zarr_errors(self.path, "written"):
             for array in self._arrays.values():
                 array.resize((frames, *array.shape[1:]))
             for name, values in (coordinates or {}).items():
                 self._group[name].resize((frames,))
                 self._group[name][...] = np.asarray(values)
-            _note_all(self._group)
+            _consolidate(self._group)
 
     def flush(self, frame: int) -> None:
-        """Flush the written chunks of a frame to the disk."""
-        with explained(self.path, "written"):
+        """Flush the chunks of a frame to the disk."""
+        with translate_errors(self.path, "written"):
             for name in self._arrays:
                 if (folder := self.path / name / "c" / str(frame)).is_dir():
                     sync_files(folder)
 
     def finish(self, names: Collection[str], attributes: Mapping[str, Any]) -> None:
-        """Note further attributes, and keep only those arrays of pixels that are named; nobody else may write then."""
-        with understood(self.path, "written"):
+        """Set further attributes, and delete arrays of pixels that are not in `names`; nobody else may write then."""
+        with translate_zarr_errors(self.path, "written"):
             for name in sorted({*self._arrays} - {*names}):
                 del self._group[name], self._arrays[name]
             self._group.attrs.update(attributes)
-            _note_all(self._group)
+            _consolidate(self._group)
 
     def has(self, region: Region, names: Iterable[str], *, frame: int) -> bool:
-        """True if the chunks of a region of a frame are present, of all these arrays."""
+        """True if all chunks of a region of a frame exist, of all these arrays."""
         return all(
             name in self._arrays and (self.path / name / _key(self._arrays[name], block, frame)).is_file()
             for name in names
@@ -157,46 +157,45 @@ class Store:
     def put(self, region: Region, arrays: Mapping[str, ArrayLike], *, frame: int | None = None) -> None:
         """Write the pixels of a region, of all arrays or of some, into chunks that nobody else writes.
 
-        The region counts from the store's first row and column. It begins and ends at multiples of 512 or where the
-        store ends, else an InvalidValueError says so, as it does for arrays of other shapes and types. `frame` counts
-        from 0.
+        The region counts from the store's first row and column. It begins and ends at multiples of 512 or at the end
+        of the store; otherwise, and for arrays of other shapes and types, InvalidValueError. `frame` counts from 0.
         """
-        given = {name: self._checked(name, values, region) for name, values in arrays.items()}
+        checked = {name: self._check(name, values, region) for name, values in arrays.items()}
         self._check_frame(frame)
         leading = () if frame is None else (frame,)
-        blocks = [(name, block) for name in given for block in _blocks(region)]
+        blocks = [(name, block) for name in checked for block in _blocks(region)]
 
         def write(task: tuple[str, Region]) -> None:
             name, (row, end_row, column, end_column) = task
             target = self._arrays[name]
-            part = given[name][row - region[0] : end_row - region[0], column - region[2] : end_column - region[2]]
-            kept = frozen_array(part, name=name, shape=part.shape, dtype=target.dtype)
-            target[(*leading, slice(row, end_row), slice(column, end_column))] = kept
+            part = checked[name][row - region[0] : end_row - region[0], column - region[2] : end_column - region[2]]
+            chunk = frozen_array(part, name=name, shape=part.shape, dtype=target.dtype)
+            target[(*leading, slice(row, end_row), slice(column, end_column))] = chunk
 
-        with understood(self.path, "written"):
+        with translate_zarr_errors(self.path, "written"):
             for _ in run_in_order(write, blocks, threads=min(thread_count(None), len(blocks))):
                 pass
 
-    def _checked(self, name: str, values: ArrayLike, region: Region) -> NDArray[Any]:
-        """An array of pixels that belongs here."""
+    def _check(self, name: str, values: ArrayLike, region: Region) -> NDArray[Any]:
+        """The values as an array of pixels, or an error if name, region or shape do not fit the store."""
         if name not in self._arrays:
             raise InvalidValueError(f"{str(self.path)!r} has no array {name}; it has {', '.join(sorted(self._arrays))}")
-        array, given = self._arrays[name], plain_array(values, name)
-        rows, columns, *rest = array.shape[dimensions_of(array).index(ROW) :]
+        array, pixels = self._arrays[name], plain_array(values, name)
+        rows, columns, *channels = array.shape[dimensions_of(array).index(ROW) :]
         _check_aligned(region, (rows, columns))
-        wanted = (region[1] - region[0], region[3] - region[2], *rest)
-        if given.shape != wanted:
-            raise InvalidValueError(f"{name} has shape {given.shape}; in the region {region} it must have {wanted}")
-        return given
+        shape = (region[1] - region[0], region[3] - region[2], *channels)
+        if pixels.shape != shape:
+            raise InvalidValueError(f"{name} has shape {pixels.shape}; in the region {region} it must have {shape}")
+        return pixels
 
     def _check_frame(self, frame: int | None) -> None:
-        there = self.frames
-        if frame is None or there is None:
-            if frame is not None or there is not None:
-                is_one = "no sequence" if there is None else "a sequence"
+        n_frames = self.frames
+        if frame is None or n_frames is None:
+            if frame is not None or n_frames is not None:
+                is_one = "no sequence" if n_frames is None else "a sequence"
                 raise InvalidValueError(f"frame is {frame}, and {str(self.path)!r} is {is_one}")
             return
-        if whole(frame, "frame", at_least=0) >= there:
+        if whole(frame, "frame", at_least=0) >= n_frames:
             self._open()  # another worker may have extended it
             if frame >= (self.frames or 0):
                 raise InvalidValueError(f"frame is {frame}; the sequence has {self.frames} frames: extend it first")
@@ -207,13 +206,13 @@ def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None
     leading = () if frames is None else (FRAME,)
     shape = variable.shape if frames is None else (frames, *variable.shape)
     dimensions = (*leading, *variable.dimensions)
-    longest = {FRAME: 1, ROW: CHUNK, COLUMN: CHUNK} if variable.values is None else {}
+    chunk_sizes = {FRAME: 1, ROW: CHUNK, COLUMN: CHUNK} if variable.values is None else {}
     text = np.dtype(variable.dtype).kind == "U"
     codecs = zarr_module("zarr.codecs")
     array = group.create_array(
         name,
         shape=shape,
-        chunks=tuple(max(1, min(longest.get(side, n), n)) for side, n in zip(dimensions, shape, strict=True)),
+        chunks=tuple(max(1, min(chunk_sizes.get(side, n), n)) for side, n in zip(dimensions, shape, strict=True)),
         dtype=str if text else variable.dtype,
         fill_value="" if text else variable.fill,
         dimension_names=dimensions,
@@ -221,21 +220,21 @@ def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None
         compressors="auto"
         if text
         else [codecs.BloscCodec(cname="zstd", clevel=_LEVEL, shuffle="shuffle"), codecs.Crc32cCodec()],
-        config={"write_empty_chunks": True},  # a chunk is there if and only if it has been written
+        config={"write_empty_chunks": True},  # so that a chunk exists if and only if it has been written
     )
     if variable.values is not None:
         array[...] = variable.values
 
 
-def _note_all(group: Any) -> None:
-    """Write the descriptions of arrays into the group too, where xarray looks for them first."""
+def _consolidate(group: Any) -> None:
+    """Copy the metadata of the arrays into the group, where xarray looks first."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it is an extension of the format, which others pass over
+        warnings.simplefilter("ignore")  # it is an extension of the format, which other programs ignore
         zarr_module().consolidate_metadata(group.store)
 
 
 def dimensions_of(array: Any) -> tuple[str, ...]:
-    """The names of an array's dimensions, where it has any."""
+    """Names of an array's dimensions; empty if it has none."""
     return tuple(array.metadata.dimension_names or ())
 
 
@@ -248,26 +247,26 @@ def _blocks(region: Region) -> Iterator[Region]:
 
 
 def _key(array: Any, block: Region, frame: int) -> str:
-    """The file of a chunk."""
-    place = {FRAME: frame, ROW: block[0] // CHUNK, COLUMN: block[2] // CHUNK}
-    return str(array.metadata.encode_chunk_key(tuple(place.get(side, 0) for side in dimensions_of(array))))
+    """File name of a chunk."""
+    index = {FRAME: frame, ROW: block[0] // CHUNK, COLUMN: block[2] // CHUNK}
+    return str(array.metadata.encode_chunk_key(tuple(index.get(side, 0) for side in dimensions_of(array))))
 
 
 def _check_aligned(region: Region, shape: tuple[int, int]) -> None:
-    for first, end, most, what in ((*region[:2], shape[0], "rows"), (*region[2:], shape[1], "columns")):
-        if not 0 <= first < end <= most:
-            raise InvalidValueError(f"region has {what} {first}:{end}; the store has {what} 0:{most}")
-        if first % CHUNK or (end % CHUNK and end != most):
+    for first, end, length, what in ((*region[:2], shape[0], "rows"), (*region[2:], shape[1], "columns")):
+        if not 0 <= first < end <= length:
+            raise InvalidValueError(f"region has {what} {first}:{end}; the store has {what} 0:{length}")
+        if first % CHUNK or (end % CHUNK and end != length):
             raise InvalidValueError(
-                f"region has {what} {first}:{end} of {most}; it must begin and end at multiples of {CHUNK} or at the "
+                f"region has {what} {first}:{end} of {length}; it must begin and end at multiples of {CHUNK} or at the "
                 "end, since a chunk is written as a whole"
             )
 
 
 @contextmanager
-def understood(folder: Path, what: str) -> Iterator[None]:
-    """Errors of the system and of zarr in this package's words."""
-    with explained(folder, what):
+def translate_zarr_errors(folder: Path, what: str) -> Iterator[None]:
+    """Context manager that turns errors of the system and of zarr into FileError."""
+    with translate_errors(folder, what):
         try:
             yield
         except FileNotFoundError as error:
@@ -287,5 +286,5 @@ def understood(folder: Path, what: str) -> Iterator[None]:
 
 
 def zarr_module(name: str = "zarr") -> Any:
-    """The package zarr or a part of it, or an error that says how to install it."""
+    """Module of the package zarr, or an error that says how to install it."""
     return extra_package(name, "a store that ends in .zarr", EXTRA)

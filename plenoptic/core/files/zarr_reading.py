@@ -1,6 +1,6 @@
-"""Reading of zarr stores: their attributes, descriptions of their arrays, and the arrays themselves.
+"""Whole zarr stores: their attributes, a summary of their arrays, and the arrays themselves.
 
-A part at a time they are read by xarray. A store may come from anywhere: its content is checked as files are.
+Parts of a store are read by xarray. A store may be untrusted: it is checked as files are.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.files.atomic_file import explained
-from plenoptic.core.files.reading import DEFAULT, FileLimits, check_memory, read_file
-from plenoptic.core.files.zarr_files import dimensions_of, understood, zarr_module
+from plenoptic.core.files.atomic_file import translate_errors
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, read_file
+from plenoptic.core.files.zarr_files import dimensions_of, translate_zarr_errors, zarr_module
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError
 
 METADATA = "zarr.json"
-"""The file by which a folder is known as a store, and which holds its attributes."""
+"""Metadata file of a store, by which a folder is recognised as one."""
 _CODECS = {"bytes", "transpose", "blosc", "zstd", "gzip", "crc32c"}
-"""What arrays that are read may be packed with: what the format itself describes."""
+"""Codecs of arrays that are read: those of the format itself."""
 ANY_SIZE = FileLimits(file_size=1 << 62)
-"""For stores of which a part is read."""
+"""Limits for stores of which a part is read."""
 _AT_ONCE = 10
 """Chunks that zarr reads at a time."""
 
 
 def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """The attributes of a store, of any origin; None where a folder or file is none."""
+    """Attributes of a store of any origin; None if a folder or file is no store."""
     file = file_path(path) / METADATA
     if not file.is_file():
         return None
@@ -43,11 +43,11 @@ def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         return None
 
 
-def described(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
-    """One-line description of each array of pixels, by name, and the bytes of the whole on the disk."""
+def summarize_store(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
+    """A line of text for each array of pixels, by name, and the size of the store on the disk in bytes."""
     folder = file_path(path)
     size, lines = _size(folder, ANY_SIZE), {}
-    for name, array in _opened(folder).items():
+    for name, array in _open_arrays(folder).items():
         if array.ndim > 1:  # others are coordinates
             sides = ", ".join(f"{side} {n}" for side, n in zip(dimensions_of(array), array.shape, strict=True))
             about = ", ".join(str(array.attrs[key]) for key in ("units", "long_name") if key in array.attrs)
@@ -56,9 +56,9 @@ def described(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
 
 
 def array_shapes(path: str | os.PathLike[str], names: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
-    """The shapes of those of the named arrays that a store has; no pixel is read."""
-    found = _opened(file_path(path))
-    return {name: tuple(found[name].shape) for name in names if name in found}
+    """Shapes of those of the named arrays that a store has; no pixel is read."""
+    arrays = _open_arrays(file_path(path))
+    return {name: tuple(arrays[name].shape) for name in names if name in arrays}
 
 
 def read_arrays(
@@ -69,59 +69,61 @@ def read_arrays(
     frame: int | None = None,
     rows: slice = slice(None),
 ) -> dict[str, NDArray[Any]]:
-    """Read the named arrays that a store has: whole, of a frame, or some rows where it is not a sequence.
+    """Those of the named arrays that a store has: a frame of a sequence, or some rows of a single exposure.
 
-    A FileError where they cannot be read, or a frame lacks one.
+    FileError if they cannot be read, or a frame lacks one.
     """
     folder = file_path(path)
-    found = {name: array for name, array in _opened(folder).items() if name in names}
-    if frame is not None and (lost := sorted({*names} - found.keys())):
-        raise FileError(f"{str(folder)!r} has no array {', '.join(lost)}; restore it from its origin")
-    parts = [folder] if frame is None else [folder / name / "c" / str(frame) for name in found]
+    arrays = {name: array for name, array in _open_arrays(folder).items() if name in names}
+    if frame is not None and (missing := sorted({*names} - arrays.keys())):
+        raise FileError(f"{str(folder)!r} has no array {', '.join(missing)}; restore it from its origin")
+    parts = [folder] if frame is None else [folder / name / "c" / str(frame) for name in arrays]
     size = sum(_size(part, limits) for part in parts)
-    wanted = 0
-    with understood(folder, "read"):
-        for name, array in found.items():
-            used = {codec["name"] for codec in array.metadata.to_dict()["codecs"]}
-            if not used <= _CODECS or array.dtype.kind not in "biuf":
-                raise FileError(f"{str(folder / name)!r} is packed by {', '.join(sorted(used))}; that is not read here")
+    nbytes = 0
+    with translate_zarr_errors(folder, "read"):
+        for name, array in arrays.items():
+            codecs = {codec["name"] for codec in array.metadata.to_dict()["codecs"]}
+            if not codecs <= _CODECS or array.dtype.kind not in "biuf":
+                raise FileError(
+                    f"{str(folder / name)!r} is packed by {', '.join(sorted(codecs))}; that is not read here"
+                )
             first = len(range(*rows.indices(array.shape[0]))) if frame is None else 1
             numbers = first * math.prod(array.shape[1:]) + math.prod(array.chunks) * _AT_ONCE
-            wanted += numbers * array.dtype.itemsize
-        check_memory(2 * wanted, repr(str(folder)), size, limits)  # an exposure copies what it is given
+            nbytes += numbers * array.dtype.itemsize
+        check_memory(2 * nbytes, repr(str(folder)), size, limits)  # an exposure copies its arrays
         if frame is not None:
-            for name, array in found.items():
+            for name, array in arrays.items():
                 _check_chunks(folder / name, array, frame)
-        return {name: np.asarray(array[rows if frame is None else frame]) for name, array in found.items()}
+        return {name: np.asarray(array[rows if frame is None else frame]) for name, array in arrays.items()}
 
 
 def _check_chunks(folder: Path, array: Any, frame: int) -> None:
-    """An error where a chunk of a frame is not there: zarr would fill it with nan and say nothing."""
-    for place in np.ndindex(*(-(-n // chunk) for n, chunk in zip(array.shape[1:], array.chunks[1:], strict=True))):
-        key = array.metadata.encode_chunk_key((frame, *place))
+    """Raise an error if a chunk of a frame is missing: zarr would silently fill it with nan."""
+    for index in np.ndindex(*(-(-n // chunk) for n, chunk in zip(array.shape[1:], array.chunks[1:], strict=True))):
+        key = array.metadata.encode_chunk_key((frame, *index))
         if not (folder / key).is_file():
             raise FileError(f"{str(folder / key)!r} is missing; restore it, or call `dataset.write` to render it again")
 
 
-def _opened(folder: Path) -> dict[str, Any]:
-    """The arrays of a store that is read; an error where one is none, which zarr passes over."""
-    with understood(folder, "read"):
+def _open_arrays(folder: Path) -> dict[str, Any]:
+    """Arrays of a store; an error if one cannot be opened, which zarr would skip."""
+    with translate_zarr_errors(folder, "read"):
         group = zarr_module().open_group(folder, mode="r", zarr_format=3, use_consolidated=False)
-        named = sorted(entry.name for entry in folder.iterdir() if (entry / METADATA).is_file())
-        found = {name: group[name] for name in named}
-        return {name: item for name, item in found.items() if isinstance(item, zarr_module().Array)}
+        names = sorted(entry.name for entry in folder.iterdir() if (entry / METADATA).is_file())
+        items = {name: group[name] for name in names}
+        return {name: item for name, item in items.items() if isinstance(item, zarr_module().Array)}
 
 
 def _size(folder: Path, limits: FileLimits) -> int:
-    """Bytes of all files; an error where one is no ordinary file, or they are too large together."""
+    """Total bytes of all files; an error if one is no ordinary file, or they exceed the limit."""
     total = 0
-    with explained(folder, "read"):
-        for place, folders, files in os.walk(folder):
+    with translate_errors(folder, "read"):
+        for parent, folders, files in os.walk(folder):
             for name in (*folders, *files):
-                found = os.lstat(os.path.join(place, name))
-                if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
-                    raise FileError(f"{os.path.join(place, name)!r} is no ordinary file; a store holds no links")
-                total += found.st_size if stat.S_ISREG(found.st_mode) else 0
+                status = os.lstat(os.path.join(parent, name))
+                if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+                    raise FileError(f"{os.path.join(parent, name)!r} is no ordinary file; a store holds no links")
+                total += status.st_size if stat.S_ISREG(status.st_mode) else 0
     if total > limits.file_size:
         raise FileError(
             f"{str(folder)!r} has {total} bytes; the limit is {limits.file_size}: raise it by "

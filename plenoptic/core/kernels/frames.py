@@ -1,4 +1,4 @@
-"""Frames about a direction: a device function."""
+"""Orthonormal frame about a direction: a device function."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from plenoptic.core.numba.jit import device
 
 @device
 def frame_about(n):
-    """Two unit vectors across a unit normal (T. Duff et al., J. Comput. Graph. Tech. 6(1), 2017)."""
+    """Two unit vectors perpendicular to a unit normal (T. Duff et al., J. Comput. Graph. Tech. 6(1), 2017)."""
     sign = math.copysign(1.0, n[2])
     a = -1.0 / (sign + n[2])
     b = n[0] * n[1] * a

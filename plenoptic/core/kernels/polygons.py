@@ -1,4 +1,4 @@
-"""Convex polygons: device functions. Corners are columns of an array (3, room), x and y, and room for distances."""
+"""Convex polygons: device functions. Corners are columns of an array (3, room): x, y and a buffer for distances."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from plenoptic.core.numba.jit import device
 
 @device
 def cut(polygon, first, n, a, b, limit):
-    """Cut a polygon with the half-plane a x + b y <= limit; its n corners begin at `first`. Returns how many are left.
+    """Clip a polygon by the half-plane a x + b y <= limit; its n corners begin at `first`. Return the new number.
 
-    The corners inside follow one another: the remainder begins where the line enters and ends where it leaves.
+    The corners inside are consecutive: the clipped polygon begins where the line enters and ends where it leaves.
     """
     inside = 0
     for i in range(first, first + n):
-        left = limit - (a * polygon[0, i] + b * polygon[1, i])
-        polygon[2, i] = left
-        inside += 1 if left >= 0.0 else 0
+        distance = limit - (a * polygon[0, i] + b * polygon[1, i])
+        polygon[2, i] = distance
+        inside += 1 if distance >= 0.0 else 0
     if inside == n or inside == 0:
         return inside
     behind = first + n
@@ -58,7 +58,7 @@ def cut(polygon, first, n, a, b, limit):
 
 @device
 def area_of(polygon, first, n):
-    """The area of a polygon."""
+    """Area of a polygon."""
     twice = 0.0
     x, y = polygon[0, first], polygon[1, first]
     for q in range(first + 1, first + n - 1):
@@ -69,18 +69,18 @@ def area_of(polygon, first, n):
 
 @device
 def point_in(polygon, first, n, area, v):
-    """The point of a polygon with `area` of its fan before it, as far out in its triangle as v says."""
+    """Point of the triangle of the polygon's fan at cumulative area `area`, at the fraction v across the triangle."""
     x, y = polygon[0, first], polygon[1, first]
     k = first + 1
     ax, ay = polygon[0, k] - x, polygon[1, k] - y
     bx, by = polygon[0, k + 1] - x, polygon[1, k + 1] - y
-    left, twice = 2.0 * area, ax * by - ay * bx
-    while left >= twice and k < first + n - 2:
-        left -= twice
+    remaining, twice = 2.0 * area, ax * by - ay * bx
+    while remaining >= twice and k < first + n - 2:
+        remaining -= twice
         k += 1
         ax, ay = bx, by
         bx, by = polygon[0, k + 1] - x, polygon[1, k + 1] - y
         twice = ax * by - ay * bx
-    root = math.sqrt(min(max(left / twice, 0.0), 1.0)) if twice > 0.0 else 0.0
+    root = math.sqrt(min(max(remaining / twice, 0.0), 1.0)) if twice > 0.0 else 0.0
     a, b = root * (1.0 - v), root * v
     return x + a * ax + b * bx, y + a * ay + b * by

@@ -1,4 +1,4 @@
-"""Check of a Numba version that the package was not tested with: a kernel with all that the deviations change."""
+"""Check of an untested Numba version: a kernel that uses every feature that the deviations change."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _fill_sums(arrays, out):
 
 
 def probe_numba() -> None:
-    """Leave the deviations out where Numba is another version and the kernel gives wrong numbers with them."""
+    """Disable the deviations if an untested Numba version compiles the kernel wrongly with them."""
     installed = version("numba")
     if _TESTED[0] <= tuple(map(int, installed.split(".")[:2])) <= _TESTED[1]:
         return

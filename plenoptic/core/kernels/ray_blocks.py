@@ -1,12 +1,12 @@
 """Memory layout of a bundle of rays.
 
-As blocks of `BLOCK` rays; in a block, the eight fields of a ray (position, direction, weight, status) are eight rows
-one behind the other. All rays of a block go through one element before the next element is looked at: the inner loops
-have a fixed length, no branch and no calls, so that the compiler turns them into vector instructions, and a ray's
-result does not depend on its neighbours.
+A bundle is an array of blocks of `BLOCK` rays; in a block, the eight fields of a ray (position, direction, weight,
+status) are eight consecutive rows. All rays of a block pass one element before the next one: the inner loops have a
+fixed length, no branch and no calls, so that the compiler vectorises them, and a ray's result does not depend on its
+neighbours.
 
-A status is 0 for a ray that is on its way and otherwise `cause + CAUSES * (element + 1)`; the first cause stays. A lost
-ray is carried along as numbers without meaning.
+A status is 0 for a ray that is not lost and otherwise `cause + CAUSES * (element + 1)`; the first cause stays. The
+numbers of a lost ray are computed on, without meaning.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Cosine and sine of a share of a full turn: a device function."""
+"""Cosine and sine of a fraction of a full turn: a device function."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _SIN = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(9))
 
 @device
 def turn(u):
-    """Cosine and sine of 2 pi u for u in [0, 1], to a rounding or two: Taylor's series within an eighth of a turn.
+    """Cosine and sine of 2 pi u for u in [0, 1], to one or two ulp: Taylor series within an eighth of a turn.
 
-    A third of the time of the two functions of the C library, one after the other.
+    A third of the time of two calls of the C library.
     """
     quarter = math.floor(4.0 * u + 0.5)
     x = 2.0 * math.pi * (u - 0.25 * quarter)
@@ -23,9 +23,9 @@ def turn(u):
     for k in range(7, -1, -1):
         c, s = c * x2 + _COS[k], s * x2 + _SIN[k]
     s *= x
-    # Without branches, which could not be foretold.
-    way = int(quarter) & 3
-    odd = way & 1
-    across = s if odd else c
-    up = c if odd else s
-    return (1.0 - 2.0 * ((way + 1) >> 1 & 1)) * across, (1.0 - 2.0 * (way >> 1)) * up
+    # Selections instead of branches, which would be mispredicted.
+    quadrant = int(quarter) & 3
+    odd = quadrant & 1
+    x_size = s if odd else c
+    y_size = c if odd else s
+    return (1.0 - 2.0 * ((quadrant + 1) >> 1 & 1)) * x_size, (1.0 - 2.0 * (quadrant >> 1)) * y_size

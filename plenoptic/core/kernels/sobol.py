@@ -3,7 +3,7 @@
 Sobol points: S. Joe and F. Y. Kuo, SIAM J. Sci. Comput. 30, 2635 (2008), direction numbers new-joe-kuo-6.
 Scrambling by hashing: B. Burley, J. Comput. Graph. Tech. 9(4), 1 (2020), section 3; the hash is that of
 N. Vegdahl, "Building a better LK hash" (2021), which acts on bit-reversed numbers. Points are therefore
-tabulated bit-reversed and are turned round once, after scrambling.
+tabulated bit-reversed, and their bits are reversed once, after scrambling.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def mix(state, salt):
 
 @device
 def stream(seed, pixel, replicate):
-    """The key of one pixel's replicate: an independent scrambling."""
+    """Key of one pixel's replicate: an independent scrambling."""
     key = mix(mix(np.uint64(seed), np.uint64(1)), np.uint64(pixel) + np.uint64(1))
     return mix(key, np.uint64(replicate) + np.uint64(1))
 
@@ -111,7 +111,7 @@ def to_unit(x):
 
 
 @device
-def shuffled(index, seed):
+def shuffle_index(index, seed):
     """Owen-shuffled index: aligned blocks of 2^k indices stay aligned blocks (Burley, section 4)."""
     return reverse_bits(scramble_reversed(reverse_bits(np.uint32(index)), seed))
 
@@ -148,13 +148,13 @@ def set_key(key, set_number):
 
 @device
 def set_index(index, key, set_number):
-    """Later sets take their points in another order, so that sets do not correlate."""
-    return np.uint32(index) if set_number == 0 else shuffled(index, np.uint32(mix(key, np.uint64(77))))
+    """Index of a point in its set; later sets are shuffled, so that sets do not correlate."""
+    return np.uint32(index) if set_number == 0 else shuffle_index(index, np.uint32(mix(key, np.uint64(77))))
 
 
 @kernel
-def fill_drawn(points, keys, indices, path_of, path_key, path_index, set_number):
-    """Keys, indices and points (4, n) of a set for lanes of paths: loops of their own become vector instructions."""
+def fill_samples(points, keys, indices, path_of, path_key, path_index, set_number):
+    """Keys, indices and points (4, n) of a set for n lanes of paths; separate loops are vectorised."""
     n = path_of.size
     for i in range(n):
         path = path_of[i]

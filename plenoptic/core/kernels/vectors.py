@@ -1,4 +1,4 @@
-"""Points and vectors inside kernels: tuples (x, y, z), so that formulas read as they are written."""
+"""Points and vectors inside kernels: tuples (x, y, z), which cost nothing."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from plenoptic.core.numba.jit import device
 
 @device
 def add(a, b):
-    """A + b."""
+    """Sum a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @device
 def sub(a, b):
-    """A - b."""
+    """Difference a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
@@ -43,23 +43,23 @@ def vector(array, first):
 
 @device
 def row_vector(rows, i, first):
-    """Three numbers of row i, from column `first` on: no view of the row, which would cost counts of references."""
+    """Three numbers of row i, from column `first` on, without a view, whose reference counting costs time."""
     return rows[i, first], rows[i, first + 1], rows[i, first + 2]
 
 
 @device
 def fill_vector(rows, i, first, a):
-    """Put a vector into row i, from column `first` on."""
+    """Write a vector into row i, from column `first` on."""
     rows[i, first], rows[i, first + 1], rows[i, first + 2] = a[0], a[1], a[2]
 
 
 @device
-def negated(a):
-    """-a."""
+def negate(a):
+    """Vector -a."""
     return -a[0], -a[1], -a[2]
 
 
 @device
 def absolute(a):
-    """The components without their signs."""
+    """Absolute values of the components."""
     return abs(a[0]), abs(a[1]), abs(a[2])

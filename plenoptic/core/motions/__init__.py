@@ -1,1 +1,1 @@
-"""Poses and rigid motions of objects and cameras."""
+"""Poses and motions: rotations, rigid transforms, and rigid motions in time."""

@@ -14,34 +14,34 @@ from plenoptic.core.values import Floats, Given, check_kind, finite, frozen_arra
 from plenoptic.errors import InvalidValueError
 
 _HALF_TURN = 1e-4
-"""Cosine of half an angle below which it cannot be told which way round a turn goes."""
-_MOST_DEG = 90.0
-"""Angle between two keyframes of a screw."""
+"""Cosine of half a rotation angle below which the sense of the rotation is ambiguous."""
+_MAX_STEP_DEG = 90.0
+"""Largest angle between two keyframes of a screw motion."""
 
 
 @value
 class Motion:
-    """A rigid motion: from keyframe to keyframe a body turns evenly about one axis, and its pivot moves on a line.
+    """A rigid motion: between keyframes a body rotates uniformly about one axis, and its pivot moves on a line.
 
-    Between two keyframes rotations follow the shorter great arc of their quaternions (slerp), so that a turn about a
-    fixed axis, and a screw along it, are exact where the pivot lies on the axis. Before the first keyframe and after
-    the last one the body stands still.
+    Between two keyframes rotations follow the shorter great arc of their quaternions (slerp). A rotation about a fixed
+    axis, and a screw motion along it, are therefore exact if the pivot lies on the axis. The body is at rest before the
+    first keyframe and after the last one.
 
     Parameters
     ----------
     times : (n,) array
-        Seconds, each later than the one before.
+        Seconds, ascending.
     poses : sequence of Pose
-        From where the body stands to where it is at each time, p' = rotation @ p + position in the world, mm. For a
+        Transform at each time from the body as modelled to the world, p' = rotation @ p + position, mm. For a
         camera without a pose of its own: its poses.
     pivot : (3,) array, optional
-        The point of the body, where it stands, that moves on lines, mm. For a camera the default, its origin.
+        Point of the body as modelled that moves on lines, mm. For a camera the default, its origin.
 
     Raises
     ------
     InvalidValueError
-        Times that do not ascend or are not finite, poses of another number, or a half turn between two of them, which
-        could go either way round.
+        If times do not ascend or are not finite, the number of poses differs, or two consecutive poses are half a turn
+        apart, so that the sense of the rotation is ambiguous.
 
     Notes
     -----
@@ -63,7 +63,7 @@ class Motion:
         set_field(self, "times", ascending(self.times, "times"))
         try:
             poses = tuple(self.poses)
-        except TypeError:  # a single one, or an array without axes
+        except TypeError:  # a single pose, or an array without axes
             poses = (self.poses,)  # type: ignore[assignment]
         for pose in poses:
             check_kind(pose, "poses", Pose, "pl.Pose.look_at(...), for each of times")
@@ -71,7 +71,7 @@ class Motion:
             raise InvalidValueError(f"there are {len(poses)} poses for {len(self.times)} times; give one for each")
         set_field(self, "poses", poses)
         set_field(self, "pivot", positions(self.pivot, name="pivot", shape=(3,)))
-        _, cosines = self._turns()
+        _, cosines = self._rotation_vectors()
         for k in np.flatnonzero(cosines < _HALF_TURN):
             raise InvalidValueError(
                 f"poses {k} and {k + 1} are half a turn apart, which could go either way round; give one in between"
@@ -87,20 +87,20 @@ class Motion:
         angle_deg: float = 0.0,
         advance: float = 0.0,
     ) -> Motion:
-        """A turn about an axis and a shift along it, both even: any of the two alone, or a screw.
+        """Uniform rotation about an axis and uniform shift along it: either alone, or a screw motion.
 
         Parameters
         ----------
         times : (float, float)
-            When it begins and ends, in s.
+            Begin and end in s.
         axis : (3,) array
             Direction in the world, of any length above 0.
         through : (3,) array, optional
             A point of the axis, mm.
         angle_deg : float, optional
-            Of the whole turn, counter-clockwise as seen by one whom the axis points at; 720 are two turns.
+            Total angle, counter-clockwise seen from the tip of the axis; 720 is two turns.
         advance : float, optional
-            mm along the axis.
+            Shift along the axis in mm.
 
         Examples
         --------
@@ -112,14 +112,14 @@ class Motion:
         begin, end = (finite(time, "times") for time in frozen_array(times, name="times", shape=(2,)).tolist())
         angle, shift = finite(angle_deg, "angle_deg"), finite(advance, "advance")
         pivot = positions(through, name="through", shape=(3,))
-        share = np.linspace(0.0, 1.0, max(1, math.ceil(abs(angle) / _MOST_DEG)) + 1)
-        along = frozen_array(axis, name="axis", shape=(3,))
+        fractions = np.linspace(0.0, 1.0, max(1, math.ceil(abs(angle) / _MAX_STEP_DEG)) + 1)
+        direction = frozen_array(axis, name="axis", shape=(3,))
         poses = []
-        for part in share:
-            turn = rotation_about(along, math.radians(math.fmod(part * angle, 360.0)))
-            moved = pivot + part * shift * along / np.linalg.norm(along)
-            poses.append(Pose(turn, moved - turn @ pivot))
-        return cls(begin + share * (end - begin), poses, pivot)
+        for fraction in fractions:
+            rotation = rotation_about(direction, math.radians(math.fmod(fraction * angle, 360.0)))
+            position = pivot + fraction * shift * direction / np.linalg.norm(direction)
+            poses.append(Pose(rotation, position - rotation @ pivot))
+        return cls(begin + fractions * (end - begin), poses, pivot)
 
     def at(self, time: float) -> Pose:
         """Pose of the body at a time in s."""
@@ -127,23 +127,23 @@ class Motion:
         return Pose(matrix[:, :3], matrix[:, 3])
 
     def matrices(self, times: ArrayLike) -> Floats:
-        """(n, 3, 4): rotation and shift, p' = M[:, :3] @ p + M[:, 3], at times (n,) in s."""
-        when, last = np.asarray(times, dtype=np.float64), len(self.times) - 1
-        turned, moved = self._keys()
-        k = np.clip(np.searchsorted(self.times, when, side="right") - 1, 0, max(last - 1, 0))
+        """(n, 3, 4) rotation and shift, p' = M[:, :3] @ p + M[:, 3], at times (n,) in s."""
+        t, last = np.asarray(times, dtype=np.float64), len(self.times) - 1
+        rotations, pivots = self._keyframes()
+        k = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, max(last - 1, 0))
         if last:
             steps = np.diff(self.times)
-            share = np.clip((when - self.times[k]) / steps[k], 0.0, 1.0)
-            turns, _ = self._turns()
-            rotation = _rotations(share[:, None] * turns[k]) @ turned[k]
-            # The mean of both ends, so that each end is met to the last bit.
-            where = (1.0 - share)[:, None] * moved[k] + share[:, None] * moved[k + 1]
+            fraction = np.clip((t - self.times[k]) / steps[k], 0.0, 1.0)
+            steps_between, _ = self._rotation_vectors()
+            rotation = _rotations(fraction[:, None] * steps_between[k]) @ rotations[k]
+            # A weighted mean of both ends reproduces each end to the last bit.
+            pivot = (1.0 - fraction)[:, None] * pivots[k] + fraction[:, None] * pivots[k + 1]
         else:
-            rotation, where = turned[k], moved[k]
-        return np.concatenate([rotation, (where - rotation @ self.pivot)[:, :, None]], axis=2)
+            rotation, pivot = rotations[k], pivots[k]
+        return np.concatenate([rotation, (pivot - rotation @ self.pivot)[:, :, None]], axis=2)
 
     def seen_from(self, time: float) -> Motion:
-        """The same motion of the body from where it is at a time, which becomes time 0.
+        """The same motion relative to the body's pose at a time, which becomes time 0.
 
         Examples
         --------
@@ -152,57 +152,57 @@ class Motion:
         >>> turn.seen_from(1.0).at(1.0).to_world([1.0, 0.0, 0.0]).round(12).tolist()
         [0.0, 1.0, 0.0]
         """
-        here, (turned, moved) = self.at(time), self._keys()
-        pivot = here.to_world(self.pivot)
+        reference, (rotations, pivots) = self.at(time), self._keyframes()
+        pivot = reference.to_world(self.pivot)
         poses = []
-        for turn, place in zip(turned @ here.rotation.T, moved, strict=True):
-            poses.append(Pose(turn, place - turn @ pivot))
+        for rotation, position in zip(rotations @ reference.rotation.T, pivots, strict=True):
+            poses.append(Pose(rotation, position - rotation @ pivot))
         return Motion(self.times - time, poses, pivot)
 
     def carried(self, rotation: Floats, shift: Floats, scale: float = 1.0) -> Motion:
-        """The same motion in a world moved by p' = scale * rotation @ p + shift."""
-        turned, moved = self._keys()
+        """The same motion in a world transformed by p' = scale * rotation @ p + shift."""
+        rotations, pivots = self._keyframes()
         pivot = scale * rotation @ self.pivot + shift
         poses = []
-        for turn, place in zip(rotation @ turned @ rotation.T, moved, strict=True):
-            poses.append(Pose(turn, scale * rotation @ place + shift - turn @ pivot))
+        for turn, position in zip(rotation @ rotations @ rotation.T, pivots, strict=True):
+            poses.append(Pose(turn, scale * rotation @ position + shift - turn @ pivot))
         return Motion(self.times, poses, pivot)
 
     def moves(self, begin: float, end: float) -> bool:
-        """True if the body leaves, between two times, its pose at their beginning."""
+        """True if the body leaves its pose at the beginning of an interval of time during it."""
         inside = self.times[(self.times > begin) & (self.times < end)]
-        found = self.matrices(np.concatenate([[begin], inside, [end]]))
-        return bool(np.any(found != found[0]))
+        matrices = self.matrices(np.concatenate([[begin], inside, [end]]))
+        return bool(np.any(matrices != matrices[0]))
 
-    def _keys(self) -> tuple[Floats, Floats]:
-        """Rotations (n, 3, 3) and places of the pivot (n, 3) at keyframes."""
-        turned = np.array([pose.rotation for pose in self.poses])
-        return turned, np.array([pose.to_world(self.pivot) for pose in self.poses])
+    def _keyframes(self) -> tuple[Floats, Floats]:
+        """Rotations (n, 3, 3) and positions of the pivot (n, 3) at keyframes."""
+        rotations = np.array([pose.rotation for pose in self.poses])
+        return rotations, np.array([pose.to_world(self.pivot) for pose in self.poses])
 
-    def _turns(self) -> tuple[Floats, Floats]:
-        """(n - 1, 3): axis times angle from each keyframe to the next, in the world; cosines of half the angles."""
-        turned, _ = self._keys()
-        quaternions = _quaternions(turned[1:] @ turned[:-1].transpose(0, 2, 1))
+    def _rotation_vectors(self) -> tuple[Floats, Floats]:
+        """(n - 1, 3) axis times angle between keyframes in the world, and cosines (n - 1,) of half the angle."""
+        rotations, _ = self._keyframes()
+        quaternions = _quaternions(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
         sine = np.linalg.norm(quaternions[:, 1:], axis=1)
         angle = 2.0 * np.arctan2(sine, quaternions[:, 0])
-        over = np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0)
-        return over[:, None] * quaternions[:, 1:], quaternions[:, 0]
+        angle_over_sine = np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0)
+        return angle_over_sine[:, None] * quaternions[:, 1:], quaternions[:, 0]
 
 
 def ascending(times: ArrayLike, name: str) -> Floats:
-    """(n,) times in s, at least one, or an error where they do not ascend."""
-    given = frozen_array(times, name=name, shape=(None,))
-    if not len(given) or not np.isfinite(given).all() or not np.all(np.diff(given) > 0):
-        raise InvalidValueError(f"{name} is {given.tolist()!r:.80}; it must hold finite times in s that ascend")
-    return given
+    """(n,) times in s, at least one, or an error if they do not ascend."""
+    array = frozen_array(times, name=name, shape=(None,))
+    if not len(array) or not np.isfinite(array).all() or not np.all(np.diff(array) > 0):
+        raise InvalidValueError(f"{name} is {array.tolist()!r:.80}; it must hold finite times in s that ascend")
+    return array
 
 
 def _quaternions(rotations: Floats) -> Floats:
-    """(n, 4): w >= 0, x, y, z of rotations (n, 3, 3), by the largest of their squares (S. Shepperd, 1978)."""
+    """(n, 4) quaternions (w >= 0, x, y, z) of rotations (n, 3, 3), from the largest component (S. Shepperd, 1978)."""
     r = rotations
     trace = np.trace(r, axis1=1, axis2=2)
     squares = np.column_stack([trace, r[:, 0, 0], r[:, 1, 1], r[:, 2, 2]])
-    # 4 times the outer product of the quaternion with itself: any of its rows is the quaternion, but for its length.
+    # 4 times the outer product of the quaternion with itself: each of its rows is parallel to the quaternion.
     outer = np.empty((len(r), 4, 4))
     outer[:, 0, 0] = 1.0 + trace
     for k in range(3):
@@ -210,17 +210,17 @@ def _quaternions(rotations: Floats) -> Floats:
         outer[:, k + 1, k + 1] = 1.0 + 2.0 * r[:, k, k] - trace
         outer[:, 0, k + 1] = outer[:, k + 1, 0] = r[:, j, i] - r[:, i, j]
         outer[:, i + 1, j + 1] = outer[:, j + 1, i + 1] = r[:, i, j] + r[:, j, i]
-    found = outer[np.arange(len(r)), squares.argmax(axis=1)]
-    found = found / np.linalg.norm(found, axis=1, keepdims=True)
-    return np.asarray(np.where(found[:, :1] < 0, -found, found))
+    rows = outer[np.arange(len(r)), squares.argmax(axis=1)]
+    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.asarray(np.where(rows[:, :1] < 0, -rows, rows))
 
 
-def _rotations(turns: Floats) -> Floats:
-    """(n, 3, 3) of axes times angles (n, 3), by Rodrigues' formula; small angles keep their digits."""
-    angle = np.linalg.norm(turns, axis=1)
-    over = np.divide(1.0, angle, out=np.zeros_like(angle), where=angle > 0)
-    x, y, z = (turns * over[:, None]).T
-    none = np.zeros_like(x)
-    cross = np.array([[none, -z, y], [z, none, -x], [-y, x, none]]).transpose(2, 0, 1)
+def _rotations(vectors: Floats) -> Floats:
+    """(n, 3, 3) rotations about axes by angles, given as products (n, 3), by Rodrigues' formula, accurate if small."""
+    angle = np.linalg.norm(vectors, axis=1)
+    inverse = np.divide(1.0, angle, out=np.zeros_like(angle), where=angle > 0)
+    x, y, z = (vectors * inverse[:, None]).T
+    zero = np.zeros_like(x)
+    cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
     sine, versine = np.sin(angle)[:, None, None], 2.0 * (np.sin(0.5 * angle) ** 2)[:, None, None]
     return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))

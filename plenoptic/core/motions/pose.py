@@ -1,4 +1,4 @@
-"""Pose of a camera in the world: position and orientation."""
+"""Position and orientation of a camera in the world."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Pose:
     Raises
     ------
     InvalidValueError
-        Where the rotation is not orthonormal and right-handed, or a number is not finite.
+        If the rotation is not orthonormal and right-handed, or a number is not finite.
 
     Examples
     --------
@@ -62,7 +62,7 @@ class Pose:
         Raises
         ------
         InvalidValueError
-            Where the two points are one or not finite, or `up` lies along the view.
+            If the two points coincide or are not finite, or `up` lies along the view.
 
         Examples
         --------
@@ -85,9 +85,9 @@ class Pose:
         return cls(rotation=np.stack([x, np.cross(z, x), z], axis=1), position=start)
 
     def to_world(self, points: ArrayLike) -> Floats:
-        """World coordinates of points (..., 3) of the camera's frame, in mm."""
+        """World coordinates in mm of points (..., 3) of the camera's frame."""
         return np.asarray(numbers(points, "points", columns=3) @ self.rotation.T + self.position)
 
     def to_camera(self, points: ArrayLike) -> Floats:
-        """Coordinates in the camera's frame of world points (..., 3), in mm."""
+        """Coordinates in mm of world points (..., 3) in the camera's frame."""
         return np.asarray((numbers(points, "points", columns=3) - self.position) @ self.rotation)

@@ -1,4 +1,4 @@
-"""Turns about an axis."""
+"""Rotations about an axis."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from plenoptic.errors import InvalidValueError
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Floats:
-    """(3, 3): the turn about an axis of any length by radians, counter-clockwise as seen by one whom it points at."""
+    """(3, 3) rotation about an axis of any length by radians, counter-clockwise seen from the tip of the axis."""
     direction = frozen_array(axis, name="axis", shape=(3,))
     length = float(np.linalg.norm(direction))
     if not 0 < length < np.inf:
         raise InvalidValueError(f"axis {direction.tolist()} has length {length:g}; it must be finite and above 0")
     x, y, z = direction / length
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turn = radians(angle, "angle")
-    # Rodrigues' formula; 1 - cos as a square keeps the digits of small turns.
-    return np.asarray(np.eye(3) + math.sin(turn) * cross + 2 * math.sin(turn / 2) ** 2 * (cross @ cross))
+    theta = radians(angle, "angle")
+    # Rodrigues' formula; 1 - cos as a square keeps the digits of small angles.
+    return np.asarray(np.eye(3) + math.sin(theta) * cross + 2 * math.sin(theta / 2) ** 2 * (cross @ cross))

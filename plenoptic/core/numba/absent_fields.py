@@ -1,9 +1,9 @@
-"""Compiler pass: members of records that are None are the constant None, so that absent features are pruned.
+"""A compiler pass: absent members of records become the constant None, so that Numba prunes their branches.
 
 Numba drops the branch of `if x is not None` at compile time where x is an argument, and not where it is `record.x`.
 This pass runs before that pruning, and replaces each plain chain of names that leads from an argument through
-NamedTuples to a member that is None by the constant. A member of an absent record is absent. Other members are known
-to be: `x is not None` is True, so that the other branch is dropped too.
+NamedTuples to a member that is None by the constant. A member of an absent record is absent. For members that are
+present, `x is not None` becomes True, so that the other branch is dropped too.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numba.core.ir_utils import get_definition, guard
 
 
 def _type_of(state: Any, variable: Any) -> Any:
-    """The type of an argument, or of a member of one; None where neither is known before types are inferred."""
+    """The type of an argument, or of a member of one; None if neither is known before types are inferred."""
     found = guard(get_definition, state.func_ir, variable)
     if isinstance(found, ir.Arg):
         return state.args[found.index] if found.index < len(state.args) else None
@@ -34,7 +34,7 @@ def _type_of(state: Any, variable: Any) -> Any:
 
 
 def _is_present(state: Any, comparison: Any) -> bool:
-    """True if the operand that is compared with None cannot be None."""
+    """True for a comparison with None whose other operand cannot be None."""
     if comparison.fn not in (operator.is_, operator.is_not):
         return False
     other = guard(get_definition, state.func_ir, comparison.rhs)
@@ -46,7 +46,7 @@ def _is_present(state: Any, comparison: Any) -> bool:
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class AbsentFields(FunctionPass):
-    """Numba pass that makes members of records that are None constants."""
+    """Compiler pass that replaces absent members by None."""
 
     _name = "absent_fields"
 

@@ -1,8 +1,8 @@
-"""A compiler pass: functions that make no arrays do not count references to those that they are handed.
+"""A compiler pass: functions that make no arrays do not count references to their arguments.
 
 Numba counts the references to an array with each name and each slice, by an atomic instruction each time: a third of
-the time of kernels that call functions for each path. The caller keeps its arguments, so that only functions in
-which a call brings an array (a new one, a view, or the result of another function), or that return one, need to count.
+the time of kernels that call functions for each path. The caller keeps its arrays alive, so that only functions in
+which a call returns an array (a new one, a view, or that of another function), or that return one, need to count.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def _holds_array(kind: Any) -> bool:
 
 
 def _makes_arrays(state: Any) -> bool:
-    """True if a call returns an array, one is copied, or the function returns one."""
+    """True if a call returns an array, an array is assigned to an element, or the function returns one."""
     if _holds_array(state.return_type):
         return True
     kinds = state.typemap
@@ -36,7 +36,7 @@ def _makes_arrays(state: Any) -> bool:
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class BorrowedArrays(AnalysisPass):
-    """Numba pass that removes reference counts; it runs when types are known and before LLVM's code is made."""
+    """Compiler pass between type inference and code generation that disables reference counting."""
 
     _name = "borrowed_arrays"
 
@@ -44,7 +44,7 @@ class BorrowedArrays(AnalysisPass):
         AnalysisPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        """Turn counting off where it can be."""
+        """Disable reference counting if the function makes no arrays."""
         if not _makes_arrays(state):
             state.targetctx = state.targetctx.subtarget(enable_nrt=False)
         return False

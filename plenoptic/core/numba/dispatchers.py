@@ -9,8 +9,8 @@ from numba.core.registry import CPUDispatcher
 
 from plenoptic.core.numba.deviations import deviations, leave_all_out, plainly
 from plenoptic.core.numba.parallel_compilation import Task, claim, listed_tasks
-from plenoptic.core.parallel import GivenUp, check_wanted
-from plenoptic.core.waiting.deferring import interrupts_deferred
+from plenoptic.core.parallel import Cancelled, check_cancelled
+from plenoptic.core.progress.deferring import defer_interrupts
 
 _all: weakref.WeakSet[Any] = weakref.WeakSet()
 
@@ -54,14 +54,14 @@ class Kernel(CPUDispatcher):
         return super()._compile_for_args(*arguments, **keywords)  # type: ignore[misc]
 
     def compile(self, signature: Any) -> Any:
-        """Compile for types of arguments, or load the compiled code; GivenUp where nobody waits for it any longer."""
-        check_wanted()
+        """Compile for types of arguments, or load the compiled code; Cancelled if nobody waits for it any longer."""
+        check_cancelled()
         _probe_once()
         claim((self, signature))
-        with interrupts_deferred():
+        with defer_interrupts():
             try:
                 return super().compile(signature)
-            except (GivenUp, Warning):
+            except (Cancelled, Warning):
                 raise
             except Exception as error:
                 return self._compile_plainly(signature, error)

@@ -65,7 +65,7 @@ def writable_folder() -> Path | None:
 
 
 class KernelCache:
-    """Cache of a dispatcher's compiled code, in place of `numba.core.caching.FunctionCache`."""
+    """Cache of compiled code for one of Numba's dispatchers; stands for `numba.core.caching.FunctionCache`."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
@@ -93,7 +93,7 @@ class KernelCache:
         return path is not None and not path.exists()
 
     def load_overload(self, signature: tuple[types.Type, ...], target: Any) -> Any:
-        """The compiled kernel; None where there is none that can be used."""
+        """The compiled kernel; None if there is no usable file."""
         path = self.path(signature, target)
         if path is None:
             return None
@@ -110,7 +110,7 @@ class KernelCache:
             return None
 
     def save_overload(self, signature: tuple[types.Type, ...], result: Any) -> None:
-        """Keep a compiled kernel; where that fails, as on a full disk, warn once."""
+        """Keep a compiled kernel; warn once if that fails, as on a full disk."""
         path = self.path(signature, result.target_context)
         if writable_folder() is None or path is None:
             return

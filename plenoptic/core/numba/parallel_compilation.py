@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from plenoptic.core.numba.code_digest import bytecode_size
 from plenoptic.core.numba.deviations import deviations
 from plenoptic.core.numba.kernel_cache import writable_folder
-from plenoptic.core.parallel import check_wanted
-from plenoptic.core.waiting.compiling import compiling
+from plenoptic.core.parallel import check_cancelled
+from plenoptic.core.progress.compiling import compiling
 
 if TYPE_CHECKING:
     from plenoptic.core.numba.dispatchers import Kernel
@@ -57,9 +57,9 @@ class _Tasks:
             self.waiting.pop(task, None)
             begun = self.begun.get(task)
         if begun is not None:
-            with compiling.noted(None):
+            with compiling.track(None):
                 while not begun.wait(_PATIENCE):
-                    check_wanted()
+                    check_cancelled()
 
     def begin(self) -> Task | None:
         """Take the last kernel that no process has begun, for a helper."""

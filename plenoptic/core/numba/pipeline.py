@@ -10,7 +10,7 @@ from numba.core.untyped_passes import IRProcessing
 
 from plenoptic.core.numba.absent_fields import AbsentFields
 from plenoptic.core.numba.deviations import deviations, leave_all_out
-from plenoptic.core.waiting.compiling import compiling
+from plenoptic.core.progress.compiling import compiling
 
 
 class KernelCompiler(CompilerBase):
@@ -22,7 +22,7 @@ class KernelCompiler(CompilerBase):
         if collecting:
             gc.disable()
         try:
-            with compiling.noted(function.__name__):
+            with compiling.track(function.__name__):
                 return super().compile_extra(function)
         finally:
             if collecting:

@@ -12,7 +12,7 @@ from plenoptic.core.numba.library import LightLibrary
 from plenoptic.core.numba.typing_context import KernelTyping
 
 _UNUSED = (WithLifting, InlineClosureLikes, NopythonRewrites)
-"""Passes for what kernels do not contain: `with`, closures, and expressions of whole arrays."""
+"""Passes for features that kernels do not use: `with`, closures, and expressions of whole arrays."""
 
 
 def apply(chosen: frozenset[str], state: Any, passes: Any) -> None:

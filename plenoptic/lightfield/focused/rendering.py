@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
-from plenoptic.core.waiting.bar import Waiting
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.estimation import focused_array
@@ -163,7 +163,7 @@ def render_view(  # noqa: PLR0913
     seen = seen_by(shot, white, camera, share_of_light(least_light))
     wide = math.inf if aperture is None else positive(aperture, "aperture")
     place = checked_viewpoint(viewpoint)
-    with Waiting("rendering the view", kind="camera", show=progress):
+    with CallProgress("rendering the view", kind="camera", show=progress):
         samples = samples_of(seen, focus_of(seen, disparity, z), spacing)
         return rendered(samples, place, wide, thread_count(threads))
 

@@ -1,1 +1,1 @@
-"""Diffraction of light at openings."""
+"""Diffraction at openings."""

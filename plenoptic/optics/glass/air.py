@@ -1,4 +1,4 @@
-"""The absolute refractive index of air, and of media whose index is known relative to air."""
+"""Absolute refractive index of air, and of media whose catalogue index is relative to air."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import Medium, checked_index, wavelength_within
 
 AIR_WAVELENGTH_RANGE = (300.0, 1700.0)
-"""Wavelengths in vacuum, nm, within which both formulas are used."""
+"""Range of wavelengths in vacuum, nm, of both formulas."""
 
 _LIMITS = {
     "temperature": (-40.0, 100.0, " deg C"),
@@ -23,7 +23,7 @@ _EDLEN_CO2 = 450.0
 
 
 class AirFormula(enum.IntEnum):
-    """Formula of the index of air.
+    """Formula for the refractive index of air.
 
     - CIDDOR: from the densities of dry air and of water vapour. Its expected uncertainty is 2e-8 to 5e-8 in 350 to
       1300 nm, and it stays good in hot, cold and humid air.
@@ -46,7 +46,7 @@ class AirFormula(enum.IntEnum):
 
 
 def _vapour_pressure(air: Air) -> float:
-    """Partial pressure of the water vapour, Pa, as if it were alone."""
+    """Partial pressure of the water vapour in Pa, without other gases."""
     kelvin = air.temperature + 273.15
     if air.temperature < 0:
         return air.humidity * math.pow(10.0, -2663.5 / kelvin + 12.537)  # over ice
@@ -69,7 +69,7 @@ _GAS_CONSTANT = 8.314510  # J/(mol K)
 
 
 def _compressibility(kelvin: float, pascal: float, vapour: float) -> float:
-    """Equation 12."""
+    """Compressibility; equation 12."""
     t, ratio = kelvin - 273.15, pascal / kelvin
     linear = 1.58123e-6 - 2.9331e-8 * t + 1.1043e-10 * t**2
     linear += (5.707e-6 - 2.051e-8 * t) * vapour + (1.9898e-4 - 2.376e-6 * t) * vapour**2
@@ -87,7 +87,7 @@ def _ciddor(air: Air, s: float) -> float:
     wet = 1.022e-8 * (295.235 + 2.6422 * s - 0.032380 * s**2 + 0.004028 * s**3)
     air_mass = 1e-3 * (28.9635 + 12.011e-6 * (air.co2 - 400.0))
     kelvin, pascal, vapour = air.temperature + 273.15, air.pressure * 1e3, _vapour_fraction(air)
-    # Each component counts by its density over that in the air it was measured in.
+    # Each component counts by its density over that in its reference air.
     dry_share = _density(kelvin, pascal, vapour, air_mass * (1.0 - vapour)) / _density(288.15, 101325.0, 0.0, air_mass)
     wet_share = _density(kelvin, pascal, vapour, _VAPOUR_MASS * vapour) / _density(293.15, 1333.0, 1.0, _VAPOUR_MASS)
     return dry_share * dry + wet_share * wet
@@ -113,7 +113,7 @@ class Air:
 
     All other indices of this package, those of glass catalogues above all, are relative to air at standard conditions;
     in such a lens air is `AIR`, whose index is 1. To describe a lens in real air or in vacuum use absolute indices
-    throughout: glasses as `Absolute(glass)`, the gaps as `Air(...)` or `VACUUM`, which is also the `ambient` then.
+    throughout: glasses as `Absolute(glass)`, and the gaps as `Air(...)` or `VACUUM`, which then is the `ambient`, too.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ class Air:
             )
 
     def index(self, wavelength: float) -> float:
-        """Absolute refractive index at a wavelength in vacuum of 300 to 1700 nm; an InvalidValueError outside."""
+        """Absolute refractive index at a wavelength in vacuum of 300 to 1700 nm; InvalidValueError outside."""
         vacuum = wavelength_within(wavelength, AIR_WAVELENGTH_RANGE, "air")
         wavenumber_squared = (1e3 / vacuum) ** 2
         refractivity = _ciddor if self.formula == AirFormula.CIDDOR else _edlen
@@ -183,20 +183,20 @@ class Air:
 
 @value
 class Absolute:
-    """A medium whose index is known relative to air, by its absolute index: that times the index of the air.
+    """Absolute index of a medium whose index is relative to air: their product.
 
     Parameters
     ----------
     medium : Medium
-        Its index is relative to `air`, as that of a glass catalogue.
+        Medium whose index is relative to `air`, as in glass catalogues.
     air : Air, optional
-        Medium relative to which the index is given: dry air at 20 deg C and 101.325 kPa, as for most catalogues. It is
-        not the air around the lens; that is the medium of its gaps.
+        Reference air of the medium's index: dry air at 20 deg C and 101.325 kPa, as for most catalogues. The air around
+        the lens is the medium of its gaps instead.
 
     Raises
     ------
     InvalidValueError
-        If one of the two is something else.
+        If one of the two has another type.
 
     Examples
     --------
@@ -216,5 +216,5 @@ class Absolute:
             raise InvalidValueError("the medium is absolute already; give one whose index is relative to air")
 
     def index(self, wavelength: float) -> float:
-        """Absolute refractive index at a wavelength in nm that both the medium and the air have."""
+        """Absolute refractive index at a wavelength in nm within the ranges of the medium and of the air."""
         return self.medium.index(wavelength) * self.air.index(wavelength)

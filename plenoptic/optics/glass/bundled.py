@@ -1,4 +1,4 @@
-"""Glasses by name: the makers' catalogues that come with the package."""
+"""Glasses by name: the bundled catalogues of makers."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from plenoptic.optics.glass.catalogue import GlassCatalogue, glass_key, glasses_
 from plenoptic.optics.glass.media import Medium
 
 MAKERS = ("SCHOTT", "OHARA", "HOYA", "HIKARI", "CDGM", "SUMITA")
-"""In the order in which names without a maker are looked up, after the names of old lens tables."""
+"""Order in which names without a maker are looked up, after the names of old lens tables."""
 
 _ALSO_CALLED = {"FSILICA": "SILICA", "ACRYLIC": "PMMA"}
-"""Names in Zemax's catalogue MISC, as `glass_key` has them, of what the table has under another: its sources hold."""
+"""Synonyms of Zemax's catalogue MISC, as `glass_key` has them, and the names of the same glasses in the tables."""
 
 _OTHERS = "OTHERS"
-"""The table of old names, crystals and plastics, in which no maker has to be named."""
+"""Table of old names, crystals and plastics, in which no maker has to be named."""
 
 
 def glass(name: str) -> Medium:
     """A glass by its catalogue name, with or without the maker: "N-BK7", "SCHOTT N-BK7".
 
-    The catalogues of Schott, Ohara, Hoya, Nikon-Hikari, CDGM and Sumita are bundled, some 1600 glasses, and beside them
-    fused silica, the usual plastics and crystals, and glasses that old lens tables name; F_SILICA and ACRYLIC of Zemax
-    are SILICA (I. H. Malitson, J. Opt. Soc. Am. 55, 1205 (1965)) and PMMA. A name without a maker is that of these
-    tables first, then of the first maker that has it, in this order; CDGM's names without a hyphen (F3, ZF2) need the
+    The catalogues of Schott, Ohara, Hoya, Nikon-Hikari, CDGM and Sumita are bundled, some 1600 glasses, and also
+    fused silica, the usual plastics and crystals, and the glasses of old lens tables; F_SILICA and ACRYLIC of Zemax
+    are SILICA (I. H. Malitson, J. Opt. Soc. Am. 55, 1205 (1965)) and PMMA. A name without a maker is looked up in the
+    latter tables first, then in the makers' catalogues in this order. CDGM's names without a hyphen (F3, ZF2) need the
     maker, because other makers have other glasses of these names. The coefficients are the makers'
-    (refractiveindex.info, CC0) and come with the wavelengths that they hold for;
-    `pl.optics.bundled_glasses("SCHOTT").entry("N-BK7").source` says where they are from. Where no coefficients were
-    found a glass is a `ModelGlass`, and its source begins with MODEL. Indices are relative to air at 20 deg C.
+    (refractiveindex.info, CC0) and come with their range of wavelengths;
+    `pl.optics.bundled_glasses("SCHOTT").entry("N-BK7").source` states their origin. Glasses without published
+    coefficients are a `ModelGlass`, and their source begins with MODEL. Indices are relative to air at 20 deg C.
 
     Parameters
     ----------
     name : str
-        Case, '-', '_' and spaces make no difference, but N-BK7 and BK7 are two glasses.
+        Case, '-', '_' and spaces are ignored, but N-BK7 and BK7 are two glasses.
 
     Raises
     ------
     InvalidValueError
-        If there is none of that name; the message has those that are near.
+        If there is none of that name; the message lists similar names.
 
     Examples
     --------
@@ -57,7 +57,7 @@ def glass(name: str) -> Medium:
 
 
 def bundled_glass(name: str, first: Sequence[str]) -> Medium:
-    """The glass of that name; one without a maker is looked up in the catalogues `first`, where they are bundled.
+    """The glass of that name; one without a maker is looked up in the catalogues `first`, if they are bundled.
 
     These have the maker in their names, as files have them: NIKON-HIKARI, CDGM-ZEMAX201904.
     """
@@ -65,40 +65,40 @@ def bundled_glass(name: str, first: Sequence[str]) -> Medium:
         raise InvalidValueError(f"the name of a glass is {name!r:.40}; it must be a text, such as 'N-BK7'")
     name = _ALSO_CALLED.get(glass_key(name), name)
     key = glass_key(name)
-    named = [maker for maker in MAKERS if key.startswith(maker) and key != maker]
-    for maker in named:
+    makers = [maker for maker in MAKERS if key.startswith(maker) and key != maker]
+    for maker in makers:
         if key.removeprefix(maker) in bundled_glasses(maker):
             return bundled_glasses(maker)[key.removeprefix(maker)]
-    wanted = [maker for given in first for maker in MAKERS if maker in given.upper().replace("NIKON", "HIKARI")]
-    for maker in dict.fromkeys((*wanted, _OTHERS, *MAKERS)):
-        if key in bundled_glasses(maker) and (maker in wanted or _is_telling(key, maker)):
+    preferred = [maker for file in first for maker in MAKERS if maker in file.upper().replace("NIKON", "HIKARI")]
+    for maker in dict.fromkeys((*preferred, _OTHERS, *MAKERS)):
+        if key in bundled_glasses(maker) and (maker in preferred or _is_unambiguous(key, maker)):
             return bundled_glasses(maker)[name]
     raise InvalidValueError(
-        f"there is no glass {name[:40]!r} in the bundled catalogues{_near(name)}; pl.optics.glass_names() lists all, "
-        "pl.optics.load_glasses(path)[name] takes it from a maker's AGF file"
+        f"there is no glass {name[:40]!r} in the bundled catalogues{_similar_names(name)}; pl.optics.glass_names() "
+        "lists all, pl.optics.load_glasses(path)[name] takes it from a maker's AGF file"
     )
 
 
-def _near(name: str) -> str:
-    """Names like one that is not there, as the end of a sentence."""
-    near: dict[str, str] = {}
+def _similar_names(name: str) -> str:
+    """Names similar to one that is missing, as the end of a sentence."""
+    similar: dict[str, str] = {}
     for maker in (_OTHERS, *MAKERS):
-        for found in bundled_glasses(maker).close_to(name):
-            key = glass_key(found)
-            near.setdefault(key, found if _is_telling(key, maker) else f"{maker} {found}")
-    nearest = [near[key] for key in difflib.get_close_matches(glass_key(name)[:40], near, n=4, cutoff=0.5)]
+        for candidate in bundled_glasses(maker).close_to(name):
+            key = glass_key(candidate)
+            similar.setdefault(key, candidate if _is_unambiguous(key, maker) else f"{maker} {candidate}")
+    nearest = [similar[key] for key in difflib.get_close_matches(glass_key(name)[:40], similar, n=4, cutoff=0.5)]
     return f"; near to it are {', '.join(nearest)}" if nearest else ""
 
 
-def _is_telling(key: str, maker: str) -> bool:
-    """True if the name alone means the glass of that maker: lens tables do not mean CDGM by F3 and ZF2."""
+def _is_unambiguous(key: str, maker: str) -> bool:
+    """True if the name alone means the glass of that maker: CDGM's F3 and ZF2 are other glasses in lens tables."""
     return maker != "CDGM" or "-" in bundled_glasses(maker).entry(key).name
 
 
 def glass_names() -> tuple[str, ...]:
     """Names of the bundled glasses, in alphabetical order, for `glass`.
 
-    A glass whose name alone would be that of another has its maker in front.
+    A glass whose name without maker means another glass has its maker in front.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def glass_names() -> tuple[str, ...]:
     names: dict[str, str] = {}
     for maker in (_OTHERS, *MAKERS):
         for key, name in {glass_key(name): name for name in bundled_glasses(maker).names}.items():
-            if key not in names and _is_telling(key, maker):
+            if key not in names and _is_unambiguous(key, maker):
                 names[key] = name
             else:
                 names[maker + key] = f"{maker} {name}"
@@ -118,7 +118,7 @@ def glass_names() -> tuple[str, ...]:
 
 
 def bundled_glasses(maker: str) -> GlassCatalogue:
-    """Bundled catalogue of a maker, with the data of each glass and their source.
+    """The bundled catalogue of a maker, with its entries and their sources.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def bundled_glasses(maker: str) -> GlassCatalogue:
     Raises
     ------
     InvalidValueError
-        For any other maker.
+        If the maker is none of these.
 
     Examples
     --------

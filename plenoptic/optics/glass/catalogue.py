@@ -1,4 +1,4 @@
-"""Catalogues of glasses, and the AGF files in which makers publish them."""
+"""Catalogues of glasses, and AGF files, in which makers publish them."""
 
 from __future__ import annotations
 
@@ -9,42 +9,42 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from plenoptic.core.files.reading import TEXT, FileLimits, read_file
-from plenoptic.core.files.text_lines import decoded, naming_line, written_number
+from plenoptic.core.files.file_limits import TEXT, FileLimits, read_file
+from plenoptic.core.files.text_lines import decode_text, name_line_in_errors, parse_number
 from plenoptic.core.values import LARGEST_WHOLE, check_kind, file_path, finite, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
 from plenoptic.optics.glass.media import D_LINE, Medium, ModelGlass, Schott, Sellmeier
 
 _MODEL_GLASS = 0
-"""The formula number, of bundled tables only, of a glass of which no more than n_d and V_d are known."""
+"""Formula number, of bundled tables only, of a glass known by n_d and V_d only."""
 
-_LARGEST_DISAGREEMENT = 1e-3
-"""Between the n_d that an entry states and the one of its formula: what rounding never makes, and misprints do."""
+_MAX_DISAGREEMENT = 1e-3
+"""Between the n_d of an entry and that of its formula: more than any rounding, and a sign of a misprint."""
 
 
 @value
 class GlassEntry:
-    """Entry of a glass in a catalogue, unchecked.
+    """Entry of a catalogue, not yet checked for consistency.
 
-    Made by `load_glasses`. See `GlassCatalogue.entry`, which gives it.
+    Made by `load_glasses`; see `GlassCatalogue.entry`.
     """
 
     name: str
     formula: int
-    """Number of the dispersion formula; those that are known are the members of `Formula`."""
+    """Number of the dispersion formula; supported ones are the members of `Formula`."""
     nd: float
-    """Index at 587.5618 nm; 1 or less where the file does not state it."""
+    """Index at 587.5618 nm; 1 or less if the file does not state it."""
     vd: float
     """Abbe number."""
     coefficients: Sequence[float] = ()
-    """As in the file, wavelengths in micrometres."""
+    """Coefficients as in the file, for wavelengths in micrometres."""
     wavelength_range: Sequence[float] = ()
-    """nm; empty where the file does not state it."""
+    """Range of wavelengths in nm; empty if the file does not state it."""
     source: str = ""
-    """The comment on the glass: its source, in bundled catalogues."""
+    """Comment on the glass: its source, in bundled catalogues."""
     line: int = 0
-    """Where the entry begins in the file."""
+    """First line of the entry in the file."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not isinstance(self.source, str):
@@ -58,10 +58,10 @@ class GlassEntry:
 
 @value
 class GlassCatalogue:
-    """The glasses of a catalogue file, by name; made by `load_glasses`.
+    """Glasses of a catalogue file, by name; made by `load_glasses`.
 
-    `catalogue[name]` is a medium. Names are found in upper or lower case, and whatever stands in them of '-', '_' and
-    spaces, so "n bk7" is N-BK7; BK7 is another glass. `in`, `len` and iteration, over the names, work as for a mapping.
+    `catalogue[name]` is a medium. Lookup ignores case, '-', '_' and spaces, so that "n bk7" is N-BK7; BK7 is another
+    glass. `in`, `len` and iteration, over the names, work as for a mapping.
 
     Examples
     --------
@@ -72,19 +72,19 @@ class GlassCatalogue:
     """
 
     name: str
-    """Of the file."""
+    """Name of the file."""
     entries: Sequence[GlassEntry]
-    """In the order of the file."""
-    _places: dict[str, tuple[int, ...]] = dataclasses.field(init=False, repr=False, compare=False)
+    """Entries in the order of the file."""
+    _rows: dict[str, tuple[int, ...]] = dataclasses.field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         set_field(self, "entries", tuple(self.entries))
         for entry in self.entries:
             check_kind(entry, "an entry", GlassEntry, "those of pl.optics.load_glasses(path).entries")
-        places: dict[str, list[int]] = {}
+        rows: dict[str, list[int]] = {}
         for i, entry in enumerate(self.entries):
-            places.setdefault(glass_key(entry.name), []).append(i)
-        set_field(self, "_places", {key: tuple(found) for key, found in places.items()})
+            rows.setdefault(glass_key(entry.name), []).append(i)
+        set_field(self, "_rows", {key: tuple(numbers) for key, numbers in rows.items()})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -92,7 +92,7 @@ class GlassCatalogue:
         return tuple(entry.name for entry in self.entries)
 
     def entry(self, name: str) -> GlassEntry:
-        """Entry of a glass in the file; an InvalidValueError with close names where it has none of that name.
+        """Entry of a glass in the file; an InvalidValueError with similar names if it has none of that name.
 
         Examples
         --------
@@ -103,15 +103,15 @@ class GlassCatalogue:
         """
         if not isinstance(name, str):
             raise InvalidValueError(f"the name of a glass is {name!r:.40}; it must be a text, such as 'N-BK7'")
-        found = [self.entries[i] for i in self._places.get(glass_key(name), ())]
-        if not found:
+        matches = [self.entries[i] for i in self._rows.get(glass_key(name), ())]
+        if not matches:
             near = f"; near to it are {', '.join(close)}" if (close := self.close_to(name)) else ""
             raise InvalidValueError(f"there is no glass {name[:40]!r} in {self.name}{near}")
-        # Names that differ in their signs only are told apart by these.
-        exact = [entry for entry in found if entry.name.upper() == name.strip().upper()] or found
+        # Names that differ only in '-', '_' and spaces must match exactly.
+        exact = [entry for entry in matches if entry.name.upper() == name.strip().upper()] or matches
         if any(dataclasses.replace(entry, line=0) != dataclasses.replace(exact[0], line=0) for entry in exact):
-            places = " and ".join(f"{entry.name} on line {entry.line}" for entry in exact)
-            raise PrescriptionError(f"{self.name}: {name[:40]!r} may be {places}, which differ; write it as there")
+            lines = " and ".join(f"{entry.name} on line {entry.line}" for entry in exact)
+            raise PrescriptionError(f"{self.name}: {name[:40]!r} may be {lines}, which differ; write it as there")
         return exact[0]
 
     def __getitem__(self, name: str) -> Medium:
@@ -122,7 +122,7 @@ class GlassCatalogue:
             raise PrescriptionError(f"{self.name}, line {entry.line}, glass {entry.name}: {error}") from None
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and glass_key(name) in self._places
+        return isinstance(name, str) and glass_key(name) in self._rows
 
     def __len__(self) -> int:
         return len(self.entries)
@@ -134,28 +134,28 @@ class GlassCatalogue:
         return f"<GlassCatalogue {self.name!r}: {len(self)} glass{'' if len(self) == 1 else 'es'}>"
 
     def close_to(self, name: str) -> list[str]:
-        """Names that are near to one that may be misspelt, the nearest first."""
-        keys = difflib.get_close_matches(glass_key(name)[:40], self._places, n=4, cutoff=0.5)
-        return [self.entries[self._places[key][0]].name for key in keys]
+        """Names similar to one that may be misspelt, the most similar first."""
+        keys = difflib.get_close_matches(glass_key(name)[:40], self._rows, n=4, cutoff=0.5)
+        return [self.entries[self._rows[key][0]].name for key in keys]
 
 
 def load_glasses(path: str | os.PathLike[str], *, limits: FileLimits = TEXT) -> GlassCatalogue:
-    """The glasses of an AGF file, the format of Zemax in which makers publish their catalogues.
+    """Load the glasses of an AGF file, the format of Zemax in which makers publish their catalogues.
 
     Lines NM (name, formula, code, n_d, V_d), CD (coefficients), LD (range) and GC (comment) are read, all others
-    passed over: CC, and ED, TD, OD and IT, which state expansion, dn/dT, price and transmission. There are no thermal
+    skipped: CC, and ED, TD, OD and IT, which state expansion, dn/dT, price and transmission. There are no thermal
     terms: the index is that at the temperature of the catalogue, mostly 20 deg C, relative to air. Formulas 1 to 13 are
-    known: 1 gives a `Schott`, 2, 6 and 11 a `Sellmeier`, all others a `DispersionFormula`.
+    supported: 1 gives a `Schott`, 2, 6 and 11 a `Sellmeier`, all others a `DispersionFormula`.
 
-    Each glass is made when it is asked for: one that makes no sense, such as a formula that is unknown, an index below
-    1, or one that differs by more than 0.001 from the n_d the file states, spoils none of the others.
+    Each glass is constructed on access: an invalid one, such as one of an unknown formula, an index below 1, or an n_d
+    that differs by more than 0.001 from that of the formula, does not affect the others.
 
     Parameters
     ----------
     path : str or path-like
         A text file in UTF-8, in UTF-16 with its mark, or else in Latin-1.
     limits : FileLimits
-        The size of the file: by default at most 4 MiB.
+        Limits of the size of the file: by default at most 4 MiB.
 
     Raises
     ------
@@ -181,14 +181,14 @@ def load_glasses(path: str | os.PathLike[str], *, limits: FileLimits = TEXT) -> 
     """
     file = file_path(path)
     try:
-        text = decoded(read_file(file, limits))
+        text = decode_text(read_file(file, limits))
     except ValueError as error:
         raise FileError(f"cannot read {file}: {error}; give the path of an AGF file") from None
     return glasses_from_agf(text, file.name)
 
 
 def glass_key(name: str) -> str:
-    """Name without the characters that make no difference."""
+    """Key of a name for lookup: upper case, without '-', '_' and spaces."""
     return re.sub(r"[-_\s]", "", name).upper()
 
 
@@ -196,17 +196,17 @@ def glass_key(name: str) -> str:
 
 
 def glasses_from_agf(text: str, file: str, *, source: str = "") -> GlassCatalogue:
-    """The catalogue in the text of an AGF file; `source` is that of glasses without a comment (GC)."""
+    """Catalogue from the text of an AGF file; `source` is that of glasses without a comment (GC)."""
     entries: list[dict[str, Any]] = []
     for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
-        keyword, rest = (*line.split(maxsplit=1), "", "")[:2]
-        with naming_line(file, number):
+        keyword, content = (*line.split(maxsplit=1), "", "")[:2]
+        with name_line_in_errors(file, number):
             if keyword == "NM":
-                entries.append({**_name_line(rest.split()), "line": number})
+                entries.append({**_name_line(content.split()), "line": number})
             elif keyword in ("CD", "LD", "GC"):
                 if not entries:
                     raise PrescriptionError(f"{keyword} stands before the first NM; a glass begins with its NM line")
-                _detail_line(entries[-1], keyword, rest)
+                _detail_line(entries[-1], keyword, content)
     if not entries:
         raise PrescriptionError(f"{file} has no line NM, so no glass; give an AGF file")
     return GlassCatalogue(file, [GlassEntry(**{"source": source, **entry}) for entry in entries])
@@ -215,21 +215,21 @@ def glasses_from_agf(text: str, file: str, *, source: str = "") -> GlassCatalogu
 def _name_line(words: list[str]) -> dict[str, Any]:
     if len(words) < 5:
         raise PrescriptionError(f"NM has {len(words)} words; it must have name, formula, code, n_d and V_d")
-    formula = written_number(words[1], "formula")
+    formula = parse_number(words[1], "formula")
     if not formula.is_integer() or not 0 <= formula <= LARGEST_WHOLE:
         raise PrescriptionError(f"formula is {formula:g}; it must be a whole number, not below 0")
-    nd, vd = written_number(words[3], "n_d"), written_number(words[4], "V_d")
+    nd, vd = parse_number(words[3], "n_d"), parse_number(words[4], "V_d")
     return {"name": words[0], "formula": int(formula), "nd": nd, "vd": vd}
 
 
-def _detail_line(entry: dict[str, Any], keyword: str, rest: str) -> None:
+def _detail_line(entry: dict[str, Any], keyword: str, content: str) -> None:
     if keyword == "GC":
-        entry["source"] = " ".join(filter(None, (entry.get("source"), rest.strip())))
+        entry["source"] = " ".join(filter(None, (entry.get("source"), content.strip())))
         return
     field = "coefficients" if keyword == "CD" else "wavelength_range"
     if field in entry:
         raise PrescriptionError(f"{keyword} stands twice for {entry['name']}; remove one of them")
-    numbers = [written_number(word, keyword) for word in rest.split()]
+    numbers = [parse_number(word, keyword) for word in content.split()]
     if keyword == "LD":
         if len(numbers) != 2:
             raise PrescriptionError(f"LD has {len(numbers)} numbers; it must have the shortest and longest wavelength")
@@ -237,21 +237,21 @@ def _detail_line(entry: dict[str, Any], keyword: str, rest: str) -> None:
     entry[field] = tuple(numbers)
 
 
-# ---- from what the file says to a medium ----
+# ---- from an entry to a medium ----
 
 
 def _medium(entry: GlassEntry) -> Medium:
     if entry.formula == _MODEL_GLASS:
         return ModelGlass(entry.nd, entry.vd, entry.name)
     if entry.formula not in COEFFICIENT_COUNTS:
-        raise PrescriptionError(f"formula is {entry.formula}; those that are known are 1 to {max(Formula)}")
+        raise PrescriptionError(f"formula is {entry.formula}; supported ones are 1 to {max(Formula)}")
     if not entry.coefficients or not entry.wavelength_range:
         raise PrescriptionError("it has no line CD or no line LD; give its coefficients and its range of wavelengths")
     medium = _by_formula(entry, Formula(entry.formula))
     shortest, longest = entry.wavelength_range
     if entry.nd > 1.0 and shortest <= D_LINE <= longest:  # makers of infrared glasses write 1 for none
         index = medium.index(D_LINE)
-        if abs(index - entry.nd) > _LARGEST_DISAGREEMENT:
+        if abs(index - entry.nd) > _MAX_DISAGREEMENT:
             raise PrescriptionError(
                 f"its formula gives n_d {index:.6g} and its line NM {entry.nd:.6g}; correct its coefficients or its n_d"
             )

@@ -1,4 +1,4 @@
-"""Dispersion formulas of glass catalogues: the index as a function of the wavelength and of a few coefficients."""
+"""Dispersion formulas of glass catalogues: the index as a function of wavelength and coefficients."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from plenoptic.optics.glass.media import checked_coefficients, index_by_formula,
 
 
 class Formula(enum.IntEnum):
-    r"""The dispersion formulas of a catalogue, with the numbers they have in AGF files.
+    r"""Dispersion formulas of glass catalogues, with their numbers in AGF files.
 
     The wavelength is in micrometres. `a` to `j` are the coefficients in the order of the file.
 
@@ -32,7 +32,7 @@ class Formula(enum.IntEnum):
     EXTENDED_3           9    n^2 = a + b w^2 + c w^4 + d w^-2 + e w^-4 + f w^-6 + g w^-8 + h w^-10 + i w^-12
     ==================== ==== ==============================================================================
 
-    The second number of a row is how many coefficients the formula has. See `DispersionFormula`.
+    The second column is the number of coefficients. See `DispersionFormula`.
     """
 
     SCHOTT = 1
@@ -88,17 +88,17 @@ _INDICES: dict[Formula, Callable[[float, Sequence[float]], float]] = {
 """Formulas that give n itself."""
 
 COEFFICIENT_COUNTS = dict(zip(Formula, (6, 6, 6, 5, 3, 8, 4, 4, 5, 8, 10, 8, 9), strict=True))
-"""How many coefficients each formula has."""
+"""Number of coefficients of each formula."""
 
 
 @value
 class DispersionFormula:
-    """A medium by any of the formulas of a glass catalogue.
+    """A medium described by a dispersion formula of glass catalogues.
 
     Parameters
     ----------
     formula : Formula
-        Which one; the table is there.
+        One of the members of `Formula`, which tabulates them.
     coefficients : sequence of float
         For wavelengths in micrometres, as many as the formula has and in the order of an AGF file.
     name, wavelength_range
@@ -112,7 +112,7 @@ class DispersionFormula:
 
     Notes
     -----
-    Of the second Sellmeier formula two readings circulate; the last term here has no w^2 in its numerator.
+    The second Sellmeier formula is published in two versions; the last term here has no w^2 in its numerator.
 
     References
     ----------

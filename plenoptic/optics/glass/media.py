@@ -16,18 +16,18 @@ D_LINE = 587.5618
 C_LINE = 656.2725
 """Red hydrogen line, nm."""
 MODEL_GLASS_RANGE = (360.0, 1100.0)
-"""Wavelengths, nm, within which a `ModelGlass` follows real glasses."""
+"""Range of wavelengths in nm within which a `ModelGlass` follows real glasses."""
 
-# No glass is beyond these, which have 1.4 to 2.2 and 15 to 100; nd and vd in the wrong order are.
+# Real glasses have n_d of 1.4 to 2.2 and V_d of 15 to 100; n_d and V_d in the wrong order exceed these limits.
 _LARGEST_ND = 4.0
 _SMALLEST_VD = 5.0
 
 
 @runtime_checkable
 class Medium(Protocol):
-    """Anything that has a refractive index at a wavelength.
+    """Protocol of media: objects with a refractive index at each wavelength.
 
-    Any object with this one method is a medium; media that can be compared (`==`) and saved are those of this package.
+    Any object with this method is a medium; only media of this package can be compared (`==`) and saved.
 
     Examples
     --------
@@ -37,13 +37,13 @@ class Medium(Protocol):
     """
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm: relative to air, and of `Air` and `Absolute` to vacuum."""
+        """Refractive index at a wavelength in nm, relative to air, or for `Air` and `Absolute` to vacuum."""
         ...
 
 
 def check_medium(medium: object, name: str) -> None:
-    """Refuse an object that is no medium."""
-    # A text or a list has an index() too, which finds things in it; a class has one without an instance.
+    """Raise PrescriptionError if an object is no medium."""
+    # A text or a list has an index(), too, which searches its items; a class has one without an instance.
     if isinstance(medium, Sequence | type) or not callable(getattr(medium, "index", None)):
         raise PrescriptionError(
             f"{name} is {medium!r}; it must be a medium: pl.optics.AIR, pl.ConstantMedium(1.5) or a glass, such as "
@@ -52,7 +52,7 @@ def check_medium(medium: object, name: str) -> None:
 
 
 def checked_index(index: float, wavelength: float, medium: str) -> float:
-    """A refractive index, or an error where it is no number of at least 1."""
+    """A refractive index, or an error if it is no number of at least 1."""
     # Written so that nan fails it.
     if not 1.0 <= index < math.inf:
         raise InvalidValueError(
@@ -63,7 +63,7 @@ def checked_index(index: float, wavelength: float, medium: str) -> float:
 
 
 def wavelength_within(wavelength: float, limits: tuple[float, float], medium: str) -> float:
-    """A wavelength in nm, or an error where it lies beyond the limits within which a medium is defined."""
+    """A wavelength in nm, or an error if it lies outside of the range of a medium."""
     number = finite(wavelength, "wavelength")
     if not limits[0] <= number <= limits[1]:
         raise InvalidValueError(
@@ -74,7 +74,7 @@ def wavelength_within(wavelength: float, limits: tuple[float, float], medium: st
 
 
 def checked_coefficients(values: Sequence[float], name: str, count: int | None = None) -> tuple[float, ...]:
-    """Finite coefficients, `count` of them where it is given, or an error."""
+    """Finite coefficients, `count` of them unless it is None, or an error."""
     numbers = coefficients(values, name)
     if not numbers or (count is not None and len(numbers) != count):
         raise InvalidValueError(f"{name} has {len(numbers)} numbers; it must have {count or 'at least 1'}")
@@ -84,7 +84,7 @@ def checked_coefficients(values: Sequence[float], name: str, count: int | None =
 def index_by_formula(
     formula: Callable[[float], float], wavelength: float, limits: tuple[float, float], medium: str
 ) -> float:
-    """The index by a formula for wavelengths in micrometres."""
+    """Refractive index by a formula for wavelengths in micrometres."""
     micrometres = wavelength_within(wavelength, limits, medium) * 1e-3
     try:
         index = formula(micrometres)
@@ -110,7 +110,7 @@ def set_limits(medium: Medium, limits: Sequence[float]) -> None:
 
 
 def abbe_number(medium: Medium) -> float:
-    """The Abbe number V_d = (n_d - 1) / (n_F - n_C) of a medium; inf where the index is the same at F and C.
+    """Abbe number V_d = (n_d - 1) / (n_F - n_C) of a medium; inf if the index is the same at F and C.
 
     Examples
     --------
@@ -119,8 +119,8 @@ def abbe_number(medium: Medium) -> float:
     64.17
     """
     check_medium(medium, "medium")
-    spread = medium.index(F_LINE) - medium.index(C_LINE)
-    return (medium.index(D_LINE) - 1.0) / spread if spread != 0 else math.inf
+    dispersion = medium.index(F_LINE) - medium.index(C_LINE)
+    return (medium.index(D_LINE) - 1.0) / dispersion if dispersion != 0 else math.inf
 
 
 @value
@@ -130,7 +130,7 @@ class ConstantMedium:
     Parameters
     ----------
     refractive_index : float
-        Relative to air as all indices (to vacuum, beside `Air` and `Absolute`), at least 1.
+        Relative to air as all indices (except with `Air` and `Absolute`: to vacuum), at least 1.
 
     Raises
     ------
@@ -155,22 +155,22 @@ class ConstantMedium:
         set_field(self, "refractive_index", number)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index; the wavelength (nm) makes no difference."""
+        """Refractive index, the same at all wavelengths (nm)."""
         return self.refractive_index
 
 
 AIR = ConstantMedium(1.0)
-"""Air: all indices are relative to it, so its own is 1."""
+"""Air: its index is 1, since all indices are relative to air."""
 
 VACUUM = ConstantMedium(1.0)
-"""Vacuum, around a lens whose glasses are `Absolute`. By value it is `AIR`, and equal to it: the name says which."""
+"""Vacuum, around a lens whose glasses are `Absolute`. It equals `AIR` by value; the name states the meaning."""
 
 
 _SECOND = (-3.47727, 198.428, -1571.87)
 _THIRD = (-2.01370, 154.268, -2431.02)
-"""Of 1, 1 / V_d and 1 / V_d^2; by docs/fit_model_glass.py, from the 1618 glasses of the bundled catalogues."""
+"""Coefficients of 1, 1 / V_d and 1 / V_d^2, fitted by docs/fit_model_glass.py to the 1618 bundled glasses."""
 _FITTED_VD = (15.0, 100.0)
-"""Beyond these, where there are no glasses, the shape of the dispersion stays as it is there."""
+"""Range of V_d of real glasses; beyond it, the shape of the dispersion is that at its end."""
 
 
 def chromatic_coordinate(wavelength: float) -> float:
@@ -192,8 +192,8 @@ class ModelGlass:
     where :math:`s_k = (\omega_F^k - \omega_C^k) / (\omega_F - \omega_C)`, so that n_d and V_d are exact. q_2 and q_3
     are parabolas in 1 / V_d, fitted to the 1618 glasses of the makers' catalogues that are bundled. Against these the
     largest error of a glass within 365 to 1014 nm has the median 3.5e-4, is below 9.9e-4 for 95 % of them and 9.7e-3 at
-    worst (L-BBH1, at 365 nm); within 400 to 700 nm 1.1e-4, 3.8e-4 and 1.8e-3. The rest is that glasses of the same
-    n_d and V_d differ, those of anomalous partial dispersion above all: where a glass is known by name use `glass`.
+    worst (L-BBH1, at 365 nm); within 400 to 700 nm 1.1e-4, 3.8e-4 and 1.8e-3. The residual is the difference between
+    glasses of the same n_d and V_d, largest for anomalous partial dispersion: use `glass` for a glass known by name.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ class ModelGlass:
     vd : float
         Abbe number, at least 5.
     name : str, optional
-        For people; "BAF10", for instance.
+        Description, for instance "BAF10".
 
     Raises
     ------
@@ -250,13 +250,13 @@ class ModelGlass:
             )
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength of 360 to 1100 nm; an InvalidValueError outside."""
+        """Refractive index at a wavelength of 360 to 1100 nm; InvalidValueError outside."""
         lam = wavelength_within(wavelength, MODEL_GLASS_RANGE, self.name or "this model glass")
         w, f, c = (chromatic_coordinate(wave) for wave in (lam, F_LINE, C_LINE))
         x = 1.0 / min(max(self.vd, _FITTED_VD[0]), _FITTED_VD[1])
         shape = w / (f - c)
         for power, (a0, a1, a2) in ((2, _SECOND), (3, _THIRD)):
-            # Without its part between F and C, which V_d gives.
+            # Less its difference between F and C, which V_d fixes.
             shape += (a0 + a1 * x + a2 * x * x) * (w**power - w * (f**power - c**power) / (f - c))
         index = self.nd + (self.nd - 1.0) / self.vd * shape
         return checked_index(index, lam, self.name or f"the model glass nd={self.nd:g}, vd={self.vd:g}")
@@ -264,7 +264,7 @@ class ModelGlass:
 
 @value
 class Sellmeier:
-    r"""A glass by Sellmeier's formula, which the catalogues of today give.
+    r"""A glass by Sellmeier's formula, as in present catalogues.
 
     .. math:: n^2 = 1 + \sum_i \frac{B_i \lambda^2}{\lambda^2 - C_i}
 
@@ -275,14 +275,14 @@ class Sellmeier:
     c : sequence of float
         C_i in square micrometres, as many as `b`.
     name : str, optional
-        For people; "N-BK7", for instance.
+        Description, for instance "N-BK7".
     wavelength_range : (float, float), optional
-        nm; outside, asking for the index is an error.
+        nm; outside, `index` raises an error.
 
     Raises
     ------
     InvalidValueError
-        If the coefficients do not go together, or the index at an end of the range is not finite and at least 1.
+        If `b` and `c` differ in length, or the index at an end of the range is not finite and at least 1.
 
     References
     ----------
@@ -308,7 +308,7 @@ class Sellmeier:
         set_limits(self, self.wavelength_range)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
+        """Refractive index at a wavelength in nm; InvalidValueError outside `wavelength_range`."""
 
         def formula(w: float) -> float:
             square = w * w
@@ -319,7 +319,7 @@ class Sellmeier:
 
 @value
 class Schott:
-    r"""A glass by the power series that catalogues gave until the 1990s (also called Laurent's formula).
+    r"""A glass by the power series of catalogues until the 1990s (also called Laurent's formula).
 
     .. math:: n^2 = a_0 + a_1 \lambda^2 + a_2 \lambda^{-2} + a_3 \lambda^{-4} + a_4 \lambda^{-6} + a_5 \lambda^{-8}
 
@@ -353,7 +353,7 @@ class Schott:
         set_limits(self, self.wavelength_range)
 
     def index(self, wavelength: float) -> float:
-        """Refractive index at a wavelength in nm; an InvalidValueError outside `wavelength_range`."""
+        """Refractive index at a wavelength in nm; InvalidValueError outside `wavelength_range`."""
 
         def formula(w: float) -> float:
             square, powers = w * w, (0, 1, -1, -2, -3, -4)

@@ -12,8 +12,8 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.stops.mask import MaskStop
-from plenoptic.optics.stops.registry import STOPS, Stop, circle_around
 from plenoptic.optics.stops.ring import RingStop
+from plenoptic.optics.stops.stop_registry import STOPS, Stop, circle_around
 from plenoptic.optics.surfaces.mirror import Mirror, medium_behind
 from plenoptic.optics.surfaces.surface import Surface
 

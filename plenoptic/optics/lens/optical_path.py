@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, positions
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.element_record import PathWorkspace
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import RayArrays, in_chunks, traced_by
-from plenoptic.optics.record import PathNotes
 
 _TOLERANCE = 1e-9
 """Of the way from a point, by which rays may pass it."""
@@ -142,7 +142,9 @@ def _exact(record: LensRecord, rays: RayBundle, indices: Floats) -> tuple[RayBun
     lengths = np.empty(len(rays))
 
     def fill(out: RayArrays, given: RayArrays, first: int, end: int) -> None:
-        fill_paths(out, lengths, given, record, PathNotes(indices, np.empty((6, BLOCK)), np.empty(BLOCK)), first, end)
+        fill_paths(
+            out, lengths, given, record, PathWorkspace(indices, np.empty((6, BLOCK)), np.empty(BLOCK)), first, end
+        )
 
     return in_chunks(fill, rays), lengths
 

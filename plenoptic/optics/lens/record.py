@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
+from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, IDEAL, ElementRow
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, ElementRow
-from plenoptic.optics.stops.registry import Stop
+from plenoptic.optics.stops.stop_registry import Stop
 from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 

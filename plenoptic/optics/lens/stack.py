@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import MOST_POINTS, Floats, check_kind, choice, finite, read_only, set_field, value, whole
+from plenoptic.core.values import MAX_POINTS, Floats, check_kind, choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import Element, check_one_space, checked_elements, profile_of
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
 from plenoptic.optics.lens.specification import Specification
-from plenoptic.optics.stops.registry import Stop
+from plenoptic.optics.stops.stop_registry import Stop
 from plenoptic.optics.surfaces.mirror import medium_behind
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -266,7 +266,7 @@ class LensStack:
 
         Of an element that is tilted out of that plane, the projection; a mirror as light that comes meets it.
         """
-        count = whole(points, "points", at_least=2, at_most=MOST_POINTS)
+        count = whole(points, "points", at_least=2, at_most=MAX_POINTS)
         return tuple(profile_of(*at, count) for at in zip(self.elements, self.vertices.tolist(), strict=True))
 
     @property

@@ -68,4 +68,4 @@ def in_chunks(
     for _ in run_in_order(lambda k: fill(out, arrays, k, min(k + CHUNK, n)), range(0, n, CHUNK), threads=workers):
         pass
     origin, direction = out.origin.reshape(n, 3), out.direction.reshape(n, 3)
-    return RayBundle._made(origin, direction, rays.wavelength, out.weight, out.status, out.lost_at)
+    return RayBundle._from_arrays(origin, direction, rays.wavelength, out.weight, out.status, out.lost_at)

@@ -1,4 +1,4 @@
-"""Openings of microlenses, and the gaps between them."""
+"""Openings of microlenses and the gaps between them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.lattice import polygon_area, polygon_edges, regular_polygon
 
 _CIRCLE_SIDES = 24
-"""Sides of the polygon around a round opening, in which rays are drawn: 0.6 % larger than the circle."""
+"""Sides of the polygon around a round opening, in which points are sampled: 0.6 % larger than the circle."""
 
 
 class ApertureShape(enum.IntEnum):
@@ -31,37 +31,37 @@ class Gaps(enum.IntEnum):
     """Gaps between the openings. See `MicrolensAperture`."""
 
     OPAQUE = 0
-    """Nothing passes, as through chromium."""
+    """No light passes, as through chromium."""
     CLEAR = 1
-    """Flat glass: light passes without being focused."""
+    """Flat glass: light passes unrefracted."""
 
 
 class Walls(enum.IntEnum):
     """Walls between neighbouring cells, from the array to the sensor. See `MicrolensArray`."""
 
     NONE = 0
-    """Nothing: a microlens sends light to all of the sensor, as in plenoptic cameras."""
+    """None: a microlens illuminates all of the sensor, as in plenoptic cameras."""
     OPAQUE = 1
-    """Walls along the array's normal: a lens lights only what lies behind its own cell, as in an array of cameras."""
+    """Walls along the array's normal: a lens illuminates only the area behind its cell, as in an array of cameras."""
 
 
 @value
 class MicrolensAperture:
-    """The opening of every microlens of an array, centred on the lens and cut by its cell.
+    """Opening of every microlens of an array, centred on the lens and clipped by its cell.
 
     Parameters
     ----------
     shape : ApertureShape
     fill_factor : float
-        Area of the opening over that of the cell, above 0 and at most 1. A circle that would stick out of the cell
+        Area of the opening over that of the cell, above 0 and at most 1. A circle that extends beyond the cell
         is an error: the largest fills 0.90689 (pi / sqrt 12) of a hexagonal and 0.78539 (pi / 4) of a square cell.
     gaps : Gaps
-        Gaps between the openings.
+        Transmission between the openings.
 
     Raises
     ------
     InvalidValueError
-        For a fill factor out of range, or a shape or kind of gaps that is none.
+        If the fill factor is out of range, or shape or gaps are no members of their enums.
 
     Examples
     --------
@@ -89,14 +89,14 @@ class MicrolensAperture:
 
 @value
 class Opening:
-    """An aperture in mm: a convex polygon for drawing rays, and the circle ending it if round. See `MicrolensAperture`.
+    """An aperture in mm: a convex polygon for sampling, and a circle that clips it if round. See `MicrolensAperture`.
 
     Parameters
     ----------
     corners : (k, 2) array
         Counter-clockwise, relative to the lens.
     radius : float
-        Of a round opening; inf for polygons.
+        Radius of a round opening; inf for polygons.
     """
 
     corners: Floats
@@ -109,32 +109,32 @@ class Opening:
 
     @property
     def edges(self) -> Floats:
-        """(k, 3): outward normals and distances of the edges; of a round opening, none."""
+        """(k, 3) outward normals and distances of the edges; empty for a round opening."""
         return np.zeros((0, 3)) if math.isfinite(self.radius) else polygon_edges(self.corners)
 
 
 def has_clear_gaps(aperture: MicrolensAperture | None) -> bool:
-    """True if light passes outside the openings."""
+    """True if light passes through the gaps between openings."""
     return aperture is not None and aperture.gaps is Gaps.CLEAR
 
 
 def opening_of(aperture: MicrolensAperture, cell: Floats) -> Opening:
-    """The opening for a cell (k, 2); an error where it sticks out of the cell."""
+    """Opening of an aperture in a cell (k, 2); an error if it extends beyond the cell."""
     area = aperture.fill_factor * polygon_area(cell)
     if aperture.shape is ApertureShape.CELL:
         return Opening(math.sqrt(aperture.fill_factor) * cell)
     if aperture.shape is ApertureShape.CIRCLE:
         radius = math.sqrt(area / math.pi)
-        reach, corners = radius, regular_polygon(_CIRCLE_SIDES, radius / math.cos(math.pi / _CIRCLE_SIDES), 0.0)
-        fits = reach <= polygon_edges(cell)[:, 2].min() * (1 + 1e-9)
+        corners = regular_polygon(_CIRCLE_SIDES, radius / math.cos(math.pi / _CIRCLE_SIDES), 0.0)
+        fits = radius <= polygon_edges(cell)[:, 2].min() * (1 + 1e-9)
         largest = math.pi * polygon_edges(cell)[:, 2].min() ** 2 / polygon_area(cell)
     else:
         sides, first = (4, math.pi / 4) if aperture.shape is ApertureShape.SQUARE else (6, 0.0)
         unit = regular_polygon(sides, 1.0, first)
         corners, radius = math.sqrt(area / polygon_area(unit)) * unit, math.inf
         edges = polygon_edges(cell)
-        over = float(((corners @ edges[:, :2].T) / edges[:, 2]).max())
-        fits, largest = over <= 1 + 1e-9, aperture.fill_factor / over**2
+        excess = float(((corners @ edges[:, :2].T) / edges[:, 2]).max())
+        fits, largest = excess <= 1 + 1e-9, aperture.fill_factor / excess**2
     if not fits:
         raise InvalidValueError(
             f"fill_factor {aperture.fill_factor:g} makes the {aperture.shape.name.lower()} stick out of its cell; "

@@ -1,4 +1,4 @@
-"""The microlens array: lenses on a lattice, of one or several types, or listed one by one."""
+"""The microlens array: lenses on a lattice, of one or several types, or at listed centres."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ from plenoptic.optics.microlens.lattice import (
     polygon_area,
     polygon_edges,
 )
-from plenoptic.optics.microlens.listed import Lenslets, lenslets
+from plenoptic.optics.microlens.lenslets import Lenslets, lenslets
 from plenoptic.optics.microlens.models import MicrolensModel
 from plenoptic.optics.microlens.plano_convex import ConvexSide
 
-_MOST_DISTANCES = 1 << 22
+_MAX_DISTANCES = 1 << 22
 _DESIGN_WAVELENGTH, _DEFAULT_INDEX = 587.6, 1.5
-_MOST_PITCHES = 1e6
-"""Over which listed centres may reach: bins of two pitches are laid over all of them."""
-"""Where focal lengths hold, in nm, and the index of microlenses whose medium is not given."""
+"""Wavelength of the focal lengths in nm, and the index of microlenses without a medium."""
+_MAX_PITCHES = 1e6
+"""Limit of the extent of listed centres, which are sorted into bins of two pitches."""
 
 
 @value
@@ -52,8 +52,8 @@ class MicrolensArray:
     Parameters
     ----------
     pitch : float or (float, float)
-        Distance between nearest neighbours in mm; RECTANGULAR: along x and y. FREE: no cell reaches farther than this
-        along x and y.
+        Distance between nearest neighbours in mm; RECTANGULAR: along x and y. FREE: largest extent of a cell from its
+        centre along x and y.
     focal_lengths : tuple of float
         Focal length of each type of microlens in mm, at 587.6 nm; positive for convex lenses, and in the models THIN
         and PINHOLE also negative.
@@ -65,7 +65,7 @@ class MicrolensArray:
     index : float
         Plates: refractive index at 587.6 nm; the radius of curvature is f (index - 1). FLAT_HIGH_INDEX: at least 10.
     convex_side : ConvexSide
-        Plates: where the curved side faces.
+        Plates: direction in which the curved side faces.
     pattern : (p, q) array of int, optional
         Type of the lens (i, j), whose centre is i a + j b with the rows a, b of `basis`: pattern[i mod p, j mod q].
         None: (i - j) mod the number of types, with which hexagonal arrays of three types have no equal neighbours.
@@ -74,22 +74,22 @@ class MicrolensArray:
     types : (n,) array of int, optional
         FREE: the type of each lens; None: all are of the first.
     aperture : MicrolensAperture, optional
-        Openings of the lenses and gaps between them; None: lenses fill their cells.
+        Openings of the lenses and the gaps between them; None: lenses fill their cells.
     medium : Medium, optional
-        Medium of the lenses, anything that `Surface` accepts; `index` is then its index at 587.6 nm and is left
-        out. Surfaces keep their curvature, so that the power follows index - 1; PINHOLE bends nothing. None: the index
-        is the same at all wavelengths.
+        Material of the lenses, anything that `Surface` accepts; `index` is then its index at 587.6 nm and is left
+        out. Surfaces keep their curvature, so that the power is proportional to index - 1; a PINHOLE has no power.
+        None: the index is the same at all wavelengths.
     walls : Walls
         OPAQUE separates the spaces behind the cells, up to the sensor, as in an array of cameras.
     imperfections : MicrolensImperfections or MicrolensDeviations, optional
-        How individual lenses differ from this design; None: not at all.
+        Deviations of individual lenses from this design; None: no deviations.
 
     Raises
     ------
     InvalidValueError
-        For a medium that is none, or beside another index; a pitch or thickness that is not positive, a focal length of
-        0, an index that is too low, a sphere too small to cover its cell, centres that coincide, a type that is none,
-        or a lattice, model or side that is none.
+        If the medium is invalid, or given together with another index; a pitch or thickness is not positive, a focal
+        length is 0, an index is too low, a sphere is too small to cover its cell, centres coincide, or a type, lattice,
+        model or side does not exist.
 
     Notes
     -----
@@ -129,8 +129,8 @@ class MicrolensArray:
     def __post_init__(self) -> None:
         set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))
         set_field(self, "pitch", checked_pitch(self.pitch, self.lattice))
-        given = self.focal_lengths if isinstance(self.focal_lengths, tuple | list) else (self.focal_lengths,)
-        focal_lengths = tuple(coordinate(f, "focal_lengths") for f in given)
+        lengths = self.focal_lengths if isinstance(self.focal_lengths, tuple | list) else (self.focal_lengths,)
+        focal_lengths = tuple(coordinate(f, "focal_lengths") for f in lengths)
         if not focal_lengths or min(map(abs, focal_lengths)) < SMALLEST_LENGTH:
             raise InvalidValueError(
                 f"focal_lengths is {focal_lengths}; give one in mm for each type, not 0, such as (2.0,)"
@@ -156,7 +156,7 @@ class MicrolensArray:
         self.model.rules.check(self)
 
     def _check_medium(self) -> None:
-        """The index is that of the medium at the wavelength of the focal lengths."""
+        """Set the index to that of the medium at the wavelength of the focal lengths."""
         if self.medium is None:
             return
         check_medium(self.medium, "medium of the microlenses")
@@ -182,18 +182,18 @@ class MicrolensArray:
             set_field(self, "centres", positions(self.centres, name="centres", shape=("n", 2)))
             if not len(self.centres):
                 raise InvalidValueError("centres is empty; list centres in mm")
-            if (reach := float(np.ptp(self.centres, axis=0).max())) > _MOST_PITCHES * max(self.pitches):
+            if (extent := float(np.ptp(self.centres, axis=0).max())) > _MAX_PITCHES * max(self.pitches):
                 raise InvalidValueError(
-                    f"centres reach over {reach:g} mm, more than {_MOST_PITCHES:g} times the pitch "
+                    f"centres reach over {extent:g} mm, more than {_MAX_PITCHES:g} times the pitch "
                     f"{max(self.pitches):g} mm; give both in mm"
                 )
             if len(np.unique(self.centres, axis=0)) < len(self.centres):
                 raise InvalidValueError("centres lists a place twice; give each microlens its own")
         for name, shape in (("pattern", ("p", "q")), ("types", (None if self.centres is None else len(self.centres),))):
-            given = getattr(self, name)
-            if given is None:
+            values = getattr(self, name)
+            if values is None:
                 continue
-            array = frozen_array(given, name=name, shape=shape, dtype=np.int64)
+            array = frozen_array(values, name=name, shape=shape, dtype=np.int64)
             if not array.size or array.min() < 0 or array.max() >= len(self.focal_lengths):
                 raise InvalidValueError(
                     f"{name} holds types outside 0 to {len(self.focal_lengths) - 1}; give each a focal length"
@@ -202,17 +202,17 @@ class MicrolensArray:
 
     @property
     def pitches(self) -> tuple[float, float]:
-        """Pitch along x and y in mm; the same number twice but for RECTANGULAR."""
+        """Pitch along x and y in mm; the same number twice except for RECTANGULAR."""
         return self.pitch if isinstance(self.pitch, tuple) else (self.pitch, self.pitch)
 
     @property
     def type_pattern(self) -> NDArray[np.int64]:
-        """(p, q) array: the type of lens (i, j) is type_pattern[i mod p, j mod q]."""
+        """(p, q) array of types: lens (i, j) has the type type_pattern[i mod p, j mod q]."""
         return read_only(default_pattern(len(self.focal_lengths)) if self.pattern is None else self.pattern)
 
     @property
     def focal_length(self) -> float:
-        """Focal length of the lens at the array's centre in mm; of FREE ones, of the first."""
+        """Focal length in mm of the lens at the array's centre, or of the first one of a FREE lattice."""
         if self.lattice is Lattice.FREE:
             return self.focal_lengths[0 if self.types is None else int(self.types[0])]
         return self.focal_lengths[int(self.type_pattern[0, 0])]
@@ -229,7 +229,7 @@ class MicrolensArray:
 
     @property
     def principal_separation(self) -> float:
-        """Distance from the front to the rear principal plane in mm: 0 for a thin lens."""
+        """Distance from the front to the rear principal plane in mm: 0 for an ideal thin lens."""
         return self.model.rules.depths(self).separation
 
     def index_at(self, wavelength: float) -> float:
@@ -239,17 +239,17 @@ class MicrolensArray:
         return float(self.medium.index(wavelength))
 
     def power_factor(self, wavelength: float) -> float:
-        """Power at a wavelength in nm over that at 587.6 nm: surfaces keep their curvature, so that it is n - 1."""
+        """Power at a wavelength in nm over that at 587.6 nm: the ratio of n - 1, since curvatures are constant."""
         return (self.index_at(wavelength) - 1.0) / (self.index - 1.0)
 
     def focal_lengths_at(self, wavelength: float) -> tuple[float, ...]:
-        """Focal lengths of the types at a wavelength in nm, in mm."""
+        """Focal lengths of the types in mm at a wavelength in nm."""
         factor = self.power_factor(wavelength)
         return tuple(f / factor for f in self.focal_lengths)
 
     @property
     def basis(self) -> Floats:
-        """(2, 2) array: rows are the lattice vectors in mm; centres are their whole multiples, but for FREE."""
+        """(2, 2) array: rows are the lattice vectors in mm; centres are integer combinations, except for FREE."""
         return read_only(lattice_basis(self.lattice, self.pitches))
 
     @property
@@ -259,29 +259,29 @@ class MicrolensArray:
 
     @property
     def cell_radius(self) -> float:
-        """Distance from a cell's centre to its corners in mm; of FREE ones, of the largest possible cell."""
+        """Distance from a cell's centre to its corners in mm; of the largest possible cell for FREE."""
         return float(np.hypot(*self.cell_corners.T).max())
 
     @property
     def cell_corners(self) -> Floats:
-        """(k, 2) array: corners of the cell at the centre in mm, counter-clockwise; of FREE ones, of the largest."""
+        """(k, 2) array: corners of the central cell in mm, counter-clockwise; of the largest possible one for FREE."""
         return read_only(cell_polygon(self.lattice, self.pitches))
 
     @property
     def cell_area(self) -> float:
-        """Area of a cell in mm^2; of FREE ones, of the largest possible."""
+        """Area of a cell in mm^2; of the largest possible one for FREE."""
         return polygon_area(self.cell_corners)
 
     @property
     def opening(self) -> Opening:
-        """The part of a cell that is a lens; of FREE ones, the fill factor is that of a square of the pitch."""
+        """Opening of a microlens; the fill factor of FREE ones refers to a square of the pitch."""
         if self.aperture is None:
             return Opening(self.cell_corners)
         free = self.lattice is Lattice.FREE
         return opening_of(self.aperture, cell_polygon(Lattice.SQUARE, self.pitches) if free else self.cell_corners)
 
     def lenses(self, low: ArrayLike, high: ArrayLike) -> Lenslets:
-        """Microlenses whose designed centres lie in a box, with their individual parameters.
+        """Microlenses whose design centres lie in a box, with their individual properties.
 
         Parameters
         ----------
@@ -298,7 +298,7 @@ class MicrolensArray:
         return lenslets(self, frozen_array(low, name="low", shape=(2,)), frozen_array(high, name="high", shape=(2,)))
 
     def nearest(self, points: Floats) -> Floats:
-        """Centres (n, 2), as designed, of the cells that hold points (n, 2) of the array's plane, in mm.
+        """Design centres (n, 2) of the cells that hold points (n, 2) of the array's plane, in mm.
 
         Examples
         --------
@@ -309,7 +309,7 @@ class MicrolensArray:
         """
         points = frozen_array(points, name="points", shape=("n", 2))
         if self.centres is not None:
-            each = max(1, _MOST_DISTANCES // len(self.centres))
+            each = max(1, _MAX_DISTANCES // len(self.centres))
             parts = [
                 np.linalg.norm(points[k : k + each, None] - self.centres, axis=-1).argmin(axis=1)
                 for k in range(0, len(points), each)

@@ -1,4 +1,4 @@
-"""Dust and scratches on a plane of the camera: listed, or scattered from a seed."""
+"""Dust and scratches on a plane of the camera: listed, or random from a seed."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from plenoptic.core.values import (
 )
 from plenoptic.errors import InvalidValueError
 
-MOST_BLEMISHES = 5_000_000
-"""Blemishes that may be scattered at once."""
+MAX_BLEMISHES = 5_000_000
+"""Limit of the number of random blemishes."""
 
-_MOST_MEMBERS = 16
-"""Bins are widened until they list each blemish so often at most, on average."""
+_MAX_MEMBERS = 16
+"""Limit of the mean number of bins that list a blemish; bins are widened until it holds."""
 
 
 class BlemishSite(enum.IntEnum):
-    """The plane on which blemishes lie, and whose axes their places are given in. See `Blemishes`."""
+    """Plane on which blemishes lie, whose axes their positions refer to. See `Blemishes`."""
 
     SENSOR = 0
     """Parallel to the sensor, at a distance in front of it: on its cover glass, or on the pixels."""
@@ -47,29 +47,29 @@ class BlemishSite(enum.IntEnum):
 
 @value
 class Blemishes:
-    """Grains of dust and scratches on one plane; where several cover a point, their transmissions multiply.
+    """Grains of dust and scratches on one plane; transmissions of overlapping ones multiply.
 
-    Each blemish is a capsule, all points nearer than `radius` to the segment from `start` to `end`. A segment without
-    length is a round grain.
+    Each blemish is a capsule, all points nearer than `radius` to the segment from `start` to `end`. A segment of
+    length 0 is a round grain.
 
     Parameters
     ----------
     site : BlemishSite
         The plane.
     start, end : (n, 2) arrays
-        Ends of the segments in mm, in the own axes of sensor, array or lens, from its centre.
+        Ends of the segments in mm, in the axes of sensor, array or lens, from its centre.
     radius : (n,) array or float
-        In mm, above 0: of a grain, and half the width of a scratch.
+        In mm, above 0: radius of a grain, or half the width of a scratch.
     transmission : (n,) array or float
-        Part of the light that passes, 0 (opaque) to 1.
+        Transmitted fraction of the light, 0 (opaque) to 1.
     height : float
         SENSOR: distance of the plane in front of the sensor in mm, along its normal; 0 is on the pixels. A path is
-        dimmed where it crosses the plane, so that dust at a height has a blurred shadow. 0 for all other sites.
+        attenuated where it crosses the plane, so that dust at a height has a blurred shadow. 0 for all other sites.
 
     Raises
     ------
     InvalidValueError
-        For arrays of different lengths, numbers out of range, or a height where there is no sensor.
+        If arrays differ in length, numbers are out of range, or another site than SENSOR has a height.
 
     Examples
     --------
@@ -92,14 +92,14 @@ class Blemishes:
         n = len(self.start)
         set_field(self, "end", _numbers(self.end, "end", (n, 2)))
         for name in ("radius", "transmission"):
-            given = getattr(self, name)
-            alike = isinstance(given, int | float | np.number)
-            set_field(self, name, _numbers(np.full(n, given) if alike else given, name, (n,)))
+            values = getattr(self, name)
+            is_scalar = isinstance(values, int | float | np.number)
+            set_field(self, name, _numbers(np.full(n, values) if is_scalar else values, name, (n,)))
         if not (self.radius > 0).all():
             raise InvalidValueError(f"radius of a blemish is {self.radius.min():g} mm; it must be above 0")
         if not ((self.transmission >= 0) & (self.transmission <= 1)).all():
             raise InvalidValueError(
-                "transmission of the blemishes holds a number outside 0 to 1; it is the part of the light that passes"
+                "transmission of the blemishes holds a number outside 0 to 1; it is the transmitted fraction"
             )
         set_field(self, "height", not_negative(self.height, "height of the blemishes", "mm"))
         if self.height > 0 and self.site is not BlemishSite.SENSOR:
@@ -127,7 +127,7 @@ class Blemishes:
         seed: int = 0,
         height: float = 0.0,
     ) -> Blemishes:
-        """Dust and scratches, in this order, at random places of a rectangle.
+        """Random dust and scratches, in this order, in a rectangle.
 
         Parameters
         ----------
@@ -136,26 +136,26 @@ class Blemishes:
         half_size : (float, float)
             Half the width and height of the rectangle in mm; it is centred on the plane's origin.
         dust_per_mm2 : float
-            Mean number of grains on a mm^2; how many there are follows Poisson's distribution.
+            Mean number of grains per mm^2; their number follows Poisson's distribution.
         dust_radius : float
             Median radius of the grains in mm.
         dust_spread : float
-            Standard deviation of the logarithm of the radius, which is normal; 0: all grains are alike.
+            Standard deviation of the logarithm of the radius, which is normal; 0: all radii are equal.
         scratches : int
-            Number of scratches. Their middles lie anywhere in the rectangle, their directions are uniform.
+            Number of scratches. Their centres are uniform in the rectangle, and so are their directions.
         scratch_length, scratch_width : float
-            From end to end of the segment, and across, in mm.
+            Length of the segment, and width, in mm.
         transmission : float
-            Of each blemish, 0 (opaque) to 1.
+            Transmission of each blemish, 0 (opaque) to 1.
         seed : int
-            The same seed gives the same blemishes (of one version of NumPy); scratches do not move the dust.
+            The same seed gives the same blemishes (with one version of NumPy); scratches do not change the dust.
         height : float
             As for `Blemishes`.
 
         Raises
         ------
         InvalidValueError
-            For numbers out of range or more than five million blemishes.
+            If numbers are out of range, or more than five million blemishes are requested.
 
         Examples
         --------
@@ -168,9 +168,9 @@ class Blemishes:
         half = np.array([length_in_mm(side, "half_size") for side in sides])
         mean = 4.0 * float(half.prod()) * not_negative(dust_per_mm2, "dust_per_mm2")
         scratches = whole(scratches, "scratches", at_least=0)
-        if mean + scratches > MOST_BLEMISHES:
+        if mean + scratches > MAX_BLEMISHES:
             raise InvalidValueError(
-                f"some {mean + scratches:.3g} blemishes are asked for, and the limit is {MOST_BLEMISHES}; "
+                f"some {mean + scratches:.3g} blemishes are asked for, and the limit is {MAX_BLEMISHES}; "
                 "reduce dust_per_mm2, scratches or half_size"
             )
         spread = not_negative(dust_spread, "dust_spread")
@@ -194,19 +194,19 @@ class Blemishes:
         )
 
     def at(self, points: ArrayLike) -> Floats:
-        """Transmission at points (n, 2) of the plane, in its own axes in mm; (n,). See `Blemishes`."""
-        from plenoptic.optics.microlens.kernels.dust import fill_passing
+        """Transmission (n,) at points (n, 2) of the plane, in its axes in mm. See `Blemishes`."""
+        from plenoptic.optics.microlens.kernels.dust_transmission import fill_transmission
 
-        given = frozen_array(points, name="points", shape=("n", 2))
-        passing = np.empty(len(given))
-        fill_passing(passing, given, dust_record(self))
-        return passing
+        checked = frozen_array(points, name="points", shape=("n", 2))
+        transmission = np.empty(len(checked))
+        fill_transmission(transmission, checked, dust_record(self))
+        return transmission
 
 
-def _numbers(given: ArrayLike, name: str, shape: tuple[int | str, ...]) -> Floats:
-    if len(shape) == 2 and isinstance(given, list | tuple) and not given:
-        given = np.zeros((0, 2))
-    array = frozen_array(given, name=f"{name} of the blemishes", shape=shape)
+def _numbers(values: ArrayLike, name: str, shape: tuple[int | str, ...]) -> Floats:
+    if len(shape) == 2 and isinstance(values, list | tuple) and not values:
+        values = np.zeros((0, 2))
+    array = frozen_array(values, name=f"{name} of the blemishes", shape=shape)
     if not np.isfinite(array).all():
         raise InvalidValueError(f"{name} of the blemishes holds a number that is not finite; correct it")
     return array
@@ -214,30 +214,30 @@ def _numbers(given: ArrayLike, name: str, shape: tuple[int | str, ...]) -> Float
 
 _CAPSULE_NAMES = ("start_x", "start_y", "along_x", "along_y", "inverse_length2", "radius2", "transmission")
 CAPSULE = np.dtype([(name, "f8") for name in _CAPSULE_NAMES], align=True)
-"""A grain or scratch: one end; from there to the other; 1 / squared length of that, 0 for grains; squared radius; what
-passes."""
+"""A grain or scratch: start, vector from there to the end, reciprocal of its squared length (0 for grains), squared
+radius, transmission."""
 
 
 class DustRecord(NamedTuple):
-    """Dust and scratches of one plane, and a grid of bins to find them."""
+    """Dust and scratches of one plane, in a grid of bins for fast lookup."""
 
     grid: Floats
     """(5,): corner x, y of the grid in mm, bins per mm, numbers of columns and rows."""
     first: NDArray[np.int64]
     members: NDArray[np.int64]
-    """Capsules, bin after bin: those of bin b from first[b] on."""
+    """Capsules in the order of bins: those of bin b from first[b] on."""
     capsules: NDArray[np.void]
     """(n,) of CAPSULE."""
 
 
 def dust_record(blemishes: Blemishes) -> DustRecord:
-    """Compile dust: at most six bins for each grain; wider ones where grains are larger than their distance."""
-    from plenoptic.optics.microlens.kernels.dust import count_members, fill_dust_bins
+    """Compile dust: at most six bins for each grain, wider ones where grains are larger than their distance."""
+    from plenoptic.optics.microlens.kernels.dust_transmission import count_members, fill_dust_bins
 
     n, capsules = len(blemishes), _capsules(blemishes)
     if not n:
-        nowhere = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
-        return DustRecord(nowhere, np.zeros(2, np.int64), np.zeros(0, np.int64), capsules)
+        grid = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
+        return DustRecord(grid, np.zeros(2, np.int64), np.zeros(0, np.int64), capsules)
     reach = blemishes.radius[:, None]
     low = (np.minimum(blemishes.start, blemishes.end) - reach).min(axis=0)
     high = (np.maximum(blemishes.start, blemishes.end) + reach).max(axis=0)
@@ -249,7 +249,7 @@ def dust_record(blemishes: Blemishes) -> DustRecord:
         columns, rows = (np.floor(size / width) + 1).astype(int)
         grid = np.array([low[0], low[1], 1.0 / width, columns, rows])
         total = count_members(capsules, grid, margin)
-        if total <= _MOST_MEMBERS * n or columns * rows == 1:
+        if total <= _MAX_MEMBERS * n or columns * rows == 1:
             break
         width *= 2.0
     first, members = np.zeros(columns * rows + 1, np.int64), np.empty(total, np.int64)
@@ -258,25 +258,25 @@ def dust_record(blemishes: Blemishes) -> DustRecord:
 
 
 def _capsules(blemishes: Blemishes) -> NDArray[np.void]:
-    found = np.empty(len(blemishes), CAPSULE)
+    capsules = np.empty(len(blemishes), CAPSULE)
     along = blemishes.end - blemishes.start
     with np.errstate(divide="ignore", over="ignore"):
         inverse = 1.0 / np.einsum("ij,ij->i", along, along)
     inverse[~np.isfinite(inverse)] = 0.0
-    found["start_x"], found["start_y"] = blemishes.start.T
-    found["along_x"], found["along_y"] = along.T
-    found["inverse_length2"] = inverse
-    found["radius2"], found["transmission"] = blemishes.radius**2, blemishes.transmission
-    return found
+    capsules["start_x"], capsules["start_y"] = blemishes.start.T
+    capsules["along_x"], capsules["along_y"] = along.T
+    capsules["inverse_length2"] = inverse
+    capsules["radius2"], capsules["transmission"] = blemishes.radius**2, blemishes.transmission
+    return capsules
 
 
 def plane_axes(turn: Floats, shift: Floats, *, height: float = 0.0) -> Floats | None:
-    """(2, 3): the affine map from x, y of points on a part's plane to the part's own axes; None for the identity.
+    """(2, 3) affine map from x, y of points on a part's plane to the part's own axes; None for the identity.
 
     A point p of the part lies at turn @ p + shift, with turn (3, 3), shift (3,); the plane is z = -height in its own
-    axes. The map reads x and y of a point of that plane, whatever its z: own = map[:, :2] @ (x, y) + map[:, 2].
+    axes. The map uses x and y of a point of that plane alone: own = map[:, :2] @ (x, y) + map[:, 2].
     """
     inverse = np.linalg.inv(turn[:2, :2])
     middle = turn @ np.array([0.0, 0.0, -height]) + shift
-    found = np.column_stack([inverse, -inverse @ middle[:2]])
-    return None if np.array_equal(found, np.eye(3)[:2]) else found
+    affine = np.column_stack([inverse, -inverse @ middle[:2]])
+    return None if np.array_equal(affine, np.eye(3)[:2]) else affine

@@ -1,4 +1,4 @@
-"""A microlens array as the numbers that kernels read, for light of one wavelength that travels forwards."""
+"""Record of a microlens array for kernels that trace light of one wavelength forwards."""
 
 from __future__ import annotations
 
@@ -6,18 +6,26 @@ import numpy as np
 
 from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.record import ArrayRecord, LatticeRecord, ListedRecord, NumbersRecord, array_record
+from plenoptic.optics.microlens.microlens_record import (
+    ArrayRecord,
+    LatticeIndex,
+    LatticeRecord,
+    LensTable,
+    array_record,
+)
 
 
 def forward_record(
     array: MicrolensArray, *, turn: Floats, origin: Floats, reach: float, wavelength: float
 ) -> ArrayRecord:
-    """Record as `array_record`, with powers at the wavelength and listed lenses found by their lattice index."""
+    """`array_record` for forward light: powers at the wavelength, and lenses found by their lattice index."""
     record = array_record(array, turn=turn, origin=origin, reach=reach, margin=0.0, wavelengths=(wavelength,))
     if record.power_factors is not None:
-        record = _strengthened(record, float(record.power_factors[0]))
-    if record.listed is not None and record.listed.cells is None:
-        record = record._replace(listed=record.listed._replace(numbers=_numbers(record.lattice, record.listed)))
+        record = _scale_powers(record, float(record.power_factors[0]))
+    if record.lens_table is not None and record.lens_table.cells is None:
+        record = record._replace(
+            lens_table=record.lens_table._replace(lattice_index=_index_table(record.lattice, record.lens_table))
+        )
     return record
 
 
@@ -26,22 +34,22 @@ def differs_forward(record: ArrayRecord) -> bool:
     return record.differs or not record.opening.fills
 
 
-def _strengthened(record: ArrayRecord, factor: float) -> ArrayRecord:
-    """Lenses whose power at the camera's wavelength is not that at 587.6 nm."""
-    listed = record.listed
-    if listed is not None:
-        lenses = listed.lenses.copy()
+def _scale_powers(record: ArrayRecord, factor: float) -> ArrayRecord:
+    """Scale the powers of lenses from 587.6 nm to the camera's wavelength."""
+    lens_table = record.lens_table
+    if lens_table is not None:
+        lenses = lens_table.lenses.copy()
         lenses["power"] *= factor
-        listed = listed._replace(lenses=lenses)
+        lens_table = lens_table._replace(lenses=lenses)
     lattice = record.lattice._replace(powers=record.lattice.powers * factor)
-    return record._replace(lattice=lattice, listed=listed, power_factors=None)
+    return record._replace(lattice=lattice, lens_table=lens_table, power_factors=None)
 
 
-def _numbers(lattice: LatticeRecord, listed: ListedRecord) -> NumbersRecord:
-    """Index from lattice numbers to the rows of listed lenses."""
-    points = np.column_stack([listed.lenses["cell_x"], listed.lenses["cell_y"]])
+def _index_table(lattice: LatticeRecord, lens_table: LensTable) -> LatticeIndex:
+    """Table of the rows of lenses by their lattice index."""
+    points = np.column_stack([lens_table.lenses["cell_x"], lens_table.lenses["cell_y"]])
     index = np.rint((points - lattice.origin) @ lattice.inverse).astype(np.int64)
     corner = index.min(axis=0)
     rows = np.full(index.max(axis=0) - corner + 1, -1, dtype=np.int64)
     rows[tuple((index - corner).T)] = np.arange(len(index))
-    return NumbersRecord(corner, rows)
+    return LatticeIndex(corner, rows)

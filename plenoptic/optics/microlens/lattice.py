@@ -1,4 +1,4 @@
-"""Layout of microlenses on their plane: lattices, their cells, and patterns of types."""
+"""Arrangement of microlenses on their plane: lattices, their cells, and patterns of types."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from plenoptic.errors import InvalidValueError
 
 
 class Lattice(enum.IntEnum):
-    """Lattice of microlenses; in all but FREE one microlens is at the array's centre. See `MicrolensArray`."""
+    """Arrangement of the microlenses; except for FREE one is at the array's centre. See `MicrolensArray`."""
 
     HEXAGONAL = 0
     """Nearest neighbours along y; columns pitch sqrt(3)/2 apart along x."""
@@ -22,12 +22,12 @@ class Lattice(enum.IntEnum):
     RECTANGULAR = 2
     """Neighbours along x and y at two distances: pitch is (x, y)."""
     FREE = 3
-    """Listed centres; the cell of each is what lies nearer to it than to any other, and no farther along x and y than
-    the pitch."""
+    """Listed centres; a cell holds all points nearer to its centre than to any other, and within the pitch along x and
+    y."""
 
 
 def checked_pitch(pitch: float | tuple[float, float], lattice: Lattice) -> float | tuple[float, float]:
-    """The pitch as one number, or two for RECTANGULAR."""
+    """Pitch as one number, or two for RECTANGULAR, or an error."""
     if lattice is not Lattice.RECTANGULAR:
         if isinstance(pitch, tuple | list):
             raise InvalidValueError(f"pitch is {pitch}; only Lattice.RECTANGULAR has two: give one number in mm")
@@ -40,20 +40,20 @@ def checked_pitch(pitch: float | tuple[float, float], lattice: Lattice) -> float
 
 
 def lattice_basis(lattice: Lattice, pitch: tuple[float, float]) -> Floats:
-    """(2, 2): rows are the lattice vectors in mm, for pitches along x and y (the same but for RECTANGULAR)."""
+    """(2, 2) lattice vectors in mm as rows, for pitches along x and y (the same except for RECTANGULAR)."""
     if lattice is Lattice.HEXAGONAL:
         return np.array([[pitch[1] * math.sqrt(3) / 2, pitch[1] / 2], [0.0, pitch[1]]])
     return np.array([[pitch[0], 0.0], [0.0, pitch[1]]])
 
 
 def neighbour_steps(lattice: Lattice) -> NDArray[np.int64]:
-    """(k, 2): from a lens to its neighbours, in lattice indices: six in a hexagonal lattice, four in others."""
+    """(k, 2) steps from a lens to its neighbours, in lattice indices: six in a hexagonal lattice, four in others."""
     steps = [[1, 0], [0, 1], [-1, 0], [0, -1]]
     return np.array([*steps, [1, -1], [-1, 1]] if lattice is Lattice.HEXAGONAL else steps, dtype=np.int64)
 
 
 def cell_polygon(lattice: Lattice, pitch: tuple[float, float]) -> Floats:
-    """(k, 2): corners of the cell around a lattice point in mm, counter-clockwise; of FREE ones, the largest cell."""
+    """(k, 2) corners of the cell around a lattice point in mm, counter-clockwise; for FREE the largest cell."""
     if lattice is Lattice.HEXAGONAL:
         return regular_polygon(6, pitch[1] / math.sqrt(3), 0.0)
     x, y = pitch if lattice is Lattice.FREE else (pitch[0] / 2, pitch[1] / 2)
@@ -61,13 +61,13 @@ def cell_polygon(lattice: Lattice, pitch: tuple[float, float]) -> Floats:
 
 
 def regular_polygon(sides: int, radius: float, first: float) -> Floats:
-    """(sides, 2): corners of a regular polygon, counter-clockwise, the first one at an angle in radians from +x."""
+    """(sides, 2) corners of a regular polygon, counter-clockwise, the first one at an angle in radians from +x."""
     angle = first + 2 * math.pi * np.arange(sides) / sides
     return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def polygon_edges(corners: Floats) -> Floats:
-    """(k, 3): outward normal x, y and distance from the origin of the edges of a counter-clockwise polygon."""
+    """(k, 3) outward normal x, y and distance from the origin of the edges of a counter-clockwise polygon."""
     along = np.roll(corners, -1, axis=0) - corners
     normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
     return np.column_stack([normals, np.einsum("ij,ij->i", normals, corners)])
@@ -81,18 +81,18 @@ def polygon_area(corners: Floats) -> float:
 
 def polygon_moments(corners: Floats) -> tuple[Floats, Floats, Floats]:
     """Areas (n,), centroids (n, 2) and variances along x and y (n, 2) of counter-clockwise polygons (n, k, 2)."""
-    here, after = corners, np.roll(corners, -1, axis=1)
+    start, end = corners, np.roll(corners, -1, axis=1)
     # Moments of triangles that have a corner in the origin.
-    cross = here[..., 0] * after[..., 1] - here[..., 1] * after[..., 0]
+    cross = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
     total = cross.sum(axis=1)[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
-        middle = np.einsum("ij,ijk->ik", cross, here + after) / (3.0 * total)
-        second = np.einsum("ij,ijk->ik", cross, (here**2 + here * after + after**2) / 6) / total
+        middle = np.einsum("ij,ijk->ik", cross, start + end) / (3.0 * total)
+        second = np.einsum("ij,ijk->ik", cross, (start**2 + start * end + end**2) / 6) / total
     return 0.5 * total[:, 0], middle, second - middle**2
 
 
 def default_pattern(types: int) -> NDArray[np.int64]:
-    """(types, types): the type of lens (i, j) is (i - j) mod types.
+    """(types, types) pattern of types: lens (i, j) has the type (i - j) mod types.
 
     On the hexagonal lattice with three types, all six neighbours of a lens are of the other two types, as in the
     multi-focus cameras of Perwass and Wietzke 2012 (doi 10.1117/12.909882); on the square one with two, it is a
@@ -103,7 +103,7 @@ def default_pattern(types: int) -> NDArray[np.int64]:
 
 
 def rows_of(index: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Rows in `index` (n, 2) of lattice points (..., 2); -1 where it has none."""
+    """Rows in `index` (n, 2) of lattice points (..., 2); -1 if it does not hold them."""
     low, high = index.min(axis=0), index.max(axis=0)
     table = np.full(tuple(high - low + 1), -1, dtype=np.int64)
     table[tuple((index - low).T)] = np.arange(len(index))

@@ -1,10 +1,10 @@
-"""Models of a microlens: the closed set."""
+"""Registry of microlens models."""
 
 from __future__ import annotations
 
 import enum
 
-from plenoptic.optics.microlens.ideal import PINHOLE, THIN
+from plenoptic.optics.microlens.ideal_microlenses import PINHOLE, THIN
 from plenoptic.optics.microlens.model_rules import ModelRules
 from plenoptic.optics.microlens.plano_convex import FLAT_HIGH_INDEX, SPHERICAL
 
@@ -30,12 +30,12 @@ class MicrolensModel(enum.IntEnum):
 
     @property
     def rules(self) -> ModelRules:
-        """Rules of a model, for the rest of the package."""
+        """Implementation of the model."""
         return _RULES[self]
 
     @property
     def focuses(self) -> bool:
-        """True if light is refracted."""
+        """True if lenses have a power."""
         return self.rules.focuses
 
     @property
@@ -45,7 +45,7 @@ class MicrolensModel(enum.IntEnum):
 
     @property
     def is_flat(self) -> bool:
-        """True if a plane with the normals of a sphere replaces the sphere."""
+        """True if a plane with the normals of a sphere stands for the sphere."""
         return self.rules.is_flat
 
 

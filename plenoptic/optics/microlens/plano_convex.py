@@ -10,18 +10,26 @@ import numpy as np
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.element_record import PathWorkspace
 from plenoptic.optics.lens.trace import RayArrays, in_chunks
 from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
-from plenoptic.optics.microlens.model_rules import Crossing, Depths, FoundPaths, ModelRules, Own, Pair, Waves
-from plenoptic.optics.record import PathNotes
+from plenoptic.optics.microlens.model_rules import (
+    ArrayCrossing,
+    Depths,
+    LensletRows,
+    ModelRules,
+    Pair,
+    TracedPaths,
+    Waves,
+)
 
 if TYPE_CHECKING:
     from plenoptic.core.rays import RayBundle
     from plenoptic.optics.microlens.array import MicrolensArray
-    from plenoptic.optics.microlens.record import ArrayRecord
+    from plenoptic.optics.microlens.microlens_record import ArrayRecord
 
 _HIGH_INDEX = 10.0
-"""The least index of plates without height."""
+"""Smallest index of flat plates."""
 
 
 class ConvexSide(enum.IntEnum):
@@ -35,25 +43,25 @@ class PlateRecord(NamedTuple):
     """Plano-convex lenses: a plane and a sphere of radius (index - 1) / power."""
 
     towards_scene: bool
-    """Whether the curved side faces the scene."""
+    """True if the curved side faces the scene."""
     flat: bool
-    """Whether a plane with the normals of the sphere stands for it."""
+    """True if a plane with the normals of the sphere stands for it."""
     thickness: float
     refractive_index: float
-    """At 587.6 nm: where the principal planes lie and how strongly the sphere is curved."""
+    """At 587.6 nm: it fixes the principal planes and the curvature of the sphere."""
     indices: Floats | None
-    """At the camera's wavelength, then at those that paths draw; None where all are that at 587.6 nm."""
+    """At the camera's wavelength, then at those sampled by paths; None if all equal that at 587.6 nm."""
 
 
 def _record(array: MicrolensArray, wavelengths: tuple[float, ...]) -> PlateRecord:
-    """The numbers of a plate, for the camera's wavelength and those that paths draw."""
+    """Record of a plate at the camera's wavelength and those sampled by paths."""
     indices = np.array([array.index_at(w) for w in wavelengths])
     side, flat = array.convex_side is ConvexSide.SCENE, array.model.is_flat
     return PlateRecord(side, flat, array.thickness, array.index, indices if (indices != array.index).any() else None)
 
 
 def _check(array: MicrolensArray) -> None:
-    """Spheres must be as large as their openings, glass as thick as they are high, and its index high enough."""
+    """Check that spheres cover their openings, that glass is thicker than their sag, and the index high enough."""
     shortest = min(array.focal_lengths)
     if shortest < 0:
         raise InvalidValueError(
@@ -68,10 +76,10 @@ def _check(array: MicrolensArray) -> None:
         )
     if array.model.is_flat:
         if array.index < _HIGH_INDEX:
-            way = "give index=100.0" if array.medium is None else "leave the medium out and give index=100.0"
+            remedy = "give index=100.0" if array.medium is None else "leave the medium out and give index=100.0"
             raise InvalidValueError(
                 f"index of the microlenses is {array.index:g}; FLAT_HIGH_INDEX stands for a nearly flat lens and "
-                f"needs at least {_HIGH_INDEX:g}: {way}, or choose SPHERICAL"
+                f"needs at least {_HIGH_INDEX:g}: {remedy}, or choose SPHERICAL"
             )
         return
     sag = reach**2 / (radius + math.sqrt(radius**2 - reach**2))
@@ -82,14 +90,14 @@ def _check(array: MicrolensArray) -> None:
 
 
 def _depths(array: MicrolensArray) -> Depths:
-    """One principal plane lies at the vertex of the curved side, the other thickness / index from the flat side."""
+    """Principal planes: one at the vertex of the curved side, the other thickness / index from the flat side."""
     inside, separation = array.thickness / array.index, array.thickness * (1.0 - 1.0 / array.index)
     towards_scene = array.convex_side is ConvexSide.SCENE
     return Depths(0.0, separation, inside) if towards_scene else Depths(inside, separation, 0.0)
 
 
-def _displaced(array: MicrolensArray, points: Floats, slopes: Floats, wavelength: float, rear: bool) -> Floats:
-    """Rays through the vertex of the curved side are displaced on the flat side.
+def _shift_chief_rays(array: MicrolensArray, points: Floats, slopes: Floats, wavelength: float, rear: bool) -> Floats:
+    """Displacement on the flat side of rays through the vertex of the curved side.
 
     Inside, they run at the slope tan t' with sin t = n sin t': they cross the thickness by thickness tan t', and the
     principal plane lies thickness / n from the vertex, n at 587.6 nm. tan t' / tan t = cos t / sqrt(n^2 - sin^2 t).
@@ -102,8 +110,8 @@ def _displaced(array: MicrolensArray, points: Floats, slopes: Floats, wavelength
     return np.asarray(points + array.thickness * (inside - 1.0 / array.index) * slopes)
 
 
-def _landing(array: MicrolensArray, power: float, aimed: Pair, slopes: Pair, leaving: Pair) -> Pair:
-    """On the curved side, which recedes by its sag from the plane of its vertex."""
+def _exit_points(array: MicrolensArray, power: float, aimed: Pair, slopes: Pair, leaving: Pair) -> Pair:
+    """Exit points on the curved side, which is its sag away from the plane of its vertex."""
     if array.convex_side is ConvexSide.SCENE:
         return leaving
     x, y = aimed
@@ -116,19 +124,19 @@ def _landing(array: MicrolensArray, power: float, aimed: Pair, slopes: Pair, lea
     return x, y
 
 
-def _to_lens(blocks: Floats, own: Own, at: Crossing, waves: Waves) -> None:
+def _to_lens(blocks: Floats, lenslets: LensletRows, crossing: ArrayCrossing, waves: Waves) -> None:
     from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 
-    plate, array = at.array.model, at.array
+    plate, array = crossing.array.model, crossing.array
     assert isinstance(plate, PlateRecord)
-    drawn = None if plate.indices is None else waves
-    fill_plano_convex(blocks, own, at.sensor, plate, array.power, array.edges, at.z_plane, drawn)
+    sampled = None if plate.indices is None else waves
+    fill_plano_convex(blocks, lenslets, crossing.sensor, plate, array.power, array.edges, crossing.z_plane, sampled)
 
 
-def _to_sensor(blocks: Floats, at: Crossing, differs: bool) -> None:
+def _to_sensor(blocks: Floats, crossing: ArrayCrossing, differs: bool) -> None:
     from plenoptic.optics.microlens.kernels.plano_convex_forward import fill_plano_convex_forward
 
-    array, sensor, z_front = at
+    array, sensor, z_front = crossing
     plate = array.model
     assert isinstance(plate, PlateRecord)
     # As in `_depths`.
@@ -140,13 +148,13 @@ def _to_sensor(blocks: Floats, at: Crossing, differs: bool) -> None:
     fill_plano_convex_forward(blocks, z_front, sensor, plate, array, array if differs else None)
 
 
-def _passed(rays: RayBundle, found: FoundPaths, array: ArrayRecord, differs: bool, index: float) -> RayBundle:
+def _trace_rays(rays: RayBundle, traced: TracedPaths, array: ArrayRecord, differs: bool, index: float) -> RayBundle:
     from plenoptic.core.kernels.ray_blocks import BLOCK
     from plenoptic.optics.microlens.kernels.plano_convex_forward import fill_plate_paths
 
-    def fill(out: RayArrays, given: RayArrays, first: int, end: int) -> None:
-        notes = PathNotes(np.array([1.0, index]), np.empty((6, BLOCK)), np.empty(BLOCK))
-        fill_plate_paths(out, found, given, array, array if differs else None, notes, first, end)
+    def fill(out: RayArrays, rays_in: RayArrays, first: int, end: int) -> None:
+        workspace = PathWorkspace(np.array([1.0, index]), np.empty((6, BLOCK)), np.empty(BLOCK))
+        fill_plate_paths(out, traced, rays_in, array, array if differs else None, workspace, first, end)
 
     return in_chunks(fill, rays)
 
@@ -158,8 +166,8 @@ SPHERICAL = ModelRules(
     check=_check,
     record=_record,
     depths=_depths,
-    displaced=_displaced,
-    landing=_landing,
-    passed=_passed,
+    shift_chief_rays=_shift_chief_rays,
+    exit_points=_exit_points,
+    trace_rays=_trace_rays,
 )
 FLAT_HIGH_INDEX = SPHERICAL._replace(is_flat=True)

@@ -1,1 +1,1 @@
-"""Image sensor: pixels, their response to direction and colour, and their noise."""
+"""The image sensor: pixels, their response to direction and colour, and their noise."""

@@ -1,4 +1,4 @@
-"""Angular response of pixels."""
+"""Dependence of a pixel's response on the direction of light."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ from plenoptic.errors import InvalidValueError
 
 @value
 class AngularResponse:
-    """A pixel as a photodiode at the bottom of a well, its opening maybe shifted to meet the chief ray.
+    """A pixel as a photodiode at the bottom of a well, whose opening may be shifted to centre the chief ray.
 
-    Light that arrives at an angle reaches, at the bottom of a well of depth d and square opening w, a square that is
-    displaced by d tan(theta') along the two axes; the part that overlaps the photodiode counts. theta' is the angle in
-    the well's dielectric. Times cos(theta)^exponent, a model of reflection and absorption by the surface. Sensors
-    for short exit pupils shift their openings towards the axis, so that the chief ray from a pupil at
-    `pupil_distance` meets the middle of every photodiode; light that comes from elsewhere is then the one that rolls
-    off.
+    Light at an angle to the normal illuminates, at the bottom of a well of depth d and square opening w, a square that
+    is displaced by d tan(theta') along the two axes; the overlap with the photodiode counts. theta' is the angle in
+    the well's dielectric. The response is multiplied by cos(theta)^exponent for reflection and absorption at the
+    surface. Sensors for short exit pupils shift their openings towards the axis, so that the chief ray from a pupil at
+    `pupil_distance` meets the middle of every photodiode. The response then falls off for light from other points.
 
-    The projected area of the pixel (one factor cos) is part of every image already and is not repeated here.
+    The projected area of the pixel (one factor cos) is already part of every image.
 
     Parameters
     ----------
@@ -31,14 +30,14 @@ class AngularResponse:
     index : float
         Refractive index in the well, at least 1.
     pupil_distance : float
-        Distance in mm from the sensor to the exit pupil for which openings are shifted; inf: not at all.
+        Distance in mm from the sensor to the exit pupil for which openings are shifted; inf: no shift.
     exponent : float
-        Of the cosine, at least 0.
+        Exponent of the cosine, at least 0.
 
     Raises
     ------
     InvalidValueError
-        For numbers out of range.
+        If a number is out of range.
 
     Notes
     -----
@@ -59,22 +58,22 @@ class AngularResponse:
     exponent: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, least in (("well_depth", 0.0), ("index", 1.0), ("exponent", 0.0)):
-            given = finite(getattr(self, name), name)
-            if given < least:
-                raise InvalidValueError(f"{name} is {given:g}; it must be at least {least:g}")
-            set_field(self, name, given)
+        for name, minimum in (("well_depth", 0.0), ("index", 1.0), ("exponent", 0.0)):
+            checked = finite(getattr(self, name), name)
+            if checked < minimum:
+                raise InvalidValueError(f"{name} is {checked:g}; it must be at least {minimum:g}")
+            set_field(self, name, checked)
         set_field(self, "pupil_distance", number(self.pupil_distance, "pupil_distance"))
         if not self.pupil_distance > 0:
             raise InvalidValueError(f"pupil_distance is {self.pupil_distance:g} mm; it must be above 0, or inf")
 
     def at(self, slope_x: ArrayLike, slope_y: ArrayLike, *, x: ArrayLike = 0.0, y: ArrayLike = 0.0) -> Floats:
-        """Response, 1 at best, to light that comes from the directions (slope_x, slope_y, -1) at points of the sensor.
+        """Response, at most 1, to light from the directions (slope_x, slope_y, -1) at points of the sensor.
 
         Parameters
         ----------
         slope_x, slope_y : array_like
-            Slopes against the sensor's normal of the way back towards the lens.
+            Slopes against the sensor's normal of the direction towards the lens.
         x, y : array_like, optional
             Points of the sensor in mm.
         """
@@ -84,11 +83,11 @@ class AngularResponse:
         chief_cos = 1.0 / np.sqrt(1.0 + chief_x**2 + chief_y**2)
         wells = np.ones(())
         for slope, chief in ((sx, chief_x), (sy, chief_y)):
-            beside = np.abs(self._inside(slope, cos) - self._inside(chief, chief_cos))
-            wells = wells * np.clip(1.0 - self.well_depth * beside, 0.0, None)
+            displacement = np.abs(self._slope_inside(slope, cos) - self._slope_inside(chief, chief_cos))
+            wells = wells * np.clip(1.0 - self.well_depth * displacement, 0.0, None)
         return np.asarray(wells * cos**self.exponent)
 
-    def _inside(self, slope: Floats, cos: Floats) -> Floats:
-        """The slope in the well: by Snell's law the sines along both axes shrink by the index."""
+    def _slope_inside(self, slope: Floats, cos: Floats) -> Floats:
+        """Slope in the well: by Snell's law the sines along both axes shrink by the index."""
         sine2 = (1.0 - cos**2) / self.index**2
         return np.asarray(slope * cos / self.index / np.sqrt(1.0 - sine2))

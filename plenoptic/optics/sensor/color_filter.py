@@ -1,4 +1,4 @@
-"""Colour filter arrays: which channel of the light each pixel sees."""
+"""Colour filter arrays: the channel that each pixel measures."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _LONGEST_PERIOD = 64
 
 
 class BayerPattern(enum.IntEnum):
-    """The four ways in which a Bayer mosaic can begin: the first two pixels of row 0, then those of row 1.
+    """The four Bayer mosaics, by the first two pixels of row 0, then those of row 1.
 
-    Row 0 and column 0 are those of the picture as it is read out, upright, as in all images of this package.
+    Row 0 and column 0 are those of the image as it is read out, upright, as in all images of this package.
 
     Examples
     --------
@@ -44,14 +44,14 @@ class BayerPattern(enum.IntEnum):
 
 
 Filters: TypeAlias = BayerPattern | NDArray[np.int64]
-"""On each pixel: a Bayer pattern, or one period (p, q) of any pattern as channels."""
+"""Filters of the pixels: a Bayer pattern, or one period (p, q) of any pattern as channels."""
 
 
-def as_filters(given: Any, name: str) -> Filters:
-    """A Bayer pattern, or any periodic one as a read-only (p, q) array of channels; an error for anything else."""
-    if isinstance(given, str | int | np.integer):
-        return choice(given, BayerPattern, name)
-    raw = frozen_array(given, name=name, shape=("p", "q"))
+def as_filters(pattern: Any, name: str) -> Filters:
+    """A Bayer pattern, or any periodic pattern as a read-only (p, q) array of channels; otherwise an error."""
+    if isinstance(pattern, str | int | np.integer):
+        return choice(pattern, BayerPattern, name)
+    raw = frozen_array(pattern, name=name, shape=("p", "q"))
     if raw.size == 0 or max(raw.shape) > _LONGEST_PERIOD:
         raise InvalidValueError(
             f"{name} has shape {raw.shape}; it must have from 1 to {_LONGEST_PERIOD} rows and columns"
@@ -64,12 +64,12 @@ def as_filters(given: Any, name: str) -> Filters:
 
 
 def pattern_of(filters: Filters) -> NDArray[np.int64]:
-    """The (p, q) channels of one period."""
+    """(p, q) channels of one period."""
     return filters.channels if isinstance(filters, BayerPattern) else filters
 
 
 def channels_of(filters: Filters, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> NDArray[np.int64]:
-    """Channels of the `shape` pixels from the pixel `first` (row, column) of the sensor on."""
+    """Channels of `shape` pixels from the sensor's pixel `first` (row, column) on."""
     pattern = pattern_of(filters)
     rows = (first[0] + np.arange(shape[0])) % pattern.shape[0]
     columns = (first[1] + np.arange(shape[1])) % pattern.shape[1]
@@ -77,7 +77,7 @@ def channels_of(filters: Filters, shape: tuple[int, int], first: tuple[int, int]
 
 
 def bayer_from(filters: Filters, first: tuple[int, int]) -> BayerPattern | None:
-    """The Bayer pattern that the pixel `first` begins; None where the filters are no Bayer pattern."""
+    """The Bayer pattern that begins at the pixel `first`; None if the filters are no Bayer pattern."""
     begins = channels_of(filters, (2, 2), first)
     period = pattern_of(filters).shape
     if not np.array_equal(channels_of(filters, (2 * period[0], 2 * period[1]), first), np.tile(begins, period)):

@@ -1,4 +1,4 @@
-"""Demosaicing: from one channel at each pixel to all channels at every pixel."""
+"""Demosaicing: interpolation of all channels at every pixel."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from plenoptic.optics.sensor.color_filter import Filters, bayer_from, channels_o
 
 
 class DemosaicMethod(enum.IntEnum):
-    """Interpolation method for missing channels. See `RawImage`.
+    """Interpolation of missing channels. See `RawImage`.
 
-    All three invent colours at edges, on purpose: a camera's pictures have them too.
+    All three produce false colours at edges, as real cameras do.
 
     References
     ----------
@@ -35,17 +35,17 @@ class DemosaicMethod(enum.IntEnum):
 
 
 _ALGORITHMS = {DemosaicMethod.LINEAR: "linear", DemosaicMethod.MHC: "MHC"}
-"""As OpenImageIO calls them."""
+"""Names of the algorithms in OpenImageIO."""
 
 
-def demosaiced(mosaic: Floats, filters: Filters, first: tuple[int, int], method: DemosaicMethod) -> NDArray[np.float32]:
-    """(H, W, 3) from (H, W), whose first pixel is the pixel `first` (row, column) of the sensor."""
+def demosaic(mosaic: Floats, filters: Filters, first: tuple[int, int], method: DemosaicMethod) -> NDArray[np.float32]:
+    """(H, W, 3) image from a mosaic (H, W) whose first pixel is the sensor's pixel `first` (row, column)."""
     method = choice(method, DemosaicMethod, "method")
     if method == DemosaicMethod.WEIGHTED_MEAN:
         return _weighted_mean(mosaic, channels_of(filters, mosaic.shape, first), pattern_of(filters).shape)
     pattern = bayer_from(filters, first)
     if pattern is None:
-        raise InvalidValueError(f"method is {method.name}, which knows Bayer patterns only; use WEIGHTED_MEAN")
+        raise InvalidValueError(f"method is {method.name}, which supports Bayer patterns only; use WEIGHTED_MEAN")
     if min(mosaic.shape) < 2:
         raise InvalidValueError(
             f"the raw image has {mosaic.shape} pixels; demosaicing needs at least 2 rows and columns"
@@ -53,26 +53,26 @@ def demosaiced(mosaic: Floats, filters: Filters, first: tuple[int, int], method:
     return images.bayer_to_rgb(mosaic, layout=pattern.name, algorithm=_ALGORITHMS[method])
 
 
-def _weighted_mean(mosaic: Floats, seen: NDArray[np.int64], period: tuple[int, ...]) -> NDArray[np.float32]:
-    """Normalised convolution with a tent that reaches to the next period; measured values stay as they are."""
+def _weighted_mean(mosaic: Floats, channels: NDArray[np.int64], period: tuple[int, ...]) -> NDArray[np.float32]:
+    """Normalised convolution with a tent that extends to the next period; measured values stay unchanged."""
     rows, columns = mosaic.shape
     p, q = period
     picture = np.empty((rows, columns, 3), dtype=np.float32)
     for channel in range(3):
-        own = seen == channel
-        known = np.pad(np.where(own, mosaic, 0.0), ((p, p), (q, q)))
-        there = np.pad(own.astype(np.float64), ((p, p), (q, q)))
+        is_measured = channels == channel
+        values = np.pad(np.where(is_measured, mosaic, 0.0), ((p, p), (q, q)))
+        mask = np.pad(is_measured.astype(np.float64), ((p, p), (q, q)))
         total, weights = np.zeros(mosaic.shape), np.zeros(mosaic.shape)
         for i in range(1 - p, p):
             for j in range(1 - q, q):
                 weight = (1.0 - abs(i) / p) * (1.0 - abs(j) / q)
                 window = np.s_[p + i : p + i + rows, q + j : q + j + columns]
-                total += weight * known[window]
-                weights += weight * there[window]
+                total += weight * values[window]
+                weights += weight * mask[window]
         if not weights.all():
             raise InvalidValueError(
                 f"some pixels have none of channel {channel} within one period of {p} x {q}; give the pattern all "
                 "of 0, 1 and 2, and the image at least one period"
             )
-        picture[:, :, channel] = np.where(own, mosaic, total / weights)
+        picture[:, :, channel] = np.where(is_measured, mosaic, total / weights)
     return picture

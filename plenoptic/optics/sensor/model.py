@@ -1,4 +1,4 @@
-"""SensorModel: conversion of the light on a sensor into digital numbers."""
+"""Conversion of light to digital numbers by a sensor."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _NOT_NEGATIVE = (
 
 
 class ShotNoise(enum.IntEnum):
-    """Shot noise of electrons. See `SensorModel`."""
+    """Statistics of the electrons of a pixel. See `SensorModel`."""
 
     NONE = 0
     """A pixel collects exactly its mean, which need not be whole."""
@@ -51,7 +51,7 @@ class ShotNoise(enum.IntEnum):
 
 @value
 class SensorModel:
-    """Sensor that converts light into digital numbers (DN); each of its effects can be left out.
+    """Model of a sensor that converts light to digital numbers (DN); each effect is optional.
 
     For a pixel of value I in the image, in this order:
 
@@ -65,18 +65,18 @@ class SensorModel:
     Parameters
     ----------
     photon_rate : float or 3 floats
-        Photons on a pixel per second where the image is 1, one number for all channels or one for each of red,
-        green and blue. `photon_rate` finds it from radiance, pixel pitch and wavelength.
+        Photons on a pixel per second for an image value of 1, one number for all channels or one for each of red,
+        green and blue. `photon_rate` computes it from radiance, pixel pitch and wavelength.
     exposure_time : float
-        t in s.
+        Exposure time t in s.
     quantum_efficiency : float or 3 floats
-        QE: electrons per photon, above 0 and at most 1; filters included.
+        Quantum efficiency QE: electrons per photon, above 0 and at most 1; filters included.
     gain : float
         DN per electron, the overall system gain K of EMVA 1288.
     black_level : float
         DN without light, dark current and noise.
     bits : int or None
-        Of the converter, 8 to 16. None: no quantisation; DN are float64, and neither rounded nor cut.
+        Bits of the converter, 8 to 16. None: no quantisation; DN are float64, and neither rounded nor clipped.
     full_well : float, optional
         Most electrons that a pixel holds; None: no limit.
     colour_filters : BayerPattern or (p, q) array_like of int, optional
@@ -86,9 +86,9 @@ class SensorModel:
         layers for one of three.
     shot_noise : ShotNoise
     read_noise : float
-        Standard deviation, electrons; normal, anew for each pixel and exposure.
+        Standard deviation, electrons; normal, independent for each pixel and exposure.
     row_noise : float
-        Standard deviation of an offset common to a row, electrons; anew for each exposure.
+        Standard deviation of an offset common to a row, electrons; independent for each exposure.
     dark_current : float
         Electrons per second at the sensor's temperature; `dark_current_at` converts temperatures.
     prnu : float
@@ -98,19 +98,19 @@ class SensorModel:
     column_dsnu : float
         Standard deviation of an offset common to a column, electrons.
     dead : float or (n, 2) array_like of int
-        Pixels that collect nothing: the fraction of them, or row and column of each on the sensor.
+        Pixels that collect nothing: their fraction, or the row and column of each on the sensor.
     hot : float or (n, 2) array_like of int
-        Pixels with an additional dark current of `hot_current`, likewise.
+        Pixels with an additional dark current of `hot_current`, in the same form.
     hot_current : float
         Electrons per second; infinite by default: hot pixels are saturated.
     pattern_seed : int
-        Of everything that belongs to this one sensor and stays from exposure to exposure: prnu, dsnu, column_dsnu,
-        dead and hot.
+        Seed of the fixed pattern of this sensor, which is the same in all exposures: prnu, dsnu, column_dsnu, dead and
+        hot.
 
     Raises
     ------
     InvalidValueError
-        Where a number is outside its range, or hot pixels have no level at which they saturate.
+        If a number is out of range, or hot pixels have no level at which they saturate.
 
     Notes
     -----
@@ -175,8 +175,8 @@ class SensorModel:
         if self.colour_filters is not None:
             set_field(self, "colour_filters", as_filters(self.colour_filters, "colour_filters"))
         set_field(self, "shot_noise", choice(self.shot_noise, ShotNoise, "shot_noise"))
-        set_field(self, "dead", _which(self.dead, "dead"))
-        set_field(self, "hot", _which(self.hot, "hot"))
+        set_field(self, "dead", _pixels(self.dead, "dead"))
+        set_field(self, "hot", _pixels(self.hot, "hot"))
         self._check_hot()
         set_field(self, "pattern_seed", seed_number(self.pattern_seed, "pattern_seed"))
 
@@ -195,14 +195,14 @@ class SensorModel:
         if not current >= 0:
             raise InvalidValueError(f"hot_current is {current:g} electrons/s; it must be at least 0")
         set_field(self, "hot_current", current)
-        if math.isinf(current) and has(self.hot) and self.white_level == math.inf:
+        if math.isinf(current) and any_pixels(self.hot) and self.white_level == math.inf:
             raise InvalidValueError(
                 "hot_current is inf, but neither full_well nor bits limits what hot pixels give; give one of the three"
             )
 
     @property
     def electrons_per_unit(self) -> Floats:
-        """Mean electrons from light where the image is 1: (1,), or (3,) where channels differ."""
+        """Mean electrons from light for an image value of 1: (1,), or (3,) if channels differ."""
         rates = np.atleast_1d(np.asarray(self.photon_rate)) * np.atleast_1d(np.asarray(self.quantum_efficiency))
         with np.errstate(over="ignore"):
             mean: Floats = rates * self.exposure_time
@@ -210,18 +210,18 @@ class SensorModel:
 
     @property
     def dark_electrons(self) -> float:
-        """Mean electrons of the dark current in one exposure."""
+        """Mean electrons of dark current in one exposure."""
         return self.dark_current * self.exposure_time
 
     @property
     def white_level(self) -> float:
-        """DN of a saturated pixel: that of the full well or the largest of the converter; inf without either."""
+        """DN of a saturated pixel: of the full well or the largest of the converter; inf without either."""
         well = math.inf if self.full_well is None else self.black_level + self.gain * self.full_well
         return well if self.bits is None else min(float(np.rint(min(well, 2.0**20))), 2.0**self.bits - 1)
 
     @property
     def is_coloured(self) -> bool:
-        """True if channels are distinguished: by filters, rates or quantum efficiencies."""
+        """True if channels differ, by filters, rates or quantum efficiencies."""
         return self.colour_filters is not None or self.electrons_per_unit.size > 1
 
     @property
@@ -230,15 +230,15 @@ class SensorModel:
         return None if self.colour_filters is None else pattern_of(self.colour_filters)
 
 
-def has(which: float | NDArray[np.int64]) -> bool:
-    """True if a fraction or list of pixels names any."""
-    return len(which) > 0 if isinstance(which, np.ndarray) else which > 0
+def any_pixels(pixels: float | NDArray[np.int64]) -> bool:
+    """True if a fraction of pixels is above 0, or a list of pixels is not empty."""
+    return len(pixels) > 0 if isinstance(pixels, np.ndarray) else pixels > 0
 
 
-def _per_channel(given: Any, name: str, at_most: float = math.inf) -> float | tuple[float, ...]:
+def _per_channel(values: Any, name: str, at_most: float = math.inf) -> float | tuple[float, ...]:
     """One number for all channels, or a tuple of three."""
-    several = isinstance(given, tuple | list) or (isinstance(given, np.ndarray) and given.ndim > 0)
-    numbers = tuple(positive(item, name) for item in (given if several else (given,)))
+    several = isinstance(values, tuple | list) or (isinstance(values, np.ndarray) and values.ndim > 0)
+    numbers = tuple(positive(item, name) for item in (values if several else (values,)))
     if several and len(numbers) != 3:
         raise InvalidValueError(f"{name} has {len(numbers)} numbers; give one, or one for each of red, green and blue")
     if max(numbers) > at_most:
@@ -246,14 +246,14 @@ def _per_channel(given: Any, name: str, at_most: float = math.inf) -> float | tu
     return numbers if several else numbers[0]
 
 
-def _which(given: Any, name: str) -> float | NDArray[np.int64]:
+def _pixels(pixels: Any, name: str) -> float | NDArray[np.int64]:
     """A fraction of all pixels, or a list of (row, column)."""
-    if not isinstance(given, tuple | list) and np.ndim(given) == 0:
-        fraction = not_negative(given, name)
+    if not isinstance(pixels, tuple | list) and np.ndim(pixels) == 0:
+        fraction = not_negative(pixels, name)
         if fraction > 1:
             raise InvalidValueError(f"{name} is {fraction:g}; a fraction of the pixels must be at most 1")
         return fraction
-    raw = plain_array(given, name)
+    raw = plain_array(pixels, name)
     if raw.size and (raw.dtype.kind not in "iu" or raw.min() < 0):
         raise InvalidValueError(f"{name} must be a fraction, or rows and columns that are whole numbers from 0 on")
     return frozen_array(raw.reshape(0, 2) if raw.size == 0 else raw, name=name, shape=("n", 2), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""From radiance to photons, and from a data sheet to the dark current at another temperature."""
+"""Photon rate from radiance, and dark current at another temperature than that of the data sheet."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LIGHT_SPEED = 299792458.0
 
 
 def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> float:
-    """Photons that fall on a pixel each second where the image is 1, for `SensorModel`.
+    """Photons on a pixel per second for an image value of 1, for `SensorModel`.
 
     An image is radiance in scene units times steradian, so a value of 1 is the irradiance E = `radiance` sr, and
 
@@ -26,12 +26,12 @@ def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> fl
         Side p of a pixel in mm, as in `Sensor`; an image is already averaged over the pixel's area, so a fill factor
         below 1 belongs into the quantum efficiency unless the exposure has it.
     wavelength : float
-        Of the light in vacuum, nm. For colours, take one rate for each channel.
+        Wavelength in vacuum, nm. For colours, take one rate for each channel.
 
     Raises
     ------
     InvalidValueError
-        Where an argument is not above 0, or the wavelength is none.
+        If an argument is not above 0, or the wavelength is invalid.
 
     References
     ----------
@@ -50,12 +50,12 @@ def photon_rate(*, radiance: float, pixel_pitch: float, wavelength: float) -> fl
 def dark_current_at(
     temperature: float, *, rate: float, reference_temperature: float, doubling_temperature: float
 ) -> float:
-    """The dark current at a temperature, from that at another: rate 2^((T - T_ref) / T_d), in electrons per second.
+    """Dark current at a temperature, from that at another: rate 2^((T - T_ref) / T_d), in electrons per second.
 
     Parameters
     ----------
     temperature : float
-        T of the sensor, degrees Celsius.
+        Temperature T of the sensor, degrees Celsius.
     rate : float
         Dark current at the reference temperature, electrons per second.
     reference_temperature : float
@@ -66,7 +66,7 @@ def dark_current_at(
     Raises
     ------
     InvalidValueError
-        Where the rate is negative, the step not above 0, or a number not finite.
+        If the rate is negative, the step not above 0, or a number not finite.
 
     References
     ----------
@@ -78,11 +78,11 @@ def dark_current_at(
     >>> pl.sensor.dark_current_at(34.0, rate=10.0, reference_temperature=20.0, doubling_temperature=7.0)
     40.0
     """
-    given = not_negative(rate, "rate", "electrons/s")
+    reference_rate = not_negative(rate, "rate", "electrons/s")
     steps = finite(temperature, "temperature") - finite(reference_temperature, "reference_temperature")
     doublings = steps / positive(doubling_temperature, "doubling_temperature", "K")
     if not doublings < 1000:
         raise InvalidValueError(
             f"the rate doubles {doublings:.3g} times: temperatures and doubling_temperature are in K"
         )
-    return float(given * 2.0**doublings)
+    return float(reference_rate * 2.0**doublings)

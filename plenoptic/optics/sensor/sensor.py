@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, alike, checked_shape, length_in_mm, numbers, positive, set_field, value
+from plenoptic.core.values import Floats, broadcast, checked_shape, length_in_mm, numbers, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.angular_response import AngularResponse
 
 
 @value
 class Sensor:
-    """A plane of square pixels across the optical axis, centred on it.
+    """A plane of square pixels perpendicular to the optical axis, centred on it.
 
     Parameters
     ----------
@@ -21,15 +21,15 @@ class Sensor:
     pixel_pitch : float
         Distance between the centres of neighbouring pixels in mm.
     pixel_aperture : (float, float), optional
-        Width and height of the part in the middle of a pixel that sees light, over the pitch, above 0 and at most 1.
-        The rest sees nothing, so that images get darker by their product, the fill factor.
+        Width and height of the light-sensitive part in the middle of a pixel, over the pitch, above 0 and at most 1.
+        The rest is insensitive, so that images get darker by their product, the fill factor.
     angular_response : AngularResponse, optional
-        How a pixel's response depends on direction; None: not at all.
+        Dependence of a pixel's response on direction; None: no dependence.
 
     Raises
     ------
     InvalidValueError
-        For a sensor without pixels, a pitch that is not positive or an aperture out of range.
+        If the sensor has no pixels, the pitch is not positive or the aperture is out of range.
 
     Examples
     --------
@@ -64,7 +64,7 @@ class Sensor:
 
     @property
     def fill_factor(self) -> float:
-        """The part of a pixel's area that sees light."""
+        """Light-sensitive fraction of a pixel's area."""
         return self.pixel_aperture[0] * self.pixel_aperture[1]
 
     @property
@@ -90,13 +90,13 @@ class Sensor:
         array([ 1.5, -1.5])
         """
         rows, columns = self.shape
-        y, x = alike(row=row, column=column)
+        y, x = broadcast(row=row, column=column)
         return np.stack([-(x + 0.5 - columns / 2), y + 0.5 - rows / 2], axis=-1) * self.pixel_pitch
 
     def pixel_of(self, points: ArrayLike) -> Floats:
         """Row and column (..., 2) of points (..., 2) on the sensor, in mm: the inverse of `centre_of`.
 
-        Whole numbers are centres of pixels.
+        Pixel centres have whole numbers.
 
         Examples
         --------
@@ -105,7 +105,7 @@ class Sensor:
         array([0., 0.])
         """
         rows, columns = self.shape
-        given = numbers(points, "points", columns=2)
-        row = given[..., 1] / self.pixel_pitch + rows / 2 - 0.5
-        column = -given[..., 0] / self.pixel_pitch + columns / 2 - 0.5
+        xy = numbers(points, "points", columns=2)
+        row = xy[..., 1] / self.pixel_pitch + rows / 2 - 0.5
+        column = -xy[..., 0] / self.pixel_pitch + columns / 2 - 0.5
         return np.stack([row, column], axis=-1)

@@ -8,9 +8,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import MOST_POINTS, Floats, alike, finite, value, whole
+from plenoptic.core.values import MAX_POINTS, Floats, broadcast, finite, value, whole
+from plenoptic.optics.element_record import CIRCLE, ElementRow
 from plenoptic.optics.lens.placement import Placement, set_place
-from plenoptic.optics.record import CIRCLE, ElementRow
 
 
 @value
@@ -52,28 +52,28 @@ class CircularStop:
         return math.pi * self.semi_diameter**2
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """True for points (x, y), mm, in the hole or on its edge; the shape is that of x and y broadcast."""
-        x, y = alike(x=x, y=y)
+        """True for points (x, y), mm, in the hole or on its edge; x and y are broadcast."""
+        x, y = broadcast(x=x, y=y)
         return np.asarray(x * x + y * y <= self.semi_diameter**2)
 
     def outline(self, n: int = 64) -> Floats:
         """Points on the edge, counter-clockwise from +x: an (n, 2) array in mm, not closed; n at least 3."""
-        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3, at_most=MOST_POINTS)) / n
+        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3, at_most=MAX_POINTS)) / n
         return self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def row(self) -> ElementRow:
-        """The numbers that kernels read."""
+        """Record of the stop for kernels."""
         return ElementRow(CIRCLE, self.semi_diameter * self.semi_diameter)
 
     def image(self, scale: float) -> CircularStop:
-        """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
+        """Image of the stop by a lens of magnification `scale`: scaled, and rotated by half a turn if negative."""
         return CircularStop(abs(finite(scale, "scale")) * self.semi_diameter)
 
     @property
     def inner_radius(self) -> float:
-        """Radius in mm of the largest circle about the axis that the hole holds."""
+        """Radius in mm of the largest circle about the axis inside the hole."""
         return self.semi_diameter
 
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
+        """Transmission, 1 in the hole and 0 outside, at points (x, y), mm; x and y are broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)

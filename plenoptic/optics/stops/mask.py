@@ -1,4 +1,4 @@
-"""Stops given as images of their transmission."""
+"""Stops defined by an image of their transmission."""
 
 from __future__ import annotations
 
@@ -8,37 +8,37 @@ import os
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.files.reading import DEFAULT, FileLimits
-from plenoptic.core.values import MOST_POINTS, Floats, alike, frozen_array, length_in_mm, set_field, value, whole
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits
+from plenoptic.core.values import MAX_POINTS, Floats, broadcast, frozen_array, length_in_mm, set_field, value, whole
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.element_record import MASK, ElementRow
 from plenoptic.optics.lens.placement import Placement, set_place
-from plenoptic.optics.record import MASK, ElementRow
-from plenoptic.optics.stops.polygon import convex_hull, divided
+from plenoptic.optics.stops.polygon import convex_hull, subdivide
 
 
 @value
 class MaskStop:
-    """Stop given as an image of its transmission: any shape, several holes, greys.
+    """A stop defined by an image of its transmission: any shape, several holes, grey levels.
 
-    The transmission is the same all over a cell of the image, and 0 around the image. Seen from behind, from the sensor
+    The transmission is constant over a cell of the image, and 0 outside of the image. Seen from behind, from the sensor
     along -z with y up, the mask looks as the image does: row 0 is at the top, towards +y, and column 0 on the left,
-    towards -x. An iris looks so in a white image too, under each microlens. The weight of a ray is multiplied by the
-    transmission where it passes; where that is 0, the ray is clipped.
+    towards -x. An iris looks so in a white image, too, under each microlens. The weight of a ray is multiplied by the
+    transmission at its intersection; if that is 0, the ray is clipped.
 
     Parameters
     ----------
     transmission : (H, W) array
         From 0, opaque, to 1, clear; above 0 somewhere. The centre of the image is on the axis.
     semi_diameter : float
-        Radius in mm of the circle about the axis that just holds all cells that are not opaque: as for a polygon, the
-        distance of the outermost corners. An opaque border changes nothing. See `of_cells` for the size of a cell.
+        Radius in mm of the smallest circle about the axis that holds all cells that are not opaque: as for a polygon,
+        the distance of the outermost corners. An opaque border changes nothing. See `of_cells` for the size of a cell.
     thickness, placement
         As of `CircularStop`.
 
     Raises
     ------
     InvalidValueError
-        If a number is out of range, or nothing of the image lets light through.
+        If a number is out of range, or the image is opaque everywhere.
 
     Examples
     --------
@@ -60,8 +60,8 @@ class MaskStop:
         set_field(self, "transmission", cells)
         set_place(self)
         if not ((cells >= 0) & (cells <= 1)).all():
-            wrong = cells[~((cells >= 0) & (cells <= 1))][0]
-            raise InvalidValueError(f"transmission holds {wrong:g}; it must be from 0, opaque, to 1, clear: scale it")
+            invalid = cells[~((cells >= 0) & (cells <= 1))][0]
+            raise InvalidValueError(f"transmission holds {invalid:g}; it must be from 0, opaque, to 1, clear: scale it")
         if not cells.any():
             raise InvalidValueError("transmission is 0 everywhere; let light through in one cell at least")
 
@@ -95,20 +95,20 @@ class MaskStop:
         Parameters
         ----------
         path : path-like
-            Any file that `images.read_linear` reads; colours become the mean of their channels. Greys of files with
-            integers are decoded from sRGB, so that a mask transmits the visible brightness of the picture. Only pixels
-            of exactly 0 are opaque: files that are compressed with losses (JPEG) have open specks all over.
+            Any file that `images.read_linear` reads; colours become the mean of their channels. Grey levels of integer
+            files are decoded from sRGB, so that the mask transmits as the picture suggests. Only exact black is
+            opaque: files with lossy compression (JPEG) have open specks all over.
         semi_diameter, thickness, placement
             As of the class.
         limits : FileLimits
-            The size of the file, and of the image.
+            Limits of the size of the file, and of the image.
 
         Raises
         ------
         FileError
-            Where the file cannot be read.
+            If the file cannot be read.
         InvalidValueError
-            Where it holds values above 1, or is black.
+            If it holds values above 1, or is black.
 
         Examples
         --------
@@ -133,14 +133,14 @@ class MaskStop:
 
     @property
     def area(self) -> float:
-        """The integral of the transmission in mm^2."""
+        """Integral of the transmission in mm^2."""
         return float(np.sum(self.transmission)) * self.cell_size**2
 
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """The transmission at points (x, y), mm; the shape is that of x and y broadcast."""
+        """Transmission at points (x, y), mm; x and y are broadcast."""
         cells, per_mm = np.asarray(self.transmission), 1.0 / self.cell_size
         rows, columns = cells.shape
-        x, y = alike(x=x, y=y)
+        x, y = broadcast(x=x, y=y)
         u, v = 0.5 * columns + x * per_mm, 0.5 * rows - y * per_mm
         inside = (u >= 0) & (u <= columns) & (v >= 0) & (v <= rows)
         column = np.minimum(np.where(inside, u, 0.0).astype(np.intp), columns - 1)
@@ -148,39 +148,39 @@ class MaskStop:
         return np.asarray(np.where(inside, cells[row, column], 0.0))
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """True for points (x, y), mm, at which the mask transmits light; the shape is that of x and y broadcast."""
+        """True where the transmission at points (x, y), mm, is above 0; x and y are broadcast."""
         return np.asarray(self.transmission_at(x, y) > 0)
 
     def outline(self, n: int = 64) -> Floats:
-        """Points on the smallest convex polygon around all that lets light through, counter-clockwise, in mm.
+        """Points on the convex hull of all open cells, counter-clockwise, in mm.
 
-        A (k, 2) array with k at least n, not closed: the corners of the polygon, and points that divide its sides.
+        A (k, 2) array with k at least n, not closed: the corners of the hull, and points that divide its sides.
         """
         corners = convex_hull(self.cell_size * _open_corners(np.asarray(self.transmission)))
-        return divided(corners, whole(n, "n", at_least=3, at_most=MOST_POINTS))
+        return subdivide(corners, whole(n, "n", at_least=3, at_most=MAX_POINTS))
 
     def row(self) -> ElementRow:
-        """The numbers that kernels read."""
+        """Record of the stop for kernels."""
         cells = np.asarray(self.transmission)
         return ElementRow(MASK, self.semi_diameter * self.semi_diameter, cells=cells, cells_per_mm=1.0 / self.cell_size)
 
     def image(self, scale: float) -> MaskStop:
-        """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
+        """Image of the stop by a lens of magnification `scale`: scaled, and rotated by half a turn if negative."""
         cells = np.asarray(self.transmission)
         return MaskStop(cells[::-1, ::-1] if scale < 0 else cells, abs(scale) * self.semi_diameter)
 
     @property
     def inner_radius(self) -> float:
-        """Radius of the circle around the transmitting part, in mm: for the hole of a mask there is no better bound."""
+        """Radius in mm of the circle that holds all open cells; it stands for the unknown inner radius of a mask."""
         return self.semi_diameter
 
 
 def _open_corners(cells: Floats) -> Floats:
-    """The corners (k, 2) of the first and the last open cell of each row, x and y in cells from the centre."""
+    """Corners (k, 2) of the first and the last open cell of each row, x and y in cells from the centre."""
     rows, columns = cells.shape
-    lit = np.flatnonzero(cells.any(axis=1))
-    left = (cells[lit] > 0).argmax(axis=1) - 0.5 * columns
-    right = 0.5 * columns - (cells[lit, ::-1] > 0).argmax(axis=1)
-    top = 0.5 * rows - lit
+    open_rows = np.flatnonzero(cells.any(axis=1))
+    left = (cells[open_rows] > 0).argmax(axis=1) - 0.5 * columns
+    right = 0.5 * columns - (cells[open_rows, ::-1] > 0).argmax(axis=1)
+    top = 0.5 * rows - open_rows
     sides = [(x, y) for x in (left, right) for y in (top, top - 1.0)]
     return np.concatenate([np.stack(side, axis=1) for side in sides])

@@ -1,4 +1,4 @@
-"""Stops as the blades of an iris leave them."""
+"""Polygonal stops, formed by the blades of an iris."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import (
     LARGEST_LENGTH,
-    MOST_POINTS,
+    MAX_POINTS,
     Floats,
-    alike,
+    broadcast,
     finite,
     number,
     radians,
@@ -23,19 +23,19 @@ from plenoptic.core.values import (
     whole,
 )
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.element_record import ARCS, POLYGON, ElementRow
 from plenoptic.optics.lens.placement import Placement, set_place
-from plenoptic.optics.record import ARCS, POLYGON, ElementRow
 
-MOST_CORNERS = 1024
-"""Of stops with more, which kernels would all look at, edges differ from a circle by 5e-6 of its radius."""
+MAX_CORNERS = 1024
+"""Kernels test all corners; edges of a polygon of more differ from a circle by 5e-6 of its radius."""
 
 _ROUNDING = 1e-12
-"""How far, relatively, a radius may be beyond its limit: sizes that are scaled together differ by rounding."""
+"""Relative tolerance of a radius at its limit: lengths that are scaled together differ by rounding."""
 
 
 @value
 class PolygonStop:
-    """A stop with a hole that is a regular polygon, as the blades of an iris leave it.
+    """A stop whose hole is a regular polygon, formed by the blades of an iris.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ class PolygonStop:
     rotation : float, optional
         Angle of the first corner from +x towards +y, radians.
     blade_radius : float, optional
-        Radius in mm of the arcs that the edges of the blades are, from corner to corner; inf (default): straight.
-        Positive: the hole bulges outwards, at least `semi_diameter`, with which it is a circle. Negative: the blades
-        bulge into the hole, in size at least semi_diameter tan(pi / blades), with which neighbours touch.
+        Radius in mm of the circular edges of the blades, from corner to corner; inf (default): straight. Positive: the
+        hole bulges outwards, at least `semi_diameter`, for which it is a circle. Negative: the blades bulge into the
+        hole, in size at least semi_diameter tan(pi / blades), for which neighbours touch.
     thickness, placement
         As of `CircularStop`.
 
@@ -78,7 +78,7 @@ class PolygonStop:
 
     def __post_init__(self) -> None:
         set_place(self)
-        set_field(self, "blades", whole(self.blades, "blades", at_least=3, at_most=MOST_CORNERS))
+        set_field(self, "blades", whole(self.blades, "blades", at_least=3, at_most=MAX_CORNERS))
         set_field(self, "rotation", radians(self.rotation, "rotation"))
         set_field(self, "blade_radius", self._checked_blade_radius())
 
@@ -108,20 +108,21 @@ class PolygonStop:
 
     @property
     def edges(self) -> Floats:
-        """(blades, 4): the hole is where a x + b y + q (x^2 + y^2) <= p for all rows (a, b, p, q), and in its circle.
+        """(blades, 4) rows (a, b, p, q): points of the hole have a x + b y + q (x^2 + y^2) <= p for all of them.
 
-        With the curvature c of the edges and their apothem p0, (a, b) is the normal times 1 - c p0, q is c / 2 and p is
-        p0 (1 - c p0 / 2): straight, outward and inward edges are one formula, which loses nothing for large radii.
+        They also lie in the hole's circle. With the curvature c of the edges and their apothem p0, (a, b) is the normal
+        times 1 - c p0, q is c / 2 and p is p0 (1 - c p0 / 2): one formula, accurate for large radii, covers straight,
+        outward and inward edges.
         """
-        bend, foot = 1.0 / self.blade_radius, self.apothem
+        curvature, foot = 1.0 / self.blade_radius, self.apothem
         rows = np.empty((self.blades, 4))
-        rows[:, :2] = (1.0 - bend * foot) * self.normals
-        rows[:, 2:] = foot * (1.0 - 0.5 * bend * foot), 0.5 * bend
+        rows[:, :2] = (1.0 - curvature * foot) * self.normals
+        rows[:, 2:] = foot * (1.0 - 0.5 * curvature * foot), 0.5 * curvature
         return read_only(rows)
 
     @property
     def area(self) -> float:
-        """Area of the hole in mm^2: that of the polygon and of the segments between arcs and chords."""
+        """Area of the hole in mm^2: the polygon and the segments between arcs and chords."""
         half_angle = math.asin(max(-1.0, min(1.0, self._half_chord / self.blade_radius)))
         segment = 0.0 if half_angle == 0 else (self._half_chord / math.sin(half_angle)) ** 2 * _segment(half_angle)
         return self.blades * (0.5 * self.semi_diameter**2 * math.sin(2 * math.pi / self.blades) + segment)
@@ -131,13 +132,13 @@ class PolygonStop:
         return self.semi_diameter * math.sin(math.pi / self.blades)
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """True for points (x, y), mm, in the hole or on its edge; the shape is that of x and y broadcast."""
-        x, y = alike(x=x, y=y)
+        """True for points (x, y), mm, in the hole or on its edge; x and y are broadcast."""
+        x, y = broadcast(x=x, y=y)
         curved = math.isfinite(self.blade_radius)
         r2 = x * x + y * y
         inside = r2 <= self.semi_diameter**2 if curved else np.ones(r2.shape, dtype=np.bool_)
-        for a, b, limit, bend in self.edges:
-            inside &= x * a + y * b + (bend * r2 if curved else 0.0) <= limit
+        for a, b, limit, quadratic in self.edges:
+            inside &= x * a + y * b + (quadratic * r2 if curved else 0.0) <= limit
         return np.asarray(inside)
 
     def outline(self, n: int = 64) -> Floats:
@@ -146,12 +147,12 @@ class PolygonStop:
         A (k, 2) array, where k is the smallest multiple of `blades` that is at least n: all corners are among
         the points, the others divide the edges evenly.
         """
-        per_edge = -(-whole(n, "n", at_least=3, at_most=MOST_POINTS) // self.blades)
+        per_edge = -(-whole(n, "n", at_least=3, at_most=MAX_POINTS) // self.blades)
         angle = self.rotation + 2 * math.pi * np.arange(self.blades + 1) / self.blades
         corners = self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         along, out = np.arange(per_edge) / per_edge, np.zeros(per_edge)
         if math.isfinite(self.blade_radius):
-            # Along an arc of the angle 2 alpha the chord is divided as sines are, and left by the height of the arc.
+            # Equal steps of the angle 2 alpha of an arc: sines along the chord, and the height above it.
             alpha = math.asin(max(-1.0, min(1.0, self._half_chord / self.blade_radius)))
             turn = alpha * (2 * along - 1)
             along = 0.5 * (1.0 + np.sin(turn) / math.sin(alpha))
@@ -160,32 +161,32 @@ class PolygonStop:
         return np.concatenate([a + along[:, None] * (b - a) + out[:, None] * normal for (a, b), normal in edges])
 
     def row(self) -> ElementRow:
-        """The numbers that kernels read."""
+        """Record of the stop for kernels."""
         kind = POLYGON if math.isinf(self.blade_radius) else ARCS
         return ElementRow(kind, self.semi_diameter * self.semi_diameter, edges=tuple(map(tuple, self.edges.tolist())))
 
     def image(self, scale: float) -> PolygonStop:
-        """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
+        """Image of the stop by a lens of magnification `scale`: scaled, and rotated by half a turn if negative."""
         size, turn = abs(finite(scale, "scale")), math.pi if scale < 0 else 0.0
         bulge = size * self.blade_radius
         return PolygonStop(self.blades, size * self.semi_diameter, self.rotation + turn, blade_radius=bulge)
 
     @property
     def inner_radius(self) -> float:
-        """Radius in mm of the largest circle about the axis that the hole holds."""
+        """Radius in mm of the largest circle about the axis inside the hole."""
         return self.apothem
 
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
+        """Transmission, 1 in the hole and 0 outside, at points (x, y), mm; x and y are broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)
 
 
-def divided(corners: Floats, n: int) -> Floats:
-    """The corners (k, 2) of a polygon, and points that divide its edges evenly: at least n in all, not closed."""
+def subdivide(corners: Floats, n: int) -> Floats:
+    """Corners (k, 2) of a polygon, and points that divide its edges evenly: at least n in all, not closed."""
     per_edge = -(-n // len(corners))
-    share = np.arange(per_edge) / per_edge
-    after = np.roll(corners, -1, axis=0)
-    return np.asarray((corners[:, None] + share[:, None] * (after - corners)[:, None]).reshape(-1, 2))
+    fraction = np.arange(per_edge) / per_edge
+    following = np.roll(corners, -1, axis=0)
+    return np.asarray((corners[:, None] + fraction[:, None] * (following - corners)[:, None]).reshape(-1, 2))
 
 
 def convex_hull(points: Floats) -> Floats:
@@ -206,9 +207,9 @@ def convex_hull(points: Floats) -> Floats:
 
 
 def _segment(half_angle: float) -> float:
-    """Area between arc and chord of a circle of radius 1, whose arc has twice this angle; negative for negative ones.
+    """Area between arc and chord of a circle of radius 1 for half the arc's angle, odd in the angle.
 
-    It is a - sin a cos a, of which the series keeps all digits where the angle is small.
+    It is a - sin a cos a, by a series for small angles, which keeps all digits.
     """
     if abs(half_angle) > 0.1:
         return half_angle - math.sin(half_angle) * math.cos(half_angle)

@@ -1,4 +1,4 @@
-"""Stops with an opaque disc in the middle of a round hole."""
+"""Annular stops, with a central obstruction."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import MOST_POINTS, Floats, alike, finite, length_in_mm, set_field, value, whole
+from plenoptic.core.values import MAX_POINTS, Floats, broadcast, finite, length_in_mm, set_field, value, whole
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.element_record import RING, ElementRow
 from plenoptic.optics.lens.placement import Placement, set_place
-from plenoptic.optics.record import RING, ElementRow
 
 
 @value
 class RingStop:
-    """Stop whose hole is a ring: a round opening obscured by a secondary mirror, or by the hole of a primary.
+    """A stop whose hole is a ring, such as the aperture of a telescope with a secondary mirror.
 
     Parameters
     ----------
     semi_diameter : float
         Outer radius of the ring in mm.
     inner_semi_diameter : float
-        Its inner radius in mm, that of the disc that stops light; above 0 and below the outer one.
+        Inner radius in mm, of the central obstruction; above 0 and below the outer one.
     thickness, placement
         As of `CircularStop`.
 
@@ -61,32 +61,32 @@ class RingStop:
         return math.pi * (outer - inner) * (outer + inner)
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """True for points (x, y), mm, in the ring or on its edges; the shape is that of x and y broadcast."""
-        x, y = alike(x=x, y=y)
+        """True for points (x, y), mm, in the ring or on its edges; x and y are broadcast."""
+        x, y = broadcast(x=x, y=y)
         r2 = x * x + y * y
         return np.asarray((r2 <= self.semi_diameter**2) & (r2 >= self.inner_semi_diameter**2))
 
     def outline(self, n: int = 64) -> Floats:
         """Points on the outer edge, counter-clockwise from +x: an (n, 2) array in mm, not closed; n at least 3."""
-        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3, at_most=MOST_POINTS)) / n
+        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3, at_most=MAX_POINTS)) / n
         return self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def row(self) -> ElementRow:
-        """The numbers that kernels read."""
-        # Its edge is one of `PolygonStop.edges` whose blade bends the other way: -(x^2 + y^2) <= -r^2.
+        """Record of the stop for kernels."""
+        # One edge as in `PolygonStop.edges`, curved the other way: -(x^2 + y^2) <= -r^2.
         edge = (0.0, 0.0, -self.inner_semi_diameter * self.inner_semi_diameter, -1.0)
         return ElementRow(RING, self.semi_diameter * self.semi_diameter, edges=(edge,))
 
     def image(self, scale: float) -> RingStop:
-        """The stop as a lens shows it: `scale` times as large."""
+        """Image of the stop by a lens of magnification `scale`."""
         size = abs(finite(scale, "scale"))
         return RingStop(size * self.semi_diameter, size * self.inner_semi_diameter)
 
     @property
     def inner_radius(self) -> float:
-        """Radius of the outer edge in mm: no circle about the axis passes."""
+        """Radius in mm of the outer edge: no circle about the axis lies inside the hole."""
         return self.semi_diameter
 
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """1 in the ring, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
+        """Transmission, 1 in the ring and 0 outside, at points (x, y), mm; x and y are broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)

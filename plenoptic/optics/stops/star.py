@@ -1,4 +1,4 @@
-"""Stops whose hole is a star."""
+"""Star-shaped stops."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import (
-    MOST_POINTS,
+    MAX_POINTS,
     Floats,
-    alike,
+    broadcast,
     finite,
     length_in_mm,
     radians,
@@ -21,14 +21,14 @@ from plenoptic.core.values import (
     whole,
 )
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.element_record import STAR, ElementRow
 from plenoptic.optics.lens.placement import Placement, set_place
-from plenoptic.optics.record import STAR, ElementRow
-from plenoptic.optics.stops.polygon import MOST_CORNERS, divided
+from plenoptic.optics.stops.polygon import MAX_CORNERS, subdivide
 
 
 @value
 class StarStop:
-    """A stop with a hole that is a regular star.
+    """A stop whose hole is a regular star.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class StarStop:
         Distance of the tips from the axis in mm, above 0.
     inner_semi_diameter : float
         Distance of the corners between the tips from the axis in mm, above 0 and at most semi_diameter cos(pi /
-        points), with which the star is a polygon.
+        points), for which the star is a polygon.
     rotation : float, optional
         Angle of the first tip from +x towards +y, radians.
     thickness, placement
@@ -68,7 +68,7 @@ class StarStop:
 
     def __post_init__(self) -> None:
         set_place(self)
-        set_field(self, "points", whole(self.points, "points", at_least=3, at_most=MOST_CORNERS))
+        set_field(self, "points", whole(self.points, "points", at_least=3, at_most=MAX_CORNERS))
         set_field(self, "inner_semi_diameter", length_in_mm(self.inner_semi_diameter, "inner_semi_diameter"))
         set_field(self, "rotation", radians(self.rotation, "rotation"))
         largest = self.semi_diameter * math.cos(math.pi / self.points)
@@ -80,9 +80,9 @@ class StarStop:
 
     @property
     def edges(self) -> Floats:
-        """(2 points, 4): rows (a, b, p, 0) in pairs, one pair for each corner between two tips.
+        """(2 points, 4) rows (a, b, p, 0) in pairs, one pair for each corner between two tips.
 
-        The hole is where a x + b y <= p for one row of each pair at least, inside the circle of the tips.
+        Points of the hole have a x + b y <= p for at least one row of each pair, and lie in the circle of the tips.
         """
         half, r = math.pi / self.points, self.inner_semi_diameter
         across, along = r * math.sin(half), self.semi_diameter - r * math.cos(half)
@@ -100,11 +100,11 @@ class StarStop:
         return self.points * self.semi_diameter * self.inner_semi_diameter * math.sin(math.pi / self.points)
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """True for points (x, y), mm, in the hole or on its edge; the shape is that of x and y broadcast."""
-        x, y = alike(x=x, y=y)
+        """True for points (x, y), mm, in the hole or on its edge; x and y are broadcast."""
+        x, y = broadcast(x=x, y=y)
         inside = x * x + y * y <= self.semi_diameter**2
-        for one, other in self.edges.reshape(-1, 2, 4):
-            inside &= np.minimum(x * one[0] + y * one[1], x * other[0] + y * other[1]) <= one[2]
+        for first, second in self.edges.reshape(-1, 2, 4):
+            inside &= np.minimum(x * first[0] + y * first[1], x * second[0] + y * second[1]) <= first[2]
         return np.asarray(inside)
 
     def outline(self, n: int = 64) -> Floats:
@@ -116,22 +116,22 @@ class StarStop:
         angle = self.rotation + math.pi / self.points * np.arange(2 * self.points)
         radius = np.tile([self.semi_diameter, self.inner_semi_diameter], self.points)
         corners = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        return divided(corners, whole(n, "n", at_least=3, at_most=MOST_POINTS))
+        return subdivide(corners, whole(n, "n", at_least=3, at_most=MAX_POINTS))
 
     def row(self) -> ElementRow:
-        """The numbers that kernels read."""
+        """Record of the stop for kernels."""
         return ElementRow(STAR, self.semi_diameter * self.semi_diameter, edges=tuple(map(tuple, self.edges.tolist())))
 
     def image(self, scale: float) -> StarStop:
-        """The stop as a lens shows it: `scale` times as large, and turned by half a turn where that is negative."""
+        """Image of the stop by a lens of magnification `scale`: scaled, and rotated by half a turn if negative."""
         size, turn = abs(finite(scale, "scale")), math.pi if scale < 0 else 0.0
         return StarStop(self.points, size * self.semi_diameter, size * self.inner_semi_diameter, self.rotation + turn)
 
     @property
     def inner_radius(self) -> float:
-        """Radius in mm of the largest circle about the axis that the hole holds."""
+        """Radius in mm of the largest circle about the axis inside the hole."""
         return self.inner_semi_diameter
 
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """1 in the hole, 0 beside it, at points (x, y), mm; the shape is that of x and y broadcast."""
+        """Transmission, 1 in the hole and 0 outside, at points (x, y), mm; x and y are broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)

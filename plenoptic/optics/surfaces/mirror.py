@@ -1,4 +1,4 @@
-"""Surfaces that reflect, and how the path behind them is unfolded."""
+"""Reflecting surfaces, and unfolding of the path behind them."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import Medium
 
 _STEEPEST = 1e-6
-"""Cosine of the angle between the axis and the normal of a fold below which light would run along the mirror."""
+"""Smallest cosine of the angle between the axis and a fold's normal; below, light would be parallel to the mirror."""
 
 
 @value
 class Mirror:
-    """Medium behind a reflecting surface: light stays in the medium in front.
+    """Medium of a reflecting surface: the ray stays in the medium in front.
 
-    Behind a mirror the lens's frame shows later elements as seen in the mirror, so that light always goes towards +z,
-    gaps are positive, and a surface is convex towards the light that meets it where its radius is positive: a concave
-    mirror has a negative radius, a convex one a positive one, and behind an odd number of mirrors radii have the other
-    sign than in prescriptions that turn the axis round. A ray met by a mirror at a height z over its vertex goes on
-    from -z. To paraxial rays the mirror is a surface of the power -2 n c.
+    The lens's frame is unfolded: what follows a mirror is described as seen in the mirror. Light therefore always
+    travels towards +z and gaps are positive. A surface of positive radius is convex towards the incident light: a
+    concave mirror has a negative radius, a convex one a positive one. Behind an odd number of mirrors radii have the
+    opposite sign than in prescriptions that reverse the axis. A ray reflected at a height z over the mirror's vertex
+    continues from -z. In paraxial optics the mirror is a surface of the power -2 n c.
 
     Parameters
     ----------
     fold : (3,) array, optional
-        Normal of the plane through the mirror's place on the axis in which later elements are seen; kept with length 1
-        and z above 0. Along the axis, unless a mirror that stands askew folds the axis itself: then its own normal.
+        Normal of the plane of unfolding, through the mirror's vertex on the axis; stored with length 1 and z above 0.
+        Along the axis, unless a tilted mirror folds the axis itself: then the mirror's own normal.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class Mirror:
         set_field(self, "fold", positions(normal / (length if normal[2] > 0 else -length), name="fold", shape=(3,)))
 
     def index(self, wavelength: float) -> float:
-        """An error: a mirror has no index of its own. See `LensStack.indices`."""
+        """Raise PrescriptionError, since a mirror has no index. See `LensStack.indices`."""
         raise PrescriptionError(
             f"a mirror has no refractive index at {wavelength:g} nm, and there is nothing before it; put it on a "
             "surface of a lens and ask lens.indices()"
@@ -64,7 +64,7 @@ class Mirror:
 
     @property
     def unfolding(self) -> Floats:
-        """(3, 3): reflection in the plane of the fold."""
+        """(3, 3) reflection in the plane of the fold."""
         normal = np.asarray(self.fold)
         return np.asarray(np.eye(3) - 2.0 * np.outer(normal, normal))
 
@@ -74,5 +74,5 @@ MIRROR = Mirror()
 
 
 def medium_behind(medium: Medium, before: Medium) -> Medium:
-    """Medium of the gap behind a surface: the one before it where the surface is a mirror."""
+    """Medium in the gap behind a surface: the medium before it for a mirror."""
     return before if isinstance(medium, Mirror) else medium

@@ -1,4 +1,4 @@
-"""Bounds of slope, curvature and sag of an asphere inside its semi-diameter: proven, not sampled."""
+"""Proven bounds on slope, curvature and height of an asphere within its semi-diameter."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from plenoptic.core.values import Floats
 
 RINGS = 64
-"""Rings of equal area that bounds are found in one by one: narrow enough to be some per cent above the truth."""
+"""Rings of equal area with separate bounds: narrow enough for bounds some per cent above the true maximum."""
 
 _ROUNDING = 1.0 + 1e-9
 
 
 @functools.lru_cache(maxsize=256)
 def asphere_bounds(c: float, conic: float, terms: tuple[float, ...], edge: float) -> tuple[float, float, float]:
-    """Bounds on the size of the slope dz/dr, of the second derivative by r and of the sag up to the semi-diameter.
+    """Bounds up to the semi-diameter on the size of the slope dz/dr, of the second derivative by r, and of the sag.
 
-    With u = (r / semi-diameter)^2, each is a polynomial in u and a part of the conic that is monotone in u. In every
+    With u = (r / semi-diameter)^2, each is a polynomial in u plus a part of the conic that is monotone in u. In every
     ring of u, a polynomial lies between the smallest and the largest of its Bernstein coefficients (G. Farin, Curves
-    and Surfaces for CAGD, 5th ed., section 6.2), and the conic's part between its ends. Infinite where the surface
+    and Surfaces for CAGD, 5th ed., section 6.2), and the conic's part between its ends. Infinite if the surface
     reaches the equator of its conic.
     """
     u = np.linspace(0.0, 1.0, RINGS + 1)
@@ -29,19 +29,19 @@ def asphere_bounds(c: float, conic: float, terms: tuple[float, ...], edge: float
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         w2 = np.maximum(1.0 - (1.0 + conic) * (c * r) ** 2, 0.0)
         w = np.sqrt(w2)
-        over_r, twice, sag = c / w, c / (w * w2), c * r * r / (1.0 + w)
+        slope_over_r, second_derivative, sag = c / w, c / (w * w2), c * r * r / (1.0 + w)
         powers = np.arange(1, len(terms) + 1)
-        # a_i r^(2 i) with r^2 = u edge^2; by u without its first power, times r where that is left.
+        # a_i r^(2 i) with r^2 = u edge^2, as a polynomial in u; a remaining factor r is applied outside.
         scaled = np.array(terms) * edge ** (2.0 * powers)
-        slope = r[1:] * _largest(over_r, scaled * 2 * powers / edge**2)
-        bend = _largest(twice, scaled * 2 * powers * (2 * powers - 1) / edge**2)
-        height = _largest(sag, np.concatenate([[0.0], scaled]))
-    found = [float(np.max(bound)) * _ROUNDING for bound in (slope, bend, height)]
-    return tuple(bound if bound < math.inf else math.inf for bound in found)  # type: ignore[return-value]
+        slope = r[1:] * _bound(slope_over_r, scaled * 2 * powers / edge**2)
+        bending = _bound(second_derivative, scaled * 2 * powers * (2 * powers - 1) / edge**2)
+        height = _bound(sag, np.concatenate([[0.0], scaled]))
+    bounds = [float(np.max(bound)) * _ROUNDING for bound in (slope, bending, height)]
+    return tuple(bound if bound < math.inf else math.inf for bound in bounds)  # type: ignore[return-value]
 
 
-def _largest(monotone: Floats, powers: Floats) -> Floats:
-    """Bound on the size of a monotone part, given at the ends of the rings, plus a polynomial in u, for each ring."""
+def _bound(monotone: Floats, powers: Floats) -> Floats:
+    """Bound for each ring on the size of a monotone part, given at the ends of the rings, plus a polynomial in u."""
     low, high = bernstein_range(powers)
     ends = np.stack([monotone[:-1], monotone[1:]])
     return np.asarray(np.maximum(np.abs(ends.min(axis=0) + low), np.abs(ends.max(axis=0) + high)))
@@ -63,6 +63,6 @@ def bernstein_range(powers: Floats) -> tuple[Floats, Floats]:
         coefficients = [sum(math.comb(k, j) / math.comb(n, j) * local[j] for j in range(k + 1)) for k in range(n + 1)]
         ranges.append((min(coefficients), max(coefficients)))
     low, high = np.array(ranges).T
-    # What rounding may leave of sums of large terms that cancel.
+    # Largest rounding error of sums of large terms that cancel.
     slack = 64 * np.finfo(np.float64).eps * float(np.abs(powers).sum())
     return low - slack, high + slack

@@ -1,4 +1,4 @@
-"""Refracting surface of a lens: a plane, a sphere, a conic or an even asphere, with a freeform term."""
+"""A surface of a lens: a plane, a sphere, a conic or an even asphere, with an optional freeform term."""
 
 from __future__ import annotations
 
@@ -9,25 +9,35 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, alike, coefficients, finite, length_in_mm, number, numbers, set_field, value
+from plenoptic.core.values import (
+    Floats,
+    broadcast,
+    coefficients,
+    finite,
+    length_in_mm,
+    number,
+    numbers,
+    set_field,
+    value,
+)
 from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import Placement, set_place
-from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
+from plenoptic.optics.surfaces.freeform_registry import FREEFORM_TERMS, FreeformTerm
 from plenoptic.optics.surfaces.mirror import Mirror
-from plenoptic.optics.surfaces.registry import DEPARTURES, Departure
 from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 
 STEEPEST_ASPHERE = 100.0
-"""Slope of a rim at 89.4 degrees. Real ones have a few; the search for crossings takes ever more steps."""
+"""Largest slope of a rim, 89.4 degrees. Real ones have a few; the intersection search takes ever more steps."""
 
 EQUATOR_TOLERANCE = 1e-12
-"""A rim that is the equator itself belongs to the surface."""
+"""Tolerance with which the equator itself belongs to the surface."""
 
 
 @value
 class Surface:
-    r"""A surface of revolution with the gap and the medium that follow it.
+    r"""A surface of revolution, with an optional freeform term and the gap and the medium that follow it.
 
     .. math:: z = \frac{c r^2}{1 + \sqrt{1 - (1 + k) c^2 r^2}} + \sum_i a_i r^{2 i + 2}
 
@@ -48,19 +58,19 @@ class Surface:
     aspheric : sequence of float, optional
         Coefficients a_0, a_1, ... of r^2, r^4, r^6 and so on, in mm^-1, mm^-3, mm^-5: the first is mostly 0.
     depth : float, optional
-        For a sphere or ellipsoid that goes on beyond its equator (hyper-hemispheres, balls): how far from the vertex
-        its rim lies along the axis, in mm. `semi_diameter` is then that of the equator. None: the surface ends at the
+        For a sphere or ellipsoid that extends beyond its equator (hyper-hemispheres, balls): distance of its rim from
+        the vertex along the axis, in mm. `semi_diameter` is then that of the equator. None: the surface ends at the
         semi-diameter, on the vertex's side of the equator.
-    departure : Departure, optional
-        Freeform term that is added to that sag. None: nothing.
+    departure : ZernikeSag, optional
+        Freeform term: sag without rotational symmetry, added to the conic or asphere. None: no term.
     placement : Placement, optional
         Decentre and tilt; see `LensStack.moved`. None: centred.
 
     Raises
     ------
     InvalidValueError
-        PrescriptionError for a radius of 0 or nan, a negative gap, a semi-diameter or depth that the surface does not
-        have, or a medium without an index; its base class for a number that is not finite.
+        PrescriptionError for a radius of 0 or nan, a negative gap, a semi-diameter or depth beyond the surface, or a
+        medium without an index; its base class for numbers that are not finite.
 
     Examples
     --------
@@ -84,7 +94,7 @@ class Surface:
     conic: float = dataclasses.field(default=0.0, kw_only=True)
     aspheric: Sequence[float] = dataclasses.field(default=(), kw_only=True)
     depth: float | None = dataclasses.field(default=None, kw_only=True)
-    departure: Departure | None = dataclasses.field(default=None, kw_only=True)
+    departure: FreeformTerm | None = dataclasses.field(default=None, kw_only=True)
     placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -98,9 +108,9 @@ class Surface:
                 f"semi_diameter {self.semi_diameter:g} mm exceeds the {what} {self.equator:g} mm; "
                 f"reduce it to {self.equator:g} or less"
             )
-        if not (self.departure is None or isinstance(self.departure, DEPARTURES)):
-            known = " or ".join(kind.__name__ for kind in DEPARTURES) or "None"
-            raise PrescriptionError(f"departure is {self.departure!r}; it must be {known}")
+        if not (self.departure is None or isinstance(self.departure, FREEFORM_TERMS)):
+            kinds = " or ".join(kind.__name__ for kind in FREEFORM_TERMS) or "None"
+            raise PrescriptionError(f"departure is {self.departure!r}; it must be {kinds}")
         if self.departure is not None and not np.isfinite(self.departure.bounds(self.semi_diameter)).all():
             raise PrescriptionError(
                 f"departure {self.departure!r} gives no finite height at the semi-diameter {self.semi_diameter:g} mm; "
@@ -140,18 +150,18 @@ class Surface:
         return tuple(terms)
 
     def _checked_depth(self, depth: float) -> float:
-        reach = length_in_mm(depth, "depth")
+        rim = length_in_mm(depth, "depth")
         pole = abs(self.radius) / (1.0 + self.conic) if self.conic > -1 else math.inf
         if self.aspheric or self.departure is not None or not math.isfinite(pole):
             raise PrescriptionError(
-                f"depth is {reach:g} mm on a surface without equator; spheres and ellipsoids have one: leave it out"
+                f"depth is {rim:g} mm on a surface without equator; spheres and ellipsoids have one: leave it out"
             )
-        if not (pole <= reach <= 2 * pole) or self.semi_diameter != self.equator:
+        if not (pole <= rim <= 2 * pole) or self.semi_diameter != self.equator:
             raise PrescriptionError(
-                f"depth is {reach:g} mm and semi_diameter {self.semi_diameter:g} mm; a surface that goes beyond its "
+                f"depth is {rim:g} mm and semi_diameter {self.semi_diameter:g} mm; a surface that goes beyond its "
                 f"equator has a depth from {pole:g} to {2 * pole:g} and a semi_diameter of {self.equator:g}"
             )
-        return reach
+        return rim
 
     @property
     def curvature(self) -> float:
@@ -160,40 +170,40 @@ class Surface:
 
     @property
     def vertex_curvature(self) -> float:
-        """Curvature at the vertex in 1/mm, of the r^2 term too: the one that paraxial rays see.
+        """Curvature at the vertex in 1/mm for paraxial rays, including the r^2 term.
 
-        Of a surface without rotational symmetry the mean over all directions.
+        For a freeform surface the mean over all directions.
         """
-        added = 0.0 if self.departure is None else self.departure.vertex.curvature
-        return self.curvature + (2.0 * self.aspheric[0] if self.aspheric else 0.0) + added
+        freeform = 0.0 if self.departure is None else self.departure.vertex.curvature
+        return self.curvature + (2.0 * self.aspheric[0] if self.aspheric else 0.0) + freeform
 
     def signed_index(self, behind: float) -> float:
-        """The index behind it as formulas of refraction have it: of a mirror, in a medium of that index, negative."""
+        """Index behind the surface as in formulas of refraction: negative for a mirror in a medium of that index."""
         return -behind if isinstance(self.medium, Mirror) else behind
 
     @property
     def from_behind(self) -> Surface:
-        """The surface as seen by the elements that follow: a mirror in its own plane, any other as it is."""
+        """The surface as described in the frame behind it: a mirror reflected in its own plane, others unchanged."""
         if not isinstance(self.medium, Mirror):
             return self
-        added, place = self.departure, self.placement
-        if place is not None:
+        term, placement = self.departure, self.placement
+        if placement is not None:
             unfolding, flip = self.medium.unfolding, np.diag([1.0, 1.0, -1.0])
-            shift, rotation = np.asarray(place.shift), np.asarray(place.rotation)
-            place = Placement(unfolding @ shift, unfolding @ rotation @ flip)
+            shift, rotation = np.asarray(placement.shift), np.asarray(placement.rotation)
+            placement = Placement(unfolding @ shift, unfolding @ rotation @ flip)
         return dataclasses.replace(
             self,
             radius=-self.radius,
             aspheric=tuple(-a for a in self.aspheric),
-            departure=None if added is None else added.inverted,
-            placement=place,
+            departure=None if term is None else term.inverted,
+            placement=placement,
         )
 
     def row(self) -> ElementRow:
-        """The numbers that kernels read."""
+        """Record of the surface for kernels."""
         max_depth, semi_diameter2 = 1.0 + EQUATOR_TOLERANCE, self.semi_diameter * self.semi_diameter
         if self.depth is not None:
-            # Only the depth ends a surface that goes beyond its equator.
+            # Only the depth limits a surface that extends beyond its equator.
             max_depth = abs(self.curvature) * (1.0 + self.conic) * self.depth + EQUATOR_TOLERANCE
             semi_diameter2 = math.inf
         row = ElementRow(SPHERE, semi_diameter2, self.curvature, max_depth, self.conic)
@@ -203,13 +213,13 @@ class Surface:
             row = row._replace(kind=ASPHERE, aspheric=(*bounds, *terms))
             if self.departure is None:
                 return row
-            added = self.departure.bounds(self.semi_diameter)
-            return row._replace(kind=FREEFORM, departure=(*added, *self.departure.numbers()))
+            freeform_bounds = self.departure.bounds(self.semi_diameter)
+            return row._replace(kind=FREEFORM, departure=(*freeform_bounds, *self.departure.numbers()))
         return row if self.conic == 0 or self.curvature == 0 else row._replace(kind=CONIC)
 
     @property
     def osculating(self) -> Surface:
-        """The sphere or plane that touches it best at the vertex."""
+        """Osculating sphere or plane at the vertex."""
         if not self.conic and not self.aspheric and self.departure is None:
             return self
         radius = 1.0 / self.vertex_curvature if self.vertex_curvature else math.inf
@@ -222,10 +232,10 @@ class Surface:
         return abs(self.radius) / math.sqrt(1.0 + self.conic) if self.conic > -1 else math.inf
 
     def sag(self, r: ArrayLike, y: ArrayLike | None = None) -> Floats:
-        """Height z in mm over the vertex plane, of the shape of `r`; a sphere's has the sign of the curvature.
+        """Sag z in mm from the vertex plane, of the shape of `r`; that of a sphere has the sign of the curvature.
 
-        `r` is the distance from the axis in mm, or x with `y` and for a surface without rotational symmetry; without
-        `y`, that is 0. A PrescriptionError beyond the equator; the semi-diameter is no limit.
+        `r` is the distance from the axis in mm, or x if `y` is given or the surface is freeform; `y` is 0 if omitted.
+        PrescriptionError beyond the equator; the semi-diameter is no limit.
 
         Examples
         --------
@@ -233,7 +243,7 @@ class Surface:
         >>> round(float(pl.Surface(5.0, semi_diameter=4.0).sag(3.0)), 12)
         1.0
         """
-        x, across = alike(r=r, y=0.0 if y is None else y)
+        x, across = broadcast(r=r, y=0.0 if y is None else y)
         distance = np.abs(x) if y is None else np.hypot(x, across)
         if not np.all(distance <= self.equator):
             raise PrescriptionError(
@@ -246,8 +256,8 @@ class Surface:
         return height if self.departure is None else height + self.departure.sag(x, across)
 
     def _conic_sag(self, distance: Floats) -> Floats:
-        # In terms of the radius, which is exact at the equator too; roots apart and all lengths over 4, which is
-        # exact, so that neither a square nor a sum overflows.
+        # The radius, in place of the curvature, is exact at the equator, too. Separate roots, and all lengths over 4,
+        # which is exact, avoid overflow of squares and sums.
         size, out = abs(self.radius) / 4, distance / 4
         if math.isinf(size):
             return np.zeros_like(distance)
@@ -259,9 +269,9 @@ class Surface:
         return np.asarray(np.copysign(distance * (out / depth), self.radius))
 
     def slope(self, r: ArrayLike) -> Floats:
-        """Slope dz/dr, the tangent of the angle against the vertex plane, at distances r from the axis in mm.
+        """Slope dz/dr, the tangent of the angle to the vertex plane, at distances r from the axis in mm.
 
-        Of the shape of `r`, infinite at the equator and a PrescriptionError beyond it; without the departure.
+        Of the shape of `r`, infinite at the equator and a PrescriptionError beyond it; without the freeform term.
 
         Examples
         --------
@@ -279,7 +289,7 @@ class Surface:
         return angle
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """(2, ...): derivatives of the sag by x and y at points (x, y), mm.
+        """(2, ...) derivatives of the sag with respect to x and y at points (x, y), mm.
 
         Examples
         --------
@@ -287,7 +297,7 @@ class Surface:
         >>> pl.Surface(5.0, semi_diameter=4.0).gradient(0.0, 3.0).round(12).tolist()
         [0.0, 0.75]
         """
-        along = np.stack(alike(x=x, y=y))
+        along = np.stack(broadcast(x=x, y=y))
         r = np.hypot(*along)
         slope = self.slope(r) / np.where(r > 0, r, 1.0) * along
         return np.asarray(slope if self.departure is None else slope + self.departure.gradient(*along))

@@ -1,4 +1,4 @@
-"""Zernike polynomials as the departure of a surface from its conic or asphere."""
+"""Zernike polynomials as a freeform term of a surface."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, alike, coefficients, positive, set_field, value
+from plenoptic.core.values import Floats, broadcast, coefficients, positive, set_field, value
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.surfaces.departure import DepartureBounds, VertexShape
+from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape
 from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
 
 ZERNIKE = 1
-"""The kind of departure, for kernels."""
+"""Kind of the freeform term, for kernels."""
 
-_LEAST_RADIUS = 1e-9
-"""Norm radii in mm, down to here and up to its reciprocal; powers of others overflow."""
+_SMALLEST_RADIUS = 1e-9
+"""Limit of norm radii in mm, as is its reciprocal; powers of others overflow."""
 
-MOST_TERMS = 91
-"""All of degree 12 and below. Beyond, sums of powers lose too many digits near the rim."""
+MAX_TERMS = 91
+"""All terms of degree 12 and below. Beyond, sums of powers lose too many digits near the rim."""
 
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -34,7 +34,7 @@ class _Harmonics(NamedTuple):
     """(orders, terms) coefficients of the P_m, of u^0 first; P_0(0) is 0."""
     sine: Floats
     offset: float
-    """What was left out of P_0, in mm."""
+    """Omitted constant of P_0, in mm."""
 
 
 @value
@@ -44,15 +44,15 @@ class ZernikeSag:
     .. math:: \Delta z = \sum_j a_j \left(Z_j(\rho, \varphi) - Z_j(0)\right), \qquad
         \rho = \frac{\sqrt{x^2 + y^2}}{r_n}, \quad \varphi = \operatorname{atan2}(y, x)
 
-    The polynomials have a mean square of 1 over the disc, like those of Zemax's Zernike standard sag. The vertex stays
-    where it is: piston, and the constants of other terms, only shift a surface along its axis.
+    The polynomials have a mean square of 1 over the disc, like those of Zemax's Zernike standard sag. The vertex is
+    not displaced: piston, and the constants of other terms, only shift a surface along its axis.
 
     Parameters
     ----------
     coefficients : sequence of float
         a_1, a_2, ... in mm, at most 91 (degree 12): piston, tilts, defocus, astigmatism (oblique first), coma, ...
     norm_radius : float
-        Radius r_n of the disc in mm, above 0; mostly the semi-diameter.
+        Radius r_n of the disc in mm, above 0; usually the semi-diameter.
 
     Raises
     ------
@@ -79,17 +79,17 @@ class ZernikeSag:
 
     def __post_init__(self) -> None:
         set_field(self, "norm_radius", positive(self.norm_radius, "norm_radius", "mm"))
-        if not _LEAST_RADIUS <= self.norm_radius <= 1.0 / _LEAST_RADIUS:
-            limits = f"from {_LEAST_RADIUS:g} to {1.0 / _LEAST_RADIUS:g} mm"
+        if not _SMALLEST_RADIUS <= self.norm_radius <= 1.0 / _SMALLEST_RADIUS:
+            limits = f"from {_SMALLEST_RADIUS:g} to {1.0 / _SMALLEST_RADIUS:g} mm"
             raise PrescriptionError(f"norm_radius is {self.norm_radius:g} mm; it must be {limits}")
-        wanted = "a sequence of numbers, that of piston first"
-        terms = list(coefficients(self.coefficients, "coefficients", wanted))
+        expected = "a sequence of numbers, that of piston first"
+        terms = list(coefficients(self.coefficients, "coefficients", expected))
         while terms and terms[-1] == 0:
             terms.pop()
-        if len(terms) > MOST_TERMS:
+        if len(terms) > MAX_TERMS:
             raise PrescriptionError(
                 f"coefficients has {len(terms)} terms, up to degree {degree_and_order(len(terms))[0]}; at most "
-                f"{MOST_TERMS}, of degree 12, can be traced: leave out the others if they are small"
+                f"{MAX_TERMS}, of degree 12, can be traced: leave out the others if they are small"
             )
         set_field(self, "coefficients", tuple(terms))
 
@@ -99,16 +99,16 @@ class ZernikeSag:
 
     @property
     def offset(self) -> float:
-        """The sum of the a_j Z_j(0) in mm, which is left out."""
+        """Sum of the a_j Z_j(0) in mm, which is omitted."""
         return self._harmonics.offset
 
     @property
     def inverted(self) -> ZernikeSag:
-        """Hills for valleys."""
+        """The term with the opposite sign."""
         return ZernikeSag(tuple(-a for a in self.coefficients), self.norm_radius)
 
     def sag(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """Added height in mm at points (x, y), mm."""
+        """Sag of the term in mm at points (x, y), mm."""
         zeta, u = self._zeta(x, y)
         parts = self._harmonics
         total = np.zeros(zeta.shape)
@@ -118,7 +118,7 @@ class ZernikeSag:
         return total
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """(2, ...) derivatives of the sag by x and y."""
+        """(2, ...) derivatives of the sag with respect to x and y."""
         zeta, u = self._zeta(x, y)
         parts = self._harmonics
         total = np.zeros((2, *zeta.shape))
@@ -130,32 +130,32 @@ class ZernikeSag:
         return np.asarray(total / self.norm_radius)
 
     def _zeta(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.complex128], Floats]:
-        across, up = (each / self.norm_radius for each in alike(x=x, y=y))
-        zeta: NDArray[np.complex128] = np.asarray(across + 1j * up, np.complex128)
-        return zeta, np.asarray(across * across + up * up)
+        scaled_x, scaled_y = (xy / self.norm_radius for xy in broadcast(x=x, y=y))
+        zeta: NDArray[np.complex128] = np.asarray(scaled_x + 1j * scaled_y, np.complex128)
+        return zeta, np.asarray(scaled_x * scaled_x + scaled_y * scaled_y)
 
     @property
     def vertex(self) -> VertexShape:
-        """Vertex shape for paraxial rays."""
+        """Derivatives at the vertex, for paraxial rays."""
         p, q, _ = self._harmonics
         r = self.norm_radius
         mean, split, oblique = 2.0 * p[0, 1] / r**2, 2.0 * p[2, 0] / r**2, 2.0 * q[2, 0] / r**2
         shape = (p[1, 0] / r, q[1, 0] / r, mean + split, oblique, mean - split)
         return VertexShape(*map(float, shape))
 
-    def bounds(self, radius: float) -> DepartureBounds:
-        """Bounds up to a distance from the vertex in mm."""
+    def bounds(self, radius: float) -> FreeformBounds:
+        """Bounds within a distance from the vertex in mm."""
         return _bounds(tuple(self.coefficients), self.norm_radius, float(radius))
 
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernel reads: kind, 1 / norm_radius, orders, terms, and for each order P_m and Q_m."""
+        """Numbers for its kernel: kind, 1 / norm_radius, orders, terms, and for each order those of P_m and Q_m."""
         p, q, _ = self._harmonics
         pairs = np.stack([p, q], axis=1).ravel().tolist()
         return (float(ZERNIKE), 1.0 / self.norm_radius, float(p.shape[0]), float(p.shape[1]), *pairs)
 
     @classmethod
     def from_zemax(cls, extra: Mapping[int, float], unit: float) -> tuple[ZernikeSag | None, float]:
-        """The departure of a surface of type SZERNSAG, and the sag at the vertex that it leaves out, in mm.
+        """Freeform term of a surface of type SZERNSAG, and its omitted sag at the vertex in mm.
 
         `extra` is its XDAT: the number of terms, the norm radius, and the coefficients, in units of `unit` mm.
         """
@@ -170,28 +170,26 @@ class ZernikeSag:
         terms = {j - 2: a * unit for j, a in extra.items() if 2 < j <= last and a != 0}
         if not terms:
             return None, 0.0
-        if max(terms) > MOST_TERMS:
-            raise PrescriptionError(
-                f"XDAT {max(terms) + 2} is Zernike term {max(terms)}; at most {MOST_TERMS} are read"
-            )
+        if max(terms) > MAX_TERMS:
+            raise PrescriptionError(f"XDAT {max(terms) + 2} is Zernike term {max(terms)}; at most {MAX_TERMS} are read")
         if 2 not in extra:
             raise PrescriptionError("XDAT 2, the norm radius of the Zernike terms, is missing; give it")
-        found = cls([terms.get(j, 0.0) for j in range(1, max(terms) + 1)], extra[2] * unit)
-        return found, found.offset
+        sag = cls([terms.get(j, 0.0) for j in range(1, max(terms) + 1)], extra[2] * unit)
+        return sag, sag.offset
 
 
 def degree_and_order(j: int) -> tuple[int, int]:
     """Degree n and order m of Noll's term j: m above 0 for cosines, below for sines."""
     n = (math.isqrt(8 * j - 7) - 1) // 2
-    place = j - n * (n + 1) // 2 - 1  # in the row of this degree
-    m = 2 * ((place + (n + 1) % 2) // 2) + n % 2
+    row = j - n * (n + 1) // 2 - 1  # position within the terms of this degree
+    m = 2 * ((row + (n + 1) % 2) // 2) + n % 2
     return n, m if j % 2 == 0 else -m
 
 
 @functools.lru_cache(maxsize=256)
 def _harmonics(noll: tuple[float, ...]) -> _Harmonics:
     terms = [(*degree_and_order(j), a) for j, a in enumerate(noll, start=1)]
-    # Vertex curvatures are read from orders up to 2 and terms up to u.
+    # The vertex curvature needs orders up to 2 and terms up to u.
     orders = max([2, *(abs(m) for _, m, _ in terms)]) + 1
     width = max([1, *((n - abs(m)) // 2 for n, m, _ in terms)]) + 1
     cosine, sine = np.zeros((2, orders, width))
@@ -208,7 +206,7 @@ def _harmonics(noll: tuple[float, ...]) -> _Harmonics:
 
 
 def _at(p: Floats, u: Floats) -> Floats:
-    """A polynomial, of u^0 first."""
+    """Value of a polynomial, of u^0 first."""
     return np.asarray(np.polynomial.polynomial.polyval(u, p))
 
 
@@ -216,8 +214,8 @@ def _derivative(p: Floats) -> Floats:
     return np.append(p[1:] * np.arange(1, len(p)), 0.0)
 
 
-def _by_u(p: Floats, power: int = 1) -> Floats:
-    """Times u^power."""
+def _times_u(p: Floats, power: int = 1) -> Floats:
+    """Coefficients of a polynomial times u^power."""
     return np.append(np.zeros(power), p)
 
 
@@ -229,11 +227,11 @@ def _sum(*parts: Floats) -> Floats:
 
 
 @functools.lru_cache(maxsize=256)
-@np.errstate(over="ignore", invalid="ignore")  # a departure without a finite height is refused by its surface
-def _bounds(terms: tuple[float, ...], norm_radius: float, radius: float) -> DepartureBounds:
+@np.errstate(over="ignore", invalid="ignore")  # the surface rejects a term without a finite height
+def _bounds(terms: tuple[float, ...], norm_radius: float, radius: float) -> FreeformBounds:
     # In polar coordinates, a term f(rho) cos(m phi), f = rho^m P(u), has the gradient f', m f / rho, and the second
     # derivatives f'', f' / rho - m^2 f / rho^2 and m (f' / rho - f / rho^2): powers of rho times polynomials in u,
-    # which lie in each of many rings between their Bernstein coefficients. The sizes of all terms are added up.
+    # which in each ring lie between their Bernstein coefficients. The sizes of all terms are added up.
     parts = _harmonics(terms)
     edge2 = (radius / norm_radius) ** 2
     rho = np.sqrt(np.linspace(0.0, edge2, RINGS + 1)[1:])  # at the outer end of each ring
@@ -254,23 +252,27 @@ def _bounds(terms: tuple[float, ...], norm_radius: float, radius: float) -> Depa
             rounding += rho**m * float(np.abs(p * edge2 ** np.arange(len(p))).sum())
             if m == 0:
                 slope += rho * size(2 * d1)
-                bending += np.maximum(size(_sum(2 * d1, _by_u(4 * d2))), size(2 * d1))
+                bending += np.maximum(size(_sum(2 * d1, _times_u(4 * d2))), size(2 * d1))
                 continue
-            slope += rho ** (m - 1) * np.maximum(size(_sum(m * p, _by_u(2 * d1))), size(m * p))
+            slope += rho ** (m - 1) * np.maximum(size(_sum(m * p, _times_u(2 * d1))), size(m * p))
             if m == 1:
-                along, across, mixed = rho * size(_sum(6 * d1, _by_u(4 * d2))), rho * size(2 * d1), rho * size(2 * d1)
+                along, across, mixed = (
+                    rho * size(_sum(6 * d1, _times_u(4 * d2))),
+                    rho * size(2 * d1),
+                    rho * size(2 * d1),
+                )
             else:
                 outer = rho ** (m - 2)
-                along = outer * size(_sum(m * (m - 1) * p, _by_u((4 * m + 2) * d1), _by_u(4 * d2, 2)))
-                across = outer * size(_sum((m - m * m) * p, _by_u(2 * d1)))
-                mixed = outer * m * size(_sum((m - 1) * p, _by_u(2 * d1)))
+                along = outer * size(_sum(m * (m - 1) * p, _times_u((4 * m + 2) * d1), _times_u(4 * d2, 2)))
+                across = outer * size(_sum((m - m * m) * p, _times_u(2 * d1)))
+                mixed = outer * m * size(_sum((m - 1) * p, _times_u(2 * d1)))
             bending += np.hypot(np.maximum(along, across), mixed)
     margin = 1.0 + 1e-9
-    # Horner's scheme, powers of zeta and the sum: some eps for each step of each of them.
+    # Horner's scheme, powers of zeta and the sum: some eps for each of their steps.
     steps = 2 * parts.cosine.shape[1] + 4 * parts.cosine.shape[0] + 4
-    return DepartureBounds(
+    return FreeformBounds(
         margin * float(slope.max()) / norm_radius,
-        # Not 0, so that no length is divided by it.
+        # Not 0, since lengths are divided by it.
         margin * float(bending.max()) / norm_radius**2 + 1e-200,
         margin * float(height.max()),
         steps * _EPS * float(rounding.max()),

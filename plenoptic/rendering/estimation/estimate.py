@@ -15,8 +15,8 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera, sensor_region
 from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import seed_number, value
-from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.estimation.decisions import mean_samples, predicted_samples, relative_spread, steps_to
@@ -179,7 +179,7 @@ def estimate(  # noqa: PLR0913
     asked = Truth.NONE if scene is None else truth
     subject = Subject(scene, camera, budget.max_samples, budget.replicates, asked, settings)
     workers = thread_count(threads)
-    with Waiting("estimating", kind="scene", show=progress):
+    with CallProgress("estimating", kind="scene", show=progress):
         context = render_context(subject, seed_number(0))
         kept = available_truth(
             asked, meshes=context.intersector is not None, microlenses=camera.microlenses is not None

@@ -40,7 +40,7 @@ class InteractionStage:
         assert bsdf is not None
         count = fill_interactions(room, hits, queue.rays, queue.path, geometry, bsdf.scatters)
         found = room.first(count)
-        sobol.fill_drawn(found.random, found.key, found.number, found.path, keys.key, keys.number, bounce + 1)
+        sobol.fill_samples(found.random, found.key, found.number, found.path, keys.key, keys.number, bounce + 1)
         parameters.fill_parameters(found, bsdf, wavelengths)
         if scene.textures is not None:
             *columns, normal = scene.textures

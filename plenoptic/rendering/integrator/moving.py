@@ -59,7 +59,7 @@ class MovingPaths:
         """
         n, shutter = len(keys[0]), self._shutter
         every = np.arange(n)
-        sobol.fill_drawn(self._points, self._keys, self._numbers, every, *keys, SHUTTER_SET)
+        sobol.fill_samples(self._points, self._keys, self._numbers, every, *keys, SHUTTER_SET)
         times = shutter.times(number[(start + every) // batch.samples], self._points[0, :n])
         if shutter.camera is not None:
             moved = shutter.camera.matrices(times)[path]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plenoptic.core.files.atomic_file import real_path, replaced_folder
+from plenoptic.core.files.atomic_file import real_path, replace_folder
 from plenoptic.core.files.zarr_files import CHUNK
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.rendering.exposure import Exposure
@@ -62,7 +62,7 @@ def merge_to_store(parts: Sequence[Part], path: str | os.PathLike[str]) -> Head:
     check_store(target)
     rows, columns = plan.layout.shape
     room = empty_arrays(plan.layout._replace(shape=(min(CHUNK, rows), columns)))
-    with replaced_folder(target) as folder:
+    with replace_folder(target) as folder:
         store, strips = create_store(folder, plan.layout, {}), list[_Strip]()
         for band in _bands(plan):
             arrays = {name: array[: band.stop - band.start] for name, array in room.items()}

@@ -9,7 +9,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.stops.registry import circle_around
+from plenoptic.optics.stops.stop_registry import circle_around
 from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out

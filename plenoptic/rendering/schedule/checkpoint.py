@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from plenoptic.core.files.record_log import Entry, LogKind, RecordLog, begin_log, log_is_there
+from plenoptic.core.files.record_log import Entry, LogKind, RecordLog, begin_log, log_exists
 from plenoptic.core.values import Floats, file_path, positive
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning
@@ -45,7 +45,7 @@ class Checkpoint:
         """Records by tile and first sample."""
         self._last: dict[int, Entry] = {}
         self._unwritten = SumsInMemory()
-        if log_is_there(self._path):
+        if log_exists(self._path):
             try:
                 self._open()
             except BaseException:

@@ -50,7 +50,7 @@ def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> Iterator[
             yield f"{name} {one}, not {other}"
 
 
-def _text(fact: Any, seen_as: Callable[[Any], Any] | None = None) -> str:
+def _text(fact: Any, convert: Callable[[Any], Any] | None = None) -> str:
     """A fact as a short text, or as a digest where it is long."""
     if isinstance(fact, np.generic):
         fact = fact.item()
@@ -62,7 +62,7 @@ def _text(fact: Any, seen_as: Callable[[Any], Any] | None = None) -> str:
         return str(fact)
     if type(fact) is tuple and len(fact) <= 8 and all(item is None or isinstance(item, int | float) for item in fact):
         return f"({', '.join(map(_text, fact))})"
-    return digest(fact, seen_as=seen_as)
+    return digest(fact, convert=convert)
 
 
 def _by_index(camera: PlenopticCamera) -> Callable[[Any], Any]:

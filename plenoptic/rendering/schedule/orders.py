@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from plenoptic.core.engines.engine import ThreadEngine
 from plenoptic.core.numba.parallel_compilation import compile_in_parallel
-from plenoptic.core.parallel import GivenUp
+from plenoptic.core.parallel import Cancelled
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext, batch_of, render_context
 from plenoptic.rendering.plan.stages import Subject
@@ -66,7 +66,7 @@ def thread_engine(
     def render(order: TileOrder, given_up: Callable[[], bool]) -> TileResult | None:
         try:
             return render_order(context, truth, order, stopped=lambda: given_up() or clock.late())
-        except GivenUp:  # interrupted while something was to be compiled
+        except Cancelled:  # interrupted while something was to be compiled
             return None
 
     return ThreadEngine(render, threads, ahead=clock.ahead)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from plenoptic.core.relative_error import (
     brightness,
     expected_brightness,
-    level_is_known,
-    lit_level,
+    is_dominated_by_few,
+    is_threshold_robust,
+    lit_threshold,
     relative_error,
     relative_squares,
-    rests_on_few,
 )
 from plenoptic.core.values import Floats
 from plenoptic.rendering.film import Film, Moments, replicate_counts, spread
@@ -165,8 +165,8 @@ class Progress:
         squares, rare = relative_squares(expected, self.seen[1]), []
         for colour in range(2):
             own = colours == colour
-            lit |= own & (expected > lit_level(expected[own]))
-            rare.append((rests_on_few(squares[own & lit]), not level_is_known(*self.seen[:, own])))
+            lit |= own & (expected > lit_threshold(expected[own]))
+            rare.append((is_dominated_by_few(squares[own & lit]), not is_threshold_robust(*self.seen[:, own])))
         for i in np.flatnonzero(going):
             self._decide(int(i), np.where(lit, squares, np.nan), rare)
 

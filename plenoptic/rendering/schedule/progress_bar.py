@@ -7,8 +7,8 @@ import time
 from types import TracebackType
 from typing import Any
 
-from plenoptic.core.waiting.bar import DELAY, Watch, load_tqdm
-from plenoptic.core.waiting.compiling import ENDING, compiling, compiling_text
+from plenoptic.core.progress.bar import DELAY, Poller, load_tqdm
+from plenoptic.core.progress.compiling import ENDING, compiling, compiling_text
 from plenoptic.rendering.schedule.progress import Progress
 
 _INTERVAL = 0.5
@@ -24,7 +24,7 @@ class ProgressBar:
     """
 
     def __init__(self, begin: float, *, show: bool) -> None:
-        self._begin, self._watch = begin, Watch(self._look) if show else None
+        self._begin, self._watch = begin, Poller(self._look) if show else None
         self._progress: Progress | None = None
         self._error: float | None = None
         self._from: tuple[float, float] | None = None

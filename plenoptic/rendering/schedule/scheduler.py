@@ -145,7 +145,7 @@ def _run(
         else:
             job = RenderJob(subject, seed, kept, steps)
             late = None if budget.time_limit is None else clock.late
-            engine = stack.enter_context(cluster.engine(tile_renderer, job, late=late))
+            engine = stack.enter_context(cluster.engine(tile_renderer, job, out_of_time=late))
         interrupted = drive(progress, context, engine, clock, checkpoint, bar)
     if cluster is not None:
         progress.film.processors = tuple(dict.fromkeys(progress.film.processors + cluster.processors))
@@ -250,11 +250,11 @@ def drive(
             read = functools.partial(_read, checkpoint, context)
             yield from run_in_order(read, entries, threads=min(engine.threads, thread_count(None)))
         left, stopped = len(progress.pending()), lambda: interrupts.asked
-        for done in engine.results(orders(), left=left, given_up=stopped) if left else ():
+        for done in engine.results(orders(), n_jobs=left, is_cancelled=stopped) if left else ():
             if done.result is not None:
-                clock.note(int(done.order.size), done.seconds)
-                progress.before = progress.before[0], progress.before[1] + done.elsewhere
-            yield done.order.i, done.result, None
+                clock.note(int(done.job.size), done.seconds)
+                progress.before = progress.before[0], progress.before[1] + done.remote_cpu_seconds
+            yield done.job.i, done.result, None
 
     with interrupts:
         while progress.pending() and not clock.over and not interrupts.asked:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from plenoptic.core.files.reading import FileReader
+from plenoptic.core.files.file_limits import FileReader
 from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.texture import Texture
 
@@ -33,9 +33,9 @@ def times(texture: Texture, colour: Colour) -> Texture:
 
 def file_texture(reader: FileReader, name: str, **options: Any) -> Texture:
     """The texture that a file names, whose backslashes may stand for slashes."""
-    place = reader.named(name)
+    place = reader.resolve(name)
     texture = Texture.load(
-        place if place.exists() else reader.named(name.replace("\\", "/")), limits=reader.limits, **options
+        place if place.exists() else reader.resolve(name.replace("\\", "/")), limits=reader.limits, **options
     )
     reader.take(texture.texels.nbytes, f"its image {name!r}")
     return texture

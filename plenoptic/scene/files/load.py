@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from os import PathLike
 
-from plenoptic.core.files.reading import DEFAULT, FileLimits, FileReader
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, FileReader
 from plenoptic.core.values import Given, check_kind, file_path, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 from plenoptic.scene.file_cameras import View

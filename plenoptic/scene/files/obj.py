@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.files.reading import FileReader
+from plenoptic.core.files.file_limits import FileReader
 from plenoptic.errors import FileError, PlenopticError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, dark_or_not, file_texture, number_or_texture, times
 from plenoptic.scene.materials.conductor import Conductor

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from plenoptic.core.files.reading import FileReader
+from plenoptic.core.files.file_limits import FileReader
 from plenoptic.errors import FileError, PlenopticError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, file_texture
 from plenoptic.scene.files.obj import obj_material, read_mtl

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.files.reading import DEFAULT, FileLimits
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.motions.rotation import rotation_about
 from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError

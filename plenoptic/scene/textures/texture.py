@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.files.reading import DEFAULT, FileLimits
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.values import Floats, Given, choice, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 

@@ -16,7 +16,7 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.stops.registry import circle_around
+from plenoptic.optics.stops.stop_registry import circle_around
 from plenoptic.optics.surfaces.surface import Surface
 
 

@@ -15,9 +15,9 @@ from plenoptic.camera.psf.sensor_hits import forward_record
 from plenoptic.camera.record import camera_record
 from plenoptic.optics import ApertureShape, Blemishes, BlemishSite, Gaps, MicrolensAperture, MicrolensDeviations
 from plenoptic.optics.lens.placement import rotation_about_axes
-from plenoptic.optics.microlens.kernels.ideal import fill_thin
+from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_thin
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
-from plenoptic.optics.microlens.record import SensorPlane
+from plenoptic.optics.microlens.microlens_record import SensorPlane
 
 _, THIN, FLAT, SPHERICAL = pl.optics.MicrolensModel
 LENS, ARRAY, SENSOR = CameraPart.LENS, CameraPart.MICROLENSES, CameraPart.SENSOR

@@ -1,4 +1,4 @@
-"""A client of dask that runs in this process: all goes through pickles, and what comes first is drawn by lot."""
+"""Client of dask that runs in this process: everything is pickled, and tasks run in random order."""
 
 import itertools
 import pickle
@@ -7,7 +7,7 @@ import threading
 
 
 class FakeFuture:
-    """What was submitted; in results of others it stands for its own."""
+    """Future of a task; as an argument of other tasks it stands for its result."""
 
     def __init__(self, key):
         self.key, self.ended, self.content, self.callbacks = key, threading.Event(), None, []

@@ -1,4 +1,4 @@
-"""Logs: every bit comes back, and what is damaged is lost alone."""
+"""Logs: every bit comes back, and damage loses no other record."""
 
 import errno
 import hashlib
@@ -20,7 +20,7 @@ from hypothesis.extra import numpy as arrays_of
 
 import plenoptic as pl
 from plenoptic.core.files import record_log
-from plenoptic.core.files.record_log import LogKind, RecordLog, begin_log, log_is_there
+from plenoptic.core.files.record_log import LogKind, RecordLog, begin_log, log_exists
 
 KIND = LogKind("diary", 2, "give another path")
 PREAMBLE = len(KIND.first_line) + 64 + 1 + 16 + 1
@@ -44,13 +44,13 @@ def same_bits(one, other):
 
 
 def numbers_in(path):
-    """The facts of records, with what `read` gives; and how many bytes belong to none."""
+    """Facts of records, with the arrays that `read` returns, and the number of bytes that belong to none."""
     with opened(path) as log:
-        found = {}
+        records = {}
         for entry in log.entries:
             arrays = log.read(entry)
-            found[entry.facts["n"]] = None if arrays is None else arrays["a"].tolist()
-        return found, log.damaged
+            records[entry.facts["n"]] = None if arrays is None else arrays["a"].tolist()
+        return records, log.damaged
 
 
 def record(n):
@@ -72,34 +72,34 @@ def path(tmp_path):
 
 @pytest.fixture
 def ends(path):
-    """Where the header and each record end."""
+    """End of the header and of each record."""
     with opened(path) as log:
         starts = path.read_bytes().index(MARK)
-        return [starts, *(entry.place + entry.length for entry in log.entries)]
+        return [starts, *(entry.position + entry.length for entry in log.entries)]
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(arrays_of.arrays(st.sampled_from(TYPES), arrays_of.array_shapes(min_dims=0, min_side=0)), max_size=4))
 def test_arrays_come_back_bit_by_bit(tmp_path, given_arrays):
-    path, named = tmp_path / "log", {f"array {i}": a for i, a in enumerate(given_arrays)}
+    path, arrays = tmp_path / "log", {f"array {i}": a for i, a in enumerate(given_arrays)}
     path.unlink(missing_ok=True)
     begin_log(path, KIND, {})
     with opened(path) as log:
-        written = log.append({}, named)
+        written = log.append({}, arrays)
         assert log.entries == []  # those that were there
     with opened(path) as log:
-        assert log.entries == [written] and log.damaged == 0 and written.names == list(named)
-        found = log.read(log.entries[0])
-    assert list(found) == list(named)
-    assert all(same_bits(found[name], array) and found[name].flags.writeable for name, array in named.items())
+        assert log.entries == [written] and log.damaged == 0 and written.names == list(arrays)
+        read = log.read(log.entries[0])
+    assert list(read) == list(arrays)
+    assert all(same_bits(read[name], array) and read[name].flags.writeable for name, array in arrays.items())
 
 
 def test_how_numbers_lie_in_memory_does_not_matter(path):
     array = np.random.default_rng(1).normal(size=(5, 7))
     with opened(path) as log:
         for one in (array.astype(">f8"), array.T, array[:, ::-2], np.asfortranarray(array)):
-            found = log.read(log.append({}, {"a": one}))["a"]
-            assert same_bits(found, np.ascontiguousarray(one, dtype=float)), one.strides
+            read = log.read(log.append({}, {"a": one}))["a"]
+            assert same_bits(read, np.ascontiguousarray(one, dtype=float)), one.strides
 
 
 def test_header_and_facts_come_back(tmp_path):
@@ -146,10 +146,10 @@ def test_flipped_bits_lose_their_record_only(path, ends):
         changed[place] ^= 1 << place % 8
         path.write_bytes(changed)
         hit = sum(end <= place for end in ends) - 1
-        found, damaged = numbers_in(path)
+        records, damaged = numbers_in(path)
         # Bodies are looked at when they are read.
         in_body = ends[hit + 1] - place <= 8 * len(WHOLE[hit])
-        assert found == {**WHOLE, hit: None} if in_body else found == {n: WHOLE[n] for n in WHOLE if n != hit}
+        assert records == {**WHOLE, hit: None} if in_body else records == {n: WHOLE[n] for n in WHOLE if n != hit}
         assert damaged == (0 if in_body else ends[hit + 1] - ends[hit])
 
 
@@ -197,7 +197,7 @@ def test_heads_that_lie_or_are_none_are_passed_over_before_any_memory_is_taken(p
 
 
 def refused(path, content):
-    """What is said where `content` is opened, which must stay as it is."""
+    """Message of the error when `content` is opened; the file must not change."""
     path.write_bytes(content)
     with pytest.raises(pl.errors.FileError) as caught:
         RecordLog(path, KIND)
@@ -242,7 +242,7 @@ def test_what_is_no_file_is_refused(tmp_path):
         (tmp_path / "zero\0byte", "null byte"),
         (7, "is not a path"),
     ):
-        for action in (log_is_there, lambda path: begin_log(path, KIND, {}), lambda path: RecordLog(path, KIND)):
+        for action in (log_exists, lambda path: begin_log(path, KIND, {}), lambda path: RecordLog(path, KIND)):
             with pytest.raises(pl.errors.FileError, match=message):
                 action(path)
     assert sorted(os.listdir(tmp_path)) == ["file", "pipe"]
@@ -250,11 +250,11 @@ def test_what_is_no_file_is_refused(tmp_path):
 
 def test_a_log_is_begun_once_and_under_the_longest_name(tmp_path):
     path = tmp_path / ("n" * 255)
-    assert not log_is_there(path) and not os.listdir(tmp_path)
+    assert not log_exists(path) and not os.listdir(tmp_path)
     with pytest.raises(pl.errors.FileError, match="has been removed just now"):
         RecordLog(path, KIND)
     begin_log(path, KIND, {})
-    assert log_is_there(path)
+    assert log_exists(path)
     with pytest.raises(pl.errors.FileError, match="has been made by another program just now; try again"):
         begin_log(path, KIND, {"other": 1})
     with opened(path) as log:
@@ -324,14 +324,14 @@ def test_two_processes_lose_nothing(path, monkeypatch):
     append_many(path, 200)
     other.join()
     assert other.exitcode == 0
-    found, damaged = numbers_in(path)
-    assert found == {n: [n] * (4 + n) for n in (*range(3), *range(100, 120), *range(200, 220))} and damaged == 0
+    records, damaged = numbers_in(path)
+    assert records == {n: [n] * (4 + n) for n in (*range(3), *range(100, 120), *range(200, 220))} and damaged == 0
 
 
 def test_threads_write_and_read_one_log(path):
     with opened(path) as log, ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(lambda n: log.read(log.append(*record(n)))["a"].tolist(), range(100, 180)))
-    assert found == [[n] * (4 + n) for n in range(100, 180)] and len(numbers_in(path)[0]) == 83
+        read = list(pool.map(lambda n: log.read(log.append(*record(n)))["a"].tolist(), range(100, 180)))
+    assert read == [[n] * (4 + n) for n in range(100, 180)] and len(numbers_in(path)[0]) == 83
 
 
 def test_file_systems_without_locks_will_do(path, monkeypatch):

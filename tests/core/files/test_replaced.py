@@ -59,21 +59,21 @@ def test_folders_that_cannot_be_flushed(state, monkeypatch):
 
 
 def test_it_is_flushed_before_it_is_renamed(state, monkeypatch):
-    done, fsync, replace = [], os.fsync, os.replace
-    monkeypatch.setattr(os, "fsync", lambda descriptor: (done.append("fsync"), fsync(descriptor)))
-    monkeypatch.setattr(os, "replace", lambda one, other: (done.append("replace"), replace(one, other)))
+    calls, fsync, replace = [], os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda descriptor: (calls.append("fsync"), fsync(descriptor)))
+    monkeypatch.setattr(os, "replace", lambda one, other: (calls.append("replace"), replace(one, other)))
     write_file(state, b"new")
-    assert done == ["fsync", "replace", "fsync"]
+    assert calls == ["fsync", "replace", "fsync"]
 
 
 def test_left_over_files_go_and_those_that_are_being_written_stay(state):
     with _temporary(state) as (living, _):
         dead = living.with_name(living.name[:-10] + "00000.part")  # another one of the same target
-        others = [living.with_name(f".{'0' * 16}-{'0' * 16}.part"), state.with_name("mine.part")]
-        for path in (dead, *others):
+        stale = [living.with_name(f".{'0' * 16}-{'0' * 16}.part"), state.with_name("mine.part")]
+        for path in (dead, *stale):
             path.touch()
         write_file(state, b"new")
-        assert living.exists() and not dead.exists() and all(path.exists() for path in others)
+        assert living.exists() and not dead.exists() and all(path.exists() for path in stale)
     assert not living.exists()
 
 
@@ -118,7 +118,7 @@ def test_two_writers_and_a_reader_always_see_whole_files(state):
     with ThreadPoolExecutor(2) as pool:
         writers = [pool.submit(written, first) for first in (0, 1)]
         while not all(writer.done() for writer in writers):
-            found = state.read_bytes()
-            assert found == found[:1] * 40_000
+            content = state.read_bytes()
+            assert content == content[:1] * 40_000
         assert [writer.result() for writer in writers] == [None, None]
     assert state.read_bytes()[0] in (38, 39) and os.listdir(state.parent) == ["state"]

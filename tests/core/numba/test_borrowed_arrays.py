@@ -70,7 +70,7 @@ KERNELS = [fill_borrowed, fill_returned, fill_made, fill_recorded, fill_copied]
 
 
 def counts_references(function):
-    """Whether a function counts, when it is compiled anew."""
+    """True if a newly compiled function counts references."""
     fresh = device(function.py_func)
     fresh.compile(function.signatures[0])
     (code,) = fresh.inspect_asm().values()

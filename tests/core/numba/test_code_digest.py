@@ -1,4 +1,4 @@
-"""Which edits give a kernel another digest, and so have it compiled again."""
+"""Edits that change the digest of a kernel, so that it is compiled again."""
 
 import ast
 import json
@@ -131,8 +131,8 @@ print(json.dumps(found))
 def package_digests(folder):
     environment = {**os.environ, "PYTHONPATH": str(folder)}
     command = [sys.executable, "-c", PRINT_DIGESTS]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, cwd=folder)
-    return json.loads(done.stdout)
+    process = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, cwd=folder)
+    return json.loads(process.stdout)
 
 
 def callers(target):
@@ -148,7 +148,7 @@ def callers(target):
     reached, before = {target}, 0
     while len(reached) > before:
         before = len(reached)
-        reached |= {name for name, named in calls.items() if named & reached}
+        reached |= {name for name, callees in calls.items() if callees & reached}
     return reached & kernels
 
 

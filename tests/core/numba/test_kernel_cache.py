@@ -44,16 +44,16 @@ print([sum(one.stats.cache_hits.values()) for one in (fill_twice, fill_sum)])
 
 @pytest.fixture
 def run(tmp_path):
-    """Run USE in a new process; returns what it printed."""
+    """Run USE in a new process; return its output."""
     (tmp_path / "some_kernels.py").write_text(KERNELS)
 
     def use(code=USE, **variables):
         paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
         environment = {name: value for name, value in (environment | variables).items() if value is not None}
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-        assert done.returncode == 0, done.stderr
-        return done.stdout.strip()
+        process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+        assert process.returncode == 0, process.stderr
+        return process.stdout.strip()
 
     return use
 

@@ -65,9 +65,9 @@ def hits(tmp_path):
         paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(paths)}
         code = USE.replace("EXECUTABLE", executable).replace("WAIT", str(wait))
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-        assert done.returncode == 0, done.stderr
-        return int(done.stdout)
+        process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+        assert process.returncode == 0, process.stderr
+        return int(process.stdout)
 
     return use
 
@@ -109,7 +109,7 @@ def test_no_helper_outlives_its_parent(tmp_path, name):
 
 
 def state(process):
-    """The first letter of what ps calls its state; nothing where it is gone."""
+    """First letter of the state of a process in the output of ps; empty if it has ended."""
     return subprocess.run(["ps", "-o", "stat=", "-p", process], capture_output=True, text=True).stdout.strip()[:1]
 
 
@@ -133,8 +133,8 @@ camera = pl.PlenopticCamera(lens=lens, microlenses=pl.MicrolensArray(pitch=0.217
 pl.render(pl.still_life(), camera, samples=8, threads=2, progress=False)
 print(len(listed), [kernel.__name__ for kernel, types in listed if types not in kernel.overloads])
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    count, unused = done.stdout.split(" ", 1)
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert process.returncode == 0, process.stderr
+    count, unused = process.stdout.split(" ", 1)
     assert int(count) >= 15
     assert unused.strip() == "[]"

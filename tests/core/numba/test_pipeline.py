@@ -1,4 +1,4 @@
-"""What the compiler of kernels changes, and what happens where Numba does not go along."""
+"""Deviations of the compiler of kernels, and the fallback to Numba's own pipeline."""
 
 import os
 import subprocess
@@ -77,9 +77,9 @@ def test_where_numba_differs_kernels_compile_plainly_with_one_warning(tmp_path):
         name = tmp_path / f"{len(list(tmp_path.iterdir()))}.npy"
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), **variables}
         command = [sys.executable, "-c", code, str(name)]
-        done = subprocess.run(command, capture_output=True, text=True, env=environment)
-        assert done.returncode == 0, done.stderr
-        return done.stdout.strip(), np.load(name)
+        process = subprocess.run(command, capture_output=True, text=True, env=environment)
+        assert process.returncode == 0, process.stderr
+        return process.stdout.strip(), np.load(name)
 
     said, image = run()
     assert said == f"{len(ALL)} []"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from plenoptic.optics.diffraction.far_field import far_field
-from plenoptic.optics.diffraction.kernels.far_field import fill_bends
+from plenoptic.optics.diffraction.kernels.far_field import fill_deflections
 from plenoptic.optics.microlens.aperture import Opening
 from plenoptic.optics.microlens.lattice import polygon_area, regular_polygon
 
@@ -23,32 +23,32 @@ def drawn(opening, around=None, turn=None):
     i = np.arange(DRAWS)
     numbers = np.column_stack([(i + 0.5) / DRAWS, np.modf(i * 0.6180339887498949)[0]])
     bends = np.empty((DRAWS, 4))
-    fill_bends(bends, numbers, far_field(opening, around, np.eye(2) if turn is None else turn))
+    fill_deflections(bends, numbers, far_field(opening, around, np.eye(2) if turn is None else turn))
     return bends
 
 
 def contrast(bends, shift, weight=1.0):
-    """What draws say of the overlap of the opening with itself, moved by a shift."""
+    """Estimate, from sampled deflections, of the overlap of the opening with itself, moved by a shift."""
     return float((weight * np.cos(2 * np.pi * bends[:, :2] @ np.asarray(shift))).mean())
 
 
 def overlap(corners, shift):
-    """Of a convex polygon with itself, moved, over its area: cut with its own moved edges."""
-    kept = list(corners)
+    """Overlap of a convex polygon with itself, moved, over its area: clipped by its own moved edges."""
+    polygon = list(corners)
     moved = corners + shift
-    for here, there in zip(moved, np.roll(moved, -1, axis=0), strict=True):
-        along, cut = there - here, []
-        inside = [along[0] * (p - here)[1] - along[1] * (p - here)[0] for p in kept]
-        for k, p in enumerate(kept):
-            before, a, b = kept[k - 1], inside[k - 1], inside[k]
+    for start, end in zip(moved, np.roll(moved, -1, axis=0), strict=True):
+        along, cut = end - start, []
+        inside = [along[0] * (p - start)[1] - along[1] * (p - start)[0] for p in polygon]
+        for k, p in enumerate(polygon):
+            before, a, b = polygon[k - 1], inside[k - 1], inside[k]
             if a * b < 0:
                 cut.append(before + (p - before) * a / (a - b))
             if b >= 0:
                 cut.append(p)
-        kept = cut
-        if len(kept) < 3:
+        polygon = cut
+        if len(polygon) < 3:
             return 0.0
-    return polygon_area(np.array(kept)) / polygon_area(corners)
+    return polygon_area(np.array(polygon)) / polygon_area(corners)
 
 
 @settings(max_examples=6, deadline=None)
@@ -76,17 +76,17 @@ def test_a_circle_has_airys_rings():
 def test_light_beside_openings_bends_as_babinet_says():
     opening, area = Opening(SQUARE * 0.8), 0.64
     bends = drawn(opening, SQUARE)
-    through, beside = area * bends[:, 2], (1 - area) * bends[:, 3]
+    through, gap = area * bends[:, 2], (1 - area) * bends[:, 3]
     # To the last bit in the disc; beyond, each adds up to its part.
-    assert (np.abs(through + beside - 1.0) < 1e-12).mean() > 0.9
+    assert (np.abs(through + gap - 1.0) < 1e-12).mean() > 0.9
     for shift in ((0.1, 0.0), (0.2, 0.3), (0.05, 0.4)):
-        alone = area * overlap(opening.corners, np.array(shift))
-        assert contrast(bends, shift, through) == pytest.approx(alone, abs=4e-3)
+        opening_only = area * overlap(opening.corners, np.array(shift))
+        assert contrast(bends, shift, through) == pytest.approx(opening_only, abs=4e-3)
         # The frame's: the cell's, less twice what cell and opening share, and the opening's.
         common = math.prod(min(0.5, 0.4 + s) - max(-0.5, -0.4 + s) for s in shift)
-        frame = overlap(SQUARE, np.array(shift)) - 2 * common + alone
+        frame = overlap(SQUARE, np.array(shift)) - 2 * common + opening_only
         # Beyond the disc edges count alone, also where they are as near to each other as the sides of this frame.
-        assert contrast(bends, shift, beside) == pytest.approx(frame, abs=0.012)
+        assert contrast(bends, shift, gap) == pytest.approx(frame, abs=0.012)
 
 
 def test_a_turned_opening_has_a_turned_pattern():

@@ -31,8 +31,8 @@ def test_both_formulas_give_the_indices_of_the_metrology_toolbox():
     # Ciddor 1996, table 1: 10^8 (n - 1) of dry air at 633 nm, to a tenth.
     table = [(20, 80, 21458.0), (20, 100, 26824.4), (20, 120, 32191.6), (10, 100, 27774.7), (30, 100, 25937.2)]
     for celsius, kilopascal, refractivity in table:
-        found = (Air(celsius, kilopascal).index(633.0) - 1) * 1e8
-        assert found == pytest.approx(refractivity, abs=0.051), (celsius, kilopascal)
+        computed = (Air(celsius, kilopascal).index(633.0) - 1) * 1e8
+        assert computed == pytest.approx(refractivity, abs=0.051), (celsius, kilopascal)
 
 
 def test_humid_air_is_thinner_and_carbon_dioxide_thickens_it():

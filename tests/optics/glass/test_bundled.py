@@ -88,7 +88,7 @@ def test_model_glasses_follow_real_ones_as_stated():
 
 def test_catalogues_are_known_by_the_maker_in_their_names():
     for catalogue in ("HIKARI", "NIKON-HIKARI", "Nikon", "NIKON_2020"):
-        found = bundled_glass("SF10", ["MISC", catalogue])
-        assert found == bundled_glass("HIKARI SF10", []) != glass("SF10"), catalogue
+        medium = bundled_glass("SF10", ["MISC", catalogue])
+        assert medium == bundled_glass("HIKARI SF10", []) != glass("SF10"), catalogue
     with pytest.raises(InvalidValueError, match=r"maker is 'LZOS'; it must be one of SCHOTT"):
         bundled_glasses("LZOS")

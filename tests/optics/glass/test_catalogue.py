@@ -66,12 +66,12 @@ def test_a_catalogue_is_a_mapping_from_names_to_media(tmp_path):
 
 
 def test_encodings_line_ends_and_tabs_make_no_difference(tmp_path):
-    wanted = _written(tmp_path, MINE)
+    reference = _written(tmp_path, MINE)
     for newline in ("\n", "\r\n", "\r"):
         for encoding in ("utf-8", "utf-8-sig", "utf-16", "latin-1"):
-            assert _written(tmp_path, MINE.replace("\n", newline).encode(encoding)) == wanted, (newline, encoding)
-    assert _written(tmp_path, b"\xfe\xff" + MINE.encode("utf-16-be")) == wanted
-    assert _written(tmp_path, MINE.replace(" ", "\t").replace("\t0.5;\tG", " 0.5; G")) == wanted
+            assert _written(tmp_path, MINE.replace("\n", newline).encode(encoding)) == reference, (newline, encoding)
+    assert _written(tmp_path, b"\xfe\xff" + MINE.encode("utf-16-be")) == reference
+    assert _written(tmp_path, MINE.replace(" ", "\t").replace("\t0.5;\tG", " 0.5; G")) == reference
     with pytest.raises(FileError, match=r"cannot read .*mine.agf"):  # half a character
         _written(tmp_path, MINE.encode("utf-16")[:-1])
 
@@ -117,7 +117,7 @@ def test_a_line_that_cannot_be_understood_is_named(tmp_path):
 def test_a_glass_that_makes_no_sense_is_an_error_when_it_is_asked_for(tmp_path):
     for content, message in (
         (_with("NM OLD 1 1 1.51880 64.17", NM), "its formula gives n_d 1.5168 and its line NM"),
-        (_with("NM OLD 14 1 1.51680 64.17", NM), "formula is 14; those that are known are 1 to 13"),
+        (_with("NM OLD 14 1 1.51680 64.17", NM), "formula is 14; supported ones are 1 to 13"),
         (_with("IT", LD), "it has no line CD or no line LD"),
         (_with("LD 1.014 0.365", LD), "wavelength_range (1014, 365) is empty"),
         (_with("CD 0.99", CD), "must be finite and at least 1"),

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
+from plenoptic.optics.element_record import SPHERE
 from plenoptic.optics.lens.record import ROW, LensRecord
 from plenoptic.optics.lens.trace import traced_by
-from plenoptic.optics.record import SPHERE
 
 EPS = np.finfo(float).eps
 OK, MISSED, CLIPPED = pl.RayStatus.OK, pl.RayStatus.MISSED, pl.RayStatus.CLIPPED

@@ -69,9 +69,9 @@ def test_what_sticks_out_of_its_cell_is_refused():
         ) as error:
             opening_of(pl.optics.MicrolensAperture(shape, largest * (1 + 1e-6)), cell)
         # The error names a fill factor that is accepted, and hardly less than the largest.
-        named = float(re.search(r"that fits is ([0-9.]+)", str(error.value))[1])
-        assert largest - 1.01e-5 < named <= largest, (lattice, shape)
-        opening_of(pl.optics.MicrolensAperture(shape, named), cell)
+        stated_limit = float(re.search(r"that fits is ([0-9.]+)", str(error.value))[1])
+        assert largest - 1.01e-5 < stated_limit <= largest, (lattice, shape)
+        opening_of(pl.optics.MicrolensAperture(shape, stated_limit), cell)
 
 
 def test_shapes_lie_as_documented():

@@ -8,8 +8,8 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.microlens.model_rules import Crossing
-from plenoptic.optics.microlens.record import SensorPlane, array_record, lone_lens
+from plenoptic.optics.microlens.microlens_record import SensorPlane, array_record, lone_lens
+from plenoptic.optics.microlens.model_rules import ArrayCrossing
 
 FLINT = pl.ModelGlass(1.62, 36.4)
 Model = pl.optics.MicrolensModel
@@ -54,13 +54,13 @@ def test_the_focal_length_follows_the_index():
         blocks, plane = fields.reshape(-1), SensorPlane(2.0, None)
         uncut = lone_lens(array, record.power, wavelength)
         uncut = uncut._replace(model=record.model, power_factors=record.power_factors)
-        model.rules.to_lens(blocks, None, Crossing(uncut, plane, 100.0), np.ones(BLOCK, dtype=np.int64))
-        found = fields[3] / fields[5] / height
+        model.rules.to_lens(blocks, None, ArrayCrossing(uncut, plane, 100.0), np.ones(BLOCK, dtype=np.int64))
+        slope_over_height = fields[3] / fields[5] / height
         medium = array.medium
         focal_length = 2.0 * (medium.index(587.6) - 1.0) / (medium.index(wavelength) - 1.0)
         # Aberrations are of the order of the squared height over the squared focal length, 2.5e-9.
-        wanted = np.full(BLOCK, 1.0 / focal_length)
-        assert found == pytest.approx(wanted, rel=1e-8), (model, side, wavelength)
+        power = np.full(BLOCK, 1.0 / focal_length)
+        assert slope_over_height == pytest.approx(power, rel=1e-8), (model, side, wavelength)
 
 
 def test_a_medium_that_does_not_disperse_is_an_index():
@@ -126,13 +126,13 @@ def test_reports_focus_and_designs_are_those_of_the_focal_length_at_the_waveleng
     focal_length = 2.0 * (FLINT.index(587.6) - 1.0) / (FLINT.index(wavelength) - 1.0)
     arrays = array_of(THIN), array_of(THIN, medium=None, focal_lengths=(focal_length,))
     assert arrays[0].focal_lengths_at(wavelength) == pytest.approx((focal_length,), rel=1e-14)
-    one, other = (camera_of(made, wavelength=wavelength) for made in arrays)
+    one, other = (camera_of(designs, wavelength=wavelength) for designs in arrays)
     assert str(one.report()) == str(other.report())
     assert one.report().focus[0].z == pytest.approx(other.report().focus[0].z, rel=1e-9)
     moved = [camera.focused_at(-500.0).stop_to_microlenses for camera in (one, other)]
     assert moved[0] == pytest.approx(moved[1], rel=1e-12)
-    wanted = {"sensor": one.sensor, "kind": pl.CameraKind.PLENOPTIC_1, "z": -500.0, "wavelength": wavelength}
-    made = [pl.design_camera(one.lens, microlenses=given, **wanted).camera for given in arrays]
-    assert made[0].microlenses_to_sensor == pytest.approx(focal_length, rel=1e-12)
-    assert made[0].stop_to_microlenses == pytest.approx(made[1].stop_to_microlenses, rel=1e-12)
-    assert made[0].report().kind is wanted["kind"]
+    wishes = {"sensor": one.sensor, "kind": pl.CameraKind.PLENOPTIC_1, "z": -500.0, "wavelength": wavelength}
+    designs = [pl.design_camera(one.lens, microlenses=microlenses, **wishes).camera for microlenses in arrays]
+    assert designs[0].microlenses_to_sensor == pytest.approx(focal_length, rel=1e-12)
+    assert designs[0].stop_to_microlenses == pytest.approx(designs[1].stop_to_microlenses, rel=1e-12)
+    assert designs[0].report().kind is wishes["kind"]

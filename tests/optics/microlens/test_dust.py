@@ -9,8 +9,8 @@ import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
 from plenoptic.core.motions.rotation import rotation_about
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite, dust_record, plane_axes
-from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims, fill_dimmed_rays
-from plenoptic.optics.microlens.record import SensorPlane
+from plenoptic.optics.microlens.kernels.dust_transmission import fill_aim_transmission, fill_ray_transmission
+from plenoptic.optics.microlens.microlens_record import SensorPlane
 
 EPS = np.finfo(float).eps
 SENSOR = BlemishSite.SENSOR
@@ -36,7 +36,7 @@ def aims(points, sensor):
 def dimmed(blemishes, points, sensor, *, distance, tilt=None, height=None, axes=None):
     """Weights of paths of weight 1."""
     blocks = aims(points, sensor)
-    fill_dimmed_aims(blocks, SensorPlane(distance, tilt), height, axes, dust_record(blemishes))
+    fill_aim_transmission(blocks, SensorPlane(distance, tilt), height, axes, dust_record(blemishes))
     return weights_of(blocks, len(points))
 
 
@@ -51,7 +51,7 @@ def distances(blemishes, points):
 
 
 def passing(blemishes, points):
-    """What passes, blemish by blemish without a grid."""
+    """Transmission, blemish by blemish without a grid."""
     return np.where(distances(blemishes, points) < blemishes.radius, blemishes.transmission, 1.0).prod(axis=1)
 
 
@@ -74,9 +74,9 @@ def test_the_area_of_a_scratch():
     for length in (0.0, 0.5, 1.2):
         scratch = Blemishes(SENSOR, [-0.5 * length * along], [0.5 * length * along], [radius], [0.25])
         points = np.random.default_rng(2).uniform(-side / 2, side / 2, (n, 2))
-        share = (math.pi * radius**2 + 2 * radius * length) / side**2
+        fraction = (math.pi * radius**2 + 2 * radius * length) / side**2
         lost = (1 - scratch.at(points)).mean() / 0.75
-        assert abs(lost - share) < 4 * math.sqrt(share * (1 - share) / n), length
+        assert abs(lost - fraction) < 4 * math.sqrt(fraction * (1 - fraction) / n), length
 
 
 def overlap(r, rho, d):
@@ -103,9 +103,9 @@ def test_dust_at_a_height_has_a_penumbra():
             r, angle = aperture * np.sqrt(rng.uniform(0, 1, n)), rng.uniform(0, 2 * math.pi, n)
             points = sensor + np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1)
             lost = 1 - dimmed(grain, points, sensor, distance=distance, height=height).mean()
-            share = overlap(radius, rho, d) / (math.pi * rho**2)
+            fraction = overlap(radius, rho, d) / (math.pi * rho**2)
             # Binomial, and none at all beyond the penumbra.
-            assert abs(lost - share) <= 4 * math.sqrt(share * (1 - share) / n) + 1e-12, height
+            assert abs(lost - fraction) <= 4 * math.sqrt(fraction * (1 - fraction) / n) + 1e-12, height
 
 
 def test_the_array_s_plane_is_where_paths_are_aimed():
@@ -135,14 +135,14 @@ def test_a_tilted_and_decentred_sensor(seed, height):
     # Where the straight line meets the plane z = -height of the sensor's own axes.
     ahead = (aim - shift) @ turn
     t = -height / ahead[:, 2]
-    own = flat[:, :2] + t[:, None] * (ahead[:, :2] - flat[:, :2])
-    clear = clear_of_edges(listed, own, 64 * EPS)
+    crossing = flat[:, :2] + t[:, None] * (ahead[:, :2] - flat[:, :2])
+    clear = clear_of_edges(listed, crossing, 64 * EPS)
 
     slopes = -turn[:2, 2] / turn[2, 2]
     plane = {"distance": shift[2] - slopes @ shift[:2], "tilt": slopes, "height": height}
-    found = dimmed(listed, aim[:, :2], start[:, :2], axes=plane_axes(turn, shift, height=height), **plane)
+    weights = dimmed(listed, aim[:, :2], start[:, :2], axes=plane_axes(turn, shift, height=height), **plane)
     # Points of a few mm through some twenty operations; products of up to 50 numbers.
-    assert found[clear] == pytest.approx(passing(listed, own)[clear], rel=64 * EPS) and clear.sum() > 290
+    assert weights[clear] == pytest.approx(passing(listed, crossing)[clear], rel=64 * EPS) and clear.sum() > 290
 
 
 def test_rays_are_dimmed_where_they_cross_a_plane():
@@ -161,17 +161,17 @@ def test_rays_are_dimmed_where_they_cross_a_plane():
     rays = np.column_stack([origin, along, weight, status])
     turned = np.array([[0.8, -0.6, 0.1], [0.6, 0.8, -0.2]])
     blocks = blocks_of(rays)
-    fill_dimmed_rays(blocks, z, turned, dust_record(listed))
+    fill_ray_transmission(blocks, z, turned, dust_record(listed))
     with np.errstate(all="ignore"):  # of lost rays
         crossing = origin + ((z - origin[:, 2]) / along[:, 2])[:, None] * along
-        own = crossing[:, :2] @ turned[:, :2].T + turned[:, 2]
+        local = crossing[:, :2] @ turned[:, :2].T + turned[:, 2]
     clear = ~lost
-    clear[~lost] = clear_of_edges(listed, own[~lost], 64 * EPS)
-    expected = weight[clear] * passing(listed, own[clear])
+    clear[~lost] = clear_of_edges(listed, local[~lost], 64 * EPS)
+    expected = weight[clear] * passing(listed, local[clear])
     assert weights_of(blocks, n)[clear] == pytest.approx(expected, rel=64 * EPS)
     # Nothing but weights changes.
-    kept = blocks.reshape(-1, 8, BLOCK).transpose(1, 0, 2).reshape(8, -1)[:, :n].T
-    assert np.array_equal(np.delete(kept, 6, axis=1), np.delete(rays, 6, axis=1), equal_nan=True)
+    rays_out = blocks.reshape(-1, 8, BLOCK).transpose(1, 0, 2).reshape(8, -1)[:, :n].T
+    assert np.array_equal(np.delete(rays_out, 6, axis=1), np.delete(rays, 6, axis=1), equal_nan=True)
 
 
 @settings(max_examples=40)
@@ -192,8 +192,10 @@ def test_bins_find_what_a_search_of_all_finds(seed, n, size, spread, far):
         # Close to segments and edges too, where the bins' own edges matter.
         k = rng.integers(0, n, 400)
         t, angle = rng.uniform(0, 1, 400)[:, None], rng.uniform(0, 2 * math.pi, 400)
-        beside = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (listed.radius[k] * rng.uniform(0, 1, 400))[:, None]
-        points = np.concatenate([points, listed.start[k] + t * (listed.end[k] - listed.start[k]) + beside])
+        offsets = (
+            np.stack([np.cos(angle), np.sin(angle)], axis=1) * (listed.radius[k] * rng.uniform(0, 1, 400))[:, None]
+        )
+        points = np.concatenate([points, listed.start[k] + t * (listed.end[k] - listed.start[k]) + offsets])
     clear = clear_of_edges(listed, points, 32 * EPS * size * (1 + far))
     assert listed.at(points)[clear] == pytest.approx(passing(listed, points)[clear], rel=2 * max(n, 1) * EPS)
 
@@ -223,7 +225,7 @@ def test_a_row_of_grains_makes_a_row_of_bins():
     points, sensor = np.random.default_rng(8).uniform(-1, 1, (2, 300, 2))
     assert len(none) == 0 and np.all(dimmed(none, points, sensor, distance=1.0, height=0.3) == 1.0)
     blocks = aims(points, sensor)
-    fill_dimmed_rays(blocks, 0.0, None, dust_record(none))
+    fill_ray_transmission(blocks, 0.0, None, dust_record(none))
     assert np.all(weights_of(blocks, 300) == 1.0)
 
 

@@ -62,20 +62,20 @@ def test_neither_numbers_nor_neighbours_are_correlated():
         for a in range(5):
             for b in range(a + 1):
                 correlation = np.fft.ifft2(spectra[a] * spectra[b].conj()).real / z[0].size
-                found = correlation[np.ix_(near, near)]
+                submatrix = correlation[np.ix_(near, near)]
                 if a == b:
-                    assert found[8, 8] == pytest.approx(1.0, abs=4 * math.sqrt(2 / z[0].size)), seed
-                    found[8, 8] = 0.0
-                assert np.abs(found).max() < limit, seed
+                    assert submatrix[8, 8] == pytest.approx(1.0, abs=4 * math.sqrt(2 / z[0].size)), seed
+                    submatrix[8, 8] = 0.0
+                assert np.abs(submatrix).max() < limit, seed
 
 
 def test_missing_and_dark_lenses_are_a_fraction_of_all_and_never_both():
-    found = drawn(seed=3)
-    n = len(found)
-    missing, dark = np.isinf(found.focal_length_factor), found.transmission == 0
-    for lost, share in ((missing, ALL["missing"]), (dark, ALL["dark"])):
-        assert abs(lost.mean() - share) < 4 * math.sqrt(share * (1 - share) / n)
-    assert not (missing & dark).any() and set(found.transmission.tolist()) == {0.0, 1.0}
+    deviations = drawn(seed=3)
+    n = len(deviations)
+    missing, dark = np.isinf(deviations.focal_length_factor), deviations.transmission == 0
+    for lost, fraction in ((missing, ALL["missing"]), (dark, ALL["dark"])):
+        assert abs(lost.mean() - fraction) < 4 * math.sqrt(fraction * (1 - fraction) / n)
+    assert not (missing & dark).any() and set(deviations.transmission.tolist()) == {0.0, 1.0}
     # Whether a lens is dark says nothing about its neighbours.
     square = dark.reshape(201, 201) - dark.mean()
     for step in ((0, 1), (1, 0), (1, 1), (2, 0), (4, 0)):
@@ -90,9 +90,9 @@ def test_a_lens_s_numbers_depend_on_the_seed_and_its_index_alone(seed, choice):
     index = np.random.default_rng(choice).permutation(indices(6))[:20]
     together = spoiled.deviations(index)
     for k in range(20):
-        alone = spoiled.deviations(index[k : k + 1])
+        single = spoiled.deviations(index[k : k + 1])
         for name in ("shift", "decentre", "focal_length_factor", "transmission"):
-            assert np.array_equal(getattr(alone, name)[0], getattr(together, name)[k])
+            assert np.array_equal(getattr(single, name)[0], getattr(together, name)[k])
 
 
 def test_effects_are_switched_on_and_off_alone():
@@ -106,15 +106,15 @@ def test_effects_are_switched_on_and_off_alone():
     none = pl.MicrolensImperfections(seed=1).deviations(index)
     assert none.shift is none.decentre is none.focal_length_factor is none.transmission is dark.shift is None
     for missing, black in ((1.0, 0.0), (0.0, 1.0), (0.3, 0.7)):
-        found = drawn(20, missing=missing, dark=black)
-        lost = False if found.transmission is None else found.transmission == 0
-        assert (np.isinf(found.focal_length_factor) | lost).all(), (missing, black)
+        deviations = drawn(20, missing=missing, dark=black)
+        lost = False if deviations.transmission is None else deviations.transmission == 0
+        assert (np.isinf(deviations.focal_length_factor) | lost).all(), (missing, black)
     # Another seed is another array, and lenses far away have numbers too.
     a, b = normal_columns(drawn(seed=1, missing=0.0)), normal_columns(drawn(seed=2, missing=0.0))
     assert np.all(np.abs((a * b).mean(axis=1)) < 4 / math.sqrt(a.shape[1]))
     far = [(-(2**62), 2**62), (2**62, -(2**62)), (0, -1), (-1, 0)]
-    found = pl.MicrolensImperfections(**ALL).deviations(far)
-    assert np.isfinite(found.shift).all() and len(np.unique(found.shift)) == 8
+    deviations = pl.MicrolensImperfections(**ALL).deviations(far)
+    assert np.isfinite(deviations.shift).all() and len(np.unique(deviations.shift)) == 8
 
 
 def test_drawn_deviations_can_be_listed():
@@ -123,17 +123,17 @@ def test_drawn_deviations_can_be_listed():
     again = deviations_of(spoiled.deviations(index), index[::-1])
     assert again == spoiled.deviations(index[::-1])
     empty = pl.optics.MicrolensDeviations(np.zeros((0, 2)), shift=np.zeros((0, 2)), transmission=[])
-    found = deviations_of(empty, indices(2))
-    assert len(empty) == 0 and len(found) == 25 and largest_offset(empty) == 0.0
-    assert found.shift is found.transmission is None
+    deviations = deviations_of(empty, indices(2))
+    assert len(empty) == 0 and len(deviations) == 25 and largest_offset(empty) == 0.0
+    assert deviations.shift is deviations.transmission is None
 
 
 def test_no_axis_lies_farther_off_than_the_largest_offset():
-    found = drawn(around=350)
-    off = np.hypot(*(found.shift + found.decentre).T)
+    deviations = drawn(around=350)
+    off = np.hypot(*(deviations.shift + deviations.decentre).T)
     limit = largest_offset(pl.MicrolensImperfections(**ALL))
     assert limit == pytest.approx(4 * math.sqrt(2) * 0.03, rel=1e-15)
-    assert off.max() <= largest_offset(found) <= limit
+    assert off.max() <= largest_offset(deviations) <= limit
 
 
 def test_impossible_imperfections():

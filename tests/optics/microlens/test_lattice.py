@@ -62,8 +62,8 @@ def test_edges_are_half_way_to_neighbours():
         offsets = np.array(NEIGHBOURS.get(lattice, NEIGHBOURS[SQUARE])) @ lattice_basis(lattice, pitch)
         edges = polygon_edges(cell_polygon(lattice, pitch))
         half_way = {tuple(np.round(o / 2, 12) + 0.0) for o in offsets}
-        found = {tuple(np.round(n * d, 12) + 0.0) for n, d in zip(edges[:, :2], edges[:, 2], strict=True)}
-        assert found == half_way, (lattice, pitch)
+        midpoints = {tuple(np.round(n * d, 12) + 0.0) for n, d in zip(edges[:, :2], edges[:, 2], strict=True)}
+        assert midpoints == half_way, (lattice, pitch)
 
 
 def test_neighbours_of_a_hexagonal_lattice_differ():
@@ -94,10 +94,10 @@ def test_a_pattern_repeats_over_the_array():
     given_pattern = [[0, 1, 1], [2, 0, 2]]
     for lattice in (HEXAGONAL, SQUARE):
         array = pl.MicrolensArray(pitch=1.0, focal_lengths=(1.0, 2.0, 3.0), lattice=lattice, pattern=given_pattern)
-        found = array.lenses((-6.0, -6.0), (6.0, 6.0))
-        assert found.index.min() < 0, lattice
-        assert found.type.tolist() == [given_pattern[i % 2][j % 3] for i, j in found.index.tolist()], lattice
-        assert found.power.tolist() == [1.0 / (1.0 + t) for t in found.type.tolist()], lattice
+        lenses = array.lenses((-6.0, -6.0), (6.0, 6.0))
+        assert lenses.index.min() < 0, lattice
+        assert lenses.type.tolist() == [given_pattern[i % 2][j % 3] for i, j in lenses.index.tolist()], lattice
+        assert lenses.power.tolist() == [1.0 / (1.0 + t) for t in lenses.type.tolist()], lattice
         assert array.focal_length == 1.0, lattice
     # The lens on the axis is of the pattern's first type.
     array = pl.MicrolensArray(pitch=1.0, focal_lengths=(1.0, 2.0), lattice=SQUARE, pattern=[[1, 0]])
@@ -111,17 +111,17 @@ def test_cuts_one_after_the_other_keep_what_lies_within_all(seed, size):
     sides, count = int(rng.integers(3, 13)), int(rng.integers(1, 5))
     corners = regular_polygon(sides, size, rng.uniform(0, 6))
     edges = rng.normal(size=(count, 3)) * [1.0, 1.0, size]
-    kept = cut_polygon(corners, edges)
+    polygon = cut_polygon(corners, edges)
     bounds = np.concatenate([polygon_edges(corners), edges])
-    assert np.all(kept @ bounds[:, :2].T <= bounds[:, 2] + 1e-12 * size)
+    assert np.all(polygon @ bounds[:, :2].T <= bounds[:, 2] + 1e-12 * size)
     # A cut adds at most one corner.
-    assert len(kept) <= sides + count
+    assert len(polygon) <= sides + count
     # Nothing that lies within is lost.
     points = size * rng.uniform(-1, 1, (200, 2))
     within = np.all(points @ bounds[:, :2].T <= bounds[:, 2] - 1e-9 * size, axis=1)
     if within.any():
         # Corners are counter-clockwise: a point inside lies to the left of every edge.
-        (x, y), (along_x, along_y) = kept.T, (np.roll(kept, -1, axis=0) - kept).T
+        (x, y), (along_x, along_y) = polygon.T, (np.roll(polygon, -1, axis=0) - polygon).T
         px, py = points[within].T[..., None]
         assert np.all(along_x * (py - y) - along_y * (px - x) >= -1e-12 * size**2)
     # Cutting everything away leaves nothing.

@@ -12,8 +12,8 @@ import plenoptic as pl
 from plenoptic.aberrations import microlens_path
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.microlens.model_rules import Crossing
-from plenoptic.optics.microlens.record import SensorPlane, lone_lens
+from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens
+from plenoptic.optics.microlens.model_rules import ArrayCrossing
 
 EPS = np.finfo(float).eps
 WAVE = 587.6e-6  # mm
@@ -53,19 +53,19 @@ def exact_path(array, power, axis, origin, direction, wavelength):
     sides = [(towards_scene, mp.mpf(0), 1, n), (not towards_scene, t, n, 1)]
     for curved, vertex, before, behind in sides:
         r = radius if towards_scene else -radius
-        way = (vertex - p[2]) / d[2]
+        distance = (vertex - p[2]) / d[2]
         normal = [mp.mpf(0), mp.mpf(0), mp.mpf(1)]
         if curved and not array.model.is_flat:
             centre = vertex + r
             along = p[0] * d[0] + p[1] * d[1] + (p[2] - centre) * d[2]
             square = p[0] ** 2 + p[1] ** 2 + (p[2] - centre) ** 2 - r**2
             root = mp.sqrt(along**2 - square)
-            way = min((-along - root, -along + root), key=lambda w: abs(p[2] + w * d[2] - vertex))
-        p = [a + way * b for a, b in zip(p, d, strict=True)]
+            distance = min((-along - root, -along + root), key=lambda w: abs(p[2] + w * d[2] - vertex))
+        p = [a + distance * b for a, b in zip(p, d, strict=True)]
         if curved:
             height = r - mp.sign(r) * mp.sqrt(r**2 - p[0] ** 2 - p[1] ** 2)
             normal = [-p[0] / r, -p[1] / r, 1 - height / r]
-        total, sizes = total + before * way, sizes + before * abs(way)
+        total, sizes = total + before * distance, sizes + before * abs(distance)
         cos_i = sum(a * b for a, b in zip(normal, d, strict=True))
         mu = before / behind
         cos_t = mp.sqrt(1 - mu**2 * (1 - cos_i**2))
@@ -84,14 +84,14 @@ def test_paths_are_those_of_fifty_digits():
         rays, number = rays_through(array, 10, distance=distance, reverse=reverse, wavelength=wavelength)
         behind, path = microlens_path(array, rays, reverse=reverse)
         assert (behind.status == 0).all(), (model, side, distance, reverse)
-        lenses, seen = array.lenses((-1, -1), (1, 1)), array
+        lenses, traced_array = array.lenses((-1, -1), (1, 1)), array
         if reverse:
-            seen = dataclasses.replace(array, convex_side=Side.SENSOR if side is Side.SCENE else Side.SCENE)
+            traced_array = dataclasses.replace(array, convex_side=Side.SENSOR if side is Side.SCENE else Side.SCENE)
         for i, k in enumerate(number):
-            given = rays.origin[i], rays.direction[i]
+            ray = rays.origin[i], rays.direction[i]
             if reverse:
-                given = [0, 0, array.thickness] + flip * given[0], flip * given[1]
-            exact, sizes = exact_path(seen, lenses.power[k], lenses.centre[k], *given, wavelength)
+                ray = [0, 0, array.thickness] + flip * ray[0], flip * ray[1]
+            exact, sizes = exact_path(traced_array, lenses.power[k], lenses.centre[k], *ray, wavelength)
             # Where the ray is given, and how long its direction is, is good to eps of the distance.
             bound = max(1e-6 * 1e-6 * wavelength, 4 * EPS * float(sizes))
             assert abs(float(path[i] - exact)) < bound, (model, side, distance, reverse)
@@ -111,7 +111,7 @@ def test_there_and_back_is_as_long():
 
 
 def test_the_rays_are_those_of_the_renderer():
-    """Which aims from the sensor: the kernels towards the lens, of one lens that nothing ends."""
+    """Compare with the kernels of the renderer towards the lens, for a single lens of infinite extent."""
     for model, side in PLATES:
         array = dataclasses.replace(array_of(model, side), focal_lengths=(2.0,))
         rays, _ = rays_through(array, reverse=True)
@@ -126,14 +126,14 @@ def test_the_rays_are_those_of_the_renderer():
         blocks = block.reshape(-1)
         assert blocks.size == RAY, (model, side)
         lens = lone_lens(array, 0.5, 587.6)
-        model.rules.to_lens(blocks, None, Crossing(lens, SensorPlane(h, None), depths.front), None)
-        found = blocks.reshape(8, BLOCK)[:, :60]
+        model.rules.to_lens(blocks, None, ArrayCrossing(lens, SensorPlane(h, None), depths.front), None)
+        reversed_rays = blocks.reshape(8, BLOCK)[:, :60]
         passed = np.hypot(*rays.at_z(0)[:, :2].T) < 0.08
         assert passed.sum() > 15 and (behind.status[passed] == 0).all(), (model, side)
         # 1 - n^2 (1 - cos^2) of light that leaves the plate is good to some roundings of cos^2, times n^2.
         atol = EPS * (20 + 4 * array.index**2)
-        np.testing.assert_allclose(found[3:6].T[passed], behind.direction[passed], rtol=0, atol=atol)
-        np.testing.assert_allclose(found[:3].T[passed], behind.origin[passed], rtol=0, atol=20 * EPS)
+        np.testing.assert_allclose(reversed_rays[3:6].T[passed], behind.direction[passed], rtol=0, atol=atol)
+        np.testing.assert_allclose(reversed_rays[:3].T[passed], behind.origin[passed], rtol=0, atol=20 * EPS)
 
 
 def test_thin_lenses_take_a_point_to_their_images_in_step():
@@ -155,8 +155,8 @@ def test_thin_lenses_take_a_point_to_their_images_in_step():
         to_image = ((image - behind.origin) * behind.direction).sum(axis=1)
         # The nearer a point is to a focal plane, the more digits its image takes.
         lost = 20 * EPS * (np.abs(image_distance) + abs(z))
-        beside = np.linalg.norm(image - behind.origin - to_image[:, None] * behind.direction, axis=1)
-        assert (beside < 20 * lost).all(), (z, reverse)
+        miss_distance = np.linalg.norm(image - behind.origin - to_image[:, None] * behind.direction, axis=1)
+        assert (miss_distance < 20 * lost).all(), (z, reverse)
         whole = np.linalg.norm(rays.origin - point, axis=1) + path + to_image
         straight = np.hypot(np.hypot(*(point[:2] - axis).T), z) * (1 - size)  # through the middle of the lens
         assert (np.abs(whole - straight) < np.maximum(lost, 1e-6 * WAVE)).all(), (z, reverse)
@@ -187,15 +187,15 @@ def test_lenses_that_differ_have_paths_of_their_own():
         point = np.array([0.02, 0.03, -4.0])
         aims = np.array([(x + 0.03, y + 0.02, 0.0) for x, y in centres])
         rays = pl.RayBundle(np.tile(point, (3, 1)), aims - point)
-        how = {} if model.is_plate else {"point": point}
-        behind, path = microlens_path(array, rays, **how)
+        options = {} if model.is_plate else {"point": point}
+        behind, path = microlens_path(array, rays, **options)
         assert behind.weight.tolist() == [0.0, 1.0, 1.0], model
         for k, (axis, f) in enumerate(zip([(0, 0), (0.21, 0), (0, 0.2)], (2.0, 2.0, 1.5), strict=True)):
             lone = pl.MicrolensArray(0.5, (f,), lattice=pl.Lattice.SQUARE, model=model)
             moved = point - [*axis, 0]
             ray = pl.RayBundle([moved], [aims[k] - point])
-            _, alone = microlens_path(lone, ray, **({} if model.is_plate else {"point": moved}))
-            assert path[k] == pytest.approx(alone[0], abs=50 * EPS), model
+            _, lone_path = microlens_path(lone, ray, **({} if model.is_plate else {"point": moved}))
+            assert path[k] == pytest.approx(lone_path[0], abs=50 * EPS), model
 
 
 def test_origins_behind_the_array_have_negative_paths_and_turned_rays_none():
@@ -214,7 +214,7 @@ def test_what_cannot_be_said_is_said():
     for model, point, message in (
         (Model.THIN, None, "says nothing of a ray by itself; give the point"),
         (Model.SPHERICAL, (0, 0, -4), "point is for ideal microlenses"),
-        (Model.PINHOLE, None, "a PINHOLE lets one ray of a point pass"),
+        (Model.PINHOLE, None, "a PINHOLE passes one ray of a point"),
         (Model.THIN, (0, 0.05, -4), r"a ray passes the point \[0.0, 0.05, -4.0\] by 0.05 mm"),
     ):
         with pytest.raises(InvalidValueError, match=message):

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.microlens.kernels.ideal import fill_pinholes, fill_thin
+from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_pinholes, fill_thin
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 from plenoptic.optics.microlens.kernels.to_lens import fill_straight
-from plenoptic.optics.microlens.model_rules import Crossing
-from plenoptic.optics.microlens.record import SensorPlane, array_record, lone_lens
+from plenoptic.optics.microlens.microlens_record import SensorPlane, array_record, lone_lens
+from plenoptic.optics.microlens.model_rules import ArrayCrossing
 
 EPS = np.finfo(float).eps
 REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
@@ -28,7 +28,7 @@ def array_of(pitch, lattice):
 def fill_uncut(blocks, array, distance, z_array):
     """Plates of which each lens goes on for ever."""
     lens = lone_lens(array, 1.0 / array.focal_length, 587.6)
-    array.model.rules.to_lens(blocks, None, Crossing(lens, SensorPlane(distance, None), z_array), None)
+    array.model.rules.to_lens(blocks, None, ArrayCrossing(lens, SensorPlane(distance, None), z_array), None)
 
 
 def fill_cut(blocks, array, distance, z_array):
@@ -134,7 +134,7 @@ def test_exact_microlenses_are_lenses_of_two_surfaces():
         points, sensor, centres = aimed(array, n, height=0.1, slope=0.3, distance=distance)
         blocks = as_blocks(points, sensor, centres, 1.0)
         fill_uncut(blocks, array, distance, z_array)
-        found, along, _, status = from_blocks(blocks, n)
+        origins, along, _, status = from_blocks(blocks, n)
 
         glass = pl.ConstantMedium(array.index)
         wide = {"semi_diameter": 0.9}
@@ -154,8 +154,8 @@ def test_exact_microlenses_are_lenses_of_two_surfaces():
         # Slopes are good to a few eps of what they are computed from: sensor points and aims of 1 mm, 1.7 mm apart;
         # heights on the stop, 100 mm on, to as much times 100 mm.
         assert np.abs(along - out.direction).max() <= 32 * EPS, side
-        t = (z_first - 100 - found[:, 2]) / along[:, 2]
-        on_stop = found[:, :2] + t[:, None] * along[:, :2] - centres
+        t = (z_first - 100 - origins[:, 2]) / along[:, 2]
+        on_stop = origins[:, :2] + t[:, None] * along[:, :2] - centres
         assert np.abs(on_stop - out.origin[:, :2]).max() <= 32 * EPS * 100, side
 
 
@@ -164,8 +164,8 @@ def test_thin_microlenses_bend_by_height_over_focal_length():
     points, sensor, centres = aimed(array, 300, height=0.1, slope=0.3, distance=1.7)
     blocks = as_blocks(points, sensor, centres, 2.5)
     fill_thin(blocks, None, SensorPlane(1.7, None), 1 / 2.0, 123.3, None, None)
-    found, along, weight, status = from_blocks(blocks, 300)
-    assert np.array_equal(found, np.column_stack([points, np.full(300, 123.3)])) and np.all(status == 0)
+    origins, along, weight, status = from_blocks(blocks, 300)
+    assert np.array_equal(origins, np.column_stack([points, np.full(300, 123.3)])) and np.all(status == 0)
     bent = (points - sensor) / 1.7 - (points - centres) / 2.0
     assert np.abs(along[:, :2] / -along[:, 2:] - bent).max() <= 8 * EPS
     assert np.abs(np.linalg.norm(along, axis=1) - 1).max() <= 4 * EPS
@@ -175,8 +175,8 @@ def test_thin_microlenses_bend_by_height_over_focal_length():
     # Pinholes let light through their centres, as bright as an open cell.
     blocks = as_blocks(points, sensor, centres, 2.5)
     fill_pinholes(blocks, SensorPlane(1.7, None), 123.3)
-    found, along, through, status = from_blocks(blocks, 300)
-    assert np.array_equal(found, np.column_stack([centres, np.full(300, 123.3)])) and np.all(status == 0)
+    origins, along, through, status = from_blocks(blocks, 300)
+    assert np.array_equal(origins, np.column_stack([centres, np.full(300, 123.3)])) and np.all(status == 0)
     assert np.abs(along[:, :2] / -along[:, 2:] - (centres - sensor) / 1.7).max() <= 8 * EPS
     assert np.array_equal(through, weight)
 
@@ -185,11 +185,11 @@ def test_without_microlenses_rays_go_straight_on():
     points, sensor, centres = aimed(array_of(0.2, pl.Lattice.SQUARE), 300, height=2.0, slope=0.3, distance=90.0)
     blocks = as_blocks(points, sensor, centres, 1.0)
     fill_straight(blocks, SensorPlane(90.0, None), 30.3)
-    found, along, weight, _ = from_blocks(blocks, 300)
-    assert np.array_equal(found[:, :2], points) and np.all(found[:, 2] == 30.3)
-    way = np.column_stack([points - sensor, np.full(300, -90.0)])
-    length = np.linalg.norm(way, axis=1)
-    assert np.abs(along - way / length[:, None]).max() <= 4 * EPS
+    origins, along, weight, _ = from_blocks(blocks, 300)
+    assert np.array_equal(origins[:, :2], points) and np.all(origins[:, 2] == 30.3)
+    vectors = np.column_stack([points - sensor, np.full(300, -90.0)])
+    length = np.linalg.norm(vectors, axis=1)
+    assert np.abs(along - vectors / length[:, None]).max() <= 4 * EPS
     assert weight == pytest.approx(90.0**2 / length**4, rel=16 * EPS)
 
 
@@ -201,14 +201,14 @@ def test_rays_beside_their_own_sphere_are_another_microlens_s():
         with_edges, without = (as_blocks(points, sensor, centres, 1.0) for _ in range(2))
         fill_cut(with_edges, array, 1.7, 40.0)
         fill_uncut(without, array, 1.7, 40.0)
-        found, along, _, status = from_blocks(with_edges, n)
+        origins, along, _, status = from_blocks(with_edges, n)
         free_found, free_along, _, free_status = from_blocks(without, n)
-        assert np.array_equal(found, free_found) and np.array_equal(along, free_along), side
+        assert np.array_equal(origins, free_found) and np.array_equal(along, free_along), side
         assert np.all(free_status == 0), side
         assert set(status.tolist()) == {0.0, float(pl.RayStatus.OUTSIDE_MICROLENS)}, side
         if side is pl.optics.ConvexSide.SCENE:
             # The curved side is met last: rays end on it.
-            on_sphere = found[:, :2] - centres
+            on_sphere = origins[:, :2] - centres
         else:
             # It is met first, on the straight line from the sensor. A height w above its vertex, which is the aim's
             # plane, the line has moved by u w; the sphere bulges to the sensor: |start + u w|^2 + (w - R)^2 = R^2.

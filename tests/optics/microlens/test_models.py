@@ -33,7 +33,7 @@ def test_depths_add_up_to_the_glass_and_rays_along_the_axis_are_not_displaced():
         assert sum(depths) == pytest.approx(array.thickness if model.is_plate else 0.0, rel=4 * EPS), (model, side)
         assert depths.separation == array.principal_separation, (model, side)
         for rear in (False, True):
-            np.testing.assert_array_equal(model.rules.displaced(array, points, slopes, 550.0, rear), points)
+            np.testing.assert_array_equal(model.rules.shift_chief_rays(array, points, slopes, 550.0, rear), points)
 
 
 def test_rules_say_what_the_enumeration_says():

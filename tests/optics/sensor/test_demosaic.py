@@ -1,4 +1,4 @@
-"""Demosaicing: what is even stays even, what is linear stays linear, and edges get false colours at the edge only."""
+"""Demosaicing: constant and linear images stay unchanged, and false colours appear at edges only."""
 
 import dataclasses
 
@@ -42,17 +42,17 @@ def test_what_is_linear_stays_linear():
     for pattern, method in EVERY:
         rows, columns = np.mgrid[:12, :14]
         ramp = np.stack([1 + 0.1 * rows, 3 - 0.2 * columns, 0.05 * rows + 0.1 * columns], axis=-1)
-        found = through(ramp, method, with_filters(pattern)).image
+        image = through(ramp, method, with_filters(pattern)).image
         inner = np.s_[2:-2, 2:-2]  # at the border the neighbours are on one side
-        np.testing.assert_allclose(found[inner], ramp[inner], atol=16 * EPS)
+        np.testing.assert_allclose(image[inner], ramp[inner], atol=16 * EPS)
 
 
 def test_measured_values_stay():
     for pattern, method in EVERY:
         model = with_filters(pattern)
         raw = develop(pl.Exposure(np.random.default_rng(0).uniform(0, 1, (9, 12, 3))), model)
-        found = np.take_along_axis(raw.demosaic(method).image, raw.channels[:, :, np.newaxis], axis=2)
-        np.testing.assert_allclose(found[:, :, 0], raw.data, atol=4 * EPS)
+        measured = np.take_along_axis(raw.demosaic(method).image, raw.channels[:, :, np.newaxis], axis=2)
+        np.testing.assert_allclose(measured[:, :, 0], raw.data, atol=4 * EPS)
 
 
 def test_the_weighted_mean_is_the_bilinear_one_for_bayer_patterns():
@@ -90,7 +90,7 @@ def test_other_patterns_take_weighted_means():
         even = np.broadcast_to([0.2, 0.7, 0.4], (9, 13, 3))
         np.testing.assert_allclose(through(even, DemosaicMethod.WEIGHTED_MEAN, model).image, even, atol=8 * EPS)
         for method in (DemosaicMethod.LINEAR, DemosaicMethod.MHC):
-            with pytest.raises(InvalidValueError, match="knows Bayer patterns only; use WEIGHTED_MEAN"):
+            with pytest.raises(InvalidValueError, match="supports Bayer patterns only; use WEIGHTED_MEAN"):
                 through(even, method, model)
 
 

@@ -1,4 +1,4 @@
-"""Pixels; sensor models: what they say of themselves, what they refuse; radiometry."""
+"""Pixels; sensor models: derived values and errors; radiometry."""
 
 import math
 

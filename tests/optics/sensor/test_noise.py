@@ -41,20 +41,20 @@ def counts(mean, shape, seed=0):
 
 def test_uniforms_are_those_of_the_documented_hash():
     for seed in [0, 12345, MASK]:
-        found = uniforms((3, 4), seed, 7, 1000, 2**31)
+        numbers = uniforms((3, 4), seed, 7, 1000, 2**31)
         for i in range(3):
             for j in range(4):
                 state = mix(mix(mix(seed, 1), 7), 1000 + i + 1)
                 key = mix(mix(state, 2**31 + j + 1), 1)
-                assert found[i, j] == ((mix(key, 1) >> 12) + 0.5) * 2.0**-52, seed
+                assert numbers[i, j] == ((mix(key, 1) >> 12) + 0.5) * 2.0**-52, seed
 
 
 def test_normals_have_the_moments_of_a_normal_variable():
-    found = normals((512, 512, 1), seed=8).ravel()
-    n = found.size
+    numbers = normals((512, 512, 1), seed=8).ravel()
+    n = numbers.size
     # Variances of the sample moments 1 to 4 of a standard normal: 1, 2, 15, 96 over n.
     for power, moment, variance in ((1, 0, 1), (2, 1, 2), (3, 0, 15), (4, 3, 96)):
-        assert abs(np.mean(found**power) - moment) < FIVE_SIGMA * math.sqrt(variance / n)
+        assert abs(np.mean(numbers**power) - moment) < FIVE_SIGMA * math.sqrt(variance / n)
 
 
 def test_numbers_of_different_keys_do_not_correlate():
@@ -81,8 +81,8 @@ def test_counts_follow_poisson_probabilities():
     for mean in (0.1, 0.7, 3.0, 9.99, 10.0, 14.0, 55.0, 1234.5, 1e5):
         side = 2048 if 5 < mean < 20 else 512
         n = side**2
-        found = counts(mean, (side, side), seed=21)
-        assert np.array_equal(found, np.floor(found)) and found.min() >= 0, mean
+        samples = counts(mean, (side, side), seed=21)
+        assert np.array_equal(samples, np.floor(samples)) and samples.min() >= 0, mean
         spread = math.sqrt(mean)
         low = max(int(mean - 6 * spread) - 6, 0)
         high = int(mean + 6 * spread) + 12
@@ -94,9 +94,9 @@ def test_counts_follow_poisson_probabilities():
                 edges.append(j)
         edges.append(high)
         expected = np.array([n * probability[a - low : b - low].sum() for a, b in itertools.pairwise(edges)])
-        seen = np.histogram(found, bins=[*edges[:-1], np.inf])[0]
-        assert seen.sum() == n
-        square = np.sum((seen - expected) ** 2 / expected)
+        histogram = np.histogram(samples, bins=[*edges[:-1], np.inf])[0]
+        assert histogram.sum() == n
+        square = np.sum((histogram - expected) ** 2 / expected)
         # Wilson and Hilferty: the cube root of chi-square over its mean is close to normal, also for few bins.
         freedom = len(expected) - 1
         variance = 2 / (9 * freedom)

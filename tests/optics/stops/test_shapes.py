@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.optics.element_record import CIRCLE
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_part
 from plenoptic.optics.microlens.lattice import polygon_area
-from plenoptic.optics.record import CIRCLE
 from plenoptic.optics.stops.mask import MaskStop
 from plenoptic.optics.stops.star import StarStop
 from plenoptic.plots.lens import plot_stop
@@ -27,8 +27,8 @@ HALF = np.array([[0.0, 1.0, 0.25], [1.0, 0.5, 0.0]])
 
 def curved(blades, size, rotation, beyond, sign):
     """Blades whose radius is `beyond` times the smallest one."""
-    least = size if sign > 0 else size * math.tan(math.pi / blades)
-    return pl.PolygonStop(blades, size, rotation, blade_radius=sign * least * beyond)
+    min_radius = size if sign > 0 else size * math.tan(math.pi / blades)
+    return pl.PolygonStop(blades, size, rotation, blade_radius=sign * min_radius * beyond)
 
 
 SIZES, TURNS = st.floats(1e-3, 1e3), st.floats(-7.0, 7.0)
@@ -91,8 +91,8 @@ def test_curved_blades_have_the_area_of_their_outline(stop):
     # Chords of an arc of the angle a that is divided by n cut off (a / n)^2 / 6 of the segment, relatively, at
     # most; a < 2 pi / 3 for outward blades, pi for inward ones; the segment is below the square of the semi-diameter.
     n = 200
-    most = stop.blades * (math.pi / n) ** 2 / 6 * stop.semi_diameter**2
-    assert polygon_area(stop.outline(n * stop.blades)) == pytest.approx(stop.area, abs=most)
+    tolerance = stop.blades * (math.pi / n) ** 2 / 6 * stop.semi_diameter**2
+    assert polygon_area(stop.outline(n * stop.blades)) == pytest.approx(stop.area, abs=tolerance)
 
 
 @given(blades=st.integers(3, 12), size=SIZES, rotation=TURNS)
@@ -111,10 +111,10 @@ def test_blades_become_straight_with_order_1_of_the_curvature():
     high = 2.5**2 / 2
     for sign in (1.0, -1.0):
         stops = [pl.PolygonStop(6, 5.0, blade_radius=sign * r) for r in radii]
-        found = np.array([stop.apothem for stop in stops]) - straight.apothem
-        assert found * radii == pytest.approx(np.full(7, sign * high), rel=1e-5, abs=8 * EPS * 5e9)
-        found = np.array([stop.area for stop in stops]) - straight.area
-        assert found * radii == pytest.approx(np.full(7, sign * 20 * high), rel=1e-5, abs=64 * EPS * 65e9)
+        differences = np.array([stop.apothem for stop in stops]) - straight.apothem
+        assert differences * radii == pytest.approx(np.full(7, sign * high), rel=1e-5, abs=8 * EPS * 5e9)
+        differences = np.array([stop.area for stop in stops]) - straight.area
+        assert differences * radii == pytest.approx(np.full(7, sign * 20 * high), rel=1e-5, abs=64 * EPS * 65e9)
     assert pl.PolygonStop(6, 5.0, blade_radius=-math.inf) == straight
 
 
@@ -207,9 +207,9 @@ def transmission(stop, x, y):
 
 
 def far_from_borders(stop, x, y, by):
-    """Where the transmission does not change within `by` mm."""
-    around = [transmission(stop, x + by * dx, y + by * dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
-    return np.ptp(around, axis=0) == 0
+    """True where the transmission is constant within `by` mm."""
+    neighbours = [transmission(stop, x + by * dx, y + by * dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+    return np.ptp(neighbours, axis=0) == 0
 
 
 def test_rays_pass_where_the_stop_is_open():
@@ -217,13 +217,13 @@ def test_rays_pass_where_the_stop_is_open():
         x, y = RNG.uniform(-5, 5, (2, 5000))
         expected = transmission(stop, x, y)
         # Axial rays reach the stop at the very x, y of their origin: only rounding in the border decides otherwise.
-        sure = far_from_borders(stop, x, y, 1e-12)
-        assert np.count_nonzero(~sure) < 5 and np.count_nonzero(expected) > 500, name
+        unambiguous = far_from_borders(stop, x, y, 1e-12)
+        assert np.count_nonzero(~unambiguous) < 5 and np.count_nonzero(expected) > 500, name
         for reverse in (False, True):
             rays, lens = along_axis(x, y, 3.0 if reverse else -3.0), plate(stop)
             out = lens.trace_reverse(rays) if reverse else lens.trace(rays)
-            assert np.array_equal(out.weight[sure], 3.0 * expected[sure]), name
-            assert np.array_equal(out.status[sure] == 0, expected[sure] > 0), name
+            assert np.array_equal(out.weight[unambiguous], 3.0 * expected[unambiguous]), name
+            assert np.array_equal(out.status[unambiguous] == 0, expected[unambiguous] > 0), name
             assert set(out.status[out.status != 0].tolist()) == {int(pl.RayStatus.CLIPPED)}, name
 
 
@@ -233,10 +233,10 @@ def test_a_moved_stop_is_open_elsewhere():
         lens = plate(stop).moved(0, shift=(0.5, -0.3, 0.0), tilt=(0.0, 0.0, turn))
         x, y = RNG.uniform(-5, 5, (2, 3000))
         u, v = x - 0.5, y + 0.3
-        own = math.cos(turn) * u + math.sin(turn) * v, math.cos(turn) * v - math.sin(turn) * u
-        sure = far_from_borders(stop, *own, 1e-12)
+        local = math.cos(turn) * u + math.sin(turn) * v, math.cos(turn) * v - math.sin(turn) * u
+        unambiguous = far_from_borders(stop, *local, 1e-12)
         out = lens.trace(along_axis(x, y, -3.0))
-        assert np.array_equal(out.weight[sure], 3.0 * transmission(stop, *own)[sure]), name
+        assert np.array_equal(out.weight[unambiguous], 3.0 * transmission(stop, *local)[unambiguous]), name
 
 
 def test_irises_and_further_stops_of_any_shape():
@@ -246,12 +246,12 @@ def test_irises_and_further_stops_of_any_shape():
         assert lens.stop == dataclasses.replace(stop, thickness=lens.stop.thickness), name
         x, y = RNG.uniform(-8, 8, (2, 3000))
         rays = along_axis(x, y, -100.0)
-        here = traced_part(open_lens, rays, 0, open_lens.iris_index).origin[:, :2].T
-        there = open_lens.trace(rays).at_z(31.0)[:, :2].T
-        expected = transmission(stop, *here) * transmission(stop, *there)
-        sure = far_from_borders(stop, *here, 1e-10) & far_from_borders(stop, *there, 1e-10)
-        assert np.count_nonzero(expected[sure]) > 100, name
-        assert lens.trace(rays).weight[sure] == pytest.approx(3.0 * expected[sure], rel=4 * EPS), name
+        at_iris = traced_part(open_lens, rays, 0, open_lens.iris_index).origin[:, :2].T
+        at_stop = open_lens.trace(rays).at_z(31.0)[:, :2].T
+        expected = transmission(stop, *at_iris) * transmission(stop, *at_stop)
+        unambiguous = far_from_borders(stop, *at_iris, 1e-10) & far_from_borders(stop, *at_stop, 1e-10)
+        assert np.count_nonzero(expected[unambiguous]) > 100, name
+        assert lens.trace(rays).weight[unambiguous] == pytest.approx(3.0 * expected[unambiguous], rel=4 * EPS), name
 
 
 def test_ideal_lenses_show_the_image_of_the_iris():
@@ -268,10 +268,10 @@ def test_ideal_lenses_show_the_image_of_the_iris():
         aim = np.column_stack([x, y, np.full(2000, plane)])
         direction = aim - [0.0, 0.0, plane + 60.0]
         out = ideal.trace_reverse(pl.RayBundle(aim - 0.5 * direction, direction))
-        sure = far_from_borders(stop, x / scale, y / scale, 1e-11)
+        unambiguous = far_from_borders(stop, x / scale, y / scale, 1e-11)
         expected = transmission(stop, x / scale, y / scale)
         assert np.count_nonzero(expected) > 400, (name, model)
-        assert np.array_equal(out.weight[sure], expected[sure]), (name, model)
+        assert np.array_equal(out.weight[unambiguous], expected[unambiguous]), (name, model)
 
 
 def test_an_inverted_image_of_the_iris_is_turned():
@@ -283,26 +283,26 @@ def test_an_inverted_image_of_the_iris_is_turned():
         x, y = RNG.uniform(-4, 4, (2, 2000))
         out = lens.trace_reverse(along_axis(x, y, 400.0))
         # The magnification is -1 to 1e-11, by the thickness of the lens.
-        sure = far_from_borders(stop, -x, -y, 1e-8)
-        assert np.array_equal(out.weight[sure], 3.0 * transmission(stop, -x, -y)[sure]), name
+        unambiguous = far_from_borders(stop, -x, -y, 1e-8)
+        assert np.array_equal(out.weight[unambiguous], 3.0 * transmission(stop, -x, -y)[unambiguous]), name
 
 
 def test_bounds_are_made_of_the_circle_around():
-    wanted = lens_record(GAUSS.with_stop(pl.CircularStop(4.0)), 587.6, reverse=True)
+    reference = lens_record(GAUSS.with_stop(pl.CircularStop(4.0)), 587.6, reverse=True)
     for name, stop in SHAPES.items():
         lens = GAUSS.with_stop(stop)
-        made = lens_record(lens, 587.6, reverse=True, round_stops=True)
-        assert all(a is b is None or np.array_equal(a, b) for a, b in zip(made, wanted, strict=True)), name
-        made = lens_record(lens, 587.6, reverse=True, clipping=False)
-        assert made.masks is None and made.rows[5]["kind"] == CIRCLE and not len(made.edges), name
+        record = lens_record(lens, 587.6, reverse=True, round_stops=True)
+        assert all(a is b is None or np.array_equal(a, b) for a, b in zip(record, reference, strict=True)), name
+        record = lens_record(lens, 587.6, reverse=True, clipping=False)
+        assert record.masks is None and record.rows[5]["kind"] == CIRCLE and not len(record.edges), name
 
 
 def test_lenses_draw_and_check_with_any_stop():
     for name, stop in SHAPES.items():
         lens = GAUSS.with_stop(stop)
         assert lens._repr_svg_().startswith("<svg") and lens.check() == (), name
-        found = pl.aberrations.vignetting(lens, [0.0], grid=64)
-        assert (found.fraction[0], found.standard_error[0]) == (1.0, 0.0), name  # on the axis all is filled
+        vignetting = pl.aberrations.vignetting(lens, [0.0], grid=64)
+        assert (vignetting.fraction[0], vignetting.standard_error[0]) == (1.0, 0.0), name  # on the axis all is filled
         assert plot_stop(lens.stop).get_title() == type(lens.stop).__name__, name
         ax = lens.layout(fields=[0.0, 0.1])
         # Bars of the iris end where the circle around the opening begins.
@@ -318,6 +318,6 @@ def test_a_grey_mask_dims():
     assert np.array_equal(dim.projected_solid_angle, 0.25 * white.projected_solid_angle)
     # A second filter of 0.25 behind the lens takes as much of what the iris lets through.
     both = grey.inserted(MaskStop(0.25 * np.ones((1, 1)), 60.0), z=31.0)
-    found = pl.aberrations.vignetting(both, [0.0], grid=32)
-    assert found.fraction[0] == pytest.approx(0.25, rel=4 * EPS)
+    vignetting = pl.aberrations.vignetting(both, [0.0], grid=32)
+    assert vignetting.fraction[0] == pytest.approx(0.25, rel=4 * EPS)
     assert pl.aberrations.vignetting(grey, [0.0], grid=32).fraction[0] == 1.0

@@ -32,9 +32,9 @@ def test_sag_lies_on_the_sphere(radius, fraction):
 @given(radius=RADII, fraction=st.floats(0.0, 1e-3))
 def test_sag_is_a_parabola_near_the_vertex(radius, fraction):
     r = fraction * abs(radius)
-    found = float(pl.Surface(radius, semi_diameter=abs(radius)).sag(r))
+    sag = float(pl.Surface(radius, semi_diameter=abs(radius)).sag(r))
     # The next term of the series is (r / R)^2 / 4 of the first.
-    assert found == pytest.approx(r * r / (2 * radius), rel=0.26e-6, abs=1e-300)
+    assert sag == pytest.approx(r * r / (2 * radius), rel=0.26e-6, abs=1e-300)
 
 
 def test_impossible_spheres_are_refused():
@@ -109,9 +109,9 @@ def test_snell_and_the_way_back():
         start = np.column_stack([rng.uniform(-size, size, (n, 2)), np.full(n, -s * 4 * size)])
         rays = pl.RayBundle(start, target - start)
         out = refracted(lens, rays.origin, rays.direction, reverse=reverse)
-        kept = out.status == OK
-        assert kept.mean() > 0.3 and out.status.max() <= pl.RayStatus.TOTAL_REFLECTION, (shape, reverse)
-        p, d, bent = out.origin[kept], rays.direction[kept], out.direction[kept]
+        passes = out.status == OK
+        assert passes.mean() > 0.3 and out.status.max() <= pl.RayStatus.TOTAL_REFLECTION, (shape, reverse)
+        p, d, bent = out.origin[passes], rays.direction[passes], out.direction[passes]
         r = np.hypot(p[:, 0], p[:, 1])
         assert r.max() <= size * (1 + 4 * EPS), (shape, reverse)
         normal = np.column_stack([-surface.slope(r)[:, None] * p[:, :2] / r[:, None], np.ones(len(p))])
@@ -140,13 +140,13 @@ def test_a_hyper_hemisphere_is_stigmatic():
         # In reverse: from within the glass towards -z and beyond.
         along = np.column_stack([0 * angle, np.sin(angle), -np.cos(angle)])
         out = refracted(lens, np.broadcast_to([0.0, 0.0, radius + inside], (401, 3)), along, reverse=True)
-        found = out.status == OK
-        assert found.mean() > 0.95 and np.nanmax(out.origin[found, 2]) > 1.2 * radius, inside
+        passes = out.status == OK
+        assert passes.mean() > 0.95 and np.nanmax(out.origin[passes, 2]) > 1.2 * radius, inside
         # Distance of the rays' lines from the point they seem to come from.
-        off = np.linalg.norm(np.cross(out.origin[found] - [0, 0, radius + source], out.direction[found]), axis=1)
+        off = np.linalg.norm(np.cross(out.origin[passes] - [0, 0, radius + source], out.direction[passes]), axis=1)
         assert off.max() <= 64 * EPS * (radius + source), inside
         # What meets the sphere deeper than its rim has missed it.
-        assert np.all(out.status[~found] == MISSED), inside
+        assert np.all(out.status[~passes] == MISSED), inside
 
 
 def test_impossible_surfaces_are_refused():

@@ -86,10 +86,10 @@ def test_terms_are_nolls():
     for j in range(1, 92):
         sag = ZernikeSag([0.0] * (j - 1) + [1.0], 2.0)
         r, phi = 2.0 * np.sqrt(RNG.uniform(size=200)), RNG.uniform(-math.pi, math.pi, 200)
-        wanted = zernike(j, r / 2.0, phi) - zernike(j, 0.0, 0.0)
-        found = sag.sag(r * np.cos(phi), r * np.sin(phi))
+        reference = zernike(j, r / 2.0, phi) - zernike(j, 0.0, 0.0)
+        heights = sag.sag(r * np.cos(phi), r * np.sin(phi))
         # The powers of degree 12 cancel from 4e4 to the values of some units.
-        assert found == pytest.approx(wanted, abs=4e5 * EPS), j
+        assert heights == pytest.approx(reference, abs=4e5 * EPS), j
         assert sag.offset == pytest.approx(float(zernike(j, 0.0, 0.0)), abs=64 * EPS), j
         of_wavefronts = pl.aberrations.zernike(j, r / 2.0 * np.cos(phi), r / 2.0 * np.sin(phi))
         assert of_wavefronts == pytest.approx(zernike(j, r / 2.0, phi), abs=4e5 * EPS), j
@@ -112,9 +112,9 @@ def test_derivatives_and_bounds():
         change[1] = departure.gradient(x, y + h) - departure.gradient(x, y - h)
         bending = np.linalg.norm((change / (2 * h)).transpose(2, 0, 1), ord=2, axis=(1, 2)).max()
         slope, height = np.hypot(*gradient).max(), np.abs(departure.sag(x, y)).max()
-        for found, bound in ((slope, bounds.slope), (bending, bounds.bending), (height, bounds.height)):
+        for values, bound in ((slope, bounds.slope), (bending, bounds.bending), (height, bounds.height)):
             # Many terms that do not add up in size anywhere: the sum of their sizes is some times the whole.
-            assert found <= bound * (1 + 1e-5) and bound < 6 * found, name
+            assert values <= bound * (1 + 1e-5) and bound < 6 * values, name
 
 
 def test_the_vertex_is_what_the_derivatives_say():
@@ -134,9 +134,9 @@ def test_snell_and_the_way_back():
         lens, surface, size = one_surface(**shape), pl.Surface(**shape), shape["semi_diameter"]
         rays = beam(size, 3000, -1.0 if reverse else 1.0)
         out = traced_part(lens, rays, 2, 2, reverse=reverse)
-        kept = out.status == OK
-        assert kept.mean() > 0.3 and unsettled(out) <= AT_EQUATOR.get(name, 0.0), (name, reverse)
-        p, d, bent = out.origin[kept], np.asarray(rays.direction)[kept], out.direction[kept]
+        passes = out.status == OK
+        assert passes.mean() > 0.3 and unsettled(out) <= AT_EQUATOR.get(name, 0.0), (name, reverse)
+        p, d, bent = out.origin[passes], np.asarray(rays.direction)[passes], out.direction[passes]
         inside = np.hypot(p[:, 0], p[:, 1]) < size * (1 - 1e-6)  # at an equator normals are infinitely steep
         p, d, bent = p[inside], d[inside], bent[inside]
         normal = np.column_stack([*-surface.gradient(p[:, 0], p[:, 1]), np.ones(len(p))])
@@ -175,16 +175,16 @@ def test_the_first_crossing_is_found():
         up = (gap[:-1] < 0) & (gap[1:] >= 0) & crosses
         first = np.where(up.any(axis=0), t[np.argmax(up, axis=0), np.arange(len(p))], np.nan)
         step = t[1] - t[0]
-        met = np.isfinite(out.origin[:, 2])
+        hits = np.isfinite(out.origin[:, 2])
         reached = np.einsum("ij,ij->i", out.origin - p, d)
         clear = crosses & np.isfinite(first)
         # What is found is never behind the first change of sign that was seen, and where none was seen none is
         # taken, but for crossings between two places.
-        both = clear & met
+        both = clear & hits
         assert both.sum() > 0.2 * len(p), (name, slant)
         assert np.all(reached[both] <= first[both] + 1.01 * step[both]), (name, slant)
         assert np.mean(np.abs(reached[both] - first[both]) <= 1.01 * step[both]) > 0.98, (name, slant)
-        lost = clear & ~met & (out.status != pl.RayStatus.TOTAL_REFLECTION)
+        lost = clear & ~hits & (out.status != pl.RayStatus.TOTAL_REFLECTION)
         assert not lost.any() and unsettled(out) <= 10 * AT_EQUATOR.get(name, 0.0), (name, slant)
 
 
@@ -226,9 +226,9 @@ def test_turned_terms_are_a_turned_surface():
     out = traced_part(lens, rays, 2, 2)
     turned_rays = pl.RayBundle(rays.origin @ matrix.T, rays.direction @ matrix.T)
     for same in (other, lens.moved(2, tilt=(0.0, 0.0, turn))):
-        found = traced_part(same, turned_rays, 2, 2)
-        assert found.origin == pytest.approx(out.origin @ matrix.T, abs=1e-12)
-        assert found.direction == pytest.approx(out.direction @ matrix.T, abs=1e-13)
+        rotated = traced_part(same, turned_rays, 2, 2)
+        assert rotated.origin == pytest.approx(out.origin @ matrix.T, abs=1e-12)
+        assert rotated.direction == pytest.approx(out.direction @ matrix.T, abs=1e-13)
 
 
 def freeform_lens():
@@ -317,11 +317,11 @@ def test_zemax_files_are_read():
     z = lens.vertices
     offset = -0.02 * math.sqrt(3)
     assert z[1] - z[0] == pytest.approx(4.0 - offset) and z[2] - z[1] == pytest.approx(5.0)
-    there = surface.sag(3.0, -2.0) + z[0]
-    wanted = dataclasses.replace(surface, departure=None).sag(math.hypot(3, 2))
+    height = surface.sag(3.0, -2.0) + z[0]
+    conic_sag = dataclasses.replace(surface, departure=None).sag(math.hypot(3, 2))
     rho, phi = math.hypot(3, 2) / 11, math.atan2(-2, 3)
-    wanted += 0.02 * zernike(4, rho, phi) - 0.01 * zernike(6, rho, phi)
-    assert there == pytest.approx(-9.0 + wanted)
+    conic_sag += 0.02 * zernike(4, rho, phi) - 0.01 * zernike(6, rho, phi)
+    assert height == pytest.approx(-9.0 + conic_sag)
     with pytest.raises(pl.errors.PrescriptionError, match="element 0 has no rotational symmetry"):
         zmx_of_lens(lens)
     for nothing in (re.sub(r"(XDAT [68]) \S+", r"\1 0", ZMX), ZMX.replace("XDAT 1 6.0", "XDAT 1 0.0")):

@@ -33,7 +33,7 @@ def test_any_order_of_results_gives_the_same_bits(fake):
         fake.calls.clear()
         one, other = small(**way), small(client=fake, **way)
         assert_same(one, other)
-        assert other.stats.threads == 2 and fake.calls.count("carry_out") >= 3, way
+        assert other.stats.threads == 2 and fake.calls.count("run_jobs") >= 3, way
     given = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
     one, other = (pl.render_white(pl.camera.example_camera(), client=client, **given) for client in (None, fake))
     assert one.image.tobytes() == other.image.tobytes()

@@ -101,7 +101,7 @@ def entries_of(path):
     """The records of a file, as facts and the place where each ends."""
     log = RecordLog(path, KIND)
     log.close()
-    return [(entry.facts, entry.place + entry.length) for entry in log.entries]
+    return [(entry.facts, entry.position + entry.length) for entry in log.entries]
 
 
 @pytest.mark.filterwarnings("ignore:.* bytes of .* are damaged:plenoptic.errors.FileWarning")

@@ -8,7 +8,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.files.reading import FileLimits, FileReader
+from plenoptic.core.files.file_limits import FileLimits, FileReader
 from plenoptic.scene.files.obj import obj_material, read_mtl
 from plenoptic.scene.textures.texture import Wrap
 

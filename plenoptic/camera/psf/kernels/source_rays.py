@@ -12,7 +12,7 @@ from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.kernels.sobol import sample, set_index, set_key, stream
 from plenoptic.core.numba.jit import kernel
-from plenoptic.optics.diffraction.kernels.far_field import bend
+from plenoptic.optics.diffraction.kernels.far_field import sample_deflection
 
 
 @kernel
@@ -54,7 +54,7 @@ def fill_bent(blocks, start, n, seed, task, bends):
     for k in range(n):
         base = (k // BLOCK) * RAY + k % BLOCK
         index = set_index(np.uint32(task.first + start + k), key, BEND_SET)
-        by_x, by_y, _, _ = bend(bends.field, sample(index, 0, key), sample(index, 1, key))
+        by_x, by_y, _, _ = sample_deflection(bends.field, sample(index, 0, key), sample(index, 1, key))
         h = bends.distance + bends.tilt[0] * blocks[base + X] + bends.tilt[1] * blocks[base + Y]
         blocks[base + X] += h * (by[0, 0] * by_x + by[0, 1] * by_y)
         blocks[base + Y] += h * (by[1, 0] * by_x + by[1, 1] * by_y)
@@ -67,7 +67,7 @@ def fill_bent_at_iris(blocks, start, n, seed, task, iris):
     wavelength = iris.wavelengths[0]
     for k in range(n):
         index = set_index(np.uint32(task.first + start + k), key, BEND_SET)
-        by_x, by_y, _, _ = bend(iris.field, sample(index, 2, key), sample(index, 3, key))
+        by_x, by_y, _, _ = sample_deflection(iris.field, sample(index, 2, key), sample(index, 3, key))
         ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
         bend_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from plenoptic.core.kernels.polygons import cut
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.optics.microlens.kernels.listed import bins_around
+from plenoptic.optics.microlens.kernels.lens_table import bins_around
 
 _MOST_CORNERS = 64
 
@@ -152,7 +152,7 @@ def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil)
     tilt = sensor.tilt
     frame = pupil.plane.frame
     pattern = array.lattice.pattern
-    listed = array.listed
+    listed = array.lens_table
     walls = array.walls
     origin, basis, inverse = array.lattice.origin, array.lattice.basis, array.lattice.inverse
     powers, radius, plane, pinhole = array.lattice.powers, array.opening.radius, pupil.plane, pupil.pinhole

@@ -1,4 +1,4 @@
-"""Drawing bends from far-field patterns."""
+"""Sampling of deflections from far-field patterns: kernels."""
 
 from __future__ import annotations
 
@@ -8,30 +8,28 @@ from plenoptic.core.numba.jit import device, kernel
 
 
 @device
-def _found(shares, u):
-    """The interval of cumulative shares that holds u, and where in it u lies, from 0 to 1."""
-    low, high = 0, shares.size - 1
+def _find_interval(cumulative, u):
+    """Interval of cumulative probabilities that holds u, and the fraction of the interval below u."""
+    low, high = 0, cumulative.size - 1
     while high - low > 1:
         middle = (low + high) // 2
-        if shares[middle] <= u:
+        if cumulative[middle] <= u:
             low = middle
         else:
             high = middle
-    width = shares[low + 1] - shares[low]
-    return low, (u - shares[low]) / width if width > 0.0 else 0.5
+    width = cumulative[low + 1] - cumulative[low]
+    return low, (u - cumulative[low]) / width if width > 0.0 else 0.5
 
 
 @device
-def _beyond(field, u, v):
-    """Sample a frequency outside the disc, in periods; returns the weights of paths through and outside the opening,
-    too.
-    """
+def _sample_edges(field, u, v):
+    """Sample a frequency outside the disc, in periods; with the weights of paths through the opening and the gap."""
     edges, k = field.edges, 0
     while k < edges.shape[0] - 1 and edges[k, 0] <= u:
         k += 1
-    before = edges[k - 1, 0] if k > 0 else 0.0
-    u = (u - before) / (edges[k, 0] - before)
-    a = field.inner / (1.0 - v)
+    below = edges[k - 1, 0] if k > 0 else 0.0
+    u = (u - below) / (edges[k, 0] - below)
+    a = field.radius / (1.0 - v)
     if edges[k, 3] == 0.0:
         angle = 2.0 * math.pi * u
         return a * math.cos(angle), a * math.sin(angle), edges[k, 4], edges[k, 5]
@@ -39,37 +37,38 @@ def _beyond(field, u, v):
         a, u = -a, 2.0 * u
     else:
         u = 2.0 * u - 1.0
-    at = u * (field.spread.size - 1)
-    i = min(int(at), field.spread.size - 2)
-    b = (field.spread[i] + (at - i) * (field.spread[i + 1] - field.spread[i])) / edges[k, 3]
+    position = u * (field.sinc2_quantiles.size - 1)
+    i = min(int(position), field.sinc2_quantiles.size - 2)
+    low, high = field.sinc2_quantiles[i], field.sinc2_quantiles[i + 1]
+    b = (low + (position - i) * (high - low)) / edges[k, 3]
     return a * edges[k, 1] - b * edges[k, 2], a * edges[k, 2] + b * edges[k, 1], edges[k, 4], edges[k, 5]
 
 
 @device
-def bend(field, u, v):
-    """Sample a deflection, as a spatial frequency in cycles/mm, from two numbers in [0, 1).
+def sample_deflection(field, u, v):
+    """Sample a deflection from two numbers in [0, 1): spatial frequencies along x and y in cycles/mm.
 
-    Returns the weights of a path through the opening and of one outside it, too.
+    Also returns the weights of paths through the opening and through the gap.
     """
     inside = field.rows[field.rows.size - 1]
-    through, beside = 1.0, 0.0
+    opening_weight, gap_weight = 1.0, 0.0
     if u < inside:
-        row, y = _found(field.rows, u)
-        column, x = _found(field.columns[row], v)
+        row, y = _find_interval(field.rows, u)
+        column, x = _find_interval(field.columns[row], v)
         if field.opening is not None:
-            through = field.opening[row, column]
-            beside = (1.0 - field.share * through) / (1.0 - field.share)
-        x, y = (column + x) * field.step - field.inner, (row + y) * field.step - field.inner
+            opening_weight = field.opening[row, column]
+            gap_weight = (1.0 - field.opening_fraction * opening_weight) / (1.0 - field.opening_fraction)
+        x, y = (column + x) * field.step - field.radius, (row + y) * field.step - field.radius
     else:
-        x, y, through, beside = _beyond(field, (u - inside) / (1.0 - inside), v)
+        x, y, opening_weight, gap_weight = _sample_edges(field, (u - inside) / (1.0 - inside), v)
     scale = field.scale
-    return scale[0, 0] * x + scale[0, 1] * y, scale[1, 0] * x + scale[1, 1] * y, through, beside
+    return scale[0, 0] * x + scale[0, 1] * y, scale[1, 0] * x + scale[1, 1] * y, opening_weight, gap_weight
 
 
 @kernel
-def fill_bends(bends, numbers, field):
-    """Write deflections (n, 4) for numbers (n, 2): frequencies along x and y, weights of paths through and outside
-    openings.
-    """
+def fill_deflections(deflections, numbers, field):
+    """Deflections (n, 4) for numbers (n, 2): frequencies along x and y, weights of paths through opening and gap."""
     for i in range(numbers.shape[0]):
-        bends[i, 0], bends[i, 1], bends[i, 2], bends[i, 3] = bend(field, numbers[i, 0], numbers[i, 1])
+        deflections[i, 0], deflections[i, 1], deflections[i, 2], deflections[i, 3] = sample_deflection(
+            field, numbers[i, 0], numbers[i, 1]
+        )

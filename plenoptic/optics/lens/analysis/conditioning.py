@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.lost_rays import Lost, by_cause, checked_lost, in_words, lost_rays
+from plenoptic.core.lost_rays import Lost, by_cause, check_lost, in_words, lost_rays
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, frozen_array, set_field, value, whole
 from plenoptic.errors import InvalidValueError
@@ -115,7 +115,7 @@ class Conditioning:
             set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n,), dtype=np.int64))
         for name in _MEASURED:
             set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n, 2)))
-        set_field(self, "lost", checked_lost(self.lost))
+        set_field(self, "lost", check_lost(self.lost))
 
     @property
     def digits_lost(self) -> Floats:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
+from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, IDEAL, SPHERE
 from plenoptic.optics.lens.record import LensRecord
-from plenoptic.optics.record import ASPHERE, CONIC, FREEFORM, IDEAL, SPHERE
 
 CHUNK = 64
 """Blocks of 256 rays that are followed together: with ten elements 8 MB of notes."""

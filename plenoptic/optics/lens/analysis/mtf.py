@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.values import (
-    MOST_POINTS,
+    MAX_POINTS,
     Floats,
     checked_shape,
     frozen_array,
@@ -106,7 +106,7 @@ def point_spread(  # noqa: PLR0913
     >>> spread.image.shape, 0 < spread.outside < 1, round(float(spread.image.sum()) + spread.outside, 12)
     ((64, 64), True, 1.0)
     """
-    rows, columns = checked_shape(shape, ("rows", "columns"), at_most=4 * MOST_POINTS // REPLICATES)
+    rows, columns = checked_shape(shape, ("rows", "columns"), at_most=4 * MAX_POINTS // REPLICATES)
     spot = spot_diagram(
         lens, field=field, z_object=z_object, z_image=z_image, wavelength=wavelength, rays=rays, seed=seed
     )

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import MOST_POINTS, Floats, finite, read_only, result, whole
+from plenoptic.core.values import MAX_POINTS, Floats, finite, read_only, result, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import paraxial_focus, working_f_number
@@ -289,7 +289,7 @@ def ray_fan(
     point, z = checked_point(lens, field, z_object)
     wavelengths = checked_wavelengths(wavelength)
     z_fan = image_plane(lens, z_image, z, wavelengths[0])
-    n = whole(points, "points", at_least=2, at_most=MOST_POINTS)
+    n = whole(points, "points", at_least=2, at_most=MAX_POINTS)
     pupil = np.linspace(-1.0, 1.0, n)
     along = meridian(point)
     # One row of the matrix each: the axes of the image plane, sagittal and tangential.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.files.text_lines import naming_line, written_number
+from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.bundled import glass
 from plenoptic.optics.glass.media import AIR, ConstantMedium, Medium, ModelGlass
@@ -25,17 +25,17 @@ def lens_from_csv(text: str, where: str) -> LensStack:
     if header != _HEADER:
         first = rows[0][0] if rows else 1
         raise PrescriptionError(f"{where}, line {first}: the first line must be {';'.join(_HEADER)}, with semicolons")
-    with naming_line(where, rows[-1][0]):
+    with name_line_in_errors(where, rows[-1][0]):
         check_count(len(rows) - 1)
     elements: list[Element] = []
     before: Medium = AIR
     for number, line in rows[1:]:
-        with naming_line(where, number):
+        with name_line_in_errors(where, number):
             elements.append(_element(line, before=before, last=number == rows[-1][0]))
         before = medium_behind(elements[-1].medium, before) if isinstance(elements[-1], Surface) else before
     surfaces = [element for element in elements if isinstance(element, Surface)]
     source = where
-    with naming_line(where, rows[-1][0]):
+    with name_line_in_errors(where, rows[-1][0]):
         if surfaces and len(surfaces) == len(elements):
             elements, source = with_inferred_stop(surfaces), f"{where}; stop placed by rule"
         lens = LensStack(elements, None, where.rpartition(".")[0], source)
@@ -61,8 +61,8 @@ def _medium(material: str, index: str, abbe: str) -> Medium:
             ) from None
     if not index:
         raise PrescriptionError(f"material {material[:40]!r} has a V-number and no index; give it, or leave both empty")
-    number = written_number(index, "index")
-    return ModelGlass(number, written_number(abbe, "v-no"), material) if abbe else ConstantMedium(number)
+    number = parse_number(index, "index")
+    return ModelGlass(number, parse_number(abbe, "v-no"), material) if abbe else ConstantMedium(number)
 
 
 def _element(line: str, *, before: Medium, last: bool) -> Element:
@@ -70,13 +70,13 @@ def _element(line: str, *, before: Medium, last: bool) -> Element:
     if len(cells) != len(_HEADER):
         raise PrescriptionError(f"there are {len(cells)} cells; there must be {len(_HEADER)}, with ; between them")
     radius, thickness, material, index, abbe, semi_diameter = cells
-    gap = written_number(thickness, "thickness")
+    gap = parse_number(thickness, "thickness")
     medium = _medium(material, index, abbe)
     if last and medium_behind(medium, before) != AIR:
         raise PrescriptionError(
             f"the last material is {material[:40]!r}; the sensor is in air: it must be air, or empty"
         )
-    size, gap = written_number(semi_diameter, "sa"), 0.0 if last else gap
+    size, gap = parse_number(semi_diameter, "sa"), 0.0 if last else gap
     if not radius and before == medium == AIR:
         return CircularStop(size, gap)
-    return Surface(written_number(radius, "radius") if radius else math.inf, gap, medium, semi_diameter=size)
+    return Surface(parse_number(radius, "radius") if radius else math.inf, gap, medium, semi_diameter=size)

@@ -31,7 +31,7 @@ from plenoptic.optics.lens.elements import Element, check_count
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.stops.registry import STOPS, Stop
+from plenoptic.optics.stops.stop_registry import STOPS, Stop
 from plenoptic.optics.surfaces.mirror import MIRROR
 from plenoptic.optics.surfaces.surface import Surface
 

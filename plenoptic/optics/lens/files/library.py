@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from plenoptic.core.files.atomic_file import write_file
-from plenoptic.core.files.reading import TEXT, FileLimits, read_file
+from plenoptic.core.files.file_limits import TEXT, FileLimits, read_file
 from plenoptic.core.values import choice, file_path
 from plenoptic.errors import FileError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
@@ -104,10 +104,10 @@ def load_lens(
     if ending == ".json":
         return lens_from_json(_utf8(path, limits), path.name)
     if ending == ".zmx":
-        from plenoptic.core.files.text_lines import decoded
+        from plenoptic.core.files.text_lines import decode_text
         from plenoptic.optics.lens.files.zemax import lens_from_zmx
 
-        text = decoded(read_file(path, limits), errors="replace")
+        text = decode_text(read_file(path, limits), errors="replace")
         return lens_from_zmx(text, path.name, glasses=glasses, stop_size=stop_size)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
         what = "is a folder" if path.is_dir() else f"ends in {ending!r}"

@@ -40,7 +40,7 @@ import math
 import re
 from collections.abc import Mapping
 
-from plenoptic.core.files.text_lines import naming_line, written_number
+from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
 from plenoptic.core.values import wrong_kind
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileWarning, InvalidValueError, PrescriptionError
@@ -53,7 +53,7 @@ from plenoptic.optics.lens.files.zemax_stack import Row, stacked
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.surfaces.registry import ZEMAX
+from plenoptic.optics.surfaces.freeform_registry import ZEMAX
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
@@ -89,7 +89,7 @@ def lens_from_zmx(
     head, blocks = _blocks(text, where)
     unit = 1.0
     for line in head:
-        with naming_line(where, line.number):
+        with name_line_in_errors(where, line.number):
             if line.keyword == "MODE" and line.word(0).upper() != "SEQ":
                 raise PrescriptionError(f"MODE is {line.word(0)[:40]!r}; only sequential files, MODE SEQ, can be read")
             if line.keyword == "UNIT":
@@ -131,7 +131,7 @@ def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
         keyword, *operands = line.split(None, 1) or [""]
         entry = Line(number, keyword.upper(), operands[0].strip() if operands else "")
         if entry.keyword == "SURF":
-            with naming_line(where, number):
+            with name_line_in_errors(where, number):
                 if entry.word(0) != str(len(blocks)):
                     raise PrescriptionError(
                         f"SURF is {entry.word(0)[:40]!r}; the next surface has number {len(blocks)}"
@@ -193,7 +193,7 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
     kind, terms, extra = "STANDARD", [0.0] * _TERMS, dict[int, float]()
     # TYPE first, which says what PARM and XDAT mean.
     for line in sorted(block, key=lambda line: line.keyword != "TYPE"):
-        with naming_line(where, line.number):
+        with name_line_in_errors(where, line.number):
             if line.keyword == "TYPE":
                 kind = _type(line, number)
             elif line.keyword == "PARM" and kind == _BREAK:
@@ -205,7 +205,7 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
             else:
                 row = _with_line(row, line, unit, glasses)
     if kind in ZEMAX:
-        with naming_line(where, row.lines.get("XDAT", row.lines["SURF"])):
+        with name_line_in_errors(where, row.lines.get("XDAT", row.lines["SURF"])):
             departure, offset = ZEMAX[kind](extra, unit)
             row = row._replace(departure=departure, offset=offset)
     if kind == _BREAK:
@@ -263,7 +263,7 @@ def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
             return row._replace(obscured=max(row.obscured, line.real(1) * unit))
         case "STOP":
             return row._replace(is_stop=True)
-        case "OBDC" if any(written_number(word, "OBDC") != 0 for word in line.words[:2]):
+        case "OBDC" if any(parse_number(word, "OBDC") != 0 for word in line.words[:2]):
             raise PrescriptionError("the aperture is decentred; only centred apertures can be read: leave it out")
         case "SCBD" if any(re.fullmatch(r".*[1-9].*", word) for word in line.words[2:]):
             raise PrescriptionError("the surface is decentred or tilted; read it centred and use lens.moved()")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plenoptic.core.files.text_lines import naming_line
+from plenoptic.core.files.text_lines import name_line_in_errors
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
@@ -22,8 +22,8 @@ from plenoptic.optics.lens.specification import Specification, StopSize
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.ring import RingStop
+from plenoptic.optics.surfaces.freeform_registry import FreeformTerm
 from plenoptic.optics.surfaces.mirror import medium_behind
-from plenoptic.optics.surfaces.registry import Departure
 from plenoptic.optics.surfaces.surface import Surface
 
 _ROUNDING = 1e-12
@@ -47,7 +47,7 @@ class Row(NamedTuple):
     curvature: float = 0.0
     conic: float = 0.0
     aspheric: tuple[float, ...] = ()
-    departure: Departure | None = None
+    departure: FreeformTerm | None = None
     offset: float = 0.0
     """Sag at the vertex, which a departure leaves out: the surface stands so far behind its place."""
     gap: float = 0.0
@@ -122,7 +122,7 @@ def stacked(rows: list[Row], system: System, where: str, name: str, source: str,
     elements = [piece.element for piece in pieces]
     surfaces = [element for element in elements if isinstance(element, Surface)]
     iris = None if stop is None else next(i for i, piece in enumerate(pieces) if piece.row is stop.row)
-    with naming_line(where, rows[-2].lines["SURF"]):
+    with name_line_in_errors(where, rows[-2].lines["SURF"]):
         if iris is None and surfaces and len(surfaces) == len(elements) and ambient == AIR:
             elements, source = with_inferred_stop(surfaces), f"{source}; stop placed by rule"
         elif iris is None and surfaces:

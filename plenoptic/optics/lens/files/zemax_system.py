@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plenoptic.core.files.text_lines import naming_line, written_number
+from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
 from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import D_LINE
@@ -46,12 +46,12 @@ class Line(NamedTuple):
         """The i-th entry as a finite number; where there are fewer and there is a default, that."""
         if default is not None and i >= len(self.words):
             return default
-        return written_number(self.word(i), self.keyword)
+        return parse_number(self.word(i), self.keyword)
 
     @property
     def reals(self) -> list[float]:
         """All entries as finite numbers."""
-        return [written_number(word, self.keyword) for word in self.words]
+        return [parse_number(word, self.keyword) for word in self.words]
 
 
 class Aperture(NamedTuple):
@@ -108,7 +108,7 @@ def read_system(head: Iterable[Line], where: str, unit: float) -> System:
     fields: dict[str, list[float]] = {"XFLN": [], "YFLN": []}
     field_type, counts, primary, left_out = _ANGLE, (0, 0), 1, dict[str, None]()
     for line in head:
-        with naming_line(where, line.number):
+        with name_line_in_errors(where, line.number):
             match line.keyword:
                 case "FLOA":
                     aperture = None

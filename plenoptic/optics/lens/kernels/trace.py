@@ -8,6 +8,7 @@ import numpy as np
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
+from plenoptic.optics.element_record import ASPHERE, CIRCLE, CONIC, FREEFORM, IDEAL, SPHERE
 from plenoptic.optics.lens.kernels.conic_asphere import refract_asphere, refract_conic
 from plenoptic.optics.lens.kernels.frames import into_frame, out_of_frame
 from plenoptic.optics.lens.kernels.freeform import note_freeform, refract_freeform
@@ -25,7 +26,6 @@ from plenoptic.optics.lens.kernels.paths import add_path, begin_path, keep_start
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.lens.kernels.stops import clip_circle, clip_shape
 from plenoptic.optics.lens.record import MOVED
-from plenoptic.optics.record import ASPHERE, CIRCLE, CONIC, FREEFORM, IDEAL, SPHERE
 
 
 @device
@@ -202,7 +202,7 @@ def fill_traced_rows(out, given, lens, first, last):
 def fill_paths(out, lengths, given, lens, path, first, last):
     """Trace as `fill_traced_rows`, with each ray's optical path in mm from its origin to the last element; nan if lost.
 
-    `path` is a `PathNotes` that this call alone writes to.
+    `path` is a `PathWorkspace` that this call alone writes to.
     """
     ray = np.zeros(RAY)
     for start in range(first, last, BLOCK):

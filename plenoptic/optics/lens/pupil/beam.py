@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.sampling import sobol_points
-from plenoptic.core.values import MOST_POINTS, Floats, check_kind, finite, number, seed_number, wavelength_in_nm, whole
+from plenoptic.core.values import MAX_POINTS, Floats, check_kind, finite, number, seed_number, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.outline import normals_of, polygon_around
@@ -180,7 +180,7 @@ def passing_light(
     """Light from one object point on the plane z_image, equal radiance at each wavelength."""
     if len(wavelengths) > _MOST_WAVELENGTHS:
         raise InvalidValueError(f"wavelength has {len(wavelengths)} entries; give at most {_MOST_WAVELENGTHS}")
-    count, start = whole(rays, "rays", at_least=1, at_most=MOST_POINTS), seed_number(seed)
+    count, start = whole(rays, "rays", at_least=1, at_most=MAX_POINTS), seed_number(seed)
     parts = []
     for colour, wavelength in enumerate(wavelengths):
         drawn = {"rays": count, "seed": start, "replicates": replicates}

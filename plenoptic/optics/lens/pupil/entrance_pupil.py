@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.core.values import Floats
+from plenoptic.optics.element_record import IDEAL
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.outline import DARK, Guess, Sight, outlined, polygon_around, up_to_stops
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.record import IDEAL
 from plenoptic.optics.surfaces.surface import Surface
 
 _COARSE, _DENSE, _FINE = 64, 512, 64

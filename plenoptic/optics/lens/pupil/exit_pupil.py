@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, read_only
+from plenoptic.optics.element_record import CIRCLE, FREEFORM
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.outline import (
@@ -32,7 +33,6 @@ from plenoptic.optics.lens.pupil.outline import (
 )
 from plenoptic.optics.lens.record import FRAME, MOVED, LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.record import CIRCLE, FREEFORM
 from plenoptic.optics.surfaces.surface import Surface
 
 _WHOLE, _COARSE, _FINE = 128, 64, 128

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from plenoptic.core.values import MOST_POINTS, Floats, whole
+from plenoptic.core.values import MAX_POINTS, Floats, whole
 
 MOST_ACROSS = 2048
 """Points along a diameter, some 4 million in all."""
@@ -77,4 +77,4 @@ def fan(n: int) -> Floats:
     >>> pl.aiming.fan(3).tolist()
     [[0.0, -1.0], [0.0, 0.0], [0.0, 1.0]]
     """
-    return np.column_stack([np.zeros(whole(n, "n", at_least=2, at_most=MOST_POINTS)), np.linspace(-1.0, 1.0, n)])
+    return np.column_stack([np.zeros(whole(n, "n", at_least=2, at_most=MAX_POINTS)), np.linspace(-1.0, 1.0, n)])

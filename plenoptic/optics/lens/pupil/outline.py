@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
+from plenoptic.optics.element_record import CIRCLE
 from plenoptic.optics.lens.record import LensRecord
-from plenoptic.optics.record import CIRCLE
 
 SIDES = 16
 """Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""

@@ -97,7 +97,7 @@ def traced_through(
         return origin, direction
     n, contiguous = len(origin), (np.ascontiguousarray(origin).view(), np.ascontiguousarray(direction).view())
     status, lost_at = np.zeros(n, dtype=np.uint8), np.full(n, -1, dtype=np.int16)
-    rays = RayBundle._made(*contiguous, wavelength, np.ones(n), status, lost_at)
+    rays = RayBundle._from_arrays(*contiguous, wavelength, np.ones(n), status, lost_at)
     out = traced_by(lens, rays, threads=1 if n <= _CHUNK else None)
     return out.origin, out.direction
 

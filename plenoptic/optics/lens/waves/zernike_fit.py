@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, choice, frozen_array, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.surfaces.zernike import MOST_TERMS, ZernikeSag, degree_and_order
+from plenoptic.optics.surfaces.zernike import MAX_TERMS, ZernikeSag, degree_and_order
 
 _NAMES = {
     (0, 0): "piston",

@@ -1,4 +1,4 @@
-"""To which microlens a point of the array belongs, for light that travels forwards: device functions.
+"""Lookup of the microlens at a point of the array, for light that travels forwards: device functions.
 
 Arrays are an `ArrayRecord`.
 """
@@ -9,25 +9,25 @@ import math
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, STATUS, WEIGHT, L, M, N, X, Y
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.microlens.kernels.listed import bins_around
+from plenoptic.optics.microlens.kernels.lens_table import bins_around
 
-PLACE = 5
-AXIS_X, AXIS_Y, FIRST, SECOND, POWER = (row * BLOCK for row in range(PLACE))
-"""What a block of rays keeps of its microlenses: optical axis, lattice index (FREE: number and 0), and power."""
+LENS_ROWS = 5
+AXIS_X, AXIS_Y, INDEX_I, INDEX_J, POWER = (row * BLOCK for row in range(LENS_ROWS))
+"""Rows of the microlenses of a block of rays: optical axis, lattice index (FREE: number and 0), and power."""
 
 DESIGNED, NO_LENS = -1, -2
-"""In place of a row of the list: lenses that are not listed, and none at all."""
+"""In place of a row of the lens table: lenses that are not in it, and no lens at all."""
 
-_TRIES = 6
-"""Cells in which a ray is looked for; all but rays along the surface are found in the first or second."""
+_MAX_STEPS = 6
+"""Cells in which a ray is searched; all but grazing rays are found in the first or second."""
 
 _ON_EDGE = 1.0 + 1e-9
-"""A ray on the edge belongs to either cell."""
+"""Tolerance with which a ray on an edge belongs to either cell."""
 
 
 @device
 def nearest_cell(x, y, basis, inverse):
-    """Index and centre of the lattice point nearest to (x, y): one corner of the mesh that holds the point."""
+    """Index and centre of the lattice point nearest to (x, y): one corner of the lattice mesh that holds the point."""
     i0 = math.floor(x * inverse[0, 0] + y * inverse[1, 0])
     j0 = math.floor(x * inverse[0, 1] + y * inverse[1, 1])
     best, best_x, best_y, best_i, best_j = math.inf, 0.0, 0.0, i0, j0
@@ -35,16 +35,16 @@ def nearest_cell(x, y, basis, inverse):
         i, j = i0 + (step & 1), j0 + (step >> 1)
         cx = i * basis[0, 0] + j * basis[1, 0]
         cy = i * basis[0, 1] + j * basis[1, 1]
-        far = (x - cx) * (x - cx) + (y - cy) * (y - cy)
-        if far < best:
-            best, best_x, best_y, best_i, best_j = far, cx, cy, i, j
+        distance2 = (x - cx) * (x - cx) + (y - cy) * (y - cy)
+        if distance2 < best:
+            best, best_x, best_y, best_i, best_j = distance2, cx, cy, i, j
     return best_i, best_j, best_x, best_y
 
 
 @device
-def _nearest_listed(x, y, reach, listed):
-    """Row of the listed lens whose designed centre is nearest, no farther than about `reach`; NO_LENS without one."""
-    lenses, bins = listed.lenses, listed.bins
+def _nearest_in_table(x, y, reach, lens_table):
+    """Row of the lens in the table with the nearest design centre within about `reach`; NO_LENS if there is none."""
+    lenses, bins = lens_table.lenses, lens_table.bins
     low_i, high_i, low_j, high_j = bins_around(x, y, reach, bins)
     best, row = math.inf, NO_LENS
     for i in range(low_i, high_i + 1):
@@ -59,14 +59,14 @@ def _nearest_listed(x, y, reach, listed):
 
 
 @device
-def own_lens(x, y, array):
-    """The lens in whose cell (x, y) lies: index, row of the list, optical axis and power."""
+def find_lens(x, y, array):
+    """Lens in whose cell (x, y) lies: index, row of the lens table, optical axis and power."""
     lattice = array.lattice
-    if array.listed is not None and array.listed.cells is not None:
-        row = _nearest_listed(x, y, array.opening.radius, array.listed)
+    if array.lens_table is not None and array.lens_table.cells is not None:
+        row = _nearest_in_table(x, y, array.opening.radius, array.lens_table)
         if row < 0:
             return 0, 0, NO_LENS, 0.0, 0.0, 0.0
-        lens = array.listed.lenses[row]
+        lens = array.lens_table.lenses[row]
         return row, 0, row, lens.axis_x, lens.axis_y, lens.power
     origin = lattice.origin
     i, j, cx, cy = nearest_cell(x - origin[0], y - origin[1], lattice.basis, lattice.inverse)
@@ -75,20 +75,20 @@ def own_lens(x, y, array):
     if lattice.pattern is not None:
         pattern = lattice.pattern
         power = lattice.powers[pattern[i % pattern.shape[0], j % pattern.shape[1]]]
-    if array.listed is not None and array.listed.numbers is not None:
-        corner, rows = array.listed.numbers.corner, array.listed.numbers.rows
+    if array.lens_table is not None and array.lens_table.lattice_index is not None:
+        corner, rows = array.lens_table.lattice_index.corner, array.lens_table.lattice_index.rows
         a, b = i - corner[0], j - corner[1]
         if 0 <= a < rows.shape[0] and 0 <= b < rows.shape[1]:
             row = rows[a, b]
         if row >= 0:
-            lens = array.listed.lenses[row]
+            lens = array.lens_table.lenses[row]
             cx, cy, power = lens.axis_x, lens.axis_y, lens.power
     return i, j, row, cx, cy, power
 
 
 @device
-def meets_sphere(x, y, l, m, n, c):
-    """Intersection of a ray from (x, y, 0) with a sphere of curvature c whose vertex is the origin; see `trace`."""
+def intersect_sphere(x, y, l, m, n, c):
+    """Intersection of a ray from (x, y, 0) with a sphere of curvature c and vertex at the origin; see `trace`."""
     e = -(x * l + y * m)
     px, py, pz = x + e * l, y + e * m, e * n
     f = c * (px * px + py * py + pz * pz) - 2.0 * pz
@@ -98,12 +98,12 @@ def meets_sphere(x, y, l, m, n, c):
 
 
 @device
-def find_cells(ray, place, c, lattice):
-    """Cells of a plain lattice in which rays from the plane z = 0 meet the spheres of curvature c.
+def find_cells(ray, lens_rows, c, lattice):
+    """Find the cells of a plain lattice in which rays from the plane z = 0 meet the spheres of curvature c.
 
-    The spheres of neighbouring cells meet at the edge between them, so that their caps are one surface, which a ray
-    less steep than the surface meets once. A ray that meets the sphere of one cell beyond its edge meets that of the
-    next cell there, or passes on over it.
+    The spheres of neighbouring cells intersect above the edge between them, so that their caps form one surface. A ray
+    less steep than the surface meets it once. A ray that meets the sphere of one cell beyond its edge meets that of the
+    next cell there, or passes over it.
     """
     origin, basis, inverse = lattice.origin, lattice.basis, lattice.inverse
     for i in range(BLOCK):
@@ -113,16 +113,16 @@ def find_cells(ray, place, c, lattice):
             l, m, n = ray[L + i], ray[M + i], ray[N + i]
             a, b, cx, cy = nearest_cell(x, y, basis, inverse)
             if c != 0.0:
-                for _ in range(_TRIES):
-                    hit_x, hit_y = meets_sphere(x - cx, y - cy, l, m, n, c)
+                for _ in range(_MAX_STEPS):
+                    hit_x, hit_y = intersect_sphere(x - cx, y - cy, l, m, n, c)
                     next_a, next_b, next_x, next_y = nearest_cell(cx + hit_x, cy + hit_y, basis, inverse)
                     if next_a == a and next_b == b:
                         break
                     a, b, cx, cy = next_a, next_b, next_x, next_y
-        place[AXIS_X + i] = cx + origin[0]
-        place[AXIS_Y + i] = cy + origin[1]
-        place[FIRST + i] = a
-        place[SECOND + i] = b
+        lens_rows[AXIS_X + i] = cx + origin[0]
+        lens_rows[AXIS_Y + i] = cy + origin[1]
+        lens_rows[INDEX_I + i] = a
+        lens_rows[INDEX_J + i] = b
 
 
 @device
@@ -136,68 +136,72 @@ def is_inside(x, y, radius2, edges):
 
 @device
 def _in_opening(x, y, row, axis, array):
-    """True if (x, y) lies in the opening of a lens, listed in a row or with its centre on its axis."""
+    """True if (x, y) lies in the opening of a lens, which is in a row of the table or has its centre on its axis."""
     if array.opening.fills:
         return True
     ax, ay = axis
-    if array.listed is not None:  # noqa: SIM102 - alone, so that it is pruned
+    if array.lens_table is not None:  # noqa: SIM102 - alone, so that it is pruned
         if row >= 0:
-            lens = array.listed.lenses[row]
+            lens = array.lens_table.lenses[row]
             ax, ay = lens.centre_x, lens.centre_y
     return is_inside(x - ax, y - ay, array.opening.radius2, array.opening.edges)
 
 
 @device
-def _in_cell(x, y, row, listed):
-    """True if (x, y) lies in the cell of a lens, which is the one nearest to it; FREE ones end at the pitch."""
+def _in_cell(x, y, row, lens_table):
+    """True if (x, y) lies in the cell of its nearest lens; cells of FREE lattices are limited by the pitch."""
     if row == NO_LENS:
         return False
-    if listed is None:
+    if lens_table is None:
         return True
-    if listed.cells is None:
+    if lens_table.cells is None:
         return True
-    lens = listed.lenses[row]
-    return is_inside(x - lens.cell_x, y - lens.cell_y, math.inf, listed.cells[row])
+    lens = lens_table.lenses[row]
+    return is_inside(x - lens.cell_x, y - lens.cell_y, math.inf, lens_table.cells[row])
 
 
 @device
-def find_lenses(ray, place, bow, towards_scene, array):
-    """Lenses that differ, where rays from the plane z = 0 meet them; rays that pass none are lost.
+def find_lenses(ray, lens_rows, bow, towards_scene, array):
+    """Find the microlenses that rays from the plane z = 0 meet, if lenses differ; rays that meet none are lost.
 
-    Lenses are spheres of curvature `bow` times their power, or planes for 0. Beside their openings nothing passes or,
-    where that is clear, all does, through the plane of the vertices: there it goes on where it meets that plane, before
-    it can meet a sphere that lies behind (`towards_scene`) or if it has met none in front.
+    Lenses are spheres of curvature `bow` times their power, or planes if `bow` is 0. Gaps are opaque, or clear in the
+    plane of the vertices. A ray passes a clear gap if it meets that plane outside an opening before it can meet a
+    sphere behind it (`towards_scene`), or if it has met no sphere in front.
     """
     clear = array.opening.clear
-    listed = array.listed
+    lens_table = array.lens_table
     for i in range(BLOCK):
         a, b, ax, ay, power = 0, 0, 0.0, 0.0, 0.0
         if ray[STATUS + i] == 0.0:
             x, y, l, m, n = ray[X + i], ray[Y + i], ray[L + i], ray[M + i], ray[N + i]
-            a, b, row, ax, ay, power = own_lens(x, y, array)
+            a, b, row, ax, ay, power = find_lens(x, y, array)
             plane_a, plane_b, plane_row, plane_x, plane_y = a, b, row, ax, ay
-            hit_x, hit_y, found = x, y, True
+            hit_x, hit_y, converged = x, y, True
             if bow != 0.0:
-                found = False
-                for _ in range(_TRIES):
-                    hit_x, hit_y = meets_sphere(x - ax, y - ay, l, m, n, bow * power)
+                converged = False
+                for _ in range(_MAX_STEPS):
+                    hit_x, hit_y = intersect_sphere(x - ax, y - ay, l, m, n, bow * power)
                     hit_x, hit_y = hit_x + ax, hit_y + ay
-                    next_a, next_b, next_row, next_x, next_y, next_power = own_lens(hit_x, hit_y, array)
+                    next_a, next_b, next_row, next_x, next_y, next_power = find_lens(hit_x, hit_y, array)
                     if next_a == a and next_b == b:
-                        found = True
+                        converged = True
                         break
                     a, b, row, ax, ay, power = next_a, next_b, next_row, next_x, next_y, next_power
-            passes = found and _in_cell(hit_x, hit_y, row, listed) and _in_opening(hit_x, hit_y, row, (ax, ay), array)
+            passes = (
+                converged
+                and _in_cell(hit_x, hit_y, row, lens_table)
+                and _in_opening(hit_x, hit_y, row, (ax, ay), array)
+            )
             if clear and (towards_scene or not passes):
-                beside = not _in_opening(x, y, plane_row, (plane_x, plane_y), array)
-                if beside:
+                in_gap = not _in_opening(x, y, plane_row, (plane_x, plane_y), array)
+                if in_gap:
                     a, b, row, ax, ay, power = plane_a, plane_b, plane_row, plane_x, plane_y, 0.0
-                    passes = _in_cell(x, y, row, listed)
-            if listed is not None:
-                ray[WEIGHT + i] *= listed.lenses[row].transmission if row >= 0 else 1.0
+                    passes = _in_cell(x, y, row, lens_table)
+            if lens_table is not None:
+                ray[WEIGHT + i] *= lens_table.lenses[row].transmission if row >= 0 else 1.0
             ray[STATUS + i] = 0.0 if passes else OUTSIDE_MICROLENS
-        place[AXIS_X + i] = ax
-        place[AXIS_Y + i] = ay
-        place[FIRST + i] = a
-        place[SECOND + i] = b
-        place[POWER + i] = power
+        lens_rows[AXIS_X + i] = ax
+        lens_rows[AXIS_Y + i] = ay
+        lens_rows[INDEX_I + i] = a
+        lens_rows[INDEX_J + i] = b
+        lens_rows[POWER + i] = power

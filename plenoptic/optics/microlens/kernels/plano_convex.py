@@ -1,6 +1,6 @@
-"""Plano-convex microlenses, exact or flat with the normals of a sphere: the kernels for light in reverse.
+"""Plano-convex microlenses, exact or flat with the normals of a sphere: kernels for light in reverse.
 
-A plate is a `PlateRecord`. Heights are from the lens's own axis and z is from the vertex that light meets next.
+A plate is a `PlateRecord`. Heights are from the lens's own axis, and z is from the next vertex on the ray.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from plenoptic.optics.microlens.kernels.to_lens import at_wavelength, distance_t
 
 @device
 def refract_flat_block(ray, c, mu, mus, s):
-    """Through a plane with the normals of a sphere of curvature c, taken at the same distance from the axis.
+    """Refract rays at a plane with the normals of a sphere of curvature c at the same distance from the axis.
 
-    `mu` is the ratio of indices of all rays, unless `mus` has one for each.
+    `mu` is the ratio of indices of all rays, unless `mus` holds one for each.
     """
-    bend = 1.0 - mu * mu
+    factor = 1.0 - mu * mu
     for i in range(BLOCK):
-        ratio, bends = mu, bend
+        ratio, ray_factor = mu, factor
         if mus is not None:
             ratio = mus[i]
-            bends = 1.0 - ratio * ratio
+            ray_factor = 1.0 - ratio * ratio
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
         t = -ray[Z + i] / n
         x = ray[X + i] + t * l
@@ -50,7 +50,7 @@ def refract_flat_block(ray, c, mu, mus, s):
         cos_i = s * (nx * l + ny * m + nz * n)
         cos2 = 1.0 - ratio * ratio * (1.0 - cos_i * cos_i)
         cos_t = math.sqrt(max(cos2, 0.0))
-        a = s * (bends / (cos_t + ratio * cos_i))
+        a = s * (ray_factor / (cos_t + ratio * cos_i))
         ray[X + i] = x
         ray[Y + i] = y
         ray[Z + i] = 0.0
@@ -64,12 +64,12 @@ def refract_flat_block(ray, c, mu, mus, s):
 
 
 @device
-def _keep_inside(ray, own, centre, edges):
-    """Lose rays that meet the curved side outside their own cell or opening.
+def _keep_inside(ray, lenslets, centre, edges):
+    """Lose rays that meet the curved side outside of the cell or opening of their microlens.
 
     x, y are from the optical axis; `centre` holds the axes.
     """
-    if own is None:
+    if lenslets is None:
         cell = edges.cell
         for k in range(cell.shape[0]):
             nx, ny, apothem = cell[k, 0], cell[k, 1], cell[k, 2]
@@ -79,7 +79,7 @@ def _keep_inside(ray, own, centre, edges):
                 ray[STATUS + i] = was if was != 0.0 or inside else OUTSIDE_MICROLENS
     else:
         for i in range(BLOCK):
-            lens = own[i]
+            lens = lenslets[i]
             x = ray[X + i] + centre[i] - lens.centre_x
             y = ray[Y + i] + centre[BLOCK + i] - lens.centre_y
             inside = lens.clip == 0.0 or is_open(x, y, edges.radius2, edges.opening) == (lens.clip > 0.0)
@@ -91,16 +91,16 @@ def _keep_inside(ray, own, centre, edges):
 
 
 @device
-def _refract_own(ray, own, flat, bow, mu, mus):
-    """Through the curved sides of lenses that differ: curvature sign * power * scale with `bow` (sign, scale)."""
+def _refract_lenslets(ray, lenslets, flat, bow, mu, mus):
+    """Refract rays at the curved sides of lenses that differ: curvature sign * power * scale, `bow` (sign, scale)."""
     sign, scale = bow
-    bend = 1.0 - mu * mu
+    factor = 1.0 - mu * mu
     for i in range(BLOCK):
-        ratio, bends = mu, bend
+        ratio, ray_factor = mu, factor
         if mus is not None:
             ratio = mus[i]
-            bends = 1.0 - ratio * ratio
-        c = sign * own[i].power * scale
+            ray_factor = 1.0 - ratio * ratio
+        c = sign * lenslets[i].power * scale
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
         if flat:
@@ -123,7 +123,7 @@ def _refract_own(ray, own, flat, bow, mu, mus):
             nx, ny, nz = -c * x, -c * y, 1.0 - c * z
             q2 = q2 if nz > 0.0 else -1.0
         cos2 = 1.0 - ratio * ratio * (1.0 - q * q)
-        a = -(bends / (math.sqrt(max(cos2, 0.0)) + ratio * q))
+        a = -(ray_factor / (math.sqrt(max(cos2, 0.0)) + ratio * q))
         ray[X + i] = x
         ray[Y + i] = y
         ray[Z + i] = z
@@ -137,10 +137,10 @@ def _refract_own(ray, own, flat, bow, mu, mus):
 
 
 @device
-def _refract_curved(ray, own, power, flat, bow, mu, mus):
-    """Through the curved side, or through the plane that stands for it."""
-    if own is not None:
-        _refract_own(ray, own, flat, bow, mu, mus)
+def _refract_curved(ray, lenslets, power, flat, bow, mu, mus):
+    """Refract rays at the curved side, or at the plane that stands for it."""
+    if lenslets is not None:
+        _refract_lenslets(ray, lenslets, flat, bow, mu, mus)
     elif flat:
         refract_flat_block(ray, bow[0] * power * bow[1], mu, mus, -1.0)
     else:
@@ -149,18 +149,18 @@ def _refract_curved(ray, own, power, flat, bow, mu, mus):
 
 @device
 def _fill_ratios(entering, leaving, indices, waves, b):
-    """Ratios of indices of a block of paths, into the plate and out of it."""
+    """Ratios of indices of a block of paths, for entering the plate and for leaving it."""
     for i in range(BLOCK):
         leaving[i] = at_wavelength(indices, waves, b * BLOCK + i)
         entering[i] = 1.0 / leaving[i]
 
 
 @kernel
-def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array, waves):
-    """Aimed samples become rays towards the lens; those are lost that meet the curved side outside their lens.
+def fill_plano_convex(blocks, lenslets, sensor, plate, power, edges, z_array, waves):
+    """Turn aimed samples into rays towards the lens; rays that meet the curved side outside of their lens are lost.
 
-    `edges` are those of `EdgesRecord`, `z_array` is the front principal plane, `waves` the numbers of the wavelengths
-    that paths have drawn, or None.
+    `edges` is an `EdgesRecord`, `z_array` the front principal plane, `waves` the numbers of the wavelengths sampled by
+    paths, or None.
     """
     distance, index, thickness = sensor.distance, plate.refractive_index, plate.thickness
     # Light that travels in reverse meets the side towards the sensor first.
@@ -171,7 +171,7 @@ def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array, waves):
     scale = 1.0 / (index - 1.0)
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
-        lenses = None if own is None else own[b * BLOCK : (b + 1) * BLOCK]
+        lenses = None if lenslets is None else lenslets[b * BLOCK : (b + 1) * BLOCK]
         if plate.indices is not None:
             _fill_ratios(entering, leaving, plate.indices, waves, b)
         weigh(ray, distance, sensor.tilt)
@@ -200,11 +200,11 @@ def fill_plano_convex(blocks, own, sensor, plate, power, edges, z_array, waves):
         else:
             _refract_curved(ray, lenses, power, flat, (1.0, scale), index, leaving)
             _keep_inside(ray, lenses, centre, edges)
-        # Vertex met last: the front vertex, from which the front principal plane lies 0 or thickness/index.
+        # From the last vertex, the front one, the front principal plane is at 0 or thickness / index.
         z_front = z_array - (thickness / index if curved_first else 0.0)
         for i in range(BLOCK):
             ray[X + i] += centre[i]
             ray[Y + i] += centre[BLOCK + i]
             ray[Z + i] += z_front
-            if own is not None:
-                ray[WEIGHT + i] *= own[b * BLOCK + i].transmission
+            if lenslets is not None:
+                ray[WEIGHT + i] *= lenslets[b * BLOCK + i].transmission

@@ -1,4 +1,4 @@
-"""Plano-convex microlenses, exact or flat with the normals of a sphere: the kernels for light that travels forwards."""
+"""Plano-convex microlenses, exact or flat with the normals of a sphere: kernels for light that travels forwards."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.paths import add_path
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.lens.kernels.trace import give_rays, take_rays
-from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, PLACE, POWER, find_cells, find_lenses
-from plenoptic.optics.microlens.kernels.paths import add_height, give_places, start_before
+from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, LENS_ROWS, POWER, find_cells, find_lenses
+from plenoptic.optics.microlens.kernels.path_length import add_height, start_path, store_lenses
 from plenoptic.optics.microlens.kernels.plano_convex import refract_flat_block
-from plenoptic.optics.microlens.kernels.to_sensor import land, to_plane
+from plenoptic.optics.microlens.kernels.to_sensor import reach_sensor, to_plane
 
 
 @device
-def _shift(ray, place, sign):
+def _shift(ray, lens_rows, sign):
     for i in range(BLOCK):
-        ray[X + i] += sign * place[AXIS_X + i]
-        ray[Y + i] += sign * place[AXIS_Y + i]
+        ray[X + i] += sign * lens_rows[AXIS_X + i]
+        ray[Y + i] += sign * lens_rows[AXIS_Y + i]
 
 
 @device
 def _keep_inside(ray, edges):
-    """Rays that were found in no cell are lost; x, y are from the centre of the last cell that was tried."""
+    """Lose rays outside of the cell that was tried last; x, y are from its centre."""
     for k in range(edges.shape[0]):
         nx, ny, apothem = edges[k, 0], edges[k, 1], edges[k, 2]
         # A ray on the edge belongs to either cell.
@@ -53,10 +53,10 @@ def _keep_inside(ray, edges):
 
 @device
 def _weigh_tilt(ray, c, after):
-    """Etendue at a plane that refracts as a sphere of curvature c would.
+    """Correct the etendue at a plane that refracts as a sphere of curvature c would.
 
-    Refraction keeps the projected solid angle on the surface whose normal it has; on the plane it changes by the
-    cosine to the axis over that to the normal, after, over the same before.
+    Refraction preserves the projected solid angle on a surface with these normals. On the plane it changes by the ratio
+    of cosines to the axis and to the normal: multiply by it after refraction, divide before.
     """
     for i in range(BLOCK):
         x, y = ray[X + i], ray[Y + i]
@@ -67,20 +67,20 @@ def _weigh_tilt(ray, c, after):
 
 
 @device
-def _refract_each(ray, place, bow, mu, flat):
-    """Through spheres of curvature `bow` times the power of each ray's lens, or `flat` planes with their normals.
+def _refract_each(ray, lens_rows, bow, mu, flat):
+    """Refract rays at spheres of curvature `bow` times each lens's power, or at `flat` planes with their normals.
 
     Rays start from the plane of the vertices, x, y from the optical axis of their lens.
     """
-    bend = 1.0 - mu * mu
+    factor = 1.0 - mu * mu
     for i in range(BLOCK):
-        c = bow * place[POWER + i]
+        c = bow * lens_rows[POWER + i]
         x, y, l, m, n = ray[X + i], ray[Y + i], ray[L + i], ray[M + i], ray[N + i]
         if flat:
             z, up = 0.0, 1.0 - c * c * (x * x + y * y)
             nx, ny, nz = -c * x, -c * y, math.sqrt(max(up, 0.0))
             q = nx * l + ny * m + nz * n
-            met = up >= 0.0 and q > 0.0
+            hit = up >= 0.0 and q > 0.0
         else:
             # As in `sphere.refract_sphere`.
             e = -(x * l + y * m)
@@ -92,10 +92,10 @@ def _refract_each(ray, place, bow, mu, flat):
             t = f / (g + q) if g >= 0.0 else (g - q) / c
             x, y, z = x + t * l, y + t * m, z + t * n
             nx, ny, nz = -c * x, -c * y, 1.0 - c * z
-            met = q2 > 0.0 and nz > 0.0
+            hit = q2 > 0.0 and nz > 0.0
         cos2 = 1.0 - mu * mu * (1.0 - q * q)
         cos_t = math.sqrt(max(cos2, 0.0))
-        a = bend / (cos_t + mu * q)
+        a = factor / (cos_t + mu * q)
         ray[X + i], ray[Y + i], ray[Z + i] = x, y, z
         ray[L + i] = mu * l + a * nx
         ray[M + i] = mu * m + a * ny
@@ -104,19 +104,19 @@ def _refract_each(ray, place, bow, mu, flat):
             # See `_weigh_tilt`: the cosine to the normal is q before and cos_t after.
             ray[WEIGHT + i] *= (ray[N + i] / cos_t) / (n / q)
         lost = 0.0 if cos2 >= 0.0 else TOTAL_REFLECTION
-        lost = lost if met else MISSED
+        lost = lost if hit else MISSED
         was = ray[STATUS + i]
         ray[STATUS + i] = was if was != 0.0 else lost
 
 
 @device
-def _refract_curved(ray, place, c, mu, flat, array):
-    """Through the curved side of equal lenses, whose vertices lie in z = 0, in the cell where each ray meets it."""
+def _refract_curved(ray, lens_rows, c, mu, flat, array):
+    """Refract rays at the curved side of equal lenses with vertices in z = 0, in the cell of their intersection."""
     if flat:
-        find_cells(ray, place, 0.0, array.lattice)
+        find_cells(ray, lens_rows, 0.0, array.lattice)
     else:
-        find_cells(ray, place, c, array.lattice)
-    _shift(ray, place, -1.0)
+        find_cells(ray, lens_rows, c, array.lattice)
+    _shift(ray, lens_rows, -1.0)
     if flat:
         _weigh_tilt(ray, c, False)
         refract_flat_block(ray, c, mu, None, 1.0)
@@ -124,50 +124,50 @@ def _refract_curved(ray, place, c, mu, flat, array):
     else:
         refract_sphere(ray, c, mu, None, math.inf, math.inf, 1.0, 0.0)
         _keep_inside(ray, array.cell)
-    _shift(ray, place, 1.0)
+    _shift(ray, lens_rows, 1.0)
 
 
 @device
-def _refract_curved_each(ray, place, bow, mu, plate, array):
-    """Through the curved sides of lenses that differ."""
-    find_lenses(ray, place, 0.0 if plate.flat else bow, plate.towards_scene, array)
-    _shift(ray, place, -1.0)
-    _refract_each(ray, place, bow, mu, plate.flat)
-    _shift(ray, place, 1.0)
+def _refract_curved_each(ray, lens_rows, bow, mu, plate, array):
+    """Refract rays at the curved sides of lenses that differ."""
+    find_lenses(ray, lens_rows, 0.0 if plate.flat else bow, plate.towards_scene, array)
+    _shift(ray, lens_rows, -1.0)
+    _refract_each(ray, lens_rows, bow, mu, plate.flat)
+    _shift(ray, lens_rows, 1.0)
 
 
 @device
-def through_plate(ray, place, z_front, plate, array, differs, path):
-    """Rays behind the lens pass the plate; z is measured from the vertex of its last side then.
+def refract_plate(ray, lens_rows, z_front, plate, array, differs, path):
+    """Refract rays behind the lens by the plate; z is then measured from the vertex of its last side.
 
-    `z_front` is the vertex that light meets first. `differs` is the array where its lenses differ, otherwise None; with
-    `path`, a `PathNotes`, the rays' optical paths from there are found.
+    `z_front` is the vertex of the first side. `differs` is the array if its lenses differ, otherwise None. With `path`,
+    a `PathWorkspace`, optical path lengths from there are computed.
     """
     thickness, power, curved_first = plate.thickness, array.lattice.powers[0], plate.towards_scene
     # All rays have the camera's wavelength.
     index = plate.refractive_index if plate.indices is None else plate.indices[0]
     bow, mu = (1.0 if curved_first else -1.0) / (plate.refractive_index - 1.0), 1.0 / index if curved_first else index
     if path is not None:
-        start_before(path, ray, z_front)
+        start_path(path, ray, z_front)
     to_plane(ray, z_front)
     if not curved_first:
         if path is not None:
             add_path(path, ray, 0)
         refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, 1.0, 0.0)
         if path is not None:
-            start_before(path, ray, thickness)
+            start_path(path, ray, thickness)
         to_plane(ray, thickness)
     if differs is None:
-        _refract_curved(ray, place, bow * power, mu, plate.flat, array)
+        _refract_curved(ray, lens_rows, bow * power, mu, plate.flat, array)
     else:
-        _refract_curved_each(ray, place, bow, mu, plate, array)
+        _refract_curved_each(ray, lens_rows, bow, mu, plate, array)
     if path is not None:
         add_path(path, ray, 0 if curved_first else 1)
         if plate.flat:
-            add_height(path, ray, place, bow, None if differs is not None else array.lattice.powers, curved_first)
+            add_height(path, ray, lens_rows, bow, None if differs is not None else array.lattice.powers, curved_first)
     if curved_first:
         if path is not None:
-            start_before(path, ray, thickness)
+            start_path(path, ray, thickness)
         for i in range(BLOCK):
             ray[Z + i] -= thickness
         refract_sphere(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
@@ -177,34 +177,34 @@ def through_plate(ray, place, z_front, plate, array, differs, path):
 
 @kernel
 def fill_plano_convex_forward(blocks, z_front, sensor, plate, array, differs):
-    """Rays behind the lens land on the sensor.
+    """Trace rays behind the lens to the sensor.
 
-    `z_front` is the vertex that light meets first; the distance of the `SensorPlane` is that from the last one.
-    `differs` is the array where its lenses differ, otherwise None.
+    `z_front` is the vertex of the first side; the distance of the `SensorPlane` is from the last one. `differs` is the
+    array if its lenses differ, otherwise None.
     """
-    place = np.empty(PLACE * BLOCK)
+    lens_rows = np.empty(LENS_ROWS * BLOCK)
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
-        through_plate(ray, place, z_front, plate, array, differs, None)
-        land(ray, place, sensor, array)
+        refract_plate(ray, lens_rows, z_front, plate, array, differs, None)
+        reach_sensor(ray, lens_rows, sensor, array)
 
 
 @kernel
-def fill_plate_paths(out, found, given, array, differs, path, first, last):
-    """Rays `first` to `last` of `RayArrays` pass an array of plates whose first vertex lies at z = 0, and their paths.
+def fill_plate_paths(out, traced, rays, array, differs, path, first, last):
+    """Refract rays `first` to `last` of `RayArrays` by plates with the first vertex at z = 0; compute their paths.
 
-    `found` is a `FoundPaths`, `path` a `PathNotes` that this call alone writes to; `differs` as for
+    `traced` is a `TracedPaths`, `path` a `PathWorkspace` for this call alone; `differs` as for
     `fill_plano_convex_forward`.
     """
-    ray, place = np.zeros(RAY), np.zeros(PLACE * BLOCK)
+    ray, lens_rows = np.zeros(RAY), np.zeros(LENS_ROWS * BLOCK)
     for start in range(first, last, BLOCK):
         end = min(start + BLOCK, last)
-        take_rays(ray, given, start, end)
+        take_rays(ray, rays, start, end)
         path.length[:] = 0.0
-        through_plate(ray, place, 0.0, array.model, array, differs, path)
+        refract_plate(ray, lens_rows, 0.0, array.model, array, differs, path)
         for i in range(BLOCK):
             ray[Z + i] += array.model.thickness
         give_rays(out, ray, start, end)
         for i in range(end - start):
-            found.lengths[start + i] = path.length[i] if ray[STATUS + i] == 0.0 else math.nan
-        give_places(found.lenses, place, start, end)
+            traced.lengths[start + i] = path.length[i] if ray[STATUS + i] == 0.0 else math.nan
+        store_lenses(traced.lenses, lens_rows, start, end)

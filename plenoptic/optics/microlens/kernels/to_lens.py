@@ -1,12 +1,12 @@
-"""Aimed samples on their way from the sensor to the microlenses and from there to the main lens: the kernels.
+"""Aimed samples on their way from the sensor through the microlenses towards the main lens: kernels.
 
-An aimed sample in a block of rays (see `trace`) is the point on the array's rear principal plane at which it is aimed
-(X, Y), that point minus the point on the sensor (L, M), the optical axis of the microlens (Z, N) and the area that the
-sample stands for (WEIGHT). The kernels of the models make of it a ray as `trace` wants it, travelling towards the
-scene, whose WEIGHT is the projected solid angle that the sample stands for.
+An aimed sample in a block of rays (see `trace`) has its aim point on the array's rear principal plane in X, Y. L, M is
+the offset of that point from the point on the sensor, Z, N the optical axis of the microlens, and WEIGHT the area that
+the sample represents. The kernels of the models turn it into a ray as `trace` expects it, towards the scene, whose
+WEIGHT is the projected solid angle represented by the sample.
 
-The sensor is a `SensorPlane`. `own` are rows of `MICROLENS`, one a path, where lenses differ or have openings of their
-own, otherwise None.
+The sensor is a `SensorPlane`. `lenslets` are rows of `MICROLENS`, one for each path, if lenses differ or have their own
+openings, otherwise None.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from plenoptic.optics.lens.kernels.frames import out_of_frame
 
 @device
 def distance_to_sensor(ray, i, distance, tilt):
-    """From the array's rear principal plane to the sensor, where path i starts: a plane, maybe a tilted one."""
+    """Distance from the array's rear principal plane to the sensor, which may be tilted, at the start of path i."""
     if tilt is None:
         return distance
     return distance + tilt[0] * (ray[X + i] - ray[L + i]) + tilt[1] * (ray[Y + i] - ray[M + i])
@@ -28,7 +28,7 @@ def distance_to_sensor(ray, i, distance, tilt):
 
 @device
 def weigh(ray, distance, tilt):
-    """Projected solid angle at the sensor of a piece of the array's plane: area cos cos / length^2."""
+    """Projected solid angle at the sensor of an area of the array's plane: area cos cos / length^2."""
     if tilt is None:
         d2 = distance * distance
         for i in range(BLOCK):
@@ -44,15 +44,15 @@ def weigh(ray, distance, tilt):
 
 @device
 def at_wavelength(values, waves, path):
-    """Values of a path at the camera's wavelength, for `waves` None, otherwise at those that paths sample."""
+    """Value of a path: values[0] at the camera's wavelength (`waves` None), or that at the path's wavelength."""
     if waves is None:
         return values[0]
     return values[waves[path] + 1]
 
 
 @device
-def head_for(ray, i, slopes, z):
-    """Set ray i off towards the scene from a plane, with slopes per length of -z."""
+def launch(ray, i, slopes, z):
+    """Start ray i towards the scene from a plane, with slopes per length of -z."""
     u, v = slopes
     n = 1.0 / math.sqrt(1.0 + u * u + v * v)
     ray[Z + i] = z
@@ -82,7 +82,7 @@ def fill_pixel_response(blocks, sensor, response):
             x, y = ray[X + i] - u, ray[Y + i] - v
             if response.frame is not None:
                 frame = response.frame
-                # The way towards the lens is -w along the local axis, where the sensor's points lie at +w.
+                # The direction towards the lens is -w along the local axis, where points of the sensor are at +w.
                 px, py, pz = x - frame[9], y - frame[10], w - frame[11]
                 x = frame[0] * px + frame[3] * py + frame[6] * pz
                 y = frame[1] * px + frame[4] * py + frame[7] * pz
@@ -94,40 +94,40 @@ def fill_pixel_response(blocks, sensor, response):
             cos2 = w * w / (u * u + v * v + w * w)
             chief_x, chief_y = -x * inverse_pupil, -y * inverse_pupil
             chief_cos2 = 1.0 / (1.0 + chief_x * chief_x + chief_y * chief_y)
-            bend = math.sqrt(cos2 / (index * index - 1.0 + cos2)) / w
-            chief_bend = math.sqrt(chief_cos2 / (index * index - 1.0 + chief_cos2))
-            open_x = max(1.0 - well_depth * abs(u * bend - chief_x * chief_bend), 0.0)
-            open_y = max(1.0 - well_depth * abs(v * bend - chief_y * chief_bend), 0.0)
+            scale = math.sqrt(cos2 / (index * index - 1.0 + cos2)) / w
+            chief_scale = math.sqrt(chief_cos2 / (index * index - 1.0 + chief_cos2))
+            open_x = max(1.0 - well_depth * abs(u * scale - chief_x * chief_scale), 0.0)
+            open_y = max(1.0 - well_depth * abs(v * scale - chief_y * chief_scale), 0.0)
             ray[WEIGHT + i] *= open_x * open_y * math.sqrt(cos2) ** response.exponent
 
 
 @kernel
 def fill_weights(blocks, sensor):
-    """Weigh aimed samples that go nowhere."""
+    """Weigh aimed samples without tracing rays."""
     for b in range(blocks.size // RAY):
         weigh(blocks[b * RAY : (b + 1) * RAY], sensor.distance, sensor.tilt)
 
 
 @kernel
 def fill_straight(blocks, sensor, z_plane):
-    """No microlenses: rays from the sensor straight through points of a plane at z_plane."""
+    """Trace rays from the sensor straight through points of a plane at z_plane, without microlenses."""
     distance = sensor.distance
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         weigh(ray, distance, sensor.tilt)
         for i in range(BLOCK):
             h = distance_to_sensor(ray, i, distance, sensor.tilt)
-            head_for(ray, i, (ray[L + i] / h, ray[M + i] / h), z_plane)
+            launch(ray, i, (ray[L + i] / h, ray[M + i] / h), z_plane)
 
 
 @kernel
-def fill_openings(blocks, own, opening):
-    """Keep the paths that are aimed inside their microlens's opening, or beside it; dim those of dark lenses."""
+def fill_openings(blocks, lenslets, opening):
+    """Lose paths that are aimed outside of their opening, or outside of the gap; attenuate paths of dark lenses."""
     radius2, edges = opening.radius2, opening.edges
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         for i in range(BLOCK):
-            lens = own[b * BLOCK + i]
+            lens = lenslets[b * BLOCK + i]
             x, y = ray[X + i] - lens.centre_x, ray[Y + i] - lens.centre_y
             ray[WEIGHT + i] *= lens.transmission
             if lens.clip != 0.0 and is_open(x, y, radius2, edges) != (lens.clip > 0.0):
@@ -135,15 +135,15 @@ def fill_openings(blocks, own, opening):
 
 
 @kernel
-def fill_walls(blocks, own, cell, cells):
-    """Lose the paths that start on the sensor outside the cell, seen along the axis, of their microlens.
+def fill_walls(blocks, lenslets, cell, cells):
+    """Lose paths that start on the sensor outside of the cell of their microlens, projected along the axis.
 
-    `cell` are the edges of a cell about its centre, `cells` those of each listed lens, or None.
+    `cell` are the edges of a cell about its centre, `cells` those of each lens of the table, or None.
     """
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         for i in range(BLOCK):
-            lens = own[b * BLOCK + i]
+            lens = lenslets[b * BLOCK + i]
             x, y = ray[X + i] - ray[L + i] - lens.cell_x, ray[Y + i] - ray[M + i] - lens.cell_y
             edges = cell if cells is None else cells[lens.row]
             if ray[STATUS + i] == 0.0 and not is_open(x, y, math.inf, edges):
@@ -152,6 +152,6 @@ def fill_walls(blocks, own, cell, cells):
 
 @kernel
 def fill_in_lens_axes(blocks, frame):
-    """Rays from the array's axes to the lens's: `frame` is the rotation row by row and the shift."""
+    """Transform rays from the array's axes to the lens's: `frame` is the rotation row by row and the shift."""
     for b in range(blocks.size // RAY):
         out_of_frame(blocks[b * RAY : (b + 1) * RAY], frame)

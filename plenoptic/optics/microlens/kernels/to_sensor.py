@@ -1,14 +1,14 @@
-"""Rays from the main lens through the microlenses onto the sensor: the kernels for light that travels forwards.
+"""Rays from the main lens through the microlenses to the sensor: kernels for light that travels forwards.
 
-On entry blocks hold rays as `trace` leaves them, in the axes in which the array is traced. On exit X, Y is where a ray
-meets the sensor, in the sensor's own axes, Z, N is the lattice index of the microlens that it passed (FREE: number and
-0), and L, M are the slopes with which it arrives, in the array's axes.
+On entry blocks hold rays as `trace` leaves them, in the axes in which the array is traced. On exit X, Y is the
+intersection with the sensor, in the sensor's own axes, Z, N is the lattice index of the microlens (FREE: number and 0),
+and L, M are the slopes at the sensor, in the array's axes.
 
 WEIGHT is etendue, area times projected solid angle. With slopes u, v per length of z and the angle a to the axis, it is
-dx dy du dv cos^4 a, whichever axis is taken for z. Free space and true refraction keep it. Ideal thin elements keep
-dx dy du dv about their own axis instead, since they only shear the slopes by the height: there the weight is multiplied
-by cos^4 after over cos^4 before. It then is the etendue at the sensor, the quantity that a pixel measures, which does
-not depend on how the sensor is tilted.
+dx dy du dv cos^4 a, whichever axis is taken for z. Free space and true refraction preserve it. Ideal thin elements
+preserve dx dy du dv about their own axis instead, since they only shear the slopes by the height. There the weight is
+multiplied by the ratio of cos^4 after and before. It then is the etendue at the sensor, which a pixel measures, and
+which does not depend on the tilt of the sensor.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import numpy as np
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.frames import into_frame
-from plenoptic.optics.microlens.kernels.cell_lookup import FIRST, PLACE, SECOND, own_lens
-from plenoptic.optics.microlens.kernels.dust import in_axes
+from plenoptic.optics.microlens.kernels.cell_lookup import INDEX_I, INDEX_J, LENS_ROWS, find_lens
+from plenoptic.optics.microlens.kernels.dust_transmission import apply_affine
 
 
 @device
 def to_plane(ray, z):
-    """Move rays along themselves to a plane and measure z from there."""
+    """Move rays along themselves to a plane, which becomes the origin of z."""
     for i in range(BLOCK):
         t = (z - ray[Z + i]) / ray[N + i]
         ray[X + i] += t * ray[L + i]
@@ -33,10 +33,10 @@ def to_plane(ray, z):
 
 
 @device
-def land(ray, place, sensor, array):
-    """Move rays to the sensor, a `SensorPlane`; keep the indices of their microlenses. Lost rays carry no light.
+def reach_sensor(ray, lens_rows, sensor, array):
+    """Move rays to the sensor, a `SensorPlane`, and keep the indices of their microlenses; lost rays have weight 0.
 
-    Rays are lost that land behind the cell of another microlens than theirs where walls separate these.
+    If walls separate the cells, rays that meet the sensor behind another cell than theirs are lost.
     """
     distance = sensor.distance
     for i in range(BLOCK):
@@ -51,34 +51,34 @@ def land(ray, place, sensor, array):
         x, y = x + t * u, y + t * v
         if array is not None and array.walls is not None:  # noqa: SIM102 - alone, so that it is pruned
             if ray[STATUS + i] == 0.0:
-                first, second, _, _, _, _ = own_lens(x, y, array)
-                own = first == place[FIRST + i] and second == place[SECOND + i]
-                ray[STATUS + i] = 0.0 if own else OUTSIDE_MICROLENS
+                first, second, _, _, _, _ = find_lens(x, y, array)
+                same_cell = first == lens_rows[INDEX_I + i] and second == lens_rows[INDEX_J + i]
+                ray[STATUS + i] = 0.0 if same_cell else OUTSIDE_MICROLENS
         if sensor.axes is not None:
-            x, y = in_axes(sensor.axes, x, y)
+            x, y = apply_affine(sensor.axes, x, y)
         ray[X + i] = x
         ray[Y + i] = y
         ray[L + i] = u
         ray[M + i] = v
-        ray[Z + i] = place[FIRST + i]
-        ray[N + i] = place[SECOND + i]
+        ray[Z + i] = lens_rows[INDEX_I + i]
+        ray[N + i] = lens_rows[INDEX_J + i]
         ray[WEIGHT + i] = ray[WEIGHT + i] if ray[STATUS + i] == 0.0 else 0.0
 
 
 @kernel
-def fill_aims(aims, blocks, sensor, placed):
-    """Rays that have landed, in the form in which the renderer aims samples between sensor and array (see `to_lens`).
+def fill_aims(aims, blocks, sensor, sensor_axes):
+    """Convert rays at the sensor to aimed samples between sensor and array (see `to_lens`), as the renderer has them.
 
-    `aims` gets the points where their lines cross the array's rear principal plane, those points minus the points on
-    the sensor, and the weights. `placed` (2, 3) leads from x, y, 1 on the sensor to the local axes, None where they are
-    the same; the sensor is a `SensorPlane` behind that plane.
+    `aims` gets the intersections of their lines with the array's rear principal plane, the offsets of these points from
+    the points on the sensor, and the weights. `sensor_axes` (2, 3) transforms x, y, 1 on the sensor to the local axes,
+    None if they are the same; the sensor is a `SensorPlane` behind that plane.
     """
     for b in range(blocks.size // RAY):
         ray, aim = blocks[b * RAY : (b + 1) * RAY], aims[b * RAY : (b + 1) * RAY]
         for i in range(BLOCK):
             x, y = ray[X + i], ray[Y + i]
-            if placed is not None:
-                x, y = in_axes(placed, x, y)
+            if sensor_axes is not None:
+                x, y = apply_affine(sensor_axes, x, y)
             h = sensor.distance if sensor.tilt is None else sensor.distance + sensor.tilt[0] * x + sensor.tilt[1] * y
             aim[L + i] = -h * ray[L + i]
             aim[M + i] = -h * ray[M + i]
@@ -89,7 +89,7 @@ def fill_aims(aims, blocks, sensor, placed):
 
 @kernel
 def fill_ideal_weights(blocks):
-    """Behind an ideal main lens, in its axes: dx dy du dv, which it keeps, becomes etendue."""
+    """Convert weights behind an ideal main lens from dx dy du dv, which it preserves in its axes, to etendue."""
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         for i in range(BLOCK):
@@ -99,7 +99,7 @@ def fill_ideal_weights(blocks):
 
 @kernel
 def fill_in_array_axes(blocks, frame):
-    """Rays from the lens's axes to the array's, from which `frame` leads: the rotation row by row and the shift."""
+    """Transform rays from the lens's axes to the array's by `frame`, the rotation row by row and the shift."""
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         into_frame(ray, frame)
@@ -109,7 +109,7 @@ def fill_in_array_axes(blocks, frame):
 
 @kernel
 def fill_straight_forward(blocks, sensor):
-    """No microlenses."""
-    place = np.zeros(PLACE * BLOCK)
+    """Trace rays to the sensor without microlenses."""
+    lens_rows = np.zeros(LENS_ROWS * BLOCK)
     for b in range(blocks.size // RAY):
-        land(blocks[b * RAY : (b + 1) * RAY], place, sensor, None)
+        reach_sensor(blocks[b * RAY : (b + 1) * RAY], lens_rows, sensor, None)

@@ -1,7 +1,7 @@
 """Kernels: random numbers of pixels, each a function of seed, purpose, row, column, channel and number of the draw.
 
-Every pixel owns a SplitMix64 generator (G. L. Steele et al., OOPSLA 2014, doi:10.1145/2660193.2660195) whose state is
-a hash of the rest. No number depends on which other pixels are asked for, or in which order.
+Every pixel has a SplitMix64 generator (G. L. Steele et al., OOPSLA 2014, doi:10.1145/2660193.2660195) whose state is
+a hash of all other arguments. No number depends on which other pixels are requested, or in which order.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from plenoptic.core.kernels.sobol import mix
 from plenoptic.core.numba.jit import device, kernel
 
 FEW = 10.0
-"""Mean counts below are drawn by inversion; the method for larger ones holds from 10 on."""
+"""Smaller means are sampled by inversion; transformed rejection is valid from 10 on."""
 
-_MOST_OF_FEW = 200
-"""A Poisson variable of mean 10 exceeds it with probability 1e-183; the search ends here if rounding misses the end."""
+_MAX_COUNT = 200
+"""Limit of the search by inversion; a Poisson variable of mean 10 exceeds it with probability 1e-183."""
 
 
 @device
@@ -32,7 +32,7 @@ def pixel_key(row_state, column, channel):
 
 @device
 def uniform(key, draw):
-    """Number `draw` of a pixel's generator: one of the 2^52 midpoints of (0, 1), so neither 0 nor 1."""
+    """Random number `draw` of a pixel's generator: one of the 2^52 midpoints of (0, 1), so neither 0 nor 1."""
     bits = mix(key, np.uint64(draw) + np.uint64(1))
     return (np.float64(bits >> np.uint64(12)) + 0.5) * 2.0**-52
 
@@ -70,13 +70,13 @@ def log_probability(k, mean):
 
 
 @device
-def few(mean, key):
+def poisson_by_inversion(mean, key):
     """A Poisson variable of small mean, by inversion of its distribution."""
     u = uniform(key, 0)
     probability = math.exp(-mean)
     total = probability
     k = 0
-    while u > total and k < _MOST_OF_FEW:
+    while u > total and k < _MAX_COUNT:
         k += 1
         probability *= mean / k
         total += probability
@@ -84,7 +84,7 @@ def few(mean, key):
 
 
 @device
-def many(mean, key):
+def poisson_by_rejection(mean, key):
     """A Poisson variable of mean 10 or more, by transformed rejection.
 
     W. Hoermann, Insurance: Mathematics and Economics 12, 39 (1993), doi:10.1016/0167-6687(93)90997-4, algorithm PTRS.
@@ -114,7 +114,7 @@ def poisson(mean, key):
         return mean
     if mean <= 0.0:
         return 0.0
-    return few(mean, key) if mean < FEW else many(mean, key)
+    return poisson_by_inversion(mean, key) if mean < FEW else poisson_by_rejection(mean, key)
 
 
 @kernel

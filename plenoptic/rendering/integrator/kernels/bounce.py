@@ -6,8 +6,8 @@ import numpy as np
 
 from plenoptic.core.kernels.frames import frame_about
 from plenoptic.core.kernels.sobol import mix
-from plenoptic.core.kernels.vectors import dot, fill_vector, negated, row_vector, scale
-from plenoptic.core.kernels.wavelengths import wave_of
+from plenoptic.core.kernels.vectors import dot, fill_vector, negate, row_vector, scale
+from plenoptic.core.kernels.wavelengths import wavelength_index
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, to_local
 from plenoptic.scene.geometry.record import NORMAL, SHADING_NORMAL
@@ -50,8 +50,10 @@ def sample_bsdf(onward, source, interactions, queue, bsdf, wavelengths, russian_
         path, ray = path_of[i], ray_of[i]
         normal = row_vector(rows, i, SHADING_NORMAL)
         frame = frame_about(normal)
-        to_viewer = to_local(negated(row_vector(rays, ray, 3)), frame, normal)
-        surface = surface_at(rows, i, material_of[i], wave_of(waves, path), kind, glass_index, pane_index, extra_shares)
+        to_viewer = to_local(negate(row_vector(rays, ray, 3)), frame, normal)
+        surface = surface_at(
+            rows, i, material_of[i], wavelength_index(waves, path), kind, glass_index, pane_index, extra_shares
+        )
         key, index = interactions.key[i], interactions.number[i]
         lobe = 0.0
         if glass_index is not None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic.core.kernels.frames import frame_about
-from plenoptic.core.kernels.vectors import dot, fill_vector, negated, row_vector, sub
-from plenoptic.core.kernels.wavelengths import wave_of
+from plenoptic.core.kernels.vectors import dot, fill_vector, negate, row_vector, sub
+from plenoptic.core.kernels.wavelengths import wavelength_index
 from plenoptic.core.numba.jit import kernel
 from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, to_local
 from plenoptic.scene.geometry.record import FRONT, NORMAL, SHADING_NORMAL
@@ -53,8 +53,10 @@ def eval_direct(shadow, interactions, drawn, queue, bsdf, wavelengths):
         beyond = dot(w, row_vector(rows, i, NORMAL))
         if not beyond * to_light[2] > 0.0:
             continue
-        to_viewer = to_local(negated(row_vector(rays, ray, 3)), frame, normal)
-        surface = surface_at(rows, i, material, wave_of(waves, path), kind, glass_index, pane_index, extra_shares)
+        to_viewer = to_local(negate(row_vector(rays, ray, 3)), frame, normal)
+        surface = surface_at(
+            rows, i, material, wavelength_index(waves, path), kind, glass_index, pane_index, extra_shares
+        )
         for c in range(channels):
             f[c] = base_color[i, c]
         pdf = evaluate(f, surface, to_viewer, to_light, metal_index, coupling, basis)

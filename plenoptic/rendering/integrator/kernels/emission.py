@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from plenoptic.core.kernels.vectors import dot, row_vector
-from plenoptic.core.kernels.wavelengths import one_channel, wave_of
+from plenoptic.core.kernels.wavelengths import one_channel, wavelength_index
 from plenoptic.core.numba.jit import kernel
 from plenoptic.scene.geometry.kernels.intersect import corners, interpolate_uv, intersect_triangle, is_mirrored
 from plenoptic.scene.lights.kernels.sky import add_environment, add_suns, weight
@@ -108,6 +108,6 @@ def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
                 counts = weight(drawn, area_pdf[material] * far * far / cosine)
                 for c in range(channels):
                     seen[c] *= counts
-        wave = wave_of(waves, path)
+        wave = wavelength_index(waves, path)
         for c in range(radiance.shape[1]):
             radiance[path, c] += one_channel(seen, c, basis, wave) * (1.0 if throughput is None else throughput[i, c])

@@ -13,7 +13,7 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.files.reading import FileReader
+from plenoptic.core.files.file_limits import FileReader
 from plenoptic.errors import FileError
 
 KNOWN = (
@@ -183,7 +183,7 @@ def resource(uri: str, reader: FileReader) -> bytes:
         head, _, data = uri.partition(",")
         return base64.b64decode(data) if head.endswith(";base64") else unquote_to_bytes(data)
     name = unquote(uri)
-    place = reader.named(name)
+    place = reader.resolve(name)
     if not os.path.lexists(place):
         raise FileError(f"its file {name!r} is missing; put it beside it")
     return reader.read(place)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from plenoptic.core.color.srgb import Encoding
-from plenoptic.core.files.reading import check_scans
+from plenoptic.core.files.file_limits import check_scans
 from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, number_or_texture, times

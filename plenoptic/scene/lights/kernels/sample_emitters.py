@@ -12,7 +12,7 @@ import numpy as np
 from plenoptic.core.kernels.frames import frame_about
 from plenoptic.core.kernels.sincos import turn
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, sub
-from plenoptic.core.kernels.wavelengths import one_channel, wave_of
+from plenoptic.core.kernels.wavelengths import one_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.scene.geometry.kernels.intersect import interpolate_uv
 from plenoptic.scene.geometry.record import POINT as INTERACTION_POINT
@@ -209,6 +209,6 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
             _fill_row(color, environment_texels[at_row], at_column)
         if not value > 0.0:
             continue
-        wave = wave_of(waves, path[i])
+        wave = wavelength_index(waves, path[i])
         for c in range(radiance.shape[1]):
             radiance[i, c] = one_channel(color, c, basis, wave) * value

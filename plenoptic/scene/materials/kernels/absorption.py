@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from plenoptic.core.kernels.vectors import dot, row_vector, sub
-from plenoptic.core.kernels.wavelengths import row_channel, wave_of
+from plenoptic.core.kernels.wavelengths import row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle, is_mirrored
 from plenoptic.scene.geometry.record import FRONT, NORMAL, POINT
@@ -47,7 +47,7 @@ def fill_absorbed(queue, hits, geometry, glass_index, absorption, wavelengths):
             continue
         if travelled is not None:
             t += travelled[i]
-        wave = wave_of(waves, queue.path[i])
+        wave = wavelength_index(waves, queue.path[i])
         for c in range(throughput.shape[1]):
             throughput[i, c] *= math.exp(-t * row_channel(absorption, inside, c, basis, wave))
 
@@ -133,6 +133,6 @@ def fill_dimmed_lights(drawn, media, interactions, absorption, wavelengths):
         if inside >= 0:
             d = sub(row_vector(lights, i, END), row_vector(rows, i, POINT))
             way = math.sqrt(dot(d, d))
-            wave = wave_of(waves, path[i])
+            wave = wavelength_index(waves, path[i])
             for c in range(radiance.shape[1]):
                 radiance[i, c] *= math.exp(-way * row_channel(absorption, inside, c, basis, wave))

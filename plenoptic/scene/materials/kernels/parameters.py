@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from plenoptic.core.kernels.vectors import add, cross, dot, fill_vector, row_vector, scale, sub
-from plenoptic.core.kernels.wavelengths import one_channel, row_channel, wave_of
+from plenoptic.core.kernels.wavelengths import one_channel, row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.scene.geometry.kernels.intersect import corners
 from plenoptic.scene.geometry.record import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS, SHADING_NORMAL, UV
@@ -26,7 +26,7 @@ def fill_parameters(interactions, bsdf, wavelengths):
     waves = wavelengths.number
     basis = wavelengths.basis
     for i in range(material.size):
-        wave = wave_of(waves, path[i])
+        wave = wavelength_index(waves, path[i])
         for c in range(base_color.shape[1]):
             base_color[i, c] = row_channel(colors, material[i], c, basis, wave)
         if roughness is not None:
@@ -52,7 +52,7 @@ def apply_textures(interactions, textures, channels, wavelengths):
             texture = textures.base_color.row[material[i]]
             if texture >= 0:
                 fill_texel(texel, textures.base_color.texels, textures.base_color.textures[texture], s, t)
-                wave = wave_of(waves, path[i])
+                wave = wavelength_index(waves, path[i])
                 for c in range(base_color.shape[1]):
                     base_color[i, c] = one_channel(texel, c, basis, wave)
         if textures.roughness is not None:

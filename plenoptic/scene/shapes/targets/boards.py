@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import (
-    MOST_POINTS,
+    MAX_POINTS,
     Floats,
     checked_shape,
     finite,

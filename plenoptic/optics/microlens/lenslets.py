@@ -1,4 +1,4 @@
-"""Parameters of individual microlenses, from an array's description."""
+"""Individual microlenses of an array's description."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from plenoptic.optics.microlens.lattice import Lattice
 if TYPE_CHECKING:
     from plenoptic.optics.microlens.array import MicrolensArray
 
-MOST_LENSES = 20_000_000
-"""Microlenses that may be listed at once."""
+MAX_LENSES = 20_000_000
+"""Limit of the number of microlenses that are listed at once."""
 
 
 @value
 class Lenslets:
-    """Microlenses of an array, one a row, ordered by their indices. See `MicrolensArray.lenses`, which lists them.
+    """Microlenses of an array as columns, ordered by their indices; made by `MicrolensArray.lenses`.
 
     Parameters
     ----------
     index : (n, 2) array of int
         Lattice indices (i, j); in FREE lattices (number, 0).
     design : (n, 2) array
-        Centres as designed, in mm on the plane of the array.
+        Design centres, in mm on the plane of the array.
     centre : (n, 2) array
-        Centres of the openings as they are, which are those of the cells where lenses fill them.
+        Centres of the displaced openings, or of the cells if lenses fill them.
     axis : (n, 2) array
-        Where the optical axes are.
+        Positions of the optical axes.
     type : (n,) array of int
         Row of the array's `focal_lengths`.
     power : (n,) array
@@ -54,7 +54,7 @@ class Lenslets:
 
 
 def lenslets(array: MicrolensArray, low: Floats, high: Floats) -> Lenslets:
-    """The microlenses whose designed centres lie in a box."""
+    """Microlenses whose design centres lie in a box."""
     if np.isnan(low).any() or np.isnan(high).any():
         raise InvalidValueError(f"the box from {low} to {high} has a corner that is no number; give two points in mm")
     if array.centres is None:
@@ -64,7 +64,7 @@ def lenslets(array: MicrolensArray, low: Floats, high: Floats) -> Lenslets:
 
 
 def types_of(array: MicrolensArray, index: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Types (n,) of the lenses with lattice indices (n, 2), those of FREE ones being (number, 0)."""
+    """Types (n,) of the lenses with lattice indices (n, 2), which are (number, 0) for FREE."""
     if array.lattice is Lattice.FREE:
         return np.zeros(len(index), np.int64) if array.types is None else array.types[index[:, 0]]
     pattern = array.type_pattern
@@ -78,9 +78,9 @@ def _lattice_indices(array: MicrolensArray, low: Floats, high: Floats) -> NDArra
     first, last = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0))
     if (first > last).any():
         return np.empty((0, 2), np.int64)
-    if (last - first + 1).prod() > MOST_LENSES:
+    if (last - first + 1).prod() > MAX_LENSES:
         raise InvalidValueError(
-            f"the box holds some {(last - first + 1).prod():.3g} microlenses, and the limit is {MOST_LENSES}; "
+            f"the box holds some {(last - first + 1).prod():.3g} microlenses, and the limit is {MAX_LENSES}; "
             "take a smaller one"
         )
     i, j = (np.arange(int(first[k]), int(last[k]) + 1) for k in range(2))
@@ -92,7 +92,7 @@ def _lattice_indices(array: MicrolensArray, low: Floats, high: Floats) -> NDArra
 
 
 def lenses_of(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
-    """The lenses with lattice indices (n, 2), those of FREE ones being (number, 0), with their deviations."""
+    """Lenses with lattice indices (n, 2), which are (number, 0) for FREE, with their deviations."""
     design = index @ array.basis if array.centres is None else array.centres[index[:, 0]]
     types = types_of(array, index)
     power = 1.0 / np.asarray(array.focal_lengths)[types]
@@ -100,10 +100,10 @@ def lenses_of(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
     axis = centre
     if array.imperfections is not None:
         deviations = deviations_of(array.imperfections, index)
-        moved = design if deviations.shift is None else design + deviations.shift
-        axis = moved if deviations.decentre is None else moved + deviations.decentre
-        # What fills its cell is as large as before.
-        centre = design if array.aperture is None else moved
+        displaced = design if deviations.shift is None else design + deviations.shift
+        axis = displaced if deviations.decentre is None else displaced + deviations.decentre
+        # A lens that fills its cell keeps its size.
+        centre = design if array.aperture is None else displaced
         if deviations.focal_length_factor is not None:
             power = power / deviations.focal_length_factor
         if deviations.transmission is not None:

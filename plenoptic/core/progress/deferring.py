@@ -1,4 +1,4 @@
-"""Ctrl-C while something is compiled: heard at once, and obeyed when it is ready."""
+"""Ctrl-C during compilation: noted at once, raised when the kernel is ready."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from plenoptic.core.waiting.compiling import compiling
+from plenoptic.core.progress.compiling import compiling
 
 
 @contextmanager
-def interrupts_deferred() -> Iterator[None]:
-    """While it is entered, Ctrl-C is noted; KeyboardInterrupt follows at its end.
+def defer_interrupts() -> Iterator[None]:
+    """Context manager in which Ctrl-C is noted; KeyboardInterrupt is raised at its end.
 
-    Raised at once it would be lost where the compiler calls back to Python, and all would go on. Only the main thread
-    hears of Ctrl-C, and handlers of others' stay.
+    Raised at once it would be lost in the compiler's callbacks to Python, and the program would go on. Only the main
+    thread receives Ctrl-C, and handlers installed by others stay.
     """
     default = signal.default_int_handler
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not default:

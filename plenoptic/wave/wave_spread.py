@@ -1,4 +1,4 @@
-"""Image of a point by waves, with the sampling of its fields."""
+"""Wave-optical image of a point, and the sampling of its field."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from plenoptic.optics.sensor.sensor import Sensor
 
 @result
 class Sampling:
-    """Sampling of the field of one wavelength, with its error. See `point_spread`.
+    """Sampling of the field at one wavelength, and the errors it causes. See `point_spread`.
 
     Attributes
     ----------
     wavelength : float
-        nm, in vacuum.
+        Vacuum wavelength in nm.
     spacing : (2,) array
-        Between samples on array and sensor along x and y, mm.
+        Distance between samples on array and sensor along x and y, mm.
     shape : (2,) array of int
         Samples along x and y.
     denser : float
-        Samples in a period of the light most inclined, over the two that it needs.
+        Samples per period of the most oblique light, over the required two.
     directions : (2,) array of int
-        Plane waves that stand for the light of the main lens, along x and y.
+        Number of plane waves of the main lens, along x and y.
     phase_error : float
-        Of these waves, against rays: root mean square, waves.
+        Phase error of these waves against rays: root mean square, waves.
     beside : float
-        Part of the light that falls beside the part of the array that is looked at, or on its rim.
+        Fraction of the light outside of the sampled part of the array, or on its rim.
     stopped : float
-        Part of the light there that openings and dark microlenses stop.
+        Fraction of the light on that part that openings and dark microlenses block.
     steep : float
-        Part of the light behind the array that is estimated to go into directions too steep for the samples.
+        Estimated fraction of the light behind the array in directions too steep for the samples.
     lost : float
-        Part of the light behind the array that leaves the grid, or lands beside the part of the sensor looked at.
+        Fraction of the light behind the array that leaves the grid, or the valid part of the sensor.
     """
 
     wavelength: float
@@ -50,9 +50,9 @@ class Sampling:
 
     @property
     def error(self) -> float:
-        """Bound of the light that pixels have wrong, over that of all of them.
+        """Estimated error of the light on pixels, relative to the total light.
 
-        Light outside or lost is missing; light that is too steep is missing in one place and arrives in another.
+        Light that is beside or lost is missing; light that is too steep is missing in one place and appears in another.
         """
         return self.beside + 2.0 * self.steep + self.lost + 2.0 * np.pi * self.phase_error
 
@@ -67,23 +67,23 @@ class Sampling:
 
 @result
 class WaveSpread:
-    """The image of a point on the sensor, with diffraction; made by `point_spread`.
+    """Image of a point on the sensor, with diffraction; made by `point_spread`.
 
     Attributes
     ----------
     image : (rows, columns) array
-        As that of `CameraSpread`: the value of a pixel for a small Lambertian emitter at the point, for each unit of
-        its radiance and each mm^2 of its area, sr/mm^2. Of several wavelengths, their mean by weight.
+        As in `CameraSpread`: measured light of a small Lambertian emitter at the point, per unit of its radiance and
+        per mm^2 of its area, sr/mm^2. Weighted mean over several wavelengths.
     corner : (2,) array of int
         Row and column on the sensor of the first pixel of `image`.
     points : (3,) array
-        The point in the world in mm.
+        World position of the point in mm.
     light : float
         Projected solid angle in sr of the light that passes the main lens.
     wavelengths, weights : (w,) array
-        nm, and the part of the light that each has.
+        Vacuum wavelengths in nm, and the fraction of the light of each.
     samplings : tuple of Sampling
-        Of each wavelength.
+        Sampling at each wavelength.
     sensor : Sensor
 
     Examples
@@ -106,17 +106,17 @@ class WaveSpread:
 
     @property
     def landed(self) -> float:
-        """The light on the sensor over that behind the main lens."""
+        """Light on the sensor over the light behind the main lens."""
         return float(self.image.sum()) * self.sensor.pixel_pitch**2 / self.light if self.light > 0 else 0.0
 
     @property
     def region(self) -> tuple[slice, slice]:
-        """Rows and columns of the sensor that `image` holds, as `render` takes them."""
+        """Rows and columns of the sensor that `image` covers, as arguments of `render`."""
         (row, column), (rows, columns) = self.corner.tolist(), self.image.shape
         return slice(row, row + rows), slice(column, column + columns)
 
     def whole(self) -> Floats:
-        """The image on the whole sensor."""
+        """Image on the whole sensor."""
         full = np.zeros(self.sensor.shape)
         full[self.region] = self.image
         return full

@@ -1,4 +1,4 @@
-"""Records that descriptions of elements and kernels share: kinds of elements, and rows of their numbers."""
+"""Records of lens elements, shared by their descriptions and by kernels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from plenoptic.core.values import Floats
 
 
 class ElementKind(enum.IntEnum):
-    """Kind of an element in a lens. IDEAL_LENS replaces the whole lens in the models THIN and PARAXIAL.
+    """Kind of a lens element. IDEAL_LENS stands for the whole lens in the models THIN and PARAXIAL.
 
     Examples
     --------
@@ -35,7 +35,7 @@ SPHERE, CIRCLE, POLYGON, CONIC, ASPHERE, IDEAL, ARCS, STAR, MASK, FREEFORM, RING
 
 
 class ElementRow(NamedTuple):
-    """Numbers of an element; `LensRecord` explains the entries."""
+    """Numbers of an element for kernels; `LensRecord` explains the entries."""
 
     kind: int
     semi_diameter2: float = math.inf
@@ -46,10 +46,10 @@ class ElementRow(NamedTuple):
     departure: tuple[float, ...] = ()
     edges: tuple[tuple[float, ...], ...] = ()
     cells: Floats | None = None
-    """Transmission of the cells of a mask."""
+    """Transmission of the cells of a mask stop."""
     cells_per_mm: float = 0.0
     z: float = 0.0
-    """Here and below, what the lens knows."""
+    """This and the following members are set by the lens."""
     surface_index: int = 0
     index_ratio: float = 1.0
     frame: tuple[float, ...] = ()
@@ -57,16 +57,16 @@ class ElementRow(NamedTuple):
 
     @property
     def opened(self) -> ElementRow:
-        """The circle around a stop; other rows as they are."""
+        """The circle that holds a stop; other rows unchanged."""
         return self._replace(kind=CIRCLE, edges=(), cells=None) if self.edges or self.cells is not None else self
 
 
-class PathNotes(NamedTuple):
-    """Arrays in which kernels store quantities of a block of rays, from which they find optical paths."""
+class PathWorkspace(NamedTuple):
+    """Workspace for the optical path lengths of a block of rays."""
 
     indices: Floats
-    """(n,): refractive index before each element, in the order of travel."""
+    """(n,) refractive index before each element, in the order of travel."""
     start: Floats
-    """(6, block): points and directions before the element at hand."""
+    """(6, block) points and directions before the current element."""
     length: Floats
-    """(block,), mm: the path so far."""
+    """(block,) optical path length so far, mm."""

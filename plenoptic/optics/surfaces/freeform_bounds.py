@@ -1,4 +1,4 @@
-"""Freeform term: the sag that a surface without rotational symmetry adds to its conic or asphere."""
+"""Freeform terms: vertex derivatives and bounds of a sag without rotational symmetry, added to a conic or asphere."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class VertexShape(NamedTuple):
-    """Derivatives of the sag at the vertex, by x and y in mm."""
+    """Derivatives of the sag at the vertex with respect to x and y in mm."""
 
     dx: float
     dy: float
@@ -20,14 +20,14 @@ class VertexShape(NamedTuple):
         return 0.5 * (self.dxx + self.dyy)
 
 
-class DepartureBounds(NamedTuple):
+class FreeformBounds(NamedTuple):
     """Proven bounds in a disc about the vertex."""
 
     slope: float
-    """Size of the gradient."""
+    """Largest size of the gradient."""
     bending: float
-    """Size of the second derivative in any direction, 1/mm."""
+    """Largest size of the second derivative in any direction, 1/mm."""
     height: float
-    """Size of the sag in mm."""
+    """Largest size of the sag in mm."""
     rounding: float
-    """What rounding may leave of the sag, in mm."""
+    """Largest rounding error of the sag in mm."""

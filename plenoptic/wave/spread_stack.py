@@ -1,4 +1,4 @@
-"""Patterns of points at several depths and places within a period of the array, as deconvolution takes them."""
+"""Wave-optical images of points at several depths and positions within a microlens, for deconvolution."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import run_in_order, thread_count
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, numbers, result, whole
-from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.stops.registry import Stop
-from plenoptic.wave.patterns import point_spread
-from plenoptic.wave.spread import WaveSpread
+from plenoptic.optics.stops.stop_registry import Stop
+from plenoptic.wave.point_image import point_spread
+from plenoptic.wave.wave_spread import WaveSpread
 
-_MOST_ACROSS = 255
+_MAX_ACROSS = 255
 
 
 @result
 class WaveSpreadStack:
-    """Images of points at several depths, and at places whose light falls all over the middle microlens.
+    """Images of points at several depths, at positions whose light sweeps over the central microlens.
 
     Made by `point_spread_stack`.
 
     Attributes
     ----------
     images : (depths, across, across, rows, columns) array of float32
-        As `WaveSpread.image`, on a part of the sensor around its middle. Places (i, j) follow the rows and columns of
-        the image: from one to the next, the light falls a part 1 / across of a microlens farther down, or to the right.
+        As `WaveSpread.image`, on a central part of the sensor. Positions (i, j) follow the rows and columns of
+        the image: from one to the next, the light moves by 1 / across of a microlens down, or to the right.
     corner : (2,) array of int
         Row and column on the sensor of the first pixel of images.
     points : (depths, across, across, 3) array
-        In the world, mm.
+        World positions, mm.
     z_objects : (depths,) array
-        As given.
+        Depths as passed to `point_spread_stack`.
     light : (depths, across, across) array
         Projected solid angle in sr of the light that passes the main lens.
     error : float
@@ -81,22 +81,22 @@ def point_spread_stack(
     threads: int | None = None,
     progress: bool = True,
 ) -> WaveSpreadStack:
-    """Patterns of points at several depths, for the deconvolution of raw images of a microscope.
+    """Images of points at several depths, for the deconvolution of raw images of a microscope.
 
     Parameters
     ----------
     camera : PlenopticCamera
         Its microlenses on a SQUARE or RECTANGULAR lattice.
     z_objects : (depths,) array
-        Planes in the lens's axes, mm, negative: those of the iris where the lens stands as designed.
+        Planes in the lens's axes, mm, negative: in the axes of the iris for an undisplaced lens.
     across : int
-        Places along both axes within a microlens.
+        Positions along both axes within a microlens.
     wavelengths, weights
         As in `point_spread`.
     threads : int, optional
-        None: one for each processor. Each holds a grid of samples and half a dozen copies of it.
+        None: one for each processor. Each holds a grid of samples and half a dozen copies.
     progress : bool, optional
-        Whether to show how far it is.
+        Show a progress bar.
 
     Returns
     -------
@@ -105,13 +105,13 @@ def point_spread_stack(
     Raises
     ------
     InvalidValueError
-        As of `point_spread`; for other lattices; or where no ray leads from the middle of the iris to a place.
+        As for `point_spread`; for other lattices; or if no ray from the middle of the iris reaches a position.
 
     Notes
     -----
-    Points of a depth are those that see the places on the array through the middle of the iris, so that each stands for
-    all points whose light is displaced by whole microlenses, where the main lens is telecentric or nearly so. Of
-    cameras that are mirrored in their axes only a quarter of the places is calculated.
+    Points of a depth lie on rays through the middle of the iris and the positions on the array. If the main lens is
+    nearly telecentric, each represents all points whose light is displaced by whole microlenses. For cameras that are
+    symmetric in their axes only a quarter of the positions is calculated.
 
     Examples
     --------
@@ -125,33 +125,33 @@ def point_spread_stack(
     depths = numbers(z_objects, "z_objects")
     if depths.ndim != 1 or not len(depths):
         raise InvalidValueError("z_objects must be a row of numbers, such as [-110.0, -100.0]")
-    count = whole(across, "across", at_least=1, at_most=_MOST_ACROSS)
+    count = whole(across, "across", at_least=1, at_most=_MAX_ACROSS)
     points = _points(camera, depths, count)
-    asked = (count + 1) // 2 if _is_mirrored(camera) else count
+    n_computed = (count + 1) // 2 if _is_symmetric(camera) else count
 
-    def work(place: tuple[int, ...]) -> WaveSpread:
-        return point_spread(camera, points[place], wavelengths=wavelengths, weights=weights)
+    def spread_at(index: tuple[int, ...]) -> WaveSpread:
+        return point_spread(camera, points[index], wavelengths=wavelengths, weights=weights)
 
-    places = list(np.ndindex(len(depths), asked, asked))
-    with Waiting("propagating waves", kind="camera", show=progress):
-        found = run_in_order(work, places, threads=thread_count(threads), ahead=1)
-        spreads = dict(zip(places, found, strict=True))
-    return _stacked(camera, depths, points, spreads, asked)
+    indices = list(np.ndindex(len(depths), n_computed, n_computed))
+    with CallProgress("propagating waves", kind="camera", show=progress):
+        results = run_in_order(spread_at, indices, threads=thread_count(threads), ahead=1)
+        spreads = dict(zip(indices, results, strict=True))
+    return _stack(camera, depths, points, spreads, n_computed)
 
 
 def _points(camera: PlenopticCamera, depths: Floats, across: int) -> Floats:
-    """(depths, across, across, 3) in the world."""
+    """World points (depths, across, across, 3)."""
     axes, array = array_axes(camera), camera.microlenses
     assert array is not None
     steps = (np.arange(across) + 0.5) / across - 0.5
-    # Images are read out turned by half a turn about y.
-    places = np.stack(np.meshgrid(-steps * array.pitches[0], steps * array.pitches[1]), axis=-1).reshape(-1, 2)
-    found = np.empty((len(depths), len(places), 3))
-    for k, place in enumerate(axes.in_lens(axes.local(places))):
+    # Images are read out rotated by half a turn about y.
+    positions = np.stack(np.meshgrid(-steps * array.pitches[0], steps * array.pitches[1]), axis=-1).reshape(-1, 2)
+    points = np.empty((len(depths), len(positions), 3))
+    for k, position in enumerate(axes.in_lens(axes.local(positions))):
         ray = aimed_rays_reverse(
             camera.lens,
-            image_point=place[:2],
-            z_image=float(place[2]),
+            image_point=position[:2],
+            z_image=float(position[2]),
             pupil=np.zeros((1, 2)),
             wavelength=camera.wavelength,
         )
@@ -160,16 +160,16 @@ def _points(camera: PlenopticCamera, depths: Floats, across: int) -> Floats:
             raise InvalidValueError(
                 "no ray leads from the middle of the iris to the middle microlens; centre the parts"
             )
-        found[:, k] = [behind.at_z(float(z))[0] for z in depths]
+        points[:, k] = [behind.at_z(float(z))[0] for z in depths]
     if axes.parts.lens_to_camera is not None:
-        found = axes.parts.lens_to_camera.points(found)
+        points = axes.parts.lens_to_camera.points(points)
     if camera.pose is not None:
-        found = camera.pose.to_world(found.reshape(-1, 3))
-    return np.asarray(found).reshape(len(depths), across, across, 3)
+        points = camera.pose.to_world(points.reshape(-1, 3))
+    return np.asarray(points).reshape(len(depths), across, across, 3)
 
 
-def _is_mirrored(camera: PlenopticCamera) -> bool:
-    """True if the camera is symmetric in x, and in y."""
+def _is_symmetric(camera: PlenopticCamera) -> bool:
+    """True if the camera is symmetric in x and in y."""
     array = camera.microlenses
     assert array is not None
     round_stops = all(isinstance(e, CircularStop) for e in camera.lens.elements if isinstance(e, Stop))
@@ -182,10 +182,10 @@ def _is_mirrored(camera: PlenopticCamera) -> bool:
     )
 
 
-def _stacked(
-    camera: PlenopticCamera, depths: Floats, points: Floats, spreads: dict[tuple[int, ...], WaveSpread], asked: int
+def _stack(
+    camera: PlenopticCamera, depths: Floats, points: Floats, spreads: dict[tuple[int, ...], WaveSpread], n_computed: int
 ) -> WaveSpreadStack:
-    """Images on the part of the sensor around its middle that holds all of them."""
+    """Stack of images on the central part of the sensor that holds all of them."""
     across, sensor = points.shape[1], np.array(camera.sensor.shape)
     lit = [spread for spread in spreads.values() if spread.light > 0]
     margin = sensor.min() // 2 if not lit else sensor.max()
@@ -198,14 +198,14 @@ def _stacked(
     light = np.zeros(images.shape[:3])
     for (depth, i, j), spread in spreads.items():
         (row, column), (rows, columns) = spread.corner - first, spread.image.shape
-        placed = np.zeros(shape, np.float32)
+        image = np.zeros(shape, np.float32)
         if spread.light > 0:
-            placed[row : row + rows, column : column + columns] = spread.image
-        mirrored = asked < across
-        for down in {i, across - 1 - i} if mirrored else {i}:
-            for right in {j, across - 1 - j} if mirrored else {j}:
-                turned = placed[::-1] if down != i else placed
-                images[depth, down, right] = turned[:, ::-1] if right != j else turned
+            image[row : row + rows, column : column + columns] = spread.image
+        symmetric = n_computed < across
+        for down in {i, across - 1 - i} if symmetric else {i}:
+            for right in {j, across - 1 - j} if symmetric else {j}:
+                flipped = image[::-1] if down != i else image
+                images[depth, down, right] = flipped[:, ::-1] if right != j else flipped
                 light[depth, down, right] = spread.light
     error = max((part.error for spread in lit for part in spread.samplings), default=0.0)
     return WaveSpreadStack(images, first, points, depths, light, error, camera)

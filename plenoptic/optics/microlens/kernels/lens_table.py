@@ -1,4 +1,4 @@
-"""The cells and openings of listed microlenses: the kernels."""
+"""Cells and openings of the lenses in a lens table: kernels."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from plenoptic.core.kernels.polygons import cut
 from plenoptic.core.numba.jit import device, kernel
 
-_MOST_CORNERS = 64
+_MAX_CORNERS = 64
 
 
 @device
 def bins_around(x, y, reach, bins):
-    """First and last row, first and last column of the bins that hold points no farther than `reach` along x and y."""
+    """First and last row, first and last column of the bins of points within `reach` along x and y."""
     low_i = max(math.floor((x - reach - bins.x) / bins.width), 0)
     low_j = max(math.floor((y - reach - bins.y) / bins.width), 0)
     high_i = min(math.floor((x + reach - bins.x) / bins.width), bins.rows - 1)
@@ -24,25 +24,25 @@ def bins_around(x, y, reach, bins):
 
 @kernel
 def fill_bins(bins, points):
-    """Sort points (n, 2) into a grid of bins (see `BinsRecord`), which comes empty."""
+    """Sort points (n, 2) into a grid of bins (see `BinsRecord`), which is empty on entry."""
     first, members = bins.first, bins.members
-    place = np.empty(points.shape[0], np.int64)
+    bin_of = np.empty(points.shape[0], np.int64)
     for k in range(points.shape[0]):
         i = min(max(math.floor((points[k, 0] - bins.x) / bins.width), 0), bins.rows - 1)
         j = min(max(math.floor((points[k, 1] - bins.y) / bins.width), 0), bins.columns - 1)
-        place[k] = i * bins.columns + j
-        first[place[k] + 1] += 1
+        bin_of[k] = i * bins.columns + j
+        first[bin_of[k] + 1] += 1
     for b in range(bins.rows * bins.columns):
         first[b + 1] += first[b]
-    filled = first[:-1].copy()
+    cursor = first[:-1].copy()
     for k in range(points.shape[0]):
-        members[filled[place[k]]] = k
-        filled[place[k]] += 1
+        members[cursor[bin_of[k]]] = k
+        cursor[bin_of[k]] += 1
 
 
 @device
-def _cut_by_edges(polygon, n, corners, shift, margin):
-    """Cut a polygon, of which n corners count, with the edges of another one, moved outwards by a margin."""
+def _clip_by_edges(polygon, n, corners, shift, margin):
+    """Clip a polygon of n corners by the edges of another one, moved outwards by a margin; return its new number."""
     sides = corners.shape[0]
     for q in range(sides):
         r = q + 1 if q + 1 < sides else 0
@@ -54,19 +54,19 @@ def _cut_by_edges(polygon, n, corners, shift, margin):
 
 @kernel
 def fill_cells(cells, counts, points, base, margin, reach, neighbours):
-    """Cells of the listed lenses at `points` (n, 2), relative to these; returns the most corners that one has.
+    """Cells of the lenses at `points` (n, 2), relative to these; return the largest number of corners.
 
-    A cell is `base` (k, 2), widened by a margin. With bins of `neighbours`, it is cut by the lines half way to all
-    points no farther than `reach`, moved outwards by the margin. `cells` is (n, most, 2); corners beyond its room are
-    counted and not written.
+    A cell is `base` (k, 2), widened by a margin. With bins of `neighbours`, it is clipped by the perpendicular
+    bisectors to all points within `reach`, moved outwards by the margin. `cells` is (n, room, 2); corners beyond the
+    room are counted and not written.
     """
-    polygon = np.empty((3, _MOST_CORNERS))
-    most = 0
+    polygon = np.empty((3, _MAX_CORNERS))
+    max_corners = 0
     for k in range(points.shape[0]):
         n = base.shape[0]
         for q in range(n):
             polygon[0, q], polygon[1, q] = 8.0 * base[q, 0], 8.0 * base[q, 1]
-        n = _cut_by_edges(polygon, n, base, (0.0, 0.0), margin)
+        n = _clip_by_edges(polygon, n, base, (0.0, 0.0), margin)
         if neighbours is not None:
             low_i, high_i, low_j, high_j = bins_around(points[k, 0], points[k, 1], reach, neighbours)
             for i in range(low_i, high_i + 1):
@@ -78,30 +78,30 @@ def fill_cells(cells, counts, points, base, margin, reach, neighbours):
                             continue
                         dx, dy = points[other, 0] - points[k, 0], points[other, 1] - points[k, 1]
                         limit = 0.5 * (dx * dx + dy * dy) + margin * math.hypot(dx, dy)
-                        if n < _MOST_CORNERS:
+                        if n < _MAX_CORNERS:
                             n = cut(polygon, 0, n, dx, dy, limit)
-        most = max(most, n)
+        max_corners = max(max_corners, n)
         counts[k] = n
         for q in range(min(n, cells.shape[1])):
             cells[k, q, 0], cells[k, q, 1] = polygon[0, q], polygon[1, q]
-    return most
+    return max_corners
 
 
 @kernel
 def fill_openings(corners, counts, cells, cell_counts, opening, shifts):
-    """Openings of listed lenses: `opening` (k, 2), shifted by `shifts` (n, 2), inside their cells.
+    """Openings of listed lenses: `opening` (k, 2), displaced by `shifts` (n, 2), clipped by their cells.
 
-    Returns the most corners that one has; see `fill_cells`.
+    Returns the largest number of corners; see `fill_cells`.
     """
-    polygon = np.empty((3, _MOST_CORNERS))
-    most = 0
+    polygon = np.empty((3, _MAX_CORNERS))
+    max_corners = 0
     for k in range(cells.shape[0]):
         n = cell_counts[k]
         for q in range(n):
             polygon[0, q], polygon[1, q] = cells[k, q, 0], cells[k, q, 1]
-        n = _cut_by_edges(polygon, n, opening, (shifts[k, 0], shifts[k, 1]), 0.0)
-        most = max(most, n)
+        n = _clip_by_edges(polygon, n, opening, (shifts[k, 0], shifts[k, 1]), 0.0)
+        max_corners = max(max_corners, n)
         counts[k] = n
         for q in range(min(n, corners.shape[1])):
             corners[k, q, 0], corners[k, q, 1] = polygon[0, q], polygon[1, q]
-    return most
+    return max_corners

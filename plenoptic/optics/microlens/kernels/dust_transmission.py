@@ -1,7 +1,7 @@
-"""Dust and scratches: kernels that dim paths where they cross its plane.
+"""Dust and scratches: kernels that attenuate paths where they cross its plane.
 
-A grain or scratch is a capsule: all points nearer than a radius to a segment. Capsules are found through a grid of bins
-(see `dust.DustRecord`), so that a path costs the same for ten grains and for ten thousand.
+A grain or scratch is a capsule: all points nearer than a radius to a segment. Capsules are looked up in a grid of bins
+(see `dust.DustRecord`), so that the cost of a path does not depend on the number of grains.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from plenoptic.core.numba.jit import device, kernel
 
 
 @device
-def _place(value, low, per_mm, bins):
+def _bin(value, low, per_mm, bins):
     return min(max(math.floor((value - low) * per_mm), 0), bins - 1)
 
 
 @device
 def _columns_of(capsule, grid, margin):
-    """First and last column of bins that a capsule can touch."""
+    """First and last column of bins that a capsule may overlap."""
     reach = math.sqrt(capsule.radius2) + margin
     x, dx = capsule.start_x, capsule.along_x
     low, high = min(x, x + dx) - reach, max(x, x + dx) + reach
     columns = int(grid[3])
-    return _place(low, grid[0], grid[2], columns), _place(high, grid[0], grid[2], columns)
+    return _bin(low, grid[0], grid[2], columns), _bin(high, grid[0], grid[2], columns)
 
 
 @device
 def _rows_of(capsule, grid, margin, column):
-    """First and last bin that a capsule can touch in one column: the part of its segment near it, and the radius."""
+    """First and last bin that a capsule may overlap in a column: the part of its segment near it, and the radius."""
     reach = math.sqrt(capsule.radius2) + margin
     left = grid[0] + column / grid[2] - reach
     right = grid[0] + (column + 1) / grid[2] + reach
@@ -43,12 +43,12 @@ def _rows_of(capsule, grid, margin, column):
     y, dy = capsule.start_y, capsule.along_y
     low, high = min(y + first * dy, y + last * dy) - reach, max(y + first * dy, y + last * dy) + reach
     rows = int(grid[4])
-    return _place(low, grid[1], grid[2], rows), _place(high, grid[1], grid[2], rows)
+    return _bin(low, grid[1], grid[2], rows), _bin(high, grid[1], grid[2], rows)
 
 
 @kernel
 def count_members(capsules, grid, margin):
-    """Number of entries of all bins of a grid: each capsule is one in every bin that it can touch."""
+    """Total number of entries of a grid's bins: a capsule is an entry of every bin that it may overlap."""
     total = 0
     for k in range(capsules.shape[0]):
         first, last = _columns_of(capsules[k], grid, margin)
@@ -63,7 +63,7 @@ def fill_dust_bins(bin_first, members, capsules, grid, margin):
     """Sort capsules into bins: those of bin b are members[bin_first[b]] to members[bin_first[b + 1]].
 
     `grid` is x, y of its corner, bins per mm and the numbers of columns and rows; bins count column by column.
-    `margin` widens capsules by the largest rounding error. `bin_first` comes as zeros.
+    `margin` widens capsules by the largest rounding error. `bin_first` must be 0 on entry.
     """
     rows = int(grid[4])
     for k in range(capsules.shape[0]):
@@ -74,29 +74,29 @@ def fill_dust_bins(bin_first, members, capsules, grid, margin):
                 bin_first[column * rows + row + 1] += 1
     for b in range(bin_first.size - 1):
         bin_first[b + 1] += bin_first[b]
-    filled = bin_first[:-1].copy()
+    cursor = bin_first[:-1].copy()
     for k in range(capsules.shape[0]):
         first, last = _columns_of(capsules[k], grid, margin)
         for column in range(first, last + 1):
             low, high = _rows_of(capsules[k], grid, margin, column)
             for row in range(low, high + 1):
-                members[filled[column * rows + row]] = k
-                filled[column * rows + row] += 1
+                members[cursor[column * rows + row]] = k
+                cursor[column * rows + row] += 1
 
 
 @device
-def in_axes(axes, x, y):
-    """A point of a plane through an affine map (2, 3)."""
+def apply_affine(axes, x, y):
+    """Transform a point of a plane by an affine map (2, 3)."""
     return axes[0, 0] * x + axes[0, 1] * y + axes[0, 2], axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]
 
 
 @device
-def _dim(ray, row, point, axes, dust):
-    """Multiply a number by the transmission of the dust at a local point; by 1 where the point is not finite."""
+def _attenuate(ray, row, point, axes, dust):
+    """Multiply a number by the transmission of the dust at a local point; nan points are outside of all dust."""
     x, y = point
     grid = dust.grid
     if axes is not None:
-        x, y = in_axes(axes, x, y)
+        x, y = apply_affine(axes, x, y)
     u, v = (x - grid[0]) * grid[2], (y - grid[1]) * grid[2]
     if u >= 0.0 and u < grid[3] and v >= 0.0 and v < grid[4]:
         b = int(u) * int(grid[4]) + int(v)
@@ -111,17 +111,17 @@ def _dim(ray, row, point, axes, dust):
 
 
 @kernel
-def fill_dimmed_aims(blocks, sensor, height, axes, dust):
-    """Dim aimed samples (see `to_lens`) where they cross a plane `height` mm in front of the sensor.
+def fill_aim_transmission(blocks, sensor, height, axes, dust):
+    """Attenuate aimed samples (see `to_lens`) where they cross a plane `height` mm in front of the sensor.
 
     The sensor is a `SensorPlane` behind the plane of aims, and the plane of the dust is parallel to it. `height` None:
     dust lies on the plane of aims itself. `axes` (2, 3) is the affine map from local x, y to the dust's axes, None
-    where they are the same (see `dust.plane_axes`).
+    if they are the same (see `dust.plane_axes`).
     """
     distance = sensor.distance
     rise, straight = 0.0, 0.0
     if height is not None:
-        # Along the local axis a parallel plane at `height` lies this far away.
+        # Distance of a parallel plane at `height`, along the local axis.
         rise = height
         if sensor.tilt is not None:
             rise = height * math.sqrt(1.0 + sensor.tilt[0] * sensor.tilt[0] + sensor.tilt[1] * sensor.tilt[1])
@@ -136,22 +136,22 @@ def fill_dimmed_aims(blocks, sensor, height, axes, dust):
                 if sensor.tilt is not None:
                     back = 1.0 - rise / (distance + sensor.tilt[0] * x + sensor.tilt[1] * y)
                 x, y = x - back * ray[L + i], y - back * ray[M + i]
-            _dim(ray, WEIGHT + i, (x, y), axes, dust)
+            _attenuate(ray, WEIGHT + i, (x, y), axes, dust)
 
 
 @kernel
-def fill_dimmed_rays(blocks, z, axes, dust):
-    """Dim rays where their lines cross the plane at z; lost rays may hold anything."""
+def fill_ray_transmission(blocks, z, axes, dust):
+    """Attenuate rays where their lines cross the plane at z; lost rays may hold any numbers."""
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         for i in range(BLOCK):
             t = (z - ray[Z + i]) / ray[N + i]
-            _dim(ray, WEIGHT + i, (ray[X + i] + t * ray[L + i], ray[Y + i] + t * ray[M + i]), axes, dust)
+            _attenuate(ray, WEIGHT + i, (ray[X + i] + t * ray[L + i], ray[Y + i] + t * ray[M + i]), axes, dust)
 
 
 @kernel
-def fill_passing(passing, points, dust):
-    """Write the transmission at points (n, 2) in the dust's axes."""
+def fill_transmission(transmission, points, dust):
+    """Transmission at points (n, 2) in the dust's axes."""
     for k in range(points.shape[0]):
-        passing[k] = 1.0
-        _dim(passing, k, (points[k, 0], points[k, 1]), None, dust)
+        transmission[k] = 1.0
+        _attenuate(transmission, k, (points[k, 0], points[k, 1]), None, dust)

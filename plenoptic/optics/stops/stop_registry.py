@@ -1,6 +1,6 @@
-"""Stops, thin opaque screens with a hole: the closed set.
+"""Registry of stops, thin opaque screens with a hole.
 
-Each has a `semi_diameter`, the radius of the circle about the axis that holds the hole: it stands for the stop in
+Each has a `semi_diameter`, the radius of the circle about the axis that holds the hole. It stands for the stop in
 paraxial data and in bounds on pupils.
 """
 
@@ -28,12 +28,12 @@ STOPS: dict[str, type[Stop]] = {
 
 
 def circle_around(stop: Stop) -> CircularStop:
-    """The circle about its axis that holds the hole of a stop, at the same place."""
+    """Circle about its axis that holds the hole of a stop, at the same position."""
     if isinstance(stop, CircularStop):
         return stop
     return CircularStop(stop.semi_diameter, stop.thickness, placement=stop.placement)
 
 
 def is_convex(stop: Stop) -> bool:
-    """True if the hole is a convex body: those of stars and masks need not be, rings are not."""
+    """True if the hole is convex, which holes of stars and masks need not be and rings are not."""
     return isinstance(stop, CircularStop | PolygonStop)

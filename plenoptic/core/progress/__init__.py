@@ -1,0 +1,1 @@
+"""Progress bars of long calls, and the state of compilation that they show."""

@@ -1,1 +1,0 @@
-"""Progress of calls that take long: share done, and kernels that are compiled first."""
