@@ -9,7 +9,7 @@ import pytest
 from camera_helpers import CAMERA, agree, bare_camera, compiled_anew, refused, the_lens, with_array
 
 import plenoptic as pl
-from plenoptic.camera import record as camera_records
+from plenoptic.camera import camera_record as camera_records
 from plenoptic.camera.assembly import assembly
 from plenoptic.optics.lens.placement import rotation_about_axes
 
@@ -172,7 +172,7 @@ def test_the_design_is_kept_beside_what_was_built():
 def test_impossible_assemblies_are_refused():
     out_of_place = pl.optics.Placement(shift=(0.1, 0, 0))
     for make, message in (
-        (lambda: CAMERA.moved(SENSOR, tilt=(math.radians(50.0), 0.0, 0.0)), "behind what stands in front"),
+        (lambda: CAMERA.moved(SENSOR, tilt=(math.radians(50.0), 0.0, 0.0)), "behind the part in front"),
         (lambda: CAMERA.moved(ARRAY, shift=(0.0, 0.0, -100.0)), "last vertex"),
         (lambda: dataclasses.replace(bare_camera(), microlenses_placement=out_of_place), "without microlenses"),
         (lambda: CAMERA.moved(7), "CameraPart"),

@@ -23,9 +23,9 @@ ALL = 24 * 24
 @pytest.fixture
 def counted(monkeypatch):
     """Cameras that have been compiled, and of how many pixels it has been found what feeds them."""
-    count, find, compile_it = SimpleNamespace(pixels=0, compiled=0), cache.fed_pixels, cache.camera_record
+    count, find, compile_it = SimpleNamespace(pixels=0, compiled=0), cache.illuminated_pixels, cache.camera_record
 
-    def fed_pixels(record, pixels, number, **how):
+    def illuminated_pixels(record, pixels, number, **how):
         count.pixels += len(pixels)
         return find(record, pixels, number, **how)
 
@@ -33,7 +33,7 @@ def counted(monkeypatch):
         count.compiled += 1
         return compile_it(camera)
 
-    monkeypatch.setattr(cache, "fed_pixels", fed_pixels)
+    monkeypatch.setattr(cache, "illuminated_pixels", illuminated_pixels)
     monkeypatch.setattr(cache, "camera_record", camera_record)
     return count
 
@@ -50,7 +50,7 @@ def same(one, other):
 def test_a_camera_is_compiled_once(counted):
     camera = reference_camera()
     first = rendered(camera)
-    assert counted.pixels == ALL and not prepared_camera(camera)._fed  # who renders once has no use for it
+    assert counted.pixels == ALL and not prepared_camera(camera)._illuminated  # who renders once has no use for it
     assert same(rendered(camera), first) and counted.pixels == 2 * ALL
     assert same(rendered(camera), first) and counted.pixels == 2 * ALL
     pl.ground_truth(SCENE, camera, region=REGION)
@@ -78,7 +78,7 @@ def test_what_feeds_pixels_is_found_once_for_all_steps(counted):
     assert shot.samples > 32 and counted.pixels == ALL
     # Other tiles take the place of these.
     cut = rendered(camera, tile_side=7)
-    assert counted.pixels == 2 * ALL and not prepared_camera(camera)._fed
+    assert counted.pixels == 2 * ALL and not prepared_camera(camera)._illuminated
     assert same(cut, rendered(camera))
 
 
@@ -87,15 +87,19 @@ def test_no_more_is_kept_than_there_is_room_for(counted, monkeypatch):
     whole = rendered(camera, **budget)
     assert counted.pixels == ALL
     for most in (0, 100_000):
-        monkeypatch.setattr(cache, "MOST_BYTES", most)
+        monkeypatch.setattr(cache, "MAX_CACHED_BYTES", most)
         counted.pixels, other = 0, reference_camera()
         assert same(rendered(other, **budget), whole)
         assert counted.pixels > ALL  # in each step those for which there was no room
-        kept = prepared_camera(other)._fed.values()
-        arrays = [array for fed in kept for array in (*fed[:3], *fed.regions) if array is not None]
+        kept = prepared_camera(other)._illuminated.values()
+        arrays = [
+            array for illuminated in kept for array in (*illuminated[:3], *illuminated.regions) if array is not None
+        ]
         assert sum(array.nbytes for array in arrays) <= most
         assert (len(kept) > 0) == (most > 0)
-        assert all(array.base is None for fed in kept for array in fed.regions[:4])  # which would have room for more
+        assert all(
+            array.base is None for illuminated in kept for array in illuminated.regions[:4]
+        )  # which would have room for more
 
 
 def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
@@ -104,14 +108,14 @@ def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
     for each in (with_array(camera, focal_lengths=(1.8, 2.0, 2.2)), dark):
         first = rendered(each, tile_side=3)
         assert all(same(rendered(each, tile_side=3), first) for _ in range(2))
-        assert prepared_camera(each)._fed
+        assert prepared_camera(each)._illuminated
 
 
 def test_it_goes_when_its_camera_goes():
     camera = reference_camera()
     rendered(camera, target_error=0.05)
     kept = weakref.ref(prepared_camera(camera))
-    assert prepared_camera(camera) is kept() and kept()._fed
+    assert prepared_camera(camera) is kept() and kept()._illuminated
     del camera
     gc.collect()
     assert kept() is None

@@ -7,8 +7,8 @@ import pytest
 from camera_helpers import camera_with, refused
 
 import plenoptic as pl
+from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.conditioning import camera_conditioning
-from plenoptic.camera.record import camera_record
 
 CAMERA = camera_with(stop=10.0, shape=(64, 48))
 TABLES = camera_record(CAMERA)

@@ -11,11 +11,12 @@ import pytest
 from camera_helpers import CAMERA, agree, bare_camera, camera_with, compiled_anew, out_of_blocks, the_lens, total
 
 import plenoptic as pl
-from plenoptic.camera import cache, record
-from plenoptic.camera.paths import CameraPaths
-from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
-from plenoptic.camera.sampling.record import batch_record
+from plenoptic.camera import cache
+from plenoptic.camera import camera_record as record
+from plenoptic.camera.camera_rays import CameraRays
+from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
+from plenoptic.camera.sampling.sampling_records import batch_record
 from plenoptic.camera.sampling.through_array import fill_through_array
 from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
@@ -96,18 +97,20 @@ def certain_of(name):
     added = 0
     for rows, columns in some_regions(CAMERAS[name]):
         number = np.arange((rows[1] - rows[0]) * (columns[1] - columns[0]))
-        fed = fed_pixels(camera, pixel_centres(camera, rows, columns), number, certain=True)
-        if not fed.place.size:
+        illuminated = illuminated_pixels(camera, pixel_centres(camera, rows, columns), number, with_core=True)
+        if not illuminated.place.size:
             continue
-        n = 64 * fed.place.size
-        ways = CameraPaths(camera, fed, batch_record(np.uint64(7), 0, 64, 1, 0, 0), n)
-        ways.started(0, n)
-        sure, lanes = ways.sure, None
+        n = 64 * illuminated.place.size
+        ways = CameraRays(camera, illuminated, batch_record(np.uint64(7), 0, 64, 1, 0, 0), n)
+        ways.sample(0, n)
+        sure, lanes = ways.core, None
         *_, axis_x, _, _, axis_y, weights, _ = out_of_blocks(sure, sure.size // 8)
-        if fed.regions.details is not None:
+        if illuminated.regions.details is not None:
             # The microlens of a path beside is another one; that of what is certain is known by its axis.
-            rows_of = {(d["axis_x"], d["axis_y"]): d for d in fed.regions.details[: fed.regions.first[-1]]}
-            lanes = camera.own(sure.size // 8)
+            rows_of = {
+                (d["axis_x"], d["axis_y"]): d for d in illuminated.regions.details[: illuminated.regions.first[-1]]
+            }
+            lanes = camera.lenslet_parameters(sure.size // 8)
             for k, axis in enumerate(zip(axis_x, axis_y, strict=True)):
                 lanes[k] = rows_of.get(axis, lanes[k])
         fill_through_array(sure, lanes, camera, ways.waves)
@@ -149,8 +152,10 @@ def test_where_something_else_stops_light_none_is_certain():
     assert scene.runs(Stage.EXACT_PUPILS) and not scene.runs(Stage.CERTAIN_LIGHT)
     for name in ("star", "curved blades"):
         camera = camera_record(MORE_CAMERAS[name])
-        regions = fed_pixels(camera, pixel_centres(camera, (250, 258), (250, 258)), np.arange(64), certain=True).regions
-        assert not regions.pieces["certain"][: regions.first[-1]].any(), name
+        regions = illuminated_pixels(
+            camera, pixel_centres(camera, (250, 258), (250, 258)), np.arange(64), with_core=True
+        ).regions
+        assert not regions.pieces["has_core"][: regions.first[-1]].any(), name
 
 
 def test_pixels_that_see_very_many_microlenses_are_traced_whole():
@@ -169,7 +174,7 @@ def test_exact_regions_bring_the_light_of_bounds(monkeypatch):
         arguments = {"samples": 256, "replicates": 16, "region": np.s_[:32, :32], "progress": False}
         exact = sky(camera, seed=1, **arguments)
         with monkeypatch.context() as patch:
-            patch.setattr(record, "why_bounds", lambda *_, **__: "they do")
+            patch.setattr(record, "bounds_reason", lambda *_, **__: "they do")
             bounds = sky(compiled_anew(camera), seed=2, **arguments)
         agree(exact, bounds)
         assert exact.stats.paths_through_lens / exact.stats.paths > bounds.stats.paths_through_lens / bounds.stats.paths

@@ -8,8 +8,8 @@ import pytest
 from camera_helpers import CAMERA, bare_camera, camera_with, in_blocks, out_of_blocks
 
 import plenoptic as pl
-from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling.pixel_regions import feeding_regions
+from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.sampling.aperture_regions import aperture_regions
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 from plenoptic.optics.microlens.record import SensorPlane, array_record
 
@@ -64,7 +64,7 @@ def towards_the_lens(camera, sensor, points):
 
 def regions_of(tables, pixels):
     """What feeds pixels, all over them."""
-    return feeding_regions(tables, pixels, tables.sensor.pixel.half)
+    return aperture_regions(tables, pixels, tables.sensor.pixel.half)
 
 
 def holds(regions, pixel, centres, points, offsets):

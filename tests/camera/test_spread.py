@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import plenoptic as pl
-from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling.spread import EVERY, rest_of
+from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.sampling.diffraction_kernel import DEFLECTION_INTERVAL, remainder_batch
 from plenoptic.optics import ApertureShape, Gaps, MicrolensAperture
 from plenoptic.optics.diffraction.kernels.far_field import fill_bends
 from plenoptic.rendering.context import batch_of
@@ -37,13 +37,13 @@ def shoot(scene, made, **given):
 def test_shares_and_draws_are_all_light():
     for pixel, aperture in ((0.02, (1.0, 1.0)), (0.01, (0.7, 0.8)), (0.005, (1.0, 1.0)), (0.002, (0.7, 0.8))):
         record = camera_record(camera(pixel, pixel_aperture=aperture))
-        table, drawn = record.spread.table, record.spread.drawn
-        assert np.all(table.parts >= 0)
-        assert_allclose(table.means, table.parts.mean(axis=0)[None], rtol=1e-12)
+        table, drawn = record.diffraction_kernel.table, record.diffraction_kernel.remainder_share
+        assert np.all(table.weights >= 0)
+        assert_allclose(table.means, table.weights.mean(axis=0)[None], rtol=1e-12)
         # Even light brings a pixel as much as it brings its surroundings, whatever part of it sees light.
         assert table.means.sum() + drawn == pytest.approx(1.0, abs=1e-12), pixel
         if aperture == (1.0, 1.0):
-            assert_allclose(table.parts.sum(axis=1), 1.0 - drawn, rtol=1e-12)
+            assert_allclose(table.weights.sum(axis=1), 1.0 - drawn, rtol=1e-12)
         # Openings and pixels are alike from all sides.
         side = 2 * table.reach + 1
         assert_allclose(table.means.reshape(side, side), table.means.reshape(side, side)[::-1, ::-1], rtol=1e-9)
@@ -62,31 +62,31 @@ def test_shares_are_those_of_bends_that_are_drawn(pixel, turned, more):
     # Bends of the whole pattern, from two places of a pixel to those around, with the drawn rest taken away.
     made = camera(pixel, **more).moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.0, turned))
     record = camera_record(made)
-    table, bend = record.spread.table, record.bend
+    table, bend = record.diffraction_kernel.table, record.deflection
     part = np.array(made.sensor.pixel_aperture)
-    n, levels = 1 << 19, (bend.wavelengths * record.sensor.plane.distance - table.low) * table.per_level
+    n, levels = 1 << 19, (bend.wavelengths * record.sensor.plane.distance - table.lowest_scale) * table.scales_per_area
     # Of the wavelengths, one in the middle of its level.
     wave = 0 if len(levels) == 1 else 1 + int(np.abs(levels[1:] - np.rint(levels[1:] - 0.5) - 0.5).argmin())
-    wavelength, level = bend.wavelengths[wave], min(int(levels[wave]), table.levels - 1)
+    wavelength, level = bend.wavelengths[wave], min(int(levels[wave]), table.scales - 1)
     numbers = np.random.default_rng(2).random((n, 2))
     found = {}
-    for name, field in (("all", bend.field), ("rest", record.spread.rest.field)):
+    for name, field in (("all", bend.field), ("rest", record.diffraction_kernel.remainder.field)):
         found[name] = np.empty((n, 4))
         fill_bends(found[name], numbers, field)
     steps = np.arange(-table.reach, table.reach + 1)
-    for kind in range(table.kinds):
+    for kind in range(table.patterns):
         for across, down in ((5, 20), (31, 0)):
             shares, noise = np.zeros((len(steps),) * 2), 0.0
-            for name, sign in (("all", 1.0), ("rest", -record.spread.drawn)):
+            for name, sign in (("all", 1.0), ("rest", -record.diffraction_kernel.remainder_share)):
                 ends = found[name][:, :2] @ bend.back.T * (wavelength * record.sensor.plane.distance)
-                ends += (np.array([across, down]) + np.random.default_rng(3).random((n, 2))) / table.fine - 0.5
+                ends += (np.array([across, down]) + np.random.default_rng(3).random((n, 2))) / table.subdivisions - 0.5
                 at = np.rint(ends).astype(int)
                 seen = (np.abs(ends - at) <= 0.5 * part).all(axis=1) & (np.abs(at) <= table.reach).all(axis=1)
                 weights, place = sign * found[name][seen, 2 + kind], at[seen] + table.reach
                 np.add.at(shares, (place[:, 1], place[:, 0]), weights)
                 noise += float((weights**2).sum())
-            row = ((level * table.kinds + kind) * table.fine + down) * table.fine + across
-            known = table.parts[row].reshape(shares.shape) * part.prod()
+            row = ((level * table.patterns + kind) * table.subdivisions + down) * table.subdivisions + across
+            known = table.weights[row].reshape(shares.shape) * part.prod()
             assert_allclose(shares / n, known, atol=2.5 * math.sqrt(noise) / n)
 
 
@@ -107,17 +107,17 @@ def test_drawn_bends_stand_for_all_samples_whichever_batches_these_come_in(sampl
     # Light that is the index of the bend plus one: what comes in must be that of a whole render, for each replicate.
     found = np.zeros(replicates)
     for batch in batches(samples, replicates, cuts):
-        drawn = rest_of(batch)
+        drawn = remainder_batch(batch)
         n, blocks = drawn.samples, np.zeros(8 * 256)
         sums = np.zeros((1, replicates, 1)), np.zeros((1, 1))
         longest = -(-n // drawn.streams)
         order = [(s, i) for s in range(drawn.streams) for i in range(longest) if i * drawn.streams + s < n]
         for k, (_, index) in enumerate(order):
             blocks[6 * 256 + k] = drawn.first_index + index + 1
-        film_sums.fill_drawn(sums, film_sums.Light(blocks, None, None, None), 0, n, drawn, batch, EVERY)
+        film_sums.fill_drawn(sums, film_sums.Light(blocks, None, None, None), 0, n, drawn, batch, DEFLECTION_INTERVAL)
         found += sums[0][0, :, 0]
     own = [np.arange(len(range(r, samples, replicates))) for r in range(replicates)]
-    assert_allclose(found, [(indices // EVERY + 1).sum() for indices in own])
+    assert_allclose(found, [(indices // DEFLECTION_INTERVAL + 1).sum() for indices in own])
 
 
 def test_few_samples_are_right_on_average():
@@ -151,12 +151,12 @@ def test_errors_are_what_seeds_differ_by():
 
 
 def test_a_tilted_sensor_has_several_distances():
-    table = camera_record(camera().moved(pl.CameraPart.SENSOR, tilt=(0.9, 0.0, 0.0))).spread.table
-    assert table.levels > 5
+    table = camera_record(camera().moved(pl.CameraPart.SENSOR, tilt=(0.9, 0.0, 0.0))).diffraction_kernel.table
+    assert table.scales > 5
     assert table.means is None
     # Farther from the array, more leaves the pixel.
-    middle = table.parts.shape[1] // 2
-    stays = table.parts[:, middle].reshape(table.levels, -1).mean(axis=1)
+    middle = table.weights.shape[1] // 2
+    stays = table.weights[:, middle].reshape(table.scales, -1).mean(axis=1)
     assert np.all(np.diff(stays) < 0)
 
 
@@ -172,9 +172,9 @@ def test_going_on_gives_the_image_of_a_render_without_a_break(tmp_path):
 
 
 def test_nothing_is_shared_where_it_does_not_pay():
-    assert camera_record(dataclasses.replace(camera(), diffraction=None)).spread is None
+    assert camera_record(dataclasses.replace(camera(), diffraction=None)).diffraction_kernel is None
     # Most bends lead far, or most paths would lead beside what sees light: all are drawn.
     for other in (camera(0.0004), camera(pixel_aperture=(0.5, 0.5))):
-        assert camera_record(other).spread is None
+        assert camera_record(other).diffraction_kernel is None
         image = pl.render_white(other, samples=16, region=np.s_[10:14, 10:14], progress=False).image
         assert image.min() > 0

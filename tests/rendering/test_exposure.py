@@ -15,8 +15,8 @@ from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.frame import samples_text
 from plenoptic.rendering.schedule import scheduler
 from plenoptic.study.cameras import reference_camera
-from plenoptic.truth.arrays import empty_truth
 from plenoptic.truth.channels import GroundTruth
+from plenoptic.truth.truth_arrays import empty_truth
 
 BEFORE = Path(__file__).parents[1] / "data" / "before"
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.truth.arrays import available_truth, empty_truth, file_note, file_planes, truth_in
 from plenoptic.truth.channels import CHANNELS, NO_MICROLENS, GroundTruth, Truth, truth_names
 from plenoptic.truth.ground_truth import filling
-from plenoptic.truth.stages import PixelStages
+from plenoptic.truth.truth_arrays import available_truth, empty_truth, file_comment, file_planes, truth_from_planes
+from plenoptic.truth.truth_stages import PixelStages
 
 
 def everything(rows=2, columns=3):
@@ -48,7 +48,7 @@ def test_all_is_everything_and_each_array_has_a_kind_of_it():
 
 def test_impossible_arrays_are_refused_and_views_have_the_inverse_disparity():
     for arrays, sentence in (
-        ({}, "a ground truth holds nothing; give it at least one array, such as depth"),
+        ({}, "a ground truth has no array; give it at least one, such as depth"),
         ({"depth": np.ones(3)}, r"depth has shape \(3,\); it must have shape \(rows, columns\)"),
         ({"depth": np.ones((2, 3)), "normal": np.ones((2, 2, 3))}, r"normal has shape \(2, 2, 3\)"),
     ):
@@ -65,16 +65,16 @@ def test_channels_of_files_lead_back():
     channels = file_planes(truth)
     assert len(channels) == sum(int(np.prod(kind.shape)) for kind in CHANNELS.values())
     assert all(plane.shape == (2, 3) for plane in channels.values())
-    assert truth_in(channels) == truth
-    assert truth_in({"depth.Z": truth.depth, "truth.normal.X": truth.depth}) == GroundTruth(depth=truth.depth)
-    assert truth_in({"Y": truth.depth}) is None
+    assert truth_from_planes(channels) == truth
+    assert truth_from_planes({"depth.Z": truth.depth, "truth.normal.X": truth.depth}) == GroundTruth(depth=truth.depth)
+    assert truth_from_planes({"Y": truth.depth}) is None
     for name in channels:
-        assert name.rsplit(".", 1)[0] in file_note(truth)
+        assert name.rsplit(".", 1)[0] in file_comment(truth)
     # Single precision, in which files keep it, has the number of no microlens.
     assert int(np.float32(NO_MICROLENS)) == NO_MICROLENS == np.iinfo(np.int32).min
     # Files from before a channel have the others.
     del channels["truth.incidence_angle"]
-    older = truth_in(channels)
+    older = truth_from_planes(channels)
     assert older.kinds == truth.kinds & ~Truth.INCIDENCE_ANGLE
     assert older == dataclasses.replace(truth, incidence_angle=None)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
+from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
 from plenoptic.images import PixelState
 from plenoptic.rendering.schedule import orders
 from plenoptic.study.cameras import reference_camera
@@ -36,7 +36,7 @@ def ring(semi_diameter):
 
 
 def rays_of(record, pixels):
-    return representative_rays(record, pixels, fed_pixels(record, pixels, np.arange(len(pixels))))
+    return representative_rays(record, pixels, illuminated_pixels(record, pixels, np.arange(len(pixels))))
 
 
 def tilted(camera):

@@ -1,1 +1,1 @@
-"""Where points and microlens images lie on the sensor."""
+"""Positions of world points and of microlens images on the sensor."""

@@ -1,1 +1,1 @@
-"""What light of points leaves on the sensor."""
+"""Point-spread functions by forward tracing."""

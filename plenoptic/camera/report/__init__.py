@@ -1,1 +1,1 @@
-"""What a camera is and does, in numbers."""
+"""Reports on cameras: first-order properties, findings, drawings."""

@@ -1,1 +1,1 @@
-"""What part of the microlens plane feeds each pixel, and paths that start there."""
+"""Aperture regions, which illuminate each pixel, and camera samples aimed at them."""

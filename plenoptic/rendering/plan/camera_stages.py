@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.sampling.choice import why_bounds, why_uncertain
+from plenoptic.camera.sampling.region_method import bounds_reason, no_core_reason
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -56,8 +56,8 @@ def _diffraction(camera: PlenopticCamera) -> list[Decision]:
 
 def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
     """How it is found what feeds pixels."""
-    stopped = why_uncertain(camera)
-    bounds = why_bounds(camera, certain=white and not stopped)
+    stopped = no_core_reason(camera)
+    bounds = bounds_reason(camera, with_core=white and not stopped)
     return [
         decide(Stage.EXACT_PUPILS, not bounds, bounds, "each point of a pixel sees the openings of the lens"),
         decide(

@@ -1,1 +1,1 @@
-"""Kernels: the representative rays of pixels, and the image points of what they meet."""
+"""Kernels of ground truth: representative rays, hit points, and their images."""

@@ -113,9 +113,9 @@ def test_interpolated_chief_rays_are_those_that_are_aimed_at():
     for camera in (the_camera(**wide), the_camera(fisheye, to_array=max(120.0, large), **wide), moved):
         centres = microlens_centres(camera)
         rows = np.random.default_rng(3).choice(len(centres), 30, replace=False)
-        aimed = centres.on_array[rows] + 2.0 * aimed_slopes(array_axes(camera), centres.on_array[rows])
+        aim_rays = centres.on_array[rows] + 2.0 * aimed_slopes(array_axes(camera), centres.on_array[rows])
         # As documented; the iris is met to 1e-9 mm, which the lever of the sensor makes smaller.
-        assert np.abs(centres.position[rows] - aimed).max() < 1e-9
+        assert np.abs(centres.position[rows] - aim_rays).max() < 1e-9
     # The decentred lens is interpolated in two dimensions.
     designed = microlens_centres(straight)
     here, there = pairs(centres, designed)

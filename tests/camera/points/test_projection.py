@@ -10,7 +10,7 @@ from camera_helpers import bare_camera, camera_with, in_world, pairs, refused, t
 import plenoptic as pl
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection import project
-from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed
+from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aim_rays
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_by
@@ -108,9 +108,9 @@ def test_chief_rays_pass_centres_to_a_millionth_of_a_micrometre():
         for camera in (camera_with(**KINDS[name]), assembled(camera_with(**KINDS[name]))):
             bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
             entrance = EntranceRays(-40.0, 5.0, camera.wavelength, bare, bare)
-            aim = Aim(bare, ThroughArray(array_axes(camera), camera.microlenses).places)
-            found = aimed(entrance, aim, points, wanted, np.zeros((200, 2)))
-            passed = aim.places(traced_by(bare, entrance.through(points, found)))
+            aim = Aim(bare, ThroughArray(array_axes(camera), camera.microlenses).intersections)
+            found = aim_rays(entrance, aim, points, wanted, np.zeros((200, 2)))
+            passed = aim.intersections(traced_by(bare, entrance.through(points, found)))
             np.testing.assert_allclose(passed, wanted, rtol=0, atol=1e-9, err_msg=name)
 
 

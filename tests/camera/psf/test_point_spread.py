@@ -49,11 +49,11 @@ def test_a_perfect_lens_in_focus_gathers_all_light_in_the_paraxial_image_point()
     m = points.efl / (points.front_focus + 404.0)
     for height in (0.0, 5.0):
         point, image = (height, -0.3 * height, -404), [-m * height, 0.3 * m * height]
-        landed, spread = landing_points(camera, point), point_spread(camera, point)
+        trace_task, spread = landing_points(camera, point), point_spread(camera, point)
         # eps times lengths of some 500 mm, times a few.
-        np.testing.assert_allclose(landed.position, np.tile(image, (len(landed.position), 1)), atol=1e-11)
+        np.testing.assert_allclose(trace_task.position, np.tile(image, (len(trace_task.position), 1)), atol=1e-11)
         np.testing.assert_allclose(spread.centroid, image, atol=1e-11)
-        assert landed.microlens is None
+        assert trace_task.microlens is None
         # The image of a point that lies between two or four pixels may be split by rounding.
         assert spread.image.size <= 4
 
@@ -89,12 +89,12 @@ def test_threads_and_other_points_do_not_change_a_bit(monkeypatch):
 def test_landing_points_are_the_rays_of_the_spread():
     camera, points = CAMERA, [(5, 3, -380), (0, 0, -404)]
     spread = point_spread(camera, points, rays=4096, replicates=1)
-    landed = landing_points(camera, points, rays=4096)
-    assert landed == landing_points(camera, points, rays=4096, threads=1)
+    trace_task = landing_points(camera, points, rays=4096)
+    assert trace_task == landing_points(camera, points, rays=4096, threads=1)
     for k in range(2):
-        mine = landed.source == k
-        assert landed.weight[mine].sum() == pytest.approx(spread.light[k], rel=1e-12)
-        mean = landed.weight[mine] @ landed.position[mine] / landed.weight[mine].sum()
+        mine = trace_task.source == k
+        assert trace_task.weight[mine].sum() == pytest.approx(spread.light[k], rel=1e-12)
+        mean = trace_task.weight[mine] @ trace_task.position[mine] / trace_task.weight[mine].sum()
         np.testing.assert_allclose(spread.centroid[k], mean, rtol=1e-10)
     assert spread.standard_error is None and spread.light_error is None and spread.centroid_error is None
 

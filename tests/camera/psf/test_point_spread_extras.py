@@ -11,7 +11,7 @@ import plenoptic as pl
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.centroids import centroids_at, moment_points
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.camera.report.optics import corner_light
+from plenoptic.camera.report.illumination import corner_light
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.optics.stops.mask import MaskStop

@@ -9,10 +9,10 @@ from camera_helpers import bare_camera, camera_with, in_blocks, in_world, out_of
 
 import plenoptic as pl
 from plenoptic.camera.camera import CameraPart
+from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.psf.forward_array import fill_through_array_forward
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.camera.psf.sensor_hits import forward_record
-from plenoptic.camera.record import camera_record
 from plenoptic.optics import ApertureShape, Blemishes, BlemishSite, Gaps, MicrolensAperture, MicrolensDeviations
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.optics.microlens.kernels.ideal import fill_thin
@@ -434,8 +434,8 @@ def test_light_beside_the_openings_is_lost_or_not_bent():
 def test_free_lenses_end_at_the_pitch():
     # One lens alone: light lands through the square of +- pitch around it, and nowhere else.
     camera = camera_with(lattice=pl.Lattice.FREE, centres=[(0.1, 0.0)], pitch=0.3)
-    expected, landed = (landing_points(each, AXIS, rays=1 << 14) for each in (camera_with(), camera))
+    expected, trace_task = (landing_points(each, AXIS, rays=1 << 14) for each in (camera_with(), camera))
     # The disc of light on the array is some 1 mm wide.
-    assert 0.05 < len(landed.position) / len(expected.position) < 1.0
-    np.testing.assert_array_equal(landed.index, np.zeros_like(landed.index))
-    np.testing.assert_array_equal(landed.microlens, np.tile([0.1, 0.0], (len(landed.index), 1)))
+    assert 0.05 < len(trace_task.position) / len(expected.position) < 1.0
+    np.testing.assert_array_equal(trace_task.index, np.zeros_like(trace_task.index))
+    np.testing.assert_array_equal(trace_task.microlens, np.tile([0.1, 0.0], (len(trace_task.index), 1)))
