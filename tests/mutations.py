@@ -48,13 +48,13 @@ seidel_distortion optics/lens/analysis/seidel.py: optics/lens/analysis/test_seid
 glass_resonance optics/glass/dispersion.py: optics/glass
 - + k[3] / (w * w - k[4] ** 2),
 + + k[3] / (w * w - k[4]),
-choice_within_a_piece camera/sampling/kernels/camera_samples.py: camera/test_pixel_regions.py rendering/test_render.py
+choice_in_a_piece camera/sampling/kernels/camera_samples.py: camera/test_aperture_regions.py rendering/test_render.py
 - return total_area, k, target_area - area_before
 + return total_area, k, target_area
-plane_moves_along_u camera/sampling/kernels/aperture_planes.py: camera/test_pixel_regions.py rendering/test_render.py
+plane_moves_along_u camera/sampling/kernels/aperture_planes.py: camera/test_aperture_regions.py rendering/test_render.py
 - nx * transfer.x_by_v + ny * transfer.y_by_v
 + nx * transfer.x_by_v + ny * transfer.y_by_u
-point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_pixel_regions.py camera/psf
+point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_aperture_regions.py camera/psf
 - root = math.sqrt(min(max(left / twice, 0.0), 1.0)) if twice > 0.0 else 0.0
 + root = min(max(left / twice, 0.0), 1.0) if twice > 0.0 else 0.0
 projection_axes camera/points/projection.py: camera/points

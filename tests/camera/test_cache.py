@@ -1,4 +1,4 @@
-"""A camera's record and what feeds its pixels are kept for the camera that was compiled last, and for no other."""
+"""Last-result cache of camera records and illuminated pixels."""
 
 import dataclasses
 import gc
@@ -22,7 +22,7 @@ ALL = 24 * 24
 
 @pytest.fixture
 def counted(monkeypatch):
-    """Cameras that have been compiled, and of how many pixels it has been found what feeds them."""
+    """Count compiled cameras, and pixels whose aperture regions are computed."""
     count, find, compile_it = SimpleNamespace(pixels=0, compiled=0), cache.illuminated_pixels, cache.camera_record
 
     def illuminated_pixels(record, pixels, number, **how):
@@ -61,7 +61,7 @@ def test_a_camera_is_compiled_once(counted):
     assert counted.compiled == 2 and counted.pixels == 3 * ALL
 
 
-def test_a_camera_that_stands_elsewhere_is_not_compiled_again(counted):
+def test_a_camera_with_another_pose_is_not_compiled_again(counted):
     camera = reference_camera()
     poses = [pl.Pose.look_at((x, 3.0, 5.0), (0, 0, -404)) for x in (0.0, 2.0, 4.0)]
     # As in a loop over frames: what they share stays with the sensor.
@@ -72,7 +72,7 @@ def test_a_camera_that_stands_elsewhere_is_not_compiled_again(counted):
     assert counted.compiled == 4
 
 
-def test_what_feeds_pixels_is_found_once_for_all_steps(counted):
+def test_illuminated_pixels_are_computed_once_for_all_steps(counted):
     camera = reference_camera()
     shot = rendered(camera, target_error=0.02)
     assert shot.samples > 32 and counted.pixels == ALL
@@ -82,7 +82,7 @@ def test_what_feeds_pixels_is_found_once_for_all_steps(counted):
     assert same(cut, rendered(camera))
 
 
-def test_no_more_is_kept_than_there_is_room_for(counted, monkeypatch):
+def test_the_cache_has_a_size_limit(counted, monkeypatch):
     camera, budget = reference_camera(), {"target_error": 0.02, "tile_side": 8}
     whole = rendered(camera, **budget)
     assert counted.pixels == ALL
@@ -102,7 +102,7 @@ def test_no_more_is_kept_than_there_is_room_for(counted, monkeypatch):
         )  # which would have room for more
 
 
-def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
+def test_dark_pixels_and_different_microlenses_are_cached():
     camera = reference_camera()
     dark = dataclasses.replace(camera, lens=the_lens(0.05))
     for each in (with_array(camera, focal_lengths=(1.8, 2.0, 2.2)), dark):
@@ -111,7 +111,7 @@ def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
         assert prepared_camera(each)._illuminated
 
 
-def test_it_goes_when_its_camera_goes():
+def test_the_cache_is_freed_with_its_camera():
     camera = reference_camera()
     rendered(camera, target_error=0.05)
     kept = weakref.ref(prepared_camera(camera))
@@ -127,7 +127,7 @@ def test_it_goes_when_its_camera_goes():
     assert kept() is None
 
 
-def test_threads_with_cuts_of_their_own_do_not_disturb_each_other():
+def test_threads_with_different_tiles_do_not_interfere():
     camera, sides, shots = reference_camera(), (5, 8, 16), {}
     alone = rendered(camera)
 

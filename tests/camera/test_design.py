@@ -20,12 +20,12 @@ RMS = pl.FocusCriterion.RMS_SPOT
 PLAIN = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0}
 
 
-def design(lens=LENS, **wishes):
-    return design_camera(lens, sensor=SENSOR, **wishes)
+def design(lens=LENS, **targets):
+    return design_camera(lens, sensor=SENSOR, **targets)
 
 
-def test_reports_of_designs_say_what_was_wished_for():
-    for wishes in (
+def test_reports_of_designs_state_the_targets():
+    for targets in (
         {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0},
         {"kind": KEPLERIAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0, "image_fill": 0.9},
         {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "disparity": 3.0},
@@ -45,16 +45,16 @@ def test_reports_of_designs_say_what_was_wished_for():
         {"kind": FIRST, "pitch": 0.217, "semi_diameter": 5.0},
         {"kind": FIRST, "pitch": 0.217, "semi_diameter": 5.0, "focal_length": 2.0, "image_fill": None},
     ):
-        made = design(LENS if len(wishes) == 3 else PARAXIAL, z=-404.0, **wishes)
+        made = design(LENS if len(targets) == 3 else PARAXIAL, z=-404.0, **targets)
         report, camera = camera_report(made.camera), made.camera
         (focus,) = report.focus
-        assert report.kind is wishes["kind"], wishes
+        assert report.kind is targets["kind"], targets
         # The search ends at 1e-8 of the array's distance, times the longitudinal magnification 1 / 0.319^2.
-        assert focus.z_traced == pytest.approx(-404.0, abs=1e-8 * 150 * 10 * 2), wishes
-        if wishes.get("image_fill", 1.0) is not None:
-            assert report.image_fill == pytest.approx(wishes.get("image_fill", 1.0), abs=1.1e-8), wishes
+        assert focus.z_traced == pytest.approx(-404.0, abs=1e-8 * 150 * 10 * 2), targets
+        if targets.get("image_fill", 1.0) is not None:
+            assert report.image_fill == pytest.approx(targets.get("image_fill", 1.0), abs=1.1e-8), targets
         for name in ("virtual_depth", "disparity"):
-            assert name not in wishes or getattr(focus, name) == pytest.approx(wishes[name], rel=1e-9), wishes
+            assert name not in targets or getattr(focus, name) == pytest.approx(targets[name], rel=1e-9), targets
         # What is given is kept, to the bit.
         kept = {
             "pitch": camera.microlenses.pitch,
@@ -64,8 +64,8 @@ def test_reports_of_designs_say_what_was_wished_for():
             "microlenses_to_sensor": camera.microlenses_to_sensor,
         }
         for name, has in kept.items():
-            assert (name in made.solved_for) == (name not in wishes) or name == "semi_diameter", (name, wishes)
-            assert name not in wishes or has == wishes[name], (name, wishes)
+            assert (name in made.solved_for) == (name not in targets) or name == "semi_diameter", (name, targets)
+            assert name not in targets or has == targets[name], (name, targets)
 
 
 def test_designs_recover_a_camera_from_its_report():
@@ -79,9 +79,9 @@ def test_designs_recover_a_camera_from_its_report():
         camera = pl.PlenopticCamera(lens.with_stop(pl.CircularStop(5.0)), SENSOR, place, array, b)
         report = camera_report(camera)
         (focus,) = report.focus
-        wishes = {"pitch": 0.217, "focal_length": 2.0, "image_fill": report.image_fill}
+        targets = {"pitch": 0.217, "focal_length": 2.0, "image_fill": report.image_fill}
         depth = {} if kind is FIRST else {"virtual_depth": focus.virtual_depth}
-        made = design(lens, kind=kind, z=focus.z_traced, **wishes, **depth).camera
+        made = design(lens, kind=kind, z=focus.z_traced, **targets, **depth).camera
         assert made.microlenses_to_sensor == pytest.approx(b, rel=1e-12), kind
         assert made.stop_to_microlenses == pytest.approx(place, rel=3e-8), kind
         assert made.lens.stop.semi_diameter == pytest.approx(5.0, rel=3e-8), kind
@@ -119,8 +119,8 @@ def test_disparity_in_another_plane():
         free = {"microlenses_to_sensor": 1.7, "pitch": 0.217} if fixed else free
         fill = None if kind is FIRST else 1.0
         lens = LENS if kind is KEPLERIAN else PARAXIAL
-        wishes = {"disparity": wanted, "depth_at": -390.0, "image_fill": fill, **free}
-        camera = design(lens, kind=kind, z=-404.0, **wishes).camera
+        targets = {"disparity": wanted, "depth_at": -390.0, "image_fill": fill, **free}
+        camera = design(lens, kind=kind, z=-404.0, **targets).camera
         image = best_focus(camera.lens, z_object=-390.0, criterion=RMS)
         s, b, p = image - camera.stop_to_microlenses, camera.microlenses_to_sensor, camera.microlenses.pitch
         found = s * 0.01 / (b * p) if kind is FIRST else p * b / abs(s) / 0.01
@@ -129,8 +129,8 @@ def test_disparity_in_another_plane():
 
 
 def test_a_camera_array_looks_at_its_plane():
-    wishes = {"z": -404.0, "pitch": 0.217, "focal_length": 2.0, "stop_to_microlenses": 100.0}
-    made = design(NONE, kind=CameraKind.CAMERA_ARRAY, **wishes)
+    targets = {"z": -404.0, "pitch": 0.217, "focal_length": 2.0, "stop_to_microlenses": 100.0}
+    made = design(NONE, kind=CameraKind.CAMERA_ARRAY, **targets)
     # 1/b = 1/f - 1/504, and the iris at 100 mm fills images that touch.
     assert made.camera.microlenses_to_sensor == pytest.approx(1 / (1 / 2.0 - 1 / 504.0), rel=1e-12)
     b = made.camera.microlenses_to_sensor
@@ -156,8 +156,8 @@ def test_micrometre_lenses_and_kilometres():
         front = pl.Surface(50.0 * scale, 4.0 * scale, pl.ConstantMedium(1.5), semi_diameter=12.0 * scale)
         surfaces = front, pl.Surface(-80.0 * scale, semi_diameter=12.0 * scale)
         lens = pl.LensStack([pl.CircularStop(4.0 * scale, thickness=1.0 * scale), *surfaces])
-        wishes = {"z": -1e6 * scale, "pitch": 0.2 * scale, "focal_length": 2.0 * scale, "virtual_depth": 3.0}
-        made = design_camera(lens, sensor=pl.Sensor((100, 100), 1e-2 * scale), kind=GALILEAN, **wishes)
+        targets = {"z": -1e6 * scale, "pitch": 0.2 * scale, "focal_length": 2.0 * scale, "virtual_depth": 3.0}
+        made = design_camera(lens, sensor=pl.Sensor((100, 100), 1e-2 * scale), kind=GALILEAN, **targets)
         assert made.camera.microlenses_to_sensor == pytest.approx(4.0 / 3.0 * scale, rel=1e-12)
         report = camera_report(made.camera)
         assert report.image_fill == pytest.approx(1.0, abs=2e-8)
@@ -169,7 +169,7 @@ TWICE = {"stop_to_microlenses": 123.3, "microlenses_to_sensor": 1.7, "semi_diame
 TWICE |= {"pitch": None, "virtual_depth": None}
 
 
-def test_impossible_wishes():
+def test_impossible_targets():
     for changes, says in (
         ({"semi_diameter": 5.0}, "too many; leave out 1"),
         ({"virtual_depth": None, "image_fill": None}, "too few; give 1 more"),
@@ -199,6 +199,6 @@ def test_impossible_wishes():
         # Focus is given twice, and nothing says the pitch.
         (TWICE, "nothing left to choose|cannot be found"),
     ):
-        wishes = PLAIN | changes
+        targets = PLAIN | changes
         with refused(says):
-            design(wishes.pop("lens", PARAXIAL), **wishes)
+            design(targets.pop("lens", PARAXIAL), **targets)

@@ -57,7 +57,7 @@ def on_sensor(camera, y, slope, centre):
 
 def test_reference_camera_in_mode_2():
     # The reference: 1.7 mm, stop 10 mm: images every 21.987 pixels, a = 11.33 behind the array, z = -404 to within 0.1;
-    # 12 % of its pixels are fed by several microlenses, here counted on 1024 points of a cell (+- 1.5 %).
+    # 12 % of its pixels are illuminated by several microlenses, here counted on 1024 points of a cell (+- 1.5 %).
     report = camera_report(CAMERA)
     (focus,) = report.focus
     assert report.kind is CameraKind.GALILEAN

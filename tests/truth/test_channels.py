@@ -1,4 +1,4 @@
-"""Ground truth as a value: its parts, what stands for nothing, and what files call it."""
+"""Ground truth as a value: channels, void values, and names in files."""
 
 import dataclasses
 import operator
@@ -26,7 +26,7 @@ def test_all_is_everything_and_each_array_has_a_kind_of_it():
     alone = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
     assert union == Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY == Truth(sum(alone))
     assert not Truth.ALL & (Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY)  # many rays a pixel, for those who ask
-    # What is wanted is what is made.
+    # Requested arrays are made.
     wanted = Truth.NORMAL | Truth.MICROLENS
     made = empty_truth(wanted, (4, 5))
     assert {name: (a.shape, a.dtype) for name, a in made.items()} == {
@@ -60,7 +60,7 @@ def test_impossible_arrays_are_refused_and_views_have_the_inverse_disparity():
     assert GroundTruth(depth=[[1.0]]).view_disparity is None
 
 
-def test_channels_of_files_lead_back():
+def test_channels_survive_image_files():
     truth = everything()
     channels = file_planes(truth)
     assert len(channels) == sum(int(np.prod(kind.shape)) for kind in CHANNELS.values())

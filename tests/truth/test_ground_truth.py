@@ -35,7 +35,7 @@ def plane(z, size=4000.0):
 
 
 def thin_image(lens, z):
-    """Where a thin lens images the plane z, by the lens formula from its principal plane."""
+    """Image position of the plane z by a thin lens, by the lens formula from its principal plane."""
     points = pl.paraxial.cardinal_points(lens)
     s = points.rear_principal - z
     return points.rear_principal + 1.0 / (1.0 / points.efl - 1.0 / s)
@@ -301,7 +301,7 @@ def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre():
         assert np.mean(np.array(off) < 1e-6) > 0.6 and max(off) < 0.5, (placed, array)
 
 
-def test_a_rendering_has_the_same_truth_and_only_what_is_asked_for():
+def test_a_rendering_has_the_same_truth_and_only_requested_channels():
     camera, scene, region = reference_camera(), pl.objects_scene(), np.s_[230:250, 240:280]
     whole = ground_truth(scene, camera, region=region)
     wanted = Truth.NORMAL | Truth.DISPARITY
@@ -314,7 +314,7 @@ def test_a_rendering_has_the_same_truth_and_only_what_is_asked_for():
     np.testing.assert_array_equal(without.image, shot.image)
 
 
-def test_what_is_not_there_is_not_found():
+def test_unavailable_channels_are_left_out():
     camera, region = reference_camera(), np.s_[250:254, 250:254]
     shot = pl.render(pl.Scene(background=1.0), camera, samples=1, region=region, truth=Truth.ALL, progress=False)
     assert shot.truth == ground_truth(None, camera, region=region)
@@ -356,7 +356,7 @@ CAMERAS = {
 
 
 def slope_of_projection(camera, point, lens):
-    """As `project` gives it, from a microlens to all around it; through a wider stop, which shows more."""
+    """Disparity by `project` from a microlens to its neighbours; through a wider stop, which vignettes less."""
     wide = dataclasses.replace(camera, lens=the_lens(stop=22.0))
     seen, array = project(wide, point, rays=8), camera.microlenses
     centres = pl.microlens_centres(camera, pl.CentreMethod.ORTHOGONAL, margin=1.0)

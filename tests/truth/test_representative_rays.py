@@ -1,4 +1,4 @@
-"""The ray that stands for a pixel: it is there wherever light is, starts on the pixel, and sees what dense rays see."""
+"""Representative rays: they exist wherever light is, start on the pixel, and agree with dense rays."""
 
 import dataclasses
 import itertools
@@ -70,7 +70,7 @@ OTHERS = [name for name in CAMERAS if name not in QUICK]
 
 
 @pytest.mark.parametrize("names", [QUICK, pytest.param(OTHERS, marks=pytest.mark.slow)], ids=["quick", "others"])
-def test_every_lit_pixel_has_truth(names):
+def test_every_illuminated_pixel_has_truth(names):
     # Up to 100 % of lit pixels had none: no light reaches their centres.
     for name, region in itertools.product(names, (CORNER, MIDDLE)):
         camera = CAMERAS[name]
@@ -113,7 +113,7 @@ def test_states_tell_the_dark_from_the_background():
     np.testing.assert_array_equal(lit, truth.microlens_type >= 0)
 
 
-def test_pixels_that_were_not_looked_at_are_unknown(monkeypatch):
+def test_pixels_that_were_not_computed_are_unknown(monkeypatch):
     original = orders.render_tile
 
     def interrupted(*arguments, **named):
@@ -128,7 +128,7 @@ def test_pixels_that_were_not_looked_at_are_unknown(monkeypatch):
 
 
 @pytest.mark.parametrize("stop", [5.0, 0.1])
-def test_shares_are_those_of_rendered_light(stop):
+def test_object_shares_equal_those_of_rendered_light(stop):
     # Of two half planes one shines: what it sends is its share, or what the other one leaves. 64 points of a pixel
     # are within 0.06 or so of 4096; the plane is out of focus, so that its edge is many pixels wide.
     bright = pl.quad((0, -400, -500), (400, 0, 0), (0, 800, 0), material=pl.Emissive(1.0))
@@ -175,7 +175,7 @@ def dense_rays(camera, rng, row, column, count):
 
 
 @pytest.mark.parametrize("stop", [5.0, 2.3, 0.2])
-def test_rays_pass_the_lit_centroid(stop):
+def test_rays_pass_the_illuminated_centroid(stop):
     camera = camera_of(stop)
     record = camera_record(camera)
     rays = rays_of(record, pixel_centres(record, (100, 228), (0, 512)))
@@ -189,7 +189,7 @@ def test_rays_pass_the_lit_centroid(stop):
         if len(lit) < 300:
             continue  # a micrometre is no small part of it
         off.append(np.hypot(*(rays.aims[k] - lit.mean(axis=0))))
-        # What feeds a point is bounded by tangents, which are 1 % of what a pixel sees outside their circle, a third of
+        # The region of a point is bounded by tangents, 1 % of what a pixel sees outside their circle, a third of
         # it on average, and by margins on both sides of 0.2 % of what a group of 4 x 4 pixels sees. What is seen moves
         # 6.1 times as far as the point (by thin lenses). Such a strip at its rim moves a centroid by half the strip's
         # width where the lit part is a rectangle, and by less than all of it at its tips.
@@ -201,7 +201,7 @@ def test_rays_pass_the_lit_centroid(stop):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["1.7 5.0", "2.0 5.0", "1.7 2.3", "1.7 0.2", "multi-focus", "small pixels", "star"])
-def test_rays_see_what_dense_rays_see(name):
+def test_representative_rays_agree_with_dense_rays(name):
     camera = CAMERAS[name]
     near = pl.quad((0, -2000, -350), (2000, 0, 0), (0, 4000, 0))
     far = pl.quad((-2000, -2000, -450), (4000, 0, 0), (0, 4000, 0))

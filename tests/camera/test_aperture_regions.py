@@ -1,4 +1,4 @@
-"""The regions from which samples are drawn: they hold every ray that passes, and nothing twice."""
+"""Aperture regions contain every ray that passes, and nothing twice."""
 
 import dataclasses
 import math
@@ -63,12 +63,12 @@ def towards_the_lens(camera, sensor, points):
 
 
 def regions_of(tables, pixels):
-    """What feeds pixels, all over them."""
+    """Aperture regions of whole pixels."""
     return aperture_regions(tables, pixels, tables.sensor.pixel.half)
 
 
 def holds(regions, pixel, centres, points, offsets):
-    """Which points (n, 2) of microlenses with axes (n, 2) are drawn for points of a pixel beside its centre (n, 2)."""
+    """True for points (n, 2) of microlenses with axes (n, 2) in the regions of points (n, 2) from a pixel's centre."""
     found = np.zeros(len(points), dtype=bool)
     for piece in regions.pieces[regions.first[pixel] : regions.first[pixel + 1]]:
         own = np.linalg.norm(centres - [piece["axis_x"], piece["axis_y"]], axis=1) < 1e-9
@@ -89,13 +89,13 @@ def holds(regions, pixel, centres, points, offsets):
 
 
 def aims_around(tables, pixel, camera, n, rng):
-    """Points of the array over much more than what can see the lens's rear from a pixel."""
+    """Points of the array over an area much larger than the region of a pixel."""
     behind = tables.pupil.plane.distance
     ratio = behind / tables.sensor.plane.distance
-    bend = 1 + ratio - behind / camera.microlenses.focal_length
+    height_factor = 1 + ratio - behind / camera.microlenses.focal_length
     middle = pixel * ratio / (1 + ratio)
     rim = camera.lens.elements[-1].semi_diameter
-    spread = abs(bend) * camera.microlenses.cell_radius
+    spread = abs(height_factor) * camera.microlenses.cell_radius
     half = min((rim + spread) / (1 + ratio) * 1.1, 1.2) + camera.microlenses.pitch
     return middle + rng.uniform(-half, half, (n, 2))
 
@@ -181,7 +181,7 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too():
 
 
 def under_a_sky(camera, first, last, samples=64):
-    """What became of the paths of a scene that is bright everywhere: white images trace only what is uncertain."""
+    """Path statistics under a uniform sky; white images do not trace the unvignetted core."""
     given = {"samples": samples, "region": np.s_[first:last, first:last], "truth": pl.Truth.NONE, "progress": False}
     return pl.render(pl.Scene(background=1.0), camera, **given).stats
 
@@ -207,7 +207,7 @@ def test_nearly_all_paths_pass():
         assert under_a_sky(camera_with(stop=stop), 240, 304).fraction_through_lens > least, stop
 
 
-def test_little_room_is_not_overrun():
+def test_more_pieces_than_the_first_capacity():
     # More pieces than the first guess of 2 a pixel: a wide pupil over many small microlenses.
     tables = camera_record(camera_with(0.45, 17.1, pitch=0.05, focal_lengths=(0.5,)))
     pixels = SENSOR.centre_of(*np.mgrid[250:254, 250:254].reshape(2, -1))
@@ -244,7 +244,7 @@ FEW = ["crescent far from the rest", "steep between two parts", "two crescents"]
 
 
 @pytest.mark.parametrize(("names", "n"), [(FEW, 1 << 16), pytest.param([*PARTED], 1 << 17, marks=pytest.mark.slow)])
-def test_pupils_in_several_parts_lose_no_ray(names, n):
+def test_disconnected_pupils_lose_no_ray(names, n):
     for name in names:
         lens, gap, pitch, places = PARTED[name]
         columns, last = 2 * round(max(places) / pitch) + 3, float(lens.vertices[-1])

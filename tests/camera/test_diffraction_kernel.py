@@ -1,4 +1,4 @@
-"""Light shared between pixels, and what is left to draws: against bends drawn one by one."""
+"""Diffraction kernel and remainder, compared with deflections drawn one by one."""
 
 import dataclasses
 import math
@@ -30,11 +30,11 @@ def camera(pixel=0.01, *, aperture=None, pixel_aperture=(1.0, 1.0), **more):
 
 
 def shoot(scene, made, **given):
-    """A white image where there is no scene."""
+    """Render a scene, or a white image without one."""
     return pl.render_white(made, **given) if scene is None else pl.render(scene, made, truth=pl.Truth.NONE, **given)
 
 
-def test_shares_and_draws_are_all_light():
+def test_kernel_and_remainder_are_all_light():
     for pixel, aperture in ((0.02, (1.0, 1.0)), (0.01, (0.7, 0.8)), (0.005, (1.0, 1.0)), (0.002, (0.7, 0.8))):
         record = camera_record(camera(pixel, pixel_aperture=aperture))
         table, drawn = record.diffraction_kernel.table, record.diffraction_kernel.remainder_share
@@ -58,19 +58,20 @@ def test_shares_and_draws_are_all_light():
         (0.01, 0.2, {"sensitivity": pl.sensitivities.linear_srgb()}),
     ],
 )
-def test_shares_are_those_of_bends_that_are_drawn(pixel, turned, more):
+def test_kernel_weights_equal_drawn_deflections(pixel, turned, more):
     # Bends of the whole pattern, from two places of a pixel to those around, with the drawn rest taken away.
     made = camera(pixel, **more).moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.0, turned))
     record = camera_record(made)
-    table, bend = record.diffraction_kernel.table, record.deflection
+    table, deflection = record.diffraction_kernel.table, record.deflection
     part = np.array(made.sensor.pixel_aperture)
-    n, levels = 1 << 19, (bend.wavelengths * record.sensor.plane.distance - table.lowest_scale) * table.scales_per_area
+    n, scale = 1 << 19, deflection.wavelengths * record.sensor.plane.distance
+    levels = (scale - table.lowest_scale) * table.scales_per_area
     # Of the wavelengths, one in the middle of its level.
     wave = 0 if len(levels) == 1 else 1 + int(np.abs(levels[1:] - np.rint(levels[1:] - 0.5) - 0.5).argmin())
-    wavelength, level = bend.wavelengths[wave], min(int(levels[wave]), table.scales - 1)
+    wavelength, level = deflection.wavelengths[wave], min(int(levels[wave]), table.scales - 1)
     numbers = np.random.default_rng(2).random((n, 2))
     found = {}
-    for name, field in (("all", bend.field), ("rest", record.diffraction_kernel.remainder.field)):
+    for name, field in (("all", deflection.field), ("rest", record.diffraction_kernel.remainder.field)):
         found[name] = np.empty((n, 4))
         fill_bends(found[name], numbers, field)
     steps = np.arange(-table.reach, table.reach + 1)
@@ -78,7 +79,7 @@ def test_shares_are_those_of_bends_that_are_drawn(pixel, turned, more):
         for across, down in ((5, 20), (31, 0)):
             shares, noise = np.zeros((len(steps),) * 2), 0.0
             for name, sign in (("all", 1.0), ("rest", -record.diffraction_kernel.remainder_share)):
-                ends = found[name][:, :2] @ bend.back.T * (wavelength * record.sensor.plane.distance)
+                ends = found[name][:, :2] @ deflection.back.T * (wavelength * record.sensor.plane.distance)
                 ends += (np.array([across, down]) + np.random.default_rng(3).random((n, 2))) / table.subdivisions - 0.5
                 at = np.rint(ends).astype(int)
                 seen = (np.abs(ends - at) <= 0.5 * part).all(axis=1) & (np.abs(at) <= table.reach).all(axis=1)
@@ -91,7 +92,7 @@ def test_shares_are_those_of_bends_that_are_drawn(pixel, turned, more):
 
 
 def batches(samples, replicates, cuts):
-    """The batches of some samples, cut into whole numbers of each replicate, the last with what is left."""
+    """Batches of samples, divided at whole numbers of each replicate; the last one has the remainder."""
     context = SimpleNamespace(seed=np.uint64(1), replicates=replicates, settings=RenderSettings())
     first = 0
     for cut in [*cuts, samples]:
@@ -103,8 +104,8 @@ def batches(samples, replicates, cuts):
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 70), st.integers(1, 5), st.lists(st.integers(1, 9), max_size=4))
-def test_drawn_bends_stand_for_all_samples_whichever_batches_these_come_in(samples, replicates, cuts):
-    # Light that is the index of the bend plus one: what comes in must be that of a whole render, for each replicate.
+def test_drawn_deflections_represent_all_samples_in_any_batches(samples, replicates, cuts):
+    # The light is the index of the deflection plus one: sums must equal those of a whole render for each replicate.
     found = np.zeros(replicates)
     for batch in batches(samples, replicates, cuts):
         drawn = remainder_batch(batch)
@@ -136,7 +137,7 @@ def test_few_samples_are_right_on_average():
         assert total.mean() == pytest.approx(float(known.image.sum()), abs=4 * sigma), (samples, sampler)
 
 
-def test_errors_are_what_seeds_differ_by():
+def test_standard_errors_equal_the_scatter_of_seeds():
     made, region = camera(sensor=pl.Sensor((64, 64), 0.01)), np.s_[8:40, 8:40]
     for scene, replicates in ((None, 2), (None, 8), (pl.check_scene(), 2), (pl.check_scene(), 8)):
         given = {"samples": 32, "replicates": replicates, "region": region, "progress": False}
@@ -160,8 +161,8 @@ def test_a_tilted_sensor_has_several_distances():
     assert np.all(np.diff(stays) < 0)
 
 
-def test_going_on_gives_the_image_of_a_render_without_a_break(tmp_path):
-    # Batches of 6 and 26 samples begin within what one drawn bend stands for.
+def test_continued_renders_equal_uninterrupted_ones(tmp_path):
+    # Batches of 6 and 26 samples begin within the samples of one drawn deflection.
     for scene in (None, pl.check_scene()):
         images = []
         for steps in ((32,), (6, 32)):
@@ -171,9 +172,9 @@ def test_going_on_gives_the_image_of_a_render_without_a_break(tmp_path):
         assert_allclose(images[1], images[0], rtol=2e-7)
 
 
-def test_nothing_is_shared_where_it_does_not_pay():
+def test_no_kernel_if_it_adds_noise():
     assert camera_record(dataclasses.replace(camera(), diffraction=None)).diffraction_kernel is None
-    # Most bends lead far, or most paths would lead beside what sees light: all are drawn.
+    # Most deflections are far, or most paths would miss the sensitive area: all deflections are drawn.
     for other in (camera(0.0004), camera(pixel_aperture=(0.5, 0.5))):
         assert camera_record(other).diffraction_kernel is None
         image = pl.render_white(other, samples=16, region=np.s_[10:14, 10:14], progress=False).image
