@@ -73,7 +73,7 @@ def no_core_reason(camera: PlenopticCamera) -> str:
     array, parts = camera.microlenses, assembly(camera)
     if any(map(len, camera.blemishes)):
         return "dust stops light"
-    if not openings(camera.lens, camera.wavelength).whole.all():
+    if not openings(camera.lens, camera.wavelength).exact.all():
         return "an opening is no circle and no polygon"
     if camera.sensitivity is not None:
         return "the noise is that of the wavelengths"
