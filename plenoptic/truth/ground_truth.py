@@ -117,7 +117,7 @@ def ground_truth(
     client : distributed.Client, optional
         Client of a dask cluster whose workers compute it, as for `render`.
     progress : bool, optional
-        Whether to show, from the second second on, how far it is or that something is compiled.
+        True: show a progress bar, or that kernels are compiled, from the second second on.
 
     Returns
     -------

@@ -44,8 +44,8 @@ def solve(targets: DesignTargets, fixed: Numbers, lens: MainLensState) -> Number
             missing = [u for u in rule_unknowns if u not in values]
             if not missing:
                 raise InvalidValueError(
-                    f"{name} has nothing left to choose: what it acts on is given or follows from the rest; leave "
-                    f"out {name}, or one of what is given"
+                    f"{name} has nothing left to choose: its numbers are given or follow from other targets; leave "
+                    f"out {name}, or one of the numbers given"
                 )
             values[missing[0]] = _check_solution(solve_rule(values, missing[0]), missing[0], name, targets)
             rules.remove(rule)
@@ -168,7 +168,7 @@ def _check_solution(solution: float, unknown: str, rule: str, targets: DesignTar
             side = "behind" if targets.kind is CameraKind.GALILEAN else "in front of"
             raise InvalidValueError(
                 f"a camera of kind {targets.kind.name} needs its image {side} the array, and {rule} puts it "
-                f"{solution:.4g} mm behind; choose another kind, or change what is given"
+                f"{solution:.4g} mm behind; choose another kind, or change the numbers given"
             )
         return solution
     is_possible = math.isfinite(solution) and (solution > 0 or (unknown == "f" and solution < 0))

@@ -113,7 +113,7 @@ def microlens_centres(
     margin : float, optional
         Largest distance of centres outside the sensor, in mm; negative: least distance inside.
     progress : bool, optional
-        Whether to show, from the second second on, how far it is or that something is compiled.
+        True: show a progress bar, or that kernels are compiled, from the second second on.
 
     Returns
     -------

@@ -63,7 +63,7 @@ def point_spread(
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
     progress : bool, optional
-        Whether to show, from the second second on, how far it is or that something is compiled.
+        True: show a progress bar, or that kernels are compiled, from the second second on.
 
     Returns
     -------

@@ -79,8 +79,8 @@ def _estimate_cells(camera: CameraRecord) -> float:
         return 1.0
     distance = camera.z_plane - pupil.z
     ratio = distance / camera.sensor.plane.distance
-    bend = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
-    reach = float(pupil.reach.max()) + pupil.margin + bend * array.opening.radius
+    height_factor = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
+    reach = float(pupil.reach.max()) + pupil.margin + height_factor * array.opening.radius
     search = (reach + ratio * camera.sensor.pitch) / (1.0 + ratio) + array.opening.radius
     area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.listed
     if listed is not None:

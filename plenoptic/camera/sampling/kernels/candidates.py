@@ -85,8 +85,8 @@ def polar(x, y, frame):
 def _cell_derivatives(centre, at, start, lens, per_h, pinhole, plane, radius):
     """Jacobian of the crossing `at` with respect to the point in the cell, row by row."""
     if plane.frame is None:
-        bend = 0.0 if pinhole else 1.0 + plane.distance * (per_h - lens[2])
-        return bend, 0.0, 0.0, bend
+        height_factor = 0.0 if pinhole else 1.0 + plane.distance * (per_h - lens[2])
+        return height_factor, 0.0, 0.0, height_factor
     ax, ay = crossing((centre[0] + radius, centre[1]), start, lens, per_h, pinhole, plane)
     bx, by = crossing((centre[0], centre[1] + radius), start, lens, per_h, pinhole, plane)
     return (ax - at[0]) / radius, (bx - at[0]) / radius, (ay - at[1]) / radius, (by - at[1]) / radius
