@@ -86,19 +86,19 @@ def test_the_cache_has_a_size_limit(counted, monkeypatch):
     camera, budget = reference_camera(), {"target_error": 0.02, "tile_side": 8}
     whole = rendered(camera, **budget)
     assert counted.pixels == ALL
-    for most in (0, 100_000):
-        monkeypatch.setattr(cache, "MAX_CACHED_BYTES", most)
+    for limit in (0, 100_000):
+        monkeypatch.setattr(cache, "MAX_CACHED_BYTES", limit)
         counted.pixels, other = 0, reference_camera()
         assert same(rendered(other, **budget), whole)
         assert counted.pixels > ALL  # in each step those for which there was no room
-        kept = prepared_camera(other)._illuminated.values()
+        cached = prepared_camera(other)._illuminated.values()
         arrays = [
-            array for illuminated in kept for array in (*illuminated[:3], *illuminated.regions) if array is not None
+            array for illuminated in cached for array in (*illuminated[:3], *illuminated.regions) if array is not None
         ]
-        assert sum(array.nbytes for array in arrays) <= most
-        assert (len(kept) > 0) == (most > 0)
+        assert sum(array.nbytes for array in arrays) <= limit
+        assert (len(cached) > 0) == (limit > 0)
         assert all(
-            array.base is None for illuminated in kept for array in illuminated.regions[:4]
+            array.base is None for illuminated in cached for array in illuminated.regions[:4]
         )  # which would have room for more
 
 
@@ -114,22 +114,22 @@ def test_dark_pixels_and_different_microlenses_are_cached():
 def test_the_cache_is_freed_with_its_camera():
     camera = reference_camera()
     rendered(camera, target_error=0.05)
-    kept = weakref.ref(prepared_camera(camera))
-    assert prepared_camera(camera) is kept() and kept()._illuminated
+    reference = weakref.ref(prepared_camera(camera))
+    assert prepared_camera(camera) is reference() and reference()._illuminated
     del camera
     gc.collect()
-    assert kept() is None
+    assert reference() is None
     # And when another one comes.
     one, other = reference_camera(), reference_camera()
-    kept = weakref.ref(prepared_camera(one))
+    reference = weakref.ref(prepared_camera(one))
     prepared_camera(other)
     gc.collect()
-    assert kept() is None
+    assert reference() is None
 
 
 def test_threads_with_different_tiles_do_not_interfere():
     camera, sides, shots = reference_camera(), (5, 8, 16), {}
-    alone = rendered(camera)
+    single = rendered(camera)
 
     def work(side):
         for _ in range(4):
@@ -137,4 +137,4 @@ def test_threads_with_different_tiles_do_not_interfere():
 
     with ThreadPoolExecutor(len(sides)) as threads:
         list(threads.map(work, sides))
-    assert all(same(shots[side], alone) for side in sides)
+    assert all(same(shots[side], single) for side in sides)

@@ -25,13 +25,17 @@ CLEAR = MicrolensAperture(ApertureShape.CIRCLE, 0.6, Gaps.CLEAR)
 
 def camera(pixel=0.01, *, aperture=None, pixel_aperture=(1.0, 1.0), **more):
     sensor = pl.Sensor((32, 32), pixel, pixel_aperture=pixel_aperture)
-    given = {"lens": the_lens(8.0), "sensor": sensor, "diffraction": pl.Diffraction()}
-    return dataclasses.replace(with_array(CAMERA, aperture=aperture), **(given | more))
+    parts = {"lens": the_lens(8.0), "sensor": sensor, "diffraction": pl.Diffraction()}
+    return dataclasses.replace(with_array(CAMERA, aperture=aperture), **(parts | more))
 
 
-def shoot(scene, made, **given):
+def shoot(scene, camera_, **options):
     """Render a scene, or a white image without one."""
-    return pl.render_white(made, **given) if scene is None else pl.render(scene, made, truth=pl.Truth.NONE, **given)
+    return (
+        pl.render_white(camera_, **options)
+        if scene is None
+        else pl.render(scene, camera_, truth=pl.Truth.NONE, **options)
+    )
 
 
 def test_kernel_and_remainder_are_all_light():
@@ -60,35 +64,35 @@ def test_kernel_and_remainder_are_all_light():
 )
 def test_kernel_weights_equal_drawn_deflections(pixel, turned, more):
     # Bends of the whole pattern, from two places of a pixel to those around, with the drawn rest taken away.
-    made = camera(pixel, **more).moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.0, turned))
-    record = camera_record(made)
+    turned_camera = camera(pixel, **more).moved(pl.CameraPart.SENSOR, tilt=(0.0, 0.0, turned))
+    record = camera_record(turned_camera)
     table, deflection = record.diffraction_kernel.table, record.deflection
-    part = np.array(made.sensor.pixel_aperture)
+    part = np.array(turned_camera.sensor.pixel_aperture)
     n, scale = 1 << 19, deflection.wavelengths * record.sensor.plane.distance
     levels = (scale - table.lowest_scale) * table.scales_per_area
     # Of the wavelengths, one in the middle of its level.
     wave = 0 if len(levels) == 1 else 1 + int(np.abs(levels[1:] - np.rint(levels[1:] - 0.5) - 0.5).argmin())
     wavelength, level = deflection.wavelengths[wave], min(int(levels[wave]), table.scales - 1)
     numbers = np.random.default_rng(2).random((n, 2))
-    found = {}
+    draws = {}
     for name, field in (("all", deflection.field), ("rest", record.diffraction_kernel.remainder.field)):
-        found[name] = np.empty((n, 4))
-        fill_bends(found[name], numbers, field)
+        draws[name] = np.empty((n, 4))
+        fill_bends(draws[name], numbers, field)
     steps = np.arange(-table.reach, table.reach + 1)
     for kind in range(table.patterns):
         for across, down in ((5, 20), (31, 0)):
-            shares, noise = np.zeros((len(steps),) * 2), 0.0
+            drawn_weights, noise = np.zeros((len(steps),) * 2), 0.0
             for name, sign in (("all", 1.0), ("rest", -record.diffraction_kernel.remainder_share)):
-                ends = found[name][:, :2] @ deflection.back.T * (wavelength * record.sensor.plane.distance)
+                ends = draws[name][:, :2] @ deflection.back.T * (wavelength * record.sensor.plane.distance)
                 ends += (np.array([across, down]) + np.random.default_rng(3).random((n, 2))) / table.subdivisions - 0.5
                 at = np.rint(ends).astype(int)
-                seen = (np.abs(ends - at) <= 0.5 * part).all(axis=1) & (np.abs(at) <= table.reach).all(axis=1)
-                weights, place = sign * found[name][seen, 2 + kind], at[seen] + table.reach
-                np.add.at(shares, (place[:, 1], place[:, 0]), weights)
+                in_pixel = (np.abs(ends - at) <= 0.5 * part).all(axis=1) & (np.abs(at) <= table.reach).all(axis=1)
+                weights, place = sign * draws[name][in_pixel, 2 + kind], at[in_pixel] + table.reach
+                np.add.at(drawn_weights, (place[:, 1], place[:, 0]), weights)
                 noise += float((weights**2).sum())
             row = ((level * table.patterns + kind) * table.subdivisions + down) * table.subdivisions + across
-            known = table.weights[row].reshape(shares.shape) * part.prod()
-            assert_allclose(shares / n, known, atol=2.5 * math.sqrt(noise) / n)
+            expected = table.weights[row].reshape(drawn_weights.shape) * part.prod()
+            assert_allclose(drawn_weights / n, expected, atol=2.5 * math.sqrt(noise) / n)
 
 
 def batches(samples, replicates, cuts):
@@ -106,7 +110,7 @@ def batches(samples, replicates, cuts):
 @given(st.integers(1, 70), st.integers(1, 5), st.lists(st.integers(1, 9), max_size=4))
 def test_drawn_deflections_represent_all_samples_in_any_batches(samples, replicates, cuts):
     # The light is the index of the deflection plus one: sums must equal those of a whole render for each replicate.
-    found = np.zeros(replicates)
+    totals = np.zeros(replicates)
     for batch in batches(samples, replicates, cuts):
         drawn = remainder_batch(batch)
         n, blocks = drawn.samples, np.zeros(8 * 256)
@@ -116,32 +120,32 @@ def test_drawn_deflections_represent_all_samples_in_any_batches(samples, replica
         for k, (_, index) in enumerate(order):
             blocks[6 * 256 + k] = drawn.first_index + index + 1
         film_sums.fill_drawn(sums, film_sums.Light(blocks, None, None, None), 0, n, drawn, batch, DEFLECTION_INTERVAL)
-        found += sums[0][0, :, 0]
-    own = [np.arange(len(range(r, samples, replicates))) for r in range(replicates)]
-    assert_allclose(found, [(indices // DEFLECTION_INTERVAL + 1).sum() for indices in own])
+        totals += sums[0][0, :, 0]
+    indices_of_replicate = [np.arange(len(range(r, samples, replicates))) for r in range(replicates)]
+    assert_allclose(totals, [(indices // DEFLECTION_INTERVAL + 1).sum() for indices in indices_of_replicate])
 
 
 def test_few_samples_are_right_on_average():
     # In two replicates, against many.
-    scene, made, given = pl.check_scene(), camera(), {"region": np.s_[4:24, 4:24], "truth": pl.Truth.NONE}
-    known = pl.render(scene, made, samples=1024, replicates=8, progress=False, **given)
+    scene, camera_, options = pl.check_scene(), camera(), {"region": np.s_[4:24, 4:24], "truth": pl.Truth.NONE}
+    reference = pl.render(scene, camera_, samples=1024, replicates=8, progress=False, **options)
     for samples, sampler in ((2, pl.rendering.Sampler.SOBOL), *((8, each) for each in pl.rendering.Sampler)):
-        few = {"samples": samples, "replicates": 2, "sampler": sampler, **given}
-        images = [pl.render(scene, made, seed=s, progress=False, **few).image.astype(float) for s in range(40)]
+        few = {"samples": samples, "replicates": 2, "sampler": sampler, **options}
+        images = [pl.render(scene, camera_, seed=s, progress=False, **few).image.astype(float) for s in range(40)]
         assert min(image.min() for image in images) >= 0
         mean, error = np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / math.sqrt(40)
-        chi = (mean - known.image) / np.hypot(error, known.standard_error)
+        chi = (mean - reference.image) / np.hypot(error, reference.standard_error)
         assert float(np.sqrt((chi**2).mean())) < 1.12, (samples, sampler)
         total = np.array([image.sum() for image in images])
-        sigma = math.hypot(total.std(ddof=1) / math.sqrt(40), 3 * float(np.linalg.norm(known.standard_error)))
-        assert total.mean() == pytest.approx(float(known.image.sum()), abs=4 * sigma), (samples, sampler)
+        sigma = math.hypot(total.std(ddof=1) / math.sqrt(40), 3 * float(np.linalg.norm(reference.standard_error)))
+        assert total.mean() == pytest.approx(float(reference.image.sum()), abs=4 * sigma), (samples, sampler)
 
 
 def test_standard_errors_equal_the_scatter_of_seeds():
-    made, region = camera(sensor=pl.Sensor((64, 64), 0.01)), np.s_[8:40, 8:40]
+    camera_, region = camera(sensor=pl.Sensor((64, 64), 0.01)), np.s_[8:40, 8:40]
     for scene, replicates in ((None, 2), (None, 8), (pl.check_scene(), 2), (pl.check_scene(), 8)):
-        given = {"samples": 32, "replicates": replicates, "region": region, "progress": False}
-        shots = [shoot(scene, made, seed=seed, **given) for seed in range(8)]
+        options = {"samples": 32, "replicates": replicates, "region": region, "progress": False}
+        shots = [shoot(scene, camera_, seed=seed, **options) for seed in range(8)]
         between = np.var([shot.image for shot in shots], axis=0, ddof=1)
         within = np.mean([shot.standard_error.astype(float) ** 2 for shot in shots], axis=0)
         mean = np.mean([shot.image for shot in shots], axis=0)

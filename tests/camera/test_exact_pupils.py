@@ -222,18 +222,18 @@ def assert_as_drawn_anywhere(name, monkeypatch):
             patch.setattr(cache, "camera_record", lambda of: blind(camera_record(of), of))
             anywhere = render_sky(compiled_anew(camera), samples=many, seed=200 + seed, **arguments)
         value, useful = anywhere.image.astype(float), anywhere.stats.paths_through_lens / anywhere.stats.paths
-        known = anywhere.standard_error < 0.1 * value
+        is_precise = anywhere.standard_error < 0.1 * value
         for kind, shot in (("white", white), ("traced", traced)):
             off = shot.image - value
             error = np.hypot(shot.standard_error, anywhere.standard_error).astype(float)
             assert abs(off.sum()) <= 4 * math.hypot(total(shot)[1], total(anywhere)[1]), (name, kind)
             # Of what a single path makes, such as the only one that is lost, no standard error knows.
             single = np.hypot(value / samples, value / max(many * useful, 1.0))
-            over[kind].extend((off / np.hypot(error, single))[known])
+            over[kind].extend((off / np.hypot(error, single))[is_precise])
         # With a core of all light or none, both draw alike, and behind a small stop few pixels are informative.
         lit = traced.image > 0.1 * traced.image.max()
         assert np.square(white.standard_error[lit]).sum() <= 2.0 * np.square(traced.standard_error[lit]).sum()
-    for kind, found in over.items():
+    for kind, chi in over.items():
         # Errors of 32 replicates make Student's t of 31 degrees of freedom: mean square 31 / 29, and four standard
         # errors of that mean. Through the smallest pupils no pixel is known so well.
-        assert not found or np.mean(np.square(found)) <= 31 / 29 * (1 + 4 * math.sqrt(2 / len(found))), (name, kind)
+        assert not chi or np.mean(np.square(chi)) <= 31 / 29 * (1 + 4 * math.sqrt(2 / len(chi))), (name, kind)

@@ -34,9 +34,9 @@ def test_rays_of_a_pixel_meet_where_it_is_in_focus_or_in_the_iris():
     """In a camera 2.0 the rays of a pixel through a microlens meet in the plane in focus, to the lens's aberrations."""
     rays, focus = section_rays(GALILEAN), GALILEAN.report().focus[0]
     along = (focus.z - rays.paths[:, -1, 2]) / rays.directions[:, 2]
-    met = rays.paths[:, -1] + along[:, None] * rays.directions
+    hits = rays.paths[:, -1] + along[:, None] * rays.directions
     # The pixel's image is m times its size, and the double Gauss blurs by some 20 um at the array (f/8).
-    assert np.ptp(met[:, 1]) < 0.2 * abs(0.217 / focus.magnification)
+    assert np.ptp(hits[:, 1]) < 0.2 * abs(0.217 / focus.magnification)
     # In a camera 1.0 they come through one place of the iris: microlenses image the exit pupil onto the sensor.
     rays = section_rays(ONE)
     at_iris = rays.paths[:, 1 + len(LENS.elements) - LENS.iris_index, :2]
@@ -50,8 +50,8 @@ def test_the_frustum_meets_the_plane_in_focus_in_the_field():
     np.testing.assert_allclose(frustum.in_focus[:, 2], focus.z)
     half, z_array = 0.5 * SENSOR.size[0] / (1 + 1.7 / report.exit_pupil_distance), report.array_plane
     # The chief ray meets that plane at the height of the array's image as seen from the entrance pupil: within 5 %.
-    points, seen = pl.paraxial.cardinal_points(LENS), half / abs(pl.paraxial.magnification(LENS, z_array))
-    expected = seen * (points.entrance_pupil - focus.z) / (points.entrance_pupil - z_array)
+    points, half_field = pl.paraxial.cardinal_points(LENS), half / abs(pl.paraxial.magnification(LENS, z_array))
+    expected = half_field * (points.entrance_pupil - focus.z) / (points.entrance_pupil - z_array)
     np.testing.assert_allclose(np.abs(frustum.in_focus[:, :2]), expected, rtol=0.02)
     posed = GALILEAN.posed(position=(100.0, 0.0, 0.0), look_at=(0.0, 0.0, 0.0)).frustum
     np.testing.assert_allclose(posed.in_focus.mean(axis=0), [100.0 + focus.z, 0, 0], atol=1e-6)
@@ -91,7 +91,7 @@ def test_key_numbers_are_those_of_the_report():
 
 def test_reports_begin_with_the_gravest():
     kinds = pl.camera.CameraFindingKind
-    found = [pl.camera.CameraFinding(kind, f"about <{kind.name}>") for kind in (kinds.DARK_GAPS, kinds.INSIDE_LENS)]
-    html = report_html(dataclasses.replace(GALILEAN.report(), warnings=tuple(found)))
+    findings = [pl.camera.CameraFinding(kind, f"about <{kind.name}>") for kind in (kinds.DARK_GAPS, kinds.INSIDE_LENS)]
+    html = report_html(dataclasses.replace(GALILEAN.report(), warnings=tuple(findings)))
     assert html.index("INSIDE_LENS") < html.index("DARK_GAPS") < html.index("focal length")
     assert "about &lt;DARK_GAPS&gt;" in html

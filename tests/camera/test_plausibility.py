@@ -30,18 +30,18 @@ IMPLAUSIBLE = {
 
 def test_a_number_that_no_camera_has_is_named():
     for case, (changes, words) in IMPLAUSIBLE.items():
-        with pytest.warns(ImplausibleCameraWarning, match=words) as found:
+        with pytest.warns(ImplausibleCameraWarning, match=words) as warned:
             warn_if_implausible(dataclasses.replace(CAMERA, **changes))
-        assert len(found) == 1, case
+        assert len(warned) == 1, case
 
 
 def test_render_says_it_once():
     small = dataclasses.replace(CAMERA, sensor=pl.Sensor((16, 16), 0.01))
     for shoot in (lambda **k: pl.render(pl.check_scene(), small, **k), lambda **k: pl.render_white(small, **k)):
-        with warnings.catch_warnings(record=True) as found:
+        with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             shoot(samples=8, threads=2, tile_side=4, progress=False)
-        assert [warning.category for warning in found] == [ImplausibleCameraWarning]
+        assert [warning.category for warning in warned] == [ImplausibleCameraWarning]
 
 
 def sane_cameras():

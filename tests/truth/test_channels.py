@@ -17,25 +17,25 @@ from plenoptic.truth.truth_stages import PixelStages
 
 def everything(rows=2, columns=3):
     rng = np.random.default_rng(5)
-    made = {name: rng.uniform(-5, 5, (rows, columns, *kind.shape)) for name, kind in CHANNELS.items()}
-    return GroundTruth(**{name: np.rint(a) if CHANNELS[name].dtype is np.int32 else a for name, a in made.items()})
+    arrays = {name: rng.uniform(-5, 5, (rows, columns, *kind.shape)) for name, kind in CHANNELS.items()}
+    return GroundTruth(**{name: np.rint(a) if CHANNELS[name].dtype is np.int32 else a for name, a in arrays.items()})
 
 
 def test_all_is_everything_and_each_array_has_a_kind_of_it():
     union = reduce(operator.or_, (kind.flag for kind in CHANNELS.values()))
-    alone = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
-    assert union == Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY == Truth(sum(alone))
+    single_flags = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
+    assert union == Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY == Truth(sum(single_flags))
     assert not Truth.ALL & (Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY)  # many rays a pixel, for those who ask
     # Requested arrays are made.
-    wanted = Truth.NORMAL | Truth.MICROLENS
-    made = empty_truth(wanted, (4, 5))
-    assert {name: (a.shape, a.dtype) for name, a in made.items()} == {
+    requested = Truth.NORMAL | Truth.MICROLENS
+    arrays = empty_truth(requested, (4, 5))
+    assert {name: (a.shape, a.dtype) for name, a in arrays.items()} == {
         "normal": ((4, 5, 3), np.float64),
         "microlens": ((4, 5, 2), np.int32),
         "microlens_type": ((4, 5), np.int32),
     }
-    assert np.isnan(made["normal"]).all() and (made["microlens"] == NO_MICROLENS).all()
-    assert GroundTruth(**made).kinds == wanted
+    assert np.isnan(arrays["normal"]).all() and (arrays["microlens"] == NO_MICROLENS).all()
+    assert GroundTruth(**arrays).kinds == requested
     assert empty_truth(Truth.NONE, (4, 5)) == {}
     bare = Truth.INCIDENCE_ANGLE | Truth.STATE
     assert available_truth(Truth.ALL, meshes=True, microlenses=True) == Truth.ALL

@@ -139,10 +139,10 @@ def test_object_shares_equal_those_of_rendered_light(stop):
     white = pl.render_white(camera, samples=4096, region=region, progress=False)
     light = white.image[..., 0]
     lit = (light > 0.01 * light.max()) & (truth.object >= 0)
-    share = (shot.image.mean(axis=-1) / np.where(lit, light, 1.0))[lit]
-    expected = np.where(truth.object[lit] == 0, share, 1 - share)
+    fraction = (shot.image.mean(axis=-1) / np.where(lit, light, 1.0))[lit]
+    expected = np.where(truth.object[lit] == 0, fraction, 1 - fraction)
     off = truth.object_share[lit] - expected
-    assert np.isfinite(off).all() and ((share > 0.02) & (share < 0.98)).mean() > 0.02
+    assert np.isfinite(off).all() and ((fraction > 0.02) & (fraction < 0.98)).mean() > 0.02
     # Behind a small stop some 16 paths arrive of either.
     assert np.sqrt(np.mean(off**2)) < (0.03 if stop == 5.0 else 0.1)
     assert np.isnan(truth.object_share[truth.object < 0]).all()
@@ -184,8 +184,8 @@ def test_rays_pass_the_illuminated_centroid(stop):
     for k in np.random.default_rng(3).permutation(np.flatnonzero(~rays.lost))[:24]:
         cell = rays.cells[k, :2]
         bundle, index = traced(camera, rays.starts[k], cell + grid)
-        own = (index == np.rint(cell @ np.linalg.inv(camera.microlenses.basis))).all(axis=1)
-        lit = (cell + grid)[own & (bundle.weight > 0)]
+        in_cell = (index == np.rint(cell @ np.linalg.inv(camera.microlenses.basis))).all(axis=1)
+        lit = (cell + grid)[in_cell & (bundle.weight > 0)]
         if len(lit) < 300:
             continue  # a micrometre is no small part of it
         off.append(np.hypot(*(rays.aims[k] - lit.mean(axis=0))))
@@ -207,10 +207,10 @@ def test_representative_rays_agree_with_dense_rays(name):
     far = pl.quad((-2000, -2000, -450), (4000, 0, 0), (0, 4000, 0))
     truth = pl.ground_truth(pl.Scene([near, far]), camera, region=np.s_[:128, :])
     rng = np.random.default_rng(1)
-    seen = np.argwhere(truth.state == PixelState.SEEN)
-    own = []
-    for row, column in rng.permutation(seen)[:60]:
-        if len(own) == 16:
+    hit_pixels = np.argwhere(truth.state == PixelState.SEEN)
+    traced_depths = []
+    for row, column in rng.permutation(hit_pixels)[:60]:
+        if len(traced_depths) == 16:
             break
         for _ in range(20):
             depth, index = dense_rays(camera, rng, row, column, 20_000)
@@ -218,7 +218,7 @@ def test_representative_rays_agree_with_dense_rays(name):
                 break
         if not len(depth):
             continue  # too little light for so few rays
-        own.append((index == truth.microlens[row, column]).all(axis=1).mean())
+        traced_depths.append((index == truth.microlens[row, column]).all(axis=1).mean())
         assert depth.min() - 1e-9 <= truth.depth[row, column] <= depth.max() + 1e-9
-        assert own[-1] > 0
-    assert len(own) == 16 and np.median(own) > 0.5
+        assert traced_depths[-1] > 0
+    assert len(traced_depths) == 16 and np.median(traced_depths) > 0.5

@@ -70,20 +70,20 @@ def test_standard_errors_are_honest():
     errors = np.zeros_like(pixels)
     for error, s in zip(errors, spreads, strict=True):
         error[s.regions[0]] = s.standard_error
-    seen = pixels.mean(axis=0) > 0.2 * pixels.mean(axis=0).max()
-    ratio = pixels.var(axis=0, ddof=1)[seen].mean() / (errors**2).mean(axis=0)[seen].mean()
+    is_bright = pixels.mean(axis=0) > 0.2 * pixels.mean(axis=0).max()
+    ratio = pixels.var(axis=0, ddof=1)[is_bright].mean() / (errors**2).mean(axis=0)[is_bright].mean()
     assert 0.7 < ratio < 1.4
 
 
 def test_threads_and_other_points_do_not_change_a_bit(monkeypatch):
     camera, points = CAMERA, [(5, 3, -380), (0, 0, -404), (-2, 1, -500)]
-    alone, one = (point_spread(camera, given, rays=5000, threads=1) for given in (points[0], points))
+    single, one = (point_spread(camera, points_, rays=5000, threads=1) for points_ in (points[0], points))
     assert one == point_spread(camera, points, rays=5000, threads=3)
-    np.testing.assert_array_equal(alone.whole(), one.whole()[0])
-    assert point_spread(camera, points[0], rays=5000, seed=1) != alone
+    np.testing.assert_array_equal(single.whole(), one.whole()[0])
+    assert point_spread(camera, points[0], rays=5000, seed=1) != single
     # More chunks sum in another order only.
     monkeypatch.setattr(sensor_hits, "CHUNK", 100)
-    np.testing.assert_allclose(point_spread(camera, points[0], rays=5000).whole(), alone.whole(), rtol=1e-12)
+    np.testing.assert_allclose(point_spread(camera, points[0], rays=5000).whole(), single.whole(), rtol=1e-12)
 
 
 def test_landing_points_are_the_rays_of_the_spread():
@@ -158,8 +158,8 @@ def test_polygons_around_the_light_hold_all_of_it():
             passing = aims[lens.trace(pl.RayBundle(np.tile(point, (25000, 1)), aims - point)).status == 0, :2]
             assert len(passing) > 100
             edges = np.roll(corners, -1, axis=0) - corners
-            beside = passing[:, None] - corners
-            assert (edges[:, 0] * beside[..., 1] - edges[:, 1] * beside[..., 0] >= 0).all()
+            offset = passing[:, None] - corners
+            assert (edges[:, 0] * offset[..., 1] - edges[:, 1] * offset[..., 0] >= 0).all()
 
 
 def test_impossible_arguments_are_refused():
@@ -192,12 +192,12 @@ def test_figure_shows_the_pixels_where_the_sensor_has_them():
 
     spread = point_spread(CAMERA, [(3, 1, -404), (-4, 2, -404)], rays=1 << 13)
     ax = plot_camera_spread(spread)
-    shown = np.asarray(ax.images[0].get_array())
+    image = np.asarray(ax.images[0].get_array())
     left, right, bottom, top = ax.images[0].get_extent()
-    assert shown.sum() == pytest.approx(spread.image.sum(), rel=1e-12)
+    assert image.sum() == pytest.approx(spread.image.sum(), rel=1e-12)
     whole = spread.whole().sum(axis=0)
     cut = whole[round(top + 0.5) : round(bottom + 0.5), round(left + 0.5) : round(right + 0.5)]
-    np.testing.assert_allclose(shown, cut, rtol=1e-12)
+    np.testing.assert_allclose(image, cut, rtol=1e-12)
     # The cross lies at the mean of the pixels, to within a pixel's half.
     rows, columns = np.indices(whole.shape)
     mine = spread.of(0).whole() / spread.of(0).whole().sum()
