@@ -50,7 +50,7 @@ class DesignStep:
 
 @value
 class CameraDesign:
-    """Camera that meets design targets, and the iterations towards it. Made by `design_camera`.
+    """Camera that meets design targets, and the iterations towards it. See `design_camera`, which makes it.
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ class CentreMethod(enum.IntEnum):
 
 @result
 class MicrolensCentres:
-    """Centres of microlens images, one per row. Made by `microlens_centres`.
+    """Centres of microlens images, one per row. See `microlens_centres`, which makes it.
 
     Parameters
     ----------

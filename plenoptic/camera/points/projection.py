@@ -28,7 +28,7 @@ _MIN_OCCLUDER_DISTANCE = 2.0**-12
 
 @result
 class Projection:
-    """Images of world points on the sensor, a row for each point and microlens. Made by `project`.
+    """Images of world points on the sensor, a row for each point and microlens. See `project`, which makes it.
 
     Attributes
     ----------

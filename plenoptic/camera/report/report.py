@@ -23,7 +23,7 @@ from plenoptic.optics.microlens.aperture import Walls
 
 @value
 class CameraReport:
-    """First-order properties of a camera; printed as a table. Made by `camera_report`.
+    """First-order properties of a camera; printed as a table. See `camera_report`, which makes it.
 
     Properties of parts that a camera lacks are None. Pixels are the sensor's.
 
