@@ -10,7 +10,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.truth.channels import CHANNELS, NO_MICROLENS, GroundTruth, Truth, truth_names
-from plenoptic.truth.ground_truth import filling
+from plenoptic.truth.ground_truth import channel_filler
 from plenoptic.truth.truth_arrays import available_truth, empty_truth, file_comment, file_planes, truth_from_planes
 from plenoptic.truth.truth_stages import PixelStages
 
@@ -82,7 +82,7 @@ def test_channels_survive_image_files():
 def test_every_channel_names_what_fills_it_and_is_in_the_documents():
     text = (Path(__file__).parents[2] / "docs" / "conventions.md").read_text(encoding="utf-8")
     for name, channel in CHANNELS.items():
-        fill, stage = filling(name)
+        fill, stage = channel_filler(name)
         assert callable(fill) and stage == channel.source.stage
         assert isinstance(getattr(PixelStages, stage), cached_property)
         shape = ", ".join(["H", "W", *map(str, channel.shape)])

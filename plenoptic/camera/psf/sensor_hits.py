@@ -138,8 +138,9 @@ def diffraction_record(camera: PlenopticCamera) -> ForwardRecord:
     turn, tilt = parts.sensor_to_local.turn[:2, :2], np.zeros(2) if parts.tilt is None else parts.tilt
     distance = parts.distance + float(tilt @ parts.sensor_to_local.shift[:2])
     to_sensor_axes = float(diffraction_at_array.wavelengths[0]) * np.linalg.inv(turn)
-    to_sensor_axes = np.ascontiguousarray(to_sensor_axes)
-    deflection = SensorDeflection(diffraction_at_array.field, distance, turn.T @ tilt, to_sensor_axes)
+    deflection = SensorDeflection(
+        diffraction_at_array.field, distance, turn.T @ tilt, np.ascontiguousarray(to_sensor_axes)
+    )
     return record._replace(deflection=deflection)
 
 
