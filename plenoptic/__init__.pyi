@@ -28,11 +28,11 @@ from .camera.camera import CameraPart as CameraPart
 from .camera.camera import PlenopticCamera as PlenopticCamera
 from .camera.design.design import design_camera as design_camera
 from .camera.diffraction import Diffraction as Diffraction
+from .camera.gaussian import CameraKind as CameraKind
 from .camera.points.centres import CentreMethod as CentreMethod
 from .camera.points.centres import microlens_centres as microlens_centres
 from .camera.points.projection import project as project
 from .camera.psf.point_spread import point_spread as point_spread
-from .camera.report.focus import CameraKind as CameraKind
 from .core.motions.motion import Motion as Motion
 from .core.motions.pose import Pose as Pose
 from .core.rays import RayBundle as RayBundle

@@ -48,19 +48,19 @@ seidel_distortion optics/lens/analysis/seidel.py: optics/lens/analysis/test_seid
 glass_resonance optics/glass/dispersion.py: optics/glass
 - + k[3] / (w * w - k[4] ** 2),
 + + k[3] / (w * w - k[4]),
-choice_within_a_piece camera/sampling/kernels/paths.py: camera/test_pixel_regions.py rendering/test_render.py
-- return total, k, wanted - before
-+ return total, k, wanted
-plane_moves_along_u camera/sampling/kernels/pieces.py: camera/test_pixel_regions.py rendering/test_render.py
-- nx * view.x_by_v + ny * view.y_by_v
-+ nx * view.x_by_v + ny * view.y_by_u
-point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_pixel_regions.py camera/psf
+choice_in_a_piece camera/sampling/kernels/camera_samples.py: camera/test_aperture_regions.py rendering/test_render.py
+- return total_area, k, target_area - area_before
++ return total_area, k, target_area
+plane_moves_along_u camera/sampling/kernels/aperture_planes.py: camera/test_aperture_regions.py rendering/test_render.py
+- nx * transfer.x_by_v + ny * transfer.y_by_v
++ nx * transfer.x_by_v + ny * transfer.y_by_u
+point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_aperture_regions.py camera/psf
 - root = math.sqrt(min(max(left / twice, 0.0), 1.0)) if twice > 0.0 else 0.0
 + root = min(max(left / twice, 0.0), 1.0) if twice > 0.0 else 0.0
 projection_axes camera/points/projection.py: camera/points/test_projection.py camera/points
 - (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1]))
 + (np.abs(rows.position) <= 0.5 * np.array(sensor.size))
-spread_error camera/psf/histogram.py: camera/psf
+spread_error camera/psf/spots.py: camera/psf
 - error = np.sqrt(squares / (max(len(crops) - 1, 1) * len(crops)))
 + error = np.sqrt(squares / max(len(crops) - 1, 1))
 far_field_tail optics/diffraction/kernels/far_field.py: optics/diffraction rendering/test_diffraction.py
@@ -105,7 +105,7 @@ estimated_samples rendering/estimation/decisions.py: rendering/test_estimate.py
 merged_error rendering/merging/stacking.py: rendering/test_merging.py
 - np.square(weight * shot["standard_error"])
 + weight * np.square(shot["standard_error"])
-truth_on_tilted_sensor truth/stages.py: truth
+truth_on_tilted_sensor truth/truth_stages.py: truth
 - (starts[:, 0] * plane.tilt[0] + starts[:, 1] * plane.tilt[1])
 + (starts[:, 0] * plane.tilt[0] - starts[:, 1] * plane.tilt[1])
 order_of_turns sequences/sequence.py: sequences

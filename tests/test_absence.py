@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.diffraction import BendRecord
-from plenoptic.camera.sampling.record import Around, Bends, SpreadTable
+from plenoptic.camera.diffraction import DeflectionRecord
+from plenoptic.camera.sampling.sampling_records import DeflectedSamples, KernelTable, SourcePixels
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.diffraction.far_field import far_field
 from plenoptic.optics.microlens.aperture import Opening
@@ -203,14 +203,14 @@ COLUMN, ROWS, CUBE, BYTES = map(_example, ("f8[::1]", "f8[:,::1]", "f8[:,:,::1]"
 NUMBERS, PLACES, INDICES = map(_example, ("i8[::1]", "i4[::1]", "i8[:,::1]"))
 SQUARE = Opening(0.5 * np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]))
 PLANE = SensorPlane(1.0, None)
-AROUND = Around(
+AROUND = SourcePixels(
     *(INDICES, (0, 0), _example("i4[:,::1]"), NUMBERS, INDICES, ROWS, COLUMN, (1, 1), PLANE),
-    BendRecord(far_field(SQUARE, None, np.eye(2)), COLUMN, COLUMN, np.eye(2)),
+    DeflectionRecord(far_field(SQUARE, None, np.eye(2)), COLUMN, COLUMN, np.eye(2)),
 )
 BENT = {
-    "bends": Bends(NUMBERS, NUMBERS, None),
-    "fed.around": AROUND,
-    "fed.spread": SpreadTable(ROWS, ROWS, 1, 1, 1, PLANE, COLUMN, 1, 0.0, 1.0),
+    "deflected": DeflectedSamples(NUMBERS, NUMBERS, None),
+    "illuminated.sources": AROUND,
+    "illuminated.kernel": KernelTable(ROWS, ROWS, 1, 1, 1, PLANE, COLUMN, 1, 0.0, 1.0),
 }
 MAP = Environment(_example("f4[:,:,::1]"), COLUMN, ROWS, ROWS, COLUMN, 0.5, 1.0)
 PICTURE = TextureColumn(PLACES, np.empty(1, TEXTURE), _example("f4[::1]"))
@@ -226,7 +226,7 @@ def _suns(record):
 
 
 MODULES = {
-    "fill_camera_samples": "camera.sampling.kernels.paths",
+    "fill_camera_samples": "camera.sampling.kernels.camera_samples",
     "fill_sums": "rendering.kernels.film_sums",
     "fill_world_rays": "core.kernels.bundles",
     "fill_thin": "optics.microlens.kernels.ideal_microlenses",
@@ -239,9 +239,9 @@ MODULES = {
     "sample_bsdf": "rendering.integrator.kernels.bounce",
 }
 FEATURES = [
-    ("fill_camera_samples", {"fed.pixel.skew": COLUMN}),
+    ("fill_camera_samples", {"illuminated.pixel.skew": COLUMN}),
     ("fill_camera_samples", BENT),
-    ("fill_camera_samples", {"own": OWN, "fed.regions.details": OWN}),
+    ("fill_camera_samples", {"lenslets": OWN, "illuminated.regions.details": OWN}),
     ("fill_sums", {"bundle.radiance": ROWS}),
     ("fill_sums", {"bundle.waves": NUMBERS, "bundle.weights": ROWS}),
     ("fill_world_rays", {"rotation": ROWS, "position": COLUMN}),
@@ -450,7 +450,12 @@ OF_THE_CAMERA = {
     *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
 OF_OPENINGS = {
-    *("views.fill_view_rays", "views.fill_views", "views.fill_reopened", "pixel_regions.fill_boxes"),
+    *(
+        "ray_transfer.fill_transfer_rays",
+        "ray_transfer.fill_ray_transfers",
+        "ray_transfer.fill_unclipped",
+        "aperture_regions.fill_boxes",
+    ),
     "to_lens.fill_weights",
 }
 """Where few microlenses are near a pixel, so that it pays to look through them at the openings of the lens."""

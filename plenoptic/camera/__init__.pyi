@@ -9,6 +9,7 @@ from .design.example import example_camera as example_camera
 from .design.search import CameraDesign as CameraDesign
 from .design.search import DesignStep as DesignStep
 from .diffraction import Diffraction as Diffraction
+from .gaussian import CameraKind as CameraKind
 from .points.centres import CentreMethod as CentreMethod
 from .points.centres import MicrolensCentres as MicrolensCentres
 from .points.centres import microlens_centres as microlens_centres
@@ -16,11 +17,10 @@ from .points.projection import Projection as Projection
 from .points.projection import project as project
 from .psf.point_spread import landing_points as landing_points
 from .psf.point_spread import point_spread as point_spread
-from .psf.spread import CameraSpread as CameraSpread
-from .psf.spread import LandingPoints as LandingPoints
+from .psf.psf_results import CameraSpread as CameraSpread
+from .psf.psf_results import LandingPoints as LandingPoints
 from .report.findings import CameraFinding as CameraFinding
 from .report.findings import CameraFindingKind as CameraFindingKind
-from .report.focus import CameraKind as CameraKind
 from .report.focus import MicrolensFocus as MicrolensFocus
 from .report.report import CameraReport as CameraReport
 from .report.report import camera_report as camera_report

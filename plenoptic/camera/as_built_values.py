@@ -1,4 +1,4 @@
-"""Camera as built beside its design: positions of its parts, and the distances that follow."""
+"""Placements and distances of a camera as built, compared with its design."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from plenoptic.optics.lens.placement import Placement
 
 @value
 class BuiltValue:
-    """One length or angle of a camera, as designed and as built.
+    """Length or angle of a camera, as designed and as built.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class BuiltValue:
 
 @value
 class AsBuilt:
-    """Built values beside those of the design, as returned by `as_built`; printing it shows a table.
+    """Lengths and angles of a camera as built; printed as a table. See `as_built`.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class AsBuilt:
     values: tuple[BuiltValue, ...]
 
     def __getitem__(self, name: str) -> BuiltValue:
-        """The value of that name."""
+        """Value of a name; KeyError if there is none."""
         for each in self.values:
             if each.name == name:
                 return each
@@ -68,7 +68,7 @@ class AsBuilt:
 
 
 def as_built(camera: PlenopticCamera) -> AsBuilt:
-    """A camera's placements and distances beside those of its design.
+    """Compare the placements and distances of a camera as built with its design.
 
     Parameters
     ----------
@@ -77,10 +77,10 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     Returns
     -------
     AsBuilt
-        For each part that stands elsewhere its shift, its tilt about x and about y (signs as in
-        `PlenopticCamera.moved`) and its turn about the axis, in thousandths of a radian: 1 degree is 17.5 mrad; the
-        distance between array and sensor, or last lens vertex and sensor, in the middle and its least and largest over
-        the sensor's corners, measured along the array's normal.
+        For each displaced part its shift in mm, its tilt about x and about y (signs as in `PlenopticCamera.moved`) and
+        its rotation about the axis in mrad (1 degree is 17.5 mrad). The distance in mm between array and sensor, or
+        last lens vertex and sensor, at the sensor's centre, and its least and largest value at the sensor's corners,
+        along the array's normal.
 
     Examples
     --------
@@ -94,29 +94,31 @@ def as_built(camera: PlenopticCamera) -> AsBuilt:
     array to sensor, largest at a corner, mm             1.7      1.7256
     """
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
-    places = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
-    parts = zip(("lens", "array", "sensor"), places, strict=True)
-    values = [each for name, placement in parts if placement is not None for each in _moves(name, placement)]
+    placements = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
+    parts = zip(("lens", "array", "sensor"), placements, strict=True)
+    values = [
+        each for name, placement in parts if placement is not None for each in _placement_changes(name, placement)
+    ]
     behind = "lens to sensor" if camera.microlenses is None else "array to sensor"
     design, built = (_distances(each) for each in (camera.design, camera))
-    for k, what in enumerate(("", ", least at a corner", ", largest at a corner")):
-        values.append(BuiltValue(behind + what, design[k], built[k], "mm"))
+    for k, label in enumerate(("", ", least at a corner", ", largest at a corner")):
+        values.append(BuiltValue(behind + label, design[k], built[k], "mm"))
     return AsBuilt(tuple(values))
 
 
-def _moves(name: str, placement: Placement) -> list[BuiltValue]:
-    """Built values that a placement changes."""
+def _placement_changes(name: str, placement: Placement) -> list[BuiltValue]:
+    """Shifts and rotations of a placement that are not zero."""
     shift, turn = np.asarray(placement.shift), np.asarray(placement.rotation)
-    amounts = [(f"{name}: shift {axis}", float(step), "mm") for axis, step in zip("xyz", shift, strict=True)]
-    # The axis of the part is the third column; the turn about it is read off what is left of x.
-    amounts.append((f"{name}: tilt about x", 1e3 * math.atan2(-turn[1, 2], turn[2, 2]), "mrad"))
-    amounts.append((f"{name}: tilt about y", 1e3 * math.atan2(turn[0, 2], turn[2, 2]), "mrad"))
-    amounts.append((f"{name}: turn about the axis", 1e3 * math.atan2(turn[1, 0], turn[0, 0]), "mrad"))
-    return [BuiltValue(what, 0.0, amount, unit) for what, amount, unit in amounts if abs(amount) > 1e-12]
+    changes = [(f"{name}: shift {axis}", float(step), "mm") for axis, step in zip("xyz", shift, strict=True)]
+    # The axis of the part is the third column; the rotation about it follows from the x axis.
+    changes.append((f"{name}: tilt about x", 1e3 * math.atan2(-turn[1, 2], turn[2, 2]), "mrad"))
+    changes.append((f"{name}: tilt about y", 1e3 * math.atan2(turn[0, 2], turn[2, 2]), "mrad"))
+    changes.append((f"{name}: turn about the axis", 1e3 * math.atan2(turn[1, 0], turn[0, 0]), "mrad"))
+    return [BuiltValue(label, 0.0, amount, unit) for label, amount, unit in changes if abs(amount) > 1e-12]
 
 
 def _distances(camera: PlenopticCamera) -> Floats:
-    """(3,): to the sensor's centre, and the least and largest to its corners."""
+    """Distances (3,) in mm to the sensor's centre, and the least and largest to its corners."""
     parts = assembly(camera)
     corners = sensor_corners(camera, parts)[:, 2]
     return np.array([float(parts.sensor_to_local.shift[2]), corners.min(), corners.max()])

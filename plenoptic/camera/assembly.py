@@ -1,8 +1,8 @@
-"""Relative placement of lens, array and sensor: from their placements to the axes in which rays are traced.
+"""Positions of lens, array and sensor: from their placements to the axes in which rays are traced.
 
-Placements lead from a part's own axes to those of its place in the design: a point p of the part lies at
-shift + rotation @ p from there. The lens turns about the centre of its iris, the array about the point where the
-axis meets its front principal plane, the sensor about its centre.
+A placement is the rigid motion from a part's own axes to those of its designed position: a point p of the part lies at
+shift + rotation @ p from it. The lens turns about the centre of its iris, the array about the intersection of the axis
+with its front principal plane, the sensor about its centre.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from plenoptic.optics.lens.placement import Placement
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
 
-_UPRIGHT = 1e-14
-"""Sine of a tilt that is rounding alone."""
+_NO_TILT = 1e-14
+"""Sine of a tilt below which it is rounding error."""
 
 
 class Rigid(NamedTuple):
@@ -30,63 +30,64 @@ class Rigid(NamedTuple):
     shift: Floats
 
     def of(self, inner: Rigid) -> Rigid:
-        """This motion after another one."""
+        """Composition: the motion `inner`, then this one."""
         return Rigid(self.turn @ inner.turn, self.turn @ inner.shift + self.shift)
 
     def inverse(self) -> Rigid:
-        """The motion back."""
+        """Inverse motion."""
         return Rigid(self.turn.T, -self.turn.T @ self.shift)
 
     def points(self, points: Floats) -> Floats:
-        """Points (..., 3) moved."""
+        """Transform points (..., 3)."""
         return np.asarray(points @ self.turn.T + self.shift)
 
     def directions(self, directions: Floats) -> Floats:
-        """Directions (..., 3) turned."""
+        """Rotate directions (..., 3)."""
         return np.asarray(directions @ self.turn.T)
 
 
 def rigid(placement: Placement | None, z: float) -> Rigid:
-    """From a part's own axes to the camera's, for a part whose place in the design is (0, 0, z)."""
+    """Rigid motion from a part's own axes to the camera's, for a part designed to stand at (0, 0, z)."""
     if placement is None:
         return Rigid(np.eye(3), np.array([0.0, 0.0, z]))
     return Rigid(np.asarray(placement.rotation), np.asarray(placement.shift) + np.array([0.0, 0.0, z]))
 
 
 class Assembly(NamedTuple):
-    """The camera's parts in the axes in which its array is traced: the *local* axes.
+    """Parts of a camera in the axes in which its array is traced: the *local* axes.
 
     Where the array's plane is perpendicular to the lens's axis, the local axes are those of the lens, with z = 0 at the
     array; otherwise they are the array's own.
     """
 
     lens_to_camera: Rigid | None
-    """None where the lens stands as designed."""
+    """None if the lens stands as designed."""
     frame: Floats | None
-    """(12,) rotation row by row and shift from local to lens axes; None where they are the same but for `z_plane`."""
+    """(12,) rotation row by row and shift from local to lens axes; None if they differ in
+    `z_plane` alone."""
     z_plane: float
-    """The array's front principal plane in the lens's axes; where that is tilted, its centre."""
+    """z of the array's front principal plane in the lens's axes, at its centre if it is tilted."""
     array_turn: Floats
     """(2, 2): the array's axes in the local ones."""
     array_origin: Floats
-    """(2,) the array's centre there."""
+    """(2,) the array's centre in local axes."""
     sensor_to_local: Rigid
     """z is measured from the array's rear principal plane."""
     distance: float
     """From the rear principal plane to the sensor along the local axis, in mm."""
     tilt: Floats | None
-    """(2,): how that distance grows with local x and y; None for a sensor parallel to the array."""
+    """(2,): slope of that distance along local x and y; None for a sensor parallel to the array."""
 
     @property
     def local_to_lens(self) -> Rigid:
-        """From local axes to those of the lens."""
+        """Rigid motion from local axes to those of the lens."""
         if self.frame is None:
             return Rigid(np.eye(3), np.array([0.0, 0.0, self.z_plane]))
         return Rigid(self.frame[:9].reshape(3, 3), self.frame[9:])
 
 
 def assembly(camera: PlenopticCamera) -> Assembly:
-    """Axes of the camera's parts as built; without microlenses, local axes are those of the lens at its last vertex."""
+    """Positions of the parts of a camera; without microlenses, local axes are those of the lens at its last vertex."""
     lens = rigid(camera.lens_placement, 0.0)
     sensor = lens.inverse().of(rigid(camera.sensor_placement, camera.z_sensor))
     frame, turn, origin = None, np.eye(2), np.zeros(2)
@@ -96,7 +97,7 @@ def assembly(camera: PlenopticCamera) -> Assembly:
     else:
         array = lens.inverse().of(rigid(camera.microlenses_placement, camera.stop_to_microlenses))
         z_plane, behind = float(array.shift[2]), camera.microlenses.principal_separation
-        if math.hypot(array.turn[0, 2], array.turn[1, 2]) < _UPRIGHT:
+        if math.hypot(array.turn[0, 2], array.turn[1, 2]) < _NO_TILT:
             local_from_lens = Rigid(np.eye(3), np.array([0.0, 0.0, -z_plane]))
             turn, origin = array.turn[:2, :2].copy(), array.shift[:2].copy()
         else:
@@ -104,23 +105,23 @@ def assembly(camera: PlenopticCamera) -> Assembly:
             frame = np.concatenate([array.turn.ravel(), array.shift])
     sensor = local_from_lens.of(sensor)
     sensor = sensor._replace(shift=sensor.shift - np.array([0.0, 0.0, behind]))
-    distance, tilt = _plane(sensor)
+    distance, tilt = _plane_coefficients(sensor)
     return Assembly(
         None if camera.lens_placement is None else lens, frame, z_plane, turn, origin, sensor, distance, tilt
     )
 
 
-def _plane(sensor: Rigid) -> tuple[float, Floats | None]:
-    """A plane as distance and slopes: z = distance + tilt . (x, y)."""
+def _plane_coefficients(sensor: Rigid) -> tuple[float, Floats | None]:
+    """Plane of the sensor as distance and slopes: z = distance + tilt . (x, y)."""
     normal = sensor.turn[:, 2]
     slopes = -normal[:2] / normal[2]
-    if float(np.hypot(*slopes)) < _UPRIGHT:
+    if float(np.hypot(*slopes)) < _NO_TILT:
         return float(sensor.shift[2]), None
     return float(sensor.shift[2] - slopes @ sensor.shift[:2]), np.ascontiguousarray(slopes)
 
 
 def sensor_corners(camera: PlenopticCamera, parts: Assembly, beyond: float = 0.0) -> Floats:
-    """(4, 3): corners of the sensor, and of the area up to `beyond` mm outside it, in local axes, in mm."""
+    """Corners (4, 3) of the sensor, enlarged by `beyond` mm on each side, in local axes, in mm."""
     height, width = camera.sensor.size
     x, y = 0.5 * width + beyond, 0.5 * height + beyond
     corners = np.array([[i, j, 0.0] for i in (-x, x) for j in (-y, y)])
@@ -128,7 +129,7 @@ def sensor_corners(camera: PlenopticCamera, parts: Assembly, beyond: float = 0.0
 
 
 class ArrayAxes(NamedTuple):
-    """A camera's parts seen from its array: points on it and slopes there, in the local axes of `Assembly`."""
+    """Transforms between array, lens and sensor of points on the array and slopes, in the local axes of `Assembly`."""
 
     camera: PlenopticCamera
     parts: Assembly
@@ -139,15 +140,15 @@ class ArrayAxes(NamedTuple):
         return self.parts.frame is None and all(map(is_centred, self.camera.lens.elements))
 
     def local(self, points: Floats) -> Floats:
-        """Points (n, 2) of the array, in local axes."""
+        """Transform points (n, 2) of the array to local axes."""
         return np.asarray(points @ self.parts.array_turn.T + self.parts.array_origin)
 
     def on_array(self, local: Floats) -> Floats:
-        """The other way."""
+        """Transform local points (n, 2) to the array's axes."""
         return np.asarray((local - self.parts.array_origin) @ self.parts.array_turn)
 
     def in_lens(self, local: Floats) -> Floats:
-        """Local points (n, 2) of the array's front principal plane, in the lens's axes (n, 3)."""
+        """Transform local points (n, 2) of the array's front principal plane to the lens's axes (n, 3)."""
         return self.parts.local_to_lens.points(np.column_stack([local, np.zeros(len(local))]))
 
     def slopes_of(self, directions: Floats) -> Floats:
@@ -169,5 +170,5 @@ class ArrayAxes(NamedTuple):
 
 
 def array_axes(camera: PlenopticCamera) -> ArrayAxes:
-    """The axes of a camera with microlenses."""
+    """Transforms of a camera with microlenses."""
     return ArrayAxes(camera, assembly(camera))

@@ -12,7 +12,7 @@ from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.diffraction import Diffraction, check_diffraction
 from plenoptic.camera.dust import check_blemishes
 from plenoptic.camera.shutter import Shutter
-from plenoptic.camera.units import metres_guess
+from plenoptic.camera.units import metres_hint
 from plenoptic.core.color.spectra import Sensitivity
 from plenoptic.core.motions.pose import Pose as Pose  # public there too
 from plenoptic.core.values import SMALLEST_LENGTH, choice, coordinate, set_field, value, wavelength_in_nm
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 class CameraPart(enum.IntEnum):
-    """The parts of a camera that can stand elsewhere than designed.
+    """Parts of a camera that can be displaced from the design.
 
     Examples
     --------
@@ -63,32 +63,32 @@ class PlenopticCamera:
     stop_to_microlenses : float
         Distance from the iris to the array's front principal plane in mm; without microlenses, to the sensor.
     microlenses : MicrolensArray, optional
-        None is a conventional camera.
+        None for a conventional camera.
     microlenses_to_sensor : float
         Distance from the array's rear principal plane to the sensor in mm; 0 without microlenses.
     pose : Pose, optional
-        Where the camera stands in the world; None: the world is the camera's frame.
+        Position and orientation of the camera in the world; None: the camera's frame is the world.
     wavelength : float
         Vacuum wavelength at which the camera is traced in nm.
     lens_placement, microlenses_placement, sensor_placement : Placement, optional
-        How the parts stand as built, against the design: decentred, turned about the axis, tilted. The lens turns about
-        the centre of its iris, the array about the middle of its front principal plane, the sensor about its centre.
+        Displacement of each part from its design: decentre, rotation about the axis, tilt. The lens turns about the
+        centre of its iris, the array about the centre of its front principal plane, the sensor about its centre.
         None: as designed.
     blemishes : tuple of Blemishes
-        Dust and scratches on the parts; one may be given alone.
+        Dust and scratches on the parts; a tuple, or one object.
     sensitivity : Sensitivity, optional
-        Spectral sensitivity of the sensor's channels, traced wavelength by wavelength; None: everything at
+        Spectral sensitivity of the sensor's channels, traced wavelength by wavelength; None: all light has
         `wavelength`, and the channels are those of the scene.
     shutter : Shutter, optional
-        How long an exposure takes, where things move meanwhile; None: an instant.
+        Exposure times of the rows, for motion during the exposure; None: an instant.
     diffraction : Diffraction, optional
-        Light bends at the openings of microlenses, and at the iris if asked; None: it does not, and costs nothing.
+        Diffraction at the openings of microlenses, and optionally at the iris; None: geometrical optics, at no cost.
 
     Raises
     ------
     InvalidValueError
-        Where the array or the sensor would lie inside the lens or in each other, or a medium of the lens is not
-        defined at the wavelength.
+        If the array or the sensor would lie inside the lens or in each other, or a medium of the lens is not defined at
+        the wavelength.
 
     Examples
     --------
@@ -120,12 +120,12 @@ class PlenopticCamera:
         absent = {"microlenses": MicrolensArray, "pose": Pose, "sensitivity": Sensitivity}
         absent |= {"shutter": Shutter, "diffraction": Diffraction}
         for name, kind in (parts | absent).items():
-            value, other = getattr(self, name), "" if name in parts else " or None"
-            if not isinstance(value, kind) and not (other and value is None):
-                raise InvalidValueError(f"{name} is {value!r}; it must be a {kind.__name__}{other}")
+            argument, other = getattr(self, name), "" if name in parts else " or None"
+            if not isinstance(argument, kind) and not (other and argument is None):
+                raise InvalidValueError(f"{name} is {argument!r}; it must be a {kind.__name__}{other}")
         set_field(self, "wavelength", wavelength_in_nm(self.wavelength))
-        spectrum = () if self.sensitivity is None else self.sensitivity.wavelength_range
-        for wavelength in (self.wavelength, *spectrum):
+        wavelengths = () if self.sensitivity is None else self.sensitivity.wavelength_range
+        for wavelength in (self.wavelength, *wavelengths):
             self.lens.indices(wavelength)
         for name in ("stop_to_microlenses", "microlenses_to_sensor"):
             set_field(self, name, coordinate(getattr(self, name), name))
@@ -133,15 +133,15 @@ class PlenopticCamera:
             set_field(self, name, kept_placement(getattr(self, name)))
         if self.microlenses is None and self.microlenses_placement is not None:
             raise InvalidValueError("microlenses_placement is given without microlenses; leave it out")
-        several = isinstance(self.blemishes, tuple | list)
-        set_field(self, "blemishes", tuple(self.blemishes) if several else (self.blemishes,))
+        is_sequence = isinstance(self.blemishes, tuple | list)
+        set_field(self, "blemishes", tuple(self.blemishes) if is_sequence else (self.blemishes,))
         check_blemishes(self)
         check_diffraction(self)
         self._check_distances()
         self._check_assembly()
 
     def _check_distances(self) -> None:
-        array, front, behind = self.microlenses, self.stop_to_microlenses, float(self.lens.vertices[-1])
+        array, front, z_last = self.microlenses, self.stop_to_microlenses, float(self.lens.vertices[-1])
         if array is None:
             if self.microlenses_to_sensor != 0:
                 raise InvalidValueError(
@@ -151,38 +151,38 @@ class PlenopticCamera:
         else:
             depths = array.model.rules.depths(array)
             front -= depths.front
-            nearest = max(depths.rear, SMALLEST_LENGTH)
-            if not self.microlenses_to_sensor > nearest:
+            clearance = max(depths.rear, SMALLEST_LENGTH)
+            if not self.microlenses_to_sensor > clearance:
                 raise InvalidValueError(
                     f"microlenses_to_sensor is {self.microlenses_to_sensor:g} mm; it must be above "
-                    f"{nearest:g} mm, where the sensor touches the array"
+                    f"{clearance:g} mm, where the sensor touches the array"
                 )
-        if not front > behind:
-            lower_bound = self.stop_to_microlenses - front + behind
+        if not front > z_last:
+            least = self.stop_to_microlenses - front + z_last
             raise InvalidValueError(
-                f"stop_to_microlenses is {self.stop_to_microlenses:g} mm; the last lens vertex is at z = {behind:g}, "
-                f"so it must be above {lower_bound:g}{metres_guess(self.stop_to_microlenses, lower_bound)}"
+                f"stop_to_microlenses is {self.stop_to_microlenses:g} mm; the last lens vertex is at z = {z_last:g}, "
+                f"so it must be above {least:g}{metres_hint(self.stop_to_microlenses, least)}"
             )
 
     def _check_assembly(self) -> None:
-        """No corner of the sensor may touch the array, and neither may be inside the lens."""
+        """Raise an InvalidValueError if a corner of the sensor touches the array, or either is inside the lens."""
         parts = assembly(self)
-        nearest = float(sensor_corners(self, parts)[:, 2].min())
-        if parts.sensor_to_local.turn[2, 2] <= 0 or not nearest > 0:
+        clearance = float(sensor_corners(self, parts)[:, 2].min())
+        if parts.sensor_to_local.turn[2, 2] <= 0 or not clearance > 0:
             raise InvalidValueError(
-                f"as built, a corner of the sensor is {nearest:g} mm behind what stands in front of it; it must be "
+                f"as built, a corner of the sensor is {clearance:g} mm behind the part in front of it; it must be "
                 "above 0: reduce tilts and shifts, or give them in radians and mm"
             )
-        behind = float(self.lens.vertices[-1])
-        if self.microlenses is not None and not parts.z_plane > behind:
+        z_last = float(self.lens.vertices[-1])
+        if self.microlenses is not None and not parts.z_plane > z_last:
             raise InvalidValueError(
-                f"as built, the array is at z = {parts.z_plane:g} mm of the lens, whose last vertex is at {behind:g}; "
+                f"as built, the array is at z = {parts.z_plane:g} mm of the lens, whose last vertex is at {z_last:g}; "
                 "reduce the shift along the axis"
             )
 
     @property
     def design(self) -> PlenopticCamera:
-        """The same camera without its deviations from the design: placements, imperfections and blemishes."""
+        """The same camera as designed: without placements, imperfections and blemishes."""
         array = self.microlenses
         return dataclasses.replace(
             self,
@@ -200,14 +200,14 @@ class PlenopticCamera:
         shift: tuple[float, float, float] = (0.0, 0.0, 0.0),
         tilt: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> PlenopticCamera:
-        """The same camera with one part moved from where it stands: decentred, tilted or turned about the axis.
+        """The same camera with one part displaced further: decentred, tilted or rotated about the axis.
 
         Parameters
         ----------
         part : CameraPart
             LENS, MICROLENSES or SENSOR.
         shift : (float, float, float), optional
-            mm along the axes of the camera.
+            Displacement in mm along the axes of the camera.
         tilt : (float, float, float), optional
             Angles in radians about x, then y, then z, through the part's own centre: of the iris, of the array's front
             principal plane, of the sensor.
@@ -215,7 +215,7 @@ class PlenopticCamera:
         Returns
         -------
         PlenopticCamera
-            `design` is as before; movements add up. An InvalidValueError where the part is missing or touches another.
+            `design` does not change; displacements add up. InvalidValueError if the part is missing or touches another.
 
         Examples
         --------
@@ -237,7 +237,7 @@ class PlenopticCamera:
         return self.stop_to_microlenses + separation + self.microlenses_to_sensor
 
     def posed(self, position: ArrayLike, look_at: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> PlenopticCamera:
-        """The same camera somewhere else.
+        """The same camera with another pose.
 
         Parameters
         ----------
@@ -258,16 +258,16 @@ class PlenopticCamera:
         return dataclasses.replace(self, pose=Pose.look_at(position, look_at, up))
 
     def project(self, points: ArrayLike, scene: Scene | None = None, *, progress: bool = True) -> Projection:
-        """Project world points onto the sensor, into the image of every microlens that sees them; see `project`.
+        """Project world points onto the sensor, through every microlens that images them; see `project`.
 
         Parameters
         ----------
         points : (n, 3) array
             World positions in mm.
         scene : Scene, optional
-            Scene that may hide the points; None: nothing does.
+            Occluders; None: nothing hides the points.
         progress : bool, optional
-            As there.
+            See `project`.
         """
         from plenoptic.camera.points.projection import project  # knows this class
 
@@ -275,7 +275,7 @@ class PlenopticCamera:
 
     @property
     def frustum(self) -> Frustum:
-        """View frustum in the world: the rays from the corners of the sensor, for pictures of scenes.
+        """Field of view in the world: rays from the corners of the sensor, for pictures of scenes.
 
         (4, 3) arrays in the world, mm; `Frustum` has an example.
         """
@@ -284,27 +284,27 @@ class PlenopticCamera:
         return camera_frustum(self)
 
     def tiles(self, rows: int, columns: int) -> tuple[tuple[slice, slice], ...]:
-        """The sensor cut into rows x columns regions, row by row, for renders on several machines.
+        """Divide the sensor into rows x columns regions, row by row, for renders on several machines.
 
-        Their edges are multiples of 8 pixels. Give one as `region=`, and all that comes to `Exposure.merged`.
+        Their edges are multiples of 8 pixels. Render each as `region=`, and pass all exposures to `Exposure.merged`.
         """
         from plenoptic.camera.checks import sensor_tiles  # knows this class
 
         return sensor_tiles(self.sensor.shape, rows, columns)
 
     def layout(self, *, figure: Figure | None = None) -> Figure:
-        """Draw the camera in section, true to scale, with the rays of one pixel through its microlens.
+        """Draw a section of the camera, to scale, with the rays of one pixel through its microlens.
 
         Parameters
         ----------
         figure : matplotlib.figure.Figure, optional
-            Where to draw; a new figure if it is left out.
+            Figure to draw in; default: a new one.
 
         Returns
         -------
         matplotlib.figure.Figure
-            In the lens's frame; parts stand as they are built. Beside it the microlenses around those rays and the
-            pixels, at a scale of their own; `pl.plots.plot_camera` compares f-numbers there.
+            Section in the lens's frame, as built. A second axes shows the microlenses around those rays and the pixels
+            at another scale; `pl.plots.plot_camera` compares f-numbers there.
 
         Examples
         --------
@@ -323,7 +323,7 @@ class PlenopticCamera:
         return camera_html(self)
 
     def report(self) -> CameraReport:
-        """Describe the camera in numbers, with its common pitfalls; see `camera_report`.
+        """First-order properties of the camera, and warnings of common pitfalls; see `camera_report`.
 
         Examples
         --------
@@ -339,7 +339,7 @@ class PlenopticCamera:
     def focused_at(
         self, z: float, *, criterion: FocusCriterion = FocusCriterion.PARAXIAL, microlens_type: int | None = None
     ) -> PlenopticCamera:
-        """The same camera with its back moved so that a plane is sharp, by paraxial optics or by the best spot.
+        """The same camera with its back moved so that a plane is in focus, by paraxial optics or by the best spot.
 
         With microlenses of focal length f at b = microlenses_to_sensor, the main lens images the plane onto the
         array itself if b = f, and otherwise onto the plane that the microlenses image onto the sensor: at
@@ -350,22 +350,22 @@ class PlenopticCamera:
         z : float
             The plane in the camera's frame in mm, negative: in front of the camera. -inf focuses at infinity.
         criterion : FocusCriterion, optional
-            Rays that the main lens images as sharply as it can: those close to the axis (PARAXIAL), or all rays that
-            pass it from the axial point of the plane (RMS_SPOT, GEOMETRIC_SPOT). The lens is followed as its `model`
-            says: a THIN one images about one plane, a PARAXIAL one by its cardinal points.
+            Best focus of the main lens: of paraxial rays (PARAXIAL), or of all rays that pass it from the axial point
+            of the plane (RMS_SPOT, GEOMETRIC_SPOT). The lens is traced by its `model`: a THIN one has a single
+            principal plane, a PARAXIAL one its cardinal points.
         microlens_type : int, optional
-            For which microlenses, where their focal lengths differ: a row of `focal_lengths`.
+            Type of microlens to focus, if focal lengths differ: a row of `focal_lengths`.
 
         Returns
         -------
         PlenopticCamera
-            microlenses_to_sensor stays, stop_to_microlenses changes.
+            Only stop_to_microlenses changes.
 
         Raises
         ------
         InvalidValueError
-            Where no position of the back behind the lens is sharp, z is no number, the lens has LensModel.NONE,
-            which images nothing, or the type of several is not named.
+            If no position of the back behind the lens is in focus, z is no number, the lens has LensModel.NONE, which
+            forms no image, or one of several types is not named.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Checks of arguments: subject, camera and region of the sensor."""
+"""Checks of the arguments scene, camera and region."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
 BLOCK = 8
-"""Rows and columns of a block of pixels, over which errors of few replicates are pooled."""
+"""Rows and columns of a block of pixels, over which the errors of few replicates are pooled."""
 
 
 def check_scene_and_camera(scene: Scene | None, camera: PlenopticCamera) -> None:
-    """Raise where they are something else."""
+    """Raise an InvalidValueError unless the arguments are a scene (or None) and a camera."""
     if scene is not None:
         from plenoptic.scene.scene import Scene
 
@@ -28,7 +28,7 @@ def check_scene_and_camera(scene: Scene | None, camera: PlenopticCamera) -> None
 
 
 def sensor_region(shape: tuple[int, int], region: tuple[slice, slice] | None) -> tuple[int, int, int, int]:
-    """First and end row, first and end column of a region given as slices."""
+    """First and end row, first and end column of a region, which is two slices; of the whole sensor for None."""
     if region is None:
         return 0, shape[0], 0, shape[1]
     if not (isinstance(region, tuple) and len(region) == 2 and all(isinstance(part, slice) for part in region)):
@@ -48,7 +48,7 @@ def sensor_region(shape: tuple[int, int], region: tuple[slice, slice] | None) ->
 
 
 def sensor_tiles(shape: tuple[int, int], rows: int, columns: int) -> tuple[tuple[slice, slice], ...]:
-    """See `PlenopticCamera.tiles`: cut between blocks, so that nothing is rendered twice."""
+    """Divide a sensor into regions between blocks of pixels; see `PlenopticCamera.tiles`."""
     cuts = []
     for length, name, n in zip(shape, ("rows", "columns"), (rows, columns), strict=True):
         blocks = -(-length // BLOCK)

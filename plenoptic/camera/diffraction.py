@@ -1,4 +1,4 @@
-"""Diffraction deflection at the openings of a camera: the user's options, and the record that kernels read."""
+"""Diffraction at the openings of a camera: the user's option, and the records that kernels read."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.sampling.record import NEAR
+from plenoptic.camera.sampling.sampling_records import NEAR
 from plenoptic.core.values import Floats, flag, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.diffraction.far_field import FarField, far_field
@@ -24,25 +24,25 @@ if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
 
 _OUTLINE = 64
-"""Points at least along the edge of an iris."""
+"""Least number of points along the edge of an iris."""
 
 
 @value
 class Diffraction:
-    """Each path bends at the opening of its microlens and, if asked, at the iris: a camera's option.
+    """Diffraction of each path at the opening of its microlens and, optionally, at the iris: an option of a camera.
 
-    Bends are drawn from the far-field pattern of the opening, evenly and incoherently lit, at the path's own
-    wavelength, wherever in the opening the path passes. `docs/how_to/diffraction.md` states the limits of that.
+    Deflections are drawn from the far-field pattern of the opening, uniformly and incoherently illuminated, at the
+    path's wavelength, wherever in the opening the path passes. `docs/how_to/diffraction.md` states the limits.
 
     Parameters
     ----------
     iris : bool
-        Whether paths also bend at the iris, as the entrance pupil shows it: circles, polygons and stars.
+        True: paths are also deflected at the iris, seen as the entrance pupil; circles, polygons and stars.
 
     Raises
     ------
     InvalidValueError
-        By the camera that it is given to: where there is nothing to bend at, or its pattern is not known.
+        Raised by the camera: if it has no diffracting opening, or the pattern of an opening is not known.
 
     Examples
     --------
@@ -60,16 +60,16 @@ class Diffraction:
         set_field(self, "iris", flag(self.iris, "iris"))
 
 
-class BendRecord(NamedTuple):
+class DeflectionRecord(NamedTuple):
     """Diffraction deflection between array and sensor, in local axes."""
 
     field: FarField
     wavelengths: Floats
-    """(n + 1,): the camera's, then those that paths draw, in mm."""
+    """(n + 1,): the camera's wavelength, then those drawn by paths, in mm."""
     shift: Floats
-    """(2,): the centre of the sensor."""
+    """(2,): centre of the sensor, mm."""
     back: Floats
-    """(2, 2): from points about it to columns, from right to left, and rows."""
+    """(2, 2): from mm about that centre to columns, from right to left, and rows."""
 
 
 class IrisRecord(NamedTuple):
@@ -77,22 +77,22 @@ class IrisRecord(NamedTuple):
 
     field: FarField
     wavelengths: Floats
-    """As of `BendRecord`."""
+    """See `DeflectionRecord`."""
     z: float
-    """Of the pupil, in mm."""
+    """Position of the pupil in mm."""
 
 
 def check_diffraction(camera: PlenopticCamera) -> None:
-    """Refuse a camera whose openings have no common diffraction pattern."""
+    """Raise an InvalidValueError unless every diffracting opening has one known pattern."""
     array = camera.microlenses
     if camera.diffraction is None:
         return
     if camera.diffraction.iris:
-        _ = _pupil(camera)
+        _ = _entrance_pupil(camera)
     if array is None:
         if not camera.diffraction.iris:
             raise InvalidValueError(
-                "diffraction is given for a camera without microlenses, at which light would bend; leave it out, or "
+                "diffraction is given for a camera without microlenses, which would diffract light; leave it out, or "
                 "take Diffraction(iris=True)"
             )
         return
@@ -107,15 +107,11 @@ def check_diffraction(camera: PlenopticCamera) -> None:
             "everywhere; take THIN ones"
         )
     if array.walls is Walls.OPAQUE:
-        raise InvalidValueError(
-            "diffraction is given, and how light bends at opaque walls is not modelled; leave one out"
-        )
+        raise InvalidValueError("diffraction is given, and diffraction at opaque walls is not modelled; leave one out")
 
 
-def _pupil(camera: PlenopticCamera) -> tuple[float, float]:
-    """Position of the entrance pupil, z in the lens's axes in mm, and its magnification from the iris, by the lens's
-    model.
-    """
+def _entrance_pupil(camera: PlenopticCamera) -> tuple[float, float]:
+    """Position z of the entrance pupil in the lens's axes in mm, and its magnification, by the lens's model."""
     lens = camera.lens
     if not isinstance(lens.stop, CircularStop | PolygonStop | StarStop):
         raise InvalidValueError(
@@ -132,28 +128,30 @@ def _pupil(camera: PlenopticCamera) -> tuple[float, float]:
 
 
 def iris_record(camera: PlenopticCamera, wavelengths: tuple[float, ...]) -> IrisRecord | None:
-    """Compile how a camera's light bends at the iris at wavelengths in nm; None where it does not."""
+    """Compile diffraction at the iris for wavelengths in nm; None without."""
     if camera.diffraction is None or not camera.diffraction.iris:
         return None
-    stop, (z, size) = camera.lens.stop, _pupil(camera)
-    hole = Opening(stop.outline(_OUTLINE), stop.semi_diameter if isinstance(stop, CircularStop) else math.inf)
-    return IrisRecord(far_field(hole, None, np.eye(2) / size), np.array(wavelengths) * 1e-6, z)
+    stop, (z, size) = camera.lens.stop, _entrance_pupil(camera)
+    opening = Opening(stop.outline(_OUTLINE), stop.semi_diameter if isinstance(stop, CircularStop) else math.inf)
+    return IrisRecord(far_field(opening, None, np.eye(2) / size), np.array(wavelengths) * 1e-6, z)
 
 
-def reach_of_bends(camera: PlenopticCamera) -> float:
-    """Largest distance outside the sensor, in mm, to which light is headed that diffraction deflects onto it."""
+def deflection_reach(camera: PlenopticCamera) -> float:
+    """Distance in mm outside the sensor from which light can be deflected into it."""
     return 0.0 if camera.diffraction is None or camera.microlenses is None else NEAR * camera.sensor.pixel_pitch
 
 
-def bend_record(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[float, ...]) -> BendRecord | None:
-    """Compile the bends of a camera at wavelengths in nm; None for one without."""
+def deflection_record(
+    camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[float, ...]
+) -> DeflectionRecord | None:
+    """Compile diffraction at the microlenses for wavelengths in nm; None without."""
     array = camera.microlenses
     if camera.diffraction is None or array is None:
         return None
     gaps = array.aperture is not None and has_clear_gaps(array.aperture) and array.aperture.fill_factor < 1
     cell = array.cell_corners if gaps else None
     turn, shift = parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
-    return BendRecord(
+    return DeflectionRecord(
         far_field(array.opening, cell, parts.array_turn),
         np.array(wavelengths) * 1e-6,
         shift.copy(),

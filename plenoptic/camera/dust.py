@@ -1,4 +1,4 @@
-"""Dust and scratches between sensor, array and lens, which dim light."""
+"""Dust and scratches in a camera, which attenuate light between sensor, array and lens."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class PlacedDust(NamedTuple):
 
     site: BlemishSite
     height: float | None
-    """SENSOR: in front of it; None on the array; on the lens, z of the plane."""
+    """SENSOR: height in front of it in mm; None on the array; on the lens, z of the plane in mm."""
     axes: Floats | None
-    """(2, 3): from the axes in which rays are there to those of the plane; None where they are the same."""
+    """(2, 3): from the axes of rays at the plane to those of the plane; None if they are the same."""
     record: DustRecord
 
 
 def placed_dust(camera: PlenopticCamera, parts: Assembly) -> tuple[PlacedDust, ...]:
-    """All dust of a camera."""
-    placed, vertices = [], camera.lens.vertices
+    """Dust and scratches of a camera, with their planes."""
+    dust, vertices = [], camera.lens.vertices
     for part in filter(len, camera.blemishes):
         axes: Floats | None = None
         height: float | None = None
@@ -43,29 +43,31 @@ def placed_dust(camera: PlenopticCamera, parts: Assembly) -> tuple[PlacedDust, .
             axes = plane_axes(turn, np.append(parts.array_origin, 0.0))
         else:
             height = float(vertices[-1] if part.site is BlemishSite.LENS_REAR else vertices[0])
-        placed.append(PlacedDust(part.site, height, axes, dust_record(part)))
-    return tuple(placed)
+        dust.append(PlacedDust(part.site, height, axes, dust_record(part)))
+    return tuple(dust)
 
 
-def fill_dimmed_at_lens(blocks: Floats, dust: tuple[PlacedDust, ...], site: BlemishSite) -> None:
-    """Dust on the lens: LENS_REAR before, LENS_FRONT behind the lens as seen from the sensor."""
-    for placed in dust:
-        if placed.site is site:
-            from plenoptic.optics.microlens.kernels.dust_transmission import fill_ray_transmission
+def fill_dust_at_lens(blocks: Floats, dust: tuple[PlacedDust, ...], site: BlemishSite) -> None:
+    """Attenuate rays by dust on the lens: LENS_REAR on its sensor side, LENS_FRONT on its scene side."""
+    for blemish in dust:
+        if blemish.site is site:
+            from plenoptic.optics.microlens.kernels.dust import fill_dimmed_rays
 
-            fill_ray_transmission(blocks, placed.height, placed.axes, placed.record)
+            fill_dimmed_rays(blocks, blemish.height, blemish.axes, blemish.record)
 
 
 def check_blemishes(camera: PlenopticCamera) -> None:
-    """Refuse objects that are no blemishes, or that lie where the camera has no part."""
+    """Raise an InvalidValueError for blemishes of another type, or on a site that the camera lacks."""
     if not all(isinstance(part, Blemishes) for part in camera.blemishes):
         raise InvalidValueError(f"blemishes is {camera.blemishes!r}; it must be a tuple of Blemishes")
-    ahead = camera.microlenses_to_sensor if camera.microlenses else camera.z_sensor - float(camera.lens.vertices[-1])
+    clearance = (
+        camera.microlenses_to_sensor if camera.microlenses else camera.z_sensor - float(camera.lens.vertices[-1])
+    )
     for blemishes in camera.blemishes:
         if blemishes.site is BlemishSite.ARRAY and camera.microlenses is None:
             raise InvalidValueError("blemishes lie on the array, and the camera has none; choose another site")
-        if blemishes.height >= ahead:
+        if blemishes.height >= clearance:
             raise InvalidValueError(
-                f"blemishes lie {blemishes.height:g} mm in front of the sensor, and what comes next is "
-                f"{ahead:g} mm away; reduce their height"
+                f"blemishes lie {blemishes.height:g} mm in front of the sensor, and the next part is "
+                f"{clearance:g} mm away; reduce their height"
             )

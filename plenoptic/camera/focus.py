@@ -1,12 +1,12 @@
-"""Focus: the plane that is sharp, and where the back of the camera then is."""
+"""Focusing: position of the camera back for a plane in focus."""
 
 from __future__ import annotations
 
 import math
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.report.focus import sharp_image
-from plenoptic.camera.units import metres_guess
+from plenoptic.camera.gaussian import sharp_image
+from plenoptic.camera.units import metres_hint
 from plenoptic.core.values import number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import best_focus, front_focus
@@ -16,7 +16,7 @@ from plenoptic.optics.lens.models import FocusCriterion
 def focused_stop_to_microlenses(
     camera: PlenopticCamera, z: float, criterion: FocusCriterion, microlens_type: int | None = None
 ) -> float:
-    """The distance from iris to array at which the plane z of the camera's frame is sharp on its axis, in mm."""
+    """Distance in mm from iris to array at which the plane z of the camera's frame is in focus on the axis."""
     z = number(z, "z")
     if not z < 0:
         raise InvalidValueError(f"z is {z} mm; the plane must lie in front of the camera, at z below 0")
@@ -24,7 +24,7 @@ def focused_stop_to_microlenses(
     if z >= focus:
         raise InvalidValueError(
             f"the plane z = {z:g} mm has no real image behind the lens; it must lie beyond the front focus "
-            f"at z = {focus:g} mm{metres_guess(z, focus)}"
+            f"at z = {focus:g} mm{metres_hint(z, focus)}"
         )
     image = best_focus(camera.lens, z_object=z, wavelength=camera.wavelength, criterion=criterion)
     if not math.isfinite(image):
@@ -35,7 +35,7 @@ def focused_stop_to_microlenses(
 
 
 def _focal_length(camera: PlenopticCamera, microlens_type: int | None) -> float | None:
-    """Focal length of the microlenses of a type, which must be given where types differ; None without microlenses."""
+    """Focal length in mm of the microlenses of a type, which is required if types differ; None without microlenses."""
     if camera.microlenses is None:
         return None
     focal_lengths = camera.microlenses.focal_lengths_at(camera.wavelength)

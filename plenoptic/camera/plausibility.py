@@ -1,4 +1,4 @@
-"""Numbers of a camera that none has, as from mistaken units or swapped arguments: found without tracing a ray."""
+"""Check for implausible parameters, as from mistaken units or swapped arguments, without tracing a ray."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.lattice import Lattice
 
 FASTEST = 0.5
-"""f-number of a lens in air whose outermost rays come in at a right angle (Abbe's sine condition): none is faster."""
+"""Least f-number of a lens in air, whose marginal rays arrive at a right angle (Abbe's sine condition)."""
 SMALLEST = 0.5
-"""Pixel pitch in wavelengths: half of one is what any lens in air resolves."""
+"""Least pixel pitch in wavelengths: the resolution limit of any lens in air."""
 FARTHEST = 300.0
-"""Distance behind the lens in focal lengths, the magnification there: three times that of the strongest microscopes."""
+"""Largest distance behind the lens in focal lengths, its magnification: thrice that of the strongest microscopes."""
 WIDEST = 5.0
-"""Half the diagonal of a sensor over its distance from the iris: the angle of 79 degrees."""
+"""Largest half diagonal of a sensor over its distance from the iris: an angle of 79 degrees."""
 BLURRED = 30.0
-"""Ratio of the microlenses' focal length and their distance to the sensor: their images are this many openings wide."""
+"""Largest ratio of the microlenses' focal length and their distance to the sensor: the blur in units of the opening."""
 
 
-def warn_where_implausible(camera: PlenopticCamera) -> None:
-    """One warning that names all such numbers; none for cameras that can be built."""
-    oddities = "; ".join(_oddities(camera))
-    if oddities:
-        warn(f"this camera is hardly what was meant: {oddities}", ImplausibleCameraWarning)
+def warn_if_implausible(camera: PlenopticCamera) -> None:
+    """Issue one warning that names all implausible parameters; none for a camera that can be built."""
+    values = "; ".join(_implausible_values(camera))
+    if values:
+        warn(f"this camera is hardly what was meant: {values}", ImplausibleCameraWarning)
 
 
-def _oddities(camera: PlenopticCamera) -> Iterator[str]:
+def _implausible_values(camera: PlenopticCamera) -> Iterator[str]:
     sensor, array, q, z = camera.sensor, camera.microlenses, camera.sensor.pixel_pitch, camera.stop_to_microlenses
     size = f"the sensor is {sensor.size[1]:.4g} x {sensor.size[0]:.4g} mm large"
     if q * 1e6 < SMALLEST * camera.wavelength:
@@ -40,14 +40,15 @@ def _oddities(camera: PlenopticCamera) -> Iterator[str]:
         yield f"{size}, {camera.z_sensor:.4g} mm behind the iris; give pixel_pitch ({q:g}) in mm"
     if camera.lens.model is not LensModel.NONE:
         points, stop = cardinal_points(camera.lens, camera.wavelength), camera.lens.stop.semi_diameter
-        fast, far = points.f_number, z / abs(points.efl)
-        if fast < FASTEST:
-            yield f"a stop of semi_diameter {stop:g} mm makes the lens f/{fast:.2g}, and f/0.5 is the limit; close it"
-        if far > FARTHEST:
-            yield f"stop_to_microlenses is {z:g} mm, {far:.3g} focal lengths; give it in mm, or see focused_at"
+        f_number, distance = points.f_number, z / abs(points.efl)
+        if f_number < FASTEST:
+            limit = "and f/0.5 is the limit; close it"
+            yield f"a stop of semi_diameter {stop:g} mm makes the lens f/{f_number:.2g}, {limit}"
+        if distance > FARTHEST:
+            yield f"stop_to_microlenses is {z:g} mm, {distance:.3g} focal lengths; give it in mm, or see focused_at"
     if array is None:
         return
-    # A listed lens may be any size: its pitch is a bound, and nothing is above nan.
+    # A FREE microlens may have any size: its pitch is only a bound, and no comparison with nan is true.
     b, p = camera.microlenses_to_sensor, math.nan if array.lattice is Lattice.FREE else min(array.pitches)
     if max(sensor.size) < p:
         yield f"{size}, smaller than one microlens of pitch {p:g} mm; give both in mm"

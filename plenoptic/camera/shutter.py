@@ -1,4 +1,4 @@
-"""Exposure times of the sensor's rows."""
+"""Exposure times of the rows of the sensor."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from plenoptic.core.values import check_kind, finite, positive, set_field, value
 
 @value
 class Shutter:
-    """Duration of the exposure. Motion meanwhile blurs, and skews the image where rows begin one after the other.
+    """Exposure time, for motion blur and the distortion of a rolling shutter.
 
     Parameters
     ----------
     duration : float
-        Seconds from opening to closing, for each row.
+        Exposure time of each row in s.
     row_time : float, optional
-        Seconds by which each row opens later than the one above it; negative where the bottom one is first. 0 is a
+        Delay in s between the opening of a row and of the row above it; negative if the bottom row opens first. 0 is a
         global shutter.
     motion : Motion, optional
-        How the camera moves in the world from its `pose`, by the time in s from the middle of the exposure: that of the
-        middle of the sensor. `Sequence` gives it. None: it stands still.
+        Motion of the camera in the world from its `pose`, by the time in s from the middle of the exposure of the
+        sensor's centre. `Sequence` sets it. None: the camera is at rest.
 
     Raises
     ------
     InvalidValueError
-        A duration that is not above 0, or a number that is not finite.
+        If the duration is not above 0, or a number is not finite.
 
     Notes
     -----
-    Ground truth is that of the middle of the exposure. Images are means over the time: their unit does not change.
+    Ground truth refers to the middle of the exposure. Images are means over time: their unit does not change.
 
     Examples
     --------

@@ -1,13 +1,13 @@
-"""A guess at the unit of a length that cannot be one in mm."""
+"""Hint for lengths that were probably given in metres."""
 
 from __future__ import annotations
 
 
-def metres_guess(given: float, limit: float) -> str:
-    """The end of a message about a length that must be beyond `limit` mm: that it would be, in metres; mostly nothing.
+def metres_hint(length: float, limit: float) -> str:
+    """End of an error message about a length that must exceed `limit` mm: a hint if it would in metres; else empty.
 
-    A fiftieth of the limit is far from the numbers of somebody who gives mm.
+    A length below a fiftieth of the limit is hardly meant in mm.
     """
-    if 0 < given / limit < 0.02 and 1e3 * given / limit > 1:
-        return f"; {given:g} looks like metres: give {1e3 * given:g}, and all other lengths in mm too"
+    if 0 < length / limit < 0.02 and 1e3 * length / limit > 1:
+        return f"; {length:g} looks like metres: give {1e3 * length:g}, and all other lengths in mm too"
     return ""

@@ -50,8 +50,8 @@ from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stores import MOTION_NAMES, create_store, layout_of
 from plenoptic.sequences.point_motion import motion_truth
 from plenoptic.sequences.sequence import Frame, Sequence
-from plenoptic.truth.arrays import checked_truth
 from plenoptic.truth.channels import Truth
+from plenoptic.truth.truth_arrays import valid_truth
 
 if TYPE_CHECKING:
     import distributed
@@ -149,7 +149,7 @@ def write(  # noqa: PLR0913
         budget.samples,
         budget.target_error,
         budget.replicates,
-        checked_truth(truth),
+        valid_truth(truth),
         flag(motion, "motion"),
         seed_number(seed),
         settings,

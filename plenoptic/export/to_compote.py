@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Rigid, rigid
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.gaussian import CameraKind
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
-from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.files.codes import white_point

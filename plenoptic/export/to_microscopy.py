@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.report.optics import object_plane
+from plenoptic.camera.gaussian import object_plane
 from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.files.codes import brightest, codes
 from plenoptic.core.files.images import COLOR_SPACE, LINEAR, write_codes

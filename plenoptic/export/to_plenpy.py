@@ -6,7 +6,7 @@ import os
 
 import numpy as np
 
-from plenoptic.camera.report.optics import object_plane
+from plenoptic.camera.gaussian import object_plane
 from plenoptic.core.files.atomic_file import write_json
 from plenoptic.core.files.codes import brightest
 from plenoptic.export.lattice import lens_rows

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.camera.gaussian import kind_of, lateral_magnification, model_pupil, object_plane
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
-from plenoptic.camera.report.focus import kind_of
-from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError

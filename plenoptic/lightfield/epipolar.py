@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.camera.gaussian import model_pupil
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.ideal import planes_in_front, z_at

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.projection_rows import lenses_with
-from plenoptic.camera.report.optics import lateral_magnification, object_plane
+from plenoptic.camera.gaussian import lateral_magnification, object_plane
+from plenoptic.camera.points.projection_rows import lenses_at
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.object_planes import front_of
@@ -150,12 +150,12 @@ def chords(
 
     Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`.
     """
-    own = lenses_with(array, index).axis
+    own = lenses_at(array, index).axis
     straight = straight_pixels(axes, own)
     here = _beside(axes, array, pixel, own, near, planes, threads)
     along, length = np.zeros(len(pixel)), np.zeros(len(pixel))
     for step in steps:
-        other = lenses_with(array, index + step).axis
+        other = lenses_at(array, index + step).axis
         away = straight_pixels(axes, other) - straight
         ideal, there = pixel - here + (1.0 - near)[:, None] * away, here
         # Aberrations hardly change over the pixels that they displace by.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.report.optics import image_plane
+from plenoptic.camera.gaussian import image_plane
 from plenoptic.errors import InvalidValueError
 
 

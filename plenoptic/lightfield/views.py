@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.camera.gaussian import model_pupil
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.object_planes import behind_array

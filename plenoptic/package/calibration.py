@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.gaussian import image_plane, opening_width
 from plenoptic.camera.points.projection import project
-from plenoptic.camera.report.optics import image_plane, opening_width
 from plenoptic.core.values import Floats, check_kind, result
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, InvalidValueError, UnseenSceneWarning

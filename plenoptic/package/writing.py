@@ -33,7 +33,7 @@ from plenoptic.package.contents import CAMERA, POINTS, PROVENANCE, PROVENANCE_FO
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.scene.shapes.targets.target import Target
-from plenoptic.truth.arrays import file_note, file_planes
+from plenoptic.truth.truth_arrays import file_comment, file_planes
 
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
@@ -175,7 +175,7 @@ def _fill(
     dark = dataclasses.replace(light, image=np.zeros_like(exposure.image), standard_error=None)
     dark.develop(model, seed=seed + 2).save(folder / "dark.tif")
     if exposure.truth is not None:
-        note = {"plenoptic:note": file_note(exposure.truth)}
+        note = {"plenoptic:note": file_comment(exposure.truth)}
         images.write_channels(folder / "truth.exr", file_planes(exposure.truth), note)
         write_file(folder / TRUTH, _npz(exposure.truth.arrays()))
 

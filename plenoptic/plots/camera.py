@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.camera.psf.spread import CameraSpread
+    from plenoptic.camera.psf.psf_results import CameraSpread
     from plenoptic.camera.report.report import CameraReport
     from plenoptic.optics.sensor.sensor import Sensor
     from plenoptic.wave.wave_spread import WaveSpread

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.camera.report.layout import PixelRays
+    from plenoptic.camera.report.layout import SectionRays
 
 _ARRAY, _SENSOR, _RAYS, _PIXEL = "#00796b", "#222222", "#c23b2c", "#e8590c"
 _LEAD, _LEAD_OF_FLAT = 0.45, 0.5
@@ -31,7 +31,7 @@ _MOST_PIXELS = 300
 """More would be one grey bar."""
 
 
-def plot_camera_layout(camera: PlenopticCamera, rays: PixelRays, figure: Figure | None = None) -> Figure:
+def plot_camera_layout(camera: PlenopticCamera, rays: SectionRays, figure: Figure | None = None) -> Figure:
     """Draw a camera in section, with rays that have been traced, for `PlenopticCamera.layout`.
 
     Left to scale, in the lens's frame; right, for cameras with microlenses, the one that the rays pass, its neighbours
@@ -52,7 +52,7 @@ def _line(at: Any, half: float) -> Floats:
     return np.asarray(at.points(np.array([[0.0, -half, 0.0], [0.0, half, 0.0]])))
 
 
-def _draw_section(camera: PlenopticCamera, rays: PixelRays, ax: Axes) -> None:
+def _draw_section(camera: PlenopticCamera, rays: SectionRays, ax: Axes) -> None:
     fill_glass(camera.lens, ax)
     plot_lens(camera.lens, ax)
     half = 0.5 * camera.sensor.size[0]
@@ -78,11 +78,11 @@ def _extend(camera: PlenopticCamera, rays: PixelRays) -> Floats:
     front = float(camera.lens.vertices[0])
     widest = 2.0 * max(element.semi_diameter for element in camera.lens.elements)
     lead = front - max(_LEAD * (float(rays.sensor.shift[2]) - front), _LEAD_OF_FLAT * widest)
-    last, towards = rays.paths[:, -1], rays.onwards
+    last, towards = rays.paths[:, -1], rays.directions
     return np.asarray(last + (lead - last[:, 2:]) / towards[:, 2:] * towards)
 
 
-def _draw_detail(camera: PlenopticCamera, rays: PixelRays, ax: Axes) -> None:
+def _draw_detail(camera: PlenopticCamera, rays: SectionRays, ax: Axes) -> None:
     """In the array's own axes: distances behind its front principal plane, and heights."""
     assert rays.array is not None and rays.lenses is not None and camera.microlenses is not None
     to_array, lenses = rays.array.inverse(), rays.lenses
@@ -108,7 +108,7 @@ def _draw_detail(camera: PlenopticCamera, rays: PixelRays, ax: Axes) -> None:
     ax.axvline(0.0, color=_ARRAY, linewidth=0.6, linestyle=":", zorder=0)
 
 
-def _draw_pixels(camera: PlenopticCamera, rays: PixelRays, sensor: Any, reach: float, ax: Axes) -> None:
+def _draw_pixels(camera: PlenopticCamera, rays: SectionRays, sensor: Any, reach: float, ax: Axes) -> None:
     """The sensor around a pixel, as a line with a tick at each border of pixels."""
     (row, column), pitch, thick = rays.pixel, camera.sensor.pixel_pitch, 0.05 * float(sensor.shift[2])
     x, y = camera.sensor.centre_of(row, column).tolist()

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.paths import CameraPaths
-from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, fed_pixels
+from plenoptic.camera.camera_rays import CameraRays
+from plenoptic.camera.sampling.aperture_regions import cells_per_pixel, illuminated_pixels
 from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.lost_rays import by_cause, in_words, lost_rays
 from plenoptic.core.values import Floats
@@ -151,15 +151,15 @@ class _Probe:
         places = np.random.default_rng(0).integers((camera.sensor.rows, camera.sensor.columns), size=(pixels, 2))
         tiles = [Tile(row, column, 1, 1) for row, column in places.tolist()]
         centres, numbers = ([of(tile, camera) for tile in tiles] for of in (Tile.centres, Tile.numbers))
-        fed = fed_pixels(camera._replace(bend=None), np.concatenate(centres), np.concatenate(numbers))
+        fed = illuminated_pixels(camera._replace(deflection=None), np.concatenate(centres), np.concatenate(numbers))
         batch, n = batch_of(context, 0, _SAMPLES), fed.place.size * _SAMPLES
         if not n:
             return
-        ways = CameraPaths(camera, fed, batch, n)
-        bundle = ways.started(0, n)
+        ways = CameraRays(camera, fed, batch, n)
+        bundle = ways.sample(0, n)
         ways.fill_through_array(bundle)
         ways.fill_through_lens(bundle)
-        ways.fill_bent_at_iris(bundle, 0, n)
+        ways.fill_iris_deflections(bundle, 0, n)
         fill_status_counts(self.counts, bundle, n)
         self.bright = context.scene is None and bool(self.counts[0])
         if context.scene is not None:

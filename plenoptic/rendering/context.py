@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from plenoptic.camera.cache import PreparedCamera, prepared_camera
-from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.record import Batch, batch_record
-from plenoptic.camera.sampling.spread import samples_together
+from plenoptic.camera.camera_record import CameraRecord
+from plenoptic.camera.sampling.diffraction_kernel import batch_step
+from plenoptic.camera.sampling.sampling_records import Batch, batch_record
 from plenoptic.rendering.plan.plan import plan_stages
 from plenoptic.rendering.plan.shutter import OpenShutter, open_shutter
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject
@@ -43,7 +43,7 @@ class RenderContext(NamedTuple):
     @property
     def together(self) -> int:
         """After how many samples a batch may end, if the bits are to be those of any other batches."""
-        return self.replicates if self.camera.spread is None else samples_together(self.replicates)
+        return self.replicates if self.camera.diffraction_kernel is None else batch_step(self.replicates)
 
     @property
     def channels(self) -> int:

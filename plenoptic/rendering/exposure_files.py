@@ -19,7 +19,7 @@ from plenoptic.core.values import file_path, positive
 from plenoptic.errors import FileError
 from plenoptic.rendering.frame import counts_in
 from plenoptic.rendering.heads import FACTS, Head, checked_head, possible
-from plenoptic.truth.arrays import file_note, file_planes, truth_in, truth_named
+from plenoptic.truth.truth_arrays import file_comment, file_planes, stored_truth, truth_from_planes
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -53,7 +53,7 @@ def check_target(path: str | os.PathLike[str]) -> None:
 
 def save_exr(exposure: Exposure, path: str | os.PathLike[str]) -> None:
     """Write everything, as float32."""
-    note = {} if exposure.truth is None else {"plenoptic:note": file_note(exposure.truth)}
+    note = {} if exposure.truth is None else {"plenoptic:note": file_comment(exposure.truth)}
     images.write_channels(path, _channels(exposure), texts_of(exposure) | note)
 
 
@@ -77,7 +77,7 @@ def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
     return {
         "image": image,
         "standard_error": np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
-        "truth": truth_in(channels),
+        "truth": truth_from_planes(channels),
         "sample_counts": counts_in(channels.get(_SAMPLES), kept.get("samples")),
         **kept,
     }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.plausibility import warn_where_implausible
+from plenoptic.camera.plausibility import warn_if_implausible
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
@@ -148,7 +148,7 @@ def render(  # noqa: PLR0913
         hint = "; `render_white` needs none" if scene is None else ""
         raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene{hint}")
     check_scene_and_camera(scene, camera)
-    warn_where_implausible(camera)
+    warn_if_implausible(camera)
     budget = checked_budget(samples, time_limit, target_error, replicates)
     settings = RenderSettings(max_bounces, caustics, clamp, sampler)
     subject = Subject(scene, camera, budget.max_samples, budget.replicates, truth, settings)
@@ -196,7 +196,7 @@ def render_white(  # noqa: PLR0913
     '0.0140'
     """
     check_scene_and_camera(None, camera)
-    warn_where_implausible(camera)
+    warn_if_implausible(camera)
     budget, settings = checked_budget(samples, time_limit, target_error, replicates), RenderSettings(0, sampler=sampler)
     subject = Subject(None, camera, budget.max_samples, budget.replicates, Truth.NONE, settings)
     work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client)

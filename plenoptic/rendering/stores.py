@@ -21,8 +21,8 @@ from plenoptic.errors import FileError
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.rendering.exposure_files import CHANNEL_NAMES, texts_of
 from plenoptic.rendering.heads import EXPOSURE_NAMES, FACTS, Head, checked_head, fields_of, pixels_of, possible
-from plenoptic.truth.arrays import available_truth, empty_truth
 from plenoptic.truth.channels import CHANNELS, Truth
+from plenoptic.truth.truth_arrays import available_truth, empty_truth
 
 if TYPE_CHECKING:
     import xarray

@@ -8,18 +8,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.paths import CameraPaths
-from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
-from plenoptic.camera.sampling.record import Batch, FedPixels
+from plenoptic.camera.camera_rays import CameraRays
+from plenoptic.camera.camera_record import CameraRecord
+from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
+from plenoptic.camera.sampling.sampling_records import Batch, IlluminatedPixels
 from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.tile_sums import Part, PixelSums, SharedSums, Tally
-from plenoptic.truth.ground_truth import Arrays, truth_of
+from plenoptic.truth.ground_truth import Arrays, compute_truth
 from plenoptic.truth.representative_rays import representative_rays
-from plenoptic.truth.stages import TruthRecord
+from plenoptic.truth.truth_stages import TruthRecord
 
 BUNDLE = 1 << 14
 """Paths that go through the stages together. Half as many take 2 % more time for white images and the still life,
@@ -94,14 +94,14 @@ def render_tile(
     None where `stopped` says, between two bundles, that the result is no longer wanted.
     """
     camera, shape, certain = context.camera, (tile.rows, tile.columns), context.plan.runs(Stage.CERTAIN_LIGHT)
-    fed = context.prepared.fed_pixels(tile, certain=certain)
+    fed = context.prepared.illuminated_pixels(tile, with_core=certain)
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)
-    if camera.spread is None:
+    if camera.diffraction_kernel is None:
         sums: PixelSums | SharedSums = PixelSums(context, fed, batch, whole)
     else:
-        sums = SharedSums(context, camera.spread, fed, batch, whole)
+        sums = SharedSums(context, camera.diffraction_kernel, fed, batch, whole)
     tally = Tally(context, status_codes(camera))
     for parts in sums.rounds():
         if not _added(context, parts, tally, tile, stopped):
@@ -132,21 +132,21 @@ def _added(
 
         integrator = PathIntegrator(context, min(BUNDLE, max(part.paths for part in parts)))
     for part in parts:
-        ways = CameraPaths(context.camera, part.fed, part.batch, min(BUNDLE, part.paths))
+        ways = CameraRays(context.camera, part.fed, part.batch, min(BUNDLE, part.paths))
         before = 0 if integrator is None else integrator.met
         # A tile without pixels has an empty bundle: it shows which kernels there will be.
         for start in range(0, part.paths, BUNDLE) if tile.pixels else (0,):
             if stopped is not None and stopped():
                 return False
             n = min(BUNDLE, part.paths - start)
-            bundle = ways.started(start, n)
+            bundle = ways.sample(start, n)
             ways.fill_through_array(bundle)
             ways.fill_through_lens(bundle)
             if part.counted:
                 fill_status_counts(tally.counts, bundle, n)
             radiance = None
             if integrator is not None:
-                ways.fill_bent_at_iris(bundle, start, n)
+                ways.fill_iris_deflections(bundle, start, n)
                 radiance = integrator.radiance(bundle, start, n, part.batch, part.fed.number, ways.waves)
             tally.clamp(part, bundle, radiance, n)
             tally.drop(part, bundle, radiance, start, n, part.fill(bundle, radiance, ways, start, n))
@@ -163,9 +163,9 @@ def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
     return found.reshape(tile.rows, tile.columns)
 
 
-def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats, fed: FedPixels) -> Arrays:
-    if fed.around is not None:
-        fed = fed_pixels(context.camera._replace(bend=None), pixels, tile.numbers(context.camera))
+def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats, fed: IlluminatedPixels) -> Arrays:
+    if fed.sources is not None:
+        fed = illuminated_pixels(context.camera._replace(deflection=None), pixels, tile.numbers(context.camera))
     rays = representative_rays(context.camera, pixels, fed)
-    flat = truth_of(context.camera, context.scene, context.intersector, truth, pixels, rays)
+    flat = compute_truth(context.camera, context.scene, context.intersector, truth, pixels, rays)
     return {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}

@@ -8,11 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.paths import CameraPaths
-from plenoptic.camera.sampling.kernels.paths import path_place
-from plenoptic.camera.sampling.pixel_regions import sharing_pixels
-from plenoptic.camera.sampling.record import Batch, FedPixels, batch_record
-from plenoptic.camera.sampling.spread import APART, EVERY, LEVELLING, Spread, levelling_numbers, rest_numbers, rest_of
+from plenoptic.camera.camera_rays import CameraRays
+from plenoptic.camera.sampling.aperture_regions import kernel_source_pixels
+from plenoptic.camera.sampling.diffraction_kernel import (
+    DEFLECTION_INTERVAL,
+    NUMBER_OFFSET,
+    PILOT_SAMPLES,
+    DiffractionKernel,
+    pilot_numbers,
+    remainder_batch,
+    remainder_numbers,
+)
+from plenoptic.camera.sampling.kernels.path_indices import path_indices
+from plenoptic.camera.sampling.sampling_records import Batch, IlluminatedPixels, batch_record
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext, batch_of
@@ -24,9 +32,9 @@ from plenoptic.rendering.stats import NAMED
 class Part(NamedTuple):
     """Paths of a tile that start alike."""
 
-    fed: FedPixels
+    fed: IlluminatedPixels
     batch: Batch
-    fill: Callable[[Floats, Floats | None, CameraPaths, int, int], int]
+    fill: Callable[[Floats, Floats | None, CameraRays, int, int], int]
     """Adds what a bundle brings, from a path on so many; returns how many contributions are left out, not finite."""
     counted: bool = True
     """Whether these are the tile's own: others are those of tiles beside it."""
@@ -40,7 +48,7 @@ class Part(NamedTuple):
 class PixelSums:
     """The sums where light stays in its pixel, with those of earlier batches in `whole`, which they are added to."""
 
-    def __init__(self, context: RenderContext, fed: FedPixels, batch: Batch, whole: Floats) -> None:
+    def __init__(self, context: RenderContext, fed: IlluminatedPixels, batch: Batch, whole: Floats) -> None:
         self._fed, self._batch, self._whole = fed, batch, whole
         self._weights = None if context.camera.colour is None else context.camera.colour.weights
         self._grouped = context.settings.sampler is Sampler.RANDOM
@@ -48,7 +56,7 @@ class PixelSums:
         if self._grouped:
             self._sums = np.zeros((fed.place.size, batch.streams + 1, whole.shape[2]))
 
-    def _fill(self, bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
+    def _fill(self, bundle: Floats, radiance: Floats | None, ways: CameraRays, start: int, n: int) -> int:
         light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
         return int(film_sums.fill_sums(self._sums, light, start, n, self._batch))
 
@@ -66,14 +74,18 @@ class SharedSums:
     deflections.
     """
 
-    def __init__(self, context: RenderContext, spread: Spread, fed: FedPixels, batch: Batch, whole: Floats) -> None:
-        assert fed.around is not None
-        self._context, self._spread, self._batch, self._whole, self._around = context, spread, batch, whole, fed.around
+    def __init__(
+        self, context: RenderContext, spread: DiffractionKernel, fed: IlluminatedPixels, batch: Batch, whole: Floats
+    ) -> None:
+        assert fed.sources is not None
+        self._context, self._spread, self._batch, self._whole, self._around = context, spread, batch, whole, fed.sources
         self._weights = None if context.camera.colour is None else context.camera.colour.weights
-        self._own, self._beside = sharing_pixels(context.camera, fed, spread.table)
-        self._drawn = fed._replace(number=rest_numbers(fed.number), around=fed.around._replace(bend=spread.rest))
+        self._own, self._beside = kernel_source_pixels(context.camera, fed, spread.table)
+        self._drawn = fed._replace(
+            number=remainder_numbers(fed.number), sources=fed.sources._replace(deflection=spread.remainder)
+        )
         white = context.scene is None and spread.table.means is not None
-        self._levels = np.zeros(len(fed.around.numbers)) if white else None
+        self._levels = np.zeros(len(fed.sources.numbers)) if white else None
 
     def rounds(self) -> Iterator[list[Part]]:
         """Parts, to be gone through one by one, those of a round together; afterwards the sums are in `whole`."""
@@ -82,7 +94,7 @@ class SharedSums:
             yield [self._levelling(fed) for fed in (self._own, self._beside)]
         for batch in self._pieces():
             pixels, rows, channels = self._whole.shape
-            places, to = len(self._around.numbers), self._spread.table.parts.shape[1]
+            places, to = len(self._around.numbers), self._spread.table.weights.shape[1]
             shared = np.zeros((places, rows - 1, channels, to)), np.zeros((places, channels, to))
             drawn = np.zeros((pixels, rows - 1, channels)), np.zeros((pixels, channels))
             yield [
@@ -98,33 +110,33 @@ class SharedSums:
         cuts = [begin, *range((begin // step + 1) * step, end, step), end]
         return (batch_of(self._context, first, last - first) for first, last in pairwise(cuts))
 
-    def _levelling(self, fed: FedPixels) -> Part:
+    def _levelling(self, fed: IlluminatedPixels) -> Part:
         """Paths of their own, which tell about how light it is: the same whichever samples are rendered."""
-        batch = batch_record(self._batch.seed, 0, LEVELLING, 1, 0, 0)
+        batch = batch_record(self._batch.seed, 0, PILOT_SAMPLES, 1, 0, 0)
 
-        def fill(bundle: Floats, _: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
+        def fill(bundle: Floats, _: Floats | None, ways: CameraRays, start: int, n: int) -> int:
             film_sums.fill_levels(self._levels, fed.place, bundle, start, n, batch)
             return 0
 
-        return Part(fed._replace(number=levelling_numbers(fed.number)), batch, fill, counted=False)
+        return Part(fed._replace(number=pilot_numbers(fed.number)), batch, fill, counted=False)
 
-    def _sharing(self, sums: tuple[Floats, Floats], fed: FedPixels, batch: Batch) -> Part:
+    def _sharing(self, sums: tuple[Floats, Floats], fed: IlluminatedPixels, batch: Batch) -> Part:
         """Paths to pixels, whose light is shared."""
-        parts = self._spread.table.parts
+        parts = self._spread.table.weights
 
-        def fill(bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
-            light, shares = film_sums.Light(bundle, radiance, ways.waves, self._weights), (ways.spots, parts)
+        def fill(bundle: Floats, radiance: Floats | None, ways: CameraRays, start: int, n: int) -> int:
+            light, shares = film_sums.Light(bundle, radiance, ways.waves, self._weights), (ways.kernel_rows, parts)
             return int(film_sums.fill_shared(sums, fed.place, light, self._levels, shares, start, n, batch))
 
         return Part(fed, batch, fill)
 
     def _drawing(self, sums: tuple[Floats, Floats], batch: Batch) -> Part:
         """Paths whose bends are drawn."""
-        rest = rest_of(batch)
+        rest = remainder_batch(batch)
 
-        def fill(bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
+        def fill(bundle: Floats, radiance: Floats | None, ways: CameraRays, start: int, n: int) -> int:
             light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
-            return int(film_sums.fill_drawn(sums, light, start, n, rest, batch, EVERY))
+            return int(film_sums.fill_drawn(sums, light, start, n, rest, batch, DEFLECTION_INTERVAL))
 
         return Part(self._drawn, rest, fill)
 
@@ -133,7 +145,9 @@ class SharedSums:
         givers, known, means = self._around.givers, np.zeros(drawn[1].shape), self._spread.table.means
         if self._levels is not None and means is not None:
             known += self._levels[givers] @ means.T
-        film_sums.fill_gathered(self._whole, shared, known, drawn, givers, batch, self._spread.drawn, EVERY)
+        film_sums.fill_gathered(
+            self._whole, shared, known, drawn, givers, batch, self._spread.remainder_share, DEFLECTION_INTERVAL
+        )
 
 
 def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
@@ -172,8 +186,8 @@ class Tally:
             light = light if radiance is None else light * radiance
         columns = self._context.camera.sensor.columns
         for k in np.flatnonzero(~np.isfinite(light).all(axis=1))[: NAMED - len(self.lost_paths)]:
-            pixel, stream, index = path_place(start + int(k), batch.samples, batch.streams)
+            pixel, stream, index = path_indices(start + int(k), batch.samples, batch.streams)
             sample = batch.first_stream + stream + (batch.first_index + index) * self._context.replicates
             number = int(part.fed.number[pixel])
-            if number < APART:  # drawn bends are not replayed
+            if number < NUMBER_OFFSET:  # drawn bends are not replayed
                 self.lost_paths.append((*divmod(number, columns), int(sample)))

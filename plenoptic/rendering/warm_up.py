@@ -11,6 +11,7 @@ import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
+from plenoptic.camera.gaussian import object_plane
 from plenoptic.camera.points.centres import microlens_centres
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.psf.point_spread import point_spread
@@ -19,9 +20,9 @@ from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.progress.compiling import compiling
 from plenoptic.core.values import Floats, value
 from plenoptic.rendering.render import render, render_white
-from plenoptic.truth.arrays import available_truth, checked_truth
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.ground_truth import ground_truth
+from plenoptic.truth.truth_arrays import available_truth, valid_truth
 
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
@@ -97,7 +98,7 @@ def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Trut
     ()
     """
     check_scene_and_camera(scene, camera)
-    asked = checked_truth(truth)
+    asked = valid_truth(truth)
     begin, before = time.perf_counter(), len(compiling.names)
     with CallProgress("warming up", kind="scene", show=progress), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what few pixels do not show

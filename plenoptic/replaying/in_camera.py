@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.dust import fill_dimmed_at_lens
-from plenoptic.camera.paths import CameraPaths
-from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import fed_pixels, sharing_pixels
-from plenoptic.camera.sampling.record import Batch, FedPixels
+from plenoptic.camera.camera_rays import CameraRays
+from plenoptic.camera.camera_record import CameraRecord
+from plenoptic.camera.dust import fill_dust_at_lens
+from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, kernel_source_pixels
+from plenoptic.camera.sampling.sampling_records import Batch, IlluminatedPixels
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import ElementKind
@@ -19,8 +19,8 @@ from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.rendering.tile import Tile
 from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
-from plenoptic.truth.lookups import fill_microlens, fill_microlens_type, listed_numbers
-from plenoptic.truth.stages import LitCells
+from plenoptic.truth.lookups import fill_microlens, fill_microlens_type, lens_numbers
+from plenoptic.truth.truth_stages import LitCells
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
 """Where a path is lost by these, it has no point on the element."""
@@ -34,7 +34,7 @@ class CameraWay(NamedTuple):
     """A block with one ray, behind the lens."""
     waves: NDArray[np.int64] | None
     """(BLOCK,): the first is the number of the path's wavelength. None where all paths have the camera's."""
-    fed: FedPixels
+    fed: IlluminatedPixels
     """The pixel."""
     certain: float
     """Projected solid angle that surely passes beside the path, sr; the bundle's weight holds it too."""
@@ -62,9 +62,9 @@ def _row(bundle: Floats) -> _Row:
 def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, certain: bool) -> CameraWay | None:
     """Follow the one path of a batch of one, as `tile.render_tile` does; None where no light reaches the pixel."""
     tile = Tile(*pixel, 1, 1)
-    fed = fed_pixels(camera, tile.centres(camera), tile.numbers(camera), certain=certain)
-    if camera.spread is not None:
-        fed, _ = sharing_pixels(camera, fed, camera.spread.table)
+    fed = illuminated_pixels(camera, tile.centres(camera), tile.numbers(camera), with_core=certain)
+    if camera.diffraction_kernel is not None:
+        fed, _ = kernel_source_pixels(camera, fed, camera.diffraction_kernel.table)
     if not fed.place.size:
         return None
     camera_paths = CameraPaths(camera, fed, batch, 1)
@@ -127,7 +127,7 @@ def _microlens(
         return None, None
     # The aimed sample holds its optical axis, which imperfections may move; the cell stays.
     cell = (aimed.point[2], aimed.direction[2], -1) if own is None else own[0][["cell_x", "cell_y", "row"]].tolist()
-    cells = LitCells(np.ones(1, bool), np.array([cell]), camera.microlenses, camera.array, listed_numbers(camera))
+    cells = LitCells(np.ones(1, bool), np.array([cell]), camera.microlenses, camera.array, lens_numbers(camera))
     index, kind = np.empty((1, 2), dtype=np.int32), np.empty(1, dtype=np.int32)
     fill_microlens(index, cells)
     fill_microlens_type(kind, cells)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.sampling.record import Batch
+from plenoptic.camera.sampling.sampling_records import Batch
 from plenoptic.core.values import Floats, check_kind, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, batch_of, render_context

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.checks import sensor_region
-from plenoptic.camera.points.projection import are_hidden
-from plenoptic.camera.points.projection_rays import Aim, ThroughArray, aimed, entrance_rays, through_iris
-from plenoptic.camera.points.projection_rows import lenses_with, straight_to_sensor
+from plenoptic.camera.points.projection import are_occluded
+from plenoptic.camera.points.projection_rays import Aim, ThroughArray, aim_rays, entrance_rays, through_iris
+from plenoptic.camera.points.projection_rows import lenses_at, straight_to_sensor
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
@@ -21,9 +21,9 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.sequences.sequence import Frame
 from plenoptic.truth.channels import Truth
-from plenoptic.truth.ground_truth import Arrays, in_strips, truth_record
-from plenoptic.truth.representative_rays import PixelRays
-from plenoptic.truth.stages import PixelStages
+from plenoptic.truth.ground_truth import Arrays, compute_in_strips, truth_record
+from plenoptic.truth.representative_rays import RepresentativeRays
+from plenoptic.truth.truth_stages import PixelStages
 
 if TYPE_CHECKING:
     from plenoptic.scene.geometry.record import Geometry, Hits
@@ -134,7 +134,7 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
     assert finding is not None
     intersector, _ = scene.intersector, then.intersector  # built before threads ask for them
 
-    def work(pixels: Floats, rays: PixelRays) -> Arrays:
+    def work(pixels: Floats, rays: RepresentativeRays) -> Arrays:
         stages, n = PixelStages(record, scene.record, intersector, finding, pixels, rays), len(pixels)
         lanes, lenses = stages.hits.lanes, None if record.array is None else stages.lenses[stages.hits.lanes]
         before_points = stages.points.points[lanes]
@@ -148,7 +148,7 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
         found["visible"][lanes[passing]] = ~are_hidden(tables[1], after_points[passing], after.entering[passing], then)
         return found
 
-    return MotionTruth(**in_strips(record, region, workers, work))
+    return MotionTruth(**compute_in_strips(record, region, workers, work))
 
 
 def _places(now: Frame, following: Frame, here: Geometry | None, then: Geometry | None) -> tuple[Geometry, Geometry]:
@@ -196,13 +196,13 @@ def _chief_rays(tables: ForwardRecord, points: Floats, lenses: NDArray[np.int64]
     entrance, array = entrance_rays(tables), tables.camera.microlenses
     if array is None or lenses is None:
         aim, centre = through_iris(tables, entrance.bare)
-        entering = aimed(entrance, aim, points, np.tile(centre, (len(points), 1)), start)
+        entering = aim_rays(entrance, aim, points, np.tile(centre, (len(points), 1)), start)
         rays = entrance.through(points, entering)
         position = straight_to_sensor(tables, traced_by(entrance.bare, rays))
     else:
         through = ThroughArray(array_axes(tables.camera), array)
-        centres = through.axes.local(lenses_with(array, lenses).axis)
-        entering = aimed(entrance, Aim(entrance.bare, through.places), points, centres, start)
+        centres = through.axes.local(lenses_at(array, lenses).axis)
+        entering = aim_rays(entrance, Aim(entrance.bare, through.intersections), points, centres, start)
         rays = entrance.through(points, entering)
         position = through.sensor_points(centres, traced_by(entrance.bare, rays))
     half = 0.5 * np.array(tables.camera.sensor.size[::-1])

@@ -1,7 +1,7 @@
-"""The channels of ground truth, in one list: the fields of `GroundTruth`.
+"""Channels of ground truth, in one list: the fields of `GroundTruth`.
 
-A further channel is a flag of `Truth`, a field of `GroundTruth` that says all about it, and a function that fills its
-array. Finding, choosing, keeping in files and the table in docs/conventions.md follow the list.
+A new channel is a flag of `Truth`, a field of `GroundTruth` with its metadata, and a function that fills its array.
+Computation, selection, files and the table in docs/conventions.md follow the list.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from plenoptic.core.values import Floats, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError
 
 NO_MICROLENS = -(2**31)
-"""Both lattice indices of a pixel that no microlens lights; float32 holds it exactly."""
+"""Both lattice indices of a pixel that no microlens illuminates; exact in float32."""
 
 
 class Truth(enum.IntFlag):
-    """Channels of the ground truth; joined by ``|``. `GroundTruth` describes each, docs/conventions.md in more detail.
+    """Requested channels of ground truth, combined by ``|``. See `GroundTruth` and docs/conventions.md.
 
     Examples
     --------
@@ -46,11 +46,11 @@ class Truth(enum.IntFlag):
     INCIDENCE_ANGLE = 512
     STATE = 1024
     ALL = 2047
-    """All that one ray tells."""
+    """All channels of one ray."""
     OBJECT_SHARE = 2048
-    """Takes many rays a pixel, and is found where it is asked for by name: ``pl.Truth.ALL | pl.Truth.OBJECT_SHARE``."""
+    """Takes many rays per pixel; computed only if requested by name: ``pl.Truth.ALL | pl.Truth.OBJECT_SHARE``."""
     CHORD_DISPARITY = 4096
-    """Takes chief rays through all neighbouring microlenses, and is found where it is asked for by name."""
+    """Takes chief rays through all neighbouring microlenses; computed only if requested by name."""
 
 
 class PixelState(enum.IntEnum):
@@ -66,13 +66,13 @@ class PixelState(enum.IntEnum):
     """
 
     UNKNOWN = 0
-    """Not looked at, or light may reach it and was not found."""
+    """Not computed, or light may reach it but no ray was found."""
     DARK = 1
     """No light can reach it."""
     EMPTY = 2
-    """Light reaches it, and its ray meets nothing."""
+    """Light reaches it, and its ray hits nothing."""
     SEEN = 3
-    """Its ray meets something."""
+    """Its ray hits a surface."""
 
 
 class Needs(enum.Flag):
@@ -84,20 +84,20 @@ class Needs(enum.Flag):
 
 
 class Source(NamedTuple):
-    """Sources from which channels are made."""
+    """Stage from which channels are filled, with its requirements."""
 
     stage: str
-    """What of `PixelStages` is read."""
+    """Property of `PixelStages` that is read."""
     needs: Needs
     filled_in: str
-    """The module below `plenoptic.truth` with a function `fill_...` for each channel, which fills its array. By name,
-    since kernels are slow to import."""
+    """Module below `plenoptic.truth` with a function `fill_...` for each channel. By name, since kernels are slow to
+    import."""
     uses: Needs = Needs.NOTHING
-    """What it takes beside, where there is any."""
+    """Optional inputs."""
 
 
 _STATES = Source("states", Needs.NOTHING, "lookups", Needs.MESHES)
-_SHARES = Source("shares", Needs.MESHES, "lookups")
+_SHARES = Source("object_shares", Needs.MESHES, "lookups")
 _SENSOR = Source("sensor", Needs.NOTHING, "kernels.incidence")
 _CELLS = Source("cells", Needs.MICROLENSES, "lookups")
 _HITS = Source("hits", Needs.MESHES, "lookups")
@@ -107,115 +107,111 @@ _IMAGES = Source("images", Needs.MESHES | Needs.MICROLENSES, "kernels.virtual_de
 
 
 class Channel(NamedTuple):
-    """All about one array of the ground truth."""
+    """Metadata of one array of ground truth."""
 
     flag: Truth
     source: Source
     void: float
-    """What stands for nothing there; an int where the array holds whole numbers."""
+    """Value for no hit; an int for integer arrays."""
     meaning: str
-    """For files and documents: what its numbers are."""
+    """Meaning of its numbers, for files and documents."""
     numbers: str
-    """A letter for each number of a pixel; empty for one number."""
+    """A letter for each component; empty for scalars."""
     unit: str
     plane: str
-    """The name in EXR files, before a letter."""
+    """Name in EXR files, before the letter."""
 
     @property
     def in_files(self) -> tuple[str, ...]:
-        """Names in EXR files, one for each number of a pixel."""
+        """Names in EXR files, one for each component."""
         return tuple(f"{self.plane}.{letter}" for letter in self.numbers) or (self.plane,)
 
     @property
     def dtype(self) -> type[np.generic]:
-        """Type of its numbers."""
+        """Data type of the array."""
         return np.int32 if isinstance(self.void, int) else np.float64
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape after (H, W)."""
+        """Shape of a pixel's value, after (H, W)."""
         return (len(self.numbers),) if self.numbers else ()
 
 
 def _channel(
     flag: Truth, source: Source, void: float, meaning: str, numbers: str = "", *, unit: str = "", plane: str = ""
 ) -> Any:
-    """A field that holds it; its plane is "truth." and the field's name, unless it is given."""
+    """Dataclass field with a channel as metadata; its plane is "truth." and the field's name by default."""
     channel = Channel(flag, source, void, meaning, numbers, unit, plane)
     return dataclasses.field(default=None, metadata={"channel": channel})
 
 
 @value
 class GroundTruth:
-    """Ground truth of a raw image's pixels: for each, the point where *one ray* hits the scene.
+    """Ground truth of a raw image: properties of the scene point hit by *one ray* of each pixel.
 
-    The ray starts at the centre of the pixel and passes the lit centroid of the microlens that gives the centre most
-    light; where the centre is dark, it starts elsewhere on the pixel (docs/conventions.md). Channels that were not
-    asked for are None.
+    The ray starts at the centre of the pixel and passes the illuminated centroid of the microlens that gives the centre
+    most light; if the centre is dark, it starts elsewhere on the pixel (docs/conventions.md). Channels that were not
+    requested are None.
 
     Parameters
     ----------
     depth : (H, W) array, optional
-        -z of the point in the camera's frame in mm; inf where nothing is met.
+        -z of the point in the camera's frame in mm; inf without a hit.
     distance : (H, W) array, optional
-        From the camera's origin, the centre of its iris as designed, to the point in mm; inf where nothing is met.
+        Distance in mm from the camera's origin, the centre of its iris as designed, to the point; inf without a hit.
     position : (H, W, 3) array, optional
-        The point in the world in mm; nan where nothing is met.
+        The point in the world in mm; nan without a hit.
     normal : (H, W, 3) array, optional
-        Unit normal of the triangle there, in the world, towards the side that is seen; nan where nothing is met.
-        Vertex normals, with which smooth meshes are shaded, do not count.
+        Unit normal of the triangle in the world, towards the visible side; nan without a hit. Vertex normals, which
+        shade smooth meshes, are ignored.
     object : (H, W) array of int32, optional
-        Number of the mesh in `scene.meshes`; lights count on after the last mesh; -1 where nothing is met.
+        Index of the mesh in `scene.meshes`; lights follow after the last mesh; -1 without a hit.
     material : (H, W) array of int32, optional
-        Number among the scene's different materials, in the order in which its meshes, then its lights, bring them; -1
-        where nothing is met.
+        Index among the scene's unique materials, in the order of its meshes, then its lights; -1 without a hit.
     microlens : (H, W, 2) array of int32, optional
         Lattice indices of the microlens that the ray passes; in FREE lattices (number, 0); `NO_MICROLENS`, -2^31, twice
-        where no light reaches the pixel.
+        if no light reaches the pixel.
     microlens_type : (H, W) array of int32, optional
-        Its type: a row of the array's `focal_lengths`; -1 where no light reaches the pixel.
+        Its type: a row of the array's `focal_lengths`; -1 if no light reaches the pixel.
     virtual_depth : (H, W) array, optional
         v = a / b. a is the distance along the array's normal from its front principal plane to the main lens's image of
         the point, positive for an image behind the array (Galilean: virtual) and negative for one in front of it
-        (Keplerian: real); b that from its rear principal plane to the sensor where the ray starts. nan where nothing is
-        met, +-inf where the light of the point arrives parallel.
+        (Keplerian: real); b that from its rear principal plane to the sensor at the start of the ray. nan without a
+        hit, +-inf if the light of the point arrives collimated.
     disparity : (H, W) array, optional
-        pitch / (v pixel_pitch): by how many pixels the image of the point moves between neighbouring microlenses,
-        relative to their centres; see the notes. nan where nothing is met.
+        pitch / (v pixel_pitch): displacement in pixels of the image of the point between neighbouring microlenses,
+        relative to their centres; see the notes. nan without a hit.
     chord_disparity : (H, W) array, optional
-        The same between the pixel's microlens and its neighbours, by the chief rays of the point as `project` finds
-        them: the quantity that matching of microlens images measures, by which algorithms are to be judged. nan where
-        nothing is hit and in FREE lattices.
+        Disparity between the pixel's microlens and its neighbours, by the chief rays of the point (see `project`): the
+        quantity that matching of microlens images measures, and the reference for algorithms. nan without a hit and in
+        FREE lattices.
     incidence_angle : (H, W) array, optional
-        Angle between the ray and the normal of the sensor, tilted or not, where the ray meets the pixel, in radians;
-        nan where no light reaches the pixel.
+        Angle between the ray and the normal of the sensor, tilted or not, at the pixel, in radians; nan if no light
+        reaches the pixel.
     state : (H, W) array of int32, optional
-        State of the pixel, a `PixelState`: dark, lit without a hit, seen, or unknown.
+        A `PixelState`: dark, illuminated without a hit, with a hit, or unknown.
     object_share : (H, W) array, optional
-        Of the light that reaches the pixel in a scene of even brightness, the share that comes from `object`: less than
-        1 at edges and out of focus. From 64 paths or more, to within about 0.06; nan where nothing is met, or none of
-        4096 paths arrives.
+        Fraction of the pixel's light that comes from `object` in a scene of uniform radiance: less than 1 at edges and
+        out of focus. From 64 paths or more, to within about 0.06; nan without a hit, or if none of 4096 paths arrives.
 
     Raises
     ------
     InvalidValueError
-        Where shapes do not fit each other, or all is left out.
+        If shapes do not match, or there is no array.
 
-    Notes
-    -----
-    The image is that of rays near the pixel's own: for the rays that meet in the point, 1 / a is the mean over all
-    directions of how much the slope falls for each mm across the array, found by tracing eight rays around the pixel's
-    through the main lens; without aberrations they all meet at a. C. Perwass and L. Wietzke, Proc. SPIE 8291, 829108
-    (2012), doi 10.1117/12.909882, call v the virtual depth; there it has no sign.
+    Notes ----- The image is that of rays close to the pixel's ray. For rays through the point, 1 / a is the mean over
+    all directions of the decrease of slope per mm across the array, by tracing eight rays around the pixel's ray
+    through the main lens; without aberrations they all intersect at a. C. Perwass and L. Wietzke, Proc. SPIE 8291,
+    829108 (2012), doi 10.1117/12.909882, call v the virtual depth; there it has no sign.
 
-    With aberrations it depends on how far apart the rays are. `virtual_depth` and `disparity` are those of rays near
-    the pixel's own, at its part of the pupil; `chord_disparity` is that of rays through microlenses a pitch apart.
+    With aberrations it depends on the separation of the rays. `virtual_depth` and `disparity` are for rays close to the
+    pixel's ray, at its part of the pupil; `chord_disparity` is for rays through microlenses a pitch apart.
 
-    Seen through the microlens with its centre at c, an image point at x falls at c + (x - c) / v, so that from one
-    microlens to the next, dc away, it moves by -dc / v relative to the centre. A positive disparity therefore goes
-    against the step. In a plenoptic 1.0 camera the same number counts the other way round: from one sub-aperture view
-    to that of the next pixel, the point moves by `view_disparity` = 1 / disparity microlenses, with the same sign.
-    Neighbours are as far apart as the array's pitch (RECTANGULAR: the smaller one).
+    A microlens with its centre at c images the image point x to c + (x - c) / v, so that from one microlens to the
+    next, dc away, it moves by -dc / v relative to the centre. A positive disparity is therefore opposite to the step.
+    In a plenoptic 1.0 camera the inverse is used: from one sub-aperture view to that of the next pixel, the point moves
+    by `view_disparity` = 1 / disparity microlenses, with the same sign. Neighbours are one pitch of the array apart
+    (RECTANGULAR: the smaller one).
 
     Examples
     --------
@@ -285,13 +281,13 @@ class GroundTruth:
     def __post_init__(self) -> None:
         shape: tuple[int | str, ...] = ("rows", "columns")
         for name, channel in CHANNELS.items():
-            given = getattr(self, name)
-            if given is not None:
-                array = frozen_array(given, name=name, shape=(*shape, *channel.shape), dtype=channel.dtype)
+            argument = getattr(self, name)
+            if argument is not None:
+                array = frozen_array(argument, name=name, shape=(*shape, *channel.shape), dtype=channel.dtype)
                 shape = array.shape[:2]
                 set_field(self, name, array)
         if shape == ("rows", "columns"):
-            raise InvalidValueError("a ground truth holds nothing; give it at least one array, such as depth")
+            raise InvalidValueError("a ground truth has no array; give it at least one, such as depth")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -301,19 +297,19 @@ class GroundTruth:
 
     @property
     def kinds(self) -> Truth:
-        """Channels that are present."""
+        """Flags of its channels."""
         return functools.reduce(operator.or_, (CHANNELS[name].flag for name in self.arrays()))
 
     @property
     def view_disparity(self) -> Floats | None:
-        """(H, W): microlenses by which the point moves from one sub-aperture view to the next pixel's; 0 in focus."""
+        """Displacement (H, W) of the point in microlenses between views of neighbouring pixels; 0 in focus."""
         if self.disparity is None:
             return None
         with np.errstate(divide="ignore"):
             return np.asarray(1.0 / self.disparity)
 
     def arrays(self) -> Mapping[str, NDArray[Any]]:
-        """The arrays that are there, by their names."""
+        """The arrays that are not None, by their names."""
         return {name: array for name in CHANNELS if (array := getattr(self, name)) is not None}
 
     def __repr__(self) -> str:
@@ -322,17 +318,17 @@ class GroundTruth:
 
 
 CHANNELS: dict[str, Channel] = {
-    field.name: (found := field.metadata["channel"])._replace(plane=found.plane or f"truth.{field.name}")
+    field.name: (channel := field.metadata["channel"])._replace(plane=channel.plane or f"truth.{field.name}")
     for field in dataclasses.fields(GroundTruth)
 }
 
 
 def channels_of(truth: Truth) -> dict[str, Channel]:
-    """The requested channels, by their names."""
+    """Channels of the requested flags, by their names."""
     return {name: channel for name, channel in CHANNELS.items() if channel.flag & truth}
 
 
 def truth_names(truth: Truth) -> str:
-    """For a message: depth, virtual depth."""
+    """Names of the flags for messages: depth, virtual depth."""
     flags = dict.fromkeys(channel.flag for channel in channels_of(truth).values())
     return ", ".join(str(flag.name).lower().replace("_", " ") for flag in flags)

@@ -1,4 +1,4 @@
-"""Finding the ground truth: each channel that is wanted is filled from the stage that it reads."""
+"""Computation of ground truth: each requested channel is filled from the stage that it reads."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.checks import check_scene_and_camera, sensor_region
-from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import cells_per_pixel, fed_pixels, pixel_centres
+from plenoptic.camera.sampling.aperture_regions import cells_per_pixel, illuminated_pixels, pixel_centres
 from plenoptic.core.engines.choice import cluster_of
 from plenoptic.core.engines.engine import Engine, ThreadEngine
 from plenoptic.core.parallel import thread_count
@@ -22,12 +22,12 @@ from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
-from plenoptic.truth.arrays import available_truth, checked_truth, empty_truth, what_needs
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
-from plenoptic.truth.chords import chord_record
-from plenoptic.truth.lookups import listed_numbers
-from plenoptic.truth.representative_rays import PixelRays, representative_rays
-from plenoptic.truth.stages import SLOPE_STEP, PixelStages, TruthRecord
+from plenoptic.truth.chord_disparity import chord_record
+from plenoptic.truth.lookups import lens_numbers
+from plenoptic.truth.representative_rays import RepresentativeRays, representative_rays
+from plenoptic.truth.truth_arrays import available_truth, empty_truth, flags_needing, valid_truth
+from plenoptic.truth.truth_stages import SLOPE_STEP, PixelStages, TruthRecord
 
 if TYPE_CHECKING:
     import distributed
@@ -38,53 +38,54 @@ if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
 _STRIP = 1 << 13
-"""Pixels that one thread takes at a time."""
+"""Pixels of a strip, the unit of work of one thread."""
 
 Arrays = dict[str, NDArray[Any]]
 
 
-def truth_record(camera: PlenopticCamera, record: CameraRecord, wanted: Truth) -> TruthRecord | None:
-    """Compile the requested channels; None where there are none."""
-    if not wanted:
+def truth_record(camera: PlenopticCamera, record: CameraRecord, requested: Truth) -> TruthRecord | None:
+    """Compile the parameters of the requested channels; None if there are none."""
+    if not requested:
         return None
     parts = record.parts
-    moved = parts.lens_to_camera
+    lens_pose = parts.lens_to_camera
     axes = np.concatenate([np.eye(3), [[0.0, 0.0, record.z_plane]]])
     if record.frame is not None:
         axes = np.concatenate([record.frame[:9].reshape(3, 3).T, record.frame[None, 9:]])
-    images = any(channel.source.stage == "images" for channel in channels_of(wanted).values())
+    images = any(channel.source.stage == "images" for channel in channels_of(requested).values())
     return TruthRecord(
-        wanted=wanted,
-        frame=None if moved is None else np.concatenate([moved.turn.ravel(), moved.shift]),
+        requested=requested,
+        frame=None if lens_pose is None else np.concatenate([lens_pose.turn.ravel(), lens_pose.shift]),
         unvignetted=lens_record(camera.lens, camera.wavelength, reverse=True, clipping=False) if images else None,
         axes=np.ascontiguousarray(axes),
         step=SLOPE_STEP * abs(parts.z_plane - float(camera.lens.vertices[-1])),
-        numbers=listed_numbers(record),
-        chords=chord_record(camera) if wanted & Truth.CHORD_DISPARITY else None,
+        numbers=lens_numbers(record),
+        chords=chord_record(camera) if requested & Truth.CHORD_DISPARITY else None,
     )
 
 
-def truth_of(
+def compute_truth(
     record: CameraRecord,
     scene: SceneRecord | None,
     intersector: Intersector | None,
     truth: TruthRecord,
     pixels: Floats,
-    rays: PixelRays,
+    rays: RepresentativeRays,
 ) -> Arrays:
-    """Ground truth of pixels with local centres (n, 2), for which rays stand: arrays (n, ...) by the names of
-    `GroundTruth`.
+    """Compute the ground truth of pixels with local centres (n, 2) from their representative rays.
+
+    Returns arrays (n, ...) by the names of `GroundTruth`.
     """
-    arrays = empty_truth(truth.wanted, (len(pixels),))
+    arrays = empty_truth(truth.requested, (len(pixels),))
     stages = PixelStages(record, scene, intersector, truth, pixels, rays)
     for name, array in arrays.items():
-        fill, stage = filling(name)
+        fill, stage = channel_filler(name)
         fill(array, getattr(stages, stage))
     return arrays
 
 
-def filling(name: str) -> tuple[Callable[[NDArray[Any], Any], None], str]:
-    """The function that fills a channel, and the stage that it reads; kernels are loaded here."""
+def channel_filler(name: str) -> tuple[Callable[[NDArray[Any], Any], None], str]:
+    """Function that fills a channel, and the stage that it reads; kernels are loaded here."""
     source = CHANNELS[name].source
     module = importlib.import_module(f"plenoptic.truth.{source.filled_in}")
     return getattr(module, f"fill_{name}"), source.stage
@@ -100,23 +101,23 @@ def ground_truth(
     client: distributed.Client | None = None,
     progress: bool = True,
 ) -> GroundTruth:
-    """Find the ground truth of a raw image's pixels, without rendering it; the same bits as those of `render`.
+    """Compute the ground truth of a raw image without rendering it; bit-identical to that of `render`.
 
     Parameters
     ----------
     scene : Scene or None
-        None, or a scene without meshes and lights: only the microlenses of pixels are found.
+        None, or a scene without meshes and lights: only the microlenses of pixels are computed.
     camera : PlenopticCamera
     truth : Truth, optional
-        Requested channels. Impossible ones, such as the virtual depth of a camera without microlenses, are left out.
+        Requested channels. Unavailable ones, such as the virtual depth of a camera without microlenses, are left out.
     region : (slice, slice), optional
-        Rows and columns of the sensor, such as ``np.s_[256:384, 192:320]``; the same bits as in the whole image.
+        Rows and columns of the sensor, such as ``np.s_[256:384, 192:320]``; bit-identical to the whole image.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
     client : distributed.Client, optional
-        Of a dask cluster whose workers are to find it, as for `render`.
+        Client of a dask cluster whose workers compute it, as for `render`.
     progress : bool, optional
-        Whether to show, from the second second on, how far it is or that something is compiled.
+        True: show a progress bar, or that kernels are compiled, from the second second on.
 
     Returns
     -------
@@ -125,12 +126,12 @@ def ground_truth(
     Raises
     ------
     InvalidValueError
-        Where an argument is impossible, or none of the requested channels exists.
+        If an argument is impossible, or no requested channel is available.
 
     Notes
     -----
-    The triangle is found in float32; everything else is computed in float64 from the float64 vertices. The camera is
-    traced at its `wavelength`, also where it has a sensitivity.
+    The triangle is intersected in float32; everything else is computed in float64 from the float64 vertices. The camera
+    is traced at its `wavelength`, even with a sensitivity.
 
     Examples
     --------
@@ -144,9 +145,9 @@ def ground_truth(
     """
     check_scene_and_camera(scene, camera)
     bounds = sensor_region(camera.sensor.shape, region)
-    workers, asked, cluster = thread_count(threads), checked_truth(truth), cluster_of(client, threads)
-    with CallProgress("ground truth", kind="scene", show=progress):
-        return _ground_truth(scene, camera, asked, bounds, workers, cluster)
+    workers, requested_truth, cluster = thread_count(threads), valid_truth(truth), cluster_of(client, threads)
+    with Waiting("ground truth", kind="scene", show=progress):
+        return _ground_truth(scene, camera, requested_truth, bounds, workers, cluster)
 
 
 def _ground_truth(
@@ -158,51 +159,60 @@ def _ground_truth(
     cluster: DaskCluster | None,
 ) -> GroundTruth:
     meshes = _has_meshes(scene)
-    channels = available_truth(truth, meshes=meshes, microlenses=camera.microlenses is not None)
-    if not channels:
+    requested = available_truth(truth, meshes=meshes, microlenses=camera.microlenses is not None)
+    if not requested:
         raise InvalidValueError(
             f"nothing of {truth!r} can be found: the scene has {'' if meshes else 'no '}meshes and the camera "
-            f"{'' if camera.microlenses is not None else 'no '}microlenses; {what_needs(Needs.MICROLENSES)} need "
-            f"microlenses, {what_needs(Needs.MESHES)} need meshes"
+            f"{'' if camera.microlenses is not None else 'no '}microlenses; {flags_needing(Needs.MICROLENSES)} need "
+            f"microlenses, {flags_needing(Needs.MESHES)} need meshes"
         )
-    job = scene, camera, channels
+    job = scene, camera, requested
     engine: Engine[Strip, Arrays]
     with contextlib.ExitStack() as stack:
         if cluster is None:
-            find = strip_finder(job)
-            engine = ThreadEngine(lambda strip, _: find(strip), workers)
+            compute = strip_worker(job)
+            engine = ThreadEngine(lambda strip, _: compute(strip), workers)
         else:
-            engine = stack.enter_context(cluster.engine(compiled_strip_finder, job))
-        return GroundTruth(**_put_together(engine, region))
+            engine = stack.enter_context(cluster.engine(compiled_strip_worker, job))
+        return GroundTruth(**_assemble_region(engine, region))
 
 
-def in_strips(
-    record: CameraRecord, region: tuple[int, int, int, int], threads: int, work: Callable[[Floats, PixelRays], Arrays]
+def compute_in_strips(
+    record: CameraRecord,
+    region: tuple[int, int, int, int],
+    threads: int,
+    compute_strip: Callable[[Floats, RepresentativeRays], Arrays],
 ) -> Arrays:
-    """Arrays (rows, columns, ...) of a region, made in strips from local centres of pixels and the rays for them."""
-    return _put_together(ThreadEngine(lambda strip, _: _of_strip(record, strip, work), threads), region)
+    """Compute arrays (rows, columns, ...) of a region in strips, from local pixel centres and representative rays."""
+    return _assemble_region(
+        ThreadEngine(lambda strip, _: _compute_strip(record, strip, compute_strip), threads), region
+    )
 
 
-def _put_together(engine: Engine[Strip, Arrays], region: tuple[int, int, int, int]) -> Arrays:
-    """Arrays (rows, columns, ...) of a region from those of its strips."""
+def _assemble_region(engine: Engine[Strip, Arrays], region: tuple[int, int, int, int]) -> Arrays:
+    """Compute the strips of a region and concatenate their arrays (rows, columns, ...)."""
     first_row, end_row, first_column, end_column = region
     rows = max(1, _STRIP // (end_column - first_column))
     strips = [Strip(row, min(row + rows, end_row), first_column, end_column) for row in range(first_row, end_row, rows)]
-    by_strip = {one.order: one.result for one in engine.results(strips, left=len(strips), given_up=lambda: False)}
+    strip_results = {
+        outcome.order: outcome.result for outcome in engine.results(strips, left=len(strips), given_up=lambda: False)
+    }
     shape = (end_row - first_row, end_column - first_column)
-    parts = [by_strip[strip] for strip in strips]
+    parts = [strip_results[strip] for strip in strips]
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return {name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()}
 
 
-def _of_strip(record: CameraRecord, strip: Strip, work: Callable[[Floats, PixelRays], Arrays]) -> Arrays:
+def _compute_strip(
+    record: CameraRecord, strip: Strip, compute_strip: Callable[[Floats, RepresentativeRays], Arrays]
+) -> Arrays:
     pixels = pixel_centres(record, (strip.row, strip.end_row), (strip.column, strip.end_column))
-    fed = fed_pixels(record._replace(bend=None), pixels, np.arange(len(pixels)))
-    return work(pixels, representative_rays(record, pixels, fed))
+    illuminated = illuminated_pixels(record._replace(deflection=None), pixels, np.arange(len(pixels)))
+    return compute_strip(pixels, representative_rays(record, pixels, illuminated))
 
 
 class Strip(NamedTuple):
-    """Rows of a part of the sensor, from the first one to the end."""
+    """Strip of a region: first and end row, first and end column."""
 
     row: int
     end_row: int
@@ -211,23 +221,23 @@ class Strip(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Pixels."""
+        """Number of pixels."""
         return (self.end_row - self.row) * (self.end_column - self.column)
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the ground truth, with all channels that are possible."""
+        """Upper bound on the size of its ground truth in bytes."""
         return 8 * 2 * len(CHANNELS) * self.size
 
 
-def strip_finder(job: tuple[Scene | None, PlenopticCamera, Truth]) -> Callable[[Strip], Arrays]:
-    """Function that finds the ground truth of strips, of a scene before a camera."""
-    scene, camera, channels = job
+def strip_worker(job: tuple[Scene | None, PlenopticCamera, Truth]) -> Callable[[Strip], Arrays]:
+    """Function that computes the ground truth of strips, for a scene, a camera and channels."""
+    scene, camera, requested = job
     record, surfaces, intersector = prepared_camera(camera).record, None, None
     cells_per_pixel(record)
-    finding = truth_record(camera, record, channels)
-    assert finding is not None
-    sources = [channel.source for channel in channels_of(channels).values()]
+    truth_parameters = truth_record(camera, record, requested)
+    assert truth_parameters is not None
+    sources = [channel.source for channel in channels_of(requested).values()]
     if _has_meshes(scene) and any((source.needs | source.uses) & Needs.MESHES for source in sources):
         from plenoptic.scene.cache import prepared_scene
 
@@ -235,20 +245,20 @@ def strip_finder(job: tuple[Scene | None, PlenopticCamera, Truth]) -> Callable[[
         prepared = prepared_scene(scene)
         surfaces, intersector = prepared.record, prepared.intersector
 
-    def work(pixels: Floats, rays: PixelRays) -> Arrays:
-        return truth_of(record, surfaces, intersector, finding, pixels, rays)
+    def compute_strip(pixels: Floats, rays: RepresentativeRays) -> Arrays:
+        return compute_truth(record, surfaces, intersector, truth_parameters, pixels, rays)
 
-    return lambda strip: _of_strip(record, strip, work)
+    return lambda strip: _compute_strip(record, strip, compute_strip)
 
 
-def compiled_strip_finder(job: tuple[Scene | None, PlenopticCamera, Truth], threads: int) -> Callable[[Strip], Arrays]:
-    """The same in another process, compiled with so many processes."""
+def compiled_strip_worker(job: tuple[Scene | None, PlenopticCamera, Truth], threads: int) -> Callable[[Strip], Arrays]:
+    """`strip_worker` for another process, compiled in parallel with so many processes."""
     from plenoptic.core.numba.parallel_compilation import compile_in_parallel
 
-    find, empty = strip_finder(job), Strip(0, 0, 0, 0)
-    with compile_in_parallel(lambda: find(empty), threads=threads):
-        find(empty)
-    return find
+    compute, empty = strip_worker(job), Strip(0, 0, 0, 0)
+    with compile_in_parallel(lambda: compute(empty), threads=threads):
+        compute(empty)
+    return compute
 
 
 def _has_meshes(scene: Scene | None) -> bool:

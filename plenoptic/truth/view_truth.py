@@ -1,4 +1,4 @@
-"""Ground truth along given rays through the array, such as those of a sub-aperture view."""
+"""Ground truth along arbitrary rays through the array, such as those of a sub-aperture view."""
 
 from __future__ import annotations
 
@@ -7,36 +7,35 @@ import numpy as np
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.record import CameraRecord
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.scene import Scene
-from plenoptic.truth.arrays import available_truth, checked_truth
 from plenoptic.truth.channels import GroundTruth, Truth
-from plenoptic.truth.ground_truth import truth_of, truth_record
-from plenoptic.truth.representative_rays import PixelRays
+from plenoptic.truth.ground_truth import compute_truth, truth_record
+from plenoptic.truth.representative_rays import RepresentativeRays
+from plenoptic.truth.truth_arrays import available_truth, valid_truth
 
-_OF_PIXELS = Truth.MICROLENS | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY
-"""What rays between microlenses do not have."""
+_PIXEL_CHANNELS = Truth.MICROLENS | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY
+"""Channels that are defined for pixels only."""
 
 
 def truth_along(
     scene: Scene, camera: PlenopticCamera, on_sensor: Floats, on_array: Floats, *, truth: Truth
 ) -> GroundTruth:
-    """Ground truth along rays that start on the sensor and pass the array's principal planes straight.
+    """Compute the ground truth along rays from the sensor that pass the array undeviated.
 
-    Places are (rows, columns, 2): x and y on the sensor and on the array, each in its own axes, mm; nan where there is
-    no ray.
+    Points are (rows, columns, 2): x and y on the sensor and on the array, each in its own axes, mm; nan for no ray.
     """
     from plenoptic.scene.cache import prepared_scene
 
     check_scene_and_camera(scene, camera)
     prepared, record = prepared_scene(scene), prepared_camera(camera).record
     meshes = prepared.record.geometry is not None
-    channels = available_truth(checked_truth(truth), meshes=meshes, microlenses=True) & ~_OF_PIXELS
-    finding = truth_record(camera, record, channels)
-    if finding is None:
+    requested = available_truth(valid_truth(truth), meshes=meshes, microlenses=True) & ~_PIXEL_CHANNELS
+    truth_parameters = truth_record(camera, record, requested)
+    if truth_parameters is None:
         raise InvalidValueError(
             f"nothing of {truth!r} can be found along rays of a view: they have no microlens, and the scene has "
             f"{'' if meshes else 'no '}meshes"
@@ -44,17 +43,19 @@ def truth_along(
     shape = on_sensor.shape[:2]
     rays = _straight_rays(camera, record, on_sensor.reshape(-1, 2), on_array.reshape(-1, 2))
     intersector = prepared.intersector if meshes else None
-    arrays = truth_of(record, prepared.record, intersector, finding, rays.starts, rays)
+    arrays = compute_truth(record, prepared.record, intersector, truth_parameters, rays.starts, rays)
     return GroundTruth(**{name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()})
 
 
-def _straight_rays(camera: PlenopticCamera, record: CameraRecord, on_sensor: Floats, on_array: Floats) -> PixelRays:
-    """Rays as those that stand for pixels, through given points of the array."""
+def _straight_rays(
+    camera: PlenopticCamera, record: CameraRecord, on_sensor: Floats, on_array: Floats
+) -> RepresentativeRays:
+    """Trace undeviated rays from sensor points through array points, as representative rays."""
     from plenoptic.core.kernels.ray_blocks import BLOCK
     from plenoptic.optics.lens.kernels.trace import fill_traced
 
     axes, n = array_axes(camera), len(on_sensor)
-    finite = np.isfinite(on_sensor).all(axis=1) & np.isfinite(on_array).all(axis=1)
+    is_valid = np.isfinite(on_sensor).all(axis=1) & np.isfinite(on_array).all(axis=1)
     starts = axes.parts.sensor_to_local.points(np.column_stack([on_sensor, np.zeros(n)]))
     aims = axes.local(on_array)
     directions = np.column_stack([aims - starts[:, :2], -starts[:, 2]])
@@ -63,11 +64,11 @@ def _straight_rays(camera: PlenopticCamera, record: CameraRecord, on_sensor: Flo
     turned = axes.parts.local_to_lens.directions(directions)
     fields[:n, 3:6] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
     fields[:n, 6] = 1.0
-    fields[:n][~finite] = fields[n:] = 0.0
+    fields[:n][~is_valid] = fields[n:] = 0.0
     fields[:, 7] = 1.0
-    fields[:n, 7] = ~finite
+    fields[:n, 7] = ~is_valid
     before = np.ascontiguousarray(fields.reshape(-1, BLOCK, 8).swapaxes(1, 2)).reshape(-1)
     blocks = before.copy()
     fill_traced(blocks, record.lens, None)
     cells = np.full((n, 3), np.nan)
-    return PixelRays(np.ascontiguousarray(starts[:, :2]), before, blocks, aims, cells, np.zeros(n, dtype=bool))
+    return RepresentativeRays(np.ascontiguousarray(starts[:, :2]), before, blocks, aims, cells, np.zeros(n, dtype=bool))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
-from plenoptic.camera.points.projection_rows import lenses_with
+from plenoptic.camera.points.projection_rows import lenses_at
 from plenoptic.core.files.codes import block_means
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -193,7 +193,7 @@ def _add_lenses(facts: dict[str, Any], blocks: Blocks, camera: PlenopticCamera, 
             "cells, centres and images of a point, too."
         )
         return
-    lenses = lenses_with(array, index)
+    lenses = lenses_at(array, index)
     place = {tuple(each): k for k, each in enumerate(centres.index.tolist())}
     at = np.array([place.get(tuple(each), -1) for each in index.tolist()])
     centre = np.where(at[:, None] >= 0, centres.pixel[at], np.nan)
@@ -235,7 +235,7 @@ def _add_beside(facts: dict[str, Any], blocks: Blocks, seen: Sight, camera: Plen
     array = camera.microlenses
     assert array is not None
     lenses, which = np.unique(numbers[rows, columns], axis=0, return_inverse=True)
-    on_array = lenses_with(array, lenses).axis[which.reshape(-1)]
+    on_array = lenses_at(array, lenses).axis[which.reshape(-1)]
     pixel = np.column_stack([rows, columns]) * shown.block + shown.block // 2 + np.array(shown.first)
     for start in range(0, len(rows), _CHUNK):
         part = slice(start, start + _CHUNK)

@@ -24,7 +24,7 @@ import numpy as np
 
 from plenoptic.camera.assembly import Rigid
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats

@@ -7,7 +7,7 @@ import numpy as np
 import reference
 
 import plenoptic as pl
-from plenoptic.camera.report.optics import lateral_magnification, object_plane
+from plenoptic.camera.gaussian import lateral_magnification, object_plane
 
 SEEN_BY_THREE = (-345.0, -404.0, -470.0)
 """Planes in focus of three types of microlenses, mm."""

@@ -26,7 +26,7 @@ def tables(*, quick):
 
     scene, white = (study(what, {RAYS: Variant()} | bent) for what in (pl.objects_scene(), None))
     # The sampler of scenes: what surely passes the lens is traced as the rest is.
-    with mock.patch("plenoptic.rendering.plan.camera_stages.why_uncertain", lambda _: "a scene is to be compared"):
+    with mock.patch("plenoptic.rendering.plan.camera_stages.no_core_reason", lambda _: "a scene is to be compared"):
         uncut = study(None, {UNCUT: Variant()})
     rows = [*_rows("`objects`", scene, {RAYS: scene.of(RAYS)})]
     for of in (uncut, white):

@@ -10,7 +10,7 @@ from table import Table
 from timing import timed
 
 import plenoptic as pl
-from plenoptic.camera.report.optics import lateral_magnification, object_plane
+from plenoptic.camera.gaussian import lateral_magnification, object_plane
 from plenoptic.lightfield.planes import raw_planes
 from plenoptic.truth.channels import Truth
 

@@ -1,4 +1,4 @@
-"""What tests of cameras share: the reference camera with other parts, its images, and rays in blocks for kernels."""
+"""Helpers for tests of cameras: the reference camera with other parts, its images, rays in blocks for kernels."""
 
 import dataclasses
 import math
@@ -47,7 +47,7 @@ def in_world(camera, points):
 
 
 def compiled_anew(camera):
-    """The same camera: what one with these very parts was compiled into is kept."""
+    """Copy of a camera that is compiled again: the cache compares parts by identity."""
     return dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor))
 
 

@@ -9,7 +9,7 @@ import pytest
 from camera_helpers import CAMERA, agree, bare_camera, compiled_anew, refused, the_lens, with_array
 
 import plenoptic as pl
-from plenoptic.camera import record as camera_records
+from plenoptic.camera import camera_record as camera_records
 from plenoptic.camera.assembly import assembly
 from plenoptic.optics.lens.placement import rotation_about_axes
 
@@ -81,14 +81,14 @@ def test_a_tilted_conventional_camera_weighs_light_by_both_cosines():
     points = np.concatenate([camera.sensor.centre_of(*np.mgrid[:64, :64]), np.zeros((64, 64, 1))], axis=-1) @ turn.T
     points[..., 2] += camera.z_sensor
     principal = pl.paraxial.cardinal_points(lens, 587.6)
-    way = np.array([0.0, 0.0, principal.rear_principal]) - points
+    ray = np.array([0.0, 0.0, principal.rear_principal]) - points
     area = math.pi * principal.entrance_pupil_semi_diameter**2
-    expected = area * (-way @ turn[:, 2]) * (-way[..., 2]) / (way**2).sum(axis=-1) ** 2
+    expected = area * (-ray @ turn[:, 2]) * (-ray[..., 2]) / (ray**2).sum(axis=-1) ** 2
     # The pupil is 4 mm wide at 130 mm: corrections of second order, (2/130)^2. Blocks of 16 x 16 pixels: by errors.
     image, error = shot.image[..., 0].astype(float), shot.standard_error[..., 0].astype(float)
-    sums, wanted, square = (a.reshape(4, 16, 4, 16).sum(axis=(1, 3)) for a in (image, expected, error**2))
-    assert np.all(np.abs(sums - wanted) < 4 * np.sqrt(square) + 5e-4 * wanted)
-    assert np.all(np.sqrt(square) < 2e-3 * wanted)
+    sums, expected_sums, square = (a.reshape(4, 16, 4, 16).sum(axis=(1, 3)) for a in (image, expected, error**2))
+    assert np.all(np.abs(sums - expected_sums) < 4 * np.sqrt(square) + 5e-4 * expected_sums)
+    assert np.all(np.sqrt(square) < 2e-3 * expected_sums)
 
 
 def focused():
@@ -105,8 +105,8 @@ def test_a_tilted_sensor_sees_a_tilted_plane_sharply():
     slope = np.polyfit(-y * image / ahead, image - behind, 1)[0]
 
     def blur(tilt):
-        seen = camera.moved(SENSOR, tilt=(math.atan(tilt), 0.0, 0.0))
-        landed = [pl.camera.landing_points(seen, (0.0, each, -404.0 + k * each), rays=512).position for each in y]
+        tilted = camera.moved(SENSOR, tilt=(math.atan(tilt), 0.0, 0.0))
+        landed = [pl.camera.landing_points(tilted, (0.0, each, -404.0 + k * each), rays=512).position for each in y]
         return max(float(np.ptp(place, axis=0).max()) for place in landed)
 
     assert blur(slope) < 1e-9 < 1e-3 < blur(0.0) < blur(-slope)
@@ -144,10 +144,10 @@ ALL = [(moves, model) for moves in MOVES for model in (MODELS.THIN, MODELS.SPHER
 
 @pytest.mark.parametrize("cases", [TWO, pytest.param(ALL, marks=pytest.mark.slow)], ids=["two", "all"])
 def test_wider_margins_change_no_image(cases, monkeypatch):
-    region, found = np.s_[200:216, 20:44], camera_records.camera_record
+    region, compile_camera = np.s_[200:216, 20:44], camera_records.camera_record
 
     def with_slack(camera):
-        tables = found(camera)
+        tables = compile_camera(camera)
         return tables._replace(pupil=tables.pupil._replace(margin=tables.pupil.margin + 1.0))
 
     for moves, model in cases:
@@ -172,7 +172,7 @@ def test_the_design_is_kept_beside_what_was_built():
 def test_impossible_assemblies_are_refused():
     out_of_place = pl.optics.Placement(shift=(0.1, 0, 0))
     for make, message in (
-        (lambda: CAMERA.moved(SENSOR, tilt=(math.radians(50.0), 0.0, 0.0)), "behind what stands in front"),
+        (lambda: CAMERA.moved(SENSOR, tilt=(math.radians(50.0), 0.0, 0.0)), "behind the part in front"),
         (lambda: CAMERA.moved(ARRAY, shift=(0.0, 0.0, -100.0)), "last vertex"),
         (lambda: dataclasses.replace(bare_camera(), microlenses_placement=out_of_place), "without microlenses"),
         (lambda: CAMERA.moved(7), "CameraPart"),

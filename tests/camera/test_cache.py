@@ -1,4 +1,4 @@
-"""A camera's record and what feeds its pixels are kept for the camera that was compiled last, and for no other."""
+"""Last-result cache of camera records and illuminated pixels."""
 
 import dataclasses
 import gc
@@ -21,10 +21,10 @@ ALL = 24 * 24
 
 @pytest.fixture
 def counted(monkeypatch):
-    """Cameras that have been compiled, and of how many pixels it has been found what feeds them."""
-    count, find, compile_it = SimpleNamespace(pixels=0, compiled=0), cache.fed_pixels, cache.camera_record
+    """Count compiled cameras, and pixels whose aperture regions are computed."""
+    count, find, compile_it = SimpleNamespace(pixels=0, compiled=0), cache.illuminated_pixels, cache.camera_record
 
-    def fed_pixels(record, pixels, number, **how):
+    def illuminated_pixels(record, pixels, number, **how):
         count.pixels += len(pixels)
         return find(record, pixels, number, **how)
 
@@ -32,7 +32,7 @@ def counted(monkeypatch):
         count.compiled += 1
         return compile_it(camera)
 
-    monkeypatch.setattr(cache, "fed_pixels", fed_pixels)
+    monkeypatch.setattr(cache, "illuminated_pixels", illuminated_pixels)
     monkeypatch.setattr(cache, "camera_record", camera_record)
     return count
 
@@ -49,7 +49,7 @@ def same(one, other):
 def test_a_camera_is_compiled_once(counted):
     camera = pl.camera.example_camera()
     first = rendered(camera)
-    assert counted.pixels == ALL and not prepared_camera(camera)._fed  # who renders once has no use for it
+    assert counted.pixels == ALL and not prepared_camera(camera)._illuminated  # who renders once has no use for it
     assert same(rendered(camera), first) and counted.pixels == 2 * ALL
     assert same(rendered(camera), first) and counted.pixels == 2 * ALL
     pl.ground_truth(SCENE, camera, region=REGION)
@@ -60,8 +60,8 @@ def test_a_camera_is_compiled_once(counted):
     assert counted.compiled == 2 and counted.pixels == 3 * ALL
 
 
-def test_a_camera_that_stands_elsewhere_is_not_compiled_again(counted):
-    camera = pl.camera.example_camera()
+def test_a_camera_with_another_pose_is_not_compiled_again(counted):
+    camera = reference_camera()
     poses = [pl.Pose.look_at((x, 3.0, 5.0), (0, 0, -404)) for x in (0.0, 2.0, 4.0)]
     # As in a loop over frames: what they share stays with the sensor.
     shots = [rendered(dataclasses.replace(camera, pose=pose)) for pose in poses]
@@ -71,60 +71,64 @@ def test_a_camera_that_stands_elsewhere_is_not_compiled_again(counted):
     assert counted.compiled == 4
 
 
-def test_what_feeds_pixels_is_found_once_for_all_steps(counted):
-    camera = pl.camera.example_camera()
+def test_illuminated_pixels_are_computed_once_for_all_steps(counted):
+    camera = reference_camera()
     shot = rendered(camera, target_error=0.02)
     assert shot.samples > 32 and counted.pixels == ALL
     # Other tiles take the place of these.
     cut = rendered(camera, tile_side=7)
-    assert counted.pixels == 2 * ALL and not prepared_camera(camera)._fed
+    assert counted.pixels == 2 * ALL and not prepared_camera(camera)._illuminated
     assert same(cut, rendered(camera))
 
 
-def test_no_more_is_kept_than_there_is_room_for(counted, monkeypatch):
-    camera, budget = pl.camera.example_camera(), {"target_error": 0.02, "tile_side": 8}
+def test_the_cache_has_a_size_limit(counted, monkeypatch):
+    camera, budget = reference_camera(), {"target_error": 0.02, "tile_side": 8}
     whole = rendered(camera, **budget)
     assert counted.pixels == ALL
-    for most in (0, 100_000):
-        monkeypatch.setattr(cache, "MOST_BYTES", most)
-        counted.pixels, other = 0, pl.camera.example_camera()
+    for limit in (0, 100_000):
+        monkeypatch.setattr(cache, "MAX_CACHED_BYTES", limit)
+        counted.pixels, other = 0, reference_camera()
         assert same(rendered(other, **budget), whole)
         assert counted.pixels > ALL  # in each step those for which there was no room
-        kept = prepared_camera(other)._fed.values()
-        arrays = [array for fed in kept for array in (*fed[:3], *fed.regions) if array is not None]
-        assert sum(array.nbytes for array in arrays) <= most
-        assert (len(kept) > 0) == (most > 0)
-        assert all(array.base is None for fed in kept for array in fed.regions[:4])  # which would have room for more
+        cached = prepared_camera(other)._illuminated.values()
+        arrays = [
+            array for illuminated in cached for array in (*illuminated[:3], *illuminated.regions) if array is not None
+        ]
+        assert sum(array.nbytes for array in arrays) <= limit
+        assert (len(cached) > 0) == (limit > 0)
+        assert all(
+            array.base is None for illuminated in cached for array in illuminated.regions[:4]
+        )  # which would have room for more
 
 
-def test_pixels_whose_microlenses_differ_and_those_in_the_dark_are_kept_too():
-    camera = pl.camera.example_camera()
+def test_dark_pixels_and_different_microlenses_are_cached():
+    camera = reference_camera()
     dark = dataclasses.replace(camera, lens=the_lens(0.05))
     for each in (with_array(camera, focal_lengths=(1.8, 2.0, 2.2)), dark):
         first = rendered(each, tile_side=3)
         assert all(same(rendered(each, tile_side=3), first) for _ in range(2))
-        assert prepared_camera(each)._fed
+        assert prepared_camera(each)._illuminated
 
 
-def test_it_goes_when_its_camera_goes():
-    camera = pl.camera.example_camera()
+def test_the_cache_is_freed_with_its_camera():
+    camera = reference_camera()
     rendered(camera, target_error=0.05)
-    kept = weakref.ref(prepared_camera(camera))
-    assert prepared_camera(camera) is kept() and kept()._fed
+    reference = weakref.ref(prepared_camera(camera))
+    assert prepared_camera(camera) is reference() and reference()._illuminated
     del camera
     gc.collect()
-    assert kept() is None
+    assert reference() is None
     # And when another one comes.
-    one, other = pl.camera.example_camera(), pl.camera.example_camera()
-    kept = weakref.ref(prepared_camera(one))
+    one, other = reference_camera(), reference_camera()
+    reference = weakref.ref(prepared_camera(one))
     prepared_camera(other)
     gc.collect()
-    assert kept() is None
+    assert reference() is None
 
 
-def test_threads_with_cuts_of_their_own_do_not_disturb_each_other():
-    camera, sides, shots = pl.camera.example_camera(), (5, 8, 16), {}
-    alone = rendered(camera)
+def test_threads_with_different_tiles_do_not_interfere():
+    camera, sides, shots = reference_camera(), (5, 8, 16), {}
+    single = rendered(camera)
 
     def work(side):
         for _ in range(4):
@@ -132,4 +136,4 @@ def test_threads_with_cuts_of_their_own_do_not_disturb_each_other():
 
     with ThreadPoolExecutor(len(sides)) as threads:
         list(threads.map(work, sides))
-    assert all(same(shots[side], alone) for side in sides)
+    assert all(same(shots[side], single) for side in sides)

@@ -7,7 +7,7 @@ from camera_helpers import refused
 
 import plenoptic as pl
 from plenoptic.camera.design.design import design_camera
-from plenoptic.camera.report.focus import CameraKind
+from plenoptic.camera.gaussian import CameraKind
 from plenoptic.camera.report.report import camera_report
 from plenoptic.optics.lens.analysis.focus import best_focus
 
@@ -20,12 +20,12 @@ RMS = pl.FocusCriterion.RMS_SPOT
 PLAIN = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0}
 
 
-def design(lens=LENS, **wishes):
-    return design_camera(lens, sensor=SENSOR, **wishes)
+def design(lens=LENS, **targets):
+    return design_camera(lens, sensor=SENSOR, **targets)
 
 
-def test_reports_of_designs_say_what_was_wished_for():
-    for wishes in (
+def test_reports_of_designs_state_the_targets():
+    for targets in (
         {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0},
         {"kind": KEPLERIAN, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0, "image_fill": 0.9},
         {"kind": GALILEAN, "pitch": 0.217, "focal_length": 2.0, "disparity": 3.0},
@@ -45,27 +45,27 @@ def test_reports_of_designs_say_what_was_wished_for():
         {"kind": FIRST, "pitch": 0.217, "semi_diameter": 5.0},
         {"kind": FIRST, "pitch": 0.217, "semi_diameter": 5.0, "focal_length": 2.0, "image_fill": None},
     ):
-        made = design(LENS if len(wishes) == 3 else PARAXIAL, z=-404.0, **wishes)
-        report, camera = camera_report(made.camera), made.camera
+        result = design(LENS if len(targets) == 3 else PARAXIAL, z=-404.0, **targets)
+        report, camera = camera_report(result.camera), result.camera
         (focus,) = report.focus
-        assert report.kind is wishes["kind"], wishes
+        assert report.kind is targets["kind"], targets
         # The search ends at 1e-8 of the array's distance, times the longitudinal magnification 1 / 0.319^2.
-        assert focus.z_traced == pytest.approx(-404.0, abs=1e-8 * 150 * 10 * 2), wishes
-        if wishes.get("image_fill", 1.0) is not None:
-            assert report.image_fill == pytest.approx(wishes.get("image_fill", 1.0), abs=1.1e-8), wishes
+        assert focus.z_traced == pytest.approx(-404.0, abs=1e-8 * 150 * 10 * 2), targets
+        if targets.get("image_fill", 1.0) is not None:
+            assert report.image_fill == pytest.approx(targets.get("image_fill", 1.0), abs=1.1e-8), targets
         for name in ("virtual_depth", "disparity"):
-            assert name not in wishes or getattr(focus, name) == pytest.approx(wishes[name], rel=1e-9), wishes
+            assert name not in targets or getattr(focus, name) == pytest.approx(targets[name], rel=1e-9), targets
         # What is given is kept, to the bit.
-        kept = {
+        camera_values = {
             "pitch": camera.microlenses.pitch,
             "focal_length": camera.microlenses.focal_length,
             "semi_diameter": camera.lens.stop.semi_diameter,
             "stop_to_microlenses": camera.stop_to_microlenses,
             "microlenses_to_sensor": camera.microlenses_to_sensor,
         }
-        for name, has in kept.items():
-            assert (name in made.solved_for) == (name not in wishes) or name == "semi_diameter", (name, wishes)
-            assert name not in wishes or has == wishes[name], (name, wishes)
+        for name, has in camera_values.items():
+            assert (name in result.solved_for) == (name not in targets) or name == "semi_diameter", (name, targets)
+            assert name not in targets or has == targets[name], (name, targets)
 
 
 def test_designs_recover_a_camera_from_its_report():
@@ -79,17 +79,17 @@ def test_designs_recover_a_camera_from_its_report():
         camera = pl.PlenopticCamera(lens.with_stop(pl.CircularStop(5.0)), SENSOR, place, array, b)
         report = camera_report(camera)
         (focus,) = report.focus
-        wishes = {"pitch": 0.217, "focal_length": 2.0, "image_fill": report.image_fill}
+        targets = {"pitch": 0.217, "focal_length": 2.0, "image_fill": report.image_fill}
         depth = {} if kind is FIRST else {"virtual_depth": focus.virtual_depth}
-        made = design(lens, kind=kind, z=focus.z_traced, **wishes, **depth).camera
-        assert made.microlenses_to_sensor == pytest.approx(b, rel=1e-12), kind
-        assert made.stop_to_microlenses == pytest.approx(place, rel=3e-8), kind
-        assert made.lens.stop.semi_diameter == pytest.approx(5.0, rel=3e-8), kind
+        recovered = design(lens, kind=kind, z=focus.z_traced, **targets, **depth).camera
+        assert recovered.microlenses_to_sensor == pytest.approx(b, rel=1e-12), kind
+        assert recovered.stop_to_microlenses == pytest.approx(place, rel=3e-8), kind
+        assert recovered.lens.stop.semi_diameter == pytest.approx(5.0, rel=3e-8), kind
 
 
 def test_the_first_step_is_paraxial_and_errors_fall():
-    made = design(**PLAIN)
-    first, last = made.history[0], made.history[-1]
+    result = design(**PLAIN)
+    first, last = result.history[0], result.history[-1]
     assert first.stop_to_microlenses == pytest.approx(pl.paraxial.image_position(LENS, -404.0) - 6.0, rel=1e-13)
     cone = (first.stop_to_microlenses - POINTS.exit_pupil) / (2 * POINTS.pupil_magnification * first.semi_diameter)
     distance = first.stop_to_microlenses - POINTS.exit_pupil
@@ -97,14 +97,14 @@ def test_the_first_step_is_paraxial_and_errors_fall():
     # The aberrations of this lens: spherical aberration moves the focus by a tenth of a millimetre.
     assert abs(first.focus_error) > 0.05 and abs(first.fill_error) > 1e-4
     assert abs(last.focus_error) < 1e-8 * last.stop_to_microlenses and abs(last.fill_error) < 1e-8
-    sizes = [abs(step.focus_error) for step in made.history]
+    sizes = [abs(step.focus_error) for step in result.history]
     assert all(later < 0.3 * before for before, later in pairwise(sizes))
 
 
 def test_where_a_design_is_in_focus():
-    made = design(kind=FIRST, z=-404.0, pitch=0.217, focal_length=2.0, criterion=pl.FocusCriterion.PARAXIAL)
-    assert made.camera.stop_to_microlenses == pl.paraxial.image_position(LENS, -404.0)
-    assert camera_report(made.camera).image_fill == pytest.approx(1.0, abs=1.1e-8)
+    result = design(kind=FIRST, z=-404.0, pitch=0.217, focal_length=2.0, criterion=pl.FocusCriterion.PARAXIAL)
+    assert result.camera.stop_to_microlenses == pl.paraxial.image_position(LENS, -404.0)
+    assert camera_report(result.camera).image_fill == pytest.approx(1.0, abs=1.1e-8)
     horizon = design(kind=FIRST, z=-math.inf, pitch=0.217, focal_length=2.0)
     assert camera_report(horizon.camera).focus[0].z_traced == -math.inf
     # A virtual depth is that of the plane in focus.
@@ -114,41 +114,41 @@ def test_where_a_design_is_in_focus():
 def test_disparity_in_another_plane():
     # By the traced images of both planes: s = image of the other plane behind the array.
     for kind, fixed in ((GALILEAN, False), (KEPLERIAN, False), (FIRST, False), (GALILEAN, True), (KEPLERIAN, True)):
-        wanted = 0.4 if kind is FIRST else 3.0
+        disparity = 0.4 if kind is FIRST else 3.0
         free = {"focal_length": 2.0, "semi_diameter": 5.0} if kind is FIRST else {"focal_length": 2.0, "pitch": 0.217}
         free = {"microlenses_to_sensor": 1.7, "pitch": 0.217} if fixed else free
         fill = None if kind is FIRST else 1.0
         lens = LENS if kind is KEPLERIAN else PARAXIAL
-        wishes = {"disparity": wanted, "depth_at": -390.0, "image_fill": fill, **free}
-        camera = design(lens, kind=kind, z=-404.0, **wishes).camera
+        targets = {"disparity": disparity, "depth_at": -390.0, "image_fill": fill, **free}
+        camera = design(lens, kind=kind, z=-404.0, **targets).camera
         image = best_focus(camera.lens, z_object=-390.0, criterion=RMS)
         s, b, p = image - camera.stop_to_microlenses, camera.microlenses_to_sensor, camera.microlenses.pitch
-        found = s * 0.01 / (b * p) if kind is FIRST else p * b / abs(s) / 0.01
-        assert found == pytest.approx(wanted, rel=1e-7), (kind, fixed)
+        traced_disparity = s * 0.01 / (b * p) if kind is FIRST else p * b / abs(s) / 0.01
+        assert traced_disparity == pytest.approx(disparity, rel=1e-7), (kind, fixed)
         assert camera_report(camera).focus[0].z_traced == pytest.approx(-404.0, abs=1e-5), (kind, fixed)
 
 
 def test_a_camera_array_looks_at_its_plane():
-    wishes = {"z": -404.0, "pitch": 0.217, "focal_length": 2.0, "stop_to_microlenses": 100.0}
-    made = design(NONE, kind=CameraKind.CAMERA_ARRAY, **wishes)
+    targets = {"z": -404.0, "pitch": 0.217, "focal_length": 2.0, "stop_to_microlenses": 100.0}
+    result = design(NONE, kind=CameraKind.CAMERA_ARRAY, **targets)
     # 1/b = 1/f - 1/504, and the iris at 100 mm fills images that touch.
-    assert made.camera.microlenses_to_sensor == pytest.approx(1 / (1 / 2.0 - 1 / 504.0), rel=1e-12)
-    b = made.camera.microlenses_to_sensor
-    assert made.camera.lens.stop.semi_diameter == pytest.approx(0.217 * (1 + b / 100) * 100 / (2 * b), rel=2e-8)
-    assert camera_report(made.camera).focus[0].z == pytest.approx(-404.0, rel=1e-11)
+    assert result.camera.microlenses_to_sensor == pytest.approx(1 / (1 / 2.0 - 1 / 504.0), rel=1e-12)
+    b = result.camera.microlenses_to_sensor
+    assert result.camera.lens.stop.semi_diameter == pytest.approx(0.217 * (1 + b / 100) * 100 / (2 * b), rel=2e-8)
+    assert camera_report(result.camera).focus[0].z == pytest.approx(-404.0, rel=1e-11)
 
 
 def test_the_stop_keeps_its_shape_and_the_array_what_it_has():
     opening = pl.optics.MicrolensAperture(fill_factor=0.8)
     array = pl.MicrolensArray(0.217, (2.4, 2.0), pl.Lattice.SQUARE, aperture=opening)
     lens = LENS.with_stop(pl.PolygonStop(blades=5, semi_diameter=9.0, rotation=0.3))
-    made = design(lens, kind=GALILEAN, z=-404.0, microlenses=array, virtual_depth=4.0, wavelength=550.0)
-    stop = made.camera.lens.stop
-    assert made.camera.microlenses == array and made.camera.wavelength == 550.0
+    result = design(lens, kind=GALILEAN, z=-404.0, microlenses=array, virtual_depth=4.0, wavelength=550.0)
+    stop = result.camera.lens.stop
+    assert result.camera.microlenses == array and result.camera.wavelength == 550.0
     assert (stop.blades, stop.rotation) == (5, 0.3) and 0 < stop.semi_diameter < 9.0
-    assert made.camera.microlenses_to_sensor == pytest.approx(2.4 * 0.75, rel=1e-12)
-    focused = made.camera.focused_at(-404.0, criterion=RMS, microlens_type=0)
-    assert focused.stop_to_microlenses == pytest.approx(made.camera.stop_to_microlenses, rel=2e-8)
+    assert result.camera.microlenses_to_sensor == pytest.approx(2.4 * 0.75, rel=1e-12)
+    focused = result.camera.focused_at(-404.0, criterion=RMS, microlens_type=0)
+    assert focused.stop_to_microlenses == pytest.approx(result.camera.stop_to_microlenses, rel=2e-8)
 
 
 def test_micrometre_lenses_and_kilometres():
@@ -156,10 +156,10 @@ def test_micrometre_lenses_and_kilometres():
         front = pl.Surface(50.0 * scale, 4.0 * scale, pl.ConstantMedium(1.5), semi_diameter=12.0 * scale)
         surfaces = front, pl.Surface(-80.0 * scale, semi_diameter=12.0 * scale)
         lens = pl.LensStack([pl.CircularStop(4.0 * scale, thickness=1.0 * scale), *surfaces])
-        wishes = {"z": -1e6 * scale, "pitch": 0.2 * scale, "focal_length": 2.0 * scale, "virtual_depth": 3.0}
-        made = design_camera(lens, sensor=pl.Sensor((100, 100), 1e-2 * scale), kind=GALILEAN, **wishes)
-        assert made.camera.microlenses_to_sensor == pytest.approx(4.0 / 3.0 * scale, rel=1e-12)
-        report = camera_report(made.camera)
+        targets = {"z": -1e6 * scale, "pitch": 0.2 * scale, "focal_length": 2.0 * scale, "virtual_depth": 3.0}
+        result = design_camera(lens, sensor=pl.Sensor((100, 100), 1e-2 * scale), kind=GALILEAN, **targets)
+        assert result.camera.microlenses_to_sensor == pytest.approx(4.0 / 3.0 * scale, rel=1e-12)
+        report = camera_report(result.camera)
         assert report.image_fill == pytest.approx(1.0, abs=2e-8)
         # 1e-8 of the image distance, times (1e6 / 61)^2.
         assert report.focus[0].z_traced == pytest.approx(-1e6 * scale, rel=2e-8 * 60 * (1e6 / 61) ** 2 / 1e6)
@@ -169,7 +169,7 @@ TWICE = {"stop_to_microlenses": 123.3, "microlenses_to_sensor": 1.7, "semi_diame
 TWICE |= {"pitch": None, "virtual_depth": None}
 
 
-def test_impossible_wishes():
+def test_impossible_targets():
     for changes, says in (
         ({"semi_diameter": 5.0}, "too many; leave out 1"),
         ({"virtual_depth": None, "image_fill": None}, "too few; give 1 more"),
@@ -180,7 +180,7 @@ def test_impossible_wishes():
         ({"z": 404.0}, "in front of the camera"),
         ({"z": POINTS.front_focus}, "image at infinity"),
         ({"depth_at": 0.0}, "in front of the camera"),
-        ({"virtual_depth": None, "depth_at": -300.0, "stop_to_microlenses": 120.0}, "depth_at says where"),
+        ({"virtual_depth": None, "depth_at": -300.0, "stop_to_microlenses": 120.0}, "depth_at is the plane"),
         ({"kind": FIRST}, "another plane depth_at"),
         ({"kind": CameraKind.CONVENTIONAL}, "focused_at"),
         ({"kind": CameraKind.CAMERA_ARRAY}, "LensModel.NONE"),
@@ -189,7 +189,7 @@ def test_impossible_wishes():
         ({"lattice": pl.Lattice.FREE}, "give microlenses"),
         ({"microlenses": pl.MicrolensArray(0.2, (2.0,))}, "leave out pitch"),
         ({"pitch": -0.2}, "pitch is -0.2"),
-        ({"virtual_depth": 100.0}, "cannot be|last lens vertex"),
+        ({"virtual_depth": 100.0}, "is impossible|last lens vertex"),
         ({"virtual_depth": 60.0}, "last lens vertex"),
         # The iris may be opened as one likes: the rims of the lens end the light at f/2.6.
         ({"pitch": 1.0, "lens": LENS}, "image_fill 1 cannot be had"),
@@ -199,6 +199,6 @@ def test_impossible_wishes():
         # Focus is given twice, and nothing says the pitch.
         (TWICE, "nothing left to choose|cannot be found"),
     ):
-        wishes = PLAIN | changes
+        targets = PLAIN | changes
         with refused(says):
-            design(wishes.pop("lens", PARAXIAL), **wishes)
+            design(targets.pop("lens", PARAXIAL), **targets)

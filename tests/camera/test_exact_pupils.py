@@ -1,6 +1,6 @@
-"""What feeds pixels, found through the openings of the lens: it brings the light that paths drawn anywhere bring.
+"""Aperture regions clipped by the openings of the lens give the light of paths drawn from the whole pupil.
 
-And what white images add without tracing passes the lens.
+The unvignetted core, which white images add without tracing, passes the lens.
 """
 
 import dataclasses
@@ -11,11 +11,12 @@ import pytest
 from camera_helpers import CAMERA, agree, bare_camera, camera_with, compiled_anew, out_of_blocks, the_lens, total
 
 import plenoptic as pl
-from plenoptic.camera import cache, record
-from plenoptic.camera.paths import CameraPaths
-from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
-from plenoptic.camera.sampling.record import batch_record
+from plenoptic.camera import cache
+from plenoptic.camera import camera_record as record
+from plenoptic.camera.camera_rays import CameraRays
+from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
+from plenoptic.camera.sampling.sampling_records import batch_record
 from plenoptic.camera.sampling.through_array import fill_through_array
 from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
@@ -28,7 +29,7 @@ def opening(fill, gaps):
 
 
 def strong_lens():
-    """Light passes it in two parts: a crescent of grazing rays beside those that go through near the axis."""
+    """Lens with a disconnected pupil: a crescent of grazing rays, and rays close to the axis."""
     front = pl.Surface(7.48, 14.348, pl.ConstantMedium(1.987), semi_diameter=6.6)
     return pl.LensStack([pl.CircularStop(0.641, 2.614), front, pl.Surface(-8.76, semi_diameter=6.685)])
 
@@ -77,7 +78,7 @@ MORE_CAMERAS = {
 
 
 def some_regions(camera):
-    """Rows and columns in the middle, at the edge and in a corner."""
+    """Rows and columns of regions in the middle, at the edge and in a corner."""
     rows, columns = camera.sensor.shape
     return [
         ((row, row + 12), (column, column + 12))
@@ -85,37 +86,39 @@ def some_regions(camera):
     ]
 
 
-def sky(camera, **settings):
-    """All paths traced: a white image adds what is certain."""
+def render_sky(camera, **settings):
+    """Render a uniform sky with all paths traced; a white image adds the unvignetted core."""
     return pl.render(pl.Scene(background=1.0), camera, truth=pl.Truth.NONE, **settings)
 
 
-def certain_of(name):
-    """How many paths of a camera are certain, all of which pass."""
+def count_core_rays(name):
+    """Number of rays in the unvignetted core of a camera; all of them pass."""
     camera = camera_record(CAMERAS[name])
-    added = 0
+    n_core = 0
     for rows, columns in some_regions(CAMERAS[name]):
         number = np.arange((rows[1] - rows[0]) * (columns[1] - columns[0]))
-        fed = fed_pixels(camera, pixel_centres(camera, rows, columns), number, certain=True)
-        if not fed.place.size:
+        illuminated = illuminated_pixels(camera, pixel_centres(camera, rows, columns), number, with_core=True)
+        if not illuminated.place.size:
             continue
-        n = 64 * fed.place.size
-        ways = CameraPaths(camera, fed, batch_record(np.uint64(7), 0, 64, 1, 0, 0), n)
-        ways.started(0, n)
-        sure, lanes = ways.sure, None
-        *_, axis_x, _, _, axis_y, weights, _ = out_of_blocks(sure, sure.size // 8)
-        if fed.regions.details is not None:
-            # The microlens of a path beside is another one; that of what is certain is known by its axis.
-            rows_of = {(d["axis_x"], d["axis_y"]): d for d in fed.regions.details[: fed.regions.first[-1]]}
-            lanes = camera.own(sure.size // 8)
+        n = 64 * illuminated.place.size
+        camera_rays = CameraRays(camera, illuminated, batch_record(np.uint64(7), 0, 64, 1, 0, 0), n)
+        camera_rays.sample(0, n)
+        core, lenslets = camera_rays.core, None
+        *_, axis_x, _, _, axis_y, weights, _ = out_of_blocks(core, core.size // 8)
+        if illuminated.regions.details is not None:
+            # The path has another microlens than the core ray, whose microlens follows from its axis.
+            rows_of = {
+                (d["axis_x"], d["axis_y"]): d for d in illuminated.regions.details[: illuminated.regions.first[-1]]
+            }
+            lenslets = camera.lenslet_parameters(core.size // 8)
             for k, axis in enumerate(zip(axis_x, axis_y, strict=True)):
-                lanes[k] = rows_of.get(axis, lanes[k])
-        fill_through_array(sure, lanes, camera, ways.waves)
-        fill_traced(sure, ways.lens, ways.waves)
-        lost = out_of_blocks(sure, sure.size // 8)[7] != 0
+                lenslets[k] = rows_of.get(axis, lenslets[k])
+        fill_through_array(core, lenslets, camera, camera_rays.waves)
+        fill_traced(core, camera_rays.lens, camera_rays.waves)
+        lost = out_of_blocks(core, core.size // 8)[7] != 0
         assert not (lost & (weights > 0)).any(), name
-        added += int((weights > 0).sum())
-    return added
+        n_core += int((weights > 0).sum())
+    return n_core
 
 
 FEW = (
@@ -127,13 +130,13 @@ FEW = (
 @pytest.mark.parametrize(
     "names", [FEW, pytest.param([n for n in CAMERAS if n not in FEW], marks=pytest.mark.slow)], ids=["few", "more"]
 )
-def test_what_is_certain_passes(names):
+def test_the_unvignetted_core_is_unvignetted(names):
     for name in names:
         # Corners of a box around a wide pupil pass no lens, so that nothing is known.
-        assert (certain_of(name) > 100) == (name not in {"no array, barrel", "ball"}), name
+        assert (count_core_rays(name) > 100) == (name not in {"no array, barrel", "ball"}), name
 
 
-def test_where_something_else_stops_light_none_is_certain():
+def test_other_stops_leave_no_unvignetted_core():
     for camera, why in (
         (MORE_CAMERAS["round openings"], "round"),
         (MORE_CAMERAS["plates"], "plates"),
@@ -149,8 +152,10 @@ def test_where_something_else_stops_light_none_is_certain():
     assert scene.runs(Stage.EXACT_PUPILS) and not scene.runs(Stage.CERTAIN_LIGHT)
     for name in ("star", "curved blades"):
         camera = camera_record(MORE_CAMERAS[name])
-        regions = fed_pixels(camera, pixel_centres(camera, (250, 258), (250, 258)), np.arange(64), certain=True).regions
-        assert not regions.pieces["certain"][: regions.first[-1]].any(), name
+        regions = illuminated_pixels(
+            camera, pixel_centres(camera, (250, 258), (250, 258)), np.arange(64), with_core=True
+        ).regions
+        assert not regions.pieces["has_core"][: regions.first[-1]].any(), name
 
 
 def test_pixels_that_see_very_many_microlenses_are_traced_whole():
@@ -159,23 +164,23 @@ def test_pixels_that_see_very_many_microlenses_are_traced_whole():
         camera = camera_with(stop=stop, pitch=pitch, lattice=pl.Lattice.SQUARE)
         camera = dataclasses.replace(camera, sensor=pl.Sensor(shape=(64, 64), pixel_pitch=pitch))
         settings = {"samples": 256, "replicates": 8, "region": np.s_[32:40, 32:40], "progress": False}
-        white, traced = pl.render_white(camera, **settings), sky(camera, seed=1, **settings)
+        white, traced = pl.render_white(camera, **settings), render_sky(camera, seed=1, **settings)
         agree(white, traced, case=pitch)
 
 
-def test_exact_regions_bring_the_light_of_bounds(monkeypatch):
+def test_exact_regions_give_the_light_of_pupil_bounds(monkeypatch):
     # Pinholes send all rays of a cell alike: no movement of their regions with the point on the pixel can be known.
     for camera in (CAMERA, camera_with(stop=0.5), CAMERAS["pinholes"]):
         arguments = {"samples": 256, "replicates": 16, "region": np.s_[:32, :32], "progress": False}
-        exact = sky(camera, seed=1, **arguments)
+        exact = render_sky(camera, seed=1, **arguments)
         with monkeypatch.context() as patch:
-            patch.setattr(record, "why_bounds", lambda *_, **__: "they do")
-            bounds = sky(compiled_anew(camera), seed=2, **arguments)
+            patch.setattr(record, "bounds_reason", lambda *_, **__: "they do")
+            bounds = render_sky(compiled_anew(camera), seed=2, **arguments)
         agree(exact, bounds)
         assert exact.stats.paths_through_lens / exact.stats.paths > bounds.stats.paths_through_lens / bounds.stats.paths
 
 
-def test_many_microlenses_and_clear_gaps_are_left_to_bounds():
+def test_many_microlenses_and_clear_gaps_use_pupil_bounds():
     large = camera_with(stop=4.0, shape=(8192, 8192))
     for camera, exact in (
         *((CAMERA, True), (large, True), (camera_with(stop=20.0), False)),
@@ -185,7 +190,7 @@ def test_many_microlenses_and_clear_gaps_are_left_to_bounds():
 
 
 def blind(made, camera):
-    """The same camera as if nothing were known of its pupil.
+    """The same camera with trivial bounds on its pupil.
 
     Paths are drawn over all microlenses near a pixel, whole, from which rays may reach the lens's last element.
     """
@@ -199,7 +204,7 @@ def blind(made, camera):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("group", range(6))
-def test_images_are_those_of_paths_drawn_anywhere(group, monkeypatch):
+def test_images_equal_those_of_paths_from_the_whole_pupil(group, monkeypatch):
     # Of a tiny stop, too few paths would arrive.
     names = [name for name in (*CAMERAS, *MORE_CAMERAS) if name != "tiny stop"]
     for name in names[group::6]:
@@ -212,23 +217,23 @@ def assert_as_drawn_anywhere(name, monkeypatch):
     for seed, (rows, columns) in enumerate(some_regions(camera)[::2]):
         arguments = {"replicates": 32, "region": (slice(*rows), slice(*columns)), "progress": False}
         white = pl.render_white(camera, samples=samples, seed=seed, **arguments)
-        traced = sky(camera, samples=samples, seed=100 + seed, **arguments)
+        traced = render_sky(camera, samples=samples, seed=100 + seed, **arguments)
         with monkeypatch.context() as patch:
             patch.setattr(cache, "camera_record", lambda of: blind(camera_record(of), of))
-            anywhere = sky(compiled_anew(camera), samples=many, seed=200 + seed, **arguments)
+            anywhere = render_sky(compiled_anew(camera), samples=many, seed=200 + seed, **arguments)
         value, useful = anywhere.image.astype(float), anywhere.stats.paths_through_lens / anywhere.stats.paths
-        known = anywhere.standard_error < 0.1 * value
+        is_precise = anywhere.standard_error < 0.1 * value
         for kind, shot in (("white", white), ("traced", traced)):
             off = shot.image - value
             error = np.hypot(shot.standard_error, anywhere.standard_error).astype(float)
             assert abs(off.sum()) <= 4 * math.hypot(total(shot)[1], total(anywhere)[1]), (name, kind)
             # Of what a single path makes, such as the only one that is lost, no standard error knows.
             single = np.hypot(value / samples, value / max(many * useful, 1.0))
-            over[kind].extend((off / np.hypot(error, single))[known])
-        # Where all is certain, or nothing, both draw alike, and behind a small stop few pixels say how well.
+            over[kind].extend((off / np.hypot(error, single))[is_precise])
+        # With a core of all light or none, both draw alike, and behind a small stop few pixels are informative.
         lit = traced.image > 0.1 * traced.image.max()
         assert np.square(white.standard_error[lit]).sum() <= 2.0 * np.square(traced.standard_error[lit]).sum()
-    for kind, found in over.items():
+    for kind, chi in over.items():
         # Errors of 32 replicates make Student's t of 31 degrees of freedom: mean square 31 / 29, and four standard
         # errors of that mean. Through the smallest pupils no pixel is known so well.
-        assert not found or np.mean(np.square(found)) <= 31 / 29 * (1 + 4 * math.sqrt(2 / len(found))), (name, kind)
+        assert not chi or np.mean(np.square(chi)) <= 31 / 29 * (1 + 4 * math.sqrt(2 / len(chi))), (name, kind)

@@ -72,12 +72,12 @@ def test_ideal_lenses_focus_by_their_cardinal_points_whatever_the_criterion():
     # 1 / image - 1 / object = 1 / f, both measured from the one plane of the model.
     image = POINTS.rear_principal + 1.0 / (1.0 / POINTS.efl + 1.0 / (-404.0 - POINTS.rear_principal))
     for criterion in FocusCriterion:
-        given = {"criterion": criterion}
-        assert thin.focused_at(-404.0, **given).z_sensor == pytest.approx(image, abs=1e-11)
-        assert thin.focused_at(-math.inf, **given).z_sensor == pytest.approx(POINTS.rear_focus, abs=1e-11)
-        assert paraxial.focused_at(-404.0, **given).z_sensor == pytest.approx(IMAGE, abs=1e-11)
+        options = {"criterion": criterion}
+        assert thin.focused_at(-404.0, **options).z_sensor == pytest.approx(image, abs=1e-11)
+        assert thin.focused_at(-math.inf, **options).z_sensor == pytest.approx(POINTS.rear_focus, abs=1e-11)
+        assert paraxial.focused_at(-404.0, **options).z_sensor == pytest.approx(IMAGE, abs=1e-11)
         with refused(r"LensModel\.NONE, which bends no ray, so no plane is"):
-            nothing.focused_at(-404.0, **given)
+            nothing.focused_at(-404.0, **options)
     slopes = np.linspace(-0.05, 0.05, 5)
     fan = pl.RayBundle([[3.0, 0, -404.0]] * 5, np.column_stack([slopes, 0 * slopes, np.ones(5)]))
     for each in (thin.focused_at(-404.0), paraxial.focused_at(-404.0)):

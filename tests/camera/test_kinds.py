@@ -66,8 +66,8 @@ def test_dark_lenses_are_black_and_half_transparent_ones_halve_the_light():
     agree(white(half, 256), white(CAMERA, 256, seed=1), 0.5)
     # One dark lens on the axis: its image disappears, others stay as they are.
     one = with_array(imperfections=pl.optics.MicrolensDeviations(index=[(0, 0)], transmission=[0.0]))
-    around = np.s_[230:282, 230:282]
-    shot, whole = white(one, 256, around), white(CAMERA, 256, around, seed=1)
+    region = np.s_[230:282, 230:282]
+    shot, whole = white(one, 256, region), white(CAMERA, 256, region, seed=1)
     assert shot.image[26, 26, 0] == 0 < whole.image[26, 26, 0]
     agree(shot, whole, region=np.s_[:8, :8])
 
@@ -84,8 +84,8 @@ def test_each_type_images_as_an_array_of_its_own():
         several = with_array(small, model=model, focal_lengths=focal_lengths)
         shot = white(several, 128)
         for number, f in enumerate(focal_lengths):
-            alone = white(with_array(several, focal_lengths=(f,)), 128, seed=1)
-            agree(shot, alone, region=kind == number, case=(model, f))
+            single_type = white(with_array(several, focal_lengths=(f,)), 128, seed=1)
+            agree(shot, single_type, region=kind == number, case=(model, f))
 
 
 def test_opaque_gaps_take_their_area_s_part_of_the_light():
@@ -127,8 +127,8 @@ def test_clear_gaps_pass_what_opaque_ones_stop():
 def camera_array(**changes):
     """3 x 3 cameras of 10 mm with openings of 1 mm radius."""
     opening = pl.optics.MicrolensAperture(SHAPES.CIRCLE, math.pi / 100)
-    given = {"lattice": pl.Lattice.SQUARE, "aperture": opening, "walls": pl.optics.Walls.OPAQUE} | changes
-    array = pl.MicrolensArray(pitch=10.0, focal_lengths=(8.0,), **given)
+    parameters = {"lattice": pl.Lattice.SQUARE, "aperture": opening, "walls": pl.optics.Walls.OPAQUE} | changes
+    array = pl.MicrolensArray(pitch=10.0, focal_lengths=(8.0,), **parameters)
     return pl.PlenopticCamera(pl.no_lens(30.0), pl.Sensor(shape=(60, 60), pixel_pitch=0.5), 1.0, array, 8.2)
 
 
@@ -169,13 +169,13 @@ def test_cameras_of_an_array_see_points_with_the_disparity_of_their_baseline():
     camera = camera_array()
     camera = dataclasses.replace(camera, sensor=pl.Sensor(shape=(600, 600), pixel_pitch=0.05))
     emitter = pl.quad((-2.0, -2.0, -499.0), (4.0, 0, 0), (0, 4.0, 0), material=pl.Emissive(1.0))
-    scene, given = pl.Scene(meshes=[emitter]), {"samples": 64, "truth": pl.Truth.NONE, "progress": False}
+    scene, options = pl.Scene(meshes=[emitter]), {"samples": 64, "truth": pl.Truth.NONE, "progress": False}
     for i, j in ((0, 0), (1, -1), (-1, 0)):
         # All of the pixels behind one camera; row 0 is at the bottom, and column 0 on the right.
         rows, columns = (slice(200 + 200 * k, 400 + 200 * k) for k in (j, -i))
         points = camera.sensor.centre_of(*np.mgrid[rows, columns])
         assert (np.abs(points - 10.0 * np.array([i, j])) < 5.0).all()
-        light = pl.render(scene, camera, region=(rows, columns), **given).image[..., 0].astype(float)
+        light = pl.render(scene, camera, region=(rows, columns), **options).image[..., 0].astype(float)
         centroid = (light[..., None] * points).sum(axis=(0, 1)) / light.sum()
         # The pixel raster cuts an image 1.3 pixels wide: a tenth of a pixel, and half of that for noise.
         assert centroid == pytest.approx(10.0 * np.array([i, j]) * (1 + 8.2 / 500.0), abs=0.0075), (i, j)
@@ -185,9 +185,9 @@ def test_cameras_of_an_array_see_points_with_the_disparity_of_their_baseline():
     assert np.abs(landed.position - 10.0 * landed.index).max() < 5.0
     open_camera = with_array(camera, walls=pl.optics.Walls.NONE)
     assert np.abs(pl.camera.landing_points(open_camera, (0.0, 0.0, -20.0)).position).max() > 5.0
-    seen = camera.project((0.0, 0.0, -499.0))
-    seen = seen.selected(seen.visible)
-    assert len(seen) == 9 and np.allclose(seen.position, 10.0 * seen.index * (1 + 8.2 / 500.0))
+    projection = camera.project((0.0, 0.0, -499.0))
+    projection = projection.selected(projection.visible)
+    assert len(projection) == 9 and np.allclose(projection.position, 10.0 * projection.index * (1 + 8.2 / 500.0))
 
 
 def test_small_pixel_openings_see_the_middle_and_their_share():
@@ -207,15 +207,17 @@ def test_angular_response_weighs_directions():
     straight = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor((24, 24), pixel_pitch=2.0), stop_to_microlenses=60.0)
     moved = straight.moved(pl.CameraPart.SENSOR, shift=(1.0, -2.0, 3.0), tilt=(0.1, -0.2, 0.4))
     pupil = np.array([0.0, 0.0, pl.paraxial.cardinal_points(lens, 587.6).rear_principal])
-    own = straight.sensor.centre_of(*np.mgrid[:24, :24])
+    on_sensor = straight.sensor.centre_of(*np.mgrid[:24, :24])
     for camera in (straight, moved):
         seeing = dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor, angular_response=response))
         turn, shift = (np.eye(3), np.zeros(3))
         if camera is moved:
             turn, shift = (np.asarray(getattr(camera.sensor_placement, name)) for name in ("rotation", "shift"))
-        points = np.concatenate([own, np.zeros((24, 24, 1))], axis=-1) @ turn.T + shift + [0, 0, camera.z_sensor]
-        way = (pupil - points) @ turn
-        expected = response.at(way[..., 0] / -way[..., 2], way[..., 1] / -way[..., 2], x=own[..., 0], y=own[..., 1])
+        points = np.concatenate([on_sensor, np.zeros((24, 24, 1))], axis=-1) @ turn.T + shift + [0, 0, camera.z_sensor]
+        rays = (pupil - points) @ turn
+        expected = response.at(
+            rays[..., 0] / -rays[..., 2], rays[..., 1] / -rays[..., 2], x=on_sensor[..., 0], y=on_sensor[..., 1]
+        )
         measured = white(seeing, 1024, None).image[..., 0] / white(camera, 1024, None).image[..., 0]
         # Pixels are 2 mm wide at 60 mm and the response is not linear across them: a few tenths of a per cent.
         inner = expected > 0.2
@@ -229,8 +231,8 @@ def test_dust_on_the_rear_lens_is_an_obstacle_in_the_pupil():
     camera = pl.PlenopticCamera(lens=LENS, sensor=pl.Sensor((8, 8), 0.01), stop_to_microlenses=134.6)
     clean, dusty = white(camera, 1024, None), white(dataclasses.replace(camera, blemishes=(grain,)), 1024, None)
     # As seen from the axial point, the cone through the exit pupil (radius 5 x 1.552 at -5.23) is cut at 30.31.
-    share = (camera.z_sensor - 30.31) / (camera.z_sensor + 5.233)
-    beam = 5.0 * 1.5521 * share
+    fraction = (camera.z_sensor - 30.31) / (camera.z_sensor + 5.233)
+    beam = 5.0 * 1.5521 * fraction
     assert total(dusty)[0] / total(clean)[0] == pytest.approx(1 - (2.0 / beam) ** 2, rel=0.01)
 
 

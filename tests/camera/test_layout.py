@@ -9,7 +9,7 @@ from camera_helpers import bare_camera
 
 import plenoptic as pl
 from plenoptic.camera.report.html import report_html
-from plenoptic.camera.report.layout import camera_frustum, pixel_rays
+from plenoptic.camera.report.layout import camera_frustum, section_rays
 
 LENS, SENSOR, ARRAY = GALILEAN.lens, GALILEAN.sensor, GALILEAN.microlenses
 ONE, CONVENTIONAL = pl.PlenopticCamera(LENS, SENSOR, 134.6, ARRAY, 2.0), bare_camera()
@@ -21,24 +21,24 @@ WALLED = pl.PlenopticCamera(pl.no_lens(25.0), pl.Sensor(shape=(300, 300), pixel_
 
 def test_rays_lie_on_the_pixel_and_in_its_microlens():
     for camera in (GALILEAN, ONE, TILTED):
-        rays = pixel_rays(camera)
+        rays = section_rays(camera)
         at = rays.sensor.inverse().points(rays.paths[:, 0])
         np.testing.assert_allclose(at, np.tile([*SENSOR.centre_of(*rays.pixel), 0.0], (len(at), 1)), atol=1e-12)
         in_array = rays.array.inverse().points(rays.paths[:, 1])
         assert np.abs(in_array[:, 2]).max() < 1e-12
         assert np.hypot(*(in_array[:, :2] - in_array[:, :2].mean(axis=0)).T).max() <= 0.217 / 2 + 1e-12
-        assert np.isfinite(rays.onwards).all()
+        assert np.isfinite(rays.directions).all()
 
 
 def test_rays_of_a_pixel_meet_where_it_is_in_focus_or_in_the_iris():
     """In a camera 2.0 the rays of a pixel through a microlens meet in the plane in focus, to the lens's aberrations."""
-    rays, focus = pixel_rays(GALILEAN), GALILEAN.report().focus[0]
-    along = (focus.z - rays.paths[:, -1, 2]) / rays.onwards[:, 2]
-    met = rays.paths[:, -1] + along[:, None] * rays.onwards
+    rays, focus = section_rays(GALILEAN), GALILEAN.report().focus[0]
+    along = (focus.z - rays.paths[:, -1, 2]) / rays.directions[:, 2]
+    hits = rays.paths[:, -1] + along[:, None] * rays.directions
     # The pixel's image is m times its size, and the double Gauss blurs by some 20 um at the array (f/8).
-    assert np.ptp(met[:, 1]) < 0.2 * abs(0.217 / focus.magnification)
+    assert np.ptp(hits[:, 1]) < 0.2 * abs(0.217 / focus.magnification)
     # In a camera 1.0 they come through one place of the iris: microlenses image the exit pupil onto the sensor.
-    rays = pixel_rays(ONE)
+    rays = section_rays(ONE)
     at_iris = rays.paths[:, 1 + len(LENS.elements) - LENS.iris_index, :2]
     # A microlens of 0.217 mm at f/9.2 images the pupil, which is 130 mm away and not infinitely far.
     assert np.ptp(at_iris[:, 1]) < 0.25
@@ -50,8 +50,8 @@ def test_the_frustum_meets_the_plane_in_focus_in_the_field():
     np.testing.assert_allclose(frustum.in_focus[:, 2], focus.z)
     half, z_array = 0.5 * SENSOR.size[0] / (1 + 1.7 / report.exit_pupil_distance), report.array_plane
     # The chief ray meets that plane at the height of the array's image as seen from the entrance pupil: within 5 %.
-    points, seen = pl.paraxial.cardinal_points(LENS), half / abs(pl.paraxial.magnification(LENS, z_array))
-    expected = seen * (points.entrance_pupil - focus.z) / (points.entrance_pupil - z_array)
+    points, half_field = pl.paraxial.cardinal_points(LENS), half / abs(pl.paraxial.magnification(LENS, z_array))
+    expected = half_field * (points.entrance_pupil - focus.z) / (points.entrance_pupil - z_array)
     np.testing.assert_allclose(np.abs(frustum.in_focus[:, :2]), expected, rtol=0.02)
     posed = GALILEAN.posed(position=(100.0, 0.0, 0.0), look_at=(0.0, 0.0, 0.0)).frustum
     np.testing.assert_allclose(posed.in_focus.mean(axis=0), [100.0 + focus.z, 0, 0], atol=1e-6)
@@ -91,7 +91,7 @@ def test_key_numbers_are_those_of_the_report():
 
 def test_reports_begin_with_the_gravest():
     kinds = pl.camera.CameraFindingKind
-    found = [pl.camera.CameraFinding(kind, f"about <{kind.name}>") for kind in (kinds.DARK_GAPS, kinds.INSIDE_LENS)]
-    html = report_html(dataclasses.replace(GALILEAN.report(), warnings=tuple(found)))
+    findings = [pl.camera.CameraFinding(kind, f"about <{kind.name}>") for kind in (kinds.DARK_GAPS, kinds.INSIDE_LENS)]
+    html = report_html(dataclasses.replace(GALILEAN.report(), warnings=tuple(findings)))
     assert html.index("INSIDE_LENS") < html.index("DARK_GAPS") < html.index("focal length")
     assert "about &lt;DARK_GAPS&gt;" in html

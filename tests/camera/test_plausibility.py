@@ -8,7 +8,7 @@ import pytest
 from camera_helpers import CAMERA, the_lens, with_array
 
 import plenoptic as pl
-from plenoptic.camera.plausibility import warn_where_implausible
+from plenoptic.camera.plausibility import warn_if_implausible
 from plenoptic.errors import ImplausibleCameraWarning
 
 LENS = CAMERA.lens
@@ -30,18 +30,18 @@ IMPLAUSIBLE = {
 
 def test_a_number_that_no_camera_has_is_named():
     for case, (changes, words) in IMPLAUSIBLE.items():
-        with pytest.warns(ImplausibleCameraWarning, match=words) as found:
-            warn_where_implausible(dataclasses.replace(CAMERA, **changes))
-        assert len(found) == 1, case
+        with pytest.warns(ImplausibleCameraWarning, match=words) as warned:
+            warn_if_implausible(dataclasses.replace(CAMERA, **changes))
+        assert len(warned) == 1, case
 
 
 def test_render_says_it_once():
     small = dataclasses.replace(CAMERA, sensor=pl.Sensor((16, 16), 0.01))
     for shoot in (lambda **k: pl.render(pl.check_scene(), small, **k), lambda **k: pl.render_white(small, **k)):
-        with warnings.catch_warnings(record=True) as found:
+        with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             shoot(samples=8, threads=2, tile_side=4, progress=False)
-        assert [warning.category for warning in found] == [ImplausibleCameraWarning]
+        assert [warning.category for warning in warned] == [ImplausibleCameraWarning]
 
 
 def sane_cameras():
@@ -69,5 +69,5 @@ def sane_cameras():
 def test_cameras_that_can_be_built_are_silent():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        count = sum(warn_where_implausible(camera) is None for camera in sane_cameras())
+        count = sum(warn_if_implausible(camera) is None for camera in sane_cameras())
     assert count > 60

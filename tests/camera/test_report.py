@@ -6,9 +6,9 @@ import pytest
 from camera_helpers import CAMERA, refused, the_lens
 
 import plenoptic as pl
-from plenoptic.camera.report import optics
+from plenoptic.camera.gaussian import CameraKind, neighbour_distance, paraxial_cone
+from plenoptic.camera.report import illumination
 from plenoptic.camera.report.findings import CameraFindingKind
-from plenoptic.camera.report.focus import CameraKind
 from plenoptic.camera.report.report import camera_report
 
 LENS, SENSOR = CAMERA.lens, CAMERA.sensor
@@ -57,7 +57,7 @@ def on_sensor(camera, y, slope, centre):
 
 def test_reference_camera_in_mode_2():
     # The reference: 1.7 mm, stop 10 mm: images every 21.987 pixels, a = 11.33 behind the array, z = -404 to within 0.1;
-    # 12 % of its pixels are fed by several microlenses, here counted on 1024 points of a cell (+- 1.5 %).
+    # 12 % of its pixels are illuminated by several microlenses, here counted on 1024 points of a cell (+- 1.5 %).
     report = camera_report(CAMERA)
     (focus,) = report.focus
     assert report.kind is CameraKind.GALILEAN
@@ -203,7 +203,7 @@ def test_traced_f_number_tends_to_the_paraxial_one():
         off = []
         for semi_diameter in (4.0, 2.0, 1.0):
             lens = LENS.with_model(model).with_stop(pl.CircularStop(semi_diameter))
-            off.append(optics.traced_slope(lens, 123.3, 587.6) / optics.paraxial_cone(lens, 123.3, 587.6).slope - 1.0)
+            off.append(illumination.traced_slope(lens, 123.3, 587.6) / paraxial_cone(lens, 123.3, 587.6).slope - 1.0)
         if model is not pl.LensModel.EXACT:
             np.testing.assert_allclose(off, 0.0, atol=1e-9)
             continue
@@ -300,15 +300,15 @@ def test_microlenses_are_counted_as_listed():
         for vergence in (0.0, 1 / 128.5, -0.01):
             half = 2.56 / (1 + 1.7 * vergence)
             listed = array.lenses((-half, -half), (half, half))
-            assert optics.images_on_sensor(camera, vergence) == len(listed), array.lattice
+            assert illumination.images_on_sensor(camera, vergence) == len(listed), array.lattice
 
 
 def test_distance_of_neighbours():
     hexagonal = pl.MicrolensArray(0.2, (2.0,))
     centres = hexagonal.lenses((-2, -2), (2, 2)).centre
     free = dataclasses.replace(hexagonal, lattice=pl.Lattice.FREE, centres=centres)
-    assert optics.neighbour_distance(free) == pytest.approx(0.2, rel=1e-12)
-    assert optics.neighbour_distance(pl.MicrolensArray((0.3, 0.1), (2.0,), pl.Lattice.RECTANGULAR)) == 0.1
+    assert neighbour_distance(free) == pytest.approx(0.2, rel=1e-12)
+    assert neighbour_distance(pl.MicrolensArray((0.3, 0.1), (2.0,), pl.Lattice.RECTANGULAR)) == 0.1
     listed, regular = (camera_report(camera_with(1.7, lens=THIN, microlenses=array)) for array in (free, hexagonal))
     assert listed.image_pitch == pytest.approx(regular.image_pitch)
 

@@ -16,6 +16,7 @@ from plenoptic.rendering.frame import samples_text
 from plenoptic.rendering.schedule import scheduler
 from plenoptic.truth.arrays import empty_truth
 from plenoptic.truth.channels import GroundTruth
+from plenoptic.truth.truth_arrays import empty_truth
 
 BEFORE = Path(__file__).parents[1] / "data" / "before"
 

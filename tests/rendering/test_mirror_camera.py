@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.sampling.choice import why_uncertain
+from plenoptic.camera.sampling.region_method import no_core_reason
 
 OUTER, INNER = 50.0, 18.0
 SHARE = INNER / OUTER
@@ -62,8 +62,8 @@ def test_a_disc_takes_its_share_of_the_light(white):
 
 def test_the_plan_looks_for_no_certain_light_behind_a_ring():
     assert "2 reflecting" in str(pl.plan(pl.check_scene(), camera(SHADED)))
-    assert why_uncertain(camera(SHADED)) == "an opening is no circle and no polygon"
-    assert "no circle" not in why_uncertain(camera(LENSES["open"]))
+    assert no_core_reason(camera(SHADED)) == "an opening is no circle and no polygon"
+    assert "no circle" not in no_core_reason(camera(LENSES["open"]))
     # Centres are found where the chief ray is shaded.
     there, bare = (pl.microlens_centres(camera(LENSES[name])) for name in ("disc", "open"))
     assert np.abs(there.pixel - bare.pixel).max() < 1e-9

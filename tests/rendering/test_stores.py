@@ -8,8 +8,8 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.rendering.stores import Layout, create_store
-from plenoptic.truth.arrays import empty_truth
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Truth
+from plenoptic.truth.truth_arrays import empty_truth
 
 xarray = pytest.importorskip("xarray", reason="the extra `zarr` installs it")
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")

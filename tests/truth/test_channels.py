@@ -1,4 +1,4 @@
-"""Ground truth as a value: its parts, what stands for nothing, and what files call it."""
+"""Ground truth as a value: channels, void values, and names in files."""
 
 import dataclasses
 import operator
@@ -9,33 +9,33 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.truth.arrays import available_truth, empty_truth, file_note, file_planes, truth_in
 from plenoptic.truth.channels import CHANNELS, NO_MICROLENS, GroundTruth, Truth, truth_names
-from plenoptic.truth.ground_truth import filling
-from plenoptic.truth.stages import PixelStages
+from plenoptic.truth.ground_truth import channel_filler
+from plenoptic.truth.truth_arrays import available_truth, empty_truth, file_comment, file_planes, truth_from_planes
+from plenoptic.truth.truth_stages import PixelStages
 
 
 def everything(rows=2, columns=3):
     rng = np.random.default_rng(5)
-    made = {name: rng.uniform(-5, 5, (rows, columns, *kind.shape)) for name, kind in CHANNELS.items()}
-    return GroundTruth(**{name: np.rint(a) if CHANNELS[name].dtype is np.int32 else a for name, a in made.items()})
+    arrays = {name: rng.uniform(-5, 5, (rows, columns, *kind.shape)) for name, kind in CHANNELS.items()}
+    return GroundTruth(**{name: np.rint(a) if CHANNELS[name].dtype is np.int32 else a for name, a in arrays.items()})
 
 
 def test_all_is_everything_and_each_array_has_a_kind_of_it():
     union = reduce(operator.or_, (kind.flag for kind in CHANNELS.values()))
-    alone = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
-    assert union == Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY == Truth(sum(alone))
+    single_flags = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
+    assert union == Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY == Truth(sum(single_flags))
     assert not Truth.ALL & (Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY)  # many rays a pixel, for those who ask
-    # What is wanted is what is made.
-    wanted = Truth.NORMAL | Truth.MICROLENS
-    made = empty_truth(wanted, (4, 5))
-    assert {name: (a.shape, a.dtype) for name, a in made.items()} == {
+    # Requested arrays are made.
+    requested = Truth.NORMAL | Truth.MICROLENS
+    arrays = empty_truth(requested, (4, 5))
+    assert {name: (a.shape, a.dtype) for name, a in arrays.items()} == {
         "normal": ((4, 5, 3), np.float64),
         "microlens": ((4, 5, 2), np.int32),
         "microlens_type": ((4, 5), np.int32),
     }
-    assert np.isnan(made["normal"]).all() and (made["microlens"] == NO_MICROLENS).all()
-    assert GroundTruth(**made).kinds == wanted
+    assert np.isnan(arrays["normal"]).all() and (arrays["microlens"] == NO_MICROLENS).all()
+    assert GroundTruth(**arrays).kinds == requested
     assert empty_truth(Truth.NONE, (4, 5)) == {}
     bare = Truth.INCIDENCE_ANGLE | Truth.STATE
     assert available_truth(Truth.ALL, meshes=True, microlenses=True) == Truth.ALL
@@ -48,7 +48,7 @@ def test_all_is_everything_and_each_array_has_a_kind_of_it():
 
 def test_impossible_arrays_are_refused_and_views_have_the_inverse_disparity():
     for arrays, sentence in (
-        ({}, "a ground truth holds nothing; give it at least one array, such as depth"),
+        ({}, "a ground truth has no array; give it at least one, such as depth"),
         ({"depth": np.ones(3)}, r"depth has shape \(3,\); it must have shape \(rows, columns\)"),
         ({"depth": np.ones((2, 3)), "normal": np.ones((2, 2, 3))}, r"normal has shape \(2, 2, 3\)"),
     ):
@@ -60,21 +60,21 @@ def test_impossible_arrays_are_refused_and_views_have_the_inverse_disparity():
     assert GroundTruth(depth=[[1.0]]).view_disparity is None
 
 
-def test_channels_of_files_lead_back():
+def test_channels_survive_image_files():
     truth = everything()
     channels = file_planes(truth)
     assert len(channels) == sum(int(np.prod(kind.shape)) for kind in CHANNELS.values())
     assert all(plane.shape == (2, 3) for plane in channels.values())
-    assert truth_in(channels) == truth
-    assert truth_in({"depth.Z": truth.depth, "truth.normal.X": truth.depth}) == GroundTruth(depth=truth.depth)
-    assert truth_in({"Y": truth.depth}) is None
+    assert truth_from_planes(channels) == truth
+    assert truth_from_planes({"depth.Z": truth.depth, "truth.normal.X": truth.depth}) == GroundTruth(depth=truth.depth)
+    assert truth_from_planes({"Y": truth.depth}) is None
     for name in channels:
-        assert name.rsplit(".", 1)[0] in file_note(truth)
+        assert name.rsplit(".", 1)[0] in file_comment(truth)
     # Single precision, in which files keep it, has the number of no microlens.
     assert int(np.float32(NO_MICROLENS)) == NO_MICROLENS == np.iinfo(np.int32).min
     # Files from before a channel have the others.
     del channels["truth.incidence_angle"]
-    older = truth_in(channels)
+    older = truth_from_planes(channels)
     assert older.kinds == truth.kinds & ~Truth.INCIDENCE_ANGLE
     assert older == dataclasses.replace(truth, incidence_angle=None)
 
@@ -82,7 +82,7 @@ def test_channels_of_files_lead_back():
 def test_every_channel_names_what_fills_it_and_is_in_the_documents():
     text = (Path(__file__).parents[2] / "docs" / "conventions.md").read_text(encoding="utf-8")
     for name, channel in CHANNELS.items():
-        fill, stage = filling(name)
+        fill, stage = channel_filler(name)
         assert callable(fill) and stage == channel.source.stage
         assert isinstance(getattr(PixelStages, stage), cached_property)
         shape = ", ".join(["H", "W", *map(str, channel.shape)])

@@ -35,7 +35,7 @@ def plane(z, size=4000.0):
 
 
 def thin_image(lens, z):
-    """Where a thin lens images the plane z, by the lens formula from its principal plane."""
+    """Image position of the plane z by a thin lens, by the lens formula from its principal plane."""
     points = pl.paraxial.cardinal_points(lens)
     s = points.rear_principal - z
     return points.rear_principal + 1.0 / (1.0 / points.efl - 1.0 / s)
@@ -50,19 +50,21 @@ def test_depth_distance_and_position_are_one_point():
     placed = plain.moved(pl.CameraPart.LENS, shift=(0.5, -0.3, 0.2), tilt=(0.01, -0.02, 0.3)).posed(**POSE)
     for camera in (plain, placed):
         truth = ground_truth(pl.objects_scene(), camera, region=SOME)
-        seen = truth.position if camera.pose is None else camera.pose.to_camera(truth.position)
-        met = np.isfinite(truth.depth)
-        assert met.mean() > 0.9
+        in_camera = truth.position if camera.pose is None else camera.pose.to_camera(truth.position)
+        is_hit = np.isfinite(truth.depth)
+        assert is_hit.mean() > 0.9
         # Some ten roundings of coordinates below 1000 mm: 1e-12.
-        np.testing.assert_allclose(truth.depth[met], -seen[met][:, 2], rtol=0, atol=1e-11)
-        np.testing.assert_allclose(truth.distance[met], np.linalg.norm(seen[met], axis=1), rtol=0, atol=1e-11)
-        assert np.isnan(truth.position[~met]).all() and np.isinf(truth.distance[~met]).all()
+        np.testing.assert_allclose(truth.depth[is_hit], -in_camera[is_hit][:, 2], rtol=0, atol=1e-11)
+        np.testing.assert_allclose(
+            truth.distance[is_hit], np.linalg.norm(in_camera[is_hit], axis=1), rtol=0, atol=1e-11
+        )
+        assert np.isnan(truth.position[~is_hit]).all() and np.isinf(truth.distance[~is_hit]).all()
         # It lies on the plane that is seen, whose normal faces the camera.
         truth = ground_truth(plane(-404.0), camera, region=SOME)
-        met = np.isfinite(truth.depth)
-        assert met.any()
-        np.testing.assert_allclose(truth.position[met][:, 2], -404.0, rtol=1e-14)
-        np.testing.assert_allclose(truth.normal[met], np.broadcast_to([0.0, 0.0, 1.0], truth.position[met].shape))
+        is_hit = np.isfinite(truth.depth)
+        assert is_hit.any()
+        np.testing.assert_allclose(truth.position[is_hit][:, 2], -404.0, rtol=1e-14)
+        np.testing.assert_allclose(truth.normal[is_hit], np.broadcast_to([0.0, 0.0, 1.0], truth.position[is_hit].shape))
 
 
 def test_normals_of_a_sphere_are_those_of_its_facets():
@@ -70,9 +72,9 @@ def test_normals_of_a_sphere_are_those_of_its_facets():
     # pi / 64) = 0.035.
     ball = pl.sphere(60.0, center=(5.0, -3.0, -500.0), material=pl.Lambertian(0.5))
     truth = ground_truth(pl.Scene([ball], background=1.0), reference_camera(), region=np.s_[::1, 250:262])
-    met = np.isfinite(truth.depth)
-    outwards = (truth.position[met] - [5.0, -3.0, -500.0]) / 60.0
-    normal = truth.normal[met]
+    is_hit = np.isfinite(truth.depth)
+    outwards = (truth.position[is_hit] - [5.0, -3.0, -500.0]) / 60.0
+    normal = truth.normal[is_hit]
     np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, rtol=1e-15)
     assert np.all(np.einsum("ij,ij->i", outwards, normal) > math.cos(0.036) * 0.999)
     # Towards the camera, and of the triangle, not of its vertices: many pixels share a facet's.
@@ -95,14 +97,14 @@ def test_objects_and_materials_have_the_numbers_of_the_scene():
     ]
     lamp = pl.QuadLight((0, -200, -404.0), (200, 0, 0), (0, 200, 0), radiance=1.0)
     truth = ground_truth(pl.Scene(quads, lights=[lamp]), reference_camera())
-    met = np.isfinite(truth.depth)
+    is_hit = np.isfinite(truth.depth)
     x, y = truth.position[..., 0], truth.position[..., 1]
     expected = np.select([(x > 0) & (y > 0), (x < 0) & (y > 0), (x < 0) & (y < 0)], [0, 1, 2], 3)
-    inside = met & (np.abs(x) > 1e-6) & (np.abs(y) > 1e-6)
+    inside = is_hit & (np.abs(x) > 1e-6) & (np.abs(y) > 1e-6)
     assert inside.mean() > 0.7
     np.testing.assert_array_equal(truth.object[inside], expected[inside])
     np.testing.assert_array_equal(truth.material[inside], np.array([0, 1, 0, 2])[expected[inside]])
-    assert (truth.object[~met] == -1).all() and (truth.material[~met] == -1).all()
+    assert (truth.object[~is_hit] == -1).all() and (truth.material[~is_hit] == -1).all()
 
 
 ARRAYS = [
@@ -121,7 +123,7 @@ def test_a_pixel_belongs_to_the_microlens_whose_image_is_nearest():
     # the pupil's aberrations. Halfway between images either may give more light.
     for array in ARRAYS:
         camera = reference_camera(**array)
-        made = camera.microlenses
+        microlenses_ = camera.microlenses
         truth = ground_truth(None, camera, region=np.s_[40:60, 40:60])
         assert truth.kinds == Truth.MICROLENS | Truth.INCIDENCE_ANGLE | Truth.STATE
         rows, columns = np.mgrid[40:60, 40:60]
@@ -130,10 +132,10 @@ def test_a_pixel_belongs_to_the_microlens_whose_image_is_nearest():
         assert lit.mean() > 0.4, array
         index = truth.microlens[lit].astype(int)
         np.testing.assert_array_equal(truth.microlens[~lit], NO_MICROLENS)
-        off = np.hypot(*(index @ made.basis - on_array[lit]).T)
-        nearest = np.hypot(*(made.nearest(on_array[lit]) - on_array[lit]).T)
+        off = np.hypot(*(index @ microlenses_.basis - on_array[lit]).T)
+        nearest = np.hypot(*(microlenses_.nearest(on_array[lit]) - on_array[lit]).T)
         assert np.all(off < nearest + 0.04), array
-        types = made.type_pattern
+        types = microlenses_.type_pattern
         expected = types[index[:, 0] % types.shape[0], index[:, 1] % types.shape[1]]
         np.testing.assert_array_equal(truth.microlens_type[lit], expected)
         assert len(np.unique(index, axis=0)) >= 2
@@ -141,25 +143,28 @@ def test_a_pixel_belongs_to_the_microlens_whose_image_is_nearest():
 
 def test_free_microlenses_have_their_numbers():
     regular = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
-    found = regular.lenses((-4.0, -4.0), (4.0, 4.0))
-    order = np.random.default_rng(1).permutation(len(found))
+    lenses = regular.lenses((-4.0, -4.0), (4.0, 4.0))
+    order = np.random.default_rng(1).permutation(len(lenses))
     # Lenses far outside take part in the numbering only.
-    centres = np.concatenate([found.centre[order], [[50.0, 0.0], [0.0, -50.0]]])[::-1]
+    centres = np.concatenate([lenses.centre[order], [[50.0, 0.0], [0.0, -50.0]]])[::-1]
     types = np.arange(len(centres)) % 2
     free = reference_camera(lattice=pl.Lattice.FREE, centres=centres, types=types, focal_lengths=(2.0, 2.0), pitch=0.2)
     region = np.s_[60:90, 400:420]
-    here, there = ground_truth(None, reference_camera(), region=region), ground_truth(None, free, region=region)
-    lit = here.microlens_type >= 0
+    regular_truth, free_truth = (
+        ground_truth(None, reference_camera(), region=region),
+        ground_truth(None, free, region=region),
+    )
+    lit = regular_truth.microlens_type >= 0
     # Cells and outlines are cut in another order, and a probe on the edge of the light may be on either side of it.
-    other = there.microlens_type >= 0
+    other = free_truth.microlens_type >= 0
     assert np.mean(other != lit) < 0.02
     lit &= other
-    number = there.microlens[..., 0][lit]
-    assert (there.microlens[..., 1][lit] == 0).all()
+    number = free_truth.microlens[..., 0][lit]
+    assert (free_truth.microlens[..., 1][lit] == 0).all()
     # A pixel between two microlenses may go to either.
-    same = np.hypot(*(centres[number] - here.microlens[lit] @ regular.basis).T) < 1e-6
+    same = np.hypot(*(centres[number] - regular_truth.microlens[lit] @ regular.basis).T) < 1e-6
     assert same.mean() > 0.97
-    np.testing.assert_array_equal(there.microlens_type[lit], types[number])
+    np.testing.assert_array_equal(free_truth.microlens_type[lit], types[number])
 
 
 def test_angles_of_incidence_without_microlenses_are_those_from_the_exit_pupil():
@@ -184,7 +189,7 @@ def test_angles_of_incidence_lead_through_the_microlens():
     # centroid is the centre of the cell there, and the path from the pixel to it is straight.
     thin, region = reference_camera(), np.s_[248:264, 120:136]
     thick = reference_camera(model=pl.optics.MicrolensModel.SPHERICAL)
-    for camera in (thin, *(made.moved(pl.CameraPart.SENSOR, tilt=(0.05, -0.03, 0.4)) for made in (thin, thick))):
+    for camera in (thin, *(camera_.moved(pl.CameraPart.SENSOR, tilt=(0.05, -0.03, 0.4)) for camera_ in (thin, thick))):
         truth = ground_truth(None, camera, truth=Truth.INCIDENCE_ANGLE | Truth.MICROLENS, region=region)
         rows, columns = np.mgrid[region]
         lit = truth.microlens_type >= 0
@@ -209,36 +214,36 @@ def test_virtual_depth_and_disparity_of_a_thin_lens_are_closed_forms():
         for z in (-300.0, -404.0, -1000.0, -1e6):
             truth = ground_truth(plane(z, size=-z), camera, region=np.s_[200:208, 240:256])
             a = thin_image(lens, z) - camera.stop_to_microlenses
-            met = np.isfinite(truth.depth)
-            assert met.mean() > 0.8
-            np.testing.assert_allclose(truth.depth[met], -z, rtol=8 * np.finfo(float).eps)
-            np.testing.assert_allclose(truth.virtual_depth[met], a / b, rtol=3e-9)
-            np.testing.assert_allclose(truth.disparity[met], 21.7 * b / a, rtol=3e-9)
-            np.testing.assert_allclose(truth.view_disparity[met], a / (21.7 * b), rtol=3e-9)
-            assert np.isnan(truth.virtual_depth[~met]).all()
+            is_hit = np.isfinite(truth.depth)
+            assert is_hit.mean() > 0.8
+            np.testing.assert_allclose(truth.depth[is_hit], -z, rtol=8 * np.finfo(float).eps)
+            np.testing.assert_allclose(truth.virtual_depth[is_hit], a / b, rtol=3e-9)
+            np.testing.assert_allclose(truth.disparity[is_hit], 21.7 * b / a, rtol=3e-9)
+            np.testing.assert_allclose(truth.view_disparity[is_hit], a / (21.7 * b), rtol=3e-9)
+            assert np.isnan(truth.virtual_depth[~is_hit]).all()
 
 
 def middle_of(camera):
     """Ground truth of the plane at z = -404 in the middle of the sensor, and which pixels meet it."""
     truth = ground_truth(plane(-404.0), camera, region=np.s_[250:262, 250:262])
-    met = np.isfinite(truth.depth)
-    assert met.any()
-    return truth, met
+    is_hit = np.isfinite(truth.depth)
+    assert is_hit.any()
+    return truth, is_hit
 
 
 def test_a_point_imaged_on_the_array_has_no_virtual_depth_and_stands_still_in_views():
     lens = the_lens(THIN_LENS)
     camera = reference_camera(lens=lens, b=2.0, to_array=thin_image(lens, -404.0))
-    truth, met = middle_of(camera)
-    np.testing.assert_allclose(truth.virtual_depth[met], 0.0, atol=1e-9)
-    np.testing.assert_allclose(truth.view_disparity[met], 0.0, atol=1e-9)
-    assert not np.isnan(truth.disparity[met]).any()
+    truth, is_hit = middle_of(camera)
+    np.testing.assert_allclose(truth.virtual_depth[is_hit], 0.0, atol=1e-9)
+    np.testing.assert_allclose(truth.view_disparity[is_hit], 0.0, atol=1e-9)
+    assert not np.isnan(truth.disparity[is_hit]).any()
 
 
 def test_without_main_lens_the_scene_is_its_own_image():
     # A camera array: a is minus the distance from the array to the plane.
-    truth, met = middle_of(reference_camera(lens=the_lens(pl.LensModel.NONE, stop=16.0), to_array=40.0, b=2.0))
-    np.testing.assert_allclose(truth.virtual_depth[met], -444.0 / 2.0, rtol=3e-9)
+    truth, is_hit = middle_of(reference_camera(lens=the_lens(pl.LensModel.NONE, stop=16.0), to_array=40.0, b=2.0))
+    np.testing.assert_allclose(truth.virtual_depth[is_hit], -444.0 / 2.0, rtol=3e-9)
 
 
 def test_virtual_depth_on_a_tilted_array_and_sensor():
@@ -246,31 +251,31 @@ def test_virtual_depth_on_a_tilted_array_and_sensor():
     lens, tilt = the_lens(THIN_LENS), 0.05
     camera = reference_camera(lens=lens).moved(pl.CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0))
     truth = ground_truth(plane(-404.0), camera, region=np.s_[250:262, 40:472])
-    met = np.isfinite(truth.depth)
+    is_hit = np.isfinite(truth.depth)
     rows, columns = np.mgrid[250:262, 40:472]
-    b = camera.sensor.centre_of(rows, columns)[met][:, 0] * math.sin(tilt) + 1.7 * math.cos(tilt)
+    b = camera.sensor.centre_of(rows, columns)[is_hit][:, 0] * math.sin(tilt) + 1.7 * math.cos(tilt)
     # A thin lens images points along rays through its centre.
     z_image, principal = thin_image(lens, -404.0), pl.paraxial.cardinal_points(lens).rear_principal
-    share = (z_image - principal) / (-404.0 - principal)
-    a = truth.position[met][:, 0] * share * math.sin(tilt) + (z_image - 123.3) * math.cos(tilt)
+    fraction = (z_image - principal) / (-404.0 - principal)
+    a = truth.position[is_hit][:, 0] * fraction * math.sin(tilt) + (z_image - 123.3) * math.cos(tilt)
     # Where the centre is dark the ray starts half a pixel aside at most: 0.005 mm of 1.7, times the tilt.
-    off = np.abs(truth.virtual_depth[met] * b / a - 1.0)
+    off = np.abs(truth.virtual_depth[is_hit] * b / a - 1.0)
     assert (off < 1e-8).mean() > 0.98 and off.max() < 1.1 * tilt * 0.005 / 1.7
-    assert np.ptp(truth.virtual_depth[met]) > 0.02
+    assert np.ptp(truth.virtual_depth[is_hit]) > 0.02
 
 
 def test_disparity_of_the_real_lens_is_that_of_neighbouring_projections():
     # Over one pitch the aberrations of the f/10 lens change the image's distance by about 0.1 %.
     camera = reference_camera()
     truth = ground_truth(plane(-404.0), camera, region=np.s_[256:257, 256:257])
-    seen = project(camera, truth.position[0, 0])
-    at = {tuple(index): k for k, index in enumerate(seen.index.tolist())}
-    found = []
+    projection = project(camera, truth.position[0, 0])
+    at = {tuple(index): k for k, index in enumerate(projection.index.tolist())}
+    slopes = []
     for after, before in (((0, 1), (0, 0)), ((0, 0), (0, -1)), ((1, 0), (0, 0)), ((0, 0), (-1, 0))):
         step = (np.array(after) - before) @ camera.microlenses.basis
-        moved = seen.position[at[after]] - seen.position[at[before]] - step
-        found.append(-(moved @ step) / (step @ step) * 21.7)
-    np.testing.assert_allclose(np.mean(found), truth.disparity[0, 0], rtol=2e-3)
+        moved = projection.position[at[after]] - projection.position[at[before]] - step
+        slopes.append(-(moved @ step) / (step @ step) * 21.7)
+    np.testing.assert_allclose(np.mean(slopes), truth.disparity[0, 0], rtol=2e-3)
 
 
 def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre():
@@ -289,24 +294,26 @@ def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre():
             )
         region = np.s_[130:134, 400:406]
         truth = ground_truth(pl.objects_scene(), camera, region=region)
-        met = np.isfinite(truth.depth)
-        assert met.mean() > 0.5
-        seen = project(camera, truth.position[met])
+        is_hit = np.isfinite(truth.depth)
+        assert is_hit.mean() > 0.5
+        projection = project(camera, truth.position[is_hit])
         rows, columns = np.mgrid[region]
         off = []
-        for k, (row, column, index) in enumerate(zip(rows[met], columns[met], truth.microlens[met], strict=True)):
-            here = (seen.point == k) & (seen.index == index).all(axis=1)
-            assert here.sum() == 1 and seen.passes[here].all() and seen.visible[here].all()
-            off.append(np.abs(seen.pixel[here][0] - [row, column]).max())
+        for k, (row, column, index) in enumerate(
+            zip(rows[is_hit], columns[is_hit], truth.microlens[is_hit], strict=True)
+        ):
+            in_row = (projection.point == k) & (projection.index == index).all(axis=1)
+            assert in_row.sum() == 1 and projection.passes[in_row].all() and projection.visible[in_row].all()
+            off.append(np.abs(projection.pixel[in_row][0] - [row, column]).max())
         assert np.mean(np.array(off) < 1e-6) > 0.6 and max(off) < 0.5, (placed, array)
 
 
-def test_a_rendering_has_the_same_truth_and_only_what_is_asked_for():
+def test_a_rendering_has_the_same_truth_and_only_requested_channels():
     camera, scene, region = reference_camera(), pl.objects_scene(), np.s_[230:250, 240:280]
     whole = ground_truth(scene, camera, region=region)
-    wanted = Truth.NORMAL | Truth.DISPARITY
-    shot = pl.render(scene, camera, samples=1, region=region, truth=wanted, tile_side=7, progress=False)
-    assert shot.truth.kinds == wanted and shot.depth is None
+    requested = Truth.NORMAL | Truth.DISPARITY
+    shot = pl.render(scene, camera, samples=1, region=region, truth=requested, tile_side=7, progress=False)
+    assert shot.truth.kinds == requested and shot.depth is None
     np.testing.assert_array_equal(shot.truth.normal, whole.normal)
     np.testing.assert_array_equal(shot.truth.disparity, whole.disparity)
     without = pl.render(scene, camera, samples=1, region=region, truth=Truth.NONE, tile_side=7, progress=False)
@@ -314,7 +321,7 @@ def test_a_rendering_has_the_same_truth_and_only_what_is_asked_for():
     np.testing.assert_array_equal(without.image, shot.image)
 
 
-def test_what_is_not_there_is_not_found():
+def test_unavailable_channels_are_left_out():
     camera, region = reference_camera(), np.s_[250:254, 250:254]
     shot = pl.render(pl.Scene(background=1.0), camera, samples=1, region=region, truth=Truth.ALL, progress=False)
     assert shot.truth == ground_truth(None, camera, region=region)
@@ -329,13 +336,15 @@ def test_what_is_not_there_is_not_found():
         ground_truth(None, bare, truth=Truth.ALL & ~(Truth.INCIDENCE_ANGLE | Truth.STATE))
     # The plan says so.
     white = pl.shapes.white_plane()
-    for scene, made, truth, runs, reason in (
+    for scene, camera_, truth, runs, reason in (
         (white, camera, Truth.DEPTH | Truth.OBJECT, True, "depth, object"),
         (white, camera, Truth.NONE, False, "not asked for"),
         (pl.Scene(background=1.0), camera, Truth.DEPTH, False, "there is no mesh"),
         (white, bare, Truth.DISPARITY, False, "there are no microlenses"),
     ):
-        decision = next(d for d in pl.plan(scene, made, truth=truth).decisions if d.stage is pl.rendering.Stage.TRUTH)
+        decision = next(
+            d for d in pl.plan(scene, camera_, truth=truth).decisions if d.stage is pl.rendering.Stage.TRUTH
+        )
         assert (decision.runs, decision.reason) == (runs, reason)
 
 
@@ -356,43 +365,43 @@ CAMERAS = {
 
 
 def slope_of_projection(camera, point, lens):
-    """As `project` gives it, from a microlens to all around it; through a wider stop, which shows more."""
+    """Disparity by `project` from a microlens to its neighbours; through a wider stop, which vignettes less."""
     wide = dataclasses.replace(camera, lens=the_lens(stop=22.0))
-    seen, array = project(wide, point, rays=8), camera.microlenses
+    projection, array = project(wide, point, rays=8), camera.microlenses
     centres = pl.microlens_centres(camera, pl.CentreMethod.ORTHOGONAL, margin=1.0)
     steps = [(1, 0), (0, 1), (-1, 0), (0, -1)]
     steps += [(1, -1), (-1, 1)] if array.lattice is pl.Lattice.HEXAGONAL else []
-    found = []
+    slopes = []
     for index in [lens, *(lens + np.array(step) for step in steps)]:
         centre = centres.pixel[(centres.index == index).all(axis=1)][0]
-        found.append((seen.pixel[(seen.index == index).all(axis=1)][0] - centre, centre))
-    offset, centre = np.moveaxis(found, 1, 0)
-    moved, apart = offset[1:] - offset[0], centre[1:] - centre[0]
-    return -min(array.pitches) / 0.01 * (moved * apart).sum() / (apart**2).sum()
+        slopes.append((projection.pixel[(projection.index == index).all(axis=1)][0] - centre, centre))
+    offset, centre = np.moveaxis(slopes, 1, 0)
+    image_steps, centre_steps = offset[1:] - offset[0], centre[1:] - centre[0]
+    return -min(array.pitches) / 0.01 * (image_steps * centre_steps).sum() / (centre_steps**2).sum()
 
 
 def test_disparity_of_chords_is_that_of_projections_through_neighbours():
     # To 1e-8 pixels: chief rays pass their centres to 1e-10 mm, and lenses are 0.2 mm apart.
-    for name, made in CAMERAS.items():
-        found = ground_truth(LEANING, made, truth=WANTED, region=np.s_[190:214, 150:174], threads=2)
+    for name, camera_ in CAMERAS.items():
+        truth = ground_truth(LEANING, camera_, truth=WANTED, region=np.s_[190:214, 150:174], threads=2)
         for pixel in ((3, 4), (12, 12), (20, 7)):
-            expected = slope_of_projection(made, found.position[pixel], found.microlens[pixel])
-            assert found.chord_disparity[pixel] == pytest.approx(expected, rel=0, abs=1e-8), name
+            expected = slope_of_projection(camera_, truth.position[pixel], truth.microlens[pixel])
+            assert truth.chord_disparity[pixel] == pytest.approx(expected, rel=0, abs=1e-8), name
         # Aberrations over a pitch.
-        assert np.nanmax(np.abs(found.chord_disparity / found.disparity - 1)) < 0.05
-        part = ground_truth(LEANING, made, truth=WANTED, region=np.s_[197:209, 155:168], threads=1)
-        assert np.array_equal(part.chord_disparity, found.chord_disparity[7:19, 5:18], equal_nan=True)
+        assert np.nanmax(np.abs(truth.chord_disparity / truth.disparity - 1)) < 0.05
+        part = ground_truth(LEANING, camera_, truth=WANTED, region=np.s_[197:209, 155:168], threads=1)
+        assert np.array_equal(part.chord_disparity, truth.chord_disparity[7:19, 5:18], equal_nan=True)
 
 
 def test_without_aberrations_disparity_of_chords_is_that_of_rays_near_the_pixels_own():
     # Both are pitch / (v pixel pitch); derivatives of the latter are differences, good to 1e-8 of it.
     for model, region in ((THIN_LENS, np.s_[100:130, 20:60]), (pl.LensModel.NONE, np.s_[190:200, 190:200])):
-        found = ground_truth(LEANING, reference_camera(lens=the_lens(model), **SMALL), truth=WANTED, region=region)
-        seen = np.isfinite(found.disparity)
-        assert seen.any() and np.array_equal(np.isfinite(found.chord_disparity), seen)
-        assert np.abs(found.chord_disparity / found.disparity - 1)[seen].max() < 1e-7
+        truth = ground_truth(LEANING, reference_camera(lens=the_lens(model), **SMALL), truth=WANTED, region=region)
+        is_hit = np.isfinite(truth.disparity)
+        assert is_hit.any() and np.array_equal(np.isfinite(truth.chord_disparity), is_hit)
+        assert np.abs(truth.chord_disparity / truth.disparity - 1)[is_hit].max() < 1e-7
     # Lenses without a lattice have no neighbours.
     centres = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)).lenses((-1.0, -1.0), (1.0, 1.0)).design
     free = reference_camera(pitch=0.12, lattice=pl.Lattice.FREE, centres=centres, **SMALL)
-    found = ground_truth(LEANING, free, truth=WANTED, region=np.s_[184:216, 184:216])
-    assert np.isfinite(found.disparity).any() and np.isnan(found.chord_disparity).all()
+    truth = ground_truth(LEANING, free, truth=WANTED, region=np.s_[184:216, 184:216])
+    assert np.isfinite(truth.disparity).any() and np.isnan(truth.chord_disparity).all()

@@ -1,4 +1,4 @@
-"""The ray that stands for a pixel: it is there wherever light is, starts on the pixel, and sees what dense rays see."""
+"""Representative rays: they exist wherever light is, start on the pixel, and agree with dense rays."""
 
 import dataclasses
 import itertools
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
+from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
 from plenoptic.images import PixelState
 from plenoptic.rendering.schedule import orders
 from plenoptic.truth.channels import NO_MICROLENS, Truth
@@ -35,7 +35,7 @@ def ring(semi_diameter):
 
 
 def rays_of(record, pixels):
-    return representative_rays(record, pixels, fed_pixels(record, pixels, np.arange(len(pixels))))
+    return representative_rays(record, pixels, illuminated_pixels(record, pixels, np.arange(len(pixels))))
 
 
 def tilted(camera):
@@ -69,7 +69,7 @@ OTHERS = [name for name in CAMERAS if name not in QUICK]
 
 
 @pytest.mark.parametrize("names", [QUICK, pytest.param(OTHERS, marks=pytest.mark.slow)], ids=["quick", "others"])
-def test_every_lit_pixel_has_truth(names):
+def test_every_illuminated_pixel_has_truth(names):
     # Up to 100 % of lit pixels had none: no light reaches their centres.
     for name, region in itertools.product(names, (CORNER, MIDDLE)):
         camera = CAMERAS[name]
@@ -112,7 +112,7 @@ def test_states_tell_the_dark_from_the_background():
     np.testing.assert_array_equal(lit, truth.microlens_type >= 0)
 
 
-def test_pixels_that_were_not_looked_at_are_unknown(monkeypatch):
+def test_pixels_that_were_not_computed_are_unknown(monkeypatch):
     original = orders.render_tile
 
     def interrupted(*arguments, **named):
@@ -127,7 +127,7 @@ def test_pixels_that_were_not_looked_at_are_unknown(monkeypatch):
 
 
 @pytest.mark.parametrize("stop", [5.0, 0.1])
-def test_shares_are_those_of_rendered_light(stop):
+def test_object_shares_equal_those_of_rendered_light(stop):
     # Of two half planes one shines: what it sends is its share, or what the other one leaves. 64 points of a pixel
     # are within 0.06 or so of 4096; the plane is out of focus, so that its edge is many pixels wide.
     bright = pl.quad((0, -400, -500), (400, 0, 0), (0, 800, 0), material=pl.Emissive(1.0))
@@ -138,10 +138,10 @@ def test_shares_are_those_of_rendered_light(stop):
     white = pl.render_white(camera, samples=4096, region=region, progress=False)
     light = white.image[..., 0]
     lit = (light > 0.01 * light.max()) & (truth.object >= 0)
-    share = (shot.image.mean(axis=-1) / np.where(lit, light, 1.0))[lit]
-    expected = np.where(truth.object[lit] == 0, share, 1 - share)
+    fraction = (shot.image.mean(axis=-1) / np.where(lit, light, 1.0))[lit]
+    expected = np.where(truth.object[lit] == 0, fraction, 1 - fraction)
     off = truth.object_share[lit] - expected
-    assert np.isfinite(off).all() and ((share > 0.02) & (share < 0.98)).mean() > 0.02
+    assert np.isfinite(off).all() and ((fraction > 0.02) & (fraction < 0.98)).mean() > 0.02
     # Behind a small stop some 16 paths arrive of either.
     assert np.sqrt(np.mean(off**2)) < (0.03 if stop == 5.0 else 0.1)
     assert np.isnan(truth.object_share[truth.object < 0]).all()
@@ -174,7 +174,7 @@ def dense_rays(camera, rng, row, column, count):
 
 
 @pytest.mark.parametrize("stop", [5.0, 2.3, 0.2])
-def test_rays_pass_the_lit_centroid(stop):
+def test_rays_pass_the_illuminated_centroid(stop):
     camera = camera_of(stop)
     record = camera_record(camera)
     rays = rays_of(record, pixel_centres(record, (100, 228), (0, 512)))
@@ -183,12 +183,12 @@ def test_rays_pass_the_lit_centroid(stop):
     for k in np.random.default_rng(3).permutation(np.flatnonzero(~rays.lost))[:24]:
         cell = rays.cells[k, :2]
         bundle, index = traced(camera, rays.starts[k], cell + grid)
-        own = (index == np.rint(cell @ np.linalg.inv(camera.microlenses.basis))).all(axis=1)
-        lit = (cell + grid)[own & (bundle.weight > 0)]
+        in_cell = (index == np.rint(cell @ np.linalg.inv(camera.microlenses.basis))).all(axis=1)
+        lit = (cell + grid)[in_cell & (bundle.weight > 0)]
         if len(lit) < 300:
             continue  # a micrometre is no small part of it
         off.append(np.hypot(*(rays.aims[k] - lit.mean(axis=0))))
-        # What feeds a point is bounded by tangents, which are 1 % of what a pixel sees outside their circle, a third of
+        # The region of a point is bounded by tangents, 1 % of what a pixel sees outside their circle, a third of
         # it on average, and by margins on both sides of 0.2 % of what a group of 4 x 4 pixels sees. What is seen moves
         # 6.1 times as far as the point (by thin lenses). Such a strip at its rim moves a centroid by half the strip's
         # width where the lit part is a rectangle, and by less than all of it at its tips.
@@ -200,16 +200,16 @@ def test_rays_pass_the_lit_centroid(stop):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["1.7 5.0", "2.0 5.0", "1.7 2.3", "1.7 0.2", "multi-focus", "small pixels", "star"])
-def test_rays_see_what_dense_rays_see(name):
+def test_representative_rays_agree_with_dense_rays(name):
     camera = CAMERAS[name]
     near = pl.quad((0, -2000, -350), (2000, 0, 0), (0, 4000, 0))
     far = pl.quad((-2000, -2000, -450), (4000, 0, 0), (0, 4000, 0))
     truth = pl.ground_truth(pl.Scene([near, far]), camera, region=np.s_[:128, :])
     rng = np.random.default_rng(1)
-    seen = np.argwhere(truth.state == PixelState.SEEN)
-    own = []
-    for row, column in rng.permutation(seen)[:60]:
-        if len(own) == 16:
+    hit_pixels = np.argwhere(truth.state == PixelState.SEEN)
+    traced_depths = []
+    for row, column in rng.permutation(hit_pixels)[:60]:
+        if len(traced_depths) == 16:
             break
         for _ in range(20):
             depth, index = dense_rays(camera, rng, row, column, 20_000)
@@ -217,7 +217,7 @@ def test_rays_see_what_dense_rays_see(name):
                 break
         if not len(depth):
             continue  # too little light for so few rays
-        own.append((index == truth.microlens[row, column]).all(axis=1).mean())
+        traced_depths.append((index == truth.microlens[row, column]).all(axis=1).mean())
         assert depth.min() - 1e-9 <= truth.depth[row, column] <= depth.max() + 1e-9
-        assert own[-1] > 0
-    assert len(own) == 16 and np.median(own) > 0.5
+        assert traced_depths[-1] > 0
+    assert len(traced_depths) == 16 and np.median(traced_depths) > 0.5

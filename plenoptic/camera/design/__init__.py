@@ -1,1 +1,1 @@
-"""Set-up of a camera by wishes."""
+"""Design of a camera from targets."""

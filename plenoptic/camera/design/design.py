@@ -1,11 +1,10 @@
-"""Set-up by wishes: solving for iris, distances, pitch and focal length from focus, fill, depth and disparity."""
+"""Design of a camera: iris, distances, pitch and focal length from focus, image fill, depth and disparity."""
 
 from __future__ import annotations
 
 from plenoptic.camera.design.search import CameraDesign, Search
-from plenoptic.camera.design.wishes import Wishes, check_count, check_wishes, checked_numbers, template_array
-from plenoptic.camera.report.focus import CameraKind
-from plenoptic.camera.report.optics import neighbour_distance
+from plenoptic.camera.design.targets import DesignTargets, check_count, check_targets, template_array, valid_lengths
+from plenoptic.camera.gaussian import CameraKind, neighbour_distance
 from plenoptic.core.values import check_kind, choice, positive, wavelength_in_nm
 from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.stack import LensStack
@@ -35,58 +34,58 @@ def design_camera(  # noqa: PLR0913
     wavelength: float = 587.6,
     tolerance: float = 1e-8,
 ) -> CameraDesign:
-    """Solve for the missing numbers of a plenoptic camera, so that traced rays meet wishes for focus, images and depth.
+    """Design a plenoptic camera whose traced rays meet targets for focus, microlens images and depth.
 
-    Given numbers are kept. Each wish (z, image_fill, virtual_depth or disparity, and kind=PLENOPTIC_1, which wishes for
-    microlenses_to_sensor = focal_length) determines one number that is not. The iris is solved for if `semi_diameter`
-    is left out and `image_fill` has nothing else to choose; otherwise it stays as it is.
+    Each target (z, image_fill, virtual_depth or disparity, and kind=PLENOPTIC_1 with
+    microlenses_to_sensor = focal_length) determines one number that is not given. The iris is solved for if
+    `semi_diameter` is left out and `image_fill` determines no other number; otherwise it does not change.
 
     Parameters
     ----------
     lens : LensStack
-        The main lens; it is traced as its model says.
+        The main lens, traced by its model.
     sensor : Sensor
     kind : CameraKind
         PLENOPTIC_1, KEPLERIAN, GALILEAN, or CAMERA_ARRAY for a lens with LensModel.NONE.
     z : float, optional
-        The plane in focus in the camera's frame in mm, negative; -inf: the horizon.
+        The plane in focus in the camera's frame in mm, negative; -inf: infinity.
     image_fill : float, optional
         Diameter of the microlens images over their distance; 1 matches the f-numbers of main lens and microlenses.
-        None: no such wish.
+        None: no target.
     virtual_depth : float, optional
         Image distance from the array over microlenses_to_sensor, see `MicrolensFocus`.
     disparity : float, optional
         Pixels between the images of neighbouring microlenses, above 0; for PLENOPTIC_1 microlenses between the views of
-        neighbouring pixels. In place of virtual_depth.
+        neighbouring pixels. Instead of virtual_depth.
     depth_at : float, optional
-        The plane that virtual_depth or disparity are for, in mm; the plane in focus if left out.
+        The plane of virtual_depth or disparity, in mm; default: the plane in focus.
     microlenses : MicrolensArray, optional
-        Gives pitch and focal length (that of the lens on the axis, at `wavelength`), and all else that an array has.
+        Array with pitch and focal length (of the microlens on the axis, at `wavelength`).
     pitch, focal_length : float, optional
-        Of the microlenses in mm, in place of `microlenses`.
+        Pitch and focal length of the microlenses in mm, instead of `microlenses`.
     lattice : Lattice, optional
-        Without `microlenses`.
+        Lattice, if `microlenses` is left out.
     semi_diameter : float, optional
-        Of the iris in mm.
+        Semi-diameter of the iris in mm.
     stop_to_microlenses, microlenses_to_sensor : float, optional
-        As in `PlenopticCamera`, mm.
+        Distances as in `PlenopticCamera`, mm.
     criterion : FocusCriterion, optional
-        Criterion of sharpness of the main lens's image.
+        Criterion for the main lens's image of the plane in focus.
     wavelength : float, optional
-        nm.
+        Wavelength of the design in nm.
     tolerance : float, optional
         Largest error of the traced focus over the distance of the array, and of the traced image fill.
 
     Raises
     ------
     InvalidValueError
-        Where wishes contradict each other or given numbers, leave something open, or are impossible: an image
-        on the wrong side of the array, more light than the rims of the lens let pass, a camera inside its lens.
+        If targets contradict each other or the numbers given, leave a number undetermined, or are impossible: an image
+        on the wrong side of the array, more light than the rims of the lens transmit, a camera inside its lens.
 
     Notes
     -----
-    The first solution is paraxial. Each round then traces the image of the plane in focus and the slope of the rim ray
-    at the centre of the array, and solves the equations again with these, until nothing changes.
+    The first solution is paraxial. Each iteration traces the image of the plane in focus and the slope of the marginal
+    ray at the centre of the array, and solves the equations again with these, until the solution converges.
 
     Examples
     --------
@@ -102,11 +101,11 @@ def design_camera(  # noqa: PLR0913
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
     check_kind(sensor, "sensor", Sensor, "pl.Sensor((512, 512), 0.01)")
     kind = choice(kind, CameraKind, "kind")
-    wishes = Wishes(kind, z, depth_at, image_fill, virtual_depth, disparity, sensor.pixel_pitch)
-    check_wishes(wishes, lens)
+    targets = DesignTargets(kind, z, depth_at, image_fill, virtual_depth, disparity, sensor.pixel_pitch)
+    check_targets(targets, lens)
     wave = wavelength_in_nm(wavelength)
     template = template_array(microlenses, pitch, focal_length, lattice)
-    numbers = checked_numbers(
+    fixed = valid_lengths(
         {
             "h": semi_diameter,
             "L": stop_to_microlenses,
@@ -115,9 +114,9 @@ def design_camera(  # noqa: PLR0913
             "f": focal_length if microlenses is None else microlenses.focal_length / microlenses.power_factor(wave),
         }
     )
-    if "h" not in numbers and (wishes.image_fill is None or len(wishes.names) <= 4 - len(numbers)):
-        numbers["h"] = lens.stop.semi_diameter
-    check_count(wishes, numbers)
+    if "h" not in fixed and (targets.image_fill is None or len(targets.names) <= 4 - len(fixed)):
+        fixed["h"] = lens.stop.semi_diameter
+    check_count(targets, fixed)
     best = choice(criterion, FocusCriterion, "criterion")
-    search = Search(lens, sensor, wishes, numbers, template, best, wave)
-    return search.found(positive(tolerance, "tolerance"))
+    search = Search(lens, sensor, targets, fixed, template, best, wave)
+    return search.run(positive(tolerance, "tolerance"))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes, array_axes, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
 
 
-_ROOM = 0.1
-"""Lenses are looked for farther out by this part of the sensor's size, since pupils have aberrations."""
-_LEAST_APART = 0.1
-"""Where images lie nearer together than this part of the microlenses' distance, the outermost ones are not listed."""
+_SEARCH_MARGIN = 0.1
+"""Margin of the search for microlenses over the sensor's size, for aberrations of the pupil."""
+_MIN_IMAGE_SPACING = 0.1
+"""Least spacing of images over that of microlenses for which all microlenses are listed."""
 
 
 class CentreMethod(enum.IntEnum):
-    """Definition of the centre of a microlens image; without vignetting, CHIEF_RAY and CENTROID nearly agree.
+    """Definition of the centre of a microlens image; without vignetting CHIEF_RAY and CENTROID nearly agree.
 
     Examples
     --------
@@ -46,15 +46,15 @@ class CentreMethod(enum.IntEnum):
     ORTHOGONAL = 0
     """The microlens's optical centre, projected onto the sensor along the array's normal."""
     CHIEF_RAY = 1
-    """Where the ray through the centres of the real iris and of the microlens meets the sensor: the image of the middle
-    of the exit pupil."""
+    """The intersection with the sensor of the ray through the centres of the real iris and of the microlens: the image
+    of the centre of the exit pupil."""
     CENTROID = 2
-    """The centroid of the light of a uniform white scene that passes the microlens's cell: what a white image shows."""
+    """The centroid of the light of a uniform white scene through the microlens's cell, as in a white image."""
 
 
 @result
 class MicrolensCentres:
-    """Centres of microlens images, one a row. See `microlens_centres`, which finds them.
+    """Centres of microlens images, one per row. See `microlens_centres`, which makes it.
 
     Parameters
     ----------
@@ -97,55 +97,55 @@ def microlens_centres(
     margin: float = 0.0,
     progress: bool = True,
 ) -> MicrolensCentres:
-    """Find the centres of the images of all microlenses that fall onto the sensor.
+    """Compute the centres of all microlens images on the sensor.
 
     Parameters
     ----------
     camera : PlenopticCamera
         With microlenses.
     method : CentreMethod, optional
-        ORTHOGONAL, CHIEF_RAY or CENTROID. Under vignetting all three differ; without it, CHIEF_RAY and CENTROID agree
-        but for aberrations of the pupil and the fall-off of light across an image.
+        ORTHOGONAL, CHIEF_RAY or CENTROID. With vignetting all three differ; without it, CHIEF_RAY and CENTROID agree
+        except for aberrations of the pupil and the illumination fall-off across an image.
     white : Exposure, optional
-        For CENTROID: a white image of this camera, whose centroids are taken pixel by pixel in place of the geometry;
-        microlens images that it does not hold wholly are left out. The light in the cell around each CHIEF_RAY counts:
-        that of neighbouring images that overlap with it does, that of its own beyond, as of a missing lens, does not.
+        For CENTROID: a white image of this camera, whose pixels are used in place of the geometry; incomplete microlens
+        images are left out. The centroid is over the cell around each CHIEF_RAY: it includes light of overlapping
+        neighbours and excludes light of the image outside its cell, as of a missing lens.
     margin : float, optional
-        How far outside the sensor centres may lie, in mm; negative: how far inside they must.
+        Largest distance of centres outside the sensor, in mm; negative: least distance inside.
     progress : bool, optional
-        Whether to show, from the second second on, how far it is or that something is compiled.
+        True: show a progress bar, or that kernels are compiled, from the second second on.
 
     Returns
     -------
     MicrolensCentres
-        In the order of their indices. Microlenses that the chief ray, or for CENTROID any light, does not reach are
-        left out.
+        In the order of their indices, without microlenses that the chief ray, or for CENTROID any light, does not
+        reach.
 
     Raises
     ------
     InvalidValueError
-        Without microlenses; where a white image is given for another method than CENTROID or does not fit the camera;
-        for CENTROID with walls.
+        For cameras without microlenses; if a white image is given for another method than CENTROID or does not match
+        the camera; for CENTROID with walls.
 
     Notes
     -----
-    The chief ray, of the camera's `wavelength`, runs in reverse from the microlens through the middle of the real iris;
-    with a lens that is not LensModel.EXACT, through the middle of the pupil of that model. It is traced for some fifty
-    fields, more where parts are tilted, and interpolated by a polynomial (to 1e-9 mm for the double Gauss and a fisheye
-    up to 20 mm from the axis). In plates (SPHERICAL, FLAT_HIGH_INDEX) it is the ray through
-    the vertex of the curved side, which leaves them parallel to itself.
+    The chief ray, at the camera's `wavelength`, is traced in reverse from the microlens through the centre of the real
+    iris; with a lens that is not LensModel.EXACT, through the centre of the pupil of that model. It is traced for some
+    fifty fields, more if parts are tilted, and interpolated by a polynomial (to 1e-9 mm for the double Gauss and a
+    fisheye up to 20 mm from the axis). In plates (SPHERICAL, FLAT_HIGH_INDEX) it is the ray through the vertex of the
+    curved side, which leaves the plate parallel to itself.
 
-    Centroids are sums over rays from four points of the opening to 32 lines across the pupil, with their ends found by
-    bisection; above 1089 microlenses of a type the difference from the chief ray is interpolated between 33 x 33
-    fields. Both are good to some 0.01 pixels of 10 micrometres, less well where light ends. Microlenses count there as
-    ideal ones between their principal planes, and their aberrations do not. Of openings that differ, each has its own
-    centroid, and all have the median of their second moments.
+    Centroids are sums over rays from four points of the opening to 32 lines across the pupil, with their ends located
+    by bisection; above 1089 microlenses of a type the difference from the chief ray is interpolated between 33 x 33
+    fields. Both are accurate to some 0.01 pixels of 10 micrometres, less at the edge of the light. Microlenses are
+    ideal there, between their principal planes, without aberrations. Openings that differ have their own centroids and
+    the median of all second moments.
 
-    Deviations of single microlenses (`imperfections`) move their centres, and parts stand as they are built: a lens
-    that is displaced, or whose neighbours in a FREE lattice are uneven, is cut by its cell, which stays. Light beside
-    the openings of an array with clear gaps counts to the centroid. The optical centre of a missing lens is the middle
-    of its opening. Dust and the sensor's response to directions do not count, but in a white image.
-    Microlenses between walls (`Walls.OPAQUE`) are cameras of their own: their chief rays run along the array's normal.
+    Deviations of single microlenses (`imperfections`) displace their centres, and parts stand as built: a lens that is
+    displaced, or whose neighbours in a FREE lattice are uneven, is clipped by its cell, which is not displaced. Light
+    through clear gaps between openings contributes to the centroid. The optical centre of a missing lens is the centre
+    of its opening. Dust and the angular response of the sensor are ignored, except in a white image. Microlenses
+    between walls (`Walls.OPAQUE`) are separate cameras: their chief rays are along the array's normal.
 
     Examples
     --------
@@ -162,7 +162,7 @@ def microlens_centres(
         raise InvalidValueError("the camera has no microlenses, so there are no centres; give it a MicrolensArray")
     if white is not None and method is not CentreMethod.CENTROID:
         raise InvalidValueError(
-            f"a white image is given, but {method.name} does not look at it; use CentreMethod.CENTROID or leave it out"
+            f"a white image is given, but {method.name} does not use it; use CentreMethod.CENTROID or leave it out"
         )
     if array.walls is Walls.OPAQUE and method is CentreMethod.CENTROID:
         raise InvalidValueError(
@@ -180,29 +180,29 @@ def _centres(
     lenses = _lenses_near_sensor(axes, array, margin)
     if array.model.focuses:
         # Flat glass has no optical axis.
-        flat = (lenses.power == 0)[:, None]
-        lenses = dataclasses.replace(lenses, axis=np.where(flat, lenses.centre, lenses.axis))
+        is_flat = (lenses.power == 0)[:, None]
+        lenses = dataclasses.replace(lenses, axis=np.where(is_flat, lenses.centre, lenses.axis))
     centres = axes.local(lenses.axis)
-    straight = array.walls is Walls.OPAQUE or method is CentreMethod.ORTHOGONAL
-    slopes = np.zeros_like(centres) if straight else chief_slopes(axes, centres)
-    position = axes.on_sensor(
-        array.model.rules.shift_chief_rays(array, centres, slopes, camera.wavelength, True), slopes
-    )
+    is_orthogonal = array.walls is Walls.OPAQUE or method is CentreMethod.ORTHOGONAL
+    slopes = np.zeros_like(centres) if is_orthogonal else chief_slopes(axes, centres)
+    position = axes.on_sensor(array.model.rules.displaced(array, centres, slopes, camera.wavelength, True), slopes)
     if method is CentreMethod.CENTROID:
         if white is None:
             position = lit_centroids(axes, array, lenses, slopes)
         else:
-            position = white_centroids(axes, array, white, lenses.design, position, _images_apart(axes))
-    # Rounding must not decide about a centre on the edge.
+            position = white_centroids(axes, array, white, lenses.design, position, _image_spacing(axes))
+    # Rounding must not decide whether a centre on the edge is on the sensor.
     limit = 0.5 * np.array(camera.sensor.size[::-1]) + margin + 1e-9 * camera.sensor.pixel_pitch
     with np.errstate(invalid="ignore"):
-        inside = (np.abs(position) <= limit).all(axis=1)
-    places, pixels = position[inside], camera.sensor.pixel_of(position[inside])
-    return MicrolensCentres(lenses.index[inside], lenses.type[inside], lenses.axis[inside], places, pixels, method)
+        on_sensor = (np.abs(position) <= limit).all(axis=1)
+    positions, pixels = position[on_sensor], camera.sensor.pixel_of(position[on_sensor])
+    return MicrolensCentres(
+        lenses.index[on_sensor], lenses.type[on_sensor], lenses.axis[on_sensor], positions, pixels, method
+    )
 
 
-def _images_apart(axes: ArrayAxes) -> float:
-    """Distance between neighbouring microlens images over that of the microlenses, by the paraxial exit pupil."""
+def _image_spacing(axes: ArrayAxes) -> float:
+    """Spacing of microlens images over that of the microlenses, by the paraxial exit pupil."""
     array = axes.camera.microlenses
     if array is not None and array.walls is Walls.OPAQUE:
         return 1.0
@@ -211,14 +211,18 @@ def _images_apart(axes: ArrayAxes) -> float:
 
 
 def _lenses_near_sensor(axes: ArrayAxes, array: MicrolensArray, margin: float) -> Lenslets:
-    """Microlenses that can have their images on the sensor: images are farther apart than lenses, or nearer.
+    """Microlenses that can have their images on the sensor.
 
-    They are nearer where the exit pupil lies behind the array.
+    Images are farther apart than microlenses, or closer if the exit pupil lies behind the array.
     """
-    across = axes.parts.local_to_lens.inverse().points(np.array([0.0, 0.0, axes.parts.z_plane]))[:2]
+    axis_point = axes.parts.local_to_lens.inverse().points(np.array([0.0, 0.0, axes.parts.z_plane]))[:2]
     corners = sensor_corners(axes.camera, axes.parts)[:, :2]
-    shrunk = across + (corners - across) / max(_images_apart(axes), _LEAST_APART)
-    reached = axes.on_array(np.concatenate([corners, shrunk]))
-    low, high = reached.min(axis=0), reached.max(axis=0)
-    room = _ROOM * (high - low) + max(array.pitches) + margin * (high - low).max() / (corners.max() - corners.min())
-    return array.lenses(low - room, np.maximum(high + room, low - room))
+    lens_corners = axis_point + (corners - axis_point) / max(_image_spacing(axes), _MIN_IMAGE_SPACING)
+    corners_on_array = axes.on_array(np.concatenate([corners, lens_corners]))
+    low, high = corners_on_array.min(axis=0), corners_on_array.max(axis=0)
+    margin_ = (
+        _SEARCH_MARGIN * (high - low)
+        + max(array.pitches)
+        + margin * (high - low).max() / (corners.max() - corners.min())
+    )
+    return array.lenses(low - margin_, np.maximum(high + margin_, low - margin_))

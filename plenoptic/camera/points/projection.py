@@ -1,4 +1,4 @@
-"""Projection of world points onto the sensor: into every microlens image that sees them."""
+"""Projection of world points onto the sensor, through every microlens that images them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_with, rows_of
-from plenoptic.camera.psf.histogram import centroids
+from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_at, trace_rows
 from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
+from plenoptic.camera.psf.spots import centroids
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, result, whole
@@ -22,43 +22,43 @@ if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
 
-_CLEAR = 2.0**-12
-"""What hides a point is farther from it than this part of its way to the lens: the surface that it lies on does not."""
+_MIN_OCCLUDER_DISTANCE = 2.0**-12
+"""Least distance of an occluder from a point, over the distance to the lens: the point's own surface is closer."""
 
 
 @result
 class Projection:
-    """Projections of points onto the sensor, a row for each point and microlens; made by `project`.
+    """Images of world points on the sensor, a row for each point and microlens. See `project`, which makes it.
 
     Attributes
     ----------
     points : (n, 3) array
         The points in the world in mm.
     point : (k,) array of int
-        Which of them each row is about; rows are in the order of points and of lattice indices.
+        Point of each row; rows are in the order of points and of lattice indices.
     index : (k, 2) array of int or None
-        Lattice indices of the microlens; in FREE lattices (number, 0). None without microlenses, as the next one.
+        Lattice indices of the microlens; in FREE lattices (number, 0). None without microlenses.
     type : (k,) array of int or None
-        Type of the microlens: a row of the array's `focal_lengths`.
+        Type of the microlens: a row of the array's `focal_lengths`; None without microlenses.
     position, pixel : (k, 2) array
-        x and y on the sensor in mm, and row and column (whole numbers at the centres of pixels), of the chief ray: from
-        the point through the microlens's optical centre; without microlenses, through the centre of the iris. nan where
-        there is no such ray, as for a point whose image lies on the array beside that centre.
+        Intersection of the chief ray with the sensor: x and y in mm, and row and column (whole numbers at the centres
+        of pixels). The chief ray passes the microlens's optical centre; without microlenses, the centre of the iris.
+        nan if there is none, as for a point whose image lies on the array off that centre.
     centroid, centroid_pixel : (k, 2) array
-        The same of the centroid of all light of the point that lands on the sensor through the microlens; nan where
-        none does.
+        Centroid of all light of the point that reaches the sensor through the microlens, in mm, and row and column; nan
+        if none does.
     centroid_error : (k, 2) array
-        Standard error of `centroid` in mm; inf where it is not known.
+        Standard error of `centroid` in mm; inf if it is not known.
     light : (k,) array
         Projected solid angle of that light at the point in sr, as in `point_spread`; nan for microlenses with the model
         PINHOLE.
     light_error : (k,) array
-        Its standard error; inf where the chief ray shows that there is light but no other ray found it.
+        Its standard error; inf if the chief ray passes but no other ray does.
     passes : (k,) array of bool
-        Whether the chief ray itself passes the lens: all its stops and rims.
+        True if the chief ray passes all stops and rims of the lens.
     visible : (k,) array of bool
-        Whether light of the point lands on the sensor through the microlens, be it the chief ray alone, and, where a
-        scene is given, nothing hides the point.
+        True if light of the point reaches the sensor through the microlens, even the chief ray alone, and the point is
+        not occluded by the scene.
     """
 
     points: Floats
@@ -79,13 +79,13 @@ class Projection:
         return len(self.point)
 
     def selected(self, rows: ArrayLike) -> Projection:
-        """The rows that a mask (k,) or an array of row numbers selects."""
-        arrays = {name: array for name, array in vars(self).items() if name != "points" and array is not None}
-        return dataclasses.replace(self, **{name: array[np.asarray(rows)] for name, array in arrays.items()})
+        """Projection with the rows selected by a mask (k,) or an array of row numbers."""
+        world = {name: array for name, array in vars(self).items() if name != "points" and array is not None}
+        return dataclasses.replace(self, **{name: array[np.asarray(rows)] for name, array in world.items()})
 
     def __repr__(self) -> str:
-        visible, points = int(np.count_nonzero(self.visible)), len(self.points)
-        return f"Projection({points} point{'s' * (points != 1)}, {len(self)} rows, {visible} of them visible)"
+        n_visible, points = int(np.count_nonzero(self.visible)), len(self.points)
+        return f"Projection({points} point{'s' * (points != 1)}, {len(self)} rows, {n_visible} of them visible)"
 
     def _repr_html_(self) -> str:
         from plenoptic.plots.notebook.pictures import projection_html
@@ -102,7 +102,7 @@ def project(
     threads: int | None = None,
     progress: bool = True,
 ) -> Projection:
-    """Find where points of the world appear on the sensor, in every microlens image that sees them.
+    """Project world points onto the sensor, through every microlens that images them.
 
     Parameters
     ----------
@@ -110,39 +110,39 @@ def project(
     points : (3,) or (n, 3) array
         World positions in mm, in front of the lens.
     scene : Scene, optional
-        Scene that can hide the points; None: nothing does. A surface nearer to a point than 1/4096 of its way to the
-        lens, such as the surface that it lies on, does not hide it.
+        Scene with occluders; None: no occlusion. Surfaces closer to a point than 1/4096 of its distance to the lens,
+        such as the point's own surface, do not occlude it.
     rays : int, optional
-        Rays of each point for `light` and `centroid`, rounded up to a multiple of 8. They do not change `position`.
+        Rays per point for `light` and `centroid`, rounded up to a multiple of 32. `position` does not depend on them.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
     progress : bool, optional
-        Whether to show, from the second second on, how far it is or that something is compiled.
+        True: show a progress bar, or that kernels are compiled, from the second second on.
 
     Returns
     -------
     Projection
-        A row for each microlens that gets light of the point, or that the chief ray reaches through all stops and rims;
-        of the latter, those are left out that would show the point farther beside the sensor than a tenth of its size.
+        A row for each microlens that receives light of the point, or an unvignetted chief ray. Chief rays farther
+        outside the sensor than a tenth of its size are left out.
 
     Raises
     ------
     InvalidValueError
-        Where a point is not finite or does not lie in front of the lens, or an argument is something else.
+        If a point is not finite or not in front of the lens, or an argument has a wrong type.
 
     Notes
     -----
-    Chief rays are found by Newton's method, traced through the real lens: they pass their microlens's optical centre to
-    within 1e-9 mm. In plates (SPHERICAL, FLAT_HIGH_INDEX) it is the ray through the vertex of the curved side, which
-    leaves them parallel to itself. Deviations of single microlenses (`imperfections`) and places of parts count.
+    Chief rays are traced through the real lens by Newton's method and pass their microlens's optical centre to within
+    1e-9 mm. In plates (SPHERICAL, FLAT_HIGH_INDEX) the chief ray passes the vertex of the curved side and leaves the
+    plate parallel to itself. Deviations of single microlenses (`imperfections`) and placements of parts are included.
 
-    Light is traced as in `point_spread`, with rays that are the same in every call. Light of less than a single ray,
-    a part of 1 / rays of the light that the lens takes up, may go unnoticed at microlenses that the chief
-    ray does not reach. With a scene, shadow rays run from the point towards the lens along the chief ray where it
-    passes, otherwise along a ray that passes the lens and meets the array near the microlens.
+    Light is traced as in `point_spread`, with the same rays in every call. Light below that of a single ray, a fraction
+    1 / rays of the light through the lens, may be missed at microlenses that the chief ray does not reach. With a
+    scene, shadow rays run from the point towards the lens along the chief ray if it passes, otherwise along a ray that
+    passes the lens and hits the array near the microlens.
 
-    Everything is traced at the camera's `wavelength`. Dust, scratches and the response of pixels do not count.
-    Light that passes beside the openings of an array with clear gaps counts to the cell that it passes.
+    Everything is traced at the camera's `wavelength`. Dust, scratches and the response of pixels are ignored. Light
+    through clear gaps between openings belongs to the cell that it passes.
 
     Examples
     --------
@@ -156,37 +156,37 @@ def project(
     ([[255.5, 255.5]], True)
     """
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
-    positions, _ = world_points(points)
-    each = -(-whole(rays, "rays", at_least=1) // REPLICATES)
+    world, _ = world_points(points)
+    rays_per_replicate = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
-    with CallProgress("projecting", kind="camera", show=progress):
-        tables = forward_record(camera)
-        rows = rows_of(tables, in_lens_axes(tables, positions), each, workers)
-        projection = _projection_of(tables, positions, rows)
-        return projection if scene is None else _unhidden(tables, projection, rows.entering, scene)
+    with Waiting("projecting", kind="camera", show=progress):
+        record = forward_record(camera)
+        rows = trace_rows(record, in_lens_axes(record, world), rays_per_replicate, workers)
+        projection = _to_projection(record, world, rows)
+        return projection if scene is None else _remove_occluded(record, projection, rows.entering, scene)
 
 
-def _projection_of(tables: ForwardRecord, given: Floats, rows: Rows) -> Projection:
-    sensor, array = tables.camera.sensor, tables.camera.microlenses
-    lenses = None if array is None or rows.lens is None else lenses_with(array, rows.lens)
+def _to_projection(record: ForwardRecord, world: Floats, rows: Rows) -> Projection:
+    sensor, array = record.camera.sensor, record.camera.microlenses
+    lenses = None if array is None or rows.lens is None else lenses_at(array, rows.lens)
     light = rows.moments[:, :, 0].mean(axis=1)
     light_error = rows.moments[:, :, 0].std(axis=1, ddof=1) / np.sqrt(REPLICATES)
     centroid, centroid_error = centroids(rows.moments)
     centroid[light == 0] = np.nan
-    # All light in one replicate: the error is not known, and not small.
+    # With all light in one replicate the error is unknown, and not small.
     centroid_error[~np.isfinite(centroid_error)] = np.inf
     with np.errstate(invalid="ignore"):
-        lands = rows.passes & (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1])).all(axis=1)
+        is_imaged = rows.passes & (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1])).all(axis=1)
     if lenses is not None:
-        lands &= lenses.transmission > 0
+        is_imaged &= lenses.transmission > 0
     if array is not None and not array.model.focuses:
         light, light_error = np.full((2, len(light)), np.nan)
-        centroid = np.where(lands[:, None], rows.position, np.nan)
-        centroid_error = np.where(lands[:, None], 0.0, np.inf)
+        centroid = np.where(is_imaged[:, None], rows.position, np.nan)
+        centroid_error = np.where(is_imaged[:, None], 0.0, np.inf)
     else:
-        light_error[lands & (light == 0)] = np.inf
+        light_error[is_imaged & (light == 0)] = np.inf
     return Projection(
-        points=given,
+        points=world,
         point=rows.point,
         index=rows.lens,
         type=None if lenses is None else lenses.type,
@@ -198,39 +198,40 @@ def _projection_of(tables: ForwardRecord, given: Floats, rows: Rows) -> Projecti
         light=light,
         light_error=light_error,
         passes=rows.passes,
-        visible=lands | (light > 0),
+        visible=is_imaged | (light > 0),
     )
 
 
-def _unhidden(tables: ForwardRecord, found: Projection, entering: Floats, scene: Scene) -> Projection:
-    """Rows whose points are hidden from the place (k, 2) where their rays enter the lens are no longer visible."""
+def _remove_occluded(record: ForwardRecord, projection: Projection, entering: Floats, scene: Scene) -> Projection:
+    """Set `visible` to False for points occluded on the way to the entry points (k, 2) of their rays into the lens."""
     from plenoptic.scene.cache import prepared_scene
     from plenoptic.scene.scene import Scene
 
     check_kind(scene, "scene", Scene, "pl.Scene(...)")
-    rows, visible = np.flatnonzero(found.visible), found.visible.copy()
-    points = found.points[found.point[rows]]
-    visible[rows] = ~are_hidden(tables, points, entering[rows], prepared_scene(scene))
-    return dataclasses.replace(found, visible=visible)
+    rows, visible = np.flatnonzero(projection.visible), projection.visible.copy()
+    points = projection.points[projection.point[rows]]
+    visible[rows] = ~are_occluded(record, points, entering[rows], prepared_scene(scene))
+    return dataclasses.replace(projection, visible=visible)
 
 
-def are_hidden(tables: ForwardRecord, points: Floats, entering: Floats, prepared: PreparedScene) -> NDArray[np.bool_]:
-    """(n,): whether something lies between world points (n, 3) and places (n, 2) of the plane where rays enter."""
+def are_occluded(record: ForwardRecord, points: Floats, entering: Floats, prepared: PreparedScene) -> NDArray[np.bool_]:
+    """True (n,) if the scene occludes world points (n, 3) seen from points (n, 2) of the entrance plane."""
     from plenoptic.scene.materials.alpha_mask import attenuate_shadows
 
-    record, intersector = prepared.record, prepared.intersector
+    scene_record, intersector = prepared.record, prepared.intersector
     if intersector is None:
         return np.zeros(len(points), dtype=bool)
-    placed, pose = tables.array.parts.lens_to_camera, tables.camera.pose
-    through = np.column_stack([entering, np.full(len(points), tables.entrance.z)])
-    through = through if placed is None else placed.points(through)
+    lens_pose, pose = record.array.parts.lens_to_camera, record.camera.pose
+    through = np.column_stack([entering, np.full(len(points), record.entrance.z)])
+    through = through if lens_pose is None else lens_pose.points(through)
     through = through if pose is None else pose.to_world(through)
-    segments = through - points
-    rays = np.ascontiguousarray(np.column_stack([points + _CLEAR * segments, (1.0 - _CLEAR) * segments]))
+    segment = through - points
+    start = points + _MIN_OCCLUDER_DISTANCE * segment
+    rays = np.ascontiguousarray(np.column_stack([start, (1.0 - _MIN_OCCLUDER_DISTANCE) * segment]))
     blocked = np.zeros(len(points), dtype=np.uint8)
-    left = np.ones((len(points), 1))
-    if record.alpha is None:
+    transmission = np.ones((len(points), 1))
+    if scene_record.alpha is None:
         intersector.fill_blocked(blocked, rays)
     else:
-        attenuate_shadows(record, intersector, rays, blocked, left)
-    return np.asarray((blocked != 0) | (left[:, 0] <= 0.5))
+        attenuate_shadows(scene_record, intersector, rays, blocked, transmission)
+    return np.asarray((blocked != 0) | (transmission[:, 0] <= 0.5))

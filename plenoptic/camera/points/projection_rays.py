@@ -1,4 +1,4 @@
-"""Rays of points, and which of them pass given places behind the lens: Newton's method through the real lens."""
+"""Ray aiming from world points at targets behind the lens, by Newton's method through the real lens."""
 
 from __future__ import annotations
 
@@ -17,45 +17,45 @@ from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.trace import traced_by
 from plenoptic.optics.microlens.array import MicrolensArray
 
-CLOSE = 1e-10
-"""How far from its place, in mm, an aimed ray may pass, above what the digits of the coordinates allow."""
+AIM_TOLERANCE = 1e-10
+"""Largest distance in mm of an aimed ray from its target, in addition to the rounding of coordinates."""
 _TRIALS = 40
 _STEP = 1e-5
-"""Distance of the rays that give derivatives, over the size of the entrance pupil."""
+"""Distance of the rays for finite differences, over the size of the entrance pupil."""
 
 
 class EntranceRays(NamedTuple):
-    """Rays of points in front of the lens: they start on the plane `z`, in the lens's axes."""
+    """Entrance plane `z` of rays from points, in the lens's axes, and the records to trace them."""
 
     z: float
     size: float
-    """Semi-diameter of what light enters through, in mm."""
+    """Semi-diameter of the entrance pupil, in mm."""
     wavelength: float
     bare: LensRecord
     """The lens without its stops and rims."""
     lens: LensRecord
-    """The lens with them."""
+    """The lens with its stops and rims."""
 
-    def through(self, points: Floats, places: Floats) -> RayBundle:
-        """Rays of points (n, 3) through places (n, 2) of the plane."""
-        start = np.column_stack([places, np.full(len(places), self.z)])
+    def through(self, points: Floats, entry: Floats) -> RayBundle:
+        """Rays from points (n, 3) through points (n, 2) of the entrance plane."""
+        start = np.column_stack([entry, np.full(len(entry), self.z)])
         return RayBundle(start, start - points, self.wavelength)
 
 
-def entrance_rays(tables: ForwardRecord) -> EntranceRays:
-    """The rays of a camera's own wavelength."""
-    camera, entrance = tables.camera, tables.entrance
+def entrance_rays(record: ForwardRecord) -> EntranceRays:
+    """Compile the entrance of a camera at its wavelength."""
+    camera, entrance = record.camera, record.entrance
     size = min(entrance.pupil[1], entrance.reach) if np.isfinite(entrance.pupil[1]) else entrance.reach
     bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
-    return EntranceRays(entrance.z, size, camera.wavelength, bare, tables.lens)
+    return EntranceRays(entrance.z, size, camera.wavelength, bare, record.lens)
 
 
 class Aim(NamedTuple):
-    """Target points of rays, which are traced through an unobstructed `lens` and then pass `places`."""
+    """Target surface of ray aiming: rays are traced through `lens`, without vignetting, to `intersections`."""
 
     lens: LensRecord
-    places: Callable[[RayBundle], Floats]
-    """From n rays to (n, 2)."""
+    intersections: Callable[[RayBundle], Floats]
+    """Function from n rays to their intersections (n, 2)."""
 
 
 class ThroughArray(NamedTuple):
@@ -64,72 +64,73 @@ class ThroughArray(NamedTuple):
     axes: ArrayAxes
     array: MicrolensArray
 
-    def places(self, rays: RayBundle) -> Floats:
-        """The optical centre (n, 2) that each ray would pass undeviated.
+    def intersections(self, rays: RayBundle) -> Floats:
+        """Optical centre (n, 2) through which each ray would pass undeviated.
 
-        In plates whose vertices face the sensor, rays are displaced on their way to them.
+        In plates whose vertices face the sensor, rays are displaced before they reach them.
         """
         slopes = self.axes.slopes_of(rays.direction)
         origin = self.axes.parts.local_to_lens.inverse().points(rays.origin)
-        return self._displace(origin[:, :2] - origin[:, 2:] * slopes, slopes, False)
+        return self._shift_chief_rays(origin[:, :2] - origin[:, 2:] * slopes, slopes, False)
 
     def sensor_points(self, centres: Floats, rays: RayBundle) -> Floats:
-        """Intersections with the sensor, (n, 2) in its own axes, of rays through local optical centres."""
+        """Intersections (n, 2) with the sensor, in its own axes, of rays through local optical centres."""
         slopes = self.axes.slopes_of(rays.direction)
-        return self.axes.on_sensor(self._displace(centres, slopes, True), slopes)
+        return self.axes.on_sensor(self._shift_chief_rays(centres, slopes, True), slopes)
 
-    def _displace(self, points: Floats, slopes: Floats, rear: bool) -> Floats:
+    def _shift_chief_rays(self, points: Floats, slopes: Floats, rear: bool) -> Floats:
         return self.array.model.rules.displaced(self.array, points, slopes, self.axes.camera.wavelength, rear)
 
 
-def through_iris(tables: ForwardRecord, bare: LensRecord) -> tuple[Aim, Floats]:
-    """Elements up to the plane of the iris, or of its substitute in an ideal lens, and its centre (2,)."""
-    stops = (bare.rows["surface_index"] == tables.camera.lens.iris_index) & (bare.rows["kind"] != IDEAL)
+def through_iris(record: ForwardRecord, bare: LensRecord) -> tuple[Aim, Floats]:
+    """Aim at the plane of the iris, or at its substitute in an ideal lens; and the centre (2,) of the iris."""
+    stops = (bare.rows["surface_index"] == record.camera.lens.iris_index) & (bare.rows["kind"] != IDEAL)
     last = int(np.flatnonzero(stops)[0])
     centre = np.zeros(2) if bare.frames is None else bare.frames[last, 9:11] * bare.frames[last, 12]
     return Aim(bare.part(0, last + 1), lambda rays: rays.origin[:, :2]), centre
 
 
-def aimed(entrance: EntranceRays, aim: Aim, points: Floats, wanted: Floats, start: Floats) -> Floats:
-    """Places (n, 2) of the entrance through which rays of points (n, 3) pass `wanted` (n, 2); nan where none does.
+def aim_rays(entrance: EntranceRays, aim: Aim, points: Floats, targets: Floats, start: Floats) -> Floats:
+    """Entry points (n, 2) of the rays from points (n, 3) to `targets` (n, 2); nan if there is none.
 
-    Newton's method from `start` (n, 2), with steps halved until they help.
+    Newton's method from `start` (n, 2), with steps reduced until the residual decreases.
     """
     size = entrance.size
     h = _STEP * size
     right, up = np.array([[h, 0.0], [0.0, h]])
 
-    def missed(where: Floats, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """By how much (n, 2), and the derivatives (n, 2, 2)."""
-        tried = np.concatenate([where, where + right, where + up])
-        rays = entrance.through(np.tile(points[rows], (3, 1)), tried)
-        landed, landed_right, above = aim.places(traced_by(aim.lens, rays)).reshape(3, -1, 2)
-        return wanted[rows] - landed, np.stack([landed_right - landed, above - landed], axis=-1) / h
+    def evaluate(entry: Floats, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
+        """Residuals (n, 2) and Jacobians (n, 2, 2)."""
+        trial_points = np.concatenate([entry, entry + right, entry + up])
+        rays = entrance.through(np.tile(points[rows], (3, 1)), trial_points)
+        position, position_right, position_up = aim.intersections(traced_by(aim.lens, rays)).reshape(3, -1, 2)
+        return targets[rows] - position, np.stack([position_right - position, position_up - position], axis=-1) / h
 
-    limit = CLOSE + 64 * np.finfo(float).eps * (np.abs(wanted).max(axis=1, initial=0.0) + size)
-    aims, damping = start.copy(), np.ones(len(points))
+    limit = AIM_TOLERANCE + 64 * np.finfo(float).eps * (np.abs(targets).max(axis=1, initial=0.0) + size)
+    entry_points, step_fraction = start.copy(), np.ones(len(points))
     with np.errstate(all="ignore"):
-        miss, slope = missed(aims, np.arange(len(points)))
+        residual, jacobian = evaluate(entry_points, np.arange(len(points)))
         for _ in range(_TRIALS):
-            off = np.hypot(*miss.T)
-            open_ = np.flatnonzero(np.isfinite(off) & (off > limit) & (damping > 1e-6))
-            if not len(open_):
+            distance = np.hypot(*residual.T)
+            active = np.flatnonzero(np.isfinite(distance) & (distance > limit) & (step_fraction > 1e-6))
+            if not len(active):
                 break
-            step = solved(slope[open_], miss[open_])
+            step = solve_2x2(jacobian[active], residual[active])
             length = np.hypot(*step.T)
-            step *= (damping[open_] * np.minimum(1.0, 4.0 * size / length))[:, None]
-            trial = aims[open_] + step
-            trial_miss, trial_slope = missed(trial, open_)
-            better = np.hypot(*trial_miss.T) < off[open_]
-            rows = open_[better]
-            aims[rows], miss[rows], slope[rows] = trial[better], trial_miss[better], trial_slope[better]
-            damping[open_] = np.where(better, 1.0, 0.25 * damping[open_])
-        aims[~(np.hypot(*miss.T) <= limit)] = np.nan
-    return aims
+            step *= (step_fraction[active] * np.minimum(1.0, 4.0 * size / length))[:, None]
+            trial = entry_points[active] + step
+            trial_residual, trial_jacobian = evaluate(trial, active)
+            improved = np.hypot(*trial_residual.T) < distance[active]
+            rows = active[improved]
+            entry_points[rows], residual[rows] = trial[improved], trial_residual[improved]
+            jacobian[rows] = trial_jacobian[improved]
+            step_fraction[active] = np.where(improved, 1.0, 0.25 * step_fraction[active])
+        entry_points[~(np.hypot(*residual.T) <= limit)] = np.nan
+    return entry_points
 
 
-def solved(matrix: Floats, right: Floats) -> Floats:
-    """Solutions (n, 2) of systems (n, 2, 2); not finite where they are singular."""
+def solve_2x2(matrix: Floats, right: Floats) -> Floats:
+    """Solve linear systems (n, 2, 2) for (n, 2); not finite if they are singular."""
     a, b, c, d = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 0], matrix[:, 1, 1]
-    crossed = np.stack([d * right[:, 0] - b * right[:, 1], a * right[:, 1] - c * right[:, 0]], axis=1)
-    return np.asarray(crossed / (a * d - b * c)[:, None])
+    numerators = np.stack([d * right[:, 0] - b * right[:, 1], a * right[:, 1] - c * right[:, 0]], axis=1)
+    return np.asarray(numerators / (a * d - b * c)[:, None])

@@ -1,1 +1,1 @@
-"""Point spread: light of points on the sensor."""
+"""Point-spread functions by forward tracing."""

@@ -1,1 +1,1 @@
-"""Report on a camera in numbers."""
+"""Reports on cameras: first-order properties, findings, drawings."""

@@ -1,4 +1,4 @@
-"""Warnings of a report on a camera: findings with a sentence each."""
+"""Findings of a report on a camera: warnings with a sentence each."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from plenoptic.camera.report.focus import CameraKind, MicrolensFocus
-from plenoptic.camera.report.optics import neighbour_distance, opening_width
+from plenoptic.camera.gaussian import CameraKind, neighbour_distance, opening_width
+from plenoptic.camera.report.focus import MicrolensFocus
 from plenoptic.core.values import choice, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
@@ -22,7 +22,7 @@ FULL = 0.9
 """Microlens images narrower than this, in units of their distance, leave dark gaps worth a warning; round images that
 touch leave 9 % of a hexagonal cell dark and 21 % of a square one."""
 OVERLAPPING = 0.05
-"""Part of the sensor that several microlenses may light before it is worth a warning."""
+"""Fraction of the sensor illuminated by several microlenses that is worth a warning."""
 MATCHED = 0.1
 """Relative difference of f-numbers that is worth a warning."""
 FEW_PIXELS = 5.0
@@ -30,7 +30,7 @@ FEW_PIXELS = 5.0
 CLOSE = 0.1
 """Clearance behind the lens in mm below which mounts are in the way, if the camera is larger than that."""
 CUT = 0.01
-"""Part of the iris whose loss at the corner of the sensor is worth a warning."""
+"""Fraction of the iris whose vignetting at the corner of the sensor is worth a warning."""
 
 
 class CameraFindingKind(enum.IntEnum):
@@ -46,7 +46,7 @@ class CameraFindingKind(enum.IntEnum):
     DARK_GAPS = 0
     """Microlens images do not touch."""
     OVERLAP = 1
-    """Neighbouring microlens images overlap: several microlenses feed one pixel."""
+    """Neighbouring microlens images overlap: several microlenses illuminate one pixel."""
     F_NUMBER_MISMATCH = 2
     """The f-numbers of main lens and microlenses differ."""
     INSIDE_LENS = 3
@@ -60,20 +60,20 @@ class CameraFindingKind(enum.IntEnum):
     FOCUSED_AT_INFINITY = 7
     """Microlenses of a focused camera are in focus at infinity to within a pixel: nearly a plenoptic 1.0."""
     FEW_VIEWS = 8
-    """A point is seen by fewer than two microlenses across: no depth from neighbours."""
+    """A point is imaged by fewer than two microlenses across: no depth from neighbours."""
     FEW_PIXELS = 9
     """A microlens image has few pixels across."""
     CUT_OFF_IMAGES = 10
     """Rims cut off microlens images at the corner of the sensor."""
     OUT_OF_PLACE = 12
-    """Parts stand elsewhere than designed, and the report is on the design."""
+    """Parts are displaced from the design, to which the report refers."""
     DEPTH_GAP = 11
     """Between the depths of field of the types of microlenses lies a range that is sharp for none."""
 
 
 @value
 class CameraFinding:
-    """Something in a camera that may surprise its user; `camera_report` makes them. Printed, it is its message.
+    """Warning about a property of a camera; made by `camera_report`. Printed as its message.
 
     Parameters
     ----------
@@ -101,23 +101,23 @@ class CameraFinding:
 
 
 def camera_findings(camera: PlenopticCamera, report: CameraReport) -> tuple[CameraFinding, ...]:
-    """Return the warnings of a report, in the order of the kinds."""
-    findings = [*_lens(camera, report), *_focus(report), *_placements(camera)]
+    """Findings of a report, in the order of their kinds."""
+    findings = [*_lens_findings(camera, report), *_focus_findings(report), *_placement_findings(camera)]
     if camera.microlenses is not None:
-        findings += [*_images(camera, report), *_types(camera, report)]
+        findings += [*_image_findings(camera, report), *_type_findings(camera, report)]
     return tuple(sorted(findings, key=lambda finding: finding.kind))
 
 
-def _placements(camera: PlenopticCamera) -> Iterator[CameraFinding]:
-    places = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
-    if any(place is not None for place in places):
+def _placement_findings(camera: PlenopticCamera) -> Iterator[CameraFinding]:
+    placements = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
+    if any(placement is not None for placement in placements):
         yield CameraFinding(
             CameraFindingKind.OUT_OF_PLACE,
-            "parts stand elsewhere than designed, and this report is on the design; see pl.camera.as_built(camera)",
+            "parts are displaced from the design, to which this report refers; see pl.camera.as_built(camera)",
         )
 
 
-def _lens(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:
+def _lens_findings(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:
     part = "sensor" if camera.microlenses is None else "microlens array"
     gap = report.clearance
     if gap < 0:
@@ -138,7 +138,7 @@ def _lens(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFindi
         )
 
 
-def _images(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:
+def _image_findings(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:
     fill, match, pixels = report.image_fill, report.f_number_match, report.image_pitch_pixels
     assert fill is not None and match is not None and pixels is not None
     assert report.dark_fraction is not None and report.overlap_fraction is not None
@@ -164,13 +164,14 @@ def _images(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFin
             f"f/{report.microlens_f_number:.3g}; an iris of semi-diameter {matching:.4g} mm matches them",
         )
     longer, p = max(camera.sensor.size), neighbour_distance(camera.microlenses)  # type: ignore[arg-type]
-    lost = longer / p - longer / (pixels * camera.sensor.pixel_pitch)
-    if abs(lost) >= 1.0:
+    lost_images = longer / p - longer / (pixels * camera.sensor.pixel_pitch)
+    if abs(lost_images) >= 1.0:
         yield CameraFinding(
             CameraFindingKind.PERSPECTIVE,
             f"microlens images repeat every {pixels:.4g} pixels and microlenses every "
-            f"{p / camera.sensor.pixel_pitch:.4g}, so that the longer side of the sensor holds {abs(lost):.1f} "
-            f"{'fewer' if lost > 0 else 'more'} images than microlenses; take the distance of the images for decoding",
+            f"{p / camera.sensor.pixel_pitch:.4g}, so that the longer side of the sensor holds {abs(lost_images):.1f} "
+            f"{'fewer' if lost_images > 0 else 'more'} images than microlenses; take the distance of the images for "
+            "decoding",
         )
     if pixels < FEW_PIXELS:
         yield CameraFinding(
@@ -184,7 +185,7 @@ def _of_type(report: CameraReport, focus: MicrolensFocus) -> str:
     return f" through microlenses of type {focus.type}" if len(report.focus) > 1 else ""
 
 
-def _focus(report: CameraReport) -> Iterator[CameraFinding]:
+def _focus_findings(report: CameraReport) -> Iterator[CameraFinding]:
     for focus in report.focus:
         if math.isnan(focus.z_far) and math.isnan(focus.z_traced):
             yield CameraFinding(CameraFindingKind.FOCUS_OUT_OF_REACH, _out_of_reach(report, focus))
@@ -208,7 +209,7 @@ def _out_of_reach(report: CameraReport, focus: MicrolensFocus) -> str:
     return f"{through}the main lens would have to form its image {where}; move the back with focused_at"
 
 
-def _types(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:
+def _type_findings(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:
     array = camera.microlenses
     assert array is not None
     blur = opening_width(array) * camera.microlenses_to_sensor / camera.sensor.pixel_pitch
@@ -222,12 +223,12 @@ def _types(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFind
                 f"microlenses_to_sensor to {focus.focal_length:g}",
             )
     ranges = sorted((f.z_far, f.z_near) for f in report.focus if not math.isnan(f.z_far))
-    reached = -math.inf
+    nearest_limit = -math.inf
     for (_, near), (far, later) in pairwise(ranges):
-        reached = max(reached, near)
-        if reached < far < later:
+        nearest_limit = max(nearest_limit, near)
+        if nearest_limit < far < later:
             yield CameraFinding(
                 CameraFindingKind.DEPTH_GAP,
-                f"from z = {reached:.5g} to {far:.5g} mm no type of microlens is sharp; choose focal lengths nearer to "
-                "each other or stop down the microlenses",
+                f"from z = {nearest_limit:.5g} to {far:.5g} mm no type of microlens is sharp; choose focal lengths "
+                "nearer to each other or stop down the microlenses",
             )

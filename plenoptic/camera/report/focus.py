@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-import enum
 import math
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.report.optics import (
+from plenoptic.camera.gaussian import (
+    SAME_FOCUS,
+    CameraKind,
     Cone,
     cell_area,
     image_plane,
+    is_at_horizon,
+    kind_of,
     lateral_magnification,
     neighbour_distance,
     object_plane,
     opening_width,
+    plane_in_front,
+    sharp_image,
 )
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
@@ -22,33 +27,9 @@ from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.models import FocusCriterion, LensModel
 
 _STEPS = 8
-"""Corrections of the traced focus; each makes the error some ten to a thousand times smaller."""
-_EXACT = 1e-10
-"""Error of the traced image that ends the search, over its distance."""
-SAME = 1e-9
-"""Relative difference of b and f up to which microlenses count as focused at infinity, as in `focused_at`."""
-
-
-class CameraKind(enum.IntEnum):
-    """Kind of camera, by the image that the microlenses relay.
-
-    Examples
-    --------
-    >>> import plenoptic as pl
-    >>> [kind.name for kind in pl.CameraKind]
-    ['CONVENTIONAL', 'PLENOPTIC_1', 'KEPLERIAN', 'GALILEAN', 'CAMERA_ARRAY']
-    """
-
-    CONVENTIONAL = 0
-    """No microlenses: the main lens images onto the sensor."""
-    PLENOPTIC_1 = 1
-    """Microlenses focused at infinity; the main lens images onto the array (R. Ng et al. 2005)."""
-    KEPLERIAN = 2
-    """Focused plenoptic camera whose image lies in front of the array: real."""
-    GALILEAN = 3
-    """Focused plenoptic camera whose image would lie behind the array: virtual."""
-    CAMERA_ARRAY = 4
-    """Microlenses without a main lens (LensModel.NONE): they see the scene itself."""
+"""Most corrections of the traced focus; each reduces the error ten to a thousand times."""
+_TOLERANCE = 1e-10
+"""Relative error of the traced image position at which the search ends."""
 
 
 @value
@@ -58,11 +39,11 @@ class MicrolensFocus:
     With s the distance behind the array at which the main lens forms an image (negative in front of it), b the distance
     from array to sensor, f the focal length and d the opening of a microlens, p their pitch and q that of the pixels:
 
-    - sharp: 1/s = 1/b - 1/f, and s = 0 for a plenoptic 1.0;
+    - in focus: 1/s = 1/b - 1/f, and s = 0 for a plenoptic 1.0;
     - virtual depth v = ``|s| / b``;
-    - depth of field: light of a point is spread on the sensor over ``d b |1/s - 1/b + 1/f|``, at most q. In a plenoptic
-      1.0 a point moves between the views of neighbouring pixels by at most one microlens: ``|s| <= p b / q``. Without
-      microlenses it is spread over at most q by the exit pupil;
+    - depth of field: the blur on the sensor, ``d b |1/s - 1/b + 1/f|``, is at most q. In a plenoptic 1.0 a point moves
+      between the views of neighbouring pixels by at most one microlens: ``|s| <= p b / q``. Without microlenses the
+      blur by the exit pupil is at most q;
     - disparity: ``p b / |s| / q`` pixels between the images of neighbouring microlenses, relative to their centres; in
       a plenoptic 1.0, s q / (b p) microlenses between the views of neighbouring pixels, positive for near objects;
     - effective resolution: 1 / max(v, 1) of the sensor's pixels along each axis; in a plenoptic 1.0, microlenses.
@@ -79,26 +60,25 @@ class MicrolensFocus:
     virtual_depth : float or None
         v; None without microlenses.
     z : float
-        The plane in focus by Gaussian optics in the camera's frame, mm; -inf for the horizon, nan where there is none
-        in front of the lens.
+        Plane in focus by Gaussian optics in the camera's frame, mm; -inf at infinity, nan if there is none in front of
+        the lens.
     z_traced : float
-        The same by exact rays that fill the iris (least RMS spot in the main lens's image).
+        Plane in focus by exact rays that fill the iris (least RMS spot in the main lens's image), mm.
     z_far, z_near : float
-        Limits of the depth of field by Gaussian optics; nan if there is none.
+        Limits of the depth of field by Gaussian optics, mm; nan if there is none.
     magnification : float
-        Of the main lens for the plane in focus; nan without one in focus, 1 without a main lens.
+        Magnification of the main lens for the plane in focus; nan without such a plane, 1 without a main lens.
     object_sampling : float
-        Distance in the plane in focus of the points that neighbouring pixels see (plenoptic 1.0: neighbouring
-        microlenses), mm.
+        Distance in the plane in focus between the images of neighbouring pixels (plenoptic 1.0: microlenses), mm.
     lenses_across, lenses_seeing : float
-        Diameter of the light of a point in focus on the array over the pitch, and how many microlenses that light
-        covers on average, at least 1; nan without microlenses.
+        Diameter on the array of the light of a point in focus over the pitch, and the mean number of microlenses that
+        it covers, at least 1; nan without microlenses.
     disparity : float or None
-        Of the plane in focus.
+        Disparity of the plane in focus.
     disparity_far, disparity_near : float or None
-        At the limits of the depth of field.
+        Disparity at the limits of the depth of field.
     effective_resolution : float or None
-        Of the sensor's pixels, along each axis, in focus; None for a camera array.
+        Resolution in focus as a fraction of the sensor's pixels along each axis; None for a camera array.
 
     References
     ----------
@@ -127,43 +107,21 @@ class MicrolensFocus:
     effective_resolution: float | None
 
 
-def kind_of(camera: PlenopticCamera, focal_length: float | None) -> CameraKind:
-    """The kind of a camera through its microlenses of one focal length; None: without microlenses."""
-    if focal_length is None:
-        return CameraKind.CONVENTIONAL
-    if camera.lens.model is LensModel.NONE:
-        return CameraKind.CAMERA_ARRAY
-    image = sharp_image(camera, focal_length)
-    if image == 0:
-        return CameraKind.PLENOPTIC_1
-    return CameraKind.GALILEAN if image > 0 else CameraKind.KEPLERIAN
-
-
-def sharp_image(camera: PlenopticCamera, focal_length: float | None) -> float:
-    """Position s of the main lens's sharp image in mm behind the array; -inf for a camera array focused at infinity."""
-    if focal_length is None:
-        return 0.0
-    b = camera.microlenses_to_sensor
-    if math.isclose(b, focal_length, rel_tol=SAME):
-        return -math.inf if camera.lens.model is LensModel.NONE else 0.0
-    return b * focal_length / (focal_length - b)
-
-
 def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> MicrolensFocus:
-    """All of it for one type of microlens."""
+    """Compute the focus of one type of microlens."""
     array, q = camera.microlenses, camera.sensor.pixel_pitch
     f = None if array is None else array.focal_lengths_at(camera.wavelength)[type_]
     kind, s = kind_of(camera, f), sharp_image(camera, f)
     z_image = camera.stop_to_microlenses + s
-    z, (far, near) = plane_in_front(camera, z_image), _limits(camera, kind, s, cone)
+    z, (far, near) = plane_in_front(camera, z_image), _depth_of_field(camera, kind, s, cone)
     m = lateral_magnification(camera.lens, z, camera.wavelength) if not math.isnan(z) else math.nan
-    spacing, across, seeing, resolution = 1.0, math.nan, math.nan, 1.0
+    relay_magnification, across, covered, resolution = 1.0, math.nan, math.nan, 1.0
     pixel, v = q, None
     disparities: list[float | None] = [None] * 3
     if array is not None:
         b, p = camera.microlenses_to_sensor, neighbour_distance(array)
         width = footprint(cone, s)
-        across, seeing = width / p, max(1.0, math.pi / 4 * width**2 / cell_area(array))
+        across, covered = width / p, max(1.0, math.pi / 4 * width**2 / cell_area(array))
         images = [image_plane(camera.lens, x, camera.wavelength) - camera.stop_to_microlenses for x in (far, near)]
         disparities = [disparity_of(kind, x, b, p, q) for x in (s, *images)]
         v = abs(s) / b
@@ -171,7 +129,7 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
             resolution = min(1.0, q / math.sqrt(cell_area(array)) / abs(1.0 + b * cone.vergence))
             pixel = p
         else:
-            resolution, spacing = 1.0 / max(v, 1.0), 1.0 / v
+            resolution, relay_magnification = 1.0 / max(v, 1.0), 1.0 / v
     return MicrolensFocus(
         type=type_,
         kind=kind,
@@ -183,9 +141,9 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
         z_far=far,
         z_near=near,
         magnification=m,
-        object_sampling=over(pixel, abs(m) * spacing),
+        object_sampling=over(pixel, abs(m) * relay_magnification),
         lenses_across=across,
-        lenses_seeing=seeing,
+        lenses_seeing=covered,
         disparity=disparities[0],
         disparity_far=disparities[1],
         disparity_near=disparities[2],
@@ -194,98 +152,83 @@ def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> Microlen
 
 
 def footprint(cone: Cone, s: float) -> float:
-    """Diameter on the array of the light that converges at s behind it, filling the exit pupil, in mm."""
+    """Diameter on the array, in mm, of the light through the whole exit pupil that converges at s behind the array."""
     if math.isinf(s):
         return over(2.0 * cone.slope, abs(cone.vergence))
     return over(2.0 * cone.slope * abs(s), abs(1.0 + s * cone.vergence))
 
 
 def disparity_of(kind: CameraKind, s: float, b: float, p: float, q: float) -> float:
-    """Between neighbouring microlenses in pixels, or between neighbouring views in microlenses; see MicrolensFocus."""
+    """Disparity between neighbouring microlenses in pixels, or between views in microlenses; see `MicrolensFocus`."""
     return s * q / (b * p) if kind is CameraKind.PLENOPTIC_1 else over(p * b / q, abs(s))
 
 
 def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
-    """The plane in front of the lens whose image by exact rays is sharpest at z_image; nan where there is none.
+    """Plane in front of the lens whose image by exact rays is sharpest at z_image; nan if there is none.
 
-    Newton's method with the longitudinal magnification of Gaussian optics. Ideal lenses need none of it: their rays
-    follow Gaussian optics.
+    Newton's method with the longitudinal magnification of Gaussian optics, which is exact for ideal lenses.
     """
     lens, wavelength = camera.lens, camera.wavelength
     if lens.model is not LensModel.EXACT:
         return plane_in_front(camera, z_image)
-    aim, front = z_image, float(lens.vertices[0])
+    z_target, front = z_image, float(lens.vertices[0])
     for _ in range(_STEPS):
-        z = object_plane(lens, aim, wavelength)
-        beyond = not z < front
-        if beyond:
+        z = object_plane(lens, z_target, wavelength)
+        is_beyond = not z < front
+        if is_beyond:
             z = -math.inf
         try:
-            focus = best_focus(lens, z_object=z, wavelength=wavelength, criterion=FocusCriterion.RMS_SPOT)
+            z_best = best_focus(lens, z_object=z, wavelength=wavelength, criterion=FocusCriterion.RMS_SPOT)
         except InvalidValueError:
             return math.nan
-        off = focus - z_image
-        if not abs(off) > _EXACT * abs(z_image):
+        error = z_best - z_image
+        if not abs(error) > _TOLERANCE * abs(z_image):
             break
-        if beyond and off > SAME * abs(z_image):
+        if is_beyond and error > SAME_FOCUS * abs(z_image):
             return math.nan
-        aim = (image_plane(lens, z, wavelength) if beyond else aim) - off
-    if not math.isfinite(off) or (beyond and abs(off) > SAME * abs(z_image)):
+        z_target = (image_plane(lens, z, wavelength) if is_beyond else z_target) - error
+    if not math.isfinite(error) or (is_beyond and abs(error) > SAME_FOCUS * abs(z_image)):
         return math.nan
-    return -math.inf if _at_horizon(camera, z) else z
+    return -math.inf if is_at_horizon(camera, z) else z
 
 
-def _at_horizon(camera: PlenopticCamera, z: float) -> bool:
-    """True if the images of a plane and of the horizon agree to rounding."""
-    image, horizon = (image_plane(camera.lens, x, camera.wavelength) for x in (z, -math.inf))
-    return abs(image - horizon) <= SAME * abs(horizon)
+def _depth_of_field(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) -> tuple[float, float]:
+    """Depth of field (far, near) in mm, nan if there is none.
 
-
-def plane_in_front(camera: PlenopticCamera, z_image: float) -> float:
-    """The object plane of an image; nan where it does not lie in front of the lens."""
-    z = object_plane(camera.lens, z_image, camera.wavelength)
-    if camera.lens.model is not LensModel.NONE and _at_horizon(camera, z):
-        return -math.inf
-    return z if z < float(camera.lens.vertices[0]) else math.nan
-
-
-def _limits(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) -> tuple[float, float]:
-    """The depth of field (far, near), nan if there is none.
-
-    In t = 1 / (distance before the lens), from 0 (the horizon) to inf (the lens), image positions run through all
-    numbers once, in one direction. The sharp part is an arc of that circle with the plane in focus in it, and ends at
-    two places.
+    As t = 1 / (distance before the lens) runs from 0 (infinity) to inf (the lens), image positions run through all
+    numbers once, in one direction: a projective line, or circle. The depth of field is an arc of that circle around the
+    plane in focus, with two limits.
     """
     lens, front = camera.lens, float(camera.lens.vertices[0])
 
-    def place(z_image: float) -> float:
+    def inverse_distance(z_image: float) -> float:
         z = object_plane(lens, z_image, camera.wavelength)
         return 0.0 if math.isinf(z) else over(1.0, front - z)
 
-    ends = sharp_ends(camera, kind, s, cone)
-    best = place(camera.stop_to_microlenses + s)
-    if ends is None:
+    limits = focus_limits(camera, kind, s, cone)
+    in_focus = inverse_distance(camera.stop_to_microlenses + s)
+    if limits is None:
         return -math.inf, front
-    places = [place(camera.stop_to_microlenses + end) for end in ends]
-    beyond = [t for t in places if t > best]
-    far = max((t for t in places if t < best), default=-math.inf)
-    near = min(beyond, default=math.inf)
-    if near <= 0 or (best < 0 and not beyond):
+    inverse_distances = [inverse_distance(camera.stop_to_microlenses + end) for end in limits]
+    nearer = [t for t in inverse_distances if t > in_focus]
+    far = max((t for t in inverse_distances if t < in_focus), default=-math.inf)
+    near = min(nearer, default=math.inf)
+    if near <= 0 or (in_focus < 0 and not nearer):
         return math.nan, math.nan
     return -math.inf if far <= 0 else front - 1.0 / far, front - 1.0 / near
 
 
-def sharp_ends(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) -> tuple[float, float] | None:
-    """Images, behind the array, at the limits of the depth of field; None where everything is sharp."""
+def focus_limits(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) -> tuple[float, float] | None:
+    """Image distances behind the array at the limits of the depth of field; None if everything is in focus."""
     array, q = camera.microlenses, camera.sensor.pixel_pitch
     if array is None:
         # 2 R |s| / (D + s) = q with the exit pupil R at D, slope = R / D.
-        turn, spread = q * cone.vergence, 2.0 * cone.slope
-        return -over(q, spread + turn), over(q, spread - turn)
+        pupil_term, full_slope = q * cone.vergence, 2.0 * cone.slope
+        return -over(q, full_slope + pupil_term), over(q, full_slope - pupil_term)
     b, width = camera.microlenses_to_sensor, opening_width(array)
     if kind is CameraKind.PLENOPTIC_1:
-        reach = neighbour_distance(array) * b / q
-        return -reach, reach
+        half_depth = neighbour_distance(array) * b / q
+        return -half_depth, half_depth
     if width == 0:
         return None
     blur, w = q / (width * b), 0.0 if math.isinf(s) else 1.0 / s

@@ -1,4 +1,4 @@
-"""A camera and the report on it, for notebooks."""
+"""HTML of a camera and its report, for notebooks."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from plenoptic.camera.gaussian import camera_cone, kind_of, plane_of_focus
 from plenoptic.camera.report.findings import CameraFindingKind
-from plenoptic.camera.report.focus import kind_of
-from plenoptic.camera.report.layout import camera_layout, plane_of_focus
-from plenoptic.camera.report.optics import camera_cone
+from plenoptic.camera.report.layout import camera_layout
 from plenoptic.camera.report.text import KIND_NAMES, report_sections, report_title
 from plenoptic.core.last_result import LastResultCache
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 _Row = tuple[str, str]
 
-_GRAVEST = (
+_MOST_SERIOUS = (
     CameraFindingKind.INSIDE_LENS,
     CameraFindingKind.FOCUS_OUT_OF_REACH,
     CameraFindingKind.OUT_OF_PLACE,
@@ -34,7 +33,7 @@ _GRAVEST = (
     CameraFindingKind.DARK_GAPS,
     CameraFindingKind.CUT_OFF_IMAGES,
 )
-"""What spoils a camera before what wastes a part of it; the others follow in the order of their kinds."""
+"""Findings that spoil a camera, then those that waste a part of it; others follow in the order of their kinds."""
 
 
 def _camera_html(camera: PlenopticCamera) -> str:
@@ -45,8 +44,8 @@ def _camera_html(camera: PlenopticCamera) -> str:
     return heading_html(title) + picture + table_html((), _key_numbers(camera))
 
 
-camera_html = LastResultCache(_camera_html)
-"""Picture and key numbers of a camera, by Gaussian optics: nothing is compiled for them."""
+camera_html = LastMade(_camera_html)
+"""Picture and key numbers of a camera, by Gaussian optics, without compilation."""
 
 
 def _title(camera: PlenopticCamera) -> str:
@@ -55,11 +54,14 @@ def _title(camera: PlenopticCamera) -> str:
 
 
 def _key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
-    array, sensor, place = camera.microlenses, camera.sensor, "sensor" if camera.microlenses is None else "array"
+    array, sensor, image_plane = camera.microlenses, camera.sensor, "sensor" if camera.microlenses is None else "array"
     if camera.lens.model is not LensModel.NONE:
         points = cardinal_points(camera.lens, camera.wavelength)
         yield "focal length", f"{points.efl:.5g} mm, f/{points.f_number:.3g} for infinity"
-    yield f"iris to {place}", f"{camera.stop_to_microlenses:.6g} mm, f/{0.5 / camera_cone(camera).slope:.3g} there"
+    yield (
+        f"iris to {image_plane}",
+        f"{camera.stop_to_microlenses:.6g} mm, f/{0.5 / camera_cone(camera).slope:.3g} there",
+    )
     if array is not None:
         yield from _array_numbers(camera, array)
     height, width = sensor.size
@@ -70,9 +72,9 @@ def _key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
     yield "wavelength", f"{camera.wavelength:g} nm" + ("" if sensitivity is None else ", and those of its sensitivity")
     if camera.pose is not None:
         yield "position", f"({', '.join(f'{x:.5g}' for x in camera.pose.position)}) mm in the world"
-    moved = [n for n in ("lens", "microlenses", "sensor") if getattr(camera, f"{n}_placement") is not None]
-    if moved:
-        yield "out of place", ", ".join(moved)
+    displaced = [n for n in ("lens", "microlenses", "sensor") if getattr(camera, f"{n}_placement") is not None]
+    if displaced:
+        yield "out of place", ", ".join(displaced)
 
 
 def _array_numbers(camera: PlenopticCamera, array: MicrolensArray) -> Iterator[_Row]:
@@ -83,7 +85,7 @@ def _array_numbers(camera: PlenopticCamera, array: MicrolensArray) -> Iterator[_
 
 
 def _focus(camera: PlenopticCamera) -> str:
-    """Table of the focus of each type of microlens."""
+    """Plane in focus of each type of microlens."""
     array, planes = camera.microlenses, []
     for f in (None,) if array is None else dict.fromkeys(array.focal_lengths_at(camera.wavelength)):
         z = plane_of_focus(camera, f)
@@ -92,12 +94,12 @@ def _focus(camera: PlenopticCamera) -> str:
 
 
 def report_html(report: CameraReport) -> str:
-    """Findings, the gravest first, then all numbers."""
-    order = [*_GRAVEST, *(kind for kind in CameraFindingKind if kind not in _GRAVEST)]
-    warnings = sorted(report.warnings, key=lambda finding: order.index(finding.kind))
+    """HTML of a report: findings, the most serious first, then all numbers."""
+    order = [*_MOST_SERIOUS, *(kind for kind in CameraFindingKind if kind not in _MOST_SERIOUS)]
+    findings = sorted(report.warnings, key=lambda finding: order.index(finding.kind))
     parts = [heading_html(report_title(report))]
-    parts.append(list_html((f"{finding.kind.name}: {finding}" for finding in warnings), title="warnings"))
+    parts.append(list_html((f"{finding.kind.name}: {finding}" for finding in findings), title="warnings"))
     for title, rows in report_sections(report):
-        table = [(label, " ".join(part for part in cells if part)) for label, *cells in rows]
-        parts.append(table_html((), table, caption=title))
+        cells = [(label, " ".join(part for part in values if part)) for label, *values in rows]
+        parts.append(table_html((), cells, caption=title))
     return "".join(parts)

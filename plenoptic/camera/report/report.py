@@ -1,6 +1,7 @@
-"""Report on a camera: f-numbers, microlens images, focus, depth, disparity; and warnings.
+"""Report on a camera: f-numbers, microlens images, focus, depth, disparity, and warnings.
 
-Main lens by Gaussian optics and by traced rays, microlenses by their focal lengths, all on the axis and as designed.
+The main lens is described by Gaussian optics and by traced rays, the microlenses by their focal lengths, all on the
+axis and as designed.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ import math
 from typing import Any
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.report import optics
+from plenoptic.camera.gaussian import CameraKind, Cone, camera_cone, neighbour_distance, opening_width, plane_in_front
+from plenoptic.camera.report import illumination
 from plenoptic.camera.report.findings import CameraFinding, camera_findings
-from plenoptic.camera.report.focus import CameraKind, MicrolensFocus, microlens_focus, plane_in_front
+from plenoptic.camera.report.focus import MicrolensFocus, microlens_focus
 from plenoptic.core.values import check_kind, value
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
@@ -21,58 +23,58 @@ from plenoptic.optics.microlens.aperture import Walls
 
 @value
 class CameraReport:
-    """A camera in numbers; printed, it is a table. See `camera_report`, which makes it.
+    """First-order properties of a camera; printed as a table. See `camera_report`, which makes it.
 
-    Members are None for parts that a camera lacks. Pixels are the sensor's.
+    Properties of parts that a camera lacks are None. Pixels are the sensor's.
 
     Attributes
     ----------
     kind : CameraKind
-        Through the microlenses on the axis.
+        Kind of the camera through the microlens on the axis.
     efl : float or None
         Focal length of the main lens in mm.
     f_number : float or None
-        Of the main lens for an object at infinity.
+        f-number of the main lens for an object at infinity.
     exit_pupil_distance : float
-        From the exit pupil (camera array: the iris) to the array, without microlenses to the sensor, in mm; inf for a
-        telecentric lens.
+        Distance from the exit pupil (camera array: the iris) to the array, or to the sensor without microlenses, in mm;
+        inf for a telecentric lens.
     working_f_number_paraxial, working_f_number : float
-        Of the main lens at the array: distance over diameter of the exit pupil, 1 / (2 tan u), by Gaussian optics and
-        by rays traced from the centre of the array to the rim of the iris. Polygonal stops count as the circles
-        around them.
+        Working f-number of the main lens at the array: distance over diameter of the exit pupil, 1 / (2 tan u), by
+        Gaussian optics and by rays traced from the centre of the array to the rim of the iris. Polygonal stops count as
+        the circles around them.
     microlens_f_number : float or None
-        Array to sensor over the distance of neighbouring microlenses.
+        Distance from array to sensor over that of neighbouring microlenses.
     f_number_match : float or None
         Microlens f-number over the working f-number: diameter of the microlens images over the pitch.
     image_diameter, image_diameter_pixels : float or None
-        Of the image of the exit pupil through the centre of a microlens, traced, in mm and pixels.
+        Diameter of the image of the exit pupil through the centre of a microlens, traced, in mm and pixels.
     image_pitch, image_pitch_pixels : float or None
         Distance of neighbouring microlens images: pitch (1 + b / D), with b from array to sensor and D from exit pupil
         to array.
     image_fill : float or None
-        Their quotient: 1 for round images that touch.
+        Diameter over pitch of the microlens images: 1 for round images that touch.
     image_border_pixels : float or None
-        Width of the border in which a microlens image fades out, since the exit pupil is not in focus on the sensor; of
-        the type that has the widest.
+        Width of the blurred border of a microlens image, since the exit pupil is not in focus on the sensor; of the
+        type with the widest border.
     dark_fraction, overlap_fraction : float or None
-        Parts of the area around the axis that no microlens lights, and that several light.
+        Fractions of the area around the axis that no microlens illuminates, and that several illuminate.
     microlenses : int or None
-        How many microlenses have the centre of their image on the sensor.
+        Number of microlenses that have the centre of their image on the sensor.
     array_plane : float or None
-        z in mm of the plane that the main lens images onto the array, by Gaussian optics; nan where none lies in front
-        of it. There virtual depth passes 0, and the disparity of focused cameras has no bound.
+        z in mm of the plane that the main lens images onto the array, by Gaussian optics; nan if none lies in front of
+        the lens. Virtual depth is 0 in this plane, and the disparity of focused cameras unbounded.
     focus : tuple of MicrolensFocus
-        One for each type of microlens.
+        Focus of each type of microlens.
     clearance : float
-        Along z from the lens, rims included, to array or sensor, in mm; negative inside the lens.
+        Distance along z from the lens, rims included, to array or sensor, in mm; negative inside the lens.
     corner_pupil_fraction : float
-        Part of the iris from which light reaches the corner of the sensor, traced.
+        Fraction of the iris from which light reaches the corner of the sensor, traced.
     corner_chief_angle : float
-        Between the ray from the centre of the iris to that corner and the axis, in radians.
+        Angle between the chief ray of that corner and the axis, in radians.
     wavelength : float
         nm.
     warnings : tuple of CameraFinding
-        Warnings of common pitfalls.
+        Warnings.
     """
 
     kind: CameraKind
@@ -112,19 +114,19 @@ class CameraReport:
 
 
 def camera_report(camera: PlenopticCamera) -> CameraReport:
-    """Describe a camera in numbers, with its common pitfalls.
+    """Compute the first-order properties of a camera, and warnings of common pitfalls.
 
     Parameters
     ----------
     camera : PlenopticCamera
-        With any model of its lens and microlenses. Placements of its parts do not count: the report is on the design.
-        Microlenses between walls are cameras of their own, and the f-number of the optics before them is that of the
-        field that the walls leave.
+        With any model of its lens and microlenses. Placements of its parts are ignored: the report refers to the
+        design. Microlenses between walls are separate cameras; the working f-number is then that of the field limited
+        by the walls.
 
     Returns
     -------
     CameraReport
-        Definitions are those of `CameraReport` and `MicrolensFocus`.
+        For definitions see `CameraReport` and `MicrolensFocus`.
 
     Examples
     --------
@@ -142,11 +144,11 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     lens, array, wavelength = camera.lens, camera.microlenses, camera.wavelength
     z = camera.stop_to_microlenses
-    cone, walls = optics.camera_cone(camera), array is not None and array.walls is Walls.OPAQUE
-    slope = cone.slope if walls else optics.traced_slope(lens, z, wavelength)
+    cone, walls = camera_cone(camera), array is not None and array.walls is Walls.OPAQUE
+    slope = cone.slope if walls else illumination.traced_slope(lens, z, wavelength)
     stretch = 1.0 if array is None else 1.0 + camera.microlenses_to_sensor * cone.vergence
     corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))
-    light = optics.corner_light(lens, corner, z, wavelength)
+    light = illumination.corner_light(lens, corner, z, wavelength)
     if walls:
         light = light._replace(pupil_fraction=1.0, chief_angle=0.0)
     points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
@@ -163,7 +165,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
         **_image_numbers(camera, cone, slope),
         array_plane=None if array is None or points is None else plane_in_front(camera, z),
         focus=focus,
-        clearance=optics.clearance(camera),
+        clearance=illumination.clearance(camera),
         corner_pupil_fraction=light.pupil_fraction,
         corner_chief_angle=light.chief_angle,
         wavelength=wavelength,
@@ -176,16 +178,18 @@ _IMAGES = ("microlens_f_number", "f_number_match", "image_diameter", "image_diam
            "microlenses")  # fmt: skip
 
 
-def _image_numbers(camera: PlenopticCamera, cone: optics.Cone, slope: float) -> dict[str, Any]:
+def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[str, Any]:
     array, b, q = camera.microlenses, camera.microlenses_to_sensor, camera.sensor.pixel_pitch
     if array is None:
         return dict.fromkeys(_IMAGES)
-    p, stretch = optics.neighbour_distance(array), 1.0 + b * cone.vergence
+    p, stretch = neighbour_distance(array), 1.0 + b * cone.vergence
     diameter, pitch = 2.0 * b * slope, p * abs(stretch)
     # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.
-    border = optics.opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths_at(camera.wavelength))
-    dark, overlap = optics.coverage(camera, cone)
+    border = opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths_at(camera.wavelength))
+    dark, overlap = illumination.coverage(camera, cone)
     if array.walls is Walls.OPAQUE:
         dark = overlap = 0.0
     numbers = (b / p, diameter / p, diameter, diameter / q, pitch, pitch / q, diameter / pitch, border / q)
-    return dict(zip(_IMAGES, (*numbers, dark, overlap, optics.images_on_sensor(camera, cone.vergence)), strict=True))
+    return dict(
+        zip(_IMAGES, (*numbers, dark, overlap, illumination.images_on_sensor(camera, cone.vergence)), strict=True)
+    )

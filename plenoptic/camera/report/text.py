@@ -1,4 +1,4 @@
-"""A report on a camera as a table of lines."""
+"""Text of a report on a camera: a table of lines."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KIND_NAMES = ("conventional camera", "plenoptic camera 1.0", "focused plenoptic 
 
 
 class ReportRow(NamedTuple):
-    """Number of a report, with its unit and its text for other values."""
+    """Number of a report with its unit, and the same in another unit."""
 
     label: str
     number: str
@@ -26,14 +26,14 @@ class ReportRow(NamedTuple):
 
 
 class ReportSection(NamedTuple):
-    """Rows below a title."""
+    """Title and rows of a section of a report."""
 
     title: str
     rows: list[ReportRow]
 
 
 def report_text(report: CameraReport) -> str:
-    """All numbers with their units, a line each, and the findings."""
+    """Text of a report: all numbers with their units, one per line, then the findings."""
     lines = [report_title(report)]
     for title, rows in report_sections(report):
         lines.append(title)
@@ -48,20 +48,20 @@ def report_text(report: CameraReport) -> str:
 
 
 def report_title(report: CameraReport) -> str:
-    """Title of a report."""
+    """Title of a report: kind and wavelength of the camera."""
     return f"CameraReport: {KIND_NAMES[report.kind]}, at {report.wavelength:g} nm"
 
 
 def report_sections(report: CameraReport) -> list[ReportSection]:
-    """All numbers; none for parts that the camera lacks."""
-    place = "sensor" if report.microlenses is None else "array"
+    """Sections of a report with all numbers that apply to the camera."""
+    plane = "sensor" if report.microlenses is None else "array"
     lens = [
         _row("focal length", report.efl, "mm"),
         _row("f-number for infinity", report.f_number),
-        _row(f"exit pupil to {place}", report.exit_pupil_distance, "mm"),
-        _row(f"working f-number at the {place}, paraxial", report.working_f_number_paraxial),
-        _row(f"working f-number at the {place}, traced", report.working_f_number),
-        _row(f"clearance from lens to {place}", report.clearance, "mm"),
+        _row(f"exit pupil to {plane}", report.exit_pupil_distance, "mm"),
+        _row(f"working f-number at the {plane}, paraxial", report.working_f_number_paraxial),
+        _row(f"working f-number at the {plane}, traced", report.working_f_number),
+        _row(f"clearance from lens to {plane}", report.clearance, "mm"),
         _row("part of the iris seen from the corner", report.corner_pupil_fraction, "%"),
         _row("angle of the chief ray in the corner", math.degrees(report.corner_chief_angle), "deg"),
     ]
@@ -112,7 +112,7 @@ def _focus_section(report: CameraReport, focus: MicrolensFocus) -> tuple[str, li
 
 
 def _row(label: str, number: float | None, unit: str = "", millimetres: float | None = None) -> ReportRow | None:
-    """One row; none for a part that the camera lacks."""
+    """Row of a report; None if the number does not apply to the camera."""
     if number is None:
         return None
     text = "none" if math.isnan(number) else f"{100.0 * number if unit == '%' else number:.6g}"

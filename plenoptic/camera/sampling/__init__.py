@@ -1,1 +1,1 @@
-"""Aperture regions: the part of the microlens plane that illuminates each pixel; and paths that start there."""
+"""Aperture regions, which illuminate each pixel, and camera samples aimed at them."""

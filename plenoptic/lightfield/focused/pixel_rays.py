@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.model_pupil import model_pupil
+from plenoptic.camera.gaussian import model_pupil, opening_width, paraxial_cone
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
-from plenoptic.camera.report.optics import opening_width, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.outward_rays import leaving

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.report.optics import opening_width
+from plenoptic.camera.gaussian import opening_width
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil

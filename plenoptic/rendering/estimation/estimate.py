@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.cache import MOST_BYTES
+from plenoptic.camera.cache import MAX_CACHED_BYTES
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera, sensor_region
-from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
+from plenoptic.camera.sampling.aperture_regions import cells_per_pixel
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import seed_number, value
@@ -31,8 +31,8 @@ from plenoptic.rendering.schedule.expected import expected_times
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.rendering.tile import status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
-from plenoptic.truth.arrays import available_truth
 from plenoptic.truth.channels import CHANNELS, Truth, channels_of
+from plenoptic.truth.truth_arrays import available_truth
 
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
@@ -60,7 +60,7 @@ _FED_BYTES, _WORK_BYTES = 500, 1200
 """Of what feeds a pixel, and of a pixel of a tile that is rendered."""
 _HEAD_BYTES, _LOG_BYTES, _RECORD_BYTES = 500, 950, 650
 """Of an EXR file beside its texts, of a checkpoint beside its records, and of a record beside its arrays."""
-_KEPT_PIXELS = MOST_BYTES // _FED_BYTES
+_KEPT_PIXELS = MAX_CACHED_BYTES // _FED_BYTES
 """Of frames for which it is kept what feeds them, about."""
 
 
@@ -205,7 +205,7 @@ class _Found(NamedTuple):
     """The part of its threads' time in which a pilot was at work."""
     head_bytes: float
     exposure_bytes: float
-    kept_bytes: float
+    cached_bytes: float
 
 
 class _Pilots:
@@ -217,7 +217,7 @@ class _Pilots:
         pooled = 2 <= budget.replicates < OWN_ERRORS
         self.frame = frame = in_whole_blocks(asked, subject.camera.sensor.shape) if pooled else asked
         self.pixels = (frame[1] - frame[0]) * (frame[3] - frame[2])
-        cells, shared = cells_per_pixel(context.camera), context.camera.spread is not None
+        cells, shared = cells_per_pixel(context.camera), context.camera.diffraction_kernel is not None
         self.side, self.tiles = cut_into_tiles(frame, budget, None, cells, shared=shared)
 
     def run(self, samples: int, seed: int) -> PilotRun:
@@ -328,7 +328,7 @@ def _bytes(run: PilotRun) -> tuple[float, float, float]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pilot.exr"
         run.exposure.save(path)
-        return head, max(path.stat().st_size - head, 0) / run.pixels, run.kept_bytes / run.pixels
+        return head, max(path.stat().st_size - head, 0) / run.pixels, run.cached_bytes / run.pixels
 
 
 def _estimate(pilots: _Pilots, found: _Found) -> Estimate:
@@ -337,11 +337,11 @@ def _estimate(pilots: _Pilots, found: _Found) -> Estimate:
     quick, slow = 1.0 / pilots.threads, 1.0 / (pilots.threads * found.busy)
     wall = Estimated(cpu.value * math.sqrt(quick * slow), cpu.low * quick, cpu.high * slow)
     once, state = 8 + _truth_bytes(pilots.subject.truth), 8 * channels * (budget.replicates + 1)
-    held, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.spread
-    shared = 0 if spread is None else state * spread.table.parts.shape[1]
+    held, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.diffraction_kernel
+    shared = 0 if spread is None else state * spread.table.weights.shape[1]
     waiting = held * (4 * (state + once) + _WORK_BYTES + shared)  # results that are to be taken, and what is at work
-    fed = (found.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
-    memory = resident_bytes() + _film_bytes(pilots) * n + waiting + min(fed, MOST_BYTES)
+    fed = (found.cached_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
+    memory = resident_bytes() + _film_bytes(pilots) * n + waiting + min(fed, MAX_CACHED_BYTES)
     record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)
     often = [found.steps if budget.steps else _records(tile.pixels, pilots) for tile in pilots.tiles]
     log = sum((tile.pixels * state + record) * k for tile, k in zip(pilots.tiles, often, strict=True))

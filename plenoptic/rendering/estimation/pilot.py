@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.cache import PreparedCamera
+from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.checks import BLOCK
-from plenoptic.camera.record import CameraRecord
-from plenoptic.camera.sampling.pixel_regions import pixel_centres
+from plenoptic.camera.sampling.aperture_regions import pixel_centres
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.exposure import Exposure
@@ -101,7 +101,7 @@ class PilotRun(NamedTuple):
     cpu_seconds: float
     progress: Progress
     exposure: Exposure
-    kept_bytes: int
+    cached_bytes: int
     """Of what feeds its pixels, where that is kept."""
 
 
@@ -113,7 +113,7 @@ def run_pilot(
     """
     context = context._replace(prepared=PreparedCamera(context.camera))
     if keeps:
-        context.prepared.cut_into(tuple(tiles), steps=True)
+        context.prepared.set_tiles(tuple(tiles), steps=True)
     begin = time.perf_counter(), time.process_time()
     rows, columns = tiles[-1].row + tiles[-1].rows, tiles[0].columns
     clock = Clock(begin[0], None)
@@ -128,4 +128,4 @@ def run_pilot(
     work = Work(None, 0, threads, None, False, None, None, 1.0)
     exposure = exposure_of(progress, subject, work, threads, None, interrupted=True)
     took = time.perf_counter() - begin[0], time.process_time() - begin[1]
-    return PilotRun(rows * columns, *took, progress, exposure, context.prepared.kept_bytes)
+    return PilotRun(rows * columns, *took, progress, exposure, context.prepared.cached_bytes)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.sampling.record import Batch
+from plenoptic.camera.sampling.sampling_records import Batch
 from plenoptic.core.kernels.bundles import fill_world_rays
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.sampling.kernels.paths import path_place, replicate_size
+from plenoptic.camera.sampling.kernels.path_indices import path_indices, replicate_size
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.core.values import Floats
@@ -52,7 +52,7 @@ def fill_sums(sums, bundle, start, n, batch):
     path = start
     end = start + n
     while path < end:
-        pixel, stream, index = path_place(path, samples, streams)
+        pixel, stream, index = path_indices(path, samples, streams)
         run = min(replicate_size(stream, samples, streams) - index, end - path)
         for c in range(sums.shape[2]):
             total, squares = sums[pixel, stream, c], sums[pixel, -1, c]
@@ -80,7 +80,7 @@ def fill_shared(sums, place, bundle, levels, shares, start, n, batch):
     broken = 0
     spots, parts = shares
     for k in range(n):
-        pixel, stream, _ = path_place(start + k, batch.samples, batch.streams)
+        pixel, stream, _ = path_indices(start + k, batch.samples, batch.streams)
         at, replicate, row = place[pixel], (batch.first_stream + stream) % sums[0].shape[1], parts[spots[k]]
         for c in range(sums[0].shape[2]):
             light, means, squares = _brought(bundle, k, c), sums[0][at, replicate, c], sums[1][at, c]
@@ -105,7 +105,7 @@ def fill_levels(levels, place, blocks, start, n, batch):
     for k in range(n):
         light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
         if light - light == 0.0:
-            levels[place[path_place(start + k, batch.samples, batch.streams)[0]]] += light / batch.samples
+            levels[place[path_indices(start + k, batch.samples, batch.streams)[0]]] += light / batch.samples
 
 
 @kernel
@@ -118,7 +118,7 @@ def fill_drawn(sums, bundle, start, n, drawn, batch, every):
     broken = 0
     means, squares = sums
     for k in range(n):
-        pixel, stream, index = path_place(start + k, drawn.samples, drawn.streams)
+        pixel, stream, index = path_indices(start + k, drawn.samples, drawn.streams)
         replicate, begin = (batch.first_stream + stream) % means.shape[1], (drawn.first_index + index) * every
         end = batch.first_index + replicate_size(stream, batch.samples, batch.streams)
         count = min(begin + every, end) - max(begin, batch.first_index)

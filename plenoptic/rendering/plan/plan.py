@@ -14,8 +14,8 @@ from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
 from plenoptic.rendering.plan.shutter import open_shutter
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject, decide
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
-from plenoptic.truth.arrays import available_truth, checked_truth
 from plenoptic.truth.channels import Truth, truth_names
+from plenoptic.truth.truth_arrays import available_truth, valid_truth
 
 if TYPE_CHECKING:
     from plenoptic.scene.compile import SceneRecord
@@ -68,7 +68,7 @@ def plan(  # noqa: PLR0913
     check_scene_and_camera(scene, camera)
     settings = RenderSettings(max_bounces, caustics, clamp, sampler)
     paths, independent = whole(samples, "samples", at_least=1), whole(replicates, "replicates", at_least=1)
-    return plan_for(Subject(scene, camera, paths, independent, checked_truth(truth), settings))
+    return plan_for(Subject(scene, camera, paths, independent, valid_truth(truth), settings))
 
 
 def plan_for(subject: Subject) -> Plan:
@@ -80,7 +80,7 @@ def plan_for(subject: Subject) -> Plan:
 def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
     """`plan_for` with the record of the subject's scene."""
     camera, settings, meshes = subject.camera, subject.settings, record is not None and record.geometry is not None
-    asked, independent = checked_truth(subject.truth), min(subject.samples, subject.replicates)
+    asked, independent = valid_truth(subject.truth), min(subject.samples, subject.replicates)
     found = available_truth(asked, meshes=meshes, microlenses=camera.microlenses is not None)
     replicated = f"{independent} independent replicate{'s' * (independent != 1)}"
     apart, clamp = settings.caustics is Caustics.LEFT_OUT, settings.clamp

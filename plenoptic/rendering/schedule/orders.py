@@ -15,7 +15,7 @@ from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.tile import Tile, TileResult, render_tile
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.ground_truth import truth_record
-from plenoptic.truth.stages import TruthRecord
+from plenoptic.truth.truth_stages import TruthRecord
 
 _EMPTY = Tile(0, 0, 0, 0)
 
@@ -85,7 +85,7 @@ class RenderJob(NamedTuple):
 def tile_renderer(job: RenderJob, threads: int) -> Callable[[TileOrder], TileResult]:
     """Function that renders the tiles of a job in another process, compiled with `threads` processes."""
     context = render_context(job.subject, job.seed)
-    context.prepared.cut_into((_EMPTY,), steps=job.steps)  # whichever tiles come
+    context.prepared.set_tiles((_EMPTY,), steps=job.steps)  # whichever tiles come
     truth = truth_record(job.subject.camera, context.camera, job.truth)
     with compile_in_parallel(lambda: compile_tiles(context, truth), threads=threads):
         compile_tiles(context, truth)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.checks import sensor_region
-from plenoptic.camera.sampling.pixel_regions import cells_per_pixel
+from plenoptic.camera.sampling.aperture_regions import cells_per_pixel
 from plenoptic.core.engines.choice import cluster_of
 from plenoptic.core.engines.engine import Engine
 from plenoptic.core.lost_rays import lost_rays
@@ -48,9 +48,9 @@ from plenoptic.rendering.schedule.sums import Sums, SumsInMemory
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.rendering.tile import Tile, TileResult, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
-from plenoptic.truth.arrays import available_truth, empty_truth, forget_truth
 from plenoptic.truth.channels import GroundTruth, Truth
 from plenoptic.truth.ground_truth import truth_record
+from plenoptic.truth.truth_arrays import available_truth, empty_truth, mark_unknown
 
 if TYPE_CHECKING:
     from plenoptic.core.files.record_log import Entry
@@ -115,10 +115,10 @@ def _run(
     if checkpoint is not None:
         files.callback(checkpoint.close)
     wanted = work.tile_side if checkpoint is None or work.tile_side is not None else checkpoint.tile_side
-    shared = context.camera.spread is not None
+    shared = context.camera.diffraction_kernel is not None
     side, tiles = cut_into_tiles(region, budget, wanted, cells_per_pixel(context.camera), shared=shared)
     steps = budget.steps or budget.passes
-    context.prepared.cut_into(tuple(tiles), steps=steps)
+    context.prepared.set_tiles(tuple(tiles), steps=steps)
     here = slice(asked[0] - region[0], asked[1] - region[0]), slice(asked[2] - region[2], asked[3] - region[2])
     clock = Clock(begin[0], budget.time_limit, sum(tile.pixels for tile in tiles) * context.channels)
     counted = steps or (checkpoint is not None and checkpoint.holds)
@@ -337,7 +337,7 @@ def exposure_of(
     """Exposure of the requested region. Takes ownership of the film's arrays."""
     film, counts, here = progress.film, progress.sample_counts(), progress.region.asked
     if counts is not None:
-        forget_truth(progress.truth, counts == 0)
+        mark_unknown(progress.truth, counts == 0)
     agreeing = _agreeing(progress, counts)
     error = film.standard_error(progress.one_sample, out=film.between)
     film.between = film.within = None

@@ -1,1 +1,1 @@
-"""Kernels: representative rays of pixels, and the images of the points that they hit."""
+"""Kernels of ground truth: representative rays, hit points, and their images."""

@@ -1,4 +1,4 @@
-"""Kernels of hit points: the point, its depth, its distance from the camera and its position in the world."""
+"""Hit points of rays in the scene: depth, distance from the camera and position in the world."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from plenoptic.core.numba.jit import device, kernel
 
 
 @kernel
-def fill_hit_points(points, blocks, lanes, reached):
-    """Points (n, 3) of traced rays at the distances `reached` along them, in the lens's axes; others keep theirs."""
-    for i in range(lanes.size):
-        p = lanes[i]
+def fill_hit_points(points, blocks, pixels, distances):
+    """Fill the points (n, 3) of traced rays at `distances` along them, in the lens's axes; others are unchanged."""
+    for i in range(pixels.size):
+        p = pixels[i]
         base = (p // BLOCK) * RAY + p % BLOCK
-        points[p, 0] = blocks[base + X] + reached[i] * blocks[base + L]
-        points[p, 1] = blocks[base + Y] + reached[i] * blocks[base + M]
-        points[p, 2] = blocks[base + Z] + reached[i] * blocks[base + N]
+        points[p, 0] = blocks[base + X] + distances[i] * blocks[base + L]
+        points[p, 1] = blocks[base + Y] + distances[i] * blocks[base + M]
+        points[p, 2] = blocks[base + Z] + distances[i] * blocks[base + N]
 
 
 @device
@@ -32,27 +32,27 @@ def _in_camera(x, y, z, frame):
 
 @kernel
 def fill_depth(depths, hit):
-    """-z in the camera's frame, mm."""
+    """Fill the depths, -z in the camera's frame, mm."""
     points = hit.points
-    for p in hit.lanes:
+    for p in hit.pixels:
         _, _, z = _in_camera(points[p, 0], points[p, 1], points[p, 2], hit.frame)
         depths[p] = -z
 
 
 @kernel
 def fill_distance(distances, hit):
-    """Distance from the camera's origin, mm."""
+    """Fill the distances from the camera's origin, mm."""
     points = hit.points
-    for p in hit.lanes:
+    for p in hit.pixels:
         x, y, z = _in_camera(points[p, 0], points[p, 1], points[p, 2], hit.frame)
         distances[p] = math.sqrt(x * x + y * y + z * z)
 
 
 @kernel
 def fill_position(positions, hit):
-    """Place in the world, mm."""
+    """Fill the positions in the world, mm."""
     points = hit.points
-    for p in hit.lanes:
+    for p in hit.pixels:
         x, y, z = points[p, 0], points[p, 1], points[p, 2]
         for axis in range(3):
             if hit.rotation is None:

@@ -1,4 +1,4 @@
-"""The angle at which a pixel's ray meets the sensor."""
+"""Angle of incidence of a pixel's ray on the sensor."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from plenoptic.core.numba.jit import kernel
 
 @kernel
 def fill_incidence_angle(angles, sensor):
-    """Angle between the ray and the sensor's normal in radians: by its tangent, exact for small angles too."""
+    """Fill the angles between rays and the sensor's normal in radians; by the tangent, exact for small angles."""
     normal = vector(sensor.normal, 0)
-    for p in sensor.lanes:
+    for p in sensor.pixels:
         ray = vector(sensor.directions[p], 0)
         across = cross(ray, normal)
         angles[p] = math.atan2(math.sqrt(dot(across, across)), dot(ray, normal))

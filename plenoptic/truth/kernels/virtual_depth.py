@@ -1,8 +1,9 @@
-"""Kernels of virtual depth: images of hit points by the main lens.
+"""Image distance of hit points by the main lens, and virtual depth.
 
-A ray that left the array at (m, n) with slopes (u, v), and left the lens, meets a point P. Rays near it cross the
-plane through P across the ray at X = A (dm, dn) + B (du, dv). Those that meet in P have A (dm, dn) = -B (du, dv): their
-slopes fall across the array by B^-1 A, which is 1 / a in all directions if they meet at the distance a behind it.
+A ray from (m, n) on the array with slopes (u, v) passes the lens and hits a point P. Rays close to it cross the plane
+through P perpendicular to the ray at X = A (dm, dn) + B (du, dv). Those through P have A (dm, dn) = -B (du, dv): their
+slopes decrease across the array by B^-1 A, which is 1 / a in all directions if they intersect at the distance a behind
+it.
 """
 
 from __future__ import annotations
@@ -14,48 +15,48 @@ from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, 
 from plenoptic.core.numba.jit import device, kernel
 
 NEIGHBOURS = 8
-"""Rays around each ray: moved along x and y either way, then turned along x and y either way."""
+"""Rays around each ray: displaced along +-x and +-y, then tilted along +-x and +-y."""
 
 
 @kernel
-def fill_neighbours(blocks, before, lane_of, axes, step, turn):
-    """Rays around those of `before`, which start at the array, NEIGHBOURS of each; in the lens's axes.
+def fill_neighbours(blocks, before, pixels, axes, step, turn):
+    """Fill NEIGHBOURS rays around each of the rays `before`, which start at the array, in the lens's axes.
 
-    `axes` (4, 3) are the array's x, y and normal and the centre of its front principal plane. Moved ones start `step`
-    mm aside, turned ones start on that plane with slopes that differ by `turn`.
+    `axes` (4, 3) are the array's x, y and normal and the centre of its front principal plane. Displaced rays start
+    `step` mm away; tilted rays start on that plane with slopes that differ by `turn`.
     """
-    for i in range(lane_of.size):
-        base = (lane_of[i] // BLOCK) * RAY + lane_of[i] % BLOCK
+    for i in range(pixels.size):
+        base = (pixels[i] // BLOCK) * RAY + pixels[i] % BLOCK
         x, y, z = before[base + X], before[base + Y], before[base + Z]
         l, m, n = before[base + L], before[base + M], before[base + N]
         along = axes[2, 0] * l + axes[2, 1] * m + axes[2, 2] * n
         t = axes[2, 0] * (axes[3, 0] - x) + axes[2, 1] * (axes[3, 1] - y) + axes[2, 2] * (axes[3, 2] - z)
         t /= along
         for k in range(NEIGHBOURS):
-            at = i * NEIGHBOURS + k
-            ray = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
-            j = at % BLOCK
+            row = i * NEIGHBOURS + k
+            ray = blocks[(row // BLOCK) * RAY : (row // BLOCK + 1) * RAY]
+            j = row % BLOCK
             axis = axes[(k >> 1) & 1]
             sign = 1.0 if k & 1 == 0 else -1.0
-            aside = sign * step if k < 4 else 0.0
-            bend = sign * turn * along if k >= 4 else 0.0
-            dx, dy, dz = l + bend * axis[0], m + bend * axis[1], n + bend * axis[2]
+            offset = sign * step if k < 4 else 0.0
+            slope_change = sign * turn * along if k >= 4 else 0.0
+            dx, dy, dz = l + slope_change * axis[0], m + slope_change * axis[1], n + slope_change * axis[2]
             length = math.sqrt(dx * dx + dy * dy + dz * dz)
-            ray[X + j] = x + t * l + aside * axis[0]
-            ray[Y + j] = y + t * m + aside * axis[1]
-            ray[Z + j] = z + t * n + aside * axis[2]
+            ray[X + j] = x + t * l + offset * axis[0]
+            ray[Y + j] = y + t * m + offset * axis[1]
+            ray[Z + j] = z + t * n + offset * axis[2]
             ray[L + j] = dx / length
             ray[M + j] = dy / length
             ray[N + j] = dz / length
             ray[WEIGHT + j] = 1.0
             ray[STATUS + j] = 0.0
-    pad(blocks, lane_of.size * NEIGHBOURS)
+    pad(blocks, pixels.size * NEIGHBOURS)
 
 
 @device
-def _crossing(blocks, at, px, py, pz, nx, ny, nz):
-    """Intersection of ray `at` with the plane through p with the normal n, from p; nan for a lost ray."""
-    base = (at // BLOCK) * RAY + at % BLOCK
+def _intersect_plane(blocks, row, px, py, pz, nx, ny, nz):
+    """Intersection of ray `row` with the plane through p with the normal n, relative to p; nan for a lost ray."""
+    base = (row // BLOCK) * RAY + row % BLOCK
     x, y, z = blocks[base + X] - px, blocks[base + Y] - py, blocks[base + Z] - pz
     l, m, n = blocks[base + L], blocks[base + M], blocks[base + N]
     t = -(x * nx + y * ny + z * nz) / (l * nx + m * ny + n * nz)
@@ -64,17 +65,17 @@ def _crossing(blocks, at, px, py, pz, nx, ny, nz):
 
 
 @kernel
-def fill_image_distances(distances, blocks, main, points, lane_of, step, turn):
-    """Distance from the array to the image of `points` (n, 3): the inverse of the mean of B^-1 A, in mm.
+def fill_image_distances(distances, blocks, main, points, pixels, step, turn):
+    """Fill the distances in mm from the array to the images of `points` (n, 3): inverse of the mean of B^-1 A.
 
-    `blocks` are the traced NEIGHBOURS of the traced rays `main`; lanes that are not in `lane_of` stay unchanged.
+    `blocks` are the traced NEIGHBOURS of the traced rays `main`; elements not in `pixels` are unchanged.
     """
-    for i in range(lane_of.size):
-        p = lane_of[i]
+    for i in range(pixels.size):
+        p = pixels[i]
         base = (p // BLOCK) * RAY + p % BLOCK
         px, py, pz = points[p, 0], points[p, 1], points[p, 2]
         nx, ny, nz = main[base + L], main[base + M], main[base + N]
-        # Two axes across the ray (T. Duff et al., J. Comput. Graph. Tech. 6(1), 2017).
+        # Two axes perpendicular to the ray (T. Duff et al., J. Comput. Graph. Tech. 6(1), 2017).
         sign = math.copysign(1.0, nz)
         a = -1.0 / (sign + nz)
         b = nx * ny * a
@@ -84,8 +85,8 @@ def fill_image_distances(distances, blocks, main, points, lane_of, step, turn):
         # Columns of A, then of B: a difference of two rays over the distance between them.
         a00, a01, a10, a11, b00, b01, b10, b11 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(0, NEIGHBOURS, 2):
-            x, y, z = _crossing(blocks, first + k, px, py, pz, nx, ny, nz)
-            xx, yy, zz = _crossing(blocks, first + k + 1, px, py, pz, nx, ny, nz)
+            x, y, z = _intersect_plane(blocks, first + k, px, py, pz, nx, ny, nz)
+            xx, yy, zz = _intersect_plane(blocks, first + k + 1, px, py, pz, nx, ny, nz)
             x, y, z = x - xx, y - yy, z - zz
             scale = 0.5 / (step if k < 4 else turn)
             e, f = scale * (x * ex + y * ey + z * ez), scale * (x * fx + y * fy + z * fz)
@@ -97,7 +98,7 @@ def fill_image_distances(distances, blocks, main, points, lane_of, step, turn):
                 b00, b10 = e, f
             else:
                 b01, b11 = e, f
-        # Twice the mean of B^-1 A is its trace; as a fraction, an image on the array itself is no exception.
+        # Twice the mean of B^-1 A is its trace; as a fraction, an image on the array is no special case.
         trace = b11 * a00 - b01 * a10 - b10 * a01 + b00 * a11
         determinant = b00 * b11 - b01 * b10
         distances[p] = 2.0 * determinant / trace
@@ -105,13 +106,13 @@ def fill_image_distances(distances, blocks, main, points, lane_of, step, turn):
 
 @kernel
 def fill_virtual_depth(depths, images):
-    """Distance of the image behind the array over that of the sensor."""
+    """Fill the virtual depths: distance of the image behind the array over that of the sensor."""
     for p in range(depths.size):
-        depths[p] = images.distance[p] / images.behind[p]
+        depths[p] = images.distance[p] / images.sensor_distance[p]
 
 
 @kernel
 def fill_disparity(disparities, images):
-    """Pixels by which the image moves between neighbouring microlenses, relative to their centres."""
+    """Fill the displacements of the image between neighbouring microlenses, relative to their centres, in pixels."""
     for p in range(disparities.size):
-        disparities[p] = images.pitch / (images.distance[p] / images.behind[p])
+        disparities[p] = images.pitch / (images.distance[p] / images.sensor_distance[p])

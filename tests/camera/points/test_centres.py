@@ -113,13 +113,13 @@ def test_interpolated_chief_rays_are_those_that_are_aimed_at():
     for camera in (the_camera(**wide), the_camera(fisheye, to_array=max(120.0, large), **wide), moved):
         centres = microlens_centres(camera)
         rows = np.random.default_rng(3).choice(len(centres), 30, replace=False)
-        aimed = centres.on_array[rows] + 2.0 * aimed_slopes(array_axes(camera), centres.on_array[rows])
+        aim_rays = centres.on_array[rows] + 2.0 * aimed_slopes(array_axes(camera), centres.on_array[rows])
         # As documented; the iris is met to 1e-9 mm, which the lever of the sensor makes smaller.
-        assert np.abs(centres.position[rows] - aimed).max() < 1e-9
+        assert np.abs(centres.position[rows] - aim_rays).max() < 1e-9
     # The decentred lens is interpolated in two dimensions.
     designed = microlens_centres(straight)
-    here, there = pairs(centres, designed)
-    assert np.abs(centres.position[here] - designed.position[there]).max() > 1e-3
+    interpolated, aimed_ = pairs(centres, designed)
+    assert np.abs(centres.position[interpolated] - designed.position[aimed_]).max() > 1e-3
 
 
 def half_shut(stop=3.6):
@@ -139,10 +139,10 @@ def test_centroids_converge_with_finer_lines():
 def test_vignetting_draws_centroids_away_from_chief_rays_towards_the_axis_or_from_it_but_not_across():
     camera = half_shut()
     points = np.array([[4.0, 0.0], [0.0, 4.0], [2.8, 2.8]])
-    beside = centroids_of(camera, points) - (points + 2.0 * aimed_slopes(array_axes(camera), points))
+    offset = centroids_of(camera, points) - (points + 2.0 * aimed_slopes(array_axes(camera), points))
     outwards = points / np.linalg.norm(points, axis=1)[:, None]
-    along = np.sum(beside * outwards, axis=1)
-    across = beside[:, 0] * outwards[:, 1] - beside[:, 1] * outwards[:, 0]
+    along = np.sum(offset * outwards, axis=1)
+    across = offset[:, 0] * outwards[:, 1] - offset[:, 1] * outwards[:, 0]
     assert (np.abs(along) > 0.5 * PIXEL).all()
     assert np.abs(across).max() < 0.02 * PIXEL
     assert np.ptp(along) < 0.05 * PIXEL  # round lens, round stops: the same at all azimuths
@@ -151,11 +151,13 @@ def test_vignetting_draws_centroids_away_from_chief_rays_towards_the_axis_or_fro
 def test_interpolated_centroids_are_those_of_the_quadrature(monkeypatch):
     monkeypatch.setattr(centroids, "FIELDS", 21)  # fewer than usual: quicker, and a stricter test
     camera = half_shut()
-    found = microlens_centres(camera, CENTROID)
-    assert len(found) > 33 * 33
-    rows = np.random.default_rng(5).choice(np.flatnonzero(np.abs(found.on_array).max(axis=1) < 5), 30, replace=False)
-    direct = centroids_of(camera, found.on_array[rows])
-    assert np.abs(found.position[rows] - direct).max() < 0.02 * PIXEL
+    computed_centres = microlens_centres(camera, CENTROID)
+    assert len(computed_centres) > 33 * 33
+    rows = np.random.default_rng(5).choice(
+        np.flatnonzero(np.abs(computed_centres.on_array).max(axis=1) < 5), 30, replace=False
+    )
+    direct = centroids_of(camera, computed_centres.on_array[rows])
+    assert np.abs(computed_centres.position[rows] - direct).max() < 0.02 * PIXEL
 
 
 def test_centroids_of_a_rendered_white_image_are_those_of_the_geometry():
@@ -166,15 +168,15 @@ def test_centroids_of_a_rendered_white_image_are_those_of_the_geometry():
         if part is not None:
             camera = camera.moved(part, shift=(0.03, 0.05, -0.02), tilt=(0.01, -0.015, 0.02))
         white = pl.render_white(camera, samples=128, region=region, seed=5, progress=False)
-        seen, chief = microlens_centres(camera, CENTROID, white=white), microlens_centres(camera)
-        assert len(seen) >= 6
-        computed = centroids_of(camera, seen.on_array)
-        for key, row in by_index(seen).items():
-            place = seen.position[row]
+        centroid, chief = microlens_centres(camera, CENTROID, white=white), microlens_centres(camera)
+        assert len(centroid) >= 6
+        computed = centroids_of(camera, centroid.on_array)
+        for key, row in by_index(centroid).items():
+            place = centroid.position[row]
             offset = camera.sensor.centre_of(rows, columns) - place
-            own = np.hypot(offset[..., 0], offset[..., 1]) < 0.11
-            error = white.standard_error[own, 0].astype(float)
-            sigma = np.linalg.norm(error * np.hypot(*offset[own].T)) / white.image[own].sum(dtype=float)
+            in_image = np.hypot(offset[..., 0], offset[..., 1]) < 0.11
+            error = white.standard_error[in_image, 0].astype(float)
+            sigma = np.linalg.norm(error * np.hypot(*offset[in_image].T)) / white.image[in_image].sum(dtype=float)
             # Five standard errors, and the 0.02 pixels of the computed one.
             assert np.linalg.norm(place - computed[row]) < 5 * sigma + 0.02 * PIXEL, (lattice, part)
             # Vignetted: it can fail.
@@ -204,9 +206,9 @@ def test_only_centres_on_the_sensor_and_its_margin_are_listed():
 def test_types_follow_the_array():
     camera = the_camera(focal_lengths=(1.8, 2.0, 2.2))
     centres, lenses = microlens_centres(camera), camera.microlenses.lenses((-2.0, -2.0), (2.0, 2.0))
-    here, there = pairs(centres, lenses)
-    assert len(here) == len(centres) and set(centres.type.tolist()) == {0, 1, 2}
-    np.testing.assert_array_equal(lenses.type[there], centres.type[here])
+    typed, designed_ = pairs(centres, lenses)
+    assert len(typed) == len(centres) and set(centres.type.tolist()) == {0, 1, 2}
+    np.testing.assert_array_equal(lenses.type[designed_], centres.type[typed])
 
 
 def test_jitter_moves_centres():
@@ -214,13 +216,13 @@ def test_jitter_moves_centres():
     spoiled = the_camera(lens, shape, imperfections=pl.MicrolensImperfections(pitch_jitter=0.01, seed=3))
     for method in CentreMethod:
         moved, straight = microlens_centres(spoiled, method), microlens_centres(the_camera(lens, shape), method)
-        here, there = pairs(moved, straight)
-        assert len(here) > 10
-        shift = moved.on_array[here] - straight.on_array[there]
+        jittered, designed_ = pairs(moved, straight)
+        assert len(jittered) > 10
+        shift = moved.on_array[jittered] - straight.on_array[designed_]
         assert shift.std() == pytest.approx(0.01, rel=0.15)
         # Openings stay, and all that passes one is deviated alike: centroids follow axes by b / f = 1.
         scale = 1 + 2.0 / (123.3 - pupil_of(lens)) if method is CHIEF_RAY else 1.0
-        step = moved.position[here] - straight.position[there]
+        step = moved.position[jittered] - straight.position[designed_]
         np.testing.assert_allclose(step, scale * shift, atol=1e-12 if method is not CENTROID else 0.01 * PIXEL)
 
 
@@ -228,8 +230,8 @@ def test_dark_microlenses_have_no_centroid():
     dark = pl.optics.MicrolensDeviations(index=[(0, 0)], transmission=[0.0])
     camera = the_camera(shape=(70, 70), imperfections=dark)
     assert (0, 0) in by_index(microlens_centres(camera))
-    found = microlens_centres(camera, CENTROID)
-    assert (0, 0) not in by_index(found) and len(found) > 4
+    computed_centres = microlens_centres(camera, CENTROID)
+    assert (0, 0) not in by_index(computed_centres) and len(computed_centres) > 4
 
 
 def rotation_of(tilt):
@@ -256,8 +258,8 @@ def test_parts_out_of_place_project_through_space():
                 space = np.column_stack([centres.on_array, np.zeros(len(centres))]) @ array.T + at_array
                 along = space - pupil if method is CHIEF_RAY else np.broadcast_to(array[:, 2], space.shape)
                 t = ((at_sensor - space) @ sensor[:, 2]) / (along @ sensor[:, 2])
-                met = (space + t[:, None] * along - at_sensor) @ sensor
-                np.testing.assert_allclose(centres.position, met[:, :2], atol=1e-10, err_msg=f"{part} {tilt}")
+                hits = (space + t[:, None] * along - at_sensor) @ sensor
+                np.testing.assert_allclose(centres.position, hits[:, :2], atol=1e-10, err_msg=f"{part} {tilt}")
 
 
 def test_centroids_of_a_small_pupil_are_where_chief_rays_land():
@@ -268,23 +270,23 @@ def test_centroids_of_a_small_pupil_are_where_chief_rays_land():
     # tilted sensor cuts the cone of a cell obliquely: (1 - b / f) is no longer 0, b differs by 0.03 x 0.1 mm along the
     # cell; <d^2> 0.03 / f = 0.0025 x 0.015 = 4e-5 mm.
     array, sensor = (tilted.moved(part, tilt=(0.02, -0.03, 0.1)) for part in list(CameraPart)[1:])
-    for camera, most in ((straight, 2e-5), (array, 1e-4), (sensor, 1e-4)):
+    for camera, tolerance in ((straight, 2e-5), (array, 1e-4), (sensor, 1e-4)):
         chief, centroid = microlens_centres(camera), microlens_centres(camera, CENTROID)
-        here, there = pairs(chief, centroid)
-        assert len(here) > 10
-        assert np.abs(centroid.position[there] - chief.position[here]).max() < most
+        chief_rows, centroid_rows = pairs(chief, centroid)
+        assert len(chief_rows) > 10
+        assert np.abs(centroid.position[centroid_rows] - chief.position[chief_rows]).max() < tolerance
 
 
 def test_impossible_questions_say_what_to_do():
     camera, (white, narrow) = the_camera(shape=(64, 64)), (pl.Exposure(np.ones((64, n, 1))) for n in (64, 63))
-    for given, how, message in (
+    for camera_, options, message in (
         ((bare_camera(),), {}, "no microlenses"),
         ((camera,), {"white": white}, "does not look at it"),
         ((camera, CENTROID), {"white": narrow}, "render it with this camera"),
         ((camera, 7), {}, "method is 7"),
     ):
         with refused(message):
-            microlens_centres(*given, **how)
+            microlens_centres(*camera_, **options)
 
 
 def test_free_lattices_split_a_white_image_between_neighbours():
@@ -294,5 +296,5 @@ def test_free_lattices_split_a_white_image_between_neighbours():
     image = np.zeros((160, 160, 1))
     spots = np.rint(chief.pixel).astype(int) + np.eye(2, dtype=int)
     image[tuple(spots.T)] = 1.0
-    found = microlens_centres(free, CENTROID, white=pl.Exposure(image))
-    np.testing.assert_allclose(found.pixel, spots, atol=1e-9)
+    computed_centres = microlens_centres(free, CENTROID, white=pl.Exposure(image))
+    np.testing.assert_allclose(computed_centres.pixel, spots, atol=1e-9)

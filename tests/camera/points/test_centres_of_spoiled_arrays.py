@@ -63,24 +63,24 @@ def the_camera(changes, deviations, **camera):
     if changes.get("lattice") is pl.Lattice.FREE:
         changes = {"centres": FREE, "pitch": 0.3} | changes
     array = pl.MicrolensArray(**({"pitch": PITCH, "focal_lengths": (2.0,)} | changes))
-    around = array.lenses((-6.0, -6.0), (6.0, 6.0))
-    mine = np.hypot(*(around.design - PLACE).T).argmin()
+    nearby = array.lenses((-6.0, -6.0), (6.0, 6.0))
+    mine = np.hypot(*(nearby.design - PLACE).T).argmin()
     given = {}
     for name, amount in deviations.items():
-        given[name] = np.full((len(around), *np.shape(amount)), 1.0 if name == "focal_length_factor" else 0.0)
+        given[name] = np.full((len(nearby), *np.shape(amount)), 1.0 if name == "focal_length_factor" else 0.0)
         given[name][mine] = amount
-    lit = (np.arange(len(around)) == mine).astype(float)
-    spoiled = pl.optics.MicrolensDeviations(index=around.index, transmission=lit, **given)
+    lit = (np.arange(len(nearby)) == mine).astype(float)
+    spoiled = pl.optics.MicrolensDeviations(index=nearby.index, transmission=lit, **given)
     lens = the_lens(3.6).inserted(pl.CircularStop(3.5), 60.0)
     given = {"lens": lens, "stop_to_microlenses": 123.3, "microlenses_to_sensor": 1.7} | camera
     array = dataclasses.replace(array, imperfections=spoiled)
-    return pl.PlenopticCamera(microlenses=array, sensor=pl.Sensor((800, 800), PIXEL), **given), around.index[mine]
+    return pl.PlenopticCamera(microlenses=array, sensor=pl.Sensor((800, 800), PIXEL), **given), nearby.index[mine]
 
 
 def centre(camera, index, method, white=None):
-    found = microlens_centres(camera, method, white=white)
-    (row,) = np.flatnonzero((found.index == index).all(axis=1))
-    return found.position[row]
+    centres = microlens_centres(camera, method, white=white)
+    (row,) = np.flatnonzero((centres.index == index).all(axis=1))
+    return centres.position[row]
 
 
 def seen(camera, index, half=28):
@@ -123,8 +123,8 @@ def test_centroids_are_those_of_white_images(cases):
     for case in cases:
         camera, index = the_camera(*CASES[case])
         white, centroid, sigma = seen(camera, index)
-        found = centre(camera, index, CentreMethod.CENTROID)
-        assert np.linalg.norm(found - centroid) < tolerance(sigma, case), case
+        geometric_centroid = centre(camera, index, CentreMethod.CENTROID)
+        assert np.linalg.norm(geometric_centroid - centroid) < tolerance(sigma, case), case
         # Vignetted: the test can fail.
         assert np.linalg.norm(centre(camera, index, CentreMethod.CHIEF_RAY) - centroid) > 0.1 * PIXEL, case
         if not any(kind in case for kind in ("missing", "clear", "free", "rectangular")):
@@ -140,8 +140,8 @@ def test_centroids_where_parts_are_out_of_place_too(part):
         camera, index = the_camera(*CASES[case])
         camera = camera.moved(part, shift=(0.03, 0.05, -0.02), tilt=(0.02, -0.03, 0.1))
         _, centroid, sigma = seen(camera, index)
-        found = centre(camera, index, CentreMethod.CENTROID)
-        assert np.linalg.norm(found - centroid) < tolerance(sigma, case), case
+        geometric_centroid = centre(camera, index, CentreMethod.CENTROID)
+        assert np.linalg.norm(geometric_centroid - centroid) < tolerance(sigma, case), case
 
 
 def test_chief_rays_are_the_middle_of_white_images_of_the_iris():

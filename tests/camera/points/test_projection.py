@@ -10,7 +10,7 @@ from camera_helpers import bare_camera, camera_with, in_world, pairs, refused, t
 import plenoptic as pl
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection import project
-from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aimed
+from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aim_rays
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.trace import traced_by
@@ -38,26 +38,28 @@ def test_positions_of_a_thin_camera_are_closed_forms():
             behind = 1.0 / (1.0 / cardinal.efl - 1.0 / s)
             a = cardinal.rear_principal + behind - camera.stop_to_microlenses
             points = np.array([[0.0, 0.0, z], [0.004 * s, -0.003 * s, z]])
-            seen = project(camera, points)
-            assert seen.visible.sum() > 6
-            found = np.isfinite(seen.position[:, 0])
-            assert found.mean() > 0.8
-            centre = seen.index[found] @ camera.microlenses.basis
-            image = -points[seen.point[found], :2] * behind / s
+            projection = project(camera, points)
+            assert projection.visible.sum() > 6
+            has_ray = np.isfinite(projection.position[:, 0])
+            assert has_ray.mean() > 0.8
+            centre = projection.index[has_ray] @ camera.microlenses.basis
+            image = -points[projection.point[has_ray], :2] * behind / s
             # Chief rays pass centres to 1e-9 mm; slopes to that over a, and up to 2.3 mm behind the array. From 1e6 mm
             # away, directions are good to eps in 1e6 mm over 120 mm: no worse.
-            np.testing.assert_allclose(seen.position[found], centre + b * (image - centre) / a, rtol=0, atol=1e-8)
-            np.testing.assert_array_equal(seen.pixel, camera.sensor.pixel_of(seen.position))
+            np.testing.assert_allclose(
+                projection.position[has_ray], centre + b * (image - centre) / a, rtol=0, atol=1e-8
+            )
+            np.testing.assert_array_equal(projection.pixel, camera.sensor.pixel_of(projection.position))
 
 
 def test_points_of_the_plane_in_focus_fall_onto_one_spot_each():
     # Thin lenses without aberrations, in focus: chief ray and centroid agree.
     lens = the_lens(model=pl.LensModel.THIN)
     camera = camera_with(lens=lens).focused_at(z=-404.0)
-    seen = project(camera, [(0, 0, -404), (5, -4, -404)], rays=512)
-    both = np.isfinite(seen.position[:, 0]) & np.isfinite(seen.centroid[:, 0])
+    projection = project(camera, [(0, 0, -404), (5, -4, -404)], rays=512)
+    both = np.isfinite(projection.position[:, 0]) & np.isfinite(projection.centroid[:, 0])
     assert both.sum() > 50
-    np.testing.assert_allclose(seen.centroid[both], seen.position[both], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(projection.centroid[both], projection.position[both], rtol=0, atol=1e-8)
 
 
 KINDS = {
@@ -88,14 +90,17 @@ def test_the_chief_ray_is_what_small_microlenses_leave_of_the_light(names, place
         camera = camera_with(**array)
         camera = assembled(camera) if placed else camera
         point = in_world(camera, [(5.0, 3.0, -400.0)])
-        seen = project(camera, point, rays=rays)
+        projection = project(camera, point, rays=rays)
         # Openings are 0.05 mm wide, which the image point, 11 mm behind them, sees as 0.6 mm of the exit pupil. All of
         # them are lit whose chief ray passes the iris 0.7 mm inside its edge.
         inner = project(dataclasses.replace(camera, lens=the_lens(stop=4.3)), point, rays=8)
         inside = {tuple(index) for index in inner.index[inner.passes].tolist()}
-        known = np.array([tuple(index) in inside for index in seen.index.tolist()]) & seen.visible
-        assert known.sum() > 10, name
-        off, error = (seen.centroid - seen.position)[known], np.hypot(seen.centroid_error[known], 2e-5)
+        is_inside = np.array([tuple(index) in inside for index in projection.index.tolist()]) & projection.visible
+        assert is_inside.sum() > 10, name
+        off, error = (
+            (projection.centroid - projection.position)[is_inside],
+            np.hypot(projection.centroid_error[is_inside], 2e-5),
+        )
         # Errors have 7 degrees of freedom: RMS 1.2 of scores; of 60 numbers, one in a thousand is beyond 6.
         scores = off / error
         assert np.abs(scores).max() < 6.5, (name, placed)
@@ -103,26 +108,26 @@ def test_the_chief_ray_is_what_small_microlenses_leave_of_the_light(names, place
 
 
 def test_chief_rays_pass_centres_to_a_millionth_of_a_micrometre():
-    points, wanted = np.tile([4.0, -3.0, -380.0], (200, 1)), np.random.default_rng(3).uniform(-1.5, 1.5, (200, 2))
+    points, targets = np.tile([4.0, -3.0, -380.0], (200, 1)), np.random.default_rng(3).uniform(-1.5, 1.5, (200, 2))
     for name in ("thin", "spherical to the sensor"):
         for camera in (camera_with(**KINDS[name]), assembled(camera_with(**KINDS[name]))):
             bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
             entrance = EntranceRays(-40.0, 5.0, camera.wavelength, bare, bare)
-            aim = Aim(bare, ThroughArray(array_axes(camera), camera.microlenses).places)
-            found = aimed(entrance, aim, points, wanted, np.zeros((200, 2)))
-            passed = aim.places(traced_by(bare, entrance.through(points, found)))
-            np.testing.assert_allclose(passed, wanted, rtol=0, atol=1e-9, err_msg=name)
+            aim = Aim(bare, ThroughArray(array_axes(camera), camera.microlenses).intersections)
+            entry = aim_rays(entrance, aim, points, targets, np.zeros((200, 2)))
+            passed = aim.intersections(traced_by(bare, entrance.through(points, entry)))
+            np.testing.assert_allclose(passed, targets, rtol=0, atol=1e-9, err_msg=name)
 
 
 def test_free_microlenses_that_repeat_a_lattice_see_the_same():
     lenses = camera_with().microlenses.lenses((-4.0, -4.0), (4.0, 4.0))
     free = camera_with(lattice=pl.Lattice.FREE, centres=lenses.centre)
-    here, there = (project(camera, (4.0, 2.0, -390.0)) for camera in (camera_with(), free))
-    place = {tuple(index): k for k, index in enumerate(here.index.tolist())}
-    matched = [place[tuple(index)] for index in lenses.index[there.index[:, 0]].tolist()]
-    assert len(matched) == len(here) and (there.index[:, 1] == 0).all()
-    np.testing.assert_allclose(there.position, here.position[matched], rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(there.passes, here.passes[matched])
+    regular, listed = (project(camera, (4.0, 2.0, -390.0)) for camera in (camera_with(), free))
+    place = {tuple(index): k for k, index in enumerate(regular.index.tolist())}
+    matched = [place[tuple(index)] for index in lenses.index[listed.index[:, 0]].tolist()]
+    assert len(matched) == len(regular) and (listed.index[:, 1] == 0).all()
+    np.testing.assert_allclose(listed.position, regular.position[matched], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(listed.passes, regular.passes[matched])
 
 
 def test_a_conventional_camera_has_one_row_a_point_through_the_centre_of_the_iris():
@@ -130,14 +135,14 @@ def test_a_conventional_camera_has_one_row_a_point_through_the_centre_of_the_iri
     for model in (pl.LensModel.EXACT, pl.LensModel.THIN, pl.LensModel.PARAXIAL):
         lens = the_lens(model=model)
         camera = bare_camera(lens)
-        seen = project(camera, points)
-        np.testing.assert_array_equal(seen.point, np.arange(4))
-        assert seen.index is None and seen.type is None and seen.passes.all()
+        projection = project(camera, points)
+        np.testing.assert_array_equal(projection.point, np.arange(4))
+        assert projection.index is None and projection.type is None and projection.passes.all()
         for k, (x, y, z) in enumerate(points.tolist()):
             ray = pl.aiming.chief_ray(lens, field=(x, y), z_object=z)
             landed = lens.trace(ray).at_z(camera.z_sensor)[0, :2]
             # The iris is hit to 1e-9 mm on either side; 134.6 mm behind it rays are no more than 3 times as far off.
-            np.testing.assert_allclose(seen.position[k], landed, rtol=0, atol=1e-8, err_msg=model.name)
+            np.testing.assert_allclose(projection.position[k], landed, rtol=0, atol=1e-8, err_msg=model.name)
 
 
 def test_light_of_all_microlenses_is_that_of_the_point():
@@ -146,78 +151,82 @@ def test_light_of_all_microlenses_is_that_of_the_point():
         camera = camera_with(**KINDS[kind])
         camera = assembled(camera) if placed else camera
         point = in_world(camera, (5.0, 3.0, -380.0))
-        seen, spread = project(camera, point, rays=1 << 15), point_spread(camera, point, rays=1 << 16)
-        error = math.hypot(np.sqrt((seen.light_error**2).sum()), spread.light_error)
-        assert abs(seen.light.sum() - spread.light) < 4 * error, kind
+        projection, spread = project(camera, point, rays=1 << 15), point_spread(camera, point, rays=1 << 16)
+        error = math.hypot(np.sqrt((projection.light_error**2).sum()), spread.light_error)
+        assert abs(projection.light.sum() - spread.light) < 4 * error, kind
         assert error < 0.003 * spread.light, kind
         # Microlenses at the edge of the light are seen without their chief ray.
-        edge = seen.visible & ~seen.passes
-        assert 3 < edge.sum() < 0.5 * len(seen), kind
-        assert seen.light[edge].mean() < 0.5 * seen.light[seen.passes].mean(), kind
-        assert np.isfinite(seen.centroid[seen.visible]).all(), kind
+        edge = projection.visible & ~projection.passes
+        assert 3 < edge.sum() < 0.5 * len(projection), kind
+        assert projection.light[edge].mean() < 0.5 * projection.light[projection.passes].mean(), kind
+        assert np.isfinite(projection.centroid[projection.visible]).all(), kind
         landed = landing_points(camera, point, rays=1 << 16)
-        bright = np.flatnonzero(seen.light > 0.5 * seen.light.max())
+        bright = np.flatnonzero(projection.light > 0.5 * projection.light.max())
         assert len(bright) > 20, kind
         for k in bright:
-            mine = (landed.index == seen.index[k]).all(axis=1)
+            mine = (landed.index == projection.index[k]).all(axis=1)
             mean = np.average(landed.position[mine], weights=landed.weight[mine], axis=0)
-            scores.append((seen.centroid[k] - mean) / (1.2 * seen.centroid_error[k] + 1e-6))
+            scores.append((projection.centroid[k] - mean) / (1.2 * projection.centroid_error[k] + 1e-6))
     # Errors have 7 degrees of freedom, RMS 1.2 of scores, and in each thousand numbers one beyond 6.
     assert np.abs(scores).max() < 8 and np.sqrt(np.mean(np.square(scores))) < 1.4
 
 
 def test_a_dark_microlens_is_not_lit():
     dark = pl.optics.MicrolensDeviations(index=[(0, 0)], transmission=[0.0])
-    seen = project(camera_with(imperfections=dark), (0.0, 0.0, -404.0))
-    middle = (seen.index == 0).all(axis=1)
-    assert middle.sum() == 1 and seen.passes[middle].all()
-    assert not seen.visible[middle].any() and (seen.light[middle] == 0).all()
-    assert np.isnan(seen.centroid[middle]).all()
-    assert seen.visible[~middle].all()
+    projection = project(camera_with(imperfections=dark), (0.0, 0.0, -404.0))
+    middle = (projection.index == 0).all(axis=1)
+    assert middle.sum() == 1 and projection.passes[middle].all()
+    assert not projection.visible[middle].any() and (projection.light[middle] == 0).all()
+    assert np.isnan(projection.centroid[middle]).all()
+    assert projection.visible[~middle].all()
 
 
 def test_a_camera_array_sees_with_every_lens_whose_chief_ray_meets_the_sensor():
     # Without main lens: a ray from the point through each centre. More lenses get light than rays are traced.
     camera = camera_with(lens=the_lens(16.0, pl.LensModel.NONE), to_array=40.0, b=2.0)
     point = np.array([10.0, 5.0, -404.0])
-    seen = project(camera, point, rays=64)
-    centre = seen.index @ camera.microlenses.basis
+    projection = project(camera, point, rays=64)
+    centre = projection.index @ camera.microlenses.basis
     expected = centre + 2.0 * (centre - point[:2]) / 444.0
-    np.testing.assert_allclose(seen.position, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(projection.position, expected, rtol=0, atol=1e-9)
     inside = (np.abs(expected) < 2.56).all(axis=1)
-    assert inside.sum() > 600 and seen.visible[inside].all()
+    assert inside.sum() > 600 and projection.visible[inside].all()
     # The rest of the light is that of images that reach over the edge of the sensor, half a pitch at most.
-    assert not seen.visible[(np.abs(expected) > 2.56 + 0.13).any(axis=1)].any()
-    unknown = seen.visible & (seen.light == 0)
-    assert unknown.any() and np.isinf(seen.light_error[unknown]).all() and np.isnan(seen.centroid[unknown]).all()
+    assert not projection.visible[(np.abs(expected) > 2.56 + 0.13).any(axis=1)].any()
+    unknown = projection.visible & (projection.light == 0)
+    assert (
+        unknown.any()
+        and np.isinf(projection.light_error[unknown]).all()
+        and np.isnan(projection.centroid[unknown]).all()
+    )
 
 
 def test_what_lands_beside_the_sensor_is_not_visible():
-    for shape in ((24, 40), (40, 24)):
-        seen = project(camera_with(shape=shape), (0.0, 0.0, -404.0))
-        within = np.minimum(seen.pixel, np.array(shape) - 1 - seen.pixel).min(axis=1)
-        inside, far = within > -0.5, within < -2
-        assert inside.any() and not inside.all()
-        assert not seen.visible[far].any() and seen.visible[inside & seen.passes].all(), shape
+    camera = camera_with(shape=(32, 32))
+    projection = project(camera, (0.0, 0.0, -404.0))
+    inside = ((projection.pixel > -0.5) & (projection.pixel < 31.5)).all(axis=1)
+    assert inside.any() and not inside.all()
+    far = ((projection.pixel < -2) | (projection.pixel > 33)).any(axis=1)
+    assert not projection.visible[far].any() and projection.visible[inside & projection.passes].all()
 
 
 def test_a_point_imaged_onto_the_array_is_seen_by_one_microlens():
     camera = camera_with(2.0, lens=the_lens(4.25, pl.LensModel.THIN)).focused_at(z=-404.0)
-    seen = project(camera, (0.1, 0.05, -404.0))
-    assert len(seen) == 1 and seen.visible.all() and np.isnan(seen.position).all()
+    projection = project(camera, (0.1, 0.05, -404.0))
+    assert len(projection) == 1 and projection.visible.all() and np.isnan(projection.position).all()
     spread = point_spread(camera, (0.1, 0.05, -404.0))
-    joint_light = math.hypot(spread.light_error, seen.light_error[0])
-    assert abs(seen.light[0] - spread.light) < 5 * joint_light < 0.1 * spread.light
-    joint = np.hypot(spread.centroid_error, seen.centroid_error[0])
-    assert np.all(np.abs(seen.centroid[0] - spread.centroid) < 5 * joint)
+    joint_light = math.hypot(spread.light_error, projection.light_error[0])
+    assert abs(projection.light[0] - spread.light) < 5 * joint_light < 0.1 * spread.light
+    joint = np.hypot(spread.centroid_error, projection.centroid_error[0])
+    assert np.all(np.abs(projection.centroid[0] - spread.centroid) < 5 * joint)
 
 
 def test_pinholes_show_points_along_chief_rays():
-    seen = project(camera_with(model=PINHOLE), (0.0, 0.0, -404.0))
+    projection = project(camera_with(model=PINHOLE), (0.0, 0.0, -404.0))
     thin = project(camera_with(), (0.0, 0.0, -404.0))
-    assert seen.passes.all() and seen.visible.all() and np.isnan(seen.light).all()
-    np.testing.assert_array_equal(seen.centroid, seen.position)
-    np.testing.assert_array_equal(seen.position, thin.position[thin.passes])
+    assert projection.passes.all() and projection.visible.all() and np.isnan(projection.light).all()
+    np.testing.assert_array_equal(projection.centroid, projection.position)
+    np.testing.assert_array_equal(projection.position, thin.position[thin.passes])
 
 
 def test_points_out_of_sight_have_no_rows():
@@ -246,8 +255,8 @@ def test_the_surface_of_a_point_does_not_hide_it():
 
 def test_a_card_hides_what_is_behind_it():
     points = np.array([(0.0, 0.0, -404.0), (0.0, 0.0, -350.0)])
-    seen = project(camera_with(), points, scene=pl.Scene([card(-380.0, 50)], background=1.0))
-    assert not seen.visible[seen.point == 0].any() and seen.visible[seen.point == 1].all()
+    projection = project(camera_with(), points, scene=pl.Scene([card(-380.0, 50)], background=1.0))
+    assert not projection.visible[projection.point == 0].any() and projection.visible[projection.point == 1].all()
 
 
 def test_half_a_card_hides_the_microlenses_that_look_past_its_other_side():
@@ -261,10 +270,10 @@ def test_half_a_card_hides_the_microlenses_that_look_past_its_other_side():
             matrix[:3, :3], matrix[:3, 3] = camera.pose.rotation, camera.pose.position
             half = half.transformed(matrix)
         point = in_world(camera, [[0.0, 0.0, -404.0]])
-        seen = project(camera, point, scene=pl.Scene([half], background=1.0))
-        x = (seen.index @ camera.microlenses.basis)[:, 0]
+        projection = project(camera, point, scene=pl.Scene([half], background=1.0))
+        x = (projection.index @ camera.microlenses.basis)[:, 0]
         aside = np.abs(x) > 0.1
-        np.testing.assert_array_equal(seen.visible[aside], (x < 0)[aside])
+        np.testing.assert_array_equal(projection.visible[aside], (x < 0)[aside])
 
 
 def test_chief_rays_depend_neither_on_threads_and_other_points_nor_on_the_rays_for_light():
@@ -276,9 +285,9 @@ def test_chief_rays_depend_neither_on_threads_and_other_points_nor_on_the_rays_f
     np.testing.assert_array_equal(last.points, one.points)
     np.testing.assert_array_equal(project(camera, points[0]).position, one.position[one.point == 0])
     few, many = (project(camera, points[1], rays=n) for n in (64, 1 << 14))
-    here, there = pairs(few, many)
-    assert len(here) == len(few)
-    np.testing.assert_array_equal(few.position[here], many.position[there])
+    few_rows, many_rows = pairs(few, many)
+    assert len(few_rows) == len(few)
+    np.testing.assert_array_equal(few.position[few_rows], many.position[many_rows])
     assert np.median(many.centroid_error) < 0.1 * np.median(few.centroid_error)
 
 
@@ -286,12 +295,12 @@ def test_of_several_chief_rays_the_one_that_passes_is_found():
     """Behind a strong retrofocus lens a point and a microlens have two rays: one vignetted, and one that is seen."""
     lens, array = pl.load_lens("retrofocus-100mm-f1.9"), pl.MicrolensArray(pitch=3.0, focal_lengths=(10.0,))
     camera = pl.PlenopticCamera(lens, pl.Sensor((300, 400), 0.2), 318.18947573, array, 8.0)
-    found = camera.project([9.35, 29.43, -446.0])
-    (row,) = np.flatnonzero((found.index == (-3, -1)).all(axis=1))
-    assert found.passes[row]
+    projection = camera.project([9.35, 29.43, -446.0])
+    (row,) = np.flatnonzero((projection.index == (-3, -1)).all(axis=1))
+    assert projection.passes[row]
     # Pixels are 0.2 mm: the blur of the light is some of them wide, and its middle is on the ray that passes.
-    np.testing.assert_allclose(found.pixel[row], [110.0, 231.0], atol=0.01)
-    np.testing.assert_allclose(found.pixel[row], found.centroid_pixel[row], atol=0.2)
+    np.testing.assert_allclose(projection.pixel[row], [110.0, 231.0], atol=0.01)
+    np.testing.assert_allclose(projection.pixel[row], projection.centroid_pixel[row], atol=0.2)
 
 
 def test_impossible_arguments():

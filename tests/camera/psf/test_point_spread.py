@@ -49,11 +49,11 @@ def test_a_perfect_lens_in_focus_gathers_all_light_in_the_paraxial_image_point()
     m = points.efl / (points.front_focus + 404.0)
     for height in (0.0, 5.0):
         point, image = (height, -0.3 * height, -404), [-m * height, 0.3 * m * height]
-        landed, spread = landing_points(camera, point), point_spread(camera, point)
+        trace_task, spread = landing_points(camera, point), point_spread(camera, point)
         # eps times lengths of some 500 mm, times a few.
-        np.testing.assert_allclose(landed.position, np.tile(image, (len(landed.position), 1)), atol=1e-11)
+        np.testing.assert_allclose(trace_task.position, np.tile(image, (len(trace_task.position), 1)), atol=1e-11)
         np.testing.assert_allclose(spread.centroid, image, atol=1e-11)
-        assert landed.microlens is None
+        assert trace_task.microlens is None
         # The image of a point that lies between two or four pixels may be split by rounding.
         assert spread.image.size <= 4
 
@@ -70,31 +70,31 @@ def test_standard_errors_are_honest():
     errors = np.zeros_like(pixels)
     for error, s in zip(errors, spreads, strict=True):
         error[s.regions[0]] = s.standard_error
-    seen = pixels.mean(axis=0) > 0.2 * pixels.mean(axis=0).max()
-    ratio = pixels.var(axis=0, ddof=1)[seen].mean() / (errors**2).mean(axis=0)[seen].mean()
+    is_bright = pixels.mean(axis=0) > 0.2 * pixels.mean(axis=0).max()
+    ratio = pixels.var(axis=0, ddof=1)[is_bright].mean() / (errors**2).mean(axis=0)[is_bright].mean()
     assert 0.7 < ratio < 1.4
 
 
 def test_threads_and_other_points_do_not_change_a_bit(monkeypatch):
     camera, points = CAMERA, [(5, 3, -380), (0, 0, -404), (-2, 1, -500)]
-    alone, one = (point_spread(camera, given, rays=5000, threads=1) for given in (points[0], points))
+    single, one = (point_spread(camera, points_, rays=5000, threads=1) for points_ in (points[0], points))
     assert one == point_spread(camera, points, rays=5000, threads=3)
-    np.testing.assert_array_equal(alone.whole(), one.whole()[0])
-    assert point_spread(camera, points[0], rays=5000, seed=1) != alone
+    np.testing.assert_array_equal(single.whole(), one.whole()[0])
+    assert point_spread(camera, points[0], rays=5000, seed=1) != single
     # More chunks sum in another order only.
     monkeypatch.setattr(sensor_hits, "CHUNK", 100)
-    np.testing.assert_allclose(point_spread(camera, points[0], rays=5000).whole(), alone.whole(), rtol=1e-12)
+    np.testing.assert_allclose(point_spread(camera, points[0], rays=5000).whole(), single.whole(), rtol=1e-12)
 
 
 def test_landing_points_are_the_rays_of_the_spread():
     camera, points = CAMERA, [(5, 3, -380), (0, 0, -404)]
     spread = point_spread(camera, points, rays=4096, replicates=1)
-    landed = landing_points(camera, points, rays=4096)
-    assert landed == landing_points(camera, points, rays=4096, threads=1)
+    trace_task = landing_points(camera, points, rays=4096)
+    assert trace_task == landing_points(camera, points, rays=4096, threads=1)
     for k in range(2):
-        mine = landed.source == k
-        assert landed.weight[mine].sum() == pytest.approx(spread.light[k], rel=1e-12)
-        mean = landed.weight[mine] @ landed.position[mine] / landed.weight[mine].sum()
+        mine = trace_task.source == k
+        assert trace_task.weight[mine].sum() == pytest.approx(spread.light[k], rel=1e-12)
+        mean = trace_task.weight[mine] @ trace_task.position[mine] / trace_task.weight[mine].sum()
         np.testing.assert_allclose(spread.centroid[k], mean, rtol=1e-10)
     assert spread.standard_error is None and spread.light_error is None and spread.centroid_error is None
 
@@ -158,8 +158,8 @@ def test_polygons_around_the_light_hold_all_of_it():
             passing = aims[lens.trace(pl.RayBundle(np.tile(point, (25000, 1)), aims - point)).status == 0, :2]
             assert len(passing) > 100
             edges = np.roll(corners, -1, axis=0) - corners
-            beside = passing[:, None] - corners
-            assert (edges[:, 0] * beside[..., 1] - edges[:, 1] * beside[..., 0] >= 0).all()
+            offset = passing[:, None] - corners
+            assert (edges[:, 0] * offset[..., 1] - edges[:, 1] * offset[..., 0] >= 0).all()
 
 
 def test_impossible_arguments_are_refused():
@@ -192,12 +192,12 @@ def test_figure_shows_the_pixels_where_the_sensor_has_them():
 
     spread = point_spread(CAMERA, [(3, 1, -404), (-4, 2, -404)], rays=1 << 13)
     ax = plot_camera_spread(spread)
-    shown = np.asarray(ax.images[0].get_array())
+    image = np.asarray(ax.images[0].get_array())
     left, right, bottom, top = ax.images[0].get_extent()
-    assert shown.sum() == pytest.approx(spread.image.sum(), rel=1e-12)
+    assert image.sum() == pytest.approx(spread.image.sum(), rel=1e-12)
     whole = spread.whole().sum(axis=0)
     cut = whole[round(top + 0.5) : round(bottom + 0.5), round(left + 0.5) : round(right + 0.5)]
-    np.testing.assert_allclose(shown, cut, rtol=1e-12)
+    np.testing.assert_allclose(image, cut, rtol=1e-12)
     # The cross lies at the mean of the pixels, to within a pixel's half.
     rows, columns = np.indices(whole.shape)
     mine = spread.of(0).whole() / spread.of(0).whole().sum()

@@ -11,7 +11,7 @@ import plenoptic as pl
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.centroids import centroids_at, moment_points
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.camera.report.optics import corner_light
+from plenoptic.camera.report.illumination import corner_light
 from plenoptic.optics.microlens.dust import Blemishes, BlemishSite
 from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.optics.stops.mask import MaskStop
@@ -40,35 +40,35 @@ def plain():
 
 def test_light_lands_in_the_openings_of_pixels_only():
     cameras = camera_with(), camera_with(pixels={"pixel_aperture": (0.4, 0.9)})
-    plain, found = (landing_points(camera, POINT, rays=1 << 14) for camera in cameras)
+    plain, landed_points = (landing_points(camera, POINT, rays=1 << 14) for camera in cameras)
     # Row and column are whole at the centres of pixels.
     row, column = camera_with().sensor.pixel_of(plain.position).T
     inside = (np.abs(column - np.rint(column)) <= 0.2) & (np.abs(row - np.rint(row)) <= 0.45)
-    np.testing.assert_array_equal(found.position, plain.position[inside])
-    np.testing.assert_array_equal(found.weight, plain.weight[inside])
+    np.testing.assert_array_equal(landed_points.position, plain.position[inside])
+    np.testing.assert_array_equal(landed_points.weight, plain.weight[inside])
     assert 0.3 < inside.mean() < 0.42
 
 
 def test_light_beside_openings_is_a_fate():
-    given = camera_with(pixels={"pixel_aperture": (0.5, 0.6)})
-    spread = point_spread(given, [(1.0, 0.5, -250.0), (8.5, 0.0, -404.0)], rays=1 << 14)
+    camera_ = camera_with(pixels={"pixel_aperture": (0.5, 0.6)})
+    spread = point_spread(camera_, [(1.0, 0.5, -250.0), (8.5, 0.0, -404.0)], rays=1 << 14)
     assert ("beside_opening", None) in spread.fates
     np.testing.assert_allclose(spread.fractions.sum(axis=1), 1.0, rtol=1e-12)
-    alone = point_spread(camera_with(), (1.0, 0.5, -250.0), rays=1 << 14)
-    found, plain = spread.fraction_by_fate, alone.fraction_by_fate
+    open_spread = point_spread(camera_with(), (1.0, 0.5, -250.0), rays=1 << 14)
+    fractions, plain = spread.fraction_by_fate, open_spread.fraction_by_fate
     # The light of a point covers some thousand pixels: 0.3 of it to a few per cent.
-    assert found["landed"][0] / plain["landed"] == pytest.approx(0.3, abs=0.03)
-    assert found["landed"][0] + found["beside_opening"][0] == pytest.approx(plain["landed"], rel=1e-12)
+    assert fractions["landed"][0] / plain["landed"] == pytest.approx(0.3, abs=0.03)
+    assert fractions["landed"][0] + fractions["beside_opening"][0] == pytest.approx(plain["landed"], rel=1e-12)
     assert "beside_opening" not in plain
 
 
 def test_response_is_that_to_the_direction_of_each_ray(plain):
     response = AngularResponse(well_depth=2.0, index=1.3, pupil_distance=60.0, exponent=3.0)
-    found = landing_points(camera_obscura(pixels={"angular_response": response}), SOURCES, rays=4)
-    x, y = found.position.T
+    landed_points = landing_points(camera_obscura(pixels={"angular_response": response}), SOURCES, rays=4)
+    x, y = landed_points.position.T
     expected = response.at(-x / 125.0, -y / 125.0, x=x, y=y)
     # The hole is 1e-4 mm wide, 125 mm away; the response changes by some 3 per unit of slope.
-    np.testing.assert_allclose(found.weight / plain.weight, expected, atol=1e-5)
+    np.testing.assert_allclose(landed_points.weight / plain.weight, expected, atol=1e-5)
     assert np.ptp(expected) > 0.02
 
 
@@ -85,11 +85,11 @@ def test_dust_takes_its_part_where_rays_cross_its_plane(plain):
         start = scale * rng.uniform(-2.6, 2.6, (40, 2))
         end, radius = start + scale * rng.uniform(-0.5, 0.5, (40, 2)), abs(scale) * rng.uniform(0.05, 0.2, 40)
         grains = Blemishes(site, start, end, radius, transmission=rng.uniform(0.0, 0.9, 40), height=height)
-        found = landing_points(camera_obscura(blemishes=(grains,)), SOURCES, rays=4)
-        np.testing.assert_array_equal(found.position, plain.position)
-        passing = grains.at(scale * found.position)
+        landed_points = landing_points(camera_obscura(blemishes=(grains,)), SOURCES, rays=4)
+        np.testing.assert_array_equal(landed_points.position, plain.position)
+        passing = grains.at(scale * landed_points.position)
         # At the edge of a grain, the width of the hole decides: 1e-4 mm of some 0.1 mm.
-        assert (np.abs(found.weight / plain.weight - passing) < 1e-12).mean() > 0.99, (site, height)
+        assert (np.abs(landed_points.weight / plain.weight - passing) < 1e-12).mean() > 0.99, (site, height)
         assert 0.05 < (passing < 1).mean() < 0.9, (site, height)
 
 
@@ -98,15 +98,17 @@ def test_dust_moves_with_what_it_lies_on():
     for part, site in ((pl.CameraPart.SENSOR, BlemishSite.SENSOR), (pl.CameraPart.MICROLENSES, BlemishSite.ARRAY)):
         camera = camera_obscura(blemishes=(dataclasses.replace(grain, site=site),))
         moved = camera.moved(part, shift=(0.2, 0.1, 0.0), tilt=(0.0, 0.0, 0.5))
-        found = landing_points(moved, SOURCES, rays=1)
+        landed_points = landing_points(moved, SOURCES, rays=1)
         turn = np.array([[math.cos(0.5), -math.sin(0.5)], [math.sin(0.5), math.cos(0.5)]])
         # On the sensor in its own axes; on the array as its shadow, 1.7 mm behind it.
         centre = np.array([0.4, -0.3])
         if site is BlemishSite.ARRAY:
             centre = (turn @ centre + (0.2, 0.1)) * 125.0 / 123.3
-        dark = np.hypot(*(found.position - centre).T) < 0.6 * (125.0 / 123.3 if site is BlemishSite.ARRAY else 1.0)
+        dark = np.hypot(*(landed_points.position - centre).T) < 0.6 * (
+            125.0 / 123.3 if site is BlemishSite.ARRAY else 1.0
+        )
         assert dark.sum() > 10
-        np.testing.assert_array_equal(found.weight == 0.0, dark)
+        np.testing.assert_array_equal(landed_points.weight == 0.0, dark)
 
 
 def test_rays_that_dust_stops_have_landed():
@@ -120,8 +122,8 @@ def test_what_dims_nothing_changes_nothing():
     clear = tuple(Blemishes(site, [POINT[:2]], [(0.0, 0.0)], radius=30.0, transmission=1.0) for site in BlemishSite)
     clear += (Blemishes(BlemishSite.SENSOR, [], [], [], []),)
     clear = camera_with(blemishes=clear, pixels={"angular_response": AngularResponse(), "pixel_aperture": (1, 1)})
-    found, plain = (point_spread(camera, POINT, rays=1 << 12) for camera in (clear, camera_with()))
-    np.testing.assert_allclose(found.image, plain.image, rtol=1e-13)
+    spread, plain = (point_spread(camera, POINT, rays=1 << 12) for camera in (clear, camera_with()))
+    np.testing.assert_allclose(spread.image, plain.image, rtol=1e-13)
 
 
 def test_projections_leave_out_what_dims():
@@ -156,8 +158,8 @@ def test_the_centroid_of_greys_is_that_of_their_light():
         camera = camera_with(2.0, lens=the_lens(mask(cells, size), pl.LensModel.NONE))
         # Of hexagons, whose variance along x and y is 5 pitch^2 / 72.
         offsets = moment_points(np.full(2, 5.0 * camera.microlenses.pitch**2 / 72.0))
-        found = centroids_at(array_axes(camera), camera.microlenses, np.zeros((1, 2)), 0.5, offsets)[0]
-        np.testing.assert_allclose(found, -2.0 / 123.3 * np.array([x, y]), atol=atol)
+        centroid = centroids_at(array_axes(camera), camera.microlenses, np.zeros((1, 2)), 0.5, offsets)[0]
+        np.testing.assert_allclose(centroid, -2.0 / 123.3 * np.array([x, y]), atol=atol)
 
 
 def test_the_corner_sees_what_is_left_of_the_light_of_the_iris():

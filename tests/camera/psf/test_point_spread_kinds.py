@@ -9,10 +9,10 @@ from camera_helpers import bare_camera, camera_with, in_blocks, in_world, out_of
 
 import plenoptic as pl
 from plenoptic.camera.camera import CameraPart
+from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.psf.forward_array import fill_through_array_forward
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.camera.psf.sensor_hits import forward_record
-from plenoptic.camera.record import camera_record
 from plenoptic.optics import ApertureShape, Blemishes, BlemishSite, Gaps, MicrolensAperture, MicrolensDeviations
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_thin
@@ -39,11 +39,11 @@ POINT = (5.0, 3.0, -380.0)
 def scattered(n=500, reach=2.9, least=0.16):
     """Centres drawn one by one, no two of them closer than `least`."""
     rng = np.random.default_rng(7)
-    kept = np.zeros((0, 2))
+    centres = np.zeros((0, 2))
     for point in rng.uniform(-reach, reach, (20 * n, 2)):
-        if len(kept) < n and (np.hypot(*(kept - point).T) > least).all():
-            kept = np.concatenate([kept, point[None]])
-    return kept
+        if len(centres) < n and (np.hypot(*(centres - point).T) > least).all():
+            centres = np.concatenate([centres, point[None]])
+    return centres
 
 
 FREE = {"lattice": pl.Lattice.FREE, "centres": scattered(), "pitch": 0.18, "focal_lengths": (1.8, 2.2)}
@@ -68,16 +68,16 @@ def deviations(camera, centre=POINT, *, side=0.8, across=4, groups=16, rays=1024
     square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [-0.5, 0.5, 0]])
     ends = in_world(camera, centre + side * square)
     quad = pl.quad(ends[0], ends[1] - ends[0], ends[2] - ends[0], material=pl.Emissive(1.0))
-    given = {"samples": samples, "region": region, "replicates": 16, "seed": 5}
-    shot = pl.render(pl.Scene([quad]), camera, truth=pl.Truth.NONE, progress=False, **given)
+    options = {"samples": samples, "region": region, "replicates": 16, "seed": 5}
+    shot = pl.render(pl.Scene([quad]), camera, truth=pl.Truth.NONE, progress=False, **options)
     # Pixels that no path found bright have the error of one sample, which in sums would outweigh that of the others.
-    found = shot.standard_error * (shot.image > 0)
-    rendered, error = (a[:, :, 0].astype(float) / side**2 for a in (shot.image, found))
+    weights_ = shot.standard_error * (shot.image > 0)
+    rendered, error = (a[:, :, 0].astype(float) / side**2 for a in (shot.image, weights_))
     images = images[(slice(None), *region)]
     root = math.sqrt(len(images))
     mean, spread = images.mean(axis=0), images.std(axis=0, ddof=1) / root
-    seen = mean > 0.1 * mean.max()
-    z = (rendered - mean)[seen] / np.hypot(error, spread)[seen]
+    is_bright = mean > 0.1 * mean.max()
+    z = (rendered - mean)[is_bright] / np.hypot(error, spread)[is_bright]
     rows, columns = np.indices(rendered.shape)
     moments = np.stack([np.ones_like(rendered), rows, columns])
     forward = np.einsum("gij,kij->gk", images, moments)
@@ -85,9 +85,9 @@ def deviations(camera, centre=POINT, *, side=0.8, across=4, groups=16, rays=1024
     backward = np.einsum("ij,kij->k", rendered, moments)
     backward[1:] /= backward[0]
     moments[1:] -= backward[1:, None, None]
-    own = np.sqrt(np.einsum("ij,kij->k", error**2, moments**2))
-    own[1:] /= backward[0]
-    joint = np.hypot(own, forward.std(axis=0, ddof=1) / root)
+    error_ = np.sqrt(np.einsum("ij,kij->k", error**2, moments**2))
+    error_[1:] /= backward[0]
+    joint = np.hypot(error_, forward.std(axis=0, ddof=1) / root)
     off = (backward - forward.mean(axis=0)) / joint
     return float(np.sqrt(np.mean(z * z))), off, joint[0] / backward[0]
 
@@ -177,9 +177,9 @@ def test_plain_cameras_are_what_is_rendered():
 @pytest.mark.slow
 @pytest.mark.parametrize("first", [0, 4, 8])
 def test_every_kind_is_what_is_rendered(first):
-    for given in LONG[first : first + 4]:
+    for case in LONG[first : first + 4]:
         # Where gaps are clear, half of the renderer's paths are in vain.
-        assert_agrees(camera_with(**given), samples=256, precision=0.01, name=given)
+        assert_agrees(camera_with(**case), samples=256, precision=0.01, name=case)
 
 
 @pytest.mark.slow
@@ -207,8 +207,8 @@ def test_what_dims_takes_more_light_than_agreement_could_hide():
     # Otherwise the comparison with the renderer, to some 0.5 %, could not fail.
     plain = point_spread(camera_with(), POINT, rays=1 << 14).light
     dimmed = {"pixels": OPEN_IN_PART}, {"pixels": DEEP}, *({"blemishes": (grains,)} for grains in DUSTY)
-    for given in dimmed:
-        assert point_spread(camera_with(**given), POINT, rays=1 << 14).light < 0.93 * plain, given
+    for case in dimmed:
+        assert point_spread(camera_with(**case), POINT, rays=1 << 14).light < 0.93 * plain, case
 
 
 @pytest.mark.slow
@@ -238,8 +238,8 @@ def test_steep_light_of_an_ideal_lens_is_what_is_rendered():
     # and that of the thick one 4 % less.
     for model in (pl.LensModel.THIN, pl.LensModel.PARAXIAL):
         camera = bare_camera(the_lens(33.0, model), z=60.0, shape=(32, 32), pitch=6.0)
-        how = {"side": 40.0, "across": 8, "rays": 512, "groups": 8, "samples": 2048}
-        _, off, error = deviations(camera, np.array((90.0, -30.0, -90.0)), **how)
+        options = {"side": 40.0, "across": 8, "rays": 512, "groups": 8, "samples": 2048}
+        _, off, error = deviations(camera, np.array((90.0, -30.0, -90.0)), **options)
         assert abs(off[0]) < 4.5, model  # 7 degrees of freedom
         assert error < 0.006, model
 
@@ -261,19 +261,19 @@ def assert_weight_is_etendue(camera, z, state, case):
     """
     h = 1e-5
     _, slope, weight, cell, _ = forwards(camera, z, *state.T)
-    columns, kept = [], np.ones(len(state), dtype=bool)
+    columns, valid = [], np.ones(len(state), dtype=bool)
     for step in h * np.eye(4):
         ends = []
         for moved in (state + step, state - step):
             place, turned, _, index, lost = forwards(camera, z, *moved.T)
             # Neither lost beside a shifted lens nor in another cell.
-            kept &= (lost == 0) & (index == cell).all(axis=0)
+            valid &= (lost == 0) & (index == cell).all(axis=0)
             ends.append(np.concatenate([place, turned]))
         columns.append((ends[0] - ends[1]) / (2 * h))
     jacobian = np.abs(np.linalg.det(np.stack(columns, axis=-1).transpose(1, 0, 2)))
     before, after = (1 / (1 + (s * s).sum(axis=0)) for s in (state[:, 2:].T, slope))
-    assert kept.sum() > 150, case
-    np.testing.assert_allclose(weight[kept], (jacobian * after**2 / before**2)[kept], rtol=1e-7, err_msg=str(case))
+    assert valid.sum() > 150, case
+    np.testing.assert_allclose(weight[valid], (jacobian * after**2 / before**2)[valid], rtol=1e-7, err_msg=str(case))
 
 
 REGULAR = [
@@ -305,36 +305,36 @@ def test_weight_behind_a_tilted_array_of_lenses_that_differ_is_etendue():
 def test_rays_of_the_renderer_come_back_to_where_they_began():
     for array in REGULAR:
         camera = camera_with(**array)
-        made, distance = camera.microlenses, camera.microlenses_to_sensor
+        microlenses_, distance = camera.microlenses, camera.microlenses_to_sensor
         rng, n = np.random.default_rng(1), 1024
-        cells = np.rint(rng.uniform(-30, 30, (n, 2))) @ made.basis
-        points = cells + rng.uniform(-1, 1, (n, 2)) * made.cell_radius
+        cells = np.rint(rng.uniform(-30, 30, (n, 2))) @ microlenses_.basis
+        points = cells + rng.uniform(-1, 1, (n, 2)) * microlenses_.cell_radius
         slopes = rng.uniform(-0.4, 0.4, (n, 2))
         start = points - slopes * distance
         one, along = np.ones(n), points - start
         blocks = in_blocks(np.stack([*points.T, cells[:, 0], *along.T, cells[:, 1], one, 0 * one]))
-        sensor, power, plane = SensorPlane(distance, None), 1 / made.focal_length, camera.stop_to_microlenses
-        if made.model is THIN:
+        sensor, power, plane = SensorPlane(distance, None), 1 / microlenses_.focal_length, camera.stop_to_microlenses
+        if microlenses_.model is THIN:
             fill_thin(blocks, None, sensor, power, plane, None, None)
         else:
             plates = camera_record(camera).array
             fill_plano_convex(blocks, None, sensor, plates.model, power, plates.edges, plane, None)
         x, y, z, l, m, n_z, _, status = out_of_blocks(blocks, n)
         inside = np.ones(n, dtype=bool)
-        if made.model is not SPHERICAL:
+        if microlenses_.model is not SPHERICAL:
             # Aimed beyond their own cell; plates with real height sort these out themselves.
-            inside = ((points - cells) @ made.cell_edges[:, :2].T <= made.cell_edges[:, 2]).all(axis=1)
-        kept = (status == 0) & inside
-        assert kept.sum() > 300
-        x, y, z, l, m, n_z = (a[kept] for a in (x, y, z, l, m, n_z))
+            inside = ((points - cells) @ microlenses_.cell_edges[:, :2].T <= microlenses_.cell_edges[:, 2]).all(axis=1)
+        valid = (status == 0) & inside
+        assert valid.sum() > 300
+        x, y, z, l, m, n_z = (a[valid] for a in (x, y, z, l, m, n_z))
         t = (plane - z) / n_z
         place, slope, _, index, lost = forwards(camera, plane, x + t * l, y + t * m, l / n_z, m / n_z)
         # A ray that strikes an edge between cells to within rounding may be given to either: none does here.
         assert not lost.any(), array
-        np.testing.assert_allclose(index.T @ made.basis, cells[kept], atol=1e-12)
+        np.testing.assert_allclose(index.T @ microlenses_.basis, cells[valid], atol=1e-12)
         # Some ten operations on coordinates below 10 mm, magnified by at most 10: 1e-12. Slopes of the flat model lose
         # a factor of its index, 50; they are by z, which grows towards the sensor.
-        came = np.column_stack([start, -slopes])[kept]
+        came = np.column_stack([start, -slopes])[valid]
         np.testing.assert_allclose(np.concatenate([place, slope]).T, came, atol=1e-11, err_msg=str(array))
 
 
@@ -355,10 +355,10 @@ def test_small_imperfections_tend_to_none_and_free_centres_of_a_lattice_are_the_
         plain = camera_with(**plate)
         spoiled = with_array(plain, imperfections=slight)
         free = with_array(plain, lattice=pl.Lattice.FREE, centres=centres)
-        expected, found, listed = (landing_points(camera, POINT) for camera in (plain, spoiled, free))
-        assert_same_landing(found, expected)
+        expected, spoiled_points, listed = (landing_points(camera, POINT) for camera in (plain, spoiled, free))
+        assert_same_landing(spoiled_points, expected)
         assert_same_landing(listed, expected)
-        np.testing.assert_array_equal(found.index, expected.index)
+        np.testing.assert_array_equal(spoiled_points.index, expected.index)
         np.testing.assert_array_equal(index[listed.index[:, 0]], expected.index)
         assert not listed.index[:, 1].any()
         # What becomes of the other rays is the same, too.
@@ -376,13 +376,13 @@ def test_a_camera_moved_as_a_whole_is_a_posed_camera():
     moved = dataclasses.replace(camera, **whole)
     posed = dataclasses.replace(camera, pose=pl.Pose(rotation=turn, position=shift))
     point = posed.pose.to_world((5.0, 3.0, -380.0))
-    expected, found = landing_points(posed, point), landing_points(moved, point)
-    np.testing.assert_allclose(found.position, expected.position, atol=1e-9)
-    np.testing.assert_array_equal(found.index, expected.index)
+    expected, moved_points = landing_points(posed, point), landing_points(moved, point)
+    np.testing.assert_allclose(moved_points.position, expected.position, atol=1e-9)
+    np.testing.assert_array_equal(moved_points.index, expected.index)
     # Towards the pupil, which is 0.1 mm wide and some 410 mm away.
     pupil = pl.paraxial.cardinal_points(camera.lens).entrance_pupil
     towards = posed.pose.to_world((0.0, 0.0, pupil)) - point
-    np.testing.assert_allclose(found.weight / expected.weight, towards[2] / (towards @ turn[:, 2]), rtol=2e-3)
+    np.testing.assert_allclose(moved_points.weight / expected.weight, towards[2] / (towards @ turn[:, 2]), rtol=2e-3)
 
 
 @pytest.mark.parametrize("lattice", [{}, FREE], ids=["hexagonal", "free"])
@@ -394,22 +394,22 @@ def test_deviations_belong_to_the_lens_that_is_listed(lattice):
     changes = {"transmission": [0.25, 1.0, 1.0], "focal_length_factor": [1.0, math.inf, 1.0]}
     listed = MicrolensDeviations([dim, gone, off], decentre=[(0.0, 0.0), (0.0, 0.0), (0.03, -0.01)], **changes)
     spoiled = with_array(plain, imperfections=listed)
-    found = landing_points(spoiled, POINT)
-    np.testing.assert_array_equal(found.index, expected.index)
-    is_dim, is_gone, is_off = ((found.index == lens).all(axis=1) for lens in (dim, gone, off))
-    np.testing.assert_allclose(found.weight[is_dim], 0.25 * expected.weight[is_dim], rtol=1e-12)
-    others = ~(is_dim | is_gone | is_off)
+    landed_points = landing_points(spoiled, POINT)
+    np.testing.assert_array_equal(landed_points.index, expected.index)
+    is_dim, is_gone, is_off = ((landed_points.index == lens).all(axis=1) for lens in (dim, gone, off))
+    np.testing.assert_allclose(landed_points.weight[is_dim], 0.25 * expected.weight[is_dim], rtol=1e-12)
+    is_plain = ~(is_dim | is_gone | is_off)
     # Coordinates of some 2 mm.
-    np.testing.assert_allclose(found.position[others], expected.position[others], atol=1e-14)
+    np.testing.assert_allclose(landed_points.position[is_plain], expected.position[is_plain], atol=1e-14)
     # Flat glass: where the rays land without an array.
     straight = landing_points(bare_camera(plain.lens, plain.z_sensor), POINT)
     assert straight.index is None and straight.microlens is None
-    away = found.position[is_gone][:, None] - straight.position
+    away = landed_points.position[is_gone][:, None] - straight.position
     assert np.hypot(away[..., 0], away[..., 1]).min(axis=1).max() < 1e-11
     # A thin lens that is shifted by s moves where all its rays land by s b / f.
     f = spoiled.microlenses.lenses((-4.0, -4.0), (4.0, 4.0))
     power = f.power[(f.index == off).all(axis=1)][0]
-    step = found.position[is_off] - expected.position[is_off]
+    step = landed_points.position[is_off] - expected.position[is_off]
     np.testing.assert_allclose(step, np.tile([0.03 * 1.7 * power, -0.01 * 1.7 * power], (len(step), 1)), atol=1e-11)
 
 
@@ -434,8 +434,8 @@ def test_light_beside_the_openings_is_lost_or_not_bent():
 def test_free_lenses_end_at_the_pitch():
     # One lens alone: light lands through the square of +- pitch around it, and nowhere else.
     camera = camera_with(lattice=pl.Lattice.FREE, centres=[(0.1, 0.0)], pitch=0.3)
-    expected, landed = (landing_points(each, AXIS, rays=1 << 14) for each in (camera_with(), camera))
+    expected, trace_task = (landing_points(each, AXIS, rays=1 << 14) for each in (camera_with(), camera))
     # The disc of light on the array is some 1 mm wide.
-    assert 0.05 < len(landed.position) / len(expected.position) < 1.0
-    np.testing.assert_array_equal(landed.index, np.zeros_like(landed.index))
-    np.testing.assert_array_equal(landed.microlens, np.tile([0.1, 0.0], (len(landed.index), 1)))
+    assert 0.05 < len(trace_task.position) / len(expected.position) < 1.0
+    np.testing.assert_array_equal(trace_task.index, np.zeros_like(trace_task.index))
+    np.testing.assert_array_equal(trace_task.microlens, np.tile([0.1, 0.0], (len(trace_task.index), 1)))

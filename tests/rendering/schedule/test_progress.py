@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.camera.sampling.record import batch_record
+from plenoptic.camera.sampling.sampling_records import batch_record
 from plenoptic.rendering.film import replicate_counts
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule import progress_bar

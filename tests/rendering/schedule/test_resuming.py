@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.record import camera_record
+from plenoptic.camera.camera_record import camera_record
 from plenoptic.core.files.record_log import RecordLog
 from plenoptic.rendering.schedule import budget as budgets
 from plenoptic.rendering.schedule import orders

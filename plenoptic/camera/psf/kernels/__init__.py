@@ -1,1 +1,1 @@
-"""Kernels: rays of points, forwards."""
+"""Kernels of forward tracing from points."""

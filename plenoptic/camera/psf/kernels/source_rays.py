@@ -1,4 +1,4 @@
-"""Kernels of the light of a point: start of its rays, and their arrival on the sensor."""
+"""Rays of point sources: their start, deflection and arrival on the sensor. The kernels."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from plenoptic.camera.sampling.kernels.paths import BEND_SET, bend_at_pupil
+from plenoptic.camera.sampling.kernels.camera_samples import DEFLECTION_SET, deflect_at_pupil
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
@@ -17,11 +17,11 @@ from plenoptic.optics.diffraction.kernels.far_field import sample_deflection
 
 @kernel
 def fill_source_rays(blocks, start, n, seed, task, z, ideal, facing):
-    """Rays start ... start + n - 1 of a `Task` from its point to the plane z, which its polygon covers.
+    """Sample rays start ... start + n - 1 of a `Task` from its point to its polygon on the plane z.
 
-    WEIGHT is the projected solid angle that a ray would stand for if it were the only one, area cos^4 / height^2;
-    before an `ideal` lens it is du dv = area / height^2 instead (see `microlens.kernels.to_sensor`). Both are for
-    a unit of area across the z-axis; `facing` is the direction across which it lies instead, or None.
+    WEIGHT is the projected solid angle of a single ray, area cos^4 / height^2; before an `ideal` lens it is
+    du dv = area / height^2 (see `microlens.kernels.to_sensor`). Both are for a source whose normal is the z-axis;
+    `facing` is another normal, or None.
     """
     point, polygon, first = task.point, task.polygon, task.first + start
     area = area_of(polygon, 0, polygon.shape[1])
@@ -47,39 +47,39 @@ def fill_source_rays(blocks, start, n, seed, task, z, ideal, facing):
 
 
 @kernel
-def fill_bent(blocks, start, n, seed, task, bends):
-    """Rays start ... start + n - 1 of a `Task` land elsewhere: they have bent at their microlenses, as `Bends` says."""
-    key = set_key(stream(seed, task.number, task.replicate), BEND_SET)
-    by = bends.by
+def fill_deflections(blocks, start, n, seed, task, deflection):
+    """Displace rays start ... start + n - 1 of a `Task` on the sensor by diffraction at their microlenses."""
+    key = set_key(stream(seed, task.number, task.replicate), DEFLECTION_SET)
+    to_sensor_axes = deflection.to_sensor_axes
     for k in range(n):
         base = (k // BLOCK) * RAY + k % BLOCK
-        index = set_index(np.uint32(task.first + start + k), key, BEND_SET)
-        by_x, by_y, _, _ = sample_deflection(bends.field, sample(index, 0, key), sample(index, 1, key))
-        h = bends.distance + bends.tilt[0] * blocks[base + X] + bends.tilt[1] * blocks[base + Y]
-        blocks[base + X] += h * (by[0, 0] * by_x + by[0, 1] * by_y)
-        blocks[base + Y] += h * (by[1, 0] * by_x + by[1, 1] * by_y)
+        index = set_index(np.uint32(task.first + start + k), key, DEFLECTION_SET)
+        by_x, by_y, _, _ = bend(deflection.field, sample(index, 0, key), sample(index, 1, key))
+        h = deflection.distance + deflection.tilt[0] * blocks[base + X] + deflection.tilt[1] * blocks[base + Y]
+        blocks[base + X] += h * (to_sensor_axes[0, 0] * by_x + to_sensor_axes[0, 1] * by_y)
+        blocks[base + Y] += h * (to_sensor_axes[1, 0] * by_x + to_sensor_axes[1, 1] * by_y)
 
 
 @kernel
-def fill_bent_at_iris(blocks, start, n, seed, task, iris):
-    """Rays start ... start + n - 1 of a `Task` on their way to the lens bend at the entrance pupil."""
-    key = set_key(stream(seed, task.number, task.replicate), BEND_SET)
+def fill_iris_deflections(blocks, start, n, seed, task, iris):
+    """Deflect rays start ... start + n - 1 of a `Task` at the entrance pupil."""
+    key = set_key(stream(seed, task.number, task.replicate), DEFLECTION_SET)
     wavelength = iris.wavelengths[0]
     for k in range(n):
-        index = set_index(np.uint32(task.first + start + k), key, BEND_SET)
-        by_x, by_y, _, _ = sample_deflection(iris.field, sample(index, 2, key), sample(index, 3, key))
+        index = set_index(np.uint32(task.first + start + k), key, DEFLECTION_SET)
+        by_x, by_y, _, _ = bend(iris.field, sample(index, 2, key), sample(index, 3, key))
         ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
-        bend_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
+        deflect_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
 
 
 @kernel
-def fill_landed(landed, blocks, n, rows, columns, pitch, opening):
-    """Write the light that arrives on the sensor as rows of HIT.
+def fill_landed(hits, blocks, n, rows, columns, pitch, opening):
+    """Fill rows of HIT for rays that reach the sensor.
 
-    Returns how many rays arrive, how many pass beside the sensor, and how many meet a pixel beside its `opening`: half
-    its height and half its width over the pitch; None where pixels are open all over.
+    Returns the number of these rays, of rays beside the sensor, and of rays on a pixel but outside its `opening`: half
+    its height and half its width over the pitch; None for a fill factor of 1.
     """
-    found = beside = shut = 0
+    landed_rays = beside_sensor = beside_opening = 0
     for k in range(n):
         base = (k // BLOCK) * RAY + k % BLOCK
         if blocks[base + STATUS] != 0.0:
@@ -90,35 +90,35 @@ def fill_landed(landed, blocks, n, rows, columns, pitch, opening):
             if opening is not None:
                 down, across = row - math.floor(row) - 0.5, column - math.floor(column) - 0.5
                 if abs(down) > opening[0] or abs(across) > opening[1]:
-                    shut += 1
+                    beside_opening += 1
                     continue
-            hit = landed[found]
+            hit = hits[landed_rays]
             hit.x, hit.y, hit.weight = x, y, blocks[base + WEIGHT]
             hit.first, hit.second = int(blocks[base + Z]), int(blocks[base + N])
             hit.row, hit.column = math.floor(row), math.floor(column)
-            found += 1
+            landed_rays += 1
         else:
-            beside += 1
-    return found, beside, shut
+            beside_sensor += 1
+    return landed_rays, beside_sensor, beside_opening
 
 
 @kernel
-def extent(landed):
-    """First and last row, first and last column of the arriving light."""
-    top = bottom = landed[0].row
-    left = right = landed[0].column
-    for k in range(landed.size):
-        row, column = landed[k].row, landed[k].column
+def extent(hits):
+    """First and last row, first and last column of hits."""
+    top = bottom = hits[0].row
+    left = right = hits[0].column
+    for k in range(hits.size):
+        row, column = hits[k].row, hits[k].column
         top, bottom = min(top, row), max(bottom, row)
         left, right = min(left, column), max(right, column)
     return top, bottom, left, right
 
 
 @kernel
-def fill_crop(crop, moments, landed, row, column):
-    """Add rows of `landed` to the pixels of a crop whose upper left pixel is given, and to sums of w, w x, w y."""
-    for k in range(landed.size):
-        hit = landed[k]
+def fill_crop(crop, moments, hits, row, column):
+    """Add hits to the pixels of a crop with its upper left pixel at (row, column), and to the sums of w, w x, w y."""
+    for k in range(hits.size):
+        hit = hits[k]
         w = hit.weight
         crop[hit.row - row, hit.column - column] += w
         moments[0] += w

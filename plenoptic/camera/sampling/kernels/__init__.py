@@ -1,1 +1,1 @@
-"""Kernels: regions that feed pixels, and the paths that start on them."""
+"""Kernels of aperture sampling: aperture regions, and camera samples aimed at them."""

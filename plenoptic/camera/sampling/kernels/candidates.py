@@ -1,8 +1,8 @@
-"""The microlenses from which light may reach a group of pixels: the kernels.
+"""Microlenses that may illuminate a group of pixels: the kernels.
 
-For each group and each microlens that may feed it, the microlens's opening is cut with bounds on the exit pupil as seen
-through the lens from the group (an affine map in the thin-lens limit, which is where margins for thick and tilted
-microlenses come in). The rest is a convex polygon.
+The opening of each microlens near a group is clipped with bounds on the exit pupil, mapped back through the microlens
+from the group. The map is affine in the thin-lens limit; margins cover thick and tilted microlenses. The result is a
+convex polygon.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ _MOST_CORNERS = 64
 
 
 @device
-def _store(found, corners, used, polygon, n, places, parted):
-    """Append a candidate with a cell and an optical axis, where there is room; `used` counts candidates and corners."""
-    at, end = used
-    if at < found.rows.size and end + n <= corners.shape[1]:
-        candidate = found.rows[at]
-        (candidate.cell_x, candidate.cell_y), (candidate.axis_x, candidate.axis_y) = places
-        candidate.first_corner, candidate.corners, candidate.parted = end, n, 1 if parted else 0
-        candidate.first_view, candidate.views, candidate.certain, candidate.slack = 0, 0, 0, math.inf
+def _store(candidates, corners, counts, polygon, n, centres, disconnected):
+    """Append a candidate, if there is room, and count it and its corners; `centres` are those of cell and axis."""
+    at, end = counts
+    if at < candidates.rows.size and end + n <= corners.shape[1]:
+        candidate = candidates.rows[at]
+        (candidate.cell_x, candidate.cell_y), (candidate.axis_x, candidate.axis_y) = centres
+        candidate.first_corner, candidate.corners, candidate.disconnected = end, n, 1 if disconnected else 0
+        candidate.first_transfer, candidate.transfers, candidate.complete, candidate.slack = 0, 0, 0, math.inf
         for q in range(n):
             corners[0, end + q], corners[1, end + q] = polygon[0, q], polygon[1, q]
         set_box(candidate, polygon, n)
-    used[0], used[1] = at + 1, end + n
+    counts[0], counts[1] = at + 1, end + n
 
 
 @device
 def set_box(candidate, polygon, n):
-    """The box around a polygon."""
+    """Set the bounding box of a candidate's polygon."""
     left, right, low, high = math.inf, -math.inf, math.inf, -math.inf
     for q in range(n):
         left, right = min(left, polygon[0, q]), max(right, polygon[0, q])
@@ -46,10 +46,10 @@ def set_box(candidate, polygon, n):
 
 @device
 def crossing(point, start, lens, per_h, pinhole, plane):
-    """Intersection with the plane of the outlines of a ray from a point of the sensor through an ideal microlens.
+    """Intersection with the outline plane of a ray from a sensor point through a point of an ideal microlens.
 
-    `lens` is the optical axis x, y and the power, 1 / per_h the distance to the sensor. `plane` is the distance to the
-    plane of the outlines or, with a frame that leads to the lens's axes, the place of that plane there.
+    `lens` is the optical axis x, y and the power, 1 / per_h the distance to the sensor. `plane` holds the distance to
+    the plane of the outlines or, with a frame to the lens's axes, its position in these.
     """
     mx, my = point
     sx, sy = start
@@ -72,7 +72,7 @@ def crossing(point, start, lens, per_h, pinhole, plane):
 
 @device
 def polar(x, y, frame):
-    """Distance of a point from the lens's axis, to whose axes a frame may lead, and the direction to it."""
+    """Polar coordinates about the lens's axis: radius, cosine and sine of the azimuth; `frame` leads to its axes."""
     fx, fy = x, y
     if frame is not None:
         fx = frame[0] * x + frame[1] * y + frame[9]
@@ -82,30 +82,28 @@ def polar(x, y, frame):
 
 
 @device
-def _slopes(centre, at, start, lens, per_h, pinhole, plane, radius):
-    """Derivatives of the crossing `at` of a ray through a cell's centre with respect to that point: a matrix, row by
-    row.
-    """
+def _cell_derivatives(centre, at, start, lens, per_h, pinhole, plane, radius):
+    """Jacobian of the crossing `at` with respect to the point in the cell, row by row."""
     if plane.frame is None:
-        bend = 0.0 if pinhole else 1.0 + plane.distance * (per_h - lens[2])
-        return bend, 0.0, 0.0, bend
+        height_factor = 0.0 if pinhole else 1.0 + plane.distance * (per_h - lens[2])
+        return height_factor, 0.0, 0.0, height_factor
     ax, ay = crossing((centre[0] + radius, centre[1]), start, lens, per_h, pinhole, plane)
     bx, by = crossing((centre[0], centre[1] + radius), start, lens, per_h, pinhole, plane)
     return (ax - at[0]) / radius, (bx - at[0]) / radius, (ay - at[1]) / radius, (by - at[1]) / radius
 
 
 @device
-def _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support):
-    """Cut an opening with the outline of the pupil; returns its corners.
+def _cut_opening(polygon, opening, at, derivatives, extent, azimuth, normals, support):
+    """Clip an opening with the outline of the pupil; return its number of corners.
 
-    A ray through d of the opening crosses the outline's plane at q + J d, no farther than `spread` from q; `room` is
-    that and a margin. `azimuth` is the cosine and sine of that of the cell, in whose direction the outline has its
-    first axis. The outline's sides have `normals` and are as far away as `support` says.
+    A ray through the point d of the opening crosses the outline's plane at q + J d, at most `spread` from q; `extent`
+    is the spread and a margin. `azimuth` is the cosine and sine of the cell's azimuth, the direction of the outline's
+    first axis. The outline's sides have `normals`, and `support` is their distance from the axis.
     """
     qx, qy = at
-    jxx, jxy, jyx, jyy = slopes
+    jxx, jxy, jyx, jyy = derivatives
     cos, sin = azimuth
-    spread, margin = room
+    spread, margin = extent
     tx, ty = cos * qx + sin * qy, cos * qy - sin * qx
     n = -1
     for k in range(normals.shape[0]):
@@ -131,8 +129,8 @@ def _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support):
 
 
 @device
-def _is_behind(x, y, walls, margin):
-    """True if a pixel at (x, y) from a cell's centre lies wholly behind one of the walls (k, 3) about it."""
+def _is_behind_wall(x, y, walls, margin):
+    """True if a pixel at (x, y) from a cell's centre lies wholly behind one of its walls (k, 3)."""
     behind = False
     for k in range(walls.shape[0]):
         behind = behind or walls[k, 0] * x + walls[k, 1] * y > walls[k, 2] + margin
@@ -140,15 +138,15 @@ def _is_behind(x, y, walls, margin):
 
 
 @kernel
-def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil):
-    """Candidates of groups with their centres at `pixels` (n, 2); `used` (2,) counts them and their corners.
+def fill_cells(candidates, corners, counts, pixels, pixel_margin, sensor, array, pupil):
+    """Fill the candidates of groups with centres `pixels` (n, 2); `counts` (2,) gets their number and that of corners.
 
-    Points of a group that matter are at most `pixel_margin` from its centre. Where the room in `found` and `corners` is
-    too small nothing beyond it is written. The sensor is a `SensorPlane`.
+    Points of a group are at most `pixel_margin` from its centre. Rows beyond the capacity of `candidates` and `corners`
+    are counted but not written. The sensor is a `SensorPlane`.
     """
-    first = found.first
+    first = candidates.first
     # Members that may be absent are read one by one, so that their branches are pruned.
-    details = found.details
+    details = candidates.details
     tilt = sensor.tilt
     frame = pupil.plane.frame
     pattern = array.lattice.pattern
@@ -157,14 +155,14 @@ def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil)
     origin, basis, inverse = array.lattice.origin, array.lattice.basis, array.lattice.inverse
     powers, radius, plane, pinhole = array.lattice.powers, array.opening.radius, pupil.plane, pupil.pinhole
     normals, support, reach, step = pupil.normals, pupil.support, pupil.reach, pupil.step
-    parted = pupil.parted
+    disconnected = pupil.disconnected
     polygon = np.empty((3, _MOST_CORNERS))
-    largest = 0.0
+    largest_reach = 0.0
     for i in range(reach.size):
-        largest = max(largest, reach[i])
-    used[:] = 0
+        largest_reach = max(largest_reach, reach[i])
+    counts[:] = 0
     for p in range(pixels.shape[0]):
-        first[p] = used[0]
+        first[p] = counts[0]
         sx, sy = pixels[p, 0], pixels[p, 1]
         h = sensor.distance
         far = plane.distance
@@ -182,11 +180,11 @@ def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil)
             for i in range(powers.size):
                 strongest = max(strongest, abs(1.0 + far * (per_h - powers[i])))
         margin = pupil.margin + steep * ratio * pixel_margin
-        search = steep * (largest + strongest * radius + margin) / (1.0 + ratio)
+        search = steep * (largest_reach + strongest * radius + margin) / (1.0 + ratio)
         if listed is not None:
-            # An axis beside its cell's centre takes the light with it.
+            # An axis off its cell's centre displaces the light.
             search += listed.offset * (1.0 + (1.0 + ratio + strongest) / (1.0 + ratio))
-        # Where the ray through the centre of a cell would go along the lens's axis.
+        # Cell whose central ray crosses the outline plane on the lens's axis.
         mid_x, mid_y = sx * ratio / (1.0 + ratio), sy * ratio / (1.0 + ratio)
         if frame is not None:
             for _ in range(3):
@@ -225,20 +223,22 @@ def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil)
                         cx, cy, ox, oy = lens.cell_x, lens.cell_y, lens.axis_x, lens.axis_y
                     at = crossing((cx, cy), (sx, sy), (ox, oy, power), per_h, pinhole, plane)
                     if walls is not None:  # noqa: SIM102 - alone, so that it is pruned
-                        if _is_behind(sx - cx, sy - cy, walls, pixel_margin):
+                        if _is_behind_wall(sx - cx, sy - cy, walls, pixel_margin):
                             continue
                     rho, azimuth = polar(cx, cy, frame)
                     interval = int(rho / step)
                     if interval >= reach.size:
                         continue
-                    parts = array.opening.corners.shape[0] if listed is None else listed.corners.shape[1]
-                    for part in range(parts):
-                        if part == 1:
-                            # Beside the opening, where that is clear, light is not bent.
+                    n_branches = array.opening.corners.shape[0] if listed is None else listed.corners.shape[1]
+                    for branch in range(n_branches):
+                        if branch == 1:
+                            # Light through a clear gap around the opening is not refracted.
                             power = 0.0
                             at = crossing((cx, cy), (sx, sy), (ox, oy, power), per_h, pinhole, plane)
-                        slopes = _slopes((cx, cy), at, (sx, sy), (ox, oy, power), per_h, pinhole, plane, radius)
-                        jxx, jxy, jyx, jyy = slopes
+                        derivatives = _cell_derivatives(
+                            (cx, cy), at, (sx, sy), (ox, oy, power), per_h, pinhole, plane, radius
+                        )
+                        jxx, jxy, jyx, jyy = derivatives
                         spread = radius * abs(jxx)
                         if frame is not None:
                             spread = 1.1 * radius * math.sqrt(jxx * jxx + jxy * jxy + jyx * jyx + jyy * jyy)
@@ -246,38 +246,38 @@ def fill_cells(found, corners, used, pixels, pixel_margin, sensor, array, pupil)
                         if at[0] * at[0] + at[1] * at[1] > limit * limit:
                             continue
                         if listed is None:
-                            opening = array.opening.corners[part]
+                            opening = array.opening.corners[branch]
                         else:
-                            opening = listed.corners[row, part, : listed.counts[row, part]]
-                        room = spread, margin
-                        n = _cut_opening(polygon, opening, at, slopes, room, azimuth, normals, support[interval])
+                            opening = listed.corners[row, branch, : listed.counts[row, branch]]
+                        extent = spread, margin
+                        n = _cut_opening(polygon, opening, at, derivatives, extent, azimuth, normals, support[interval])
                         if n < 3:
                             continue
-                        if details is not None and used[0] < found.rows.size:
-                            detail = details[used[0]]
+                        if details is not None and counts[0] < candidates.rows.size:
+                            detail = details[counts[0]]
                             if listed is None:
                                 detail.centre_x, detail.centre_y = cx, cy
                                 detail.cell_x, detail.cell_y = cx, cy
                                 detail.transmission, detail.row = 1.0, -1
                                 detail.axis_x, detail.axis_y = ox, oy
                             else:
-                                details[used[0]] = listed.lenses[row]
+                                details[counts[0]] = listed.lenses[row]
                             detail.power = power
-                            detail.clip = array.opening.clip if part == 0 else -1.0
-                        _store(found, corners, used, polygon, n, ((cx, cy), (ox, oy)), parted[interval])
-    first[pixels.shape[0]] = used[0]
+                            detail.clip = array.opening.clip if branch == 0 else -1.0
+                        _store(candidates, corners, counts, polygon, n, ((cx, cy), (ox, oy)), disconnected[interval])
+    first[pixels.shape[0]] = counts[0]
 
 
 @kernel
-def fill_pupil(found, corners, used, pixels, pupil):
-    """Without microlenses: the bounds on the pupil itself, seen from each group."""
-    first = found.first
-    outlines, reach, parted, step = pupil.corners, pupil.reach, pupil.parted, pupil.step
+def fill_pupil(candidates, corners, counts, pixels, pupil):
+    """Fill the candidates without microlenses: the bounds on the exit pupil, seen from each group."""
+    first = candidates.first
+    outlines, reach, disconnected, step = pupil.corners, pupil.reach, pupil.disconnected, pupil.step
     sides = outlines.shape[1]
     polygon = np.empty((3, sides))
-    used[:] = 0
+    counts[:] = 0
     for p in range(pixels.shape[0]):
-        first[p] = used[0]
+        first[p] = counts[0]
         sx, sy = pixels[p, 0], pixels[p, 1]
         rho, (cos, sin) = polar(sx, sy, None)
         interval = min(int(rho / step), reach.size - 1)
@@ -286,5 +286,5 @@ def fill_pupil(found, corners, used, pixels, pupil):
         for k in range(sides):
             polygon[0, k] = cos * outlines[interval, k, 0] - sin * outlines[interval, k, 1]
             polygon[1, k] = sin * outlines[interval, k, 0] + cos * outlines[interval, k, 1]
-        _store(found, corners, used, polygon, sides, ((0.0, 0.0), (0.0, 0.0)), parted[interval])
-    first[pixels.shape[0]] = used[0]
+        _store(candidates, corners, counts, polygon, sides, ((0.0, 0.0), (0.0, 0.0)), disconnected[interval])
+    first[pixels.shape[0]] = counts[0]

@@ -1,10 +1,10 @@
-"""Requirements on a camera's design, checked."""
+"""Targets and fixed numbers of a camera's design, and their checks."""
 
 from __future__ import annotations
 
 import dataclasses
 
-from plenoptic.camera.report.focus import CameraKind
+from plenoptic.camera.gaussian import CameraKind
 from plenoptic.core.values import check_kind, choice, finite, length_in_mm, number, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
@@ -19,15 +19,15 @@ FIELDS = {
     "p": "pitch",
     "f": "focal_length",
 }
-"""Unknowns by the names that users know."""
+"""Public names of the unknowns."""
 
 
 Numbers = dict[str, float]
 
 
 @dataclasses.dataclass(frozen=True)
-class Wishes:
-    """Requirements on a design; None where there is none."""
+class DesignTargets:
+    """Targets of a design; None for no target."""
 
     kind: CameraKind
     z: float | None
@@ -39,19 +39,21 @@ class Wishes:
 
     @property
     def sign(self) -> float:
-        """Sign of s."""
+        """Sign of the image distance s."""
         return 1.0 if self.kind is CameraKind.GALILEAN else -1.0
 
     @property
     def names(self) -> list[str]:
-        """Names of the required quantities."""
-        wishes = [name for name in ("z", "image_fill", "virtual_depth", "disparity") if getattr(self, name) is not None]
-        return ["kind", *wishes] if self.kind is CameraKind.PLENOPTIC_1 else wishes
+        """Names of the targets."""
+        required = [
+            name for name in ("z", "image_fill", "virtual_depth", "disparity") if getattr(self, name) is not None
+        ]
+        return ["kind", *required] if self.kind is CameraKind.PLENOPTIC_1 else required
 
 
-def check_wishes(wishes: Wishes, lens: LensStack) -> None:
-    """An error where they cannot be wanted together."""
-    kind, z, depth_at = wishes.kind, wishes.z, wishes.depth_at
+def check_targets(targets: DesignTargets, lens: LensStack) -> None:
+    """Raise an InvalidValueError for targets that contradict each other."""
+    kind, z, depth_at = targets.kind, targets.z, targets.depth_at
     if kind is CameraKind.CONVENTIONAL:
         raise InvalidValueError(
             "kind is CONVENTIONAL, a camera without microlenses; focus one with camera.focused_at(z)"
@@ -65,18 +67,18 @@ def check_wishes(wishes: Wishes, lens: LensStack) -> None:
         if plane is not None and not number(plane, name) < 0:
             raise InvalidValueError(f"{name} is {plane:g} mm; the plane must lie in front of the camera, below 0")
     for name in ("image_fill", "virtual_depth", "disparity"):
-        if getattr(wishes, name) is not None:
-            positive(getattr(wishes, name), name)
-    if wishes.virtual_depth is not None and wishes.disparity is not None:
+        if getattr(targets, name) is not None:
+            positive(getattr(targets, name), name)
+    if targets.virtual_depth is not None and targets.disparity is not None:
         raise InvalidValueError("virtual_depth and disparity say the same; give one of them")
-    depth = wishes.virtual_depth is not None or wishes.disparity is not None
+    depth = targets.virtual_depth is not None or targets.disparity is not None
     if depth_at is not None and (z is None or not depth):
         raise InvalidValueError(
-            "depth_at says where virtual_depth or disparity is wanted, in a camera that is focused at z; give these too"
+            "depth_at is the plane of virtual_depth or disparity, in a camera that is focused at z; give these too"
         )
-    if kind is CameraKind.PLENOPTIC_1 and (wishes.virtual_depth is not None or (depth and depth_at in (None, z))):
+    if kind is CameraKind.PLENOPTIC_1 and (targets.virtual_depth is not None or (depth and depth_at in (None, z))):
         raise InvalidValueError(
-            "a PLENOPTIC_1 camera has virtual depth and disparity 0 in the plane in focus; wish for a disparity at "
+            "a PLENOPTIC_1 camera has virtual depth and disparity 0 in the plane in focus; ask for a disparity at "
             "another plane depth_at, or for another kind"
         )
 
@@ -84,7 +86,7 @@ def check_wishes(wishes: Wishes, lens: LensStack) -> None:
 def template_array(
     microlenses: MicrolensArray | None, pitch: float | None, focal_length: float | None, lattice: Lattice
 ) -> MicrolensArray:
-    """The array whose pitch and focal length the design replaces where they are not given."""
+    """Array whose pitch and focal length the design replaces unless they are fixed."""
     if microlenses is not None:
         check_kind(microlenses, "microlenses", MicrolensArray, "pl.MicrolensArray(0.2, (2.0,))")
         if pitch is not None or focal_length is not None:
@@ -99,25 +101,26 @@ def template_array(
     return MicrolensArray(pitch=pitch, focal_lengths=(focal_length or 1.0,), lattice=lattice)
 
 
-def checked_numbers(numbers: dict[str, float | None]) -> Numbers:
-    """Check the given numbers."""
-    values = {u: x for u, x in numbers.items() if x is not None}
-    if values.get("f") == 0:
+def valid_lengths(numbers: dict[str, float | None]) -> Numbers:
+    """Fixed numbers of a design; InvalidValueError if one is impossible."""
+    fixed = {u: x for u, x in numbers.items() if x is not None}
+    if fixed.get("f") == 0:
         raise InvalidValueError(f"{FIELDS['f']} is 0 mm; it must be another number")
-    return {u: finite(x, FIELDS[u]) if u == "f" else length_in_mm(x, FIELDS[u]) for u, x in values.items()}
+    return {u: finite(x, FIELDS[u]) if u == "f" else length_in_mm(x, FIELDS[u]) for u, x in fixed.items()}
 
 
-def check_count(wishes: Wishes, given: Numbers) -> None:
-    """An error where there are more wishes than open numbers, or fewer."""
-    wished, open_ = wishes.names, [FIELDS[u] for u in FIELDS if u not in given]
-    fill = "; image_fill=None is no wish" if wishes.image_fill is not None else ""
-    if len(wished) > len(open_):
+def check_count(targets: DesignTargets, fixed: Numbers) -> None:
+    """Raise an InvalidValueError unless there are as many targets as numbers to solve for."""
+    required, unknowns = targets.names, [FIELDS[u] for u in FIELDS if u not in fixed]
+    fill = "; image_fill=None is no target" if targets.image_fill is not None else ""
+    if len(required) > len(unknowns):
         raise InvalidValueError(
-            f"{len(wished)} wishes ({', '.join(wished)}) for {len(open_)} open numbers ({', '.join(open_) or 'none'}) "
-            f"are too many; leave out {len(wished) - len(open_)} of the wishes or of what is given{fill}"
+            f"{len(required)} targets ({', '.join(required)}) for {len(unknowns)} open numbers "
+            f"({', '.join(unknowns) or 'none'}) are too many; leave out {len(required) - len(unknowns)} of the targets "
+            f"or of the numbers given{fill}"
         )
-    if len(wished) < len(open_):
+    if len(required) < len(unknowns):
         raise InvalidValueError(
-            f"{len(wished)} wishes ({', '.join(wished) or 'none'}) for {len(open_)} open numbers ({', '.join(open_)}) "
-            f"are too few; give {len(open_) - len(wished)} more"
+            f"{len(required)} targets ({', '.join(required) or 'none'}) for {len(unknowns)} open numbers "
+            f"({', '.join(unknowns)}) are too few; give {len(unknowns) - len(required)} more"
         )

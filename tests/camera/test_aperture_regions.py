@@ -1,4 +1,4 @@
-"""The regions from which samples are drawn: they hold every ray that passes, and nothing twice."""
+"""Aperture regions contain every ray that passes, and nothing twice."""
 
 import dataclasses
 import math
@@ -8,8 +8,8 @@ import pytest
 from camera_helpers import CAMERA, bare_camera, camera_with, in_blocks, out_of_blocks
 
 import plenoptic as pl
-from plenoptic.camera.record import camera_record
-from plenoptic.camera.sampling.pixel_regions import feeding_regions
+from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.sampling.aperture_regions import aperture_regions
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 from plenoptic.optics.microlens.microlens_record import SensorPlane, array_record
 
@@ -58,20 +58,20 @@ def towards_the_lens(camera, sensor, points):
         slope = (points - sensor) / b - (points - centres) / array.focal_length
         return pl.RayBundle(np.column_stack([points, np.full(n, z)]), np.column_stack([slope, np.full(n, -1.0)]))
     # A ray belongs to the microlens on whose curved side it lands: the array alone, as designed and where designed.
-    made = array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, margin=0.0)
-    return bent_by_plates(made, 1 / array.focal_length, b, z, points, centres, sensor)
+    record = array_record(array, turn=np.eye(2), origin=np.zeros(2), reach=1.0, margin=0.0)
+    return bent_by_plates(record, 1 / array.focal_length, b, z, points, centres, sensor)
 
 
 def regions_of(tables, pixels):
-    """What feeds pixels, all over them."""
-    return feeding_regions(tables, pixels, tables.sensor.pixel.half)
+    """Aperture regions of whole pixels."""
+    return aperture_regions(tables, pixels, tables.sensor.pixel.half)
 
 
 def holds(regions, pixel, centres, points, offsets):
-    """Which points (n, 2) of microlenses with axes (n, 2) are drawn for points of a pixel beside its centre (n, 2)."""
-    found = np.zeros(len(points), dtype=bool)
+    """True for points (n, 2) of microlenses with axes (n, 2) in the regions of points (n, 2) from a pixel's centre."""
+    is_held = np.zeros(len(points), dtype=bool)
     for piece in regions.pieces[regions.first[pixel] : regions.first[pixel + 1]]:
-        own = np.linalg.norm(centres - [piece["axis_x"], piece["axis_y"]], axis=1) < 1e-9
+        is_lens = np.linalg.norm(centres - [piece["axis_x"], piece["axis_y"]], axis=1) < 1e-9
         moved = offsets @ np.array([[piece["xu"], piece["yu"]], [piece["xv"], piece["yv"]]])
         inside = points - [piece["cell_x"], piece["cell_y"]] - moved
         corners = regions.corners[:, piece["first_corner"] : piece["first_corner"] + piece["corners"]].T
@@ -84,18 +84,18 @@ def holds(regions, pixel, centres, points, offsets):
         for plane in regions.planes[piece["first_plane"] : piece["first_plane"] + piece["planes"]]:
             at = inside @ [plane["a"], plane["b"]] + offsets @ [plane["s"], plane["t"]]
             held &= at <= plane["limit"] + 1e-13 * np.hypot(plane["a"], plane["b"])
-        found |= own & held
-    return found
+        is_held |= is_lens & held
+    return is_held
 
 
 def aims_around(tables, pixel, camera, n, rng):
-    """Points of the array over much more than what can see the lens's rear from a pixel."""
+    """Points of the array over an area much larger than the region of a pixel."""
     behind = tables.pupil.plane.distance
     ratio = behind / tables.sensor.plane.distance
-    bend = 1 + ratio - behind / camera.microlenses.focal_length
+    height_factor = 1 + ratio - behind / camera.microlenses.focal_length
     middle = pixel * ratio / (1 + ratio)
     rim = camera.lens.elements[-1].semi_diameter
-    spread = abs(bend) * camera.microlenses.cell_radius
+    spread = abs(height_factor) * camera.microlenses.cell_radius
     half = min((rim + spread) / (1 + ratio) * 1.1, 1.2) + camera.microlenses.pitch
     return middle + rng.uniform(-half, half, (n, 2))
 
@@ -119,8 +119,8 @@ def assert_every_ray_that_passes_starts_in_its_cell_s_region(name, camera, table
         rays = towards_the_lens(camera, sensor, points)
         if camera.microlenses.model is pl.optics.MicrolensModel.SPHERICAL:
             # An aim in the overlap of widened cells belongs to the neighbour too: try each with its own cell only.
-            kept = rays.status == 0
-            points, sensor, rays = points[kept], sensor[kept], rays.selected(kept)
+            passed_ = rays.status == 0
+            points, sensor, rays = points[passed_], sensor[passed_], rays.selected(passed_)
         passed = camera.lens.trace_reverse(rays).status == 0
         points, offsets = points[passed], (sensor - pixel)[passed]
         passed_in_all += len(points)
@@ -155,47 +155,47 @@ def assert_pieces_stay_in_their_cells_once_each(name, camera, tables):
 
 def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too():
     # Aimed a little beside the cell on the principal plane, some rays meet the cell's own curved side.
-    for side, beside in ((SPHERICAL, 0.1), (TO_SENSOR, 0.01)):
+    for side, excess in ((SPHERICAL, 0.1), (TO_SENSOR, 0.01)):
         camera = camera_with(1.4, 17.1, **side | {"focal_lengths": (1.5,), "thickness": 0.2})
         array, tables = camera.microlenses, camera_record(camera)
         rng = np.random.default_rng(5)
         pixels = some_pixels(rng, 6)
         regions = regions_of(tables, pixels)
-        n, seen = 60000, 0
+        n, n_outside = 60000, 0
         for p, pixel in enumerate(pixels):
             centres = array.nearest(aims_around(tables, pixel, camera, n, rng))
             # On the ways from the centre outwards, around the cell's edge.
             angle = rng.uniform(0, 2 * math.pi, n)
             outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
             edge = (array.pitch / 2) / (outward @ array.cell_edges[:, :2].T).max(axis=1)
-            points = centres + outward * (edge * rng.uniform(1 - beside, 1 + beside, n))[:, None]
+            points = centres + outward * (edge * rng.uniform(1 - excess, 1 + excess, n))[:, None]
             sensor = pixel + rng.uniform(-0.5, 0.5, (n, 2)) * SENSOR.pixel_pitch
             power, b = 1 / array.focal_length, camera.microlenses_to_sensor
             rays = bent_by_plates(tables.array, power, b, tables.z_plane, points, centres, sensor)
             passed = camera.lens.trace_reverse(rays).status == 0
             outside = np.any((points - centres) @ array.cell_edges[:, :2].T > array.cell_edges[:, 2], axis=1)
-            kept = passed & outside
-            seen += np.count_nonzero(kept)
-            assert np.all(holds(regions, p, centres[kept], points[kept], (sensor - pixel)[kept])), side
-        assert seen > 100, side
+            tested = passed & outside
+            n_outside += np.count_nonzero(tested)
+            assert np.all(holds(regions, p, centres[tested], points[tested], (sensor - pixel)[tested])), side
+        assert n_outside > 100, side
 
 
 def under_a_sky(camera, first, last, samples=64):
-    """What became of the paths of a scene that is bright everywhere: white images trace only what is uncertain."""
-    given = {"samples": samples, "region": np.s_[first:last, first:last], "truth": pl.Truth.NONE, "progress": False}
-    return pl.render(pl.Scene(background=1.0), camera, **given).stats
+    """Path statistics under a uniform sky; white images do not trace the unvignetted core."""
+    options = {"samples": samples, "region": np.s_[first:last, first:last], "truth": pl.Truth.NONE, "progress": False}
+    return pl.render(pl.Scene(background=1.0), camera, **options).stats
 
 
 def test_nearly_all_paths_pass():
     both = CAMERAS | MORE_CAMERAS
-    for name, least in (
+    for name, least_fraction in (
         *(("2.0", 0.96), ("1.0", 0.97), ("2.0 square", 0.94), ("2.0 hexagonal blades", 0.93)),
         *(("spherical towards the scene", 0.75), ("spherical towards the sensor", 0.7)),
     ):
         stats = under_a_sky(both[name], 240, 272)
         # Those count that do not start on a part of a pixel that is dark.
         dark = sum(count for cause, element, count in stats.lost if cause == "missed" and element is None)
-        assert stats.paths_through_lens > least * (stats.paths - dark), name
+        assert stats.paths_through_lens > least_fraction * (stats.paths - dark), name
     assert under_a_sky(bare_camera(), 240, 272).fraction_through_lens > 0.98
     # The sensor's size does not matter.
     camera = dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(4096, 4096), pixel_pitch=0.01))
@@ -203,11 +203,11 @@ def test_nearly_all_paths_pass():
         assert under_a_sky(camera, first, first + 32, samples=16).fraction_through_lens > 0.96
     # Small stops waste little more. Paths are lost that start on a part of their pixel to which the image of the stop
     # does not reach.
-    for stop, least in ((1.0, 0.5), (0.1, 0.3), (0.01, 0.2)):
-        assert under_a_sky(camera_with(stop=stop), 240, 304).fraction_through_lens > least, stop
+    for stop, least_fraction in ((1.0, 0.5), (0.1, 0.3), (0.01, 0.2)):
+        assert under_a_sky(camera_with(stop=stop), 240, 304).fraction_through_lens > least_fraction, stop
 
 
-def test_little_room_is_not_overrun():
+def test_more_pieces_than_the_first_capacity():
     # More pieces than the first guess of 2 a pixel: a wide pupil over many small microlenses.
     tables = camera_record(camera_with(0.45, 17.1, pitch=0.05, focal_lengths=(0.5,)))
     pixels = SENSOR.centre_of(*np.mgrid[250:254, 250:254].reshape(2, -1))
@@ -244,7 +244,7 @@ FEW = ["crescent far from the rest", "steep between two parts", "two crescents"]
 
 
 @pytest.mark.parametrize(("names", "n"), [(FEW, 1 << 16), pytest.param([*PARTED], 1 << 17, marks=pytest.mark.slow)])
-def test_pupils_in_several_parts_lose_no_ray(names, n):
+def test_disconnected_pupils_lose_no_ray(names, n):
     for name in names:
         lens, gap, pitch, places = PARTED[name]
         columns, last = 2 * round(max(places) / pitch) + 3, float(lens.vertices[-1])

@@ -1,4 +1,4 @@
-"""Images of points on the sensor, a few pixels large, and their landing points."""
+"""Results of forward tracing: point-spread functions, and intersections of single rays with the sensor."""
 
 from __future__ import annotations
 
@@ -15,40 +15,39 @@ from plenoptic.optics.sensor.sensor import Sensor
 
 @result
 class CameraSpread:
-    """Images of points on the sensor, the point-spread functions of the whole camera; made by `point_spread`.
+    """Point-spread functions of a whole camera; made by `point_spread`.
 
-    Shapes are those for one point; for n points, n comes first in all of them. Only the part of the sensor that the
-    light of a point reaches is kept, equally large for all points.
+    Shapes are for one point; for n points, all have n as the first dimension. Images are cropped to the part of the
+    sensor that the light of a point reaches, of the same size for all points.
 
     Attributes
     ----------
     image : (rows, columns) array
-        Value of a pixel for a small Lambertian emitter at the point that faces along the camera's axis, for each
-        unit of its radiance and each mm^2 of its area: sr/mm^2.
+        Value of each pixel for a small Lambertian emitter at the point that faces along the camera's axis, per unit of
+        radiance and mm^2 of its area: sr/mm^2.
     standard_error : (rows, columns) array or None
-        Of `image`; None with fewer than two replicates.
+        Standard error of each pixel of `image`; None with fewer than two replicates.
     corner : (2,) array of int
         Row and column on the sensor of the first pixel of `image`.
     points : (3,) array
         The points in the world in mm.
     light : float
-        Projected solid angle in sr of the light that lands on the sensor: the sum of the image times the area of a
-        pixel.
+        Projected solid angle in sr of the light that reaches the sensor: sum of the image times the area of a pixel.
     light_error : float or None
         Standard error of `light`.
     centroid : (2,) array
-        Mean x and y on the sensor, in its own axes, of the light that lands on it, mm; NaN where none does.
+        Mean x and y on the sensor, in its own axes, of the light that reaches it, mm; NaN if none does.
     centroid_error : (2,) array or None
-        Its standard error.
+        Standard error of `centroid` in mm.
     fates : tuple of (str, int or None)
-        Fates of rays, and the lens element that stops them: "landed", "beside_sensor", "beside_opening" (on a
-        pixel, but beside the part of it that sees light) or a lower-case name of `RayStatus`.
+        Possible fates of a ray, and the lens element that stops it: "landed", "beside_sensor", "beside_opening" (on a
+        pixel, but outside its sensitive area) or a lower-case name of `RayStatus`.
     fractions : (fates,) array
-        The part of the rays that met each fate. They were aimed closely around the lens's opening, not everywhere. Rays
-        are counted, not light: one that lands through dust or a grey mask has landed.
+        Fraction of the rays with each fate. Rays are aimed at a polygon close around the lens's opening. Rays are
+        counted, not light: one attenuated by dust or a grey mask has landed.
     sensor : Sensor
     rays : int
-        Rays of each point.
+        Rays per point.
 
     Examples
     --------
@@ -76,30 +75,30 @@ class CameraSpread:
     rays: int
 
     @property
-    def _several(self) -> bool:
+    def _is_batch(self) -> bool:
         return self.points.ndim == 2
 
     @property
     def regions(self) -> tuple[tuple[slice, slice], ...]:
-        """Rows and columns of the sensor that are kept of each point, as `render` takes them; one entry a point."""
+        """Rows and columns of the sensor of each point's image, as for `render`; one entry per point."""
         rows, columns = self.image.shape[-2:]
         return tuple((slice(r, r + rows), slice(c, c + columns)) for r, c in np.atleast_2d(self.corner).tolist())
 
     @property
     def fraction_by_fate(self) -> dict[str, Floats]:
-        """`fractions` by name alone, over all lens elements."""
+        """`fractions` by name, summed over all lens elements."""
         fractions: dict[str, Floats] = {}
         for k, (name, _) in enumerate(self.fates):
             fractions[name] = fractions.get(name, 0.0) + self.fractions[..., k]
         return fractions
 
     def of(self, number: int) -> CameraSpread:
-        """The spread of one of several points.
+        """Select one of several points.
 
         Parameters
         ----------
         number : int
-            Which of the points, from 0; an InvalidValueError if there is no such point.
+            Index of the point, from 0; InvalidValueError if there is no such point.
 
         Examples
         --------
@@ -111,20 +110,20 @@ class CameraSpread:
         count = len(np.atleast_2d(self.points))
         if whole(number, "number", at_least=0) >= count:
             raise InvalidValueError(f"number is {number}; there are {count} points: use 0 to {count - 1}")
-        if not self._several:
+        if not self._is_batch:
             return self
 
         arrays = {name: array[number] for name, array in vars(self).items() if isinstance(array, np.ndarray)}
-        of_one: dict[str, Any] = {name: each if each.ndim else float(each) for name, each in arrays.items()}
-        return dataclasses.replace(self, **of_one)
+        values: dict[str, Any] = {name: each if each.ndim else float(each) for name, each in arrays.items()}
+        return dataclasses.replace(self, **values)
 
     def whole(self) -> Floats:
-        """The image on the whole sensor: (rows, columns), or (n, rows, columns) for several points."""
-        images = self.image if self._several else self.image[None]
-        full = np.zeros((len(images), *self.sensor.shape))
-        for target, image, region in zip(full, images, self.regions, strict=True):
+        """Image on the whole sensor: (rows, columns), or (n, rows, columns) for several points."""
+        images = self.image if self._is_batch else self.image[None]
+        on_sensor = np.zeros((len(images), *self.sensor.shape))
+        for target, image, region in zip(on_sensor, images, self.regions, strict=True):
             target[region] = image
-        return full if self._several else full[0]
+        return on_sensor if self._is_batch else on_sensor[0]
 
     def __repr__(self) -> str:
         count, (rows, columns) = len(np.atleast_2d(self.points)), self.image.shape[-2:]
@@ -137,21 +136,19 @@ class CameraSpread:
 
 @result
 class LandingPoints:
-    """Landing points on the sensor of rays from points; made by `landing_points`.
+    """Intersections with the sensor of single rays from points; made by `landing_points`.
 
     Attributes
     ----------
     position : (m, 2) array
-        x and y on the sensor, in its own axes, of the rays that land on it, mm.
+        x and y on the sensor, in its own axes, of the rays that reach it, mm.
     weight : (m,) array
-        Projected solid angle at the point that each ray stands for, sr; at ideal thin lenses and microlenses as it is
-        on the sensor, see `point_spread`. Less where dust, a mask, an opaque microlens or the pixel's response to
-        directions takes some of its light: 0 where they take all.
+        Projected solid angle of each ray at the point, sr; with ideal lenses or microlenses that on the sensor, see
+        `point_spread`. Reduced by dust, masks, opaque microlenses and the pixel's angular response, down to 0.
     source : (m,) array of int
-        Which of the points each ray comes from.
+        Index of the point from which each ray comes.
     microlens : (m, 2) array or None
-        Centre of the microlens that each ray passed, as designed, on the plane of the array, mm; None without
-        microlenses.
+        Designed centre of the microlens that each ray passes, on the plane of the array, mm; None without microlenses.
     index : (m, 2) array of int or None
         Its lattice indices, those of `MicrolensArray.lenses`; in FREE lattices (number, 0).
 

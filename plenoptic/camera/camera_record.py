@@ -1,4 +1,4 @@
-"""A camera as the numbers that the kernels between sensor and scene read."""
+"""Record of a camera for the kernels between sensor and scene: numbers only."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, Rigid, assembly
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.diffraction import BendRecord, IrisRecord, bend_record, iris_record
+from plenoptic.camera.diffraction import DeflectionRecord, IrisRecord, deflection_record, iris_record
 from plenoptic.camera.dust import PlacedDust, placed_dust
-from plenoptic.camera.sampling.bounds import array_bounds, sensor_bounds
-from plenoptic.camera.sampling.choice import why_bounds
+from plenoptic.camera.sampling.diffraction_kernel import DiffractionKernel, diffraction_kernel
 from plenoptic.camera.sampling.openings import openings
-from plenoptic.camera.sampling.record import Openings
-from plenoptic.camera.sampling.spread import Spread, spread_of
+from plenoptic.camera.sampling.pupil_margins import array_bounds, sensor_bounds
+from plenoptic.camera.sampling.region_method import bounds_reason
+from plenoptic.camera.sampling.sampling_records import Openings
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
@@ -31,69 +31,69 @@ from plenoptic.optics.stops.stop_registry import Stop, is_convex
 
 
 class PixelRecord(NamedTuple):
-    """The part of a pixel that sees light."""
+    """Light-sensitive area of a pixel, or its whole cell; lengths in mm."""
 
     width: float
     height: float
     skew: Floats | None
-    """(2,): how far its width leads along y, at [1], and its height along x, at [0]; None for pixels along x and y."""
+    """(2,): x component of its height, y component of its width; None for pixels along x and y."""
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half sides in mm of the box around it along x and y."""
-        along = (0.0, 0.0) if self.skew is None else self.skew
-        return 0.5 * (abs(self.width) + abs(float(along[0]))), 0.5 * (abs(self.height) + abs(float(along[1])))
+        """Half sides in mm of its bounding box along x and y."""
+        aligned = (0.0, 0.0) if self.skew is None else self.skew
+        return 0.5 * (abs(self.width) + abs(float(aligned[0]))), 0.5 * (abs(self.height) + abs(float(aligned[1])))
 
     def within(self, parts: Floats) -> Floats:
-        """Points (n, 2) from its centre, of those in parts of its width and height."""
-        along = np.zeros(2) if self.skew is None else self.skew
-        return np.asarray(parts * [self.width, self.height] + parts[:, ::-1] * along)
+        """Points (n, 2) from its centre in mm, of points in units of its width and height."""
+        aligned = np.zeros(2) if self.skew is None else self.skew
+        return np.asarray(parts * [self.width, self.height] + parts[:, ::-1] * aligned)
 
 
 class SensorRecord(NamedTuple):
-    """Lengths in mm."""
+    """Record of the sensor; lengths in mm."""
 
     rows: int
     columns: int
     pitch: float
     pixel: PixelRecord
-    whole: PixelRecord
-    """The same with what lies between it and its neighbours."""
+    pixel_cell: PixelRecord
+    """Cell of a pixel, including its insensitive area."""
     fill_factor: float
-    """The part of a pixel that sees light."""
+    """Ratio of light-sensitive area and cell."""
     plane: SensorPlane
     response: ResponseRecord | None
-    """None where pixels see all directions alike."""
+    """None if the response of pixels is isotropic."""
 
 
 class OutlinePlane(NamedTuple):
-    """The plane of the outlines of the exit pupil."""
+    """Plane of the outlines of the exit pupil."""
 
     distance: float
-    """From where rays start towards the lens; with a frame, the place of the plane in the lens's axes."""
+    """Distance from the start of rays towards the lens in mm; with a frame, z of the plane in the lens's axes."""
     frame: Floats | None
-    """(12,): from the axes in which the array is traced to the lens's; None where they are the same but for z."""
+    """(12,): from the axes in which the array is traced to the lens's; None if they differ in z alone."""
 
 
 class PupilRecord(NamedTuple):
-    """Outlines of the exit pupil (see `PupilBounds`), and how light gets there."""
+    """Outlines of the exit pupil (see `PupilBounds`), and parameters of the rays to it."""
 
     normals: Floats
     support: Floats
     corners: Floats
     reach: Floats
-    parted: NDArray[np.bool_]
+    disconnected: NDArray[np.bool_]
     step: float
     z: float
     plane: OutlinePlane
     margin: float
-    """How far a real microlens's rays stray from an ideal one's on the plane of the outlines, in mm."""
+    """Largest deviation of real rays from those of an ideal microlens, on the plane of the outlines, in mm."""
     pinhole: bool
-    """Whether light passes the centres of microlenses only."""
+    """True if light passes the centres of microlenses only."""
 
 
 class CameraRecord(NamedTuple):
-    """Numbers only; lengths in mm, in the axes in which the array is traced (see `Assembly`)."""
+    """Record of a camera; lengths in mm, in the axes in which the array is traced (see `Assembly`)."""
 
     sensor: SensorRecord
     array: ArrayRecord | None
@@ -101,71 +101,72 @@ class CameraRecord(NamedTuple):
     pupil: PupilRecord
     lens: LensRecord
     colour: ColourTables | None
-    """The wavelengths that paths draw; None where all have the camera's."""
+    """Wavelengths drawn by paths; None if all have the camera's."""
     dispersed: LensRecord | None
     """The lens at those wavelengths."""
     dust: tuple[PlacedDust, ...]
     parts: Assembly
     z_plane: float
-    """Where rays start towards the lens: the front principal plane, or the last lens vertex."""
+    """z in mm of the start of rays towards the lens: the front principal plane, or the last lens vertex."""
     microlenses: MicrolensArray | None
     rotation: Floats | None
-    """From the lens's axes to the world; None where they are the same."""
+    """Rotation from the lens's axes to the world; None if they are the same."""
     position: Floats | None
     openings: Openings
-    """What its elements let pass."""
+    """Openings of the elements of the lens."""
     exact: bool
-    """Whether what feeds pixels is found through these, where paths are traced, or by bounds on the pupil alone."""
+    """True if aperture regions are clipped by these openings, False if by bounds on the pupil alone."""
     elements: int
     """Lens elements, for counting lost rays."""
     convex: bool
-    """Whether the holes of all stops are."""
-    bend: BendRecord | None
-    """None where light does not bend at microlenses."""
-    spread: Spread | None
-    """Short bends, of which light is shared between pixels; None without bends, and where all are drawn."""
+    """True if the holes of all stops are convex."""
+    deflection: DeflectionRecord | None
+    """None without diffraction at microlenses."""
+    diffraction_kernel: DiffractionKernel | None
+    """Weights by which pixels share light; None without diffraction, or if all deflections are drawn."""
     iris: IrisRecord | None
-    """None where it does not bend at the iris."""
+    """None without diffraction at the iris."""
 
     @property
     def frame(self) -> Floats | None:
-        """(12,): from the axes in which the array is traced to the lens's; None where they are the same but for z."""
+        """(12,): from the axes in which the array is traced to the lens's; None if they differ in z alone."""
         return self.parts.frame
 
-    def own(self, n: int) -> NDArray[np.void] | None:
-        """Arrays for the microlens parameters of n paths, in whole blocks; None where microlenses do not differ."""
+    def lenslet_parameters(self, n: int) -> NDArray[np.void] | None:
+        """Empty lenslet parameters of n paths, in whole blocks; None if all microlenses are alike."""
         return None if self.array is None else self.array.own(n)
 
 
 def camera_record(camera: PlenopticCamera) -> CameraRecord:
-    """Compile a camera: numbers for the kernels, with bounds on the exit pupil found by tracing."""
+    """Compile a camera into a record, with bounds on the exit pupil by tracing."""
     lens, array, parts = camera.lens, camera.microlenses, assembly(camera)
     colour = None if camera.sensitivity is None else colour_tables(camera.sensitivity)
     wavelengths = (camera.wavelength,)
     if colour is not None:
         wavelengths = tuple(np.unique([colour.wavelengths[0], camera.wavelength, colour.wavelengths[-1]]).tolist())
-    drawn = (camera.wavelength, *(() if colour is None else colour.wavelengths.tolist()))
-    z_last, margin, compiled = float(lens.vertices[-1]), 0.0, None
+    path_wavelengths = (camera.wavelength, *(() if colour is None else colour.wavelengths.tolist()))
+    z_last, margin, microlens_record = float(lens.vertices[-1]), 0.0, None
     if array is None:
         bounds = sensor_bounds(camera, parts, wavelengths)
     else:
-        bounds_of_array = array_bounds(camera, array, parts, possible_powers(array), wavelengths)
-        bounds, margin = bounds_of_array.pupil, bounds_of_array.margin
-        compiled = array_record(
+        array_limits = array_bounds(camera, array, parts, possible_powers(array), wavelengths)
+        bounds, margin = array_limits.pupil, array_limits.margin
+        microlens_record = array_record(
             array,
             turn=parts.array_turn,
             origin=parts.array_origin,
-            reach=bounds_of_array.reach,
-            margin=bounds_of_array.aside,
-            wavelengths=drawn,
+            reach=array_limits.reach,
+            margin=array_limits.lateral,
+            wavelengths=path_wavelengths,
         )
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
     pinhole = array is not None and not array.model.focuses
-    world = world_of(camera, parts)
-    bend, sensor = bend_record(camera, parts, drawn), _sensor_record(camera, parts)
+    world = lens_to_world(camera, parts)
+    deflection, sensor = deflection_record(camera, parts, path_wavelengths), _sensor_record(camera, parts)
+    kernel = None if deflection is None else diffraction_kernel(camera, sensor, parts, deflection, colour)
     return CameraRecord(
         sensor=sensor,
-        array=compiled,
+        array=microlens_record,
         pupil=PupilRecord(*bounds, plane, margin, pinhole),
         lens=lens_record(lens, camera.wavelength, reverse=True),
         colour=colour,
@@ -177,17 +178,17 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         rotation=None if world is None else world.turn,
         position=None if world is None else world.shift,
         openings=openings(lens, camera.wavelength if colour is None else colour.wavelengths),
-        exact=not why_bounds(camera, certain=False),
+        exact=not bounds_reason(camera, with_core=False),
         elements=len(lens.elements),
         convex=all(is_convex(element) for element in lens.elements if isinstance(element, Stop)),
-        bend=bend,
-        spread=None if bend is None else spread_of(camera, sensor, parts, bend, colour),
-        iris=iris_record(camera, drawn),
+        deflection=deflection,
+        diffraction_kernel=kernel,
+        iris=iris_record(camera, path_wavelengths),
     )
 
 
-def world_of(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
-    """From the lens's axes to the world; None where they are the same."""
+def lens_to_world(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
+    """Rigid motion from the lens's axes to the world; None if they are the same."""
     if camera.pose is None:
         return parts.lens_to_camera
     pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
@@ -202,7 +203,7 @@ def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:
         columns=sensor.shape[1],
         pitch=sensor.pixel_pitch,
         pixel=_pixel_record(turn * (np.asarray(sensor.pixel_aperture) * sensor.pixel_pitch)),
-        whole=_pixel_record(turn * sensor.pixel_pitch),
+        pixel_cell=_pixel_record(turn * sensor.pixel_pitch),
         fill_factor=sensor.fill_factor,
         plane=SensorPlane(parts.distance, parts.tilt),
         response=response_record(camera, parts),
@@ -210,16 +211,16 @@ def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:
 
 
 def _pixel_record(sides: Floats) -> PixelRecord:
-    """One whose sides, in local x and y, are the columns of a matrix."""
+    """Pixel whose sides, in local x and y, are the columns of a matrix."""
     skew = None if sides[0, 1] == sides[1, 0] == 0 else np.array([sides[0, 1], sides[1, 0]])
     return PixelRecord(float(sides[0, 0]), float(sides[1, 1]), skew)
 
 
 def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord | None:
-    """Angular response of the camera's pixels; None where it is the same for all directions."""
-    response, placed = camera.sensor.angular_response, parts.sensor_to_local
+    """Angular response of the camera's pixels; None if it is isotropic."""
+    response, placement = camera.sensor.angular_response, parts.sensor_to_local
     if response is None:
         return None
-    along = np.array_equal(placed.turn, np.eye(3)) and not placed.shift[:2].any()
-    frame = None if along else np.concatenate([placed.turn.ravel(), placed.shift])
+    aligned = np.array_equal(placement.turn, np.eye(3)) and not placement.shift[:2].any()
+    frame = None if aligned else np.concatenate([placement.turn.ravel(), placement.shift])
     return ResponseRecord(response.well_depth, response.index, 1.0 / response.pupil_distance, response.exponent, frame)

@@ -1,0 +1,92 @@
+"""Camera rays: from the sensor through array and lens, in the stages that a camera needs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.camera_record import CameraRecord
+from plenoptic.camera.dust import fill_dust_at_lens
+from plenoptic.camera.sampling.aperture_regions import aperture_regions
+from plenoptic.camera.sampling.kernels import camera_samples
+from plenoptic.camera.sampling.sampling_records import Batch, DeflectedSamples, IlluminatedPixels
+from plenoptic.camera.sampling.through_array import fill_losses_before_array, fill_through_array
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, X, Y
+from plenoptic.core.values import Floats
+from plenoptic.optics.lens.kernels.trace import fill_traced
+from plenoptic.optics.microlens.dust import BlemishSite
+from plenoptic.optics.microlens.kernels import to_lens
+
+_GUIDES = 1024
+"""Entries of the guide table for cumulative probabilities; see `fill_waves`."""
+
+
+class CameraRays:
+    """Bundles of camera rays of illuminated pixels, at most `capacity` rays each; arrays are reused between bundles."""
+
+    def __init__(self, camera: CameraRecord, illuminated: IlluminatedPixels, batch: Batch, capacity: int) -> None:
+        blocks = -(-capacity // BLOCK)
+        self._camera, self._illuminated, self._batch = camera, illuminated, batch
+        self._blocks = np.empty(blocks * RAY)
+        self.core = np.empty(blocks * RAY) if illuminated.has_core else None
+        """Aimed rays through the unvignetted core, the control variate; None without one."""
+        self.lenslets = camera.lenslet_parameters(blocks * BLOCK)
+        """Lenslet parameters of each ray; None if all microlenses are alike."""
+        self.waves: NDArray[np.int64] | None = None
+        """Wavelength index of each ray; None if all have the camera's wavelength."""
+        self.lens = camera.lens
+        """Record of the lens through which rays are traced."""
+        if camera.colour is not None and camera.dispersed is not None:
+            self.waves, self.lens = np.empty(blocks * BLOCK, dtype=np.int64), camera.dispersed
+            self._guide = np.searchsorted(camera.colour.cdf, np.arange(_GUIDES) / _GUIDES, side="right")
+        self._distant = None if illuminated.sources is None else np.empty(capacity, dtype=np.int64)
+        self.kernel_rows = None if illuminated.kernel is None else np.empty(capacity, dtype=np.int64)
+        """Row of the `KernelTable` of each ray; None without a diffraction kernel."""
+        is_deflected = illuminated.sources is not None or illuminated.kernel is not None
+        self._deflected = DeflectedSamples(self._distant, self.kernel_rows, self.waves) if is_deflected else None
+
+    def sample(self, start: int, n: int) -> Floats:
+        """Bundle of rays start ... start + n - 1: points on their pixels, aimed at the regions of these points."""
+        bundle, colour = self._blocks[: -(-n // BLOCK) * RAY], self._camera.colour
+        core = None if self.core is None else self.core[: bundle.size]
+        if colour is not None and self.waves is not None:
+            number = self._illuminated.number
+            camera_samples.fill_waves(self.waves, start, n, self._batch, number, colour.cdf, self._guide)
+        n_distant = camera_samples.fill_camera_samples(
+            bundle, core, self.lenslets, self._deflected, start, n, self._batch, self._illuminated
+        )
+        if self._distant is not None:
+            self._sample_distant(bundle, self._distant[:n_distant])
+        return bundle
+
+    def _sample_distant(self, bundle: Floats, distant: NDArray[np.int64]) -> None:
+        """Aim rays whose light comes from distant pixels: they are few, and their regions are bounds on the pupil."""
+        fields = bundle.reshape(-1, RAY // BLOCK, BLOCK)
+        starts = np.stack([fields[distant // BLOCK, row // BLOCK, distant % BLOCK] for row in (X, Y)], axis=-1)
+        regions = aperture_regions(self._camera._replace(exact=False), starts)
+        camera_samples.fill_distant_samples(bundle, self.lenslets, distant, regions)
+
+    def fill_through_array(self, bundle: Floats) -> None:
+        """Trace a bundle from the sensor through the array."""
+        sensor = self._camera.sensor
+        fill_losses_before_array(bundle, sensor.plane, sensor.response, self._camera.dust)
+        fill_through_array(bundle, self.lenslets, self._camera, self.waves)
+        if self.core is not None:
+            core = self.core[: bundle.size]
+            fill_losses_before_array(core, sensor.plane, sensor.response, ())
+            to_lens.fill_weights(core, sensor.plane)
+
+    def fill_iris_deflections(self, bundle: Floats, start: int, n: int) -> None:
+        """Deflect rays start ... start + n - 1 in front of the lens by diffraction at the iris, if enabled."""
+        if self._camera.iris is not None:
+            number = self._illuminated.number
+            camera_samples.fill_iris_deflections(bundle, start, n, self._batch, number, self.waves, self._camera.iris)
+
+    def fill_through_lens(self, bundle: Floats) -> None:
+        """Trace a bundle through the lens and the dust on it, then add the weights of the unvignetted core."""
+        fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
+        fill_traced(bundle, self.lens, self.waves)
+        fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
+        if self.core is not None:
+            weights, core = bundle.reshape(-1, 8, BLOCK), self.core[: bundle.size].reshape(-1, 8, BLOCK)
+            weights[:, WEIGHT // BLOCK] += core[:, WEIGHT // BLOCK]

@@ -1,0 +1,183 @@
+"""Illumination of array and sensor by traced rays: marginal rays, coverage by microlens images, vignetting.
+
+All of it is for the camera as designed: placements of the array and the sensor are ignored.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.gaussian import Cone, neighbour_distance, paraxial_cone
+from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.pupil.iris_points import hexapolar, square_grid
+from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
+from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.stops.circle import CircularStop
+
+_RIM = 1.0 - 1e-9
+"""Relative radius at which the rim of the iris is aimed at, so that rounding does not clip the ray."""
+_SEARCH_STEPS, _SEARCH_POINTS = 3, 65
+"""Refinements of the search for the marginal ray, and points tested in each."""
+_GRID = 32
+"""Points along a side of a cell at which microlens images are counted."""
+_RINGS = 3
+_CORNER_GRID = 15
+_OPENING_FACTOR = 2.0
+_MAX_PITCHES = 5.0
+"""Largest distance in pitches of microlenses that are tested for overlap."""
+
+
+def traced_slope(lens: LensStack, z: float, wavelength: float) -> float:
+    """Half the range of slopes of the rays from an axial point that leave the lens, by tracing; nan if none does.
+
+    The iris is replaced by the circle around it; rims and other stops vignette.
+    """
+    round_lens = lens.with_stop(CircularStop(lens.stop.semi_diameter))
+
+    def slopes(pupil: Floats) -> Floats:
+        points = np.column_stack([np.zeros_like(pupil), pupil])
+        rays = aimed_rays_reverse(round_lens, image_point=(0.0, 0.0), z_image=z, pupil=points, wavelength=wavelength)
+        passed = round_lens.trace_reverse(rays).status == 0
+        with np.errstate(invalid="ignore"):
+            return np.where(passed, rays.direction[:, 1] / rays.direction[:, 2], np.nan)
+
+    try:
+        ends = [_marginal_slope(slopes, end) for end in (-_RIM, _RIM)]
+    except InvalidValueError:  # an exit pupil that is infinitely far cannot be aimed at in an ideal model
+        return paraxial_cone(lens, z, wavelength).slope
+    return 0.5 * abs(ends[1] - ends[0]) / _RIM
+
+
+def _marginal_slope(slopes: Callable[[Floats], Floats], end: float) -> float:
+    """Slope of the unvignetted ray nearest to one end of the pupil's diameter; nan if there is none."""
+    low, high = -end, end
+    slope = math.nan
+    for _ in range(_SEARCH_STEPS):
+        pupil = np.linspace(low, high, _SEARCH_POINTS)
+        pupil_slopes = slopes(pupil)
+        passed_rays = np.flatnonzero(np.isfinite(pupil_slopes))
+        if not passed_rays.size:
+            return math.nan
+        last = int(passed_rays[-1])
+        slope = float(pupil_slopes[last])
+        if last == _SEARCH_POINTS - 1:
+            break
+        low, high = float(pupil[last]), float(pupil[last + 1])
+    return slope
+
+
+def images_on_sensor(camera: PlenopticCamera, vergence: float) -> int:
+    """Number of microlenses, as designed, that have the centre of their image on the sensor."""
+    array = camera.microlenses
+    assert array is not None
+    height, width = camera.sensor.size
+    stretch = abs(1.0 + camera.microlenses_to_sensor * vergence)
+    # Rounding must not lose a lens on the border.
+    half_x, half_y = (0.5 * size / stretch * (1 + 1e-9) for size in (width, height))
+    if array.centres is not None:
+        return int((np.abs(array.centres) <= (half_x, half_y)).all(axis=1).sum())
+    # Columns run along y in all lattices: basis[1, 0] is 0.
+    (along, rise), (_, step) = array.basis.tolist()
+    last = math.floor(half_x / along)
+    offset = rise * np.arange(-last, last + 1)
+    return int((np.floor((half_y - offset) / step) - np.ceil((-half_y - offset) / step) + 1).sum())
+
+
+def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
+    """Fractions of a cell of the sensor that no microlens illuminates, and that several illuminate.
+
+    A ray from a point s of the sensor through the point c + d of a microlens at c with power F crosses the exit pupil,
+    D before the array, at D (c + d - s) / b - D d F + c + d. It passes if that point is inside the pupil.
+    """
+    array, b = camera.microlenses, camera.microlenses_to_sensor
+    assert array is not None
+    stop, stretch, factor = camera.lens.stop, 1.0 + b * cone.vergence, array.power_factor(camera.wavelength)
+    blur = max(abs(stretch - b / f) for f in array.focal_lengths_at(camera.wavelength)) * array.opening.reach
+    farthest = min((b * cone.slope + blur) / abs(stretch), _MAX_PITCHES * neighbour_distance(array))
+    reach = farthest + 2.0 * neighbour_distance(array)
+    lenses = array.lenses((-reach, -reach), (reach, reach))
+    steps = (np.arange(_GRID) + 0.5) / _GRID - 0.5
+    basis = np.eye(2) * neighbour_distance(array) if array.lattice is Lattice.FREE else array.basis
+    sensor = stretch * (np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) @ basis)
+    inside = _opening_points(array)
+    n_lit = np.zeros(len(sensor), dtype=np.int64)
+    for k in np.flatnonzero(lenses.transmission > 0).tolist():
+        through = lenses.centre[k] + inside
+        slopes = through * cone.vergence - (through - lenses.axis[k]) * factor * float(lenses.power[k])
+        if not array.model.focuses:
+            slopes = through * cone.vergence
+        pupil = ((through - sensor[:, None]) / b + slopes) * (stop.semi_diameter / cone.slope)
+        n_lit += stop.contains(pupil[..., 0], pupil[..., 1]).any(axis=1)
+    return float((n_lit == 0).mean()), float((n_lit > 1).mean())
+
+
+def _opening_points(array: MicrolensArray) -> Floats:
+    """Sample points (n, 2) of a microlens's opening."""
+    if not array.model.focuses:
+        return np.zeros((1, 2))
+    opening = array.opening
+    points = opening.reach * hexapolar(_RINGS)
+    edges = opening.edges
+    inside_edges = (points @ edges[:, :2].T <= edges[:, 2] * (1 + 1e-9)).all(axis=1)
+    corners = 0.999 * np.asarray(opening.corners) if len(edges) else np.empty((0, 2))
+    return np.asarray(np.concatenate([points[inside_edges], corners]))
+
+
+class Corner(NamedTuple):
+    """Vignetting at the darkest corner of the sensor."""
+
+    pupil_fraction: float
+    """Unvignetted fraction of the light through the iris, each point weighted by its transmission."""
+    chief_angle: float
+    """Angle between chief ray and axis, behind the lens, in radians."""
+
+
+def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelength: float) -> Corner:
+    """Vignetting at the darkest of the points (+-x, +-y) of a plane; nan if no ray can be aimed."""
+    grid = square_grid(_CORNER_GRID)
+    iris_points = lens.stop.semi_diameter * grid.T
+    transmission = lens.stop.transmission_at(*iris_points)
+    grid, transmission = grid[transmission > 0], transmission[transmission > 0]
+    points = np.concatenate([np.zeros((1, 2)), grid])
+    # The transmission of the iris is known; tracing it would be decided by rounding at its edge and at cells of a mask.
+    opened_lens = lens.with_stop(CircularStop(_OPENING_FACTOR * lens.stop.semi_diameter))
+    fractions, angles = [], []
+    for x, y in {(sx * corner[0], sy * corner[1]) for sx in (-1, 1) for sy in (-1, 1)}:
+        try:
+            rays = aimed_rays_reverse(lens, image_point=(x, y), z_image=z, pupil=points, wavelength=wavelength)
+        except InvalidValueError:
+            return Corner(math.nan, math.nan)
+        light = opened_lens.trace_reverse(rays).weight[1:]
+        fractions.append(float(transmission @ light / transmission.sum()) if len(grid) else math.nan)
+        angles.append(math.acos(min(1.0, -float(rays.direction[0, 2]))))
+    return Corner(min(fractions), max(angles))
+
+
+def clearance(camera: PlenopticCamera) -> float:
+    """Distance along z from the lens, rims included, to array or sensor, in mm; negative inside the lens."""
+    array = camera.microlenses
+    front = camera.stop_to_microlenses
+    if array is not None:
+        front -= array.model.rules.depths(array).front
+    if camera.lens.model is LensModel.NONE:
+        return front - float(camera.lens.vertices[-1])
+    return front - max(float(profile[:, 0].max()) for profile in camera.lens.profiles())
+
+
+def with_semi_diameter(lens: LensStack, semi_diameter: float) -> LensStack:
+    """The same lens with its iris scaled to a semi-diameter in mm."""
+    stop = lens.stop
+    scale = semi_diameter / stop.semi_diameter
+    lengths = {"semi_diameter", "inner_semi_diameter", "blade_radius"}
+    changes = {f.name: scale * getattr(stop, f.name) for f in dataclasses.fields(stop) if f.name in lengths}
+    return lens.with_stop(dataclasses.replace(stop, **(changes | {"semi_diameter": semi_diameter})))

@@ -1,0 +1,393 @@
+"""Camera samples: a point on a pixel, and a point in the aperture region of that point."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic.camera.sampling.kernels.aperture_regions import MAX_PIECES
+from plenoptic.camera.sampling.kernels.path_indices import path_indices, replicate_size
+from plenoptic.camera.sampling.kernels.unvignetted_core import (
+    MAX_CLIPPED_CORNERS,
+    MAX_RIMS,
+    SplitRegion,
+    aim_with_core,
+    displaced_point,
+    fill_clipped_piece,
+    set_aimed_ray,
+    split_region,
+)
+from plenoptic.camera.sampling.sampling_records import NEAR
+from plenoptic.core.kernels.bundles import pad
+from plenoptic.core.kernels.polygons import area_of, point_in
+from plenoptic.core.kernels.ray_blocks import BENT_IN, BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.kernels.sobol import (
+    DIMENSIONS,
+    mix,
+    reversed_point,
+    sample,
+    scramble_reversed,
+    set_index,
+    set_key,
+    stream,
+    to_unit,
+)
+from plenoptic.core.numba.jit import device, kernel
+from plenoptic.optics.diffraction.kernels.far_field import bend
+from plenoptic.optics.microlens.kernels.to_lens import at_wavelength
+
+_FEW = 8
+"""Pieces among which a linear search is faster than bisection."""
+WAVELENGTH_SET = 1 << 20
+"""Set of sampling points for wavelengths: above those of all bounces."""
+DEFLECTION_SET = WAVELENGTH_SET + 1
+"""Set of sampling points for diffraction deflections."""
+_UNSET, _OUTSIDE, _DISTANT = -3, -2, -1
+"""In place of the index of a source pixel: none drawn yet; too far outside the sensor; farther than `NEAR`."""
+
+
+@device
+def _first_exceeding(pieces, low, high, area):
+    """First of the pieces low ... high - 1 whose cumulative area exceeds `area`; the last one if none does."""
+    while high - low > _FEW:
+        middle = (low + high) // 2
+        if pieces[middle - 1].area > area:
+            high = middle
+        else:
+            low = middle
+    # Counting has no branch that a processor could mispredict.
+    k = low
+    for i in range(low, high - 1):
+        k += 1 if pieces[i].area <= area else 0
+    return k
+
+
+@device
+def sample_piece(pieces, region, u):
+    """Sample one of the pieces of a region (first and end) with probability proportional to its area.
+
+    Returns the total area, the piece's index, and the remainder of u times that area, which the caller uses again to
+    sample the point inside the piece.
+    """
+    low, high = region
+    total_area = pieces[high - 1].area
+    target_area = u * total_area
+    k = _first_exceeding(pieces, low, high, target_area)
+    # Read first: after the piece is read, this branch is mispredicted, and costs 20 ns a path.
+    area_before = 0.0
+    if k > low:
+        area_before = pieces[k - 1].area
+    return total_area, k, target_area - area_before
+
+
+@device
+def aim_sample(ray, i, regions, region, start, random):
+    """Aim a ray at a point of a region, uniformly by area; return the index of its piece.
+
+    The first random number selects the piece and, stretched, the triangle of its fan; the second one the point in it.
+    `region` is the first and the end of its pieces, `start` x and y on the sensor.
+    """
+    total_area, k, remainder = sample_piece(regions.pieces, region, random[0])
+    piece = regions.pieces[k]
+    point = point_in(regions.corners, piece.first_corner, piece.corners, remainder, random[1])
+    set_aimed_ray(ray, i, piece, point, start, total_area)
+    return k
+
+
+@device
+def _fill_coordinates(u, net, dimension, index, run, key):
+    """Scrambled coordinates of points index ... index + run - 1 of a net."""
+    seed = np.uint32(mix(key, np.uint64(dimension)))
+    for k in range(run):
+        u[dimension, k] = to_unit(scramble_reversed(net[dimension, index + k], seed))
+
+
+@device
+def _is_constant(pieces, low, high):
+    """True if a region is the same for all points of its pixel: no planes clip its pieces."""
+    constant = True
+    for k in range(low, high):
+        constant = constant and pieces[k].planes == 0
+    return constant
+
+
+@device
+def _sample_source(sources, p, point, wavelength, random):
+    """Draw the deflection by diffraction of light that arrives at a point of pixel p.
+
+    Returns the point at which the light was aimed, the index of its source pixel (or _DISTANT or _OUTSIDE), and the
+    weights of paths through openings and through gaps.
+    """
+    frame = sources.deflection
+    h = sources.plane.distance
+    if sources.plane.tilt is not None:
+        h += sources.plane.tilt[0] * point[0] + sources.plane.tilt[1] * point[1]
+    by_x, by_y, opening_weight, gap_weight = bend(frame.field, random[0], random[1])
+    x, y = point[0] - h * wavelength * by_x, point[1] - h * wavelength * by_y
+    dx, dy = x - frame.shift[0], y - frame.shift[1]
+    rows, columns = sources.shape
+    column = 0.5 * columns - (frame.back[0, 0] * dx + frame.back[0, 1] * dy)
+    row = 0.5 * rows + (frame.back[1, 0] * dx + frame.back[1, 1] * dy)
+    source = _OUTSIDE
+    if -NEAR <= row < rows + NEAR and -NEAR <= column < columns + NEAR:
+        source, i, j = _DISTANT, math.floor(row), math.floor(column)
+        if abs(i - sources.pixels[p, 0]) <= NEAR and abs(j - sources.pixels[p, 1]) <= NEAR:
+            source = sources.grid[i - sources.corner[0], j - sources.corner[1]]
+    return (x, y), source, (opening_weight, gap_weight)
+
+
+@device
+def _apply_weight(ray, i, lens, weights):
+    """Multiply the weight of a deflected path by that of openings, or of gaps."""
+    ray[WEIGHT + i] *= weights[1] if lens.clip < 0.0 else weights[0]
+
+
+@device
+def _aim_constant(ray, i, regions, region, start, random):
+    """Aim path i at a region that is the same for all points of its pixel; return the index of the piece.
+
+    `start` is the point on the sensor, and the same from the pixel's centre.
+    """
+    total_area, k, remainder = sample_piece(regions.pieces, region, random[0])
+    piece = regions.pieces[k]
+    point = point_in(regions.corners, piece.first_corner, piece.corners, remainder, random[1])
+    set_aimed_ray(ray, i, piece, displaced_point(piece, point, start[1]), start[0], total_area)
+    return k
+
+
+@device
+def _aim_varying(ray, i, workspace, regions, region, start, random):
+    """Aim path i at a region that varies over its pixel, clipped in a workspace; return the index of the piece."""
+    polygon, counts, areas = workspace
+    low, high = region
+    on_sensor, in_pixel = start
+    pieces, total_area = regions.pieces, 0.0
+    for c in range(high - low):
+        first = c * MAX_CLIPPED_CORNERS
+        counts[c] = fill_clipped_piece(polygon, first, regions.corners, regions.planes, pieces[low + c], in_pixel)
+        areas[c] = area_of(polygon, first, counts[c]) if counts[c] >= 3 else 0.0
+        total_area += areas[c]
+    c, remainder = 0, random[0] * total_area
+    while c < high - low - 1 and remainder >= areas[c]:
+        remainder -= areas[c]
+        c += 1
+    k, point = low + c, (0.0, 0.0)
+    if areas[c] > 0.0:
+        point = point_in(polygon, c * MAX_CLIPPED_CORNERS, counts[c], remainder, random[1])
+    set_aimed_ray(ray, i, pieces[k], displaced_point(pieces[k], point, in_pixel), on_sensor, total_area)
+    if not areas[c] > 0.0:
+        ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED
+    return k
+
+
+@device
+def _set_lost(ray, i, status):
+    """Set a path without light."""
+    ray[X + i], ray[Y + i], ray[L + i], ray[M + i], ray[Z + i], ray[N + i] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ray[WEIGHT + i], ray[STATUS + i] = 0.0, status
+
+
+@device
+def _store_distant(ray, i, start, random, weights):
+    """Store in a ray the arguments of `fill_distant_samples`: start on the sensor, random numbers, path weights."""
+    ray[X + i], ray[Y + i] = start
+    ray[L + i], ray[M + i] = random
+    ray[Z + i], ray[N + i] = weights
+
+
+@device
+def _kernel_row(kernel_table, wavelength, start, through_gap, places):
+    """Row of a `KernelTable` for a path of a wavelength from a point and its places in the pixel."""
+    h = kernel_table.plane.distance
+    if kernel_table.plane.tilt is not None:
+        h += kernel_table.plane.tilt[0] * start[0] + kernel_table.plane.tilt[1] * start[1]
+    scale = int((wavelength * h - kernel_table.lowest_scale) * kernel_table.scales_per_area)
+    scale = min(max(scale, 0), kernel_table.scales - 1)
+    row = scale * kernel_table.patterns + (1 if through_gap else 0)
+    across, down = int(places[0] * kernel_table.subdivisions), int(places[1] * kernel_table.subdivisions)
+    return (row * kernel_table.subdivisions + down) * kernel_table.subdivisions + across
+
+
+@kernel
+def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illuminated):
+    """Sample paths start ... start + n - 1 of a batch of the pixels of a tile, which are `IlluminatedPixels`.
+
+    Each path draws a point on the pixel, then a point in the aperture region of that point; paths from points without
+    a region are lost. A rotated pixel has the sides (width, skew[1]) and (skew[0], height). `lenslets` is filled with
+    the parameters of each path's microlens, where these differ.
+
+    If `core` is not None, it is filled with rays through the unvignetted core, which need not be traced; the paths are
+    then drawn in the rims around the cores.
+
+    With diffraction, a path starts at the point at which its light was aimed. Paths from distant pixels are left to
+    `fill_distant_samples`; `DeflectedSamples` gets their indices. Returns their number. With a diffraction kernel,
+    `DeflectedSamples` gets the row of the `KernelTable` of each path.
+    """
+    net, samples, streams = batch.net, batch.samples, batch.streams
+    regions = illuminated.regions
+    pieces, first = regions.pieces, regions.first
+    details = regions.details
+    centres, number = illuminated.centres, illuminated.number
+    sources = illuminated.sources
+    pixel = illuminated.pixel
+    n_distant = 0
+    u = np.empty((DIMENSIONS, net.shape[1]))
+    polygon = np.empty((3, MAX_PIECES * MAX_CLIPPED_CORNERS))
+    counts, areas = np.empty(MAX_PIECES, np.int64), np.empty(MAX_PIECES)
+    if core is not None:
+        split = SplitRegion(
+            polygon,
+            np.empty((3, MAX_PIECES * MAX_CLIPPED_CORNERS)),
+            np.empty((3, MAX_CLIPPED_CORNERS)),
+            np.empty((MAX_PIECES, 3), np.int64),
+            np.empty((MAX_PIECES, 2)),
+            np.empty((MAX_PIECES, MAX_RIMS)),
+        )
+    path, end = start, start + n
+    while path < end:
+        p, replicate, index = path_indices(path, samples, streams)
+        run = min(replicate_size(replicate, samples, streams) - index, end - path)
+        key = set_key(stream(batch.seed, number[p], batch.first_stream + replicate), 0)
+        for dimension in range(DIMENSIONS):
+            _fill_coordinates(u, net, dimension, index, run, key)
+        if sources is not None:
+            deflection_key = set_key(stream(batch.seed, number[p], batch.first_stream + replicate), DEFLECTION_SET)
+            source, low, high, constant = _UNSET, 0, 0, False
+        else:
+            low, high = first[p], first[p + 1]
+            constant = _is_constant(pieces, low, high)
+        if core is not None:
+            for c in range(min(high - low, MAX_PIECES)):
+                split.corners[c, 2] = 0
+        for k in range(run):
+            at = path - start + k
+            ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK
+            across, down = u[0, k] - 0.5, u[1, k] - 0.5
+            dx, dy = pixel.width * across, pixel.height * down
+            if pixel.skew is not None:
+                dx, dy = dx + pixel.skew[0] * down, dy + pixel.skew[1] * across
+            in_pixel, on_sensor, random = (dx, dy), (centres[p, 0] + dx, centres[p, 1] + dy), (u[2, k], u[3, k])
+            if sources is not None:
+                point = set_index(batch.first_index + index + k, deflection_key, DEFLECTION_SET)
+                wavelength = at_wavelength(sources.deflection.wavelengths, deflected.waves, at)
+                u_deflection = sample(point, 0, deflection_key), sample(point, 1, deflection_key)
+                previous_source = source
+                on_sensor, source, weights = _sample_source(sources, p, on_sensor, wavelength, u_deflection)
+                if source < 0 or first[source] == first[source + 1]:
+                    _set_lost(ray, i, BENT_IN if source == _OUTSIDE else MISSED)
+                    if core is not None:
+                        _set_lost(core[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], i, 0.0)
+                    if source == _DISTANT:
+                        deflected.distant[n_distant] = at
+                        n_distant += 1
+                        _store_distant(ray, i, on_sensor, random, weights)
+                    continue
+                in_pixel = on_sensor[0] - sources.centres[source, 0], on_sensor[1] - sources.centres[source, 1]
+                if source != previous_source:
+                    low, high = first[source], first[source + 1]
+                    constant = _is_constant(pieces, low, high)
+                    if core is not None:
+                        for c in range(min(high - low, MAX_PIECES)):
+                            split.corners[c, 2] = 0
+            if core is not None:
+                core_ray = core[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
+                if high - low <= MAX_PIECES:
+                    split_region(split, regions, (low, high), in_pixel)
+                    chosen = aim_with_core(ray, core_ray, i, split, regions, (low, high), (on_sensor, in_pixel), random)
+                else:
+                    chosen = _aim_constant(ray, i, regions, (low, high), (on_sensor, in_pixel), random)
+                    set_aimed_ray(core_ray, i, pieces[chosen], (0.0, 0.0), on_sensor, 0.0)
+            elif constant:
+                chosen = _aim_constant(ray, i, regions, (low, high), (on_sensor, in_pixel), random)
+            else:
+                workspace = polygon, counts, areas
+                chosen = _aim_varying(ray, i, workspace, regions, (low, high), (on_sensor, in_pixel), random)
+            if details is not None:
+                lenslets[at] = details[chosen]
+                if sources is not None:
+                    _apply_weight(ray, i, details[chosen], weights)
+            if illuminated.kernel is not None:
+                wavelength, through_gap = at_wavelength(illuminated.kernel.wavelengths, deflected.waves, at), False
+                if details is not None:
+                    through_gap = illuminated.kernel.patterns > 1 and details[chosen].clip < 0.0
+                places = u[0, k], u[1, k]
+                deflected.kernel_rows[at] = _kernel_row(illuminated.kernel, wavelength, on_sensor, through_gap, places)
+        path += run
+    pad(blocks, n)
+    if core is not None:
+        pad(core, n)
+    return n_distant
+
+
+@kernel
+def fill_distant_samples(blocks, lenslets, distant, regions):
+    """Aim paths `distant` (n,) from the points at which their light was aimed, towards the regions of these points."""
+    details = regions.details
+    for k in range(distant.size):
+        ray, i = blocks[(distant[k] // BLOCK) * RAY : (distant[k] // BLOCK + 1) * RAY], distant[k] % BLOCK
+        start, random, weights = (ray[X + i], ray[Y + i]), (ray[L + i], ray[M + i]), (ray[Z + i], ray[N + i])
+        if regions.first[k] == regions.first[k + 1]:
+            _set_lost(ray, i, MISSED)
+            continue
+        chosen = aim_sample(ray, i, regions, (regions.first[k], regions.first[k + 1]), start, random)
+        if details is not None:
+            lenslets[distant[k]] = details[chosen]
+            _apply_weight(ray, i, details[chosen], weights)
+
+
+@device
+def deflect_at_pupil(ray, i, z, by):
+    """Deflect a ray by direction cosines at a plane z; its new start is its intersection with its previous start plane.
+
+    A ray deflected by more than a right angle is lost.
+    """
+    t = (z - ray[Z + i]) / ray[N + i]
+    x, y = ray[X + i] + t * ray[L + i], ray[Y + i] + t * ray[M + i]
+    l, m = ray[L + i] + by[0], ray[M + i] + by[1]
+    n = math.copysign(math.sqrt(max(1.0 - l * l - m * m, 0.0)), ray[N + i])
+    if n != 0.0:
+        t = (ray[Z + i] - z) / n
+        ray[X + i], ray[Y + i] = x + t * l, y + t * m
+        ray[L + i], ray[M + i], ray[N + i] = l, m, n
+    elif ray[STATUS + i] == 0.0:
+        ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED
+
+
+@kernel
+def fill_iris_deflections(blocks, start, n, batch, number, waves, iris):
+    """Deflect paths start ... start + n - 1 of a batch at the entrance pupil; `number`: numbers of the pixels."""
+    for k in range(n):
+        pixel, replicate, index = path_indices(start + k, batch.samples, batch.streams)
+        key = set_key(stream(batch.seed, number[pixel], batch.first_stream + replicate), DEFLECTION_SET)
+        point = set_index(batch.first_index + index, key, DEFLECTION_SET)
+        wavelength = at_wavelength(iris.wavelengths, waves, k)
+        by_x, by_y, _, _ = bend(iris.field, sample(point, 2, key), sample(point, 3, key))
+        ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
+        deflect_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
+
+
+@kernel
+def fill_waves(waves, start, n, batch, number, cdf, guide):
+    """Draw the wavelength index of each path of a bundle from the cumulative probabilities `cdf`.
+
+    `number` are the numbers of the pixels. `guide` is the guide table of the inversion: guide[int(u guide.size)] is the
+    first index whose cdf is above the beginning of that interval of u (H.-C. Chen, Y. Asau, AIIE Transactions 6, 1974).
+    """
+    samples, streams = batch.samples, batch.streams
+    path, end = start, start + n
+    while path < end:
+        pixel, replicate, index = path_indices(path, samples, streams)
+        run = min(replicate_size(replicate, samples, streams) - index, end - path)
+        key = set_key(stream(batch.seed, number[pixel], batch.first_stream + replicate), WAVELENGTH_SET)
+        scrambling = np.uint32(mix(key, np.uint64(0)))
+        for k in range(run):
+            point = set_index(batch.first_index + index + k, key, WAVELENGTH_SET)
+            u = to_unit(scramble_reversed(reversed_point(point, 0), scrambling))
+            wave = guide[int(u * guide.size)]
+            while cdf[wave] <= u:
+                wave += 1
+            waves[path - start + k] = wave
+        path += run
+    for k in range(n, waves.size):
+        waves[k] = 0

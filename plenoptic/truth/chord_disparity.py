@@ -1,0 +1,121 @@
+"""Chord disparity: between chief rays of a point through neighbouring microlenses, as microlens images show it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.assembly import array_axes
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.points.projection_rays import (
+    AIM_TOLERANCE,
+    Aim,
+    EntranceRays,
+    ThroughArray,
+    aim_rays,
+    entrance_rays,
+    solve_2x2,
+)
+from plenoptic.camera.points.projection_rows import lenses_at
+from plenoptic.camera.psf.sensor_hits import forward_record
+from plenoptic.core.rays import RayBundle
+from plenoptic.core.values import Floats
+from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.microlens.lattice import Lattice, neighbour_steps
+
+_TRIALS = 20
+_STEP = 1e-5
+"""Distance of the rays for finite differences, over the size of the entrance pupil."""
+_CHUNK = 1 << 12
+"""Pixels whose chief rays are aimed together."""
+
+
+class ChordRecord(NamedTuple):
+    """Records for aiming chief rays."""
+
+    entrance: EntranceRays
+    through: ThroughArray
+    steps: NDArray[np.int64]
+    """(k, 2): steps from a microlens to its neighbours, in lattice indices."""
+    pitch: float
+    """Smaller pitch of the microlenses over that of the pixels."""
+
+
+def chord_record(camera: PlenopticCamera) -> ChordRecord | None:
+    """Compile a camera; None without a regular lattice, in which microlenses have no defined neighbours."""
+    array = camera.microlenses
+    if array is None or array.lattice is Lattice.FREE:
+        return None
+    through = ThroughArray(array_axes(camera), array)
+    pitch = min(array.pitches) / camera.sensor.pixel_pitch
+    return ChordRecord(entrance_rays(forward_record(camera)), through, neighbour_steps(array.lattice), pitch)
+
+
+def chord_disparities(record: ChordRecord, points: Floats, lenses: NDArray[np.int64], entering: Floats) -> Floats:
+    """Disparities (n,) of points (n, 3) in the lens's axes, from microlenses (n, 2) to their neighbours.
+
+    Least-squares slope over all neighbours of the displacement of the microlens less that of the image. `entering`
+    (n, 2) is the entry point of a ray of each point. nan if a chief ray is not found.
+    """
+    chunks = [
+        _slopes(record, points[part], lenses[part], entering[part])
+        for part in (slice(start, start + _CHUNK) for start in range(0, len(points), _CHUNK))
+    ]
+    return np.concatenate([np.empty(0), *chunks])
+
+
+def _slopes(record: ChordRecord, points: Floats, lenses: NDArray[np.int64], entering: Floats) -> Floats:
+    entrance, through, steps, pitch = record
+    n_lenses = len(steps) + 1
+    index = np.concatenate([lenses, *(lenses + step for step in steps)])
+    centres = through.axes.local(lenses_at(through.array, index).axis)
+    aim = Aim(entrance.bare, through.intersections)
+    first_entry = aim_rays(entrance, aim, points, centres[: len(points)], entering)
+    rays = _chief_rays(record, np.tile(points, (n_lenses, 1)), centres, first_entry)
+    image = through.sensor_points(centres, rays).reshape(n_lenses, -1, 2)
+    centre_image = through.axes.on_sensor(centres, np.zeros_like(centres)).reshape(n_lenses, -1, 2)
+    image_step, centre_step = image[1:] - image[0], centre_image[1:] - centre_image[0]
+    return np.asarray(pitch * _dot(centre_step - image_step, centre_step) / _dot(centre_step, centre_step))
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Dot products (m,) of (k, m, 2) over neighbours and axes, summed in an order independent of m."""
+    total = np.zeros(a.shape[1])
+    for row in a * b:
+        total += row[:, 0] + row[:, 1]
+    return total
+
+
+def _chief_rays(record: ChordRecord, points: Floats, centres: Floats, first_entry: Floats) -> RayBundle:
+    """Chief rays behind the lens of points (k m, 3) through centres (k m, 2); nan if there is none.
+
+    The first m of them enter at `first_entry` (m, 2). Newton's method with the Jacobians of these: chief rays through
+    neighbours are so close to each other that each step reduces the residual a hundredfold.
+    """
+    entrance, through, _, _ = record
+    n_lenses, h = len(points) // len(first_entry), _STEP * entrance.size
+
+    def trace_to_array(rows: NDArray[np.int64], entry: Floats) -> tuple[RayBundle, Floats]:
+        behind_lens = traced_by(entrance.bare, entrance.through(points[rows], entry))
+        return behind_lens, through.intersections(behind_lens)
+
+    rows = np.arange(len(points))
+    offsets = [0.0, 0.0], [h, 0.0], [0.0, h]
+    position, position_right, position_up = (
+        trace_to_array(rows[: len(first_entry)], first_entry + offset)[1] for offset in offsets
+    )
+    jacobian = np.tile(np.stack([position_right - position, position_up - position], axis=-1) / h, (n_lenses, 1, 1))
+    entry, hits = np.tile(first_entry, (n_lenses, 1)), np.tile(position, (n_lenses, 1))
+    limit = AIM_TOLERANCE + 64 * np.finfo(float).eps * (np.abs(centres).max(axis=1, initial=0.0) + entrance.size)
+    for _ in range(_TRIALS):
+        residual = centres[rows] - hits
+        not_converged = ~(np.hypot(*residual.T) <= limit[rows])
+        rows = rows[not_converged]
+        if not len(rows):
+            break
+        entry[rows] += solve_2x2(jacobian[rows], residual[not_converged])
+        hits = trace_to_array(rows, entry[rows])[1]
+    entry[rows] = np.nan
+    return trace_to_array(np.arange(len(points)), entry)[0]
