@@ -120,7 +120,7 @@ viewpoint_up lightfield/decode.py: lightfield/test_decode.py
 depth_of_views lightfield/epipolar.py: lightfield/test_depth.py lightfield/test_decode.py
 - behind = lever / (1.0 - lever / gap)
 + behind = lever / (1.0 + lever / gap)
-noise_of_two_pixels lightfield/kernels/refining.py: lightfield/test_depth.py
+noise_of_two_pixels lightfield/kernels/subpixel.py: lightfield/test_depth.py
 - spread = math.sqrt(0.5 * max(rest, 0.0) / counted * own) / stiff
 + spread = math.sqrt(max(rest, 0.0) / counted * own) / stiff
 zemax_order_of_turns optics/lens/files/zemax_folds.py: optics/lens/files/test_zemax_folds.py optics/lens/files

@@ -15,7 +15,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.record import CameraRecord, camera_record, world_of
 from plenoptic.camera.sampling.pixel_regions import fed_pixels
 from plenoptic.camera.sampling.record import FedPixels, Regions
-from plenoptic.core.last_made import LastMade
+from plenoptic.core.last_result import LastResult
 from plenoptic.core.values import Floats
 from plenoptic.optics.sensor.sensor import Sensor
 
@@ -123,6 +123,6 @@ def prepared_camera(camera: PlenopticCamera) -> PreparedCamera:
     return _last(camera)
 
 
-_kept: LastMade[Sensor, _Kept] = LastMade(_Kept)
-_last: LastMade[PlenopticCamera, PreparedCamera] = LastMade(lambda camera: _kept(camera.sensor).prepared(camera))
+_kept: LastResult[Sensor, _Kept] = LastResult(_Kept)
+_last: LastResult[PlenopticCamera, PreparedCamera] = LastResult(lambda camera: _kept(camera.sensor).prepared(camera))
 """Of one camera only."""

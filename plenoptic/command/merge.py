@@ -13,7 +13,7 @@ from plenoptic.errors import FileError, InvalidValueError
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
-    from plenoptic.rendering.heads import Head
+    from plenoptic.rendering.exposure_metadata import ExposureMetadata
     from plenoptic.rendering.merging.parts import Part
     from plenoptic.rendering.merging.regions import Region
 
@@ -34,16 +34,16 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Merge, save, and print what came of it; a store is written while parts are read."""
     from plenoptic.rendering.exposure_files import check_target, checked_ending
-    from plenoptic.rendering.merging.merge import merge_to_store, merged_parts
+    from plenoptic.rendering.merging.merge import merge_parts, merge_to_store
 
     check_target(options.output)
     parts = [_part(name) for name in options.parts]
     _check_complete([part.head for part in parts], options.region)
-    made: Exposure | Head
+    made: Exposure | ExposureMetadata
     if checked_ending(options.output) == ".zarr":
         made = merge_to_store(parts, options.output)
     else:
-        made = merged_parts(parts)
+        made = merge_parts(parts)
         made.save(options.output)
     print(f"{options.output}: {made}")
     if made.stats is not None:
@@ -53,8 +53,8 @@ def run(options: argparse.Namespace) -> None:
 def _part(name: str) -> Part:
     """A file or folder, of which no more has been read than it takes to know what it is."""
     from plenoptic.core.files.zarr_reading import attributes_of
-    from plenoptic.rendering.exposure_files import head_of_image
-    from plenoptic.rendering.heads import head_of
+    from plenoptic.rendering.exposure_files import metadata_of_image
+    from plenoptic.rendering.exposure_metadata import metadata_of
     from plenoptic.rendering.merging.parts import FilePart, StorePart
 
     def load() -> Exposure:
@@ -65,16 +65,16 @@ def _part(name: str) -> Part:
 
     path = Path(name)
     if path.is_file() and path.suffix.lower() == ".exr":
-        return FilePart(name, head_of_image(path), load)
+        return FilePart(name, metadata_of_image(path), load)
     if attributes_of(path) is not None:
         return StorePart(name)
-    return FilePart(name, head_of(load()), load)
+    return FilePart(name, metadata_of(load()), load)
 
 
-def _check_complete(heads: list[Head], wanted: tuple[slice, slice] | None) -> None:
+def _check_complete(heads: list[ExposureMetadata], wanted: tuple[slice, slice] | None) -> None:
     """An error that names what is missing of a region, or of the sensor."""
     from plenoptic.camera.checks import sensor_region
-    from plenoptic.rendering.frame import region_text
+    from plenoptic.rendering.crop import region_text
     from plenoptic.rendering.merging.regions import left_out
 
     regions = {head.place for head in heads}

@@ -16,7 +16,7 @@ from plenoptic.core.files.images import COLOR_SPACE, LINEAR, write_codes
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
 from plenoptic.export.pictures import folder_at, write_readme
-from plenoptic.lightfield.planes import on_white
+from plenoptic.lightfield.raw_arrays import crop_in_white_image
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
 from plenoptic.rendering.exposure import Exposure
 
@@ -178,7 +178,7 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
 
 def _pictures(target: Path, shot: Exposure, white: Exposure, names: tuple[str, ...]) -> dict[str, float]:
     """Write raw, white and dark image; what their full codes are."""
-    light = white.image[on_white(shot, white)[0]]
+    light = white.image[crop_in_white_image(shot, white)[0]]
     pictures = dict(zip(names, (shot.image, light, np.zeros_like(light)), strict=False))
     scales = {f"full code of {name}.tif, in its units": brightest(image) for name, image in pictures.items()}
     for (name, image), scale in zip(pictures.items(), scales.values(), strict=True):

@@ -2,8 +2,8 @@
 
 from plenoptic.lightfield.decode import decode
 from plenoptic.lightfield.depth_map import DepthMap, depth
-from plenoptic.lightfield.focused.rendering import render_view
 from plenoptic.lightfield.focused.view import View
+from plenoptic.lightfield.focused.view_rendering import render_view
 from plenoptic.lightfield.focused.views import render_views
 from plenoptic.lightfield.reading import read_eslf, read_hci, read_lftoolbox, read_views
 from plenoptic.lightfield.refocus import refocus

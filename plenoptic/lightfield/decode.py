@@ -16,7 +16,14 @@ from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.planes import RawPlanes, camera_of, checked_viewpoint, on_white, raw_planes, share_of_light
+from plenoptic.lightfield.raw_arrays import (
+    RawArrays,
+    camera_of,
+    checked_viewpoint,
+    crop_in_white_image,
+    raw_arrays,
+    relative_light,
+)
 from plenoptic.lightfield.resample import Resampling, resampling
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.models import LensModel
@@ -121,11 +128,11 @@ def decode(  # noqa: PLR0913
     """
     camera, array = _checked_camera(shot, white, camera)
     _check_unfocused(camera, array)
-    step, least = positive(step, "step", "pixels"), share_of_light(least_light)
+    step, least = positive(step, "step", "pixels"), relative_light(least_light)
     apart = None if spacing is None else length_in_mm(spacing, "spacing")
     place = checked_viewpoint(viewpoint)
     offsets = _offsets(camera, array, views, step, place)
-    planes, largest = raw_planes(shot, white, least), float(np.abs(offsets).max())
+    planes, largest = raw_arrays(shot, white, least), float(np.abs(offsets).max())
     index, on_array, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), planes, largest)
     axes = array_axes(camera)
     turn, origin = axes.parts.array_turn, axes.parts.array_origin
@@ -145,7 +152,7 @@ def decode(  # noqa: PLR0913
 def _checked_camera(
     shot: Exposure, white: Exposure, camera: PlenopticCamera | None
 ) -> tuple[PlenopticCamera, MicrolensArray]:
-    on_white(shot, white)
+    crop_in_white_image(shot, white)
     found = camera_of(shot, camera)
     array = found.microlenses
     if array is None:
@@ -212,7 +219,7 @@ def _offsets(
 
 
 def _centres_in(
-    camera: PlenopticCamera, method: CentreMethod, planes: RawPlanes, largest: float
+    camera: PlenopticCamera, method: CentreMethod, planes: RawArrays, largest: float
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Lattice indices (n, 2) of the microlenses of whose images the raw image may hold a view, places and pixels."""
     centres = microlens_centres(camera, method, margin=largest * camera.sensor.pixel_pitch)
@@ -236,7 +243,7 @@ def _in_own_image(camera: PlenopticCamera, array: MicrolensArray, offsets: Float
 
 
 def _sampled(
-    planes: RawPlanes, centres: Floats, offsets: Floats, grid: Resampling, own: NDArray[np.bool_]
+    planes: RawArrays, centres: Floats, offsets: Floats, grid: Resampling, own: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Views and their standard errors (U, V, rows, columns, C), one view after the other."""
     shape = (*own.shape, grid.rows, grid.columns, planes.shot.shape[2])

@@ -13,9 +13,9 @@ from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.core.waiting.bar import Waiting
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.epipolar import default_range, view_depths, view_disparities
-from plenoptic.lightfield.estimation import agreed, estimated, side_of_images
-from plenoptic.lightfield.ideal import chords, depths_of
-from plenoptic.lightfield.planes import RawPlanes, camera_of, raw_planes, share_of_light
+from plenoptic.lightfield.micro_image_matching import consensus, image_side, match_micro_images
+from plenoptic.lightfield.pinhole_model import chord_disparity, object_depths
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays, relative_light
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
@@ -150,7 +150,7 @@ def depth(  # noqa: PLR0913
     check_kind(seen, "seen", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
-    planes, found = raw_planes(seen, white, share_of_light(least_light)), camera_of(seen, camera)
+    planes, found = raw_arrays(seen, white, relative_light(least_light)), camera_of(seen, camera)
     with Waiting("matching", kind="camera", show=progress):
         return _of_raw(found, planes, _virtual_depths(found, between), reach, thread_count(threads))
 
@@ -161,21 +161,21 @@ def _of_views(field: LightField, between: tuple[float, float], radius: int) -> D
 
 
 def _of_raw(
-    camera: PlenopticCamera, planes: RawPlanes, between: tuple[float, float], radius: int, threads: int
+    camera: PlenopticCamera, planes: RawArrays, between: tuple[float, float], radius: int, threads: int
 ) -> DepthMap:
     """What is matched in the ideal camera, as the chord's disparity and as depth."""
     axes = array_axes(camera)
-    found = estimated(axes, planes, between, radius, threads)
+    found = match_micro_images(axes, planes, between, radius, threads)
     lenses, array, ideal = found.lenses, axes.camera.microlenses, found.ideal
     assert array is not None
-    disparity, error, confidence = agreed(found, planes.shot.shape)
+    disparity, error, confidence = consensus(found, planes.shot.shape)
     rows, columns = lenses.rows_and_columns()
     lens, y, x = np.nonzero(lenses.images.known)
     row, column = rows[lens, y, 0], columns[lens, 0, x]
     pixel, near = np.column_stack([row, column]) + np.array(planes.first), disparity[row, column] / lenses.pitch
     depths = np.full_like(disparity, np.nan)
-    depths[row, column] = depths_of(axes, array, pixel, lenses.on_array[lens], near, ideal, threads)
-    chord = chords(axes, array, pixel, lenses.index[lens], lenses.steps, near, ideal, threads)
+    depths[row, column] = object_depths(axes, array, pixel, lenses.on_array[lens], near, ideal, threads)
+    chord = chord_disparity(axes, array, pixel, lenses.index[lens], lenses.steps, near, ideal, threads)
     disparity[row, column] = chord * lenses.pitch
     with np.errstate(divide="ignore"):
         return DepthMap(disparity, error, confidence, lenses.pitch / disparity, depths)
@@ -185,7 +185,7 @@ def _virtual_depths(camera: PlenopticCamera, given: tuple[float, float] | None) 
     """What is looked for in a raw image, of one sign."""
     low, high = _VIRTUAL_DEPTHS
     if given is None:
-        return (low, high) if side_of_images(camera) > 0 else (-high, -low)
+        return (low, high) if image_side(camera) > 0 else (-high, -low)
     low, high = _range(given)
     if not (1.0 < low < high <= _FARTHEST or -_FARTHEST <= low < high < -1.0):
         raise InvalidValueError(

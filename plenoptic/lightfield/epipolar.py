@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.ideal import planes_in_front, z_at
-from plenoptic.lightfield.matching import Images, Pairs, Sweep, continued, matched, texture_floor
-from plenoptic.lightfield.object_planes import front_of
+from plenoptic.lightfield.object_planes import lens_front_z
+from plenoptic.lightfield.pinhole_model import object_z, planes_before_lens
+from plenoptic.lightfield.plane_sweep import Images, Pairs, Sweep, extrapolate_border, plane_sweep, texture_floor
 from plenoptic.lightfield.views import LightField
 
 _MOST = 24
@@ -58,7 +58,7 @@ def view_disparities(field: LightField, between: tuple[float, float], radius: in
     images = _pictures(field, np.vstack([centre, chosen]))
     count = len(chosen)
     pairs = Pairs(np.array([0, count]), np.arange(1, count + 1), np.zeros((count, 2)), offsets)
-    disparity, error, share = (part[0] for part in matched(images, pairs, sweep, 1))
+    disparity, error, share = (part[0] for part in plane_sweep(images, pairs, sweep, 1))
     known = np.isfinite(error) & np.isfinite(disparity)
     nothing = np.where(known, 0.0, np.nan)
     return disparity + nothing, _ERRORS * error + nothing, share + nothing
@@ -105,7 +105,7 @@ def _pictures(field: LightField, numbers: NDArray[np.int64]) -> Images:
     if field.standard_error is not None:
         error = np.stack([field.standard_error[u, v] for u, v in numbers]).astype(np.float64)
         variance = np.nan_to_num((error**2).mean(axis=-1) / error.shape[-1], nan=0.0, posinf=0.0)
-    return Images(continued(values, known), known.astype(np.uint8), texture_floor(values, variance, known))
+    return Images(extrapolate_border(values, known), known.astype(np.uint8), texture_floor(values, variance, known))
 
 
 def view_depths(field: LightField, disparity: Floats) -> Floats:
@@ -121,8 +121,8 @@ def view_depths(field: LightField, disparity: Floats) -> Floats:
     gap = camera.stop_to_microlenses - model_pupil(camera)[0]
     # disparity_at has e D / (D + e) for the distance e of an image behind the array, with the pupil D before it.
     behind = lever / (1.0 - lever / gap)
-    planes = planes_in_front(camera, _REACH * camera.stop_to_microlenses * np.linspace(-1.0, 1.0, _TRIED))
+    planes = planes_before_lens(camera, _REACH * camera.stop_to_microlenses * np.linspace(-1.0, 1.0, _TRIED))
     if len(planes) < 2:
         return np.full(disparity.shape, np.nan)
-    z = z_at((planes[0], planes[-1]), behind)
-    return np.asarray(np.where(z < front_of(camera), -z, np.nan))
+    z = object_z((planes[0], planes[-1]), behind)
+    return np.asarray(np.where(z < lens_front_z(camera), -z, np.nan))

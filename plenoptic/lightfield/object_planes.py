@@ -7,14 +7,14 @@ from plenoptic.camera.report.optics import image_plane
 from plenoptic.errors import InvalidValueError
 
 
-def front_of(camera: PlenopticCamera) -> float:
+def lens_front_z(camera: PlenopticCamera) -> float:
     """Where the lens begins, in its axes, mm."""
     return min(0.0, float(camera.lens.vertices[0]))
 
 
-def behind_array(camera: PlenopticCamera, z: float) -> float:
+def image_distance_behind_array(camera: PlenopticCamera, z: float) -> float:
     """How far behind the array the image of a plane lies, mm, negative before it; an error beyond the lens's front."""
-    front = front_of(camera)
+    front = lens_front_z(camera)
     if not z < front:
         raise InvalidValueError(
             f"z is {z:g} mm; the plane must lie in front of the camera, beyond its lens at z = {front:g} mm"

@@ -29,7 +29,7 @@ def chief_rays(
     return traced_by(reverse, _towards_scene(axes, *leaving(axes, array, pixel, on_array)[:2]), threads=threads)
 
 
-def rays_of_openings(
+def aperture_rays(
     axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, types: NDArray[np.int64], threads: int
 ) -> RayBundle:
     """Rays from pixels (n, 2) through m points of the openings of microlenses at (n, 2), of types (n,): m n rays.
@@ -38,7 +38,7 @@ def rays_of_openings(
     """
     camera = axes.camera
     bending = 1.0 / np.array(array.focal_lengths_at(camera.wavelength))[types] - 1.0 / camera.microlenses_to_sensor
-    beside = _opening_points(array) @ axes.parts.array_turn.T
+    beside = _aperture_points(array) @ axes.parts.array_turn.T
     front, slopes, _ = leaving(axes, array, pixel, on_array)
     rays = _towards_scene(
         axes,
@@ -48,15 +48,15 @@ def rays_of_openings(
     return traced_by(lens_record(camera.lens, camera.wavelength, reverse=True), rays, threads=threads)
 
 
-def met(rays: RayBundle, z: float | Floats) -> Floats:
+def plane_intersections(rays: RayBundle, z: float | Floats) -> Floats:
     """Where rays, or the lines along them, meet a plane: x and y (n, 2)."""
     along = (z - rays.origin[:, 2]) / rays.direction[:, 2]
     return np.asarray(rays.origin[:, :2] + along[:, None] * rays.direction[:, :2])
 
 
-def opening_variance(array: MicrolensArray) -> float:
+def aperture_variance(array: MicrolensArray) -> float:
     """Variance of places in an opening along one axis, the mean of both, mm^2."""
-    return float(0.5 * (_opening_points(array) ** 2).sum(axis=1).mean())
+    return float(0.5 * (_aperture_points(array) ** 2).sum(axis=1).mean())
 
 
 def leaving(axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats) -> tuple[Floats, Floats, Floats]:
@@ -81,7 +81,7 @@ def _towards_scene(axes: ArrayAxes, leaving: Floats, slopes: Floats) -> RayBundl
     return RayBundle(axes.in_lens(leaving), axes.parts.local_to_lens.directions(towards), axes.camera.wavelength)
 
 
-def _opening_points(array: MicrolensArray) -> Floats:
+def _aperture_points(array: MicrolensArray) -> Floats:
     """Points (m, 2) spread evenly over an opening, mm: on a spiral whose turns keep the golden angle."""
     if not array.model.focuses:
         return np.zeros((1, 2))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.model_pupil import model_pupil
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.object_planes import behind_array
+from plenoptic.lightfield.object_planes import image_distance_behind_array
 from plenoptic.truth.channels import GroundTruth, Truth
 
 if TYPE_CHECKING:
@@ -225,7 +225,7 @@ class LightField:
         camera = self.camera
         if camera is None:
             return self._between_cameras(place)
-        behind = behind_array(camera, place)
+        behind = image_distance_behind_array(camera, place)
         pupil, _ = model_pupil(camera)
         gap = camera.stop_to_microlenses - pupil
         # e / (D + e) times D, with both at any distance.

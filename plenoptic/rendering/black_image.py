@@ -26,7 +26,7 @@ from plenoptic.scene.lights.spot import SpotLight
 from plenoptic.scene.textures.color import mean_colour
 
 if TYPE_CHECKING:
-    from plenoptic.rendering.integrator.record import RayQueue
+    from plenoptic.rendering.integrator.ray_queue import RayQueue
     from plenoptic.rendering.schedule.progress import Progress
     from plenoptic.scene.geometry.record import Hits, Interactions
     from plenoptic.scene.scene import Scene
@@ -134,7 +134,7 @@ def _directions(n: int) -> Floats:
 
 
 class _Probe:
-    """Some paths over the whole sensor, and what becomes of them: a `Witness` of them."""
+    """Some paths over the whole sensor, and what becomes of them: a `PathObserver` of them."""
 
     def __init__(self, context: RenderContext, scene: Scene | None) -> None:
         self.context, self.scene, camera = context, scene, context.camera
@@ -165,7 +165,7 @@ class _Probe:
         if context.scene is not None:
             from plenoptic.rendering.integrator.path import PathIntegrator
 
-            radiance = PathIntegrator(context, n).radiance(bundle, 0, n, batch, fed.number, ways.waves, witness=self)
+            radiance = PathIntegrator(context, n).radiance(bundle, 0, n, batch, fed.number, ways.waves, observer=self)
             self.bright = bool(radiance.any())
 
     def left(self, rays: Floats) -> None:

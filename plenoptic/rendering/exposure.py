@@ -15,8 +15,8 @@ from plenoptic.core.files.reading import DEFAULT, FileLimits
 from plenoptic.core.relative_error import ImageError, image_error
 from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, seed_number, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.frame import checked_region, region_text, samples_text
-from plenoptic.rendering.heads import checked_seed, possible
+from plenoptic.rendering.crop import checked_region, region_text, samples_text
+from plenoptic.rendering.exposure_metadata import checked_seed, possible
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.truth.channels import GroundTruth, truth_names

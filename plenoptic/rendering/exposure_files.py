@@ -17,8 +17,8 @@ from plenoptic.core.files.reading import FileLimits
 from plenoptic.core.files.serialization import describe, described_fields, restore, restored_fields
 from plenoptic.core.values import file_path, positive
 from plenoptic.errors import FileError
-from plenoptic.rendering.frame import counts_in
-from plenoptic.rendering.heads import FACTS, Head, checked_head, possible
+from plenoptic.rendering.crop import counts_in
+from plenoptic.rendering.exposure_metadata import FACTS, ExposureMetadata, checked_metadata, possible
 from plenoptic.truth.arrays import file_note, file_planes, truth_in, truth_named
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ CHANNEL_NAMES = {1: ("Y",), 3: ("R", "G", "B")}
 _SAMPLES = "samples"
 
 
-def texts_of(exposure: Exposure | Head, names: tuple[str, ...] = FACTS) -> dict[str, str]:
+def texts_of(exposure: Exposure | ExposureMetadata, names: tuple[str, ...] = FACTS) -> dict[str, str]:
     """What files say about an exposure, beside its arrays."""
     return {"Software": f"plenoptic {__version__}", **described_fields(exposure, names)}
 
@@ -83,7 +83,7 @@ def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
     }
 
 
-def head_of_image(path: str | os.PathLike[str]) -> Head:
+def metadata_of_image(path: str | os.PathLike[str]) -> ExposureMetadata:
     """All but the pixels of the exposure that an image file holds."""
     shape, names, picture, metadata = images.read_head(path)
     arrays = ["image"]
@@ -92,7 +92,9 @@ def head_of_image(path: str | os.PathLike[str]) -> Head:
     if _SAMPLES in names:
         arrays.append("sample_counts")
     with possible(path):
-        return checked_head((*shape, len(picture)), (*arrays, *truth_named(names)), restored_fields(metadata, FACTS))
+        return checked_metadata(
+            (*shape, len(picture)), (*arrays, *truth_named(names)), restored_fields(metadata, FACTS)
+        )
 
 
 def _channels(exposure: Exposure) -> Mapping[str, NDArray[Any]]:

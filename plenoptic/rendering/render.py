@@ -12,7 +12,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import checked_budget
-from plenoptic.rendering.schedule.scheduler import Work, run
+from plenoptic.rendering.schedule.scheduler import RenderOptions, run
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth
 
@@ -155,7 +155,9 @@ def render(  # noqa: PLR0913
     budget = checked_budget(samples, time_limit, target_error, replicates)
     settings = RenderSettings(max_bounces, caustics, clamp, sampler)
     subject = Subject(scene, camera, budget.max_samples, budget.replicates, truth, settings)
-    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client)
+    work = RenderOptions(
+        region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client
+    )
     return run(subject, budget, work)
 
 
@@ -206,5 +208,7 @@ def render_white(  # noqa: PLR0913
     warn_where_implausible(camera)
     budget, settings = checked_budget(samples, time_limit, target_error, replicates), RenderSettings(0, sampler=sampler)
     subject = Subject(None, camera, budget.max_samples, budget.replicates, Truth.NONE, settings)
-    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client)
+    work = RenderOptions(
+        region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client
+    )
     return run(subject, budget, work)

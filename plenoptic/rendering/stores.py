@@ -20,7 +20,15 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.rendering.exposure_files import CHANNEL_NAMES, texts_of
-from plenoptic.rendering.heads import EXPOSURE_NAMES, FACTS, Head, checked_head, fields_of, pixels_of, possible
+from plenoptic.rendering.exposure_metadata import (
+    EXPOSURE_NAMES,
+    FACTS,
+    ExposureMetadata,
+    checked_metadata,
+    fields_of,
+    pixels_of,
+    possible,
+)
 from plenoptic.truth.arrays import available_truth, empty_truth
 from plenoptic.truth.channels import CHANNELS, Truth
 
@@ -109,15 +117,15 @@ def fields_of_store(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
     return {**fields_of(_read(path, limits)), **restored_fields(texts, FACTS)}
 
 
-def head_of_store(path: str | os.PathLike[str]) -> Head:
+def metadata_of_store(path: str | os.PathLike[str]) -> ExposureMetadata:
     """All but the pixels of the exposure that a store holds."""
     texts = _attributes(path)
     shapes = array_shapes(path, (*EXPOSURE_NAMES, *CHANNELS))
     with possible(path):
-        return checked_head(shapes.get("image", ()), shapes, restored_fields(texts, FACTS))
+        return checked_metadata(shapes.get("image", ()), shapes, restored_fields(texts, FACTS))
 
 
-def rows_of_store(path: str | os.PathLike[str], head: Head, first: int, end: int) -> Exposure:
+def rows_of_store(path: str | os.PathLike[str], head: ExposureMetadata, first: int, end: int) -> Exposure:
     """Some rows of the exposure that a store with this head holds, however large it is; they have no region."""
     from plenoptic.rendering.exposure import Exposure  # knows this module
 

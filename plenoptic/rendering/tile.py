@@ -16,7 +16,7 @@ from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.plan.stages import Stage
-from plenoptic.rendering.tile_sums import Part, PixelSums, SharedSums, Tally
+from plenoptic.rendering.tile_sums import PathCounts, PixelSums, SamplingPass, SharedSums
 from plenoptic.truth.ground_truth import Arrays, truth_of
 from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.stages import TruthRecord
@@ -102,8 +102,8 @@ def render_tile(
         sums: PixelSums | SharedSums = PixelSums(context, fed, batch, whole)
     else:
         sums = SharedSums(context, camera.spread, fed, batch, whole)
-    tally = Tally(context, status_codes(camera))
-    for parts in sums.rounds():
+    tally = PathCounts(context, status_codes(camera))
+    for parts in sums.passes():
         if not _added(context, parts, tally, tile, stopped):
             return None
     return TileResult(
@@ -123,7 +123,7 @@ def render_tile(
 
 
 def _added(
-    context: RenderContext, parts: list[Part], tally: Tally, tile: Tile, stopped: Callable[[], bool] | None
+    context: RenderContext, parts: list[SamplingPass], tally: PathCounts, tile: Tile, stopped: Callable[[], bool] | None
 ) -> bool:
     """Follow the paths of a round and add what they bring; whether nothing stopped it."""
     integrator = None

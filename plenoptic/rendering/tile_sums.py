@@ -21,7 +21,7 @@ from plenoptic.rendering.settings import Sampler
 from plenoptic.rendering.stats import NAMED
 
 
-class Part(NamedTuple):
+class SamplingPass(NamedTuple):
     """Paths of a tile that start alike."""
 
     fed: FedPixels
@@ -52,9 +52,9 @@ class PixelSums:
         light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
         return int(film_sums.fill_sums(self._sums, light, start, n, self._batch))
 
-    def rounds(self) -> Iterator[list[Part]]:
+    def passes(self) -> Iterator[list[SamplingPass]]:
         """Parts, to be gone through one by one; afterwards the sums are in `whole`."""
-        yield [Part(self._fed, self._batch, self._fill)]
+        yield [SamplingPass(self._fed, self._batch, self._fill)]
         place, sums = self._fed.place, self._sums
         if self._grouped:
             sums = self._whole[place] + _by_replicate(sums, self._batch, self._whole.shape[1] - 1)
@@ -75,7 +75,7 @@ class SharedSums:
         white = context.scene is None and spread.table.means is not None
         self._levels = np.zeros(len(fed.around.numbers)) if white else None
 
-    def rounds(self) -> Iterator[list[Part]]:
+    def passes(self) -> Iterator[list[SamplingPass]]:
         """Parts, to be gone through one by one, those of a round together; afterwards the sums are in `whole`."""
         if self._levels is not None:
             # Before all others, since these need it.
@@ -98,27 +98,27 @@ class SharedSums:
         cuts = [begin, *range((begin // step + 1) * step, end, step), end]
         return (batch_of(self._context, first, last - first) for first, last in pairwise(cuts))
 
-    def _levelling(self, fed: FedPixels) -> Part:
+    def _levelling(self, fed: FedPixels) -> SamplingPass:
         """Paths of their own, which tell about how light it is: the same whichever samples are rendered."""
         batch = batch_record(self._batch.seed, 0, LEVELLING, 1, 0, 0)
 
         def fill(bundle: Floats, _: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
-            film_sums.fill_levels(self._levels, fed.place, bundle, start, n, batch)
+            film_sums.fill_pilot_means(self._levels, fed.place, bundle, start, n, batch)
             return 0
 
-        return Part(fed._replace(number=levelling_numbers(fed.number)), batch, fill, counted=False)
+        return SamplingPass(fed._replace(number=levelling_numbers(fed.number)), batch, fill, counted=False)
 
-    def _sharing(self, sums: tuple[Floats, Floats], fed: FedPixels, batch: Batch) -> Part:
+    def _sharing(self, sums: tuple[Floats, Floats], fed: FedPixels, batch: Batch) -> SamplingPass:
         """Paths to pixels, whose light is shared."""
         parts = self._spread.table.parts
 
         def fill(bundle: Floats, radiance: Floats | None, ways: CameraPaths, start: int, n: int) -> int:
             light, shares = film_sums.Light(bundle, radiance, ways.waves, self._weights), (ways.spots, parts)
-            return int(film_sums.fill_shared(sums, fed.place, light, self._levels, shares, start, n, batch))
+            return int(film_sums.fill_kernel_sums(sums, fed.place, light, self._levels, shares, start, n, batch))
 
-        return Part(fed, batch, fill)
+        return SamplingPass(fed, batch, fill)
 
-    def _drawing(self, sums: tuple[Floats, Floats], batch: Batch) -> Part:
+    def _drawing(self, sums: tuple[Floats, Floats], batch: Batch) -> SamplingPass:
         """Paths whose bends are drawn."""
         rest = rest_of(batch)
 
@@ -126,14 +126,14 @@ class SharedSums:
             light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
             return int(film_sums.fill_drawn(sums, light, start, n, rest, batch, EVERY))
 
-        return Part(self._drawn, rest, fill)
+        return SamplingPass(self._drawn, rest, fill)
 
     def _gather(self, shared: tuple[Floats, Floats], drawn: tuple[Floats, Floats], batch: Batch) -> None:
         """Add what pixels get to `whole`."""
         givers, known, means = self._around.givers, np.zeros(drawn[1].shape), self._spread.table.means
         if self._levels is not None and means is not None:
             known += self._levels[givers] @ means.T
-        film_sums.fill_gathered(self._whole, shared, known, drawn, givers, batch, self._spread.drawn, EVERY)
+        film_sums.fill_pixel_totals(self._whole, shared, known, drawn, givers, batch, self._spread.drawn, EVERY)
 
 
 def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
@@ -145,7 +145,7 @@ def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
     return grouped
 
 
-class Tally:
+class PathCounts:
     """What becomes of a tile's own paths."""
 
     def __init__(self, context: RenderContext, statuses: int) -> None:
@@ -154,15 +154,17 @@ class Tally:
         self.paths, self.met, self.nonfinite, self.light, self.clamped = 0, 0, 0, 0.0, 0.0
         self.lost_paths: list[tuple[int, int, int]] = []
 
-    def clamp(self, part: Part, bundle: Floats, radiance: Floats | None, n: int) -> None:
+    def clamp(self, part: SamplingPass, bundle: Floats, radiance: Floats | None, n: int) -> None:
         """Clamp what the paths of a bundle bring."""
         limit = self._context.settings.clamp
         if limit is not None and radiance is not None:
-            kept, removed = film_sums.fill_clamped(radiance, bundle, n, limit)
+            kept, removed = film_sums.clamp_radiance(radiance, bundle, n, limit)
             if part.counted:
                 self.light, self.clamped = self.light + kept + removed, self.clamped + removed
 
-    def drop(self, part: Part, bundle: Floats, radiance: Floats | None, start: int, n: int, dropped: int) -> None:
+    def drop(
+        self, part: SamplingPass, bundle: Floats, radiance: Floats | None, start: int, n: int, dropped: int
+    ) -> None:
         """Count contributions that are not finite, and name the first of a bundle by row, column and sample."""
         if not dropped or not part.counted:
             return

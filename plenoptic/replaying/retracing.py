@@ -14,7 +14,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, batch_of, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import PathIntegrator
-from plenoptic.rendering.kernels.film_sums import Light, fill_clamped, fill_sums
+from plenoptic.rendering.kernels.film_sums import Light, clamp_radiance, fill_sums
 from plenoptic.rendering.plan.stages import Stage, Subject
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
 from plenoptic.replaying.in_camera import CameraWay, trace_camera
@@ -194,7 +194,7 @@ def _retraced(context: RenderContext, scene: Scene | None, pixel: tuple[int, int
     events, radiance, ending = _through_scene(context, scene, way, batch)
     limit, brightest = context.settings.clamp, 0.0 if radiance is None else float(radiance.max())
     if limit is not None and radiance is not None:
-        fill_clamped(radiance, way.bundle, 1, limit)
+        clamp_radiance(radiance, way.bundle, 1, limit)
     sums, weights = np.zeros((1, 2, context.channels)), None if camera.colour is None else camera.colour.weights
     dropped = fill_sums(sums, Light(way.bundle, radiance, way.waves, weights), 0, 1, batch)
     added, fill_factor = sums[0, 0], camera.sensor.fill_factor

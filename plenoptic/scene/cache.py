@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.core.last_made import LastMade
+from plenoptic.core.last_result import LastResult
 from plenoptic.scene.compile import SceneRecord, Surfaces, build_record
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
 from plenoptic.scene.geometry.instance import Instances
@@ -66,6 +66,6 @@ def prepared_scene(scene: Scene) -> PreparedScene:
     return _last(scene)
 
 
-_last: LastMade[Scene, PreparedScene] = LastMade(_prepare)
+_last: LastResult[Scene, PreparedScene] = LastResult(_prepare)
 """Of one scene only: trees take as much memory as scenes do."""
-_kept: LastMade[Mesh, _Kept] = LastMade(_Kept)
+_kept: LastResult[Mesh, _Kept] = LastResult(_Kept)

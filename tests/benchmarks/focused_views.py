@@ -11,7 +11,7 @@ from timing import timed
 
 import plenoptic as pl
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
-from plenoptic.lightfield.planes import raw_planes
+from plenoptic.lightfield.raw_arrays import raw_arrays
 from plenoptic.truth.channels import Truth
 
 _THREE = (1.85, 2.0, 2.3)
@@ -123,7 +123,7 @@ def _patches(shot, white, disparity, view):
 
     For cameras without parts out of place: local axes are those of the array.
     """
-    camera, planes = view.camera, raw_planes(shot, white, 0.1)
+    camera, planes = view.camera, raw_arrays(shot, white, 0.1)
     b, pixel = camera.microlenses_to_sensor, camera.sensor.pixel_pitch
     points = pl.paraxial.cardinal_points(camera.lens, wavelength=camera.wavelength)
     distance = camera.stop_to_microlenses - points.exit_pupil

@@ -10,7 +10,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.images import PixelState
 from plenoptic.lightfield import decode, refocus
-from plenoptic.lightfield.planes import raw_planes
+from plenoptic.lightfield.raw_arrays import raw_arrays
 from plenoptic.lightfield.resample import resampling
 
 HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
@@ -100,7 +100,7 @@ def test_an_exact_white_image_leaves_the_error_of_the_shot():
 def test_reading_between_pixels_reproduces_linear_functions_exactly():
     rows, columns = np.mgrid[0:9, 0:12]
     shot = pl.Exposure((2.0 + 0.5 * rows - 0.25 * columns)[:, :, None] + 10)
-    planes = raw_planes(shot, pl.Exposure(np.ones((9, 12, 1))), 0.05)
+    planes = raw_arrays(shot, pl.Exposure(np.ones((9, 12, 1))), 0.05)
     places = np.random.default_rng(1).uniform((0, 0), (8, 11), (200, 2))
     found, _ = planes.read(places)
     np.testing.assert_allclose(found[:, 0], 12 + 0.5 * places[:, 0] - 0.25 * places[:, 1], rtol=1e-12)

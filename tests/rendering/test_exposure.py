@@ -12,7 +12,7 @@ from PIL import Image
 import plenoptic as pl
 from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.rendering.frame import samples_text
+from plenoptic.rendering.crop import samples_text
 from plenoptic.rendering.schedule import scheduler
 from plenoptic.study.cameras import reference_camera
 from plenoptic.truth.arrays import empty_truth

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.rendering import RenderStats, StopReason
-from plenoptic.rendering.heads import head_of
+from plenoptic.rendering.exposure_metadata import metadata_of
 from plenoptic.rendering.merging.regions import left_out
 from plenoptic.study.cameras import reference_camera
 
@@ -50,7 +50,7 @@ def made_up(rng, region, **changes):
 
 def part_of(whole, region):
     """What of an exposure lies in a region."""
-    first_row, _, first_column, _ = head_of(whole).place
+    first_row, _, first_column, _ = metadata_of(whole).place
     rows = slice(region[0] - first_row, region[1] - first_row)
     columns = slice(region[2] - first_column, region[3] - first_column)
     changes = {name: getattr(whole, name)[rows, columns] for name in ("image", "standard_error", "sample_counts")}

@@ -11,7 +11,7 @@ from plenoptic.camera.report.focus import kind_of
 from plenoptic.camera.report.layout import camera_layout, plane_of_focus
 from plenoptic.camera.report.optics import camera_cone
 from plenoptic.camera.report.text import KIND_NAMES, report_sections, report_title
-from plenoptic.core.last_made import LastMade
+from plenoptic.core.last_result import LastResult
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.plots.camera_layout import SIZES
@@ -45,7 +45,7 @@ def _camera_html(camera: PlenopticCamera) -> str:
     return heading_html(title) + picture + table_html((), _key_numbers(camera))
 
 
-camera_html = LastMade(_camera_html)
+camera_html = LastResult(_camera_html)
 """Picture and key numbers of a camera, by Gaussian optics: nothing is compiled for them."""
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.focused.pixel_rays import PixelRays
-from plenoptic.lightfield.focused.splats import by_cell
+from plenoptic.lightfield.focused.splats import sort_by_cell
 
 _FAT = 4
 """Pixels by which surfaces reach beyond their edges in estimated maps, at most."""
@@ -49,7 +49,7 @@ def light_of(radiance: Floats, variance: Floats | None) -> Light:
     return Light(value, spread)
 
 
-def corrected(rays: PixelRays, nearness: Floats, light: Light, spacing: float, depth: float) -> Floats:
+def correct_edges(rays: PixelRays, nearness: Floats, light: Light, spacing: float, depth: float) -> Floats:
     """Nearness (n,) of pixels, where estimated surfaces are wider than their edges that of what is behind them.
 
     Which surface a pixel shows is judged by what other microlenses see at its places on both: its light is nearer to
@@ -85,11 +85,11 @@ def _in_cells(rays: PixelRays, nearness: Floats, light: Floats, spacing: float) 
     known, cell = np.asarray(np.isfinite(place).all(axis=1)), np.rint(place)
     low, high = cell[known].min(axis=0, initial=0), cell[known].max(axis=0, initial=0)
     shape = (int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1)
-    first, number = by_cell(cell - low, known, shape)
+    first, number = sort_by_cell(cell - low, known, shape)
     return Cells(first, number, (int(low[0]), int(low[1])), shape, place, nearness, light, rays.lens)
 
 
-def unmixed(rays: PixelRays, nearness: Floats, blur: Floats, depth: float) -> Floats:
+def edge_weights(rays: PixelRays, nearness: Floats, blur: Floats, depth: float) -> Floats:
     """Weights (n,) of pixels, small beside edges of depth; `blur` is the radius of the image of a point in pixels."""
     from plenoptic.lightfield.kernels.depth_edges import fill_mixed
 

@@ -16,7 +16,7 @@ from plenoptic.camera.report.optics import opening_width, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.outward_rays import leaving
-from plenoptic.lightfield.planes import RawPlanes
+from plenoptic.lightfield.raw_arrays import RawArrays
 from plenoptic.optics.microlens.array import MicrolensArray
 
 _LEAST = 0.25
@@ -61,7 +61,7 @@ class PixelRays(NamedTuple):
         return plane
 
 
-def seen_pupil(camera: PlenopticCamera) -> Pupil:
+def exit_pupil_seen(camera: PlenopticCamera) -> Pupil:
     """The exit pupil of a camera."""
     cone = paraxial_cone(camera.lens, camera.stop_to_microlenses, camera.wavelength)
     z, size = model_pupil(camera)
@@ -69,7 +69,7 @@ def seen_pupil(camera: PlenopticCamera) -> Pupil:
     return Pupil(cone.vergence, cone.slope if upright else -cone.slope)
 
 
-def pixel_rays(axes: ArrayAxes, array: MicrolensArray, planes: RawPlanes, pupil: Pupil) -> PixelRays:
+def pixel_rays(axes: ArrayAxes, array: MicrolensArray, planes: RawArrays, pupil: Pupil) -> PixelRays:
     """Of all lit pixels that see one microlens alone."""
     camera, first = axes.camera, np.array(planes.first)
     shape = np.array(planes.shot.shape[:2])

@@ -157,12 +157,12 @@ def sorted_splats(grid: Grid, on_array: Floats, samples: Splats) -> Splats:
         nearest = np.rint(places)
         cell = nearest - grid.first
         inside = ((cell >= 0) & (cell < grid.shape)).all(axis=1) & np.isfinite(samples.nearness)
-    first, kept = by_cell(cell, inside, grid.shape)
+    first, kept = sort_by_cell(cell, inside, grid.shape)
     chosen = [None if part is None else np.ascontiguousarray(part[kept]) for part in samples[2:]]
     return Splats(first, np.ascontiguousarray((places - nearest)[kept]), *chosen)  # type: ignore[arg-type]
 
 
-def by_cell(
+def sort_by_cell(
     cell: Floats, inside: NDArray[np.bool_], shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Samples in cells (n, 2) that are inside, cell by cell: where those of each begin, and last end; their numbers."""
@@ -172,7 +172,7 @@ def by_cell(
     return first, kept[np.argsort(flat, kind="stable")]
 
 
-def splatted(splats: Splats, grid: Grid, surfaces: Surfaces, threads: int) -> Canvas:
+def splat_picture(splats: Splats, grid: Grid, surfaces: Surfaces, threads: int) -> Canvas:
     """The picture that samples make."""
     from plenoptic.lightfield.kernels.splat import WIDENINGS, WIDER, fill_view
 

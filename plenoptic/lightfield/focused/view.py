@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats, result
-from plenoptic.lightfield.focused.pixel_rays import seen_pupil
+from plenoptic.lightfield.focused.pixel_rays import exit_pupil_seen
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.channels import GroundTruth, Truth
 
@@ -75,7 +75,7 @@ class View:
         from plenoptic.truth.view_truth import truth_along
 
         axes = array_axes(self.camera)
-        pupil = seen_pupil(self.camera)
+        pupil = exit_pupil_seen(self.camera)
         local = axes.local(self.on_array.reshape(-1, 2))
         slopes = local * pupil.vergence - np.array(self.viewpoint) * pupil.slope
         on_sensor = axes.on_sensor(local, slopes).reshape(self.on_array.shape)

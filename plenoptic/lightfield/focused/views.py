@@ -11,7 +11,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
 from plenoptic.lightfield.decode import field_of, odd_count
-from plenoptic.lightfield.focused.rendering import focus_of, rendered, samples_of, seen_by
+from plenoptic.lightfield.focused.view_rendering import picture_focus, picture_samples, raw_rays, render_from_viewpoint
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
@@ -65,13 +65,13 @@ def render_views(
     (LightField(3 x 3 views of 31 x 31 x 1), [0.6, -0.6])
     """
     count = odd_count(views)
-    seen = seen_by(shot, white, camera)
-    samples = samples_of(seen, focus_of(seen, disparity), spacing)
+    seen = raw_rays(shot, white, camera)
+    samples = picture_samples(seen, picture_focus(seen, disparity), spacing)
     places = np.linspace(-_WIDTH, _WIDTH, count) if count > 1 else np.zeros(1)
     # Offsets grow to the right in the image and in the pupil, where that is not turned over.
     scale = seen.pupil.slope * seen.camera.microlenses_to_sensor / seen.camera.sensor.pixel_pitch
     sign, workers = math.copysign(1.0, scale), thread_count(threads)
-    made = [[rendered(samples, (sign * x, -sign * y), math.inf, workers) for y in places] for x in places]
+    made = [[render_from_viewpoint(samples, (sign * x, -sign * y), math.inf, workers) for y in places] for x in places]
     axes, local = array_axes(seen.camera), samples.grid.places()
     chief = axes.on_sensor(local.reshape(-1, 2), local.reshape(-1, 2) * seen.pupil.vergence)
     pixel = seen.camera.sensor.pixel_of(chief).reshape(local.shape)

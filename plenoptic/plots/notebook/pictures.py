@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from plenoptic.core.last_made import LastMade
+from plenoptic.core.last_result import LastResult
 from plenoptic.plots import aberrations, contrast, exposure, lightfield, points, scene
 from plenoptic.plots.notebook.html import picture_html, text_html
 
 
-def _picture(plot: Callable[..., Any], size: Callable[[Any], tuple[float, float]], alt: str) -> LastMade[Any, str]:
+def _picture(plot: Callable[..., Any], size: Callable[[Any], tuple[float, float]], alt: str) -> LastResult[Any, str]:
     def made(shown: Any) -> str:
         text = repr(shown)
         return picture_html(
             lambda figure: plot(shown, figure=figure), size=size(shown), alt=f"{alt}: {text}", text=text
         )
 
-    return LastMade(made)
+    return LastResult(made)
 
 
 _scene_picture = _picture(scene.plot_scene, lambda _: scene.SIZE, "A scene from three sides")
@@ -50,7 +50,7 @@ def _both(plan: Any) -> str:
     )
 
 
-_plan_picture: LastMade[Any, str] = LastMade(_both)
+_plan_picture: LastResult[Any, str] = LastResult(_both)
 
 exposure_html = _picture(
     exposure.plot_exposure,

@@ -27,7 +27,7 @@ from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.schedule.expected import expected_times
+from plenoptic.rendering.schedule.time_history import time_history
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.rendering.tile import status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
@@ -192,7 +192,7 @@ def estimate(  # noqa: PLR0913
         decided = target_error is not None and budget.enough < budget.max_samples
         found = _by_error(pilots) if decided else _by_samples(pilots)
     told = _estimate(pilots, found)
-    expected_times.note(subject, budget, where, workers, seconds=told.seconds.value)
+    time_history.note(subject, budget, where, workers, seconds=told.seconds.value)
     return told
 
 

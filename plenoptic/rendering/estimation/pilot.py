@@ -20,10 +20,10 @@ from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.schedule.orders import thread_engine
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.rendering.schedule.progress_bar import ProgressBar
-from plenoptic.rendering.schedule.scheduler import Work, drive, exposure_of, progress_of
+from plenoptic.rendering.schedule.scheduler import RenderOptions, drive, exposure_of, progress_of
+from plenoptic.rendering.schedule.tile_jobs import thread_engine
 from plenoptic.rendering.tile import Tile
 from plenoptic.truth.ground_truth import truth_record
 
@@ -121,7 +121,7 @@ def run_pilot(
     engine = thread_engine(context, truth, clock, threads)
     if drive(progress, context, engine, clock, None, ProgressBar(begin[0], show=False)):
         raise KeyboardInterrupt
-    work = Work(None, 0, threads, None, False, None, None, 1.0)
+    work = RenderOptions(None, 0, threads, None, False, None, None, 1.0)
     exposure = exposure_of(progress, subject, work, threads, None, interrupted=True)
     took = time.perf_counter() - begin[0], time.process_time() - begin[1]
     return PilotRun(rows * columns, *took, progress, exposure, context.prepared.kept_bytes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic.core.kernels import sobol
-from plenoptic.rendering.integrator.record import RayQueue, Wavelengths
+from plenoptic.rendering.integrator.ray_queue import RayQueue, Wavelengths
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.kernels.interaction import fill_interactions
 from plenoptic.scene.geometry.record import INTERACTION_COLUMNS, Hits, Interactions, PathKeys

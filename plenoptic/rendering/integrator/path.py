@@ -15,7 +15,7 @@ from plenoptic.rendering.integrator.interaction import InteractionStage
 from plenoptic.rendering.integrator.kernels.bounce import sample_bsdf
 from plenoptic.rendering.integrator.kernels.direct_light import add_direct, eval_direct
 from plenoptic.rendering.integrator.kernels.path_keys import fill_path_keys
-from plenoptic.rendering.integrator.record import RayQueue, ShadowRays, Wavelengths
+from plenoptic.rendering.integrator.ray_queue import RayQueue, ShadowRays, Wavelengths
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Caustics
@@ -24,10 +24,10 @@ from plenoptic.scene.lights.record import DELTA, DrawnLights
 from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, attenuate_shadows, media_at, no_hits, skip_transparent
 
 if TYPE_CHECKING:
-    from plenoptic.rendering.integrator.moving import MovingPaths
+    from plenoptic.rendering.integrator.moving_paths import MovingPaths
 
 
-class Witness(Protocol):
+class PathObserver(Protocol):
     """Is told what the paths of a bundle go through. What it is handed is used again: it copies what it keeps."""
 
     def left(self, rays: Floats) -> None:
@@ -54,7 +54,7 @@ class PathIntegrator:
         self.moving: MovingPaths | None = None
         """What differs from path to path; None where nothing moves in the exposure."""
         if context.shutter is not None:
-            from plenoptic.rendering.integrator.moving import MovingPaths
+            from plenoptic.rendering.integrator.moving_paths import MovingPaths
 
             self.moving = MovingPaths(context.shutter, scene, intersector, capacity)
             scene = self.moving.scene
@@ -102,7 +102,7 @@ class PathIntegrator:
         batch: Batch,
         number: NDArray[np.int64],
         waves: NDArray[np.int64] | None,
-        witness: Witness | None = None,
+        observer: PathObserver | None = None,
     ) -> Floats:
         """What the paths of a bundle see, (n, channels); 0 for those that did not leave the lens.
 
@@ -112,18 +112,18 @@ class PathIntegrator:
         radiance = self._radiance[:n]
         radiance[:] = 0.0
         found = self._start(blocks, start, n, batch, number)
-        if witness is not None:
-            witness.left(self._now.rays[:found])
+        if observer is not None:
+            observer.left(self._now.rays[:found])
         for bounce in range(max_bounces + 1):
             hits = self._meet(found, bounce)
             if bounce == 0:
                 self.met += int(np.count_nonzero(hits.triangle >= 0))
             self._see(radiance, hits, wavelengths)
-            if witness is not None:
-                witness.saw(self._now.rays[:found], hits, radiance)
+            if observer is not None:
+                observer.saw(self._now.rays[:found], hits, radiance)
             if bounce == max_bounces or not self._scatters:
                 break
-            found = self._scatter(radiance, hits, bounce, wavelengths, witness)
+            found = self._scatter(radiance, hits, bounce, wavelengths, observer)
             self._now, self._next = self._next, self._now
             if not found:
                 break
@@ -173,22 +173,22 @@ class PathIntegrator:
             add_emission(radiance, now, hits, scene.geometry, scene.emission, scene.lights.sky, wavelengths)
 
     def _scatter(
-        self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, witness: Witness | None
+        self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, observer: PathObserver | None
     ) -> int:
         """Add direct light and send the rays onwards; returns how many there are."""
         met = self._stage.find(self._now, hits, self._path_keys(), bounce, wavelengths)
         if self._lights:
             drawn = self._stage.draw_lights(met, self._now, wavelengths)
             shadow, blocked = self._add_direct(radiance, met, drawn, wavelengths)
-            if witness is not None:
-                witness.lit(met, drawn, shadow, blocked)
+            if observer is not None:
+                observer.lit(met, drawn, shadow, blocked)
         # After the last bounce only what a ray meets by chance is missing.
         onwards = self._send_on(met, wavelengths, russian_roulette=bounce >= ROULETTE) if self._goes_on else 0
-        if witness is not None:
+        if observer is not None:
             chosen = onwards
             if self._goes_on and not onwards:
                 chosen = self._send_on(met, wavelengths, russian_roulette=False)
-            witness.scattered(met, self._next, onwards, chosen)
+            observer.scattered(met, self._next, onwards, chosen)
         return onwards
 
     def _add_direct(

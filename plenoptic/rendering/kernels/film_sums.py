@@ -69,7 +69,7 @@ def fill_sums(sums, bundle, start, n, batch):
 
 
 @kernel
-def fill_shared(sums, place, bundle, levels, shares, start, n, batch):
+def fill_kernel_sums(sums, place, bundle, levels, shares, start, n, batch):
     """Share what the paths of a bundle bring between pixels.
 
     `sums` are (places, replicates, channels, pixels) and, of squares, (places, channels, pixels); `place` are those of
@@ -100,7 +100,7 @@ def fill_shared(sums, place, bundle, levels, shares, start, n, batch):
 
 
 @kernel
-def fill_levels(levels, place, blocks, start, n, batch):
+def fill_pilot_means(levels, place, blocks, start, n, batch):
     """Add the mean of what the paths of a bundle of a white image bring, before weights of wavelengths."""
     for k in range(n):
         light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
@@ -133,7 +133,7 @@ def fill_drawn(sums, bundle, start, n, drawn, batch, every):
 
 
 @kernel
-def fill_gathered(whole, shared, known, drawn, givers, batch, part, every):
+def fill_pixel_totals(whole, shared, known, drawn, givers, batch, part, every):
     """Add up what pixels get of the samples of a batch: shares of light at `givers`, what is `known` (pixels, channels)
     of a sample, and `part` of the drawn bends.
 
@@ -167,7 +167,7 @@ def fill_gathered(whole, shared, known, drawn, givers, batch, part, every):
 
 
 @kernel
-def fill_clamped(radiance, blocks, n, limit):
+def clamp_radiance(radiance, blocks, n, limit):
     """Scale down what paths bring that is brighter than a limit; returns the light that is kept and that is not."""
     kept, removed = 0.0, 0.0
     for k in range(n):

@@ -17,12 +17,12 @@ from plenoptic.core.files.zarr_files import CHUNK
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.exposure_files import texts_of
-from plenoptic.rendering.heads import Head, fields_of
+from plenoptic.rendering.exposure_metadata import ExposureMetadata, fields_of
+from plenoptic.rendering.merging.merge_plan import MergePlan, plan_merge
 from plenoptic.rendering.merging.parts import Arrays, HeldPart, Part
-from plenoptic.rendering.merging.plan import Plan, planned
 from plenoptic.rendering.merging.regions import Region
-from plenoptic.rendering.merging.stacking import stacked
-from plenoptic.rendering.merging.statistics import light_of_rows, merged_stats
+from plenoptic.rendering.merging.stacking import stack_exposures
+from plenoptic.rendering.merging.statistics import light_of_rows, merge_stats
 from plenoptic.rendering.stores import check_store, create_store, empty_arrays
 
 
@@ -41,12 +41,12 @@ def merged(exposures: Iterable[Exposure]) -> Exposure:
     given = list(exposures)
     for one in given:
         check_kind(one, "an item of parts", Exposure, "what `render` gives")
-    return merged_parts([HeldPart(f"part {number}", one) for number, one in enumerate(given)])
+    return merge_parts([HeldPart(f"part {number}", one) for number, one in enumerate(given)])
 
 
-def merged_parts(parts: Sequence[Part]) -> Exposure:
+def merge_parts(parts: Sequence[Part]) -> Exposure:
     """One exposure of parts, in memory."""
-    plan = planned(parts)
+    plan = plan_merge(parts)
     arrays, strips = empty_arrays(plan.layout), list[_Strip]()
     for band in _bands(plan):
         strips += _filled(plan, band, {name: array[band] for name, array in arrays.items()})
@@ -56,9 +56,9 @@ def merged_parts(parts: Sequence[Part]) -> Exposure:
     return Exposure(**fields_of({name: arrays[name] for name in head.arrays}), **head.facts)
 
 
-def merge_to_store(parts: Sequence[Part], path: str | os.PathLike[str]) -> Head:
+def merge_to_store(parts: Sequence[Part], path: str | os.PathLike[str]) -> ExposureMetadata:
     """The same in a zarr store, which appears whole or not at all; in memory there is one band of its chunks."""
-    plan, target = planned(parts), real_path(path)
+    plan, target = plan_merge(parts), real_path(path)
     check_store(target)
     rows, columns = plan.layout.shape
     room = empty_arrays(plan.layout._replace(shape=(min(CHUNK, rows), columns)))
@@ -73,13 +73,13 @@ def merge_to_store(parts: Sequence[Part], path: str | os.PathLike[str]) -> Head:
     return head
 
 
-def _bands(plan: Plan) -> Iterator[slice]:
+def _bands(plan: MergePlan) -> Iterator[slice]:
     """Rows of the whole, a chunk of them at a time."""
     rows = plan.layout.shape[0]
     return (slice(first, min(first + CHUNK, rows)) for first in range(0, rows, CHUNK))
 
 
-def _filled(plan: Plan, band: slice, arrays: Arrays) -> Iterator[_Strip]:
+def _filled(plan: MergePlan, band: slice, arrays: Arrays) -> Iterator[_Strip]:
     """Fill arrays of a band, whose rows count from the whole's first one, with what the parts hold there."""
     corner = plan.layout.corner
     for region in plan.stacks:
@@ -91,7 +91,7 @@ def _filled(plan: Plan, band: slice, arrays: Arrays) -> Iterator[_Strip]:
             yield _filled_strip(plan, region, slice(top - region[0], bottom - region[0]), there)
 
 
-def _filled_strip(plan: Plan, region: Region, rows: slice, arrays: Arrays) -> _Strip:
+def _filled_strip(plan: MergePlan, region: Region, rows: slice, arrays: Arrays) -> _Strip:
     """Fill arrays of some rows of a region."""
     shots = {}
     for number in plan.stacks[region]:
@@ -100,14 +100,14 @@ def _filled_strip(plan: Plan, region: Region, rows: slice, arrays: Arrays) -> _S
         counts = np.full(found["image"].shape[:2], part.head.samples, dtype=np.int32)
         shots[number] = {"sample_counts": counts, **found}
     light = {number: light_of_rows(shot) for number, shot in shots.items()} if plan.clamped else {}
-    together = stacked(list(shots.values()))
+    together = stack_exposures(list(shots.values()))
     for name, array in arrays.items():
         array[...] = together[name]
     counts = together["sample_counts"]
     return _Strip(int(counts.min()), int(counts.max()), light)
 
 
-def _head(plan: Plan, strips: Sequence[_Strip]) -> Head:
+def _head(plan: MergePlan, strips: Sequence[_Strip]) -> ExposureMetadata:
     """What is known of the whole beside its pixels, once these are filled."""
     heads, most = plan.heads, max(strip.most for strip in strips)
     alike = min(strip.least for strip in strips) == most
@@ -120,7 +120,7 @@ def _head(plan: Plan, strips: Sequence[_Strip]) -> Head:
     full = all(head.region is None for head in heads) or plan.whole == everything
     replicates = [sum(heads[number].replicates or 0 for number in numbers) for numbers in plan.stacks.values()]
     seeds = sorted({seed for head in heads for seed in head.seeds})
-    return Head(
+    return ExposureMetadata(
         (*plan.layout.shape, plan.layout.channels),
         tuple(name for name in plan.layout.names if name != "sample_counts" or not alike),
         samples=most,
@@ -128,7 +128,7 @@ def _head(plan: Plan, strips: Sequence[_Strip]) -> Head:
         seed=None if any(head.seed is None for head in heads) else seeds[0] if len(seeds) == 1 else tuple(seeds),
         region=None if full else plan.whole,
         camera=camera,
-        stats=merged_stats(plan, light),
+        stats=merge_stats(plan, light),
         settings=heads[0].settings,
         white=heads[0].white,
         object_names=next((head.object_names for head in heads if head.object_names is not None), None),

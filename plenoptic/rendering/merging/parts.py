@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from plenoptic.errors import FileError
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.heads import Head, head_of, pixels_of
-from plenoptic.rendering.stores import head_of_store, rows_of_store
+from plenoptic.rendering.exposure_metadata import ExposureMetadata, metadata_of, pixels_of
+from plenoptic.rendering.stores import metadata_of_store, rows_of_store
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -25,7 +25,7 @@ class Part(Protocol):
         ...
 
     @property
-    def head(self) -> Head:
+    def head(self) -> ExposureMetadata:
         """All but the pixels."""
         ...
 
@@ -38,7 +38,7 @@ class HeldPart:
     """An exposure in memory."""
 
     def __init__(self, name: str, exposure: Exposure) -> None:
-        self.name, self.head = name, head_of(exposure)
+        self.name, self.head = name, metadata_of(exposure)
         self._arrays = pixels_of(exposure)
 
     def rows(self, first: int, end: int) -> Arrays:
@@ -49,7 +49,7 @@ class HeldPart:
 class FilePart:
     """A file that is read as a whole: when its first rows are asked for, and let go of after the last ones."""
 
-    def __init__(self, name: str, head: Head, load: Callable[[], Exposure]) -> None:
+    def __init__(self, name: str, head: ExposureMetadata, load: Callable[[], Exposure]) -> None:
         self.name, self.head = name, head
         self._load, self._held = load, dict[str, NDArray[Any]]()
 
@@ -57,7 +57,7 @@ class FilePart:
         """Views of its arrays; a FileError where it is not the file any more that the head is of."""
         if not self._held:
             exposure = self._load()
-            if head_of(exposure) != self.head:
+            if metadata_of(exposure) != self.head:
                 raise FileError(f"{self.name} has been changed while parts were merged; merge them again")
             self._held = pixels_of(exposure)
         found = {name: array[first:end] for name, array in self._held.items()}
@@ -70,7 +70,7 @@ class StorePart:
     """A zarr store, of which only the rows are read that are asked for."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.name, self.head = os.fspath(path), head_of_store(path)
+        self.name, self.head = os.fspath(path), metadata_of_store(path)
 
     def rows(self, first: int, end: int) -> Arrays:
         """Read from the disk."""

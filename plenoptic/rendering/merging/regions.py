@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.frame import region_text
+from plenoptic.rendering.crop import region_text
 
 Region = tuple[int, int, int, int]
 """First row, end row, first column, end column on the sensor."""

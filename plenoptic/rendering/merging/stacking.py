@@ -16,7 +16,7 @@ from plenoptic.core.values import Floats
 from plenoptic.rendering.merging.parts import Arrays
 
 
-def stacked(shots: Sequence[Arrays]) -> dict[str, NDArray[Any]]:
+def stack_exposures(shots: Sequence[Arrays]) -> dict[str, NDArray[Any]]:
     """Exposures that all have `sample_counts`, weighed by these; the truth of the first that knows it."""
     known = {name: array for shot in reversed(shots) for name, array in shot.items()}
     if len(shots) == 1:

@@ -9,8 +9,8 @@ import numpy as np
 
 from plenoptic.core.lost_rays import Lost
 from plenoptic.core.values import Floats
+from plenoptic.rendering.merging.merge_plan import MergePlan
 from plenoptic.rendering.merging.parts import Arrays
-from plenoptic.rendering.merging.plan import Plan
 from plenoptic.rendering.stats import NAMED, RenderStats, StopReason
 
 _WORST = (
@@ -27,7 +27,7 @@ def light_of_rows(arrays: Arrays) -> Floats:
     return np.asarray((arrays["image"].mean(axis=2, dtype=np.float64) * arrays["sample_counts"]).sum(axis=1))
 
 
-def merged_stats(plan: Plan, light: Mapping[int, Sequence[Floats]]) -> RenderStats | None:
+def merge_stats(plan: MergePlan, light: Mapping[int, Sequence[Floats]]) -> RenderStats | None:
     """Of all together; None where one has none. `light` is that of the rows of each part, where some was clamped."""
     all_stats = [head.stats for head in plan.heads if head.stats is not None]
     if len(all_stats) < len(plan.parts):
@@ -47,7 +47,7 @@ def merged_stats(plan: Plan, light: Mapping[int, Sequence[Floats]]) -> RenderSta
     )
 
 
-def _clamped(plan: Plan, light: Mapping[int, Sequence[Floats]]) -> float:
+def _clamped(plan: MergePlan, light: Mapping[int, Sequence[Floats]]) -> float:
     """The share of all light, with about the sums of what paths brought before anything was clamped."""
     shares = [0.0 if head.stats is None else head.stats.clamped for head in plan.heads]
     kept = [math.fsum(np.concatenate(light[number])) for number in range(len(shares))]

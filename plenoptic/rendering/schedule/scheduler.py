@@ -25,26 +25,26 @@ from plenoptic.core.values import flag, seed_number, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, BudgetWarning
 from plenoptic.rendering.context import RenderContext, render_context
+from plenoptic.rendering.crop import samples_text
 from plenoptic.rendering.exposure import MOST_NAMES, Exposure
 from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
-from plenoptic.rendering.frame import samples_text
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.schedule.expected import expected_times
 from plenoptic.rendering.schedule.interrupts import Interrupts
-from plenoptic.rendering.schedule.orders import (
-    RenderJob,
-    TileOrder,
-    compile_tiles,
-    thread_engine,
-    tile_order,
-    tile_renderer,
-)
 from plenoptic.rendering.schedule.progress import FilmRegion, Progress
 from plenoptic.rendering.schedule.progress_bar import ProgressBar
 from plenoptic.rendering.schedule.sums import Sums, SumsInMemory
+from plenoptic.rendering.schedule.tile_jobs import (
+    RenderTask,
+    TileJob,
+    compile_tiles,
+    thread_engine,
+    tile_job,
+    tile_renderer,
+)
+from plenoptic.rendering.schedule.time_history import time_history
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.rendering.tile import Tile, TileResult, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
@@ -67,7 +67,7 @@ _MOST_CONDITIONED = 1 << 20
 """Paths whose conditioning is told: they are traced in one bundle."""
 
 
-class Work(NamedTuple):
+class RenderOptions(NamedTuple):
     """What is to be rendered, and how it is gone about; see `render`."""
 
     region: tuple[slice, slice] | None
@@ -81,7 +81,7 @@ class Work(NamedTuple):
     client: Any = None
 
 
-def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
+def run(subject: Subject, budget: Budget, work: RenderOptions) -> Exposure:
     """Render; see `render`."""
     begin = time.perf_counter(), time.process_time()
     with ProgressBar(begin[0], show=flag(work.progress, "progress")) as bar, contextlib.ExitStack() as files:
@@ -91,7 +91,7 @@ def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
 def _run(
     subject: Subject,
     budget: Budget,
-    work: Work,
+    work: RenderOptions,
     begin: tuple[float, float],
     bar: ProgressBar,
     files: contextlib.ExitStack,
@@ -134,8 +134,8 @@ def _run(
         found = camera_conditioning(context.camera, asked, seed=seed, rays=work.conditioning)
     if checkpoint is not None:
         checkpoint.begin(progress, side)
-    bar.start(progress, None if cluster is not None else expected_times.of(subject, budget, asked, workers))
-    engine: Engine[TileOrder, TileResult | None]
+    bar.start(progress, None if cluster is not None else time_history.of(subject, budget, asked, workers))
+    engine: Engine[TileJob, TileResult | None]
     with contextlib.ExitStack() as stack:
         if cluster is None:
             truth = truth_record(camera, context.camera, kept)
@@ -143,7 +143,7 @@ def _run(
             stack.enter_context(ahead)
             engine = thread_engine(context, truth, clock, workers)
         else:
-            job = RenderJob(subject, seed, kept, steps)
+            job = RenderTask(subject, seed, kept, steps)
             late = None if budget.time_limit is None else clock.late
             engine = stack.enter_context(cluster.engine(tile_renderer, job, late=late))
         interrupted = drive(progress, context, engine, clock, checkpoint, bar)
@@ -165,7 +165,7 @@ def _run(
 
 
 def _checkpoint(
-    subject: Subject, budget: Budget, work: Work, context: RenderContext, region: tuple[int, ...], kept: Truth
+    subject: Subject, budget: Budget, work: RenderOptions, context: RenderContext, region: tuple[int, ...], kept: Truth
 ) -> Checkpoint | None:
     """The checkpoint of a render, if it is to have one: that of any other with the same paths."""
     if work.checkpoint is None:
@@ -217,7 +217,7 @@ def _step(context: RenderContext, clock: Clock) -> int:
 def drive(
     progress: Progress,
     context: RenderContext,
-    engine: Engine[TileOrder, TileResult | None],
+    engine: Engine[TileJob, TileResult | None],
     clock: Clock,
     checkpoint: Checkpoint | None,
     bar: ProgressBar,
@@ -236,13 +236,13 @@ def drive(
             if (entry := checkpoint.recorded(i, done, further, replicates)) is not None:
                 yield i, entry
 
-    def orders() -> Iterator[TileOrder]:
+    def orders() -> Iterator[TileJob]:
         for i in progress.pending():
             tile, done = progress.tiles[i], int(progress.done[i])
             samples = min(progress.next_samples(i), clock.samples_per_batch(tile.pixels, step))
             if not clock.has_time(samples * tile.pixels):
                 return
-            yield tile_order(context, i, tile, (done, samples), sums.of(i) if done else None)
+            yield tile_job(context, i, tile, (done, samples), sums.of(i) if done else None)
 
     def found() -> Iterator[tuple[int, TileResult | None, Entry | None]]:
         """What the checkpoint has of tiles that are pending, and then what is rendered of the others."""
@@ -328,7 +328,7 @@ def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupt
 def exposure_of(
     progress: Progress,
     subject: Subject,
-    work: Work,
+    work: RenderOptions,
     workers: int,
     conditioning: Conditioning | None,
     *,

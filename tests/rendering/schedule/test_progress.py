@@ -20,9 +20,9 @@ from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule import progress_bar
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.schedule.expected import ExpectedTimes
 from plenoptic.rendering.schedule.interrupts import Interrupts
 from plenoptic.rendering.schedule.progress import FilmRegion, Progress
+from plenoptic.rendering.schedule.time_history import TimeHistory
 from plenoptic.rendering.tile import Tile, TileResult
 from plenoptic.rendering.tiling import cut_into_tiles
 
@@ -341,7 +341,7 @@ def test_a_render_begins_with_what_was_estimated_of_it(monkeypatch):
 
 
 def test_estimates_keep_no_scene_alive():
-    times, camera = ExpectedTimes(), small_camera()
+    times, camera = TimeHistory(), small_camera()
     for n in range(40):
         scene = pl.Scene(background=1.0 + n)
         times.note(Subject(scene, camera), n, seconds=float(n))

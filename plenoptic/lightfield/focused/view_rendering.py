@@ -15,9 +15,8 @@ from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positiv
 from plenoptic.core.waiting.bar import Waiting
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.estimation import focused_array
-from plenoptic.lightfield.focused.edges import corrected, light_of, unmixed
-from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil, pixel_rays, seen_pupil
+from plenoptic.lightfield.focused.edges import correct_edges, edge_weights, light_of
+from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil, exit_pupil_seen, pixel_rays
 from plenoptic.lightfield.focused.splats import (
     Grid,
     Splats,
@@ -25,12 +24,13 @@ from plenoptic.lightfield.focused.splats import (
     footprints,
     grid_of,
     sorted_splats,
-    splatted,
+    splat_picture,
     surface_depth,
 )
 from plenoptic.lightfield.focused.view import View
-from plenoptic.lightfield.object_planes import behind_array
-from plenoptic.lightfield.planes import RawPlanes, camera_of, checked_viewpoint, raw_planes, share_of_light
+from plenoptic.lightfield.micro_image_matching import focused_array
+from plenoptic.lightfield.object_planes import image_distance_behind_array
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, checked_viewpoint, raw_arrays, relative_light
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.rendering.exposure import Exposure
 
@@ -45,13 +45,13 @@ _QUADRATIC, _LINEAR = 6, 3
 """Terms of the functions that are fitted."""
 
 
-class Seen(NamedTuple):
+class RawRays(NamedTuple):
     """A raw image, and the rays of its pixels."""
 
     camera: PlenopticCamera
     array: MicrolensArray
     pupil: Pupil
-    planes: RawPlanes
+    planes: RawArrays
     rays: PixelRays
 
 
@@ -67,7 +67,7 @@ class Focus(NamedTuple):
 class Samples(NamedTuple):
     """Samples of pictures from all viewpoints."""
 
-    seen: Seen
+    seen: RawRays
     splats: Splats
     """In the order of rays; `first`, `place` and `area` are not yet known."""
     grid: Grid
@@ -163,15 +163,15 @@ def render_view(  # noqa: PLR0913
     >>> view, bool(abs(np.nanmedian(view.disparity) - 3.26) < 0.05)
     (View(31 x 31 x 1 from (0.0, 0.0)), True)
     """
-    seen = seen_by(shot, white, camera, share_of_light(least_light))
+    seen = raw_rays(shot, white, camera, relative_light(least_light))
     wide = math.inf if aperture is None else positive(aperture, "aperture")
     place = checked_viewpoint(viewpoint)
     with Waiting("rendering the view", kind="camera", show=progress):
-        samples = samples_of(seen, focus_of(seen, disparity, z), spacing)
-        return rendered(samples, place, wide, thread_count(threads))
+        samples = picture_samples(seen, picture_focus(seen, disparity, z), spacing)
+        return render_from_viewpoint(samples, place, wide, thread_count(threads))
 
 
-def rendered(samples: Samples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
+def render_from_viewpoint(samples: Samples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
     """The view from a place of the pupil, of the pixels whose rays pass within an aperture around it."""
     (camera, array, pupil, _, rays), splats, grid, terms = samples
     towards = np.array(viewpoint) * pupil.slope
@@ -183,7 +183,7 @@ def rendered(samples: Samples, viewpoint: tuple[float, float], aperture: float, 
     on_array = rays.through + (towards - rays.pupil) * splats.nearness[:, None]
     area = _area(samples.seen, aperture) / grid.spacing**2
     surfaces = Surfaces(surface_depth(pupil, grid.spacing), area, terms)
-    canvas = splatted(sorted_splats(grid, on_array, splats), grid, surfaces, threads)
+    canvas = splat_picture(sorted_splats(grid, on_array, splats), grid, surfaces, threads)
     if not np.isfinite(canvas.picture).any():
         warn(
             f"the picture from viewpoint {viewpoint} is empty: no pixel's light passes there, or nowhere do they lie "
@@ -205,14 +205,16 @@ def rendered(samples: Samples, viewpoint: tuple[float, float], aperture: float, 
     )
 
 
-def seen_by(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, least_light: float = LEAST_LIGHT) -> Seen:
+def raw_rays(
+    shot: Exposure, white: Exposure, camera: PlenopticCamera | None, least_light: float = LEAST_LIGHT
+) -> RawRays:
     """The rays of a raw image."""
-    planes, found = raw_planes(shot, white, least_light), camera_of(shot, camera)
-    array, pupil = focused_array(found), seen_pupil(found)
-    return Seen(found, array, pupil, planes, pixel_rays(array_axes(found), array, planes, pupil))
+    planes, found = raw_arrays(shot, white, least_light), camera_of(shot, camera)
+    array, pupil = focused_array(found), exit_pupil_seen(found)
+    return RawRays(found, array, pupil, planes, pixel_rays(array_axes(found), array, planes, pupil))
 
 
-def focus_of(seen: Seen, disparity: ArrayLike | None, z: float | None = None) -> Focus:
+def picture_focus(seen: RawRays, disparity: ArrayLike | None, z: float | None = None) -> Focus:
     """What pictures are sharp at, or an error."""
     if z is not None and disparity is None:
         return Focus(_of_plane(seen, finite(z, "z")), False)
@@ -238,8 +240,8 @@ def focus_of(seen: Seen, disparity: ArrayLike | None, z: float | None = None) ->
     return Focus(seen.rays.at(np.broadcast_to(given, shape)) * in_pitches, given.ndim > 0)
 
 
-def _of_plane(seen: Seen, z: float) -> Floats:
-    behind = behind_array(seen.camera, z)
+def _of_plane(seen: RawRays, z: float) -> Floats:
+    behind = image_distance_behind_array(seen.camera, z)
     if behind == 0:
         raise InvalidValueError(
             f"z is {z:g} mm, which the lens images onto the microlenses: they do not show it; take another plane"
@@ -247,7 +249,7 @@ def _of_plane(seen: Seen, z: float) -> Floats:
     return seen.rays.to_sensor / behind
 
 
-def samples_of(seen: Seen, focus: Focus, given_spacing: float | None) -> Samples:
+def picture_samples(seen: RawRays, focus: Focus, given_spacing: float | None) -> Samples:
     """Rays as samples of pictures; where they fall, and how dense, depends on the viewpoint."""
     camera, array, pupil, planes, rays = seen
     disparity, everywhere = focus
@@ -265,11 +267,13 @@ def samples_of(seen: Seen, focus: Focus, given_spacing: float | None) -> Samples
     with np.errstate(divide="ignore", invalid="ignore"):
         nearness = rays.to_sensor / (disparity + rays.to_sensor * pupil.vergence)
         if everywhere:
-            nearness = corrected(rays, nearness, light_of(radiance, variance), spacing, depth)
+            nearness = correct_edges(rays, nearness, light_of(radiance, variance), spacing, depth)
             disparity = rays.to_sensor * (1.0 / nearness - pupil.vergence)
     foot = footprints(array, rays, pupil, nearness, pixel, camera.wavelength)
     if everywhere:
-        weight = (weight * foot.pixel / (foot.pixel + foot.lens)) ** 2 * unmixed(rays, nearness, foot.blur(), depth)
+        weight = (weight * foot.pixel / (foot.pixel + foot.lens)) ** 2 * edge_weights(
+            rays, nearness, foot.blur(), depth
+        )
     splats = Splats(
         first=np.empty(0, dtype=np.int64),
         place=np.empty((0, 2)),
@@ -285,7 +289,7 @@ def samples_of(seen: Seen, focus: Focus, given_spacing: float | None) -> Samples
     return Samples(seen, splats, grid_of(rays, spacing), _QUADRATIC if everywhere else _LINEAR)
 
 
-def _area(seen: Seen, aperture: float) -> float:
+def _area(seen: RawRays, aperture: float) -> float:
     """Of the array for each pixel of a microlens image, with as many of them as the pupil lights, in mm^2."""
     camera, array, pupil, _, _ = seen
     pixels = (

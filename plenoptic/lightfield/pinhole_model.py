@@ -20,8 +20,8 @@ from plenoptic.camera.points.projection_rows import lenses_with
 from plenoptic.camera.report.optics import lateral_magnification, object_plane
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.object_planes import front_of
-from plenoptic.lightfield.outward_rays import chief_rays, met, rays_of_openings
+from plenoptic.lightfield.object_planes import lens_front_z
+from plenoptic.lightfield.outward_rays import aperture_rays, chief_rays, plane_intersections
 from plenoptic.optics.microlens.array import MicrolensArray
 
 _TRIED = 24
@@ -32,7 +32,7 @@ _PIXELS = 1 << 9
 """Whose rays are traced together."""
 
 
-class IdealPlane(NamedTuple):
+class ObjectPlane(NamedTuple):
     """A plane across the axis, and its image by Gaussian optics."""
 
     z: float
@@ -56,15 +56,15 @@ class Displacement(NamedTuple):
     and disparity / pitch multiply; nan in the dark."""
 
 
-Planes = tuple[IdealPlane, IdealPlane]
+PlanePair = tuple[ObjectPlane, ObjectPlane]
 """Two tell all: Gaussian optics images lines to lines, on which places are weighted means of two."""
 
 
-def ideal_planes(camera: PlenopticCamera, virtual_depths: tuple[float, float], sign: float) -> Planes:
+def object_plane_pair(camera: PlenopticCamera, virtual_depths: tuple[float, float], sign: float) -> PlanePair:
     """Two planes in front of the lens whose virtual depths, of one sign, lie within a range."""
     low, high = virtual_depths
     b = camera.microlenses_to_sensor
-    there = planes_in_front(camera, sign * b / np.linspace(1.0 / high, 1.0 / low, _TRIED))
+    there = planes_before_lens(camera, sign * b / np.linspace(1.0 / high, 1.0 / low, _TRIED))
     if len(there) < 2:
         raise InvalidValueError(
             f"images of planes at virtual depths {low:g} to {high:g} do not lie in front of the lens; give the "
@@ -73,19 +73,19 @@ def ideal_planes(camera: PlenopticCamera, virtual_depths: tuple[float, float], s
     return there[len(there) // 4], there[-1 - len(there) // 4]
 
 
-def planes_in_front(camera: PlenopticCamera, behind: Floats) -> list[IdealPlane]:
+def planes_before_lens(camera: PlenopticCamera, behind: Floats) -> list[ObjectPlane]:
     """Those of the planes with images some distances (n,) behind the array that lie in front of the lens."""
     found = []
     for distance in behind.tolist():
         z_image = camera.stop_to_microlenses + distance
         z = object_plane(camera.lens, z_image, camera.wavelength)
-        if -math.inf < z < front_of(camera):
+        if -math.inf < z < lens_front_z(camera):
             larger = lateral_magnification(camera.lens, z, camera.wavelength)
-            found.append(IdealPlane(z, z_image, camera.microlenses_to_sensor / distance, distance, larger))
+            found.append(ObjectPlane(z, z_image, camera.microlenses_to_sensor / distance, distance, larger))
     return found
 
 
-def z_at(planes: Planes, behind: Floats) -> Floats:
+def object_z(planes: PlanePair, behind: Floats) -> Floats:
     """Planes, in the axes of the lens, whose images lie some distances (n,) behind the array.
 
     A place at the parts 1 - t and t of the way between two planes' images on a line has the weights (1 - t) larger and
@@ -98,7 +98,7 @@ def z_at(planes: Planes, behind: Floats) -> Floats:
         return np.asarray((first * one.z + second * two.z) / (first + second))
 
 
-def _seen_at(axes: ArrayAxes, plane: IdealPlane, places: Floats, on_array: Floats) -> Floats:
+def _seen_at(axes: ArrayAxes, plane: ObjectPlane, places: Floats, on_array: Floats) -> Floats:
     """Pixels (n, 2) at which the ideal camera sees points (n, 2) of a plane through microlenses at (n, 2)."""
     image = np.column_stack([plane.larger * places, np.full(len(places), plane.z_image)])
     straight = axes.parts.local_to_lens.inverse().points(image)[:, :2]
@@ -106,7 +106,7 @@ def _seen_at(axes: ArrayAxes, plane: IdealPlane, places: Floats, on_array: Float
     return np.asarray(axes.camera.sensor.pixel_of(axes.on_sensor(crossed, np.zeros_like(crossed))))
 
 
-def straight_pixels(axes: ArrayAxes, on_array: Floats) -> Floats:
+def orthogonal_pixels(axes: ArrayAxes, on_array: Floats) -> Floats:
     """Where points (n, 2) of the array lie straight before the sensor, in its pixels."""
     local = axes.local(on_array)
     return np.asarray(axes.camera.sensor.pixel_of(axes.on_sensor(local, np.zeros_like(local))))
@@ -118,32 +118,34 @@ def displacement(
     pixel: Floats,
     on_array: Floats,
     types: NDArray[np.int64],
-    planes: Planes,
+    planes: PlanePair,
     threads: int,
 ) -> Displacement:
     """Of pixels (n, 2) in the images of microlenses at (n, 2), of types (n,)."""
     share, shift = np.zeros(len(pixel)), np.empty((2, len(pixel), 2))
     for start in range(0, len(pixel), _PIXELS):
         part = slice(start, start + _PIXELS)
-        rays = rays_of_openings(axes, array, pixel[part], on_array[part], types[part], threads)
+        rays = aperture_rays(axes, array, pixel[part], on_array[part], types[part], threads)
         light = rays.weight.reshape(len(pixel[part]), -1)
         share[part] = light.mean(axis=1)
         for k, plane in enumerate(planes):
-            places = np.where(rays.weight[:, None] > 0, met(rays, plane.z), 0.0).reshape(*light.shape, 2)
+            places = np.where(rays.weight[:, None] > 0, plane_intersections(rays, plane.z), 0.0).reshape(
+                *light.shape, 2
+            )
             with np.errstate(invalid="ignore"):
                 middle = np.einsum("nk,nkc->nc", light, places) / light.sum(axis=1)[:, None]
             shift[k, part] = pixel[part] - _seen_at(axes, plane, middle, on_array[part])
     return Displacement(share, np.stack(_line(planes, shift), axis=1))
 
 
-def chords(
+def chord_disparity(
     axes: ArrayAxes,
     array: MicrolensArray,
     pixel: Floats,
     index: NDArray[np.int64],
     steps: NDArray[np.int64],
     near: Floats,
-    planes: Planes,
+    planes: PlanePair,
     threads: int,
 ) -> Floats:
     """(n,): the chord's disparity over the pitch of what pixels (n, 2) show at the ideal camera's (n,).
@@ -151,12 +153,12 @@ def chords(
     Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`.
     """
     own = lenses_with(array, index).axis
-    straight = straight_pixels(axes, own)
+    straight = orthogonal_pixels(axes, own)
     here = _beside(axes, array, pixel, own, near, planes, threads)
     along, length = np.zeros(len(pixel)), np.zeros(len(pixel))
     for step in steps:
         other = lenses_with(array, index + step).axis
-        away = straight_pixels(axes, other) - straight
+        away = orthogonal_pixels(axes, other) - straight
         ideal, there = pixel - here + (1.0 - near)[:, None] * away, here
         # Aberrations hardly change over the pixels that they displace by.
         for _ in range(_DISPLACED):
@@ -166,30 +168,44 @@ def chords(
     return near - along / length
 
 
-def depths_of(
-    axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, near: Floats, planes: Planes, threads: int
+def object_depths(
+    axes: ArrayAxes,
+    array: MicrolensArray,
+    pixel: Floats,
+    on_array: Floats,
+    near: Floats,
+    planes: PlanePair,
+    threads: int,
 ) -> Floats:
     """-z in the camera's frame (n,), mm, of what pixels (n, 2) show; nan behind the lens's front."""
     camera, placed = axes.camera, axes.parts.lens_to_camera
     with np.errstate(divide="ignore"):
-        z = z_at(planes, camera.microlenses_to_sensor / near)
-    z = np.where(z < front_of(camera), z, np.nan)
+        z = object_z(planes, camera.microlenses_to_sensor / near)
+    z = np.where(z < lens_front_z(camera), z, np.nan)
     if placed is not None:
         rays = chief_rays(axes, array, pixel, on_array, threads)
-        z = placed.points(np.column_stack([met(rays, z), z]))[:, 2]
+        z = placed.points(np.column_stack([plane_intersections(rays, z), z]))[:, 2]
     return -z
 
 
 def _beside(
-    axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, near: Floats, planes: Planes, threads: int
+    axes: ArrayAxes,
+    array: MicrolensArray,
+    pixel: Floats,
+    on_array: Floats,
+    near: Floats,
+    planes: PlanePair,
+    threads: int,
 ) -> Floats:
     """How far pixels (n, 2) lie from where the ideal camera sees what their chief rays meet."""
     rays = chief_rays(axes, array, pixel, on_array, threads)
-    at, slope = _line(planes, np.stack([pixel - _seen_at(axes, p, met(rays, p.z), on_array) for p in planes]))
+    at, slope = _line(
+        planes, np.stack([pixel - _seen_at(axes, p, plane_intersections(rays, p.z), on_array) for p in planes])
+    )
     return at + near[:, None] * slope
 
 
-def _line(planes: Planes, values: Floats) -> tuple[Floats, Floats]:
+def _line(planes: PlanePair, values: Floats) -> tuple[Floats, Floats]:
     """Of values (2, ...) on two planes: what they are at disparity 0, and what disparity / pitch multiplies."""
     slope = (values[1] - values[0]) / (planes[1].near - planes[0].near)
     return values[0] - slope * planes[0].near, slope

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import seed_number
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.rendering.frame import checked_region, region_text
+from plenoptic.rendering.crop import checked_region, region_text
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.truth.channels import CHANNELS, GroundTruth, truth_names
@@ -24,7 +24,7 @@ EXPOSURE_NAMES = ("image", "standard_error", "sample_counts")
 """The arrays of an exposure beside the truth."""
 
 
-class Head(NamedTuple):
+class ExposureMetadata(NamedTuple):
     """All of an exposure but its pixels; fields are called as those of `Exposure`."""
 
     shape: tuple[int, int, int]
@@ -72,17 +72,17 @@ class Head(NamedTuple):
         return f"Exposure({', '.join(facts)})"
 
 
-FACTS = Head._fields[2:]
+FACTS = ExposureMetadata._fields[2:]
 """What files keep as texts."""
 
 
-def head_of(exposure: Exposure) -> Head:
+def metadata_of(exposure: Exposure) -> ExposureMetadata:
     """That of an exposure in memory."""
     facts = {name: getattr(exposure, name) for name in FACTS}
-    return Head(exposure.image.shape, tuple(pixels_of(exposure)), **facts)  # type: ignore[arg-type]
+    return ExposureMetadata(exposure.image.shape, tuple(pixels_of(exposure)), **facts)  # type: ignore[arg-type]
 
 
-def checked_head(shape: tuple[int, ...], arrays: Iterable[str], facts: Mapping[str, Any]) -> Head:
+def checked_metadata(shape: tuple[int, ...], arrays: Iterable[str], facts: Mapping[str, Any]) -> ExposureMetadata:
     """That of an image of this shape; an InvalidValueError, as of `Exposure`, for facts that cannot be."""
     from plenoptic.rendering.exposure import Exposure  # knows this module
 
@@ -92,7 +92,7 @@ def checked_head(shape: tuple[int, ...], arrays: Iterable[str], facts: Mapping[s
     placed = None if region is None else checked_region(region, shape[:2])
     others = {name: fact for name, fact in facts.items() if name != "region"}
     one_pixel = Exposure(np.zeros((1, 1, shape[2])), **others)
-    return head_of(one_pixel)._replace(shape=shape, arrays=tuple(arrays), region=placed)  # type: ignore[arg-type]
+    return metadata_of(one_pixel)._replace(shape=shape, arrays=tuple(arrays), region=placed)  # type: ignore[arg-type]
 
 
 def checked_seed(given: int | Sequence[int]) -> int | tuple[int, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.numba.jit import device
-from plenoptic.lightfield.kernels.cubic import keys
+from plenoptic.lightfield.kernels.cubic import cubic_weights
 
 _STEPS = 3
 _LEAST = 0.25
@@ -69,8 +69,8 @@ def _window(images, pairs, sweep, work, m, j, place, d):
             return 0.0, 0.0, 0.0, 0.0, 0.0
         down, right, sy, sx = down + more_down, right + more_right, sy - by_down, sx - by_right
     top, left = math.floor(down), math.floor(right)
-    (a0, a1, a2, a3), (e0, e1, e2, e3) = keys(down - top)
-    (b0, b1, b2, b3), (f0, f1, f2, f3) = keys(right - left)
+    (a0, a1, a2, a3), (e0, e1, e2, e3) = cubic_weights(down - top)
+    (b0, b1, b2, b3), (f0, f1, f2, f3) = cubic_weights(right - left)
     top, left = int(top), int(left)
     n, p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     mine, values, known = images.values[m], images.values[other], images.known[other]
@@ -127,7 +127,7 @@ def _window(images, pairs, sweep, work, m, j, place, d):
 
 
 @device
-def refined(images, pairs, sweep, work, m, y, x):
+def refine_subpixel(images, pairs, sweep, work, m, y, x):
     """Disparity near the best plane's with the least residuals, its error, and the share of pictures that show it."""
     start, spread, share = work.start[y, x], math.inf, 0.0
     d, reach = start, _reach(sweep, start)

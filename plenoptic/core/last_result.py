@@ -10,7 +10,7 @@ _Object = TypeVar("_Object")
 _Made = TypeVar("_Made")
 
 
-class LastMade(Generic[_Object, _Made]):
+class LastResult(Generic[_Object, _Made]):
     """Keeps what a function makes of one object, while that object exists: objects do not change.
 
     There is no lock, for which a process that is forked off meanwhile would wait for ever: two threads may both

@@ -13,8 +13,8 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.matching import Images, Pairs, continued, texture_floor
-from plenoptic.lightfield.planes import RawPlanes
+from plenoptic.lightfield.plane_sweep import Images, Pairs, extrapolate_border, texture_floor
+from plenoptic.lightfield.raw_arrays import RawArrays
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import neighbour_steps, rows_of
 
@@ -24,7 +24,7 @@ _ROOM = 2
 """Pixels around the image of a microlens, for reading between pixels."""
 
 
-class LensImages(NamedTuple):
+class MicroImages(NamedTuple):
     """The images of k microlenses, each with as many pixels."""
 
     images: Images
@@ -61,7 +61,7 @@ class LensImages(NamedTuple):
         return np.asarray(np.hypot(rows - self.centre[:, :1, None], columns - self.centre[:, 1:, None]) / self.pitch)
 
 
-def lens_images(camera: PlenopticCamera, array: MicrolensArray, planes: RawPlanes) -> LensImages:
+def micro_images(camera: PlenopticCamera, array: MicrolensArray, planes: RawArrays) -> MicroImages:
     """Take a devignetted raw image apart."""
     pitch = min(array.pitches) / camera.sensor.pixel_pitch
     centres = microlens_centres(camera, CentreMethod.CHIEF_RAY)
@@ -84,8 +84,10 @@ def lens_images(camera: PlenopticCamera, array: MicrolensArray, planes: RawPlane
     values, variance = _radiance(planes)
     found = values[place]
     known = inside & within & np.isfinite(found)
-    images = Images(continued(found, known), known.astype(np.uint8), texture_floor(found, variance[place], known))
-    return LensImages(
+    images = Images(
+        extrapolate_border(found, known), known.astype(np.uint8), texture_floor(found, variance[place], known)
+    )
+    return MicroImages(
         images=images,
         pairs=pairs,
         corner=corner - first,
@@ -105,7 +107,7 @@ def _straight(camera: PlenopticCamera, index: NDArray[np.int64]) -> Floats:
     return np.asarray(found.pixel[rows_of(found.index, index)])
 
 
-def _radiance(planes: RawPlanes) -> tuple[Floats, Floats]:
+def _radiance(planes: RawArrays) -> tuple[Floats, Floats]:
     """Radiance of pixels, the mean over channels, and the variance of its error or 0; nan in the dark."""
     with np.errstate(invalid="ignore", divide="ignore"):
         light = np.where(planes.white >= planes.least, planes.white, np.nan)

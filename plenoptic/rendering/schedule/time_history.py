@@ -29,7 +29,7 @@ class _Expected(NamedTuple):
         return here and self.camera() is subject.camera and self.facts == facts
 
 
-class ExpectedTimes:
+class TimeHistory:
     """Those of the last estimates, without keeping scenes and cameras."""
 
     def __init__(self) -> None:
@@ -51,4 +51,4 @@ def _all_facts(subject: Subject, others: tuple[object, ...]) -> tuple[object, ..
     return subject.truth, subject.settings, *others
 
 
-expected_times = ExpectedTimes()
+time_history = TimeHistory()

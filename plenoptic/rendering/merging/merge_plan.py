@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.frame import region_text
-from plenoptic.rendering.heads import EXPOSURE_NAMES, Head
+from plenoptic.rendering.crop import region_text
+from plenoptic.rendering.exposure_metadata import EXPOSURE_NAMES, ExposureMetadata
 from plenoptic.rendering.merging.parts import Part
 from plenoptic.rendering.merging.regions import Region, bounds
 from plenoptic.rendering.schedule.budget import MAX_SAMPLES
@@ -16,7 +16,7 @@ from plenoptic.rendering.stores import Layout
 from plenoptic.truth.channels import CHANNELS
 
 
-class Plan(NamedTuple):
+class MergePlan(NamedTuple):
     """Parts that can be merged."""
 
     parts: tuple[Part, ...]
@@ -29,12 +29,12 @@ class Plan(NamedTuple):
     """Whether some light was clamped away: then parts are weighed by theirs."""
 
     @property
-    def heads(self) -> list[Head]:
+    def heads(self) -> list[ExposureMetadata]:
         """Of all parts."""
         return [part.head for part in self.parts]
 
 
-def planned(parts: Sequence[Part]) -> Plan:
+def plan_merge(parts: Sequence[Part]) -> MergePlan:
     """An InvalidValueError where they are not parts of one exposure; no pixel is read."""
     if not parts:
         raise InvalidValueError("parts is empty; give the exposures that are to become one")
@@ -51,7 +51,7 @@ def planned(parts: Sequence[Part]) -> Plan:
     sensor = None if first.camera is None else first.camera.sensor
     layout = Layout(shape, first.shape[2], names, corner, sensor)
     clamped = any(part.head.stats is not None and part.head.stats.clamped > 0 for part in parts)
-    return Plan(tuple(parts), stacks, whole, layout, clamped)
+    return MergePlan(tuple(parts), stacks, whole, layout, clamped)
 
 
 def _check_alike(parts: Sequence[Part]) -> None:
@@ -72,7 +72,7 @@ def _check_alike(parts: Sequence[Part]) -> None:
             )
 
 
-def _check_stack(region: Region, heads: Sequence[Head]) -> None:
+def _check_stack(region: Region, heads: Sequence[ExposureMetadata]) -> None:
     """An error where exposures of the same region are too many, or share random numbers."""
     if (most := sum(head.samples or 0 for head in heads)) > MAX_SAMPLES:
         raise InvalidValueError(
@@ -93,7 +93,7 @@ def _check_stack(region: Region, heads: Sequence[Head]) -> None:
             )
 
 
-def _arrays(stacks: Sequence[Sequence[Head]]) -> tuple[str, ...]:
+def _arrays(stacks: Sequence[Sequence[ExposureMetadata]]) -> tuple[str, ...]:
     """Those that all regions have: several exposures have an error, and the truth that any of them has."""
     known = [{name for head in heads for name in head.arrays if name in CHANNELS} for heads in stacks]
     names = {"image"}

@@ -12,11 +12,11 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.report.focus import CameraKind, kind_of
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.ideal import Planes, displacement, ideal_planes
-from plenoptic.lightfield.lens_images import LensImages, lens_images
-from plenoptic.lightfield.matching import Images, Sweep, blurred, continued, matched
-from plenoptic.lightfield.outward_rays import opening_variance
-from plenoptic.lightfield.planes import RawPlanes
+from plenoptic.lightfield.micro_images import MicroImages, micro_images
+from plenoptic.lightfield.outward_rays import aperture_variance
+from plenoptic.lightfield.pinhole_model import PlanePair, displacement, object_plane_pair
+from plenoptic.lightfield.plane_sweep import Images, Sweep, blurred, extrapolate_border, plane_sweep
+from plenoptic.lightfield.raw_arrays import RawArrays
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 
@@ -42,8 +42,8 @@ _AGREES = 0.03
 class Estimate(NamedTuple):
     """Of the pixels of microlens images, (k, n, n); nan where none is."""
 
-    lenses: LensImages
-    ideal: Planes
+    lenses: MicroImages
+    ideal: PlanePair
     disparity: Floats
     """Of the ideal camera."""
     error: Floats
@@ -51,15 +51,15 @@ class Estimate(NamedTuple):
     """Of the microlenses compared, those that show the same."""
 
 
-def estimated(
-    axes: ArrayAxes, planes: RawPlanes, virtual_depths: tuple[float, float], radius: int, threads: int
+def match_micro_images(
+    axes: ArrayAxes, planes: RawArrays, virtual_depths: tuple[float, float], radius: int, threads: int
 ) -> Estimate:
     """Match the images of a raw image."""
     camera = axes.camera
     array = focused_array(camera)
     sign, (low, high) = math.copysign(1.0, virtual_depths[0]), sorted(map(abs, virtual_depths))
-    ideal = ideal_planes(camera, (low, high), sign)
-    lenses = lens_images(camera, array, planes)
+    ideal = object_plane_pair(camera, (low, high), sign)
+    lenses = micro_images(camera, array, planes)
     count = 2 + int(np.log(high / low) / np.log(_RATIO))
     sweep = Sweep(
         disparities=sign * lenses.pitch / np.geomspace(high, low, count),
@@ -69,11 +69,11 @@ def estimated(
         reach=_RATIO - 1.0,
         least_reach=0.0,
         pitch=lenses.pitch,
-        opening=opening_variance(array) / camera.sensor.pixel_pitch**2,
+        opening=aperture_variance(array) / camera.sensor.pixel_pitch**2,
         level=_LEVEL,
     )
-    images = _beside_ideal(axes, lenses, ideal, planes, threads)
-    disparity, error, share = matched(images, lenses.pairs, sweep, threads)
+    images = _mask_and_displace(axes, lenses, ideal, planes, threads)
+    disparity, error, share = plane_sweep(images, lenses.pairs, sweep, threads)
     return Estimate(lenses, ideal, disparity, _ERRORS * error, share)
 
 
@@ -92,7 +92,7 @@ def focused_array(camera: PlenopticCamera) -> MicrolensArray:
     return array
 
 
-def side_of_images(camera: PlenopticCamera) -> float:
+def image_side(camera: PlenopticCamera) -> float:
     """1 where microlenses of any type are focused on what lies behind the array, -1 where all look before it."""
     return 1.0 if CameraKind.GALILEAN in _kinds(camera, focused_array(camera)) else -1.0
 
@@ -101,7 +101,9 @@ def _kinds(camera: PlenopticCamera, array: MicrolensArray) -> set[CameraKind]:
     return {kind_of(camera, focal_length) for focal_length in array.focal_lengths}
 
 
-def _beside_ideal(axes: ArrayAxes, lenses: LensImages, ideal: Planes, planes: RawPlanes, threads: int) -> Images:
+def _mask_and_displace(
+    axes: ArrayAxes, lenses: MicroImages, ideal: PlanePair, planes: RawArrays, threads: int
+) -> Images:
     """The images without what neighbours light too, and what they show beside the ideal camera."""
     images, array = lenses.images, focused_array(axes.camera)
     rows, columns = lenses.rows_and_columns()
@@ -118,7 +120,7 @@ def _beside_ideal(axes: ArrayAxes, lenses: LensImages, ideal: Planes, planes: Ra
     own = share * full / np.maximum(whole, 1e-9)
     known = (images.known > 0) & (own >= _OWN * light) & (share >= _LIT * share.max(axis=(1, 2), keepdims=True))
     values: Floats = np.asarray(images.values, dtype=np.float64)
-    images = Images(continued(values, known), known.astype(np.uint8), images.floor, shift)
+    images = Images(extrapolate_border(values, known), known.astype(np.uint8), images.floor, shift)
     if not array.model.focuses or len(set(array.focal_lengths)) == 1:
         return images
     focal_lengths = np.array(array.focal_lengths_at(axes.camera.wavelength))[lenses.type]
@@ -128,7 +130,7 @@ def _beside_ideal(axes: ArrayAxes, lenses: LensImages, ideal: Planes, planes: Ra
     )
 
 
-def agreed(found: Estimate, shape: tuple[int, ...]) -> tuple[Floats, Floats, Floats]:
+def consensus(found: Estimate, shape: tuple[int, ...]) -> tuple[Floats, Floats, Floats]:
     """Disparity, standard error and confidence on the raw image (H, W); nan where no microlens image is.
 
     What a microlens sees its neighbours see too: each pixel gets their estimates where they fall on it, and takes the

@@ -17,7 +17,7 @@ _BRIGHT = 99.0
 
 
 @value
-class RawPlanes:
+class RawArrays:
     """A shot and its white image on the same pixels, (H, W, C), and the variances of their errors."""
 
     shot: Floats
@@ -71,9 +71,9 @@ def _corners(place: Floats, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], 
     return rows, columns, shares
 
 
-def raw_planes(shot: Exposure, white: Exposure, least_light: float) -> RawPlanes:
+def raw_arrays(shot: Exposure, white: Exposure, least_light: float) -> RawArrays:
     """Cut the white image to the pixels of the shot; its dark parts are below `least_light` of its 99th percentile."""
-    cut, first = on_white(shot, white)
+    cut, first = crop_in_white_image(shot, white)
 
     def plane(image: NDArray[np.float32]) -> Floats:
         return np.asarray(np.broadcast_to(image[cut].astype(np.float64), shot.image.shape))
@@ -82,7 +82,7 @@ def raw_planes(shot: Exposure, white: Exposure, least_light: float) -> RawPlanes
     bright = float(np.percentile(known, _BRIGHT)) if known.size else 0.0
     if not bright > 0:
         raise InvalidValueError("the white image is black; render it with render_white(camera, samples=...)")
-    return RawPlanes(
+    return RawArrays(
         shot=shot.image.astype(np.float64),
         white=plane(white.image),
         variance=None if shot.standard_error is None else np.square(shot.standard_error, dtype=np.float64),
@@ -92,7 +92,7 @@ def raw_planes(shot: Exposure, white: Exposure, least_light: float) -> RawPlanes
     )
 
 
-def share_of_light(least_light: float) -> float:
+def relative_light(least_light: float) -> float:
     """`least_light`, or an error."""
     least = finite(least_light, "least_light")
     if not 0 < least <= 1:
@@ -116,7 +116,7 @@ def checked_viewpoint(viewpoint: tuple[float, float]) -> tuple[float, float]:
     return coordinate(place[0], "viewpoint[0]"), coordinate(place[1], "viewpoint[1]")
 
 
-def on_white(shot: Exposure, white: Exposure) -> tuple[tuple[slice, slice], tuple[int, int]]:
+def crop_in_white_image(shot: Exposure, white: Exposure) -> tuple[tuple[slice, slice], tuple[int, int]]:
     """Where the pixels of a shot are in a white image, and the first one on the sensor; or an error."""
     check_kind(shot, "shot", Exposure, "pl.render(scene, camera)")
     check_kind(white, "white", Exposure, "pl.render_white(camera)")

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.lightfield.kernels.cubic import keys
-from plenoptic.lightfield.kernels.refining import levels, refined
+from plenoptic.lightfield.kernels.cubic import cubic_weights
+from plenoptic.lightfield.kernels.subpixel import levels, refine_subpixel
 
 _UNKNOWN = -2.0
 """A correlation that cannot be had."""
@@ -27,8 +27,8 @@ def _fill_moved(moved, there, values, known, down, right, shape):
     """What a picture shows `down` and `right` of each pixel, by cubic convolution; `there` where four are known."""
     rows, columns = shape
     top, left = math.floor(down), math.floor(right)
-    (a0, a1, a2, a3), _ = keys(down - top)
-    (b0, b1, b2, b3), _ = keys(right - left)
+    (a0, a1, a2, a3), _ = cubic_weights(down - top)
+    (b0, b1, b2, b3), _ = cubic_weights(right - left)
     top, left = int(top), int(left)
     for y in range(rows):
         r = y + top
@@ -260,4 +260,6 @@ def fill_disparities(disparity, error, share, images, pairs, sweep, work, first_
             for x in range(columns):
                 if not images.known[m, y, x]:
                     continue
-                disparity[m, y, x], error[m, y, x], share[m, y, x] = refined(images, pairs, sweep, work, m, y, x)
+                disparity[m, y, x], error[m, y, x], share[m, y, x] = refine_subpixel(
+                    images, pairs, sweep, work, m, y, x
+                )

@@ -65,7 +65,7 @@ class Sweep(NamedTuple):
     """Variance from one level of blur to the next, pixel^2."""
 
 
-class Work(NamedTuple):
+class Workspace(NamedTuple):
     """Room for one thread."""
 
     moved: NDArray[np.float32]
@@ -81,12 +81,12 @@ class Work(NamedTuple):
     common: Floats
 
 
-def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[Floats, Floats, Floats]:
+def plane_sweep(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[Floats, Floats, Floats]:
     """Disparity, its standard error by independent residuals, and the share of pictures that show it, each (k, n, n).
 
     Of as many pictures as `pairs` lists; nan where a pixel is not known, inf the error where nothing was matched.
     """
-    from plenoptic.lightfield.kernels.matching import fill_disparities
+    from plenoptic.lightfield.kernels.plane_sweep import fill_disparities
 
     count = len(pairs.first) - 1
     _, rows, columns = images.values.shape
@@ -94,7 +94,7 @@ def matched(images: Images, pairs: Pairs, sweep: Sweep, threads: int) -> tuple[F
     planes, window = len(sweep.disparities), (2 * sweep.radius + 1) ** 2
 
     def work(first: int) -> None:
-        room = Work(
+        room = Workspace(
             np.empty((rows, columns), np.float32),
             np.empty((rows, columns), np.uint8),
             np.empty((6, rows + 1, columns)),
@@ -123,7 +123,7 @@ def texture_floor(values: Floats, variance: Floats, known: NDArray[np.bool_]) ->
     return np.asarray(np.maximum(np.maximum(noise, (_LEAST_NOISE * mean) ** 2), 1e-30))
 
 
-def continued(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
+def extrapolate_border(values: Floats, known: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Values (k, rows, columns) that go on for two pixels around what is known, as means of neighbours; then 0."""
     found, there = np.where(known, values, 0.0), known.copy()
     for _ in range(2):
@@ -150,5 +150,5 @@ def blurred(values: Floats, known: NDArray[np.bool_], variances: Floats) -> NDAr
                 np.sum([w * np.roll(part, k, axis=axis) for w, k in zip(weights, offsets, strict=True)], axis=0)
                 for part in (total, share)
             )
-        found.append(continued(total / np.maximum(share, 1e-9), known))
+        found.append(extrapolate_border(total / np.maximum(share, 1e-9), known))
     return np.stack(found, axis=1)

@@ -20,7 +20,7 @@ from plenoptic.truth.stages import TruthRecord
 _EMPTY = Tile(0, 0, 0, 0)
 
 
-class TileOrder(NamedTuple):
+class TileJob(NamedTuple):
     """Samples `first` ... `first` + `samples` - 1 of a tile, the i-th of a render."""
 
     i: int
@@ -38,15 +38,13 @@ class TileOrder(NamedTuple):
         return self.samples * self.tile.pixels
 
 
-def tile_order(
-    context: RenderContext, i: int, tile: Tile, samples: tuple[int, int], before: Floats | None
-) -> TileOrder:
+def tile_job(context: RenderContext, i: int, tile: Tile, samples: tuple[int, int], before: Floats | None) -> TileJob:
     """The next samples of a tile: `samples` are the first one and their number."""
-    return TileOrder(i, tile, *samples, before, 8 * tile.pixels * (context.replicates + 1) * context.channels)
+    return TileJob(i, tile, *samples, before, 8 * tile.pixels * (context.replicates + 1) * context.channels)
 
 
-def render_order(
-    context: RenderContext, truth: TruthRecord | None, order: TileOrder, stopped: Callable[[], bool] | None = None
+def render_job(
+    context: RenderContext, truth: TruthRecord | None, order: TileJob, stopped: Callable[[], bool] | None = None
 ) -> TileResult | None:
     """Carry out an order; truth is found once, with the first samples. None: see `render_tile`."""
     batch, wanted = batch_of(context, order.first, order.samples), truth if order.first == 0 else None
@@ -60,19 +58,19 @@ def compile_tiles(context: RenderContext, truth: TruthRecord | None) -> None:
 
 def thread_engine(
     context: RenderContext, truth: TruthRecord | None, clock: Clock, threads: int
-) -> ThreadEngine[TileOrder, TileResult | None]:
+) -> ThreadEngine[TileJob, TileResult | None]:
     """Threads of this process, which let go of a tile where its result is no longer wanted."""
 
-    def render(order: TileOrder, given_up: Callable[[], bool]) -> TileResult | None:
+    def render(order: TileJob, given_up: Callable[[], bool]) -> TileResult | None:
         try:
-            return render_order(context, truth, order, stopped=lambda: given_up() or clock.late())
+            return render_job(context, truth, order, stopped=lambda: given_up() or clock.late())
         except GivenUp:  # interrupted while something was to be compiled
             return None
 
     return ThreadEngine(render, threads, ahead=clock.ahead)
 
 
-class RenderJob(NamedTuple):
+class RenderTask(NamedTuple):
     """What all orders of a render have in common, as values that pickle."""
 
     subject: Subject
@@ -82,7 +80,7 @@ class RenderJob(NamedTuple):
     """Whether tiles are rendered more than once, so that what feeds their pixels is worth keeping."""
 
 
-def tile_renderer(job: RenderJob, threads: int) -> Callable[[TileOrder], TileResult]:
+def tile_renderer(job: RenderTask, threads: int) -> Callable[[TileJob], TileResult]:
     """What carries out the orders of a job in another process, compiled with `threads` processes."""
     context = render_context(job.subject, job.seed)
     context.prepared.cut_into((_EMPTY,), steps=job.steps)  # whichever tiles come
@@ -90,8 +88,8 @@ def tile_renderer(job: RenderJob, threads: int) -> Callable[[TileOrder], TileRes
     with compile_in_parallel(lambda: compile_tiles(context, truth), threads=threads):
         compile_tiles(context, truth)
 
-    def render(order: TileOrder) -> TileResult:
-        result = render_order(context, truth, order)
+    def render(order: TileJob) -> TileResult:
+        result = render_job(context, truth, order)
         assert result is not None
         return result._replace(batch=result.batch._replace(net=result.batch.net[:, :0]))  # is in the way only
 
