@@ -1,4 +1,4 @@
-"""Light fields: raw images of plenoptic cameras taken apart into views, and put together again."""
+"""Light fields: decoding raw images into sub-aperture views, refocusing, views of focused cameras and depth."""
 
 from plenoptic.lightfield.decode import decode
 from plenoptic.lightfield.depth_map import DepthMap, depth

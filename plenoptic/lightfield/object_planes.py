@@ -1,4 +1,4 @@
-"""Planes of the scene across the axis, and where the main lens images them, by Gaussian optics."""
+"""Object planes perpendicular to the axis, and their paraxial images by the main lens."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from plenoptic.errors import InvalidValueError
 
 
 def lens_front_z(camera: PlenopticCamera) -> float:
-    """Where the lens begins, in its axes, mm."""
+    """Axial position of the front of the lens in its own axes, mm."""
     return min(0.0, float(camera.lens.vertices[0]))
 
 
 def image_distance_behind_array(camera: PlenopticCamera, z: float) -> float:
-    """How far behind the array the image of a plane lies, mm, negative before it; an error beyond the lens's front."""
+    """Distance of a plane's paraxial image behind the array, mm, negative in front of it.
+
+    Raises InvalidValueError for a plane behind the front of the lens.
+    """
     front = lens_front_z(camera)
     if not z < front:
         raise InvalidValueError(

@@ -120,7 +120,7 @@ def grid_of(lattice, half, spacing=None, pitch=0.1):
 def test_resampling_reproduces_linear_functions_exactly():
     for lattice, spacing in ((HEXAGONAL, None), (HEXAGONAL, 0.037), (SQUARE, None), (SQUARE, 0.037)):
         design, grid, x, y = grid_of(lattice, 1.0, spacing)
-        seen = grid.mixed((3.0 + 2.0 * design[:, 0] - 5.0 * design[:, 1])[:, None])[:, :, 0]
+        seen = grid.interpolate((3.0 + 2.0 * design[:, 0] - 5.0 * design[:, 1])[:, None])[:, :, 0]
         known = np.isfinite(seen)
         # The lattice is known a row beyond all but the ragged border.
         assert known[2:-2, 2:-2].all(), (lattice, spacing)
@@ -134,13 +134,13 @@ def test_resampling_of_a_smooth_function_errs_by_the_square_of_the_pitch():
         design, grid, x, y = grid_of(HEXAGONAL, 1.0, 0.0137, pitch)
         values = np.sin(3 * design[:, :1]) * np.cos(2 * design[:, 1:])
         true = np.sin(3 * x) * np.cos(2 * y)
-        smooth = grid.smooth.mixed(values)[:, 0].reshape(x.shape)
-        linear = grid.linear.mixed(values)[:, 0].reshape(x.shape)
+        smooth = grid.smooth.interpolate(values)[:, 0].reshape(x.shape)
+        linear = grid.linear.interpolate(values)[:, 0].reshape(x.shape)
         # Second derivatives are at most 9 + 4 in sum of the main directions.
         assert np.nanmax(np.abs(linear - true)) < pitch**2 / 6 * 13
         known = np.isfinite(smooth)
         assert known.mean() > 0.5
-        np.testing.assert_array_equal(grid.mixed(values)[:, :, 0], np.where(known, smooth, linear))
+        np.testing.assert_array_equal(grid.interpolate(values)[:, :, 0], np.where(known, smooth, linear))
         largest.append(np.abs(smooth - true)[known].max())
         assert largest[-1] < 0.1 * np.abs(linear - true)[known].max()
     assert largest[0] / largest[1] > 3.0
@@ -165,15 +165,15 @@ def test_what_the_lattice_resolves_is_not_in_doubt():
         there, values = (
             np.cos(places @ wave + phase).mean(axis=-1, keepdims=True) for places in (np.stack([x, y], axis=-1), design)
         )
-        error = (grid.mixed(values) - there)[:, :, 0]
-        stated = np.sqrt(grid.doubt(values, np.zeros_like(values)))[:, :, 0]
+        error = (grid.interpolate(values) - there)[:, :, 0]
+        stated = np.sqrt(grid.interpolation_variance(values, np.zeros_like(values)))[:, :, 0]
         true, said = (np.sqrt(np.mean(part[middle] ** 2)) for part in (error, stated))
         assert said < 2e-3 if resolved else 0.4 < true / said < 2.5
     # Noise alone is not taken for detail; a view on the microlenses themselves misses nothing.
     noise = random.normal(size=(len(design), 1))
-    assert np.mean(grid.doubt(noise, np.ones_like(noise))[middle]) < 0.25
+    assert np.mean(grid.interpolation_variance(noise, np.ones_like(noise))[middle]) < 0.25
     design, square, _, _ = grid_of(SQUARE, 1.0)
-    assert square.doubt(design[:, :1] ** 2, 0 * design[:, :1]).max() == 0.0
+    assert square.interpolation_variance(design[:, :1] ** 2, 0 * design[:, :1]).max() == 0.0
 
 
 def test_a_turned_array_shows_the_scene_upright():

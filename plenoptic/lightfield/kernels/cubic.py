@@ -1,4 +1,4 @@
-"""Cubic convolution: weights for reading between pixels."""
+"""Cubic convolution: interpolation weights."""
 
 from plenoptic.core.numba.jit import device
 

@@ -1,6 +1,6 @@
-"""A disparity between planes: the window around a pixel is fitted to other pictures by least squares.
+"""Sub-pixel disparity: least-squares fit of the window around a pixel to other images.
 
-As B. D. Lucas and T. Kanade do (Proc. IJCAI 1981), here for all pictures at once.
+After B. D. Lucas and T. Kanade (Proc. IJCAI 1981), for all images simultaneously.
 """
 
 from __future__ import annotations
@@ -11,60 +11,64 @@ from plenoptic.core.numba.jit import device
 from plenoptic.lightfield.kernels.cubic import cubic_weights
 
 _STEPS = 3
-_LEAST = 0.25
-"""Part of a window that must be known."""
-_WORST = 0.3
-"""Correlation that counts at least."""
-_SAME = 1.5
-"""Pixels of a window belong to the one in its middle up to this many times the reach of the refinement away."""
+_MIN_VALID = 0.25
+"""Minimum fraction of valid pixels in a window."""
+_MIN_CORRELATION = 0.3
+"""Correlation below which an image does not count."""
+_SAME_SURFACE = 1.5
+"""Window pixels belong to the surface of the central one if their disparities differ by up to this many search ranges.
+"""
 
 
 @device
-def levels(images, sweep, m, other, d):
-    """How far the sharper of two pictures is to be blurred, so that both show points of a disparity equally blurred."""
-    here, there = images.bent[m] - d / sweep.pitch, images.bent[other] - d / sweep.pitch
-    blurrier = sweep.opening * (there * there - here * here) / sweep.level
-    last = images.blurred.shape[1] - 1
-    return min(math.floor(max(blurrier, 0.0) + 0.5), last), min(math.floor(max(-blurrier, 0.0) + 0.5), last)
+def blur_levels(images, sweep, m, other, d):
+    """Blur levels of two images that give points of a disparity the same blur in both."""
+    blur, other_blur = images.defocus[m] - d / sweep.pitch, images.defocus[other] - d / sweep.pitch
+    excess = sweep.aperture_variance * (other_blur * other_blur - blur * blur) / sweep.blur_step
+    highest = images.blurred.shape[1] - 1
+    return min(math.floor(max(excess, 0.0) + 0.5), highest), min(math.floor(max(-excess, 0.0) + 0.5), highest)
 
 
 @device
 def _reach(sweep, disparity):
-    """How far the refinement goes."""
-    return sweep.reach * abs(disparity) + sweep.least_reach
+    """Search range of the refinement around a disparity, pixels."""
+    return sweep.relative_reach * abs(disparity) + sweep.constant_reach
 
 
 @device
-def _displaced(images, pairs, sweep, m, j, place, d):
-    """How much farther a point is seen in another picture than it should: rows, columns, and how both grow with d."""
-    (y, x), other, near = place, pairs.other[j], d / sweep.pitch
+def _image_displacement(images, pairs, sweep, m, j, pixel, d):
+    """Displacement of a point's image relative to the pinhole model: rows, columns, and their derivatives by d."""
+    (y, x), other, per_pitch = pixel, pairs.other[j], d / sweep.pitch
     yy = math.floor(y + pairs.base[j, 0] - d * pairs.step[j, 0] + 0.5)
     xx = math.floor(x + pairs.base[j, 1] - d * pairs.step[j, 1] + 0.5)
     if not (0 <= yy < images.values.shape[1] and 0 <= xx < images.values.shape[2]):
         return math.nan, math.nan, math.nan, math.nan
-    here, there = images.shift[m, y, x], images.shift[other, yy, xx]
-    down, right = there[1, 0] - here[1, 0], there[1, 1] - here[1, 1]
+    displacement, other_displacement = (
+        images.residual_displacement[m, y, x],
+        images.residual_displacement[other, yy, xx],
+    )
+    down, right = other_displacement[1, 0] - displacement[1, 0], other_displacement[1, 1] - displacement[1, 1]
     return (
-        there[0, 0] - here[0, 0] + near * down,
-        there[0, 1] - here[0, 1] + near * right,
+        other_displacement[0, 0] - displacement[0, 0] + per_pitch * down,
+        other_displacement[0, 1] - displacement[0, 1] + per_pitch * right,
         down / sweep.pitch,
         right / sweep.pitch,
     )
 
 
 @device
-def _window(images, pairs, sweep, work, m, j, place, d):
-    """Comparison of a window with another picture: (count, correlation, sum of residual slope, slope^2, residual^2).
+def _window(images, pairs, sweep, workspace, m, j, pixel, d):
+    """Comparison of a window with another image: (count, correlation, sum of residual slope, slope^2, residual^2).
 
-    Brightness and contrast of the other picture are fitted. The slopes stay in `work.slopes`, less their mean; nan
-    where a pixel is not known.
+    Gain and offset of the other image are fitted. `workspace.slopes` gets the slopes minus their mean; nan for invalid
+    pixels.
     """
     rows, columns, radius = images.values.shape[1], images.values.shape[2], sweep.radius
-    (y, x), other = place, pairs.other[j]
+    (y, x), other = pixel, pairs.other[j]
     sy, sx = pairs.step[j, 0], pairs.step[j, 1]
     down, right = pairs.base[j, 0] - d * sy, pairs.base[j, 1] - d * sx
-    if images.shift is not None:
-        more_down, more_right, by_down, by_right = _displaced(images, pairs, sweep, m, j, place, d)
+    if images.residual_displacement is not None:
+        more_down, more_right, by_down, by_right = _image_displacement(images, pairs, sweep, m, j, pixel, d)
         if math.isnan(more_down):
             return 0.0, 0.0, 0.0, 0.0, 0.0
         down, right, sy, sx = down + more_down, right + more_right, sy - by_down, sx - by_right
@@ -73,21 +77,31 @@ def _window(images, pairs, sweep, work, m, j, place, d):
     (b0, b1, b2, b3), (f0, f1, f2, f3) = cubic_weights(right - left)
     top, left = int(top), int(left)
     n, p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    mine, values, known = images.values[m], images.values[other], images.known[other]
+    window_values, values, other_mask = images.values[m], images.values[other], images.mask[other]
     if images.blurred is not None:
-        own, theirs = levels(images, sweep, m, other, d)
-        mine, values = images.blurred[m, own], images.blurred[other, theirs]
-    same, floor, slot = _SAME * _reach(sweep, work.start[y, x]), images.floor[m], 0
+        level, other_level = blur_levels(images, sweep, m, other, d)
+        window_values, values = images.blurred[m, level], images.blurred[other, other_level]
+    tolerance, noise, slot = _SAME_SURFACE * _reach(sweep, workspace.start[y, x]), images.noise_variance[m], 0
     for yy in range(y - radius, y + radius + 1):
         for xx in range(x - radius, x + radius + 1):
-            work.slopes[slot] = math.nan
+            workspace.slopes[slot] = math.nan
             slot += 1
             r, c = yy + top, xx + left
             if not (1 <= r < rows - 2 and 1 <= c < columns - 2):
                 continue
-            if not (0 <= yy < rows and 0 <= xx < columns and abs(work.start[yy, xx] - work.start[y, x]) <= same):
+            if not (
+                0 <= yy < rows
+                and 0 <= xx < columns
+                and abs(workspace.start[yy, xx] - workspace.start[y, x]) <= tolerance
+            ):
                 continue
-            if not (images.known[m, yy, xx] & known[r, c] & known[r, c + 1] & known[r + 1, c] & known[r + 1, c + 1]):
+            if not (
+                images.mask[m, yy, xx]
+                & other_mask[r, c]
+                & other_mask[r, c + 1]
+                & other_mask[r + 1, c]
+                & other_mask[r + 1, c + 1]
+            ):
                 continue
             v, vy, vx = 0.0, 0.0, 0.0
             for i in range(4):
@@ -103,67 +117,69 @@ def _window(images, pairs, sweep, work, m, j, place, d):
                 v += w * along
                 vy += e * along
                 vx += w * (f0 * g0 + f1 * g1 + f2 * g2 + f3 * g3)
-            here, slope = mine[yy, xx], -(sy * vy + sx * vx)
-            work.slopes[slot - 1] = slope
+            value, slope = window_values[yy, xx], -(sy * vy + sx * vx)
+            workspace.slopes[slot - 1] = slope
             n += 1.0
-            p += here
+            p += value
             q += v
             s += slope
-            pp += here * here
+            pp += value * value
             qq += v * v
-            pq += here * v
-            ps += here * slope
+            pq += value * v
+            ps += value * slope
             qs += v * slope
             ss += slope * slope
-    if n < _LEAST * slot:
+    if n < _MIN_VALID * slot:
         return 0.0, 0.0, 0.0, 0.0, 0.0
     pp, qq, pq = pp - p * p / n, qq - q * q / n, pq - p * q / n
     ps, qs, ss = ps - p * s / n, qs - q * s / n, ss - s * s / n
-    correlation = pq / math.sqrt((pp + n * floor) * (qq + n * images.floor[other]))
+    correlation = pq / math.sqrt((pp + n * noise) * (qq + n * images.noise_variance[other]))
     gain = pq / qq if qq > 0.0 and pq > 0.0 else 0.0
     for i in range(slot):
-        work.slopes[i] = gain * (work.slopes[i] - s / n)
+        workspace.slopes[i] = gain * (workspace.slopes[i] - s / n)
     return n, correlation, gain * (ps - gain * qs), gain * gain * ss, pp - 2.0 * gain * pq + gain * gain * qq
 
 
 @device
-def refine_subpixel(images, pairs, sweep, work, m, y, x):
-    """Disparity near the best plane's with the least residuals, its error, and the share of pictures that show it."""
-    start, spread, share = work.start[y, x], math.inf, 0.0
+def refine_subpixel(images, pairs, sweep, workspace, m, y, x):
+    """Disparity of least residuals near the best plane, its standard error, and the fraction of agreeing images."""
+    start, error, agreement = workspace.start[y, x], math.inf, 0.0
     d, reach = start, _reach(sweep, start)
     for _ in range(_STEPS):
-        pull, stiff, rest, counted, own = 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(work.common.size):
-            work.common[i] = 0.0
-        compared, seen, kept = 0, 0, 0
+        gradient_sum, stiffness, residual_sum, weight_sum, slope_variance = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(workspace.slope_sums.size):
+            workspace.slope_sums[i] = 0.0
+        n_compared, n_valid, n_agreeing = 0, 0, 0
         for j in range(pairs.first[m], pairs.first[m + 1]):
             down, right = d * pairs.step[j, 0], d * pairs.step[j, 1]
-            if down * down + right * right > sweep.farthest * sweep.farthest or compared == sweep.compared:
+            if down * down + right * right > sweep.max_shift * sweep.max_shift or n_compared == sweep.max_compared:
                 continue
-            compared += 1
-            n, correlation, residual, slopes, left = _window(images, pairs, sweep, work, m, j, (y, x), d)
-            seen += n > 0.0
-            if n == 0.0 or correlation <= _WORST:
+            n_compared += 1
+            n, correlation, residual, slope_squares, residual_squares = _window(
+                images, pairs, sweep, workspace, m, j, (y, x), d
+            )
+            n_valid += n > 0.0
+            if n == 0.0 or correlation <= _MIN_CORRELATION:
                 continue
-            kept += 1
-            w = correlation - _WORST
-            pull += w * residual
-            stiff += w * slopes
-            rest += w * left
-            counted += w * n
-            own += w * w * slopes
-            for i in range(work.common.size):
-                if work.slopes[i] == work.slopes[i]:
-                    work.common[i] += w * work.slopes[i]
-        share = kept / max(seen, 1)
-        if not stiff > 0.0:
+            n_agreeing += 1
+            w = correlation - _MIN_CORRELATION
+            gradient_sum += w * residual
+            stiffness += w * slope_squares
+            residual_sum += w * residual_squares
+            weight_sum += w * n
+            slope_variance += w * w * slope_squares
+            for i in range(workspace.slope_sums.size):
+                if workspace.slopes[i] == workspace.slopes[i]:
+                    workspace.slope_sums[i] += w * workspace.slopes[i]
+        agreement = n_agreeing / max(n_valid, 1)
+        if not stiffness > 0.0:
             break
-        # A residual has the noise of two pixels. That of the window itself is in all comparisons.
-        for i in range(work.common.size):
-            own += work.common[i] * work.common[i]
-        spread = math.sqrt(0.5 * max(rest, 0.0) / counted * own) / stiff
-        d = min(max(d + pull / stiff, start - reach), start + reach)
-    # At the end of its reach nothing was found.
+        # A residual has the noise of two pixels. The noise of the window itself is common to all comparisons.
+        for i in range(workspace.slope_sums.size):
+            slope_variance += workspace.slope_sums[i] * workspace.slope_sums[i]
+        error = math.sqrt(0.5 * max(residual_sum, 0.0) / weight_sum * slope_variance) / stiffness
+        d = min(max(d + gradient_sum / stiffness, start - reach), start + reach)
+    # A disparity at the end of the search range is no solution.
     if abs(d - start) >= reach:
-        spread = max(spread, reach)
-    return d, spread, share
+        error = max(error, reach)
+    return d, error, agreement
