@@ -104,7 +104,7 @@ def camera_of(shot: Exposure, camera: PlenopticCamera | None) -> PlenopticCamera
     """The camera passed by the caller or stored in the shot; raise InvalidValueError without one."""
     chosen = shot.camera if camera is None else camera
     if not isinstance(chosen, PlenopticCamera):
-        raise InvalidValueError("the shot does not store its camera; give camera=")
+        raise InvalidValueError("the shot names no camera; give camera=")
     return chosen
 
 

@@ -356,7 +356,7 @@ def test_a_view_from_outside_the_pupil_says_that_it_is_empty():
             field = decode(white, white, views=1, viewpoint=viewpoint)
         assert np.isnan(field.views).all() == empty
         assert [f"viewpoint {viewpoint} is empty" in str(one.message) for one in said] == [True] * empty
-        assert all("within the iris, -1 to 1" in str(one.message) for one in said)
+        assert all("of the iris, -1 to 1" in str(one.message) for one in said)
 
 
 def test_views_are_drawn_as_they_lie_in_the_pupil():

@@ -113,15 +113,16 @@ def test_what_cannot_be_matched_is_refused(edge, white):
         ({"camera": dataclasses.replace(CAMERA, microlenses=None, microlenses_to_sensor=0.0)}, "no microlenses"),
         ({"camera": dataclasses.replace(CAMERA, microlenses=free)}, "on no lattice"),
         ({"camera": dataclasses.replace(CAMERA, microlenses_to_sensor=2.0)}, "focused at infinity"),
-        ({"between": (3.0, 2.0)}, "smaller one first"),
-        ({"between": (0.5, 2.0)}, "virtual depths from 1 to"),
-        ({"radius": 0}, "radius"),
-        ({"least_light": 0.0}, "least_light"),
+        ({"virtual_depth_range": (3.0, 2.0)}, "smaller one first"),
+        ({"virtual_depth_range": (0.5, 2.0)}, "virtual depths from 1 to"),
+        ({"disparity_range": (1.0, 2.0)}, "searched by virtual depth"),
+        ({"window_radius": 0}, "window_radius"),
+        ({"min_relative_light": 0.0}, "min_relative_light"),
         ({"white": None}, "its white image"),
-        ({"seen": "views"}, "seen"),
+        ({"image": "views"}, "image"),
     ):
         with pytest.raises(InvalidValueError, match=said):
-            depth(**({"seen": edge, "white": white} | arguments))
+            depth(**({"image": edge, "white": white} | arguments))
 
 
 def field(disparity, slant=0.0, count=5, steps=1.0):
@@ -149,7 +150,7 @@ def field(disparity, slant=0.0, count=5, steps=1.0):
 def test_slopes_of_epipolar_lines():
     """Cubic convolution of these waves is good to a percent of their amplitude, which a gradient turns into place."""
     for disparity, slant in ((-1.3, 0.0), (0.02, 0.0), (0.2, 0.01)):
-        found, inside = depth(field(disparity, slant), between=(-2.0, 2.0)), np.s_[5:-5, 5:-5]
+        found, inside = depth(field(disparity, slant), disparity_range=(-2.0, 2.0)), np.s_[5:-5, 5:-5]
         error = (found.disparity - (disparity + slant * np.arange(48)))[inside]
         assert np.isfinite(error).all() and np.abs(error).max() < 0.02, (disparity, slant)
         assert np.sqrt((error**2).mean()) < 0.006, (disparity, slant)
@@ -165,26 +166,30 @@ def apart(spacing=(0.8, 0.8)):
 def test_views_of_cameras_side_by_side_have_depth():
     """z = z_focus / (1 + d pixel / step), the inverse of `disparity_at`, and steps of views may be fractions."""
     views = apart()
-    found = depth(views, between=(-1.0, 1.0))
+    found = depth(views, disparity_range=(-1.0, 1.0))
     z = -np.nanmedian(found.depth)
     assert views.disparity_at(z) == pytest.approx((0.5, 0.5), abs=5e-3)
-    halved = depth(field(0.5, steps=0.5), between=(-1.0, 1.0))
+    halved = depth(field(0.5, steps=0.5), disparity_range=(-1.0, 1.0))
     assert np.nanmedian(halved.disparity) == pytest.approx(0.5, abs=1e-2)  # half the lever
-    for arguments, said in (({"white": views}, "neither white"), ({"between": (-900, 900)}, "planes to compare")):
+    for arguments, said in (
+        ({"white": views}, "neither white"),
+        ({"disparity_range": (-900, 900)}, "planes to compare"),
+        ({"virtual_depth_range": (2.0, 9.0)}, "no virtual depth"),
+    ):
         with pytest.raises(InvalidValueError, match=said):
             depth(views, **arguments)
-    with pytest.raises(InvalidValueError, match="no views beside"):
+    with pytest.raises(InvalidValueError, match="no views other than"):
         depth(field(0.5, count=1))
 
 
 def test_a_line_of_cameras_has_depth():
     """One column of views moves along rows alone, one row along columns."""
     square = apart()
-    expected = np.nanmedian(depth(square, between=(-1.0, 1.0)).depth)
+    expected = np.nanmedian(depth(square, disparity_range=(-1.0, 1.0)).depth)
     for line in (np.s_[1:2, :], np.s_[:, 1:2]):
         cut = {name: getattr(square, name)[line] for name in ("views", "exit_pupil", "pupil")}
         views = dataclasses.replace(square, **cut, u=square.u[line[0]], v=square.v[line[1]])
-        found = depth(views, between=(-1.0, 1.0))
+        found = depth(views, disparity_range=(-1.0, 1.0))
         assert np.nanmedian(found.depth) == pytest.approx(expected, rel=1e-3), line
         picture, inside = pl.lightfield.refocus(views, -500.0 / (1.0 + 0.5 * 0.8 / 4.0)), np.s_[5:-5, 5:-5]
         np.testing.assert_allclose(picture, pl.lightfield.refocus(views, disparity=0.5), rtol=1e-5)
@@ -212,7 +217,7 @@ def test_decoded_views_have_the_disparity_of_their_plane():
     scene = pl.Scene([pl.quad(corner, (side, 0, 0), (0, side, 0), material=pl.Emissive(texture))])
     shot = pl.render(scene, camera, samples=16, progress=False)
     views = pl.lightfield.decode(shot, pl.render_white(camera, samples=16, progress=False), views=13)
-    found = depth(views, between=(-0.5, 0.5))
+    found = depth(views, disparity_range=(-0.5, 0.5))
     assert np.nanmedian(found.disparity) == pytest.approx(views.disparity_at(-470.0)[0], abs=0.005)
     assert np.nanmedian(found.depth) == pytest.approx(470.0, rel=0.01)
 
@@ -256,7 +261,7 @@ def test_the_order_of_focal_lengths_does_not_say_on_which_side_images_are(focal_
     white = pl.render_white(camera, samples=16, progress=False)
     found = depth(shot, white)
     assert np.nanmedian(found.disparity) == pytest.approx(np.nanmedian(shot.truth.chord_disparity), rel=0.03)
-    other = depth(shot, white, between=(-25.0, -1.8))
+    other = depth(shot, white, virtual_depth_range=(-25.0, -1.8))
     assert not np.nanmax(other.disparity, initial=-1.0) > 0
 
 
