@@ -82,11 +82,11 @@ texture_seam scene/textures/kernels/lookup.py: scene/textures
 - first = first if first >= 0 else n - 1
 + first = first if first >= 0 else 0
 emission_weight rendering/integrator/kernels/emission.py: rendering/integrator scene/lights
-- counts = weight(drawn, area_pdf[material] * far * far / cosine)
-+ counts = weight(drawn, area_pdf[material] * far * far * cosine)
+- mis_weight = weight(ray_pdf, area_pdf[material] * path_length * path_length / cosine)
++ mis_weight = weight(ray_pdf, area_pdf[material] * path_length * path_length * cosine)
 roulette_weight rendering/integrator/kernels/bounce.py: rendering/integrator
-- spread /= largest
-+ spread /= 1.0
+- sample_weight /= largest
++ sample_weight /= 1.0
 light_in_a_liquid scene/materials/kernels/absorption.py: rendering/integrator scene/materials
 - row_vector(rows, i, NORMAL)) < 0.0:
 + row_vector(rows, i, NORMAL)) > 0.0:

@@ -107,7 +107,7 @@ def _settings(options: argparse.Namespace) -> RenderSettings:
     kept = RenderSettings() if options.settings is None else settings_in(options.settings)
     given = {name: found for name in ("max_bounces", "clamp") if (found := getattr(options, name)) is not None}
     if options.caustics is not None:
-        given["caustics"] = Caustics.KEPT if options.caustics == "kept" else Caustics.LEFT_OUT
+        given["caustics"] = Caustics.INCLUDE if options.caustics == "kept" else Caustics.EXCLUDE
     return dataclasses.replace(kept, **given)
 
 

@@ -64,7 +64,7 @@ def _cause(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
         return "" if few else "this region of the sensor gets no light, and others do; choose another region"
     if scene is not None and context.intersector is None:
         return "nothing is there for light to fall on, and no light is in view; give the scene meshes=[...]"
-    if scene is not None and ((whole and not progress.met) or probe.is_past(scene)):
+    if scene is not None and ((whole and not progress.scene_hits) or probe.is_past(scene)):
         return f"no path met the scene, {probe.place(scene)}"
     if scene is None or not len(probe.meshes):
         return "" if few else "hardly any path passes the camera and meets the scene; look at camera.report()"
@@ -168,19 +168,19 @@ class _Probe:
             radiance = PathIntegrator(context, n).radiance(bundle, 0, n, batch, fed.number, ways.waves, observer=self)
             self.bright = bool(radiance.any())
 
-    def left(self, rays: Floats) -> None:
+    def on_camera_ray(self, rays: Floats) -> None:
         """Keep the rays that leave the camera."""
         self.rays = rays.copy()
 
-    def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
+    def on_hit(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
         """Keep the numbers of the meshes that are met first."""
         if not len(self.meshes) and self.intersector is not None:
             self.meshes = np.unique(self.record.triangle_mesh[hits.triangle[hits.triangle >= 0]])
 
-    def lit(self, *_: object) -> None:
+    def on_direct_light(self, *_: object) -> None:
         """Lights were drawn."""
 
-    def scattered(self, interactions: Interactions, onward: RayQueue, onwards: int, drawn: int) -> None:
+    def on_scatter(self, interactions: Interactions, scattered_rays: RayQueue, n_rays: int, n_sampled: int) -> None:
         """Keep the first surfaces that scatter the light of lamps."""
         if not len(self.found):
             matt = self.record.bsdf.takes_light[interactions.material] > 0

@@ -34,7 +34,7 @@ def render(  # noqa: PLR0913
     replicates: int = 2,
     sampler: Sampler = Sampler.SOBOL,
     max_bounces: int = 8,
-    caustics: Caustics = Caustics.KEPT,
+    caustics: Caustics = Caustics.INCLUDE,
     clamp: float | None = None,
     truth: Truth = Truth.DEPTH,
     conditioning: int | None = None,
@@ -81,7 +81,7 @@ def render(  # noqa: PLR0913
         How often a path may be scattered, reflected or refracted; 0 shows only what emits. Light that is scattered more
         often is missing.
     caustics : Caustics
-        ``Caustics.LEFT_OUT``: light that mirrors, polished glass or panes throw onto rough surfaces does not count. It
+        ``Caustics.EXCLUDE``: light that mirrors, polished glass or panes throw onto rough surfaces does not count. It
         is noisy, since paths find it by chance only; the difference of the variances with and without it is its share
         of the noise.
     clamp : float, optional

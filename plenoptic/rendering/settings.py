@@ -29,8 +29,8 @@ class Caustics(enum.IntEnum):
     See `render`.
     """
 
-    KEPT = 0
-    LEFT_OUT = 1
+    INCLUDE = 0
+    EXCLUDE = 1
 
 
 @value
@@ -50,7 +50,7 @@ class RenderSettings:
     """
 
     max_bounces: int = 8
-    caustics: Caustics = Caustics.KEPT
+    caustics: Caustics = Caustics.INCLUDE
     clamp: float | None = None
     sampler: Sampler = Sampler.SOBOL
 

@@ -38,11 +38,11 @@ class Recorder:
         self.events: list[Meeting | Escape] = []
         self.ending = PathEnding.LEFT_SCENE
 
-    def left(self, rays: Floats) -> None:
+    def on_camera_ray(self, rays: Floats) -> None:
         """See `PathObserver`."""
         self.start = rays[0].copy() if len(rays) else None
 
-    def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
+    def on_hit(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
         """See `PathObserver`."""
         if not len(rays):
             return
@@ -79,7 +79,7 @@ class Recorder:
         scattered = sum(isinstance(event, Meeting) for event in self.events) - 1
         return PathEnding.MAX_BOUNCES if scattered >= self._max_bounces else PathEnding.NO_SURFACE
 
-    def lit(
+    def on_direct_light(
         self, interactions: Interactions, drawn: DrawnLights, shadow: ShadowRays, blocked: NDArray[np.uint8]
     ) -> None:
         """See `PathObserver`."""
@@ -104,18 +104,18 @@ class Recorder:
             )
         )
 
-    def scattered(self, interactions: Interactions, onward: RayQueue, onwards: int, drawn: int) -> None:
+    def on_scatter(self, interactions: Interactions, scattered_rays: RayQueue, n_rays: int, n_sampled: int) -> None:
         """See `PathObserver`."""
         if not len(interactions.ray):
             return
         self._amend(shading_normal=interactions.rows[0, SHADING_NORMAL : SHADING_NORMAL + 3].copy())
-        if onwards:
-            assert onward.throughput is not None
-            self._amend(direction=onward.rays[0, 3:].copy(), throughput=onward.throughput[0].copy())
+        if n_rays:
+            assert scattered_rays.throughput is not None
+            self._amend(direction=scattered_rays.rays[0, 3:].copy(), throughput=scattered_rays.throughput[0].copy())
         elif not self._plan.runs(Stage.ONWARD_RAYS):
             self.ending = PathEnding.NOTHING_AHEAD
         else:
-            self.ending = PathEnding.ROULETTE if drawn else PathEnding.ABSORBED
+            self.ending = PathEnding.ROULETTE if n_sampled else PathEnding.ABSORBED
 
     def _amend(self, **known: Any) -> None:
         """Add to the last event what has become known of it."""

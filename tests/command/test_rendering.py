@@ -120,7 +120,7 @@ def test_tiles_in_stores_come_to_the_same(capsys, refused):
 def test_settings_come_from_files_and_options():
     common = "render wall.obj camera.json --samples 2 --region 0:8,:8 --truth none"
     run(f"{common} --settings settings.json --clamp 5 --caustics left-out -o a.exr")
-    wanted = dataclasses.replace(SETTINGS, clamp=5.0, caustics=pl.rendering.Caustics.LEFT_OUT)
+    wanted = dataclasses.replace(SETTINGS, clamp=5.0, caustics=pl.rendering.Caustics.EXCLUDE)
     shot = pl.Exposure.load("a.exr")
     assert (shot.settings, shot.truth, shot.region) == (wanted, None, (0, 8, 0, 8))
     run(f"{common} --background 2 --max-bounces 0 --replicates 1 --threads 1 -o b.exr")

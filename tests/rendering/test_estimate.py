@@ -81,7 +81,7 @@ def test_samples_that_are_given_are_given_back_and_regions_may_be_smaller_than_p
     for wanted in (
         {"samples": 8, "replicates": 8, "truth": pl.Truth.ALL},
         {"samples": 3000},
-        {"samples": 1, "threads": 1, "max_bounces": 1, "clamp": 4.0, "caustics": pl.rendering.Caustics.LEFT_OUT},
+        {"samples": 1, "threads": 1, "max_bounces": 1, "clamp": 4.0, "caustics": pl.rendering.Caustics.EXCLUDE},
     ):
         check(found := estimate(**wanted))
         assert set(found.samples) == {wanted["samples"]}

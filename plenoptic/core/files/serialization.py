@@ -33,6 +33,9 @@ _DTYPES = (
     *("float16", "float32", "float64"),
 )
 
+_RENAMED_MEMBERS = {("Caustics", "KEPT"): "INCLUDE", ("Caustics", "LEFT_OUT"): "EXCLUDE"}
+"""Present names of enum members that older files contain."""
+
 
 def describe(value: Any) -> str:
     """A value of this package as JSON text in ASCII; floats keep every bit. An error for what has no such form."""
@@ -124,7 +127,7 @@ def _restored(tree: Any) -> Any:
     if not isinstance(found, type) or (kind == "enum") != issubclass(found, enum.IntEnum):
         raise ValueError(f"{name!r} is no {kind} of this package")
     if kind == "enum":
-        return found[inside]  # type: ignore[index]
+        return found[_RENAMED_MEMBERS.get((name, inside), inside)]  # type: ignore[index]
     return found(**{field: _restored(item) for field, item in inside.items()})
 
 

@@ -132,7 +132,7 @@ def estimate(  # noqa: PLR0913
     replicates: int = 2,
     sampler: Sampler = Sampler.SOBOL,
     max_bounces: int = 8,
-    caustics: Caustics = Caustics.KEPT,
+    caustics: Caustics = Caustics.INCLUDE,
     clamp: float | None = None,
     truth: Truth = Truth.DEPTH,
     threads: int | None = None,

@@ -1,4 +1,4 @@
-"""Rays on their way through the scene, as kernels read and fill them."""
+"""Records of rays in the scene, as read and filled by kernels."""
 
 from __future__ import annotations
 
@@ -11,41 +11,43 @@ from plenoptic.core.values import Floats
 
 
 class RayQueue(NamedTuple):
-    """Rays and what belongs to them, C channels of their paths; None for what a scene does not need."""
+    """Rays and the states of their paths with C channels; None for states that a scene does not need."""
 
     rays: Floats
     """(n, 6): origin and direction."""
     path: NDArray[np.int64]
-    """(n,): which path of the bundle a ray belongs to."""
+    """(n,): index of the ray's path in the bundle."""
     throughput: Floats | None
-    """(n, C): what of the radiance along the ray reaches the camera. None where all of it does."""
+    """(n, C): fraction of the radiance along the ray that reaches the camera. None if it is 1 for all rays."""
     pdf: Floats | None
-    """(n,), 1/sr: by which the direction was drawn; DELTA where it is certain. None where no ray is drawn."""
+    """(n,), 1/sr: density by which the direction was sampled; DELTA for a specular direction. None if no ray is
+    sampled.
+    """
     media: NDArray[np.int32] | None
-    """(n, NESTED): the bodies that the ray is in. None where nothing absorbs."""
+    """(n, NESTED): bodies that contain the ray. None if nothing absorbs."""
     rough: NDArray[np.uint8] | None
-    """(n,): 1 for paths that a rough surface has scattered. None where caustics are kept."""
+    """(n,): 1 for paths that a rough surface has scattered. None if caustics are included."""
 
 
 class ShadowRays(NamedTuple):
-    """Rays to lights, and what these bring where nothing lies between."""
+    """Rays to lights, and the radiance of these along the path if unoccluded."""
 
     rays: Floats
-    """(n, 6): origin, and the way to the light."""
+    """(n, 6): origin, and vector to the light."""
     path: NDArray[np.int64]
     """(n,)."""
     radiance: Floats
     """(n, C)."""
 
     def first(self, n: int) -> ShadowRays:
-        """The first of them."""
+        """The first n of the rays."""
         return ShadowRays(self.rays[:n], self.path[:n], self.radiance[:n])
 
 
 class Wavelengths(NamedTuple):
-    """At which wavelengths paths see the colours of a scene; both are None where they see its channels."""
+    """Wavelengths of paths; both members are None if paths carry the channels of the scene."""
 
     number: NDArray[np.int64] | None
-    """(paths,): number of each path's wavelength."""
+    """(paths,): wavelength number of each path."""
     basis: Floats | None
-    """(wavelengths, 3): what red, green and blue are at each."""
+    """(wavelengths, 3): values of red, green and blue at each wavelength."""

@@ -28,7 +28,7 @@ def plan(  # noqa: PLR0913
     replicates: int = 2,
     max_bounces: int = 8,
     truth: Truth = Truth.DEPTH,
-    caustics: Caustics = Caustics.KEPT,
+    caustics: Caustics = Caustics.INCLUDE,
     clamp: float | None = None,
     sampler: Sampler = Sampler.SOBOL,
 ) -> Plan:
@@ -81,7 +81,7 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
     asked, independent = checked_truth(subject.truth), min(subject.samples, subject.replicates)
     found = available_truth(asked, meshes=meshes, microlenses=camera.microlenses is not None)
     replicated = f"{independent} independent replicate{'s' * (independent != 1)}"
-    apart, clamp = settings.caustics is Caustics.LEFT_OUT, settings.clamp
+    apart, clamp = settings.caustics is Caustics.EXCLUDE, settings.clamp
     points, single = "scrambled Sobol points", "every sample by itself"
     everything, as_it_is = "caustics count as all light does", "paths bring what they bring"
     return Plan(

@@ -313,7 +313,7 @@ def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupt
     if rare:
         warn(
             f"light is so rare that few pixels have met it: the error is {100 * reached:.2g} % or more, and whether it "
-            f"is {wanted} is not known; give samples, a larger lamp or caustics=pl.rendering.Caustics.LEFT_OUT",
+            f"is {wanted} is not known; give samples, a larger lamp or caustics=pl.rendering.Caustics.EXCLUDE",
             BudgetWarning,
         )
     elif reached < math.inf:  # otherwise the image is black, of which there is a warning of its own

@@ -151,7 +151,7 @@ _WAYS: dict[Stage, tuple[str, _Change]] = {
     Stage.NORMAL_MAPS: ("the normals of meshes", _materials(scene_ablation.with_fields, normal_map=None)),
     Stage.TEXTURES: ("their mean colours", _materials(scene_ablation.untextured)),
     Stage.COLOUR: ("grey", _scene(scene_ablation.grey)),
-    Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.KEPT)),
+    Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.INCLUDE)),
     Stage.CLAMPING: ("no limit", _settings(clamp=None)),
     Stage.TRUTH: ("no ground truth", lambda subject: dataclasses.replace(subject, truth=Truth.NONE)),
     Stage.STANDARD_ERROR: ("one replicate", lambda subject: dataclasses.replace(subject, replicates=1)),

@@ -326,7 +326,7 @@ GOLD = (0.18 + 3.4j, 0.42 + 2.35j, 1.37 + 1.77j)
 def test_the_same_bits_for_any_threads_tiles_and_regions():
     # Bundles of 16384 paths: of many pixels, and of parts of some.
     scene = everything()
-    for more in ({}, {"clamp": 2.0, "caustics": pl.rendering.Caustics.LEFT_OUT}):
+    for more in ({}, {"clamp": 2.0, "caustics": pl.rendering.Caustics.EXCLUDE}):
         options = {"samples": 320, "truth": Truth.ALL, **more}
         whole = shoot(scene, threads=1, **options)
         other = shoot(scene, threads=3, tile_side=3, **options)
@@ -380,7 +380,7 @@ def test_without_mirrors_and_glass_there_are_no_caustics():
         options = {"samples": 64, "max_bounces": bounces}
         kept, left_out = (shoot(scene, caustics=caustics, **options).image for caustics in pl.rendering.Caustics)
         assert np.array_equal(kept, left_out) and (kept.any() or bounces == 0), bounces
-    said = "caustics is 'none'; it must be Caustics.KEPT or Caustics.LEFT_OUT"
+    said = "caustics is 'none'; it must be Caustics.INCLUDE or Caustics.EXCLUDE"
     with pytest.raises(pl.errors.InvalidValueError, match=said):
         shoot(lit, samples=64, caustics="none")
 

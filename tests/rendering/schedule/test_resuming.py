@@ -299,7 +299,7 @@ OTHERS = (
     ({"sampler": pl.rendering.Sampler.RANDOM}, "sampler SOBOL, not RANDOM"),
     ({"max_bounces": 2}, "max_bounces 8, not 2"),
     ({"clamp": 0.5}, "clamp None, not 0.5"),
-    ({"caustics": pl.rendering.Caustics.LEFT_OUT}, "caustics KEPT, not LEFT_OUT"),
+    ({"caustics": pl.rendering.Caustics.EXCLUDE}, "caustics INCLUDE, not EXCLUDE"),
     ({"truth": pl.Truth.NONE}, "truth"),
     ({"region": np.s_[240:264, 239:263]}, r"region .240, 264, 240, 264., not .240, 264, 232, 264."),
     ({"scene": board(2.0)}, "another scene"),
