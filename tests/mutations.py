@@ -85,20 +85,20 @@ emission_weight rendering/integrator/kernels/emission.py: rendering/integrator s
 - mis_weight = weight(ray_pdf, area_pdf[material] * path_length * path_length / cosine)
 + mis_weight = weight(ray_pdf, area_pdf[material] * path_length * path_length * cosine)
 roulette_weight rendering/integrator/kernels/bounce.py: rendering/integrator
-- sample_weight /= largest
-+ sample_weight /= 1.0
+- radiance_scale /= largest
++ radiance_scale /= 1.0
 light_in_a_liquid scene/materials/kernels/absorption.py: rendering/integrator scene/materials
 - row_vector(rows, i, NORMAL)) < 0.0:
 + row_vector(rows, i, NORMAL)) > 0.0:
 pooled_error rendering/film.py: rendering/test_film.py rendering/test_standard_error.py
-- pooled = (single + _SHARED * alike) / (1.0 + _SHARED) * (between / within)[..., None]
-+ pooled = (single + _SHARED * alike) * (between / within)[..., None]
+- pooled = (independent + _BLOCK_WEIGHT * block_mean) / (1.0 + _BLOCK_WEIGHT) * (between / within)[..., None]
++ pooled = (independent + _BLOCK_WEIGHT * block_mean) * (between / within)[..., None]
 expected_with_noise core/relative_error.py: core/test_relative_error.py rendering/test_rare_light.py
 - shown = np.maximum(between - diagonal_sums(noise) / most, 0.0)
 + shown = np.maximum(between, 0.0)
 own_colour_decides rendering/schedule/progress.py: rendering/schedule rendering/test_render.py
-- others = here[(colours == 1 - colour) & ~np.isnan(here)]
-+ others = here[(colours == colour) & ~np.isnan(here)]
+- other_squares = tile_squares[(colours == 1 - colour) & ~np.isnan(tile_squares)]
++ other_squares = tile_squares[(colours == colour) & ~np.isnan(tile_squares)]
 estimated_samples rendering/estimation/decisions.py: rendering/test_estimate.py
 - at * np.maximum(over, 1.0) ** (1 / falls)
 + at * np.maximum(over, 1.0) ** falls

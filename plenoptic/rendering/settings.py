@@ -1,4 +1,4 @@
-"""How an image was rendered, as far as it changes the image's expectation or its random numbers."""
+"""Settings of a render that affect the expectation of the image or its random numbers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from plenoptic.core.values import choice, positive, set_field, value, whole
 
 
 class Sampler(enum.IntEnum):
-    """How the points are chosen at which pixel, pupil and scene are sampled.
+    """Sampler of the points on pixel, pupil and scene.
 
-    SOBOL: each replicate has scrambled Sobol points. RANDOM: all samples are independent of each other, for comparison.
+    SOBOL: scrambled Sobol points for each replicate. RANDOM: independent samples, for comparison.
 
     Examples
     --------
@@ -22,7 +22,7 @@ class Sampler(enum.IntEnum):
 
 
 class Caustics(enum.IntEnum):
-    """Whether light counts that mirrors, polished glass or panes throw onto rough surfaces.
+    """Treatment of caustics: light that mirrors, polished glass or panes cast onto rough surfaces.
 
     Examples
     --------
@@ -35,7 +35,7 @@ class Caustics(enum.IntEnum):
 
 @value
 class RenderSettings:
-    """What `render` was told beside scene, camera, samples and seed.
+    """Settings of `render` other than scene, camera, samples and seed.
 
     Parameters
     ----------

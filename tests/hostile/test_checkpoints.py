@@ -107,7 +107,7 @@ def test_records_that_are_none_are_rendered_again(render, whole, tmp_path, monke
     for k, fault in faults[::each]:
         write(path, header, [*records[:k], fault, *records[k + 1 :]])
         rendered.clear()
-        with pytest.warns(pl.errors.FileWarning, match="damaged, and what was held is rendered again"):
+        with pytest.warns(pl.errors.FileWarning, match="damaged, and their tiles are rendered again"):
             again = render(checkpoint=path)
         assert rendered == [(tuple(records[k][0]["tile"]), records[k][0]["first"])], fault[0]
         for name in BITS:

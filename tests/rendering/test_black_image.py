@@ -45,8 +45,8 @@ DARK, BLUE = lamp((0, 0, -404), radiance=0.0), lamp((0, 0, -404), radiance=(0.0,
 RED, BEHIND = wall(material=pl.Lambertian((1.0, 0.0, 0.0))), pl.lights.PointLight((0, 0, -500), 1e5)
 SPOT, BELOW = pl.lights.SpotLight((0, 100, -300), (0, 1, 0), 1e5), LAMP.moved(np.diag([1, 1, -1.0, 1]), 1)
 BLACK = {
-    "nothing shines": ((wall(),), (), {}, "nothing in the scene shines"),
-    "a lamp of radiance 0": ((wall(),), (DARK,), {}, "no light shines on anything"),
+    "nothing shines": ((wall(),), (), {}, "nothing in the scene emits light"),
+    "a lamp of radiance 0": ((wall(),), (DARK,), {}, "no light of the scene emits"),
     "a lamp that faces away": ((wall(),), (AWAY,), {}, "1 light, none reaches what is seen; QuadLight 0 faces away"),
     "one lamp of two that shines": ((wall(),), (DARK, AWAY), {}, "1 light, .* QuadLight 1 faces"),
     "two lamps": ((wall(),), (AWAY, AWAY), {}, "2 lights, .* QuadLight 0 faces away.* QuadLight 1 faces away"),

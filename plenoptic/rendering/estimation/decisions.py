@@ -42,7 +42,7 @@ def _predicted(progress: Progress, falls: float) -> Floats:
     assert budget.target_error is not None
     found = np.empty(len(progress.tiles))
     for i, done in enumerate(progress.done):
-        at, error = progress.found[i].T
+        at, error = progress.last_decision[i].T
         over = np.where(np.isfinite(error), error, 0.0) / budget.target_error
         goes_on = (over > 1.05) & (at > 0)
         wanted = np.where(goes_on, at * np.maximum(over, 1.0) ** (1 / falls), float(done))

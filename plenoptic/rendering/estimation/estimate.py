@@ -192,7 +192,7 @@ def estimate(  # noqa: PLR0913
         decided = target_error is not None and budget.enough < budget.max_samples
         found = _by_error(pilots) if decided else _by_samples(pilots)
     told = _estimate(pilots, found)
-    time_history.note(subject, budget, where, workers, seconds=told.seconds.value)
+    time_history.record(subject, budget, where, workers, seconds=told.seconds.value)
     return told
 
 

@@ -1,4 +1,4 @@
-"""Where the sums of tiles are that go on: in memory, or in the file of a checkpoint."""
+"""Storage of the sums of unfinished tiles: in memory, or in a checkpoint file."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
 
 
 class Sums(Protocol):
-    """Where the sums of tiles are that go on."""
+    """Storage of the sums of unfinished tiles."""
 
     def keep(self, i: int, result: TileResult, progress: Progress, entry: Entry | None) -> None:
-        """Keep what a tile has brought; `entry`: where it lies already."""
+        """Store the result of a tile; `entry` is its record in a file, if any."""
 
     def of(self, i: int) -> Floats | None:
-        """The last that were kept of a tile; None where there are none."""
+        """Latest stored sums of a tile; None without any."""
 
 
 class SumsInMemory:
-    """Those of tiles that go on."""
+    """Sums of unfinished tiles in memory."""
 
     def __init__(self) -> None:
         self._sums: dict[int, Floats] = {}
@@ -36,7 +36,7 @@ class SumsInMemory:
             self.drop(i)
 
     def drop(self, i: int) -> None:
-        """Let go of those of a tile."""
+        """Discard the sums of a tile."""
         self._sums.pop(i, None)
 
     def of(self, i: int) -> Floats | None:

@@ -1,4 +1,4 @@
-"""What is to be rendered of a tile, as engines are given it: here on threads, or in the workers of a cluster."""
+"""Tile jobs for engines: threads of this process, or workers of a cluster."""
 
 from __future__ import annotations
 
@@ -28,69 +28,69 @@ class TileJob(NamedTuple):
     first: int
     samples: int
     before: Floats | None
-    """Its sums until then."""
+    """Sums of the tile's earlier samples."""
     nbytes: int
-    """Of its sums."""
+    """Size of the sums."""
 
     @property
     def size(self) -> float:
-        """Paths."""
+        """Number of paths."""
         return self.samples * self.tile.pixels
 
 
 def tile_job(context: RenderContext, i: int, tile: Tile, samples: tuple[int, int], before: Floats | None) -> TileJob:
-    """The next samples of a tile: `samples` are the first one and their number."""
+    """Job of the next samples of a tile: `samples` are the first one and their number."""
     return TileJob(i, tile, *samples, before, 8 * tile.pixels * (context.replicates + 1) * context.channels)
 
 
 def render_job(
-    context: RenderContext, truth: TruthRecord | None, order: TileJob, stopped: Callable[[], bool] | None = None
+    context: RenderContext, truth: TruthRecord | None, job: TileJob, stopped: Callable[[], bool] | None = None
 ) -> TileResult | None:
-    """Carry out an order; truth is found once, with the first samples. None: see `render_tile`."""
-    batch, wanted = batch_of(context, order.first, order.samples), truth if order.first == 0 else None
-    return render_tile(context, order.tile, batch, wanted, order.before, stopped=stopped)
+    """Render a tile job; truth is computed with the first samples only. Returns None as `render_tile` does."""
+    batch, requested_truth = batch_of(context, job.first, job.samples), truth if job.first == 0 else None
+    return render_tile(context, job.tile, batch, requested_truth, job.before, stopped=stopped)
 
 
 def compile_tiles(context: RenderContext, truth: TruthRecord | None) -> None:
-    """Render nothing, which compiles what tiles need."""
+    """Compile the kernels of tiles by rendering an empty one."""
     render_tile(context, _EMPTY, batch_of(context, 0, 1), truth)
 
 
 def thread_engine(
     context: RenderContext, truth: TruthRecord | None, clock: Clock, threads: int
 ) -> ThreadEngine[TileJob, TileResult | None]:
-    """Threads of this process, which let go of a tile where its result is no longer wanted."""
+    """Engine on threads of this process; they abandon a tile when its result is no longer needed."""
 
-    def render(order: TileJob, given_up: Callable[[], bool]) -> TileResult | None:
+    def render(job: TileJob, given_up: Callable[[], bool]) -> TileResult | None:
         try:
-            return render_job(context, truth, order, stopped=lambda: given_up() or clock.late())
-        except GivenUp:  # interrupted while something was to be compiled
+            return render_job(context, truth, job, stopped=lambda: given_up() or clock.late())
+        except GivenUp:  # interrupted during compilation
             return None
 
     return ThreadEngine(render, threads, ahead=clock.ahead)
 
 
 class RenderTask(NamedTuple):
-    """What all orders of a render have in common, as values that pickle."""
+    """Common data of all tile jobs of a render, as values that pickle."""
 
     subject: Subject
     seed: int
     truth: Truth
     steps: bool
-    """Whether tiles are rendered more than once, so that what feeds their pixels is worth keeping."""
+    """True if tiles are rendered more than once, so that their illuminated pixels are worth keeping."""
 
 
-def tile_renderer(job: RenderTask, threads: int) -> Callable[[TileJob], TileResult]:
-    """What carries out the orders of a job in another process, compiled with `threads` processes."""
-    context = render_context(job.subject, job.seed)
-    context.prepared.cut_into((_EMPTY,), steps=job.steps)  # whichever tiles come
-    truth = truth_record(job.subject.camera, context.camera, job.truth)
+def tile_renderer(task: RenderTask, threads: int) -> Callable[[TileJob], TileResult]:
+    """Function that renders the tile jobs of a task in another process, compiled with `threads` processes."""
+    context = render_context(task.subject, task.seed)
+    context.prepared.cut_into((_EMPTY,), steps=task.steps)  # the tiles are not known here
+    truth = truth_record(task.subject.camera, context.camera, task.truth)
     with compile_in_parallel(lambda: compile_tiles(context, truth), threads=threads):
         compile_tiles(context, truth)
 
-    def render(order: TileJob) -> TileResult:
-        result = render_job(context, truth, order)
+    def render(tile_job: TileJob) -> TileResult:
+        result = render_job(context, truth, tile_job)
         assert result is not None
-        return result._replace(batch=result.batch._replace(net=result.batch.net[:, :0]))  # is in the way only
+        return result._replace(batch=result.batch._replace(net=result.batch.net[:, :0]))  # not needed: transfer less
 
     return render

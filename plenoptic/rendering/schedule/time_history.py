@@ -1,4 +1,4 @@
-"""What has been estimated in this process, for the bars of renders of the same."""
+"""Estimated render times in this process, used by the progress bars of equal renders."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from plenoptic.rendering.plan.stages import Subject
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
-_KEPT = 16
-"""Estimates: of several that are compared any may be rendered."""
+_MAX_ESTIMATES = 16
+"""Number of stored estimates: any of several compared settings may be rendered."""
 
 
-class _Expected(NamedTuple):
-    """A time in s, and of what."""
+class _EstimatedTime(NamedTuple):
+    """Estimated time in s, and its subject."""
 
     scene: weakref.ref[Scene] | None
     camera: weakref.ref[PlenopticCamera]
@@ -24,27 +24,27 @@ class _Expected(NamedTuple):
     seconds: float
 
     def is_of(self, subject: Subject, facts: tuple[object, ...]) -> bool:
-        """Whether scene and camera are the very ones, since they do not change, and facts are equal."""
-        here = subject.scene is None if self.scene is None else self.scene() is subject.scene is not None
-        return here and self.camera() is subject.camera and self.facts == facts
+        """True if scene and camera are the same objects, which are immutable, and the facts are equal."""
+        same_scene = subject.scene is None if self.scene is None else self.scene() is subject.scene is not None
+        return same_scene and self.camera() is subject.camera and self.facts == facts
 
 
 class TimeHistory:
-    """Those of the last estimates, without keeping scenes and cameras."""
+    """Render times of the last estimates; scenes and cameras are referenced weakly."""
 
     def __init__(self) -> None:
-        self._found: tuple[_Expected, ...] = ()
+        self._estimates: tuple[_EstimatedTime, ...] = ()
 
-    def note(self, subject: Subject, *facts: object, seconds: float) -> None:
-        """A render of this takes about so long."""
+    def record(self, subject: Subject, *facts: object, seconds: float) -> None:
+        """Store the estimated time of a render."""
         scene = None if subject.scene is None else weakref.ref(subject.scene)
-        found = _Expected(scene, weakref.ref(subject.camera), _all_facts(subject, facts), seconds)
-        self._found = (found, *self._found[: _KEPT - 1])
+        estimate = _EstimatedTime(scene, weakref.ref(subject.camera), _all_facts(subject, facts), seconds)
+        self._estimates = (estimate, *self._estimates[: _MAX_ESTIMATES - 1])
 
-    def of(self, subject: Subject, *facts: object) -> float | None:
-        """How long a render takes, in s, by the last estimate of the same; None where there is none."""
-        wanted = _all_facts(subject, facts)
-        return next((found.seconds for found in self._found if found.is_of(subject, wanted)), None)
+    def seconds_of(self, subject: Subject, *facts: object) -> float | None:
+        """Estimated time of a render in s, by the last estimate of the same; None without one."""
+        all_facts = _all_facts(subject, facts)
+        return next((estimate.seconds for estimate in self._estimates if estimate.is_of(subject, all_facts)), None)
 
 
 def _all_facts(subject: Subject, others: tuple[object, ...]) -> tuple[object, ...]:

@@ -81,7 +81,7 @@ def test_few_samples_come_before_any_target():
 def test_black_scenes_end_and_an_error_that_was_missed_is_announced():
     # All that there is is black: no pixel is lit, and no error is left.
     black = pl.Scene([pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.5))])
-    with pytest.warns(UserWarning, match="nothing in the scene shines"):
+    with pytest.warns(UserWarning, match="nothing in the scene emits light"):
         shot = shoot(black, target_error=0.02)
     assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
     assert not shot.image.any() and shot.samples == 32

@@ -344,13 +344,13 @@ def test_estimates_keep_no_scene_alive():
     times, camera = TimeHistory(), small_camera()
     for n in range(40):
         scene = pl.Scene(background=1.0 + n)
-        times.note(Subject(scene, camera), n, seconds=float(n))
-        assert times.of(Subject(scene, camera), n) == n and times.of(Subject(None, camera), n) is None
+        times.record(Subject(scene, camera), n, seconds=float(n))
+        assert times.seconds_of(Subject(scene, camera), n) == n and times.seconds_of(Subject(None, camera), n) is None
     gone = weakref.ref(scene)
     del scene
     gc.collect()
-    assert gone() is None and times.of(Subject(None, camera), 39) is None
-    assert times.of(Subject(pl.Scene(background=40.0), camera), 39) is None
+    assert gone() is None and times.seconds_of(Subject(None, camera), 39) is None
+    assert times.seconds_of(Subject(pl.Scene(background=40.0), camera), 39) is None
 
 
 def test_batches_hold_as_many_samples_of_each_replicate():

@@ -59,7 +59,7 @@ def sample_bsdf(new, source, interactions, queue, bsdf, wavelengths, russian_rou
                 lobe = _random_number(key, index, _LOBE)
         for c in range(channels):
             f[c] = base_color[i, c]
-        direction, pdf, sample_weight = sample(
+        direction, pdf, radiance_scale = sample(
             f, surface, to_viewer, (random[2, i], random[3, i], lobe), metal_index, coupling, basis
         )
         w = (
@@ -76,14 +76,14 @@ def sample_bsdf(new, source, interactions, queue, bsdf, wavelengths, russian_rou
         if russian_roulette and largest < 1.0:
             if _random_number(key, index, _ROULETTE) >= largest:
                 continue
-            sample_weight /= largest
+            radiance_scale /= largest
         fill_vector(next_rays, n_rays, 0, leaving_point(rows, i, cosine))
         # One Newton step towards unit length, so that rounding errors do not accumulate over bounces.
         fill_vector(next_rays, n_rays, 3, scale(w, 1.5 - 0.5 * dot(w, w)))
         next_path[n_rays] = path
         for c in range(channels):
             through = 1.0 if throughput is None else throughput[ray, c]
-            next_throughput[n_rays, c] = through * f[c] * sample_weight
+            next_throughput[n_rays, c] = through * f[c] * radiance_scale
         next_pdf[n_rays] = pdf
         if source is not None:
             source[n_rays] = i if cosine > 0.0 else -1 - i
