@@ -114,7 +114,7 @@ def test_drawn_bends_stand_for_all_samples_whichever_batches_these_come_in(sampl
         order = [(s, i) for s in range(drawn.streams) for i in range(longest) if i * drawn.streams + s < n]
         for k, (_, index) in enumerate(order):
             blocks[6 * 256 + k] = drawn.first_index + index + 1
-        film_sums.fill_drawn(sums, film_sums.Light(blocks, None, None, None), 0, n, drawn, batch, EVERY)
+        film_sums.fill_deflected_sums(sums, film_sums.Light(blocks, None, None, None), 0, n, drawn, batch, EVERY)
         found += sums[0][0, :, 0]
     own = [np.arange(len(range(r, samples, replicates))) for r in range(replicates)]
     assert_allclose(found, [(indices // EVERY + 1).sum() for indices in own])

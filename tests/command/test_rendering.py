@@ -12,7 +12,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.command.main import main
 from plenoptic.command.tiles import missing_tiles, tile_grid
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.study.cameras import reference_camera
 
 CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(21, 27), pixel_pitch=0.01))
@@ -37,7 +37,7 @@ def nothing_rendered(monkeypatch):
     def rendered(*arguments, **named):
         raise AssertionError("rendered")
 
-    monkeypatch.setattr(orders, "render_tile", rendered)
+    monkeypatch.setattr(tile_jobs, "render_tile", rendered)
 
 
 def run(typed):
@@ -175,7 +175,7 @@ def test_what_is_no_part_is_named(refused):
 def test_an_interrupted_render_is_saved_and_goes_on_from_its_checkpoint(capsys, monkeypatch):
     run("render wall.obj camera.json --samples 600 -o whole.exr")
     typed = "render wall.obj camera.json --samples 600 --threads 1 --checkpoint state -o part.exr"
-    original, calls = orders.render_tile, []
+    original, calls = tile_jobs.render_tile, []
 
     def interrupted(*arguments, **named):
         result = original(*arguments, **named)
@@ -186,7 +186,7 @@ def test_an_interrupted_render_is_saved_and_goes_on_from_its_checkpoint(capsys, 
         return result
 
     with monkeypatch.context() as patched:
-        patched.setattr(orders, "render_tile", interrupted)
+        patched.setattr(tile_jobs, "render_tile", interrupted)
         assert main(typed.split()) == 130
     out, err = capsys.readouterr()
     assert "part.exr: Exposure(" in out and pl.Exposure.load("part.exr").interrupted

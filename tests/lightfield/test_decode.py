@@ -150,10 +150,10 @@ def test_weights_are_shares():
     for lattice in (HEXAGONAL, SQUARE):
         _, grid, _, _ = grid_of(lattice, 0.7, 0.031)
         assert (grid.linear.weight >= 0).all()
-        for weights in (grid.linear, grid.smooth, grid.foretold):
+        for weights in (grid.linear, grid.smooth, grid.prediction):
             np.testing.assert_allclose(weights.weight.sum(axis=1), 1.0, rtol=1e-12)
     _, plain, _, _ = grid_of(SQUARE, 0.7)
-    assert plain.smooth is None and plain.foretold is None  # every pixel is a microlens
+    assert plain.smooth is None and plain.prediction is None  # every pixel is a microlens
 
 
 def test_what_the_lattice_resolves_is_not_in_doubt():

@@ -11,7 +11,7 @@ import plenoptic as pl
 from plenoptic.camera.record import camera_record
 from plenoptic.camera.sampling.pixel_regions import fed_pixels, pixel_centres
 from plenoptic.images import PixelState
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.study.cameras import reference_camera
 from plenoptic.truth.channels import NO_MICROLENS, Truth
 from plenoptic.truth.representative_rays import representative_rays
@@ -114,13 +114,13 @@ def test_states_tell_the_dark_from_the_background():
 
 
 def test_pixels_that_were_not_looked_at_are_unknown(monkeypatch):
-    original = orders.render_tile
+    original = tile_jobs.render_tile
 
     def interrupted(*arguments, **named):
         signal.raise_signal(signal.SIGINT)
         return original(*arguments, **named)
 
-    monkeypatch.setattr(orders, "render_tile", interrupted)
+    monkeypatch.setattr(tile_jobs, "render_tile", interrupted)
     camera = camera_of(5.0, sensor=pl.Sensor((32, 32), 0.01))
     with pytest.warns(pl.errors.BudgetWarning):
         shot = pl.render(pl.shapes.white_plane(), camera, samples=2, truth=Truth.STATE, threads=1, progress=False)

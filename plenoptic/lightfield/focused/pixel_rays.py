@@ -15,7 +15,7 @@ from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.optics import opening_width, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.outward_rays import leaving
+from plenoptic.lightfield.outward_rays import rays_at_array
 from plenoptic.lightfield.raw_arrays import RawArrays
 from plenoptic.optics.microlens.array import MicrolensArray
 
@@ -89,7 +89,7 @@ def pixel_rays(axes: ArrayAxes, array: MicrolensArray, raw: RawArrays, pupil: Pu
     if not used.any():
         raise InvalidValueError("the image contains no lit micro image; take a larger region, or a lower least_light")
     lens = np.nonzero(used)[0]
-    through, slopes, to_sensor = leaving(
+    through, slopes, to_sensor = rays_at_array(
         axes, array, np.column_stack([row[used], column[used]]) + first, centres.on_array[inside_image][lens]
     )
     return PixelRays(

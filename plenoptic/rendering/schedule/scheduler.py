@@ -322,7 +322,8 @@ def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupt
     if rare:
         warn(
             f"light is so rare that few pixels have sampled it: the error is {100 * reached:.2g} % or more, and "
-            f"whether it is {target_text} is not known; give samples, a larger lamp or caustics=pl.rendering.Caustics.EXCLUDE",
+            f"whether it is {target_text} is unknown; give samples, a larger lamp, or "
+            "caustics=pl.rendering.Caustics.EXCLUDE",
             BudgetWarning,
         )
     elif reached < math.inf:  # otherwise the image is black, which has its own warning

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.study.cameras import reference_camera
 
@@ -141,14 +141,14 @@ def test_hardly_any_time():
 def test_too_little_time_is_announced(monkeypatch):
     with pytest.warns(UserWarning, match="nothing has been rendered within 1e-09 s, and the image is black"):
         white(time_limit=1e-9)
-    original = orders.render_tile
+    original = tile_jobs.render_tile
 
     def slow(*arguments, **named):
         result = original(*arguments, **named)
         time.sleep(0.8 if result.tile.pixels else 0.0)
         return result
 
-    monkeypatch.setattr(orders, "render_tile", slow)
+    monkeypatch.setattr(tile_jobs, "render_tile", slow)
     with pytest.warns(UserWarning, match=r"rendering took [0-9.]+ s instead of 0.1 s"):
         white(time_limit=0.1)
 
@@ -219,7 +219,7 @@ def test_ctrl_c_gives_what_is_there(handler, monkeypatch):
 
 
 def test_ctrl_c_before_anything_is_there(handler, monkeypatch):
-    original = orders.render_tile
+    original = tile_jobs.render_tile
     times = iter(range(1 << 20))
 
     def interrupted(*arguments, **named):
@@ -228,7 +228,7 @@ def test_ctrl_c_before_anything_is_there(handler, monkeypatch):
             time.sleep(0.1)
         return original(*arguments, **named)
 
-    monkeypatch.setattr(orders, "render_tile", interrupted)
+    monkeypatch.setattr(tile_jobs, "render_tile", interrupted)
     with pytest.warns(pl.errors.BudgetWarning, match="with no samples in 100 % of the pixels; .* are black"):
         shot = white(samples=LONG, threads=1)
     assert shot.interrupted and not shot.image.any() and np.all(np.isinf(shot.standard_error))

@@ -22,7 +22,7 @@ import plenoptic as pl
 from plenoptic.camera.record import camera_record
 from plenoptic.core.files.record_log import RecordLog
 from plenoptic.rendering.schedule import budget as budgets
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.rendering.schedule.checkpoint import KIND
 from plenoptic.study.cameras import reference_camera
 
@@ -66,7 +66,7 @@ def assert_same(one, other):
 @pytest.fixture
 def after_tiles(monkeypatch):
     """Calls a function with the number of a tile whenever one is to be rendered; and counts them."""
-    original = orders.render_tile
+    original = tile_jobs.render_tile
 
     def listen(function=lambda number: None):
         numbers = []
@@ -77,7 +77,7 @@ def after_tiles(monkeypatch):
                 function(len(numbers) - 1)
             return original(context, tile, *others, **named)
 
-        monkeypatch.setattr(orders, "render_tile", watched)
+        monkeypatch.setattr(tile_jobs, "render_tile", watched)
         return numbers
 
     return listen
@@ -317,7 +317,7 @@ def finished(tmp_path_factory):
 
 
 def test_checkpoints_that_cannot_be_used_are_refused_before_anything_is_rendered(tmp_path, finished, monkeypatch):
-    monkeypatch.setattr(orders, "render_tile", raising(AssertionError("a tile has been rendered")))
+    monkeypatch.setattr(tile_jobs, "render_tile", raising(AssertionError("a tile has been rendered")))
     path = tmp_path / "state"
     for content, message, arguments in (
         *((finished, f"belongs to another render, with .*{message}", arguments) for arguments, message in OTHERS),
