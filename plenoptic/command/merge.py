@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> None:
 
     check_target(options.output)
     parts = [_part(name) for name in options.parts]
-    _check_complete([part.head for part in parts], options.region)
+    _check_complete([part.metadata for part in parts], options.region)
     made: Exposure | ExposureMetadata
     if checked_ending(options.output) == ".zarr":
         made = merge_to_store(parts, options.output)
@@ -75,14 +75,14 @@ def _check_complete(heads: list[ExposureMetadata], wanted: tuple[slice, slice] |
     """An error that names what is missing of a region, or of the sensor."""
     from plenoptic.camera.checks import sensor_region
     from plenoptic.rendering.crop import region_text
-    from plenoptic.rendering.merging.regions import left_out
+    from plenoptic.rendering.merging.regions import missing_regions
 
-    regions = {head.place for head in heads}
+    regions = {head.sensor_region for head in heads}
     camera = heads[0].camera
     if camera is None or (wanted is None and len(regions) == 1):
         return
     shape = camera.sensor.shape
-    missing: list[Region] = left_out(sensor_region(shape, wanted), regions)
+    missing: list[Region] = missing_regions(sensor_region(shape, wanted), regions)
     if not missing:
         return
     tiles = [] if wanted is not None else missing_tiles(shape, regions)

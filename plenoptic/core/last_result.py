@@ -1,4 +1,4 @@
-"""What was made of the object that was used last, for the next call with the same one."""
+"""Cache of the result that was made last, for repeated calls with the same object."""
 
 from __future__ import annotations
 
@@ -7,33 +7,33 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 _Object = TypeVar("_Object")
-_Made = TypeVar("_Made")
+_Result = TypeVar("_Made")
 
 
-class LastResult(Generic[_Object, _Made]):
-    """Keeps what a function makes of one object, while that object exists: objects do not change.
+class LastResult(Generic[_Object, _Result]):
+    """Caches a function's result for one immutable object as long as that object exists.
 
-    There is no lock, for which a process that is forked off meanwhile would wait for ever: two threads may both
-    make it.
+    There is no lock, which a process forked at that moment would wait for forever: two threads may both compute the
+    result.
     """
 
-    def __init__(self, make: Callable[[_Object], _Made]) -> None:
-        self._make = make
-        self._last: tuple[weakref.ref[_Object], _Made] | None = None
+    def __init__(self, compute: Callable[[_Object], _Result]) -> None:
+        self._compute = compute
+        self._last: tuple[weakref.ref[_Object], _Result] | None = None
 
-    def __call__(self, key: _Object) -> _Made:
-        """What is made of an object, anew unless it is the very one of the last call."""
+    def __call__(self, key: _Object) -> _Result:
+        """Result for an object: cached if it is the object of the last call, else computed."""
         last = self._last
         if last is not None and last[0]() is key:
             return last[1]
         del last
-        self._last = None  # before the next one takes memory
-        found = self._make(key)
-        self._last = (weakref.ref(key, self._forget), found)
-        return found
+        self._last = None  # free memory before the next result
+        result = self._compute(key)
+        self._last = (weakref.ref(key, self._forget), result)
+        return result
 
     def _forget(self, gone: weakref.ref[_Object]) -> None:
-        """Let go of what was made of an object that no longer exists."""
+        """Release the result of an object that no longer exists."""
         last = self._last
         if last is not None and last[0] is gone:
             self._last = None

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.rendering import RenderStats, StopReason
 from plenoptic.rendering.exposure_metadata import metadata_of
-from plenoptic.rendering.merging.regions import left_out
+from plenoptic.rendering.merging.regions import missing_regions
 from plenoptic.study.cameras import reference_camera
 
 CAMERA = dataclasses.replace(reference_camera(), sensor=pl.Sensor(shape=(29, 43), pixel_pitch=0.01))
@@ -79,7 +79,7 @@ def test_any_cuts_come_together_and_what_is_left_out_is_named(seed, n):
     assert together.object_names == ("a", "")
     missing = int(rng.integers(len(regions)))
     rest = regions[:missing] + regions[missing + 1 :]
-    assert left_out(region, regions) == [] and left_out(region, rest) == [regions[missing]]
+    assert missing_regions(region, regions) == [] and missing_regions(region, rest) == [regions[missing]]
 
 
 def test_tiles_have_the_bits_of_the_whole():

@@ -1,4 +1,4 @@
-"""What becomes of parts: which lie on each other, which beside each other, and what is known of all."""
+"""Merge plan: parts of equal regions that are stacked, adjacent regions, and metadata of the whole."""
 
 from __future__ import annotations
 
@@ -21,71 +21,71 @@ class MergePlan(NamedTuple):
 
     parts: tuple[Part, ...]
     stacks: dict[Region, list[int]]
-    """Numbers of the parts of each region: several have other random numbers."""
+    """Numbers of the parts of each region; several have different random numbers."""
     whole: Region
     layout: Layout
-    """Of the whole, with `sample_counts` unless it is certain that all pixels have as many."""
+    """Layout of the whole, with `sample_counts` unless all pixels certainly have the same."""
     clamped: bool
-    """Whether some light was clamped away: then parts are weighed by theirs."""
+    """True if light was clamped: then the parts' clamped fractions are weighted by their light."""
 
     @property
-    def heads(self) -> list[ExposureMetadata]:
-        """Of all parts."""
-        return [part.head for part in self.parts]
+    def metadata(self) -> list[ExposureMetadata]:
+        """Metadata of all parts."""
+        return [part.metadata for part in self.parts]
 
 
 def plan_merge(parts: Sequence[Part]) -> MergePlan:
-    """An InvalidValueError where they are not parts of one exposure; no pixel is read."""
+    """Plan the merging of parts without reading pixels; raise InvalidValueError if they do not belong together."""
     if not parts:
         raise InvalidValueError("parts is empty; give the exposures that are to become one")
     _check_alike(parts)
     stacks: dict[Region, list[int]] = {}
     for number, part in enumerate(parts):
-        stacks.setdefault(part.head.place, []).append(number)
+        stacks.setdefault(part.metadata.sensor_region, []).append(number)
     for region, numbers in stacks.items():
-        _check_stack(region, [parts[number].head for number in numbers])
-    first = parts[0].head
+        _check_stack(region, [parts[number].metadata for number in numbers])
+    first = parts[0].metadata
     whole = bounds({region: parts[numbers[0]].name for region, numbers in stacks.items()})
     shape, corner = (whole[1] - whole[0], whole[3] - whole[2]), (whole[0], whole[2])
-    names = _arrays([[parts[number].head for number in numbers] for numbers in stacks.values()])
+    names = _array_names([[parts[number].metadata for number in numbers] for numbers in stacks.values()])
     sensor = None if first.camera is None else first.camera.sensor
     layout = Layout(shape, first.shape[2], names, corner, sensor)
-    clamped = any(part.head.stats is not None and part.head.stats.clamped > 0 for part in parts)
+    clamped = any(part.metadata.stats is not None and part.metadata.stats.clamped > 0 for part in parts)
     return MergePlan(tuple(parts), stacks, whole, layout, clamped)
 
 
 def _check_alike(parts: Sequence[Part]) -> None:
-    """An error where they cannot be of one render."""
+    """Raise InvalidValueError if the parts cannot belong to one render."""
     first = parts[0]
     for part in parts:
-        if part.head.samples is None:
+        if part.metadata.samples is None:
             raise InvalidValueError(f"{part.name} does not know its samples, by which parts are weighed; give samples=")
         for name, words in (("camera", "another camera"), ("settings", "other settings"), ("white", "another subject")):
-            if getattr(part.head, name) != getattr(first.head, name):
+            if getattr(part.metadata, name) != getattr(first.metadata, name):
                 raise InvalidValueError(
                     f"{part.name} has {words} than {first.name}; parts of one exposure must be alike"
                 )
-        if part.head.shape[2] != first.head.shape[2]:
+        if part.metadata.shape[2] != first.metadata.shape[2]:
             raise InvalidValueError(
                 f"{part.name} has {part.head.shape[2]} channels and {first.name} has {first.head.shape[2]}; "
                 "render them with the same scene"
             )
 
 
-def _check_stack(region: Region, heads: Sequence[ExposureMetadata]) -> None:
-    """An error where exposures of the same region are too many, or share random numbers."""
-    if (most := sum(head.samples or 0 for head in heads)) > MAX_SAMPLES:
+def _check_stack(region: Region, metadata: Sequence[ExposureMetadata]) -> None:
+    """Raise InvalidValueError if exposures of the same region have too many samples, or share random numbers."""
+    if (total := sum(one.samples or 0 for one in metadata)) > MAX_SAMPLES:
         raise InvalidValueError(
-            f"parts of {region_text(region)} have {most} samples together; they must have at most {MAX_SAMPLES}"
+            f"parts of {region_text(region)} have {total} samples together; they must have at most {MAX_SAMPLES}"
         )
-    if len(heads) == 1:
+    if len(metadata) == 1:
         return
-    if any(head.seed is None for head in heads):
+    if any(one.seed is None for one in metadata):
         raise InvalidValueError(
-            f"of {len(heads)} parts of {region_text(region)} one does not know its seed, and random numbers might "
+            f"of {len(metadata)} parts of {region_text(region)} one does not know its seed, and random numbers might "
             "count twice; merge exposures that know theirs"
         )
-    for seed, times in Counter(seed for head in heads for seed in head.seeds).items():
+    for seed, times in Counter(seed for one in metadata for seed in one.seeds).items():
         if times > 1:
             raise InvalidValueError(
                 f"{times} parts of {region_text(region)} have the seed {seed}, and the same random numbers would count "
@@ -93,13 +93,17 @@ def _check_stack(region: Region, heads: Sequence[ExposureMetadata]) -> None:
             )
 
 
-def _arrays(stacks: Sequence[Sequence[ExposureMetadata]]) -> tuple[str, ...]:
-    """Those that all regions have: several exposures have an error, and the truth that any of them has."""
-    known = [{name for head in heads for name in head.arrays if name in CHANNELS} for heads in stacks]
+def _array_names(stacks: Sequence[Sequence[ExposureMetadata]]) -> tuple[str, ...]:
+    """Names of the arrays that all regions have: stacks have an error, and the truth that any of their parts has."""
+    truth_names = [{name for metadata in stack for name in metadata.arrays if name in CHANNELS} for stack in stacks]
     names = {"image"}
-    if all(len(heads) > 1 or "standard_error" in heads[0].arrays for heads in stacks):
+    if all(len(stack) > 1 or "standard_error" in stack[0].arrays for stack in stacks):
         names.add("standard_error")
-    totals = {sum(head.samples or 0 for head in heads) for heads in stacks}
-    if len(totals) > 1 or any("sample_counts" in head.arrays for heads in stacks for head in heads):
+    totals = {sum(metadata.samples or 0 for metadata in stack) for stack in stacks}
+    if len(totals) > 1 or any("sample_counts" in metadata.arrays for stack in stacks for metadata in stack):
         names.add("sample_counts")
-    return tuple(name for name in (*EXPOSURE_NAMES, *CHANNELS) if name in names or all(name in one for one in known))
+    return tuple(
+        name
+        for name in (*EXPOSURE_NAMES, *CHANNELS)
+        if name in names or all(name in truth_of_stack for truth_of_stack in truth_names)
+    )
