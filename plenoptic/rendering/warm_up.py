@@ -62,11 +62,11 @@ class WarmUp:
 
 
 def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Truth.ALL, progress: bool = True) -> WarmUp:
-    """Compile the kernels of renders, ground truth and projections of a scene and a camera, by running each for few pixels.
+    """Compile the kernels of renders, ground truth and projections of a scene and a camera.
 
-    Compiled code is stored on disk, so that other processes, too, render such scenes without delay. It depends only on
-    the kinds of materials, lights, stops and microlenses, not on sizes and sample numbers. Renders that exclude
-    caustics or clamp compile a few more kernels.
+    Each is run for few pixels. Compiled code is stored on disk, so that other processes, too, render such scenes
+    without delay. It depends only on the kinds of materials, lights, stops and microlenses, not on sizes and sample
+    numbers. Renders that exclude caustics or clamp compile a few more kernels.
 
     Parameters
     ----------

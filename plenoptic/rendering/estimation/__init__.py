@@ -1,1 +1,1 @@
-"""What a render will take, from a few of its pixels."""
+"""Estimates of the time and memory of a render, from pilot runs of a few pixels."""

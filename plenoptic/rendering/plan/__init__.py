@@ -1,1 +1,1 @@
-"""Which stages run, and why."""
+"""Stages of a render, and the decisions on them."""

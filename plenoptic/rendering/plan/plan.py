@@ -1,4 +1,4 @@
-"""Which stages a render needs, which are left out, and why. `rendering` asks the plan; nothing else decides."""
+"""Plan of a render: the stages that run, those left out, and the reasons. Nothing else decides on stages."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def plan(  # noqa: PLR0913
     clamp: float | None = None,
     sampler: Sampler = Sampler.SOBOL,
 ) -> Plan:
-    """What `render` would run for a scene and a camera, what it would leave out, and why.
+    """Stages that `render` would run for a scene and a camera, those it would leave out, and the reasons.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def plan(  # noqa: PLR0913
     Returns
     -------
     Plan
-        With the arguments as its `subject`, so that `study.cost_of` can render it.
+        Decisions on all stages; its `subject` contains the arguments, so that `study.cost_of` can render it.
 
     Examples
     --------
@@ -70,23 +70,23 @@ def plan(  # noqa: PLR0913
 
 
 def plan_for(subject: Subject) -> Plan:
-    """The plan for what another one was made for, changed or not."""
+    """Plan of a subject, such as the modified subject of another plan."""
     prepared = subject.prepared
     return plan_stages(None if prepared is None else prepared.record, subject)
 
 
 def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
-    """`plan_for` with the record of the subject's scene."""
+    """Plan of a subject whose scene is compiled to a record; see `plan_for`."""
     camera, settings, meshes = subject.camera, subject.settings, record is not None and record.geometry is not None
-    asked, independent = checked_truth(subject.truth), min(subject.samples, subject.replicates)
-    found = available_truth(asked, meshes=meshes, microlenses=camera.microlenses is not None)
+    requested, independent = checked_truth(subject.truth), min(subject.samples, subject.replicates)
+    available = available_truth(requested, meshes=meshes, microlenses=camera.microlenses is not None)
     replicated = f"{independent} independent replicate{'s' * (independent != 1)}"
-    apart, clamp = settings.caustics is Caustics.EXCLUDE, settings.clamp
-    points, single = "scrambled Sobol points", "every sample by itself"
-    everything, as_it_is = "caustics count as all light does", "paths bring what they bring"
+    exclude_caustics, clamp = settings.caustics is Caustics.EXCLUDE, settings.clamp
+    points, independent_samples = "scrambled Sobol points", "every sample by itself"
+    all_light, unclamped = "caustics count as all light does", "paths bring what they bring"
     return Plan(
         (
-            decide(Stage.INDEPENDENT_SAMPLES, settings.sampler is Sampler.RANDOM, points, single),
+            decide(Stage.INDEPENDENT_SAMPLES, settings.sampler is Sampler.RANDOM, points, independent_samples),
             *camera_decisions(camera, white=subject.scene is None),
             decide(
                 Stage.SHUTTER,
@@ -96,14 +96,14 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
                 "what moves while it is open is blurred",
             ),
             *scene_decisions(record, settings.max_bounces),
-            decide(Stage.CAUSTICS_APART, record, WHITE, apart, everything, "caustics are left out"),
-            decide(Stage.CLAMPING, record, WHITE, clamp is not None, as_it_is, f"radiance above {clamp}"),
+            decide(Stage.CAUSTICS_APART, record, WHITE, exclude_caustics, all_light, "caustics are left out"),
+            decide(Stage.CLAMPING, record, WHITE, clamp is not None, unclamped, f"radiance above {clamp}"),
             decide(
                 Stage.TRUTH,
-                *(asked, "not asked for"),
-                *(meshes or found, "there is no mesh"),
-                *(found, "there are no microlenses"),
-                truth_names(found),
+                *(requested, "not asked for"),
+                *(meshes or available, "there is no mesh"),
+                *(available, "there are no microlenses"),
+                truth_names(available),
             ),
             decide(Stage.STANDARD_ERROR, independent >= 2, replicated, replicated),
         ),

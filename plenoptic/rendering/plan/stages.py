@@ -1,4 +1,4 @@
-"""The stages of a render, and decisions on them."""
+"""Stages of a render, and decisions on them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Stage(enum.IntEnum):
-    """The parts of a render, in the order in which light is followed back.
+    """Stages of a render, in the order in which light is traced backwards.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class Stage(enum.IntEnum):
 
 @value
 class Decision:
-    """Whether a stage runs, and because of what.
+    """Decision whether a stage runs, with its reason.
 
     Examples
     --------
@@ -87,13 +87,13 @@ class Decision:
 
     @property
     def name(self) -> str:
-        """The stage in words."""
+        """Name of the stage in words."""
         return self.stage.name.lower().replace("_", " ")
 
 
 @value
 class Subject:
-    """What is planned or rendered: a scene (None: a white image), the camera, and what the paths are."""
+    """Subject of a plan or a render: the scene (None: a white image), the camera, and the parameters of paths."""
 
     scene: Scene | None
     camera: PlenopticCamera
@@ -104,7 +104,7 @@ class Subject:
 
     @property
     def prepared(self) -> PreparedScene | None:
-        """The scene, compiled."""
+        """The compiled scene."""
         if self.scene is None:
             return None
         from plenoptic.scene.cache import prepared_scene
@@ -120,7 +120,7 @@ class Plan:
     ----------
     decisions : tuple of Decision
     subject : Subject, optional
-        What it was made for; None for a plan that was made by hand. Plans are equal where their decisions are.
+        Subject of the plan; None for a plan built by hand. Plans are equal if their decisions are.
 
     Examples
     --------
@@ -131,7 +131,7 @@ class Plan:
     subject: Subject | None = dataclasses.field(default=None, compare=False, repr=False)
 
     def runs(self, stage: Stage) -> bool:
-        """Whether a stage runs."""
+        """True if a stage runs."""
         return any(decision.runs for decision in self.decisions if decision.stage is stage)
 
     def __repr__(self) -> str:
@@ -139,7 +139,7 @@ class Plan:
         return "\n".join(rows)
 
     def _repr_html_(self) -> str:
-        """What is rendered, from three sides, and two tables: of the stages that run, and of those that do not."""
+        """Pictures of the scene from three sides, and tables of the stages that run and that are left out."""
         from plenoptic.plots.notebook.html import table_html
         from plenoptic.plots.notebook.pictures import plan_picture
 
@@ -151,7 +151,7 @@ class Plan:
 
 
 def decide(stage: Stage, *table: object) -> Decision:
-    """Decide on a stage: what it takes and why it is left out without that, in pairs, then why it runs otherwise."""
+    """Decide on a stage from pairs of conditions and reasons against it, followed by the reason for it."""
     *pairs, runs = table
     for condition, reason in zip(pairs[::2], pairs[1::2], strict=True):
         if not condition:
@@ -160,5 +160,5 @@ def decide(stage: Stage, *table: object) -> Decision:
 
 
 def left_out(first: Stage, last: Stage, reason: str) -> list[Decision]:
-    """Decisions against a range of stages."""
+    """Negative decisions on a range of stages."""
     return [Decision(Stage(stage), False, reason) for stage in range(first, last + 1)]
