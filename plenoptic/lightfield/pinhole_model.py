@@ -128,20 +128,20 @@ def displacement(
 
     Rays from each pixel sample the aperture of its microlens.
     """
-    share, shift = np.zeros(len(pixel)), np.empty((2, len(pixel), 2))
+    throughput, offset = np.zeros(len(pixel)), np.empty((2, len(pixel), 2))
     for start in range(0, len(pixel), _BLOCK):
         block = slice(start, start + _BLOCK)
         rays = aperture_rays(axes, array, pixel[block], on_array[block], types[block], threads)
         light = rays.weight.reshape(len(pixel[block]), -1)
-        share[block] = light.mean(axis=1)
+        throughput[block] = light.mean(axis=1)
         for k, plane in enumerate(planes):
             points = np.where(rays.weight[:, None] > 0, plane_intersections(rays, plane.z), 0.0).reshape(
                 *light.shape, 2
             )
             with np.errstate(invalid="ignore"):
                 centroid = np.einsum("nk,nkc->nc", light, points) / light.sum(axis=1)[:, None]
-            shift[k, block] = pixel[block] - _pinhole_pixels(axes, plane, centroid, on_array[block])
-    return Displacement(share, np.stack(_linear_in_disparity(planes, shift), axis=1))
+            offset[k, block] = pixel[block] - _pinhole_pixels(axes, plane, centroid, on_array[block])
+    return Displacement(throughput, np.stack(_linear_in_disparity(planes, offset), axis=1))
 
 
 def chord_disparity(

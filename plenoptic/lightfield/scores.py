@@ -58,8 +58,8 @@ class DisparityScores:
         heading = f"{'':8}{'pixels':>9}{'kept %':>8}{'MSE x100':>10}"
         heading += "".join(f"{f'Bad{part:g}':>9}" for part in _PIXELS) + f"{'Q25':>9}"
         heading += "".join(f"{f'Rel{100 * part:.0f}':>8}" for part in _RELATIVE) + f"{'bias %':>9}{'bumpy':>8}"
-        named = [("all", self), *((f"type {number}", scores) for number, scores in enumerate(self.of_types))]
-        return "\n".join([heading, *(scores._line(name) for name, scores in named)])
+        rows = [("all", self), *((f"type {number}", scores) for number, scores in enumerate(self.of_types))]
+        return "\n".join([heading, *(scores._line(name) for name, scores in rows)])
 
     def _line(self, name: str) -> str:
         numbers = f"{name:8}{self.pixels:9d}{100 * self.kept:8.2f}{self.mse:10.4g}"

@@ -70,7 +70,7 @@ def _cause(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
     if scene is None or not len(probe.meshes):
         return "" if few else "hardly any path passes the camera and meets the scene; look at camera.report()"
     if context.settings.max_bounces == 0:
-        return "max_bounces is 0, which shows only what emits, and none of that is in view; give more"
+        return "max_bounces is 0, which shows only emitters, and none is in view; give more"
     labels, emitters = scene.object_names, list(_emitters(scene))
     inside = probe.surrounding()
     start = "" if inside is None else f"the camera is inside {labels[inside]}; "
@@ -78,14 +78,17 @@ def _cause(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
         visible_names = {labels[number] for number in probe.meshes}
         if backs := [e.name for e in emitters if e.name in visible_names and e.normals is not None][:_NAMED]:
             return f"{start}{', '.join(backs)} shines away from the camera; {_TURN}"
-        return f"{start}what is seen is black, glass or a mirror, and no light is met {bounces}, or matt materials"
+        visible = f"{start}the visible surfaces are black, glass or mirrors"
+        return f"{visible}, and no path hits a light {bounces}, or matt materials"
     obstacles = [(e.name, probe.obstacle(e, labels)) for e in emitters]
     if not all(obstacle for _, obstacle in obstacles):
-        dim = f"{start}light reaches what is seen and not the camera {bounces}"
+        dim = f"{start}light reaches the visible surfaces and not the camera {bounces}"
         return "" if few else f"{dim}, or samples, or look at the colours of lights and materials"
     named = "; ".join(f"{name} {obstacle}" for name, obstacle in obstacles[:_NAMED])
     more = f"; and {len(obstacles) - _NAMED} more" * (len(obstacles) > _NAMED)
-    return f"{start}{len(obstacles)} light{'s' * (len(obstacles) > 1)}, none reaches what is seen; {named}{more}"
+    return (
+        f"{start}{len(obstacles)} light{'s' * (len(obstacles) > 1)}, none reaches the visible surfaces; {named}{more}"
+    )
 
 
 class _Emitter(NamedTuple):

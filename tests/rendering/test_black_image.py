@@ -47,7 +47,12 @@ SPOT, BELOW = pl.lights.SpotLight((0, 100, -300), (0, 1, 0), 1e5), LAMP.moved(np
 BLACK = {
     "nothing shines": ((wall(),), (), {}, "nothing in the scene emits light"),
     "a lamp of radiance 0": ((wall(),), (DARK,), {}, "no light of the scene emits"),
-    "a lamp that faces away": ((wall(),), (AWAY,), {}, "1 light, none reaches what is seen; QuadLight 0 faces away"),
+    "a lamp that faces away": (
+        (wall(),),
+        (AWAY,),
+        {},
+        "1 light, none reaches the visible surfaces; QuadLight 0 faces away",
+    ),
     "one lamp of two that shines": ((wall(),), (DARK, AWAY), {}, "1 light, .* QuadLight 1 faces"),
     "two lamps": ((wall(),), (AWAY, AWAY), {}, "2 lights, .* QuadLight 0 faces away.* QuadLight 1 faces away"),
     "on a wall of instances": ((pl.scene.Instances(wall(0.0), [WAY_BACK]),), (AWAY,), {}, "QuadLight 0 faces away"),
@@ -60,7 +65,12 @@ BLACK = {
     "in a box": ((pl.box(600), wall()), (), {"background": 1.0}, "camera is inside Mesh 0; .*the background is hi"),
     "emission from behind": ((BACK,), (), {}, "Mesh 0 shines away from the camera; turn it round"),
     "emission beside a wall": ((HALF, pl.quad((0, -100, -403), (100, 0, 0), (0, 200, 0))), (), {}, "Mesh 0 faces away"),
-    "a black wall": ((wall(material=pl.Lambertian(0.0)),), (LAMP,), {}, "what is seen is black, glass or a mirror"),
+    "a black wall": (
+        (wall(material=pl.Lambertian(0.0)),),
+        (LAMP,),
+        {},
+        "the visible surfaces are black, glass or mirrors",
+    ),
     "colours": ((RED,), (BLUE,), {}, "colours of lights and materials"),
     "no bounces": ((wall(),), (LAMP,), {"max_bounces": 0}, "max_bounces is 0"),
     "behind the camera": ((wall(404.0),), (BELOW,), {}, r"no path met the scene.* between \[.*move it, or"),

@@ -72,7 +72,7 @@ def _fill_correlation(score, values, mask, workspace, noise, other_noise, radius
         for k in range(6):
             for x in range(columns):
                 sums[k, y, x] = 0.0
-        # Sums along the row, then along columns: each is the one before, and what comes in and goes out.
+        # Running sums along rows, then along columns: add the entering and subtract the leaving pixel.
         n, a, b, aa, bb, ab = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for x in range(-radius, columns):
             entering, leaving = x + radius, x - radius - 1

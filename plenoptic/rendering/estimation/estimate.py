@@ -176,7 +176,7 @@ def estimate(  # noqa: PLR0913
     """
     check_scene_and_camera(scene, camera)
     if samples is None and target_error is None:
-        raise InvalidValueError("samples and target_error are both None; give what the render is to end by")
+        raise InvalidValueError("samples and target_error are both None; give one or both to end the render")
     budget = checked_budget(samples, None, target_error, replicates)
     settings = RenderSettings(0 if scene is None else max_bounces, caustics, clamp, sampler)
     requested = Truth.NONE if scene is None else truth
@@ -278,11 +278,11 @@ def _by_samples(pilots: _Pilots) -> _Costs:
     runs = [pilots.run(few, seed) for seed in range(_RUNS)]
     each = [run.cpu_seconds / run.pixels for run in runs]
     if samples > few:
-        less = [pilots.run(few // 4, seed) for seed in range(_RUNS)]
-        slopes = [(a - b.cpu_seconds / b.pixels) / (few - few // 4) for a, b in zip(each, less, strict=True)]
+        quarter_runs = [pilots.run(few // 4, seed) for seed in range(_RUNS)]
+        slopes = [(a - b.cpu_seconds / b.pixels) / (few - few // 4) for a, b in zip(each, quarter_runs, strict=True)]
         each = [a + max(slope, a / (2 * few)) * (samples - few) for a, slope in zip(each, slopes, strict=True)]
-    found, steps = Estimated(samples, samples, samples), 2.0 if pilots.budget.passes else 1.0
-    return _Costs(_interval(each), found, steps, _busy(runs, pilots), *_bytes(runs[0]))
+    final_samples, steps = Estimated(samples, samples, samples), 2.0 if pilots.budget.passes else 1.0
+    return _Costs(_interval(each), final_samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
 
 
 def _by_error(pilots: _Pilots) -> _Costs:
@@ -297,13 +297,15 @@ def _by_error(pilots: _Pilots) -> _Costs:
     predicted, done = [run.progress for run in runs], np.concatenate([run.progress.done for run in runs])
     steps = steps_to(pilots.budget, predicted_samples(predicted))
     pilot_steps, pilot_pixels = steps_to(pilots.budget, done), sum(run.pixels for run in runs)
-    took = sum(run.cpu_seconds for run in runs) / pilot_pixels
-    each_step = max((took - once - per_sample * float(done.mean())) / max(pilot_steps - 1.0, 1.0), 0.0)
+    per_pixel = sum(run.cpu_seconds for run in runs) / pilot_pixels
+    each_step = max((per_pixel - once - per_sample * float(done.mean())) / max(pilot_steps - 1.0, 1.0), 0.0)
     means = mean_samples(predicted, pilots.budget)
     cost = [once + per_sample * mean + each_step * (steps - 1.0) for mean in means]
     each = Estimated(cost[0], cost[1] * (1 - 2 * _UNKNOWN), cost[2] * (1 + 2 * _UNKNOWN))
-    least, most = pilots.budget.enough, pilots.budget.max_samples
-    samples = Estimated(means[0], max(means[1] * (1 - _UNKNOWN), least), min(means[2] * (1 + _UNKNOWN), most))
+    min_samples, max_samples = pilots.budget.enough, pilots.budget.max_samples
+    samples = Estimated(
+        means[0], max(means[1] * (1 - _UNKNOWN), min_samples), min(means[2] * (1 + _UNKNOWN), max_samples)
+    )
     return _Costs(each, samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
 
 
@@ -327,7 +329,7 @@ def _busy(runs: list[PilotRun], pilots: _Pilots) -> float:
 
 
 def _bytes(run: PilotRun) -> tuple[float, float, float]:
-    """Of an EXR file's head, of a pixel in it, since noise can hardly be compressed, and of what feeds a pixel."""
+    """Bytes of an EXR file's metadata, of a pixel in it (noise hardly compresses), and of an illuminated pupil."""
     texts = texts_of(run.exposure)
     head = _HEAD_BYTES + sum(len(name) + len(text) for name, text in texts.items())
     with tempfile.TemporaryDirectory() as folder:
@@ -336,51 +338,53 @@ def _bytes(run: PilotRun) -> tuple[float, float, float]:
         return head, max(path.stat().st_size - head, 0) / run.pixels, run.kept_bytes / run.pixels
 
 
-def _estimate(pilots: _Pilots, found: _Costs) -> Estimate:
+def _estimate(pilots: _Pilots, costs: _Costs) -> Estimate:
     n, budget, channels = pilots.pixels, pilots.budget, pilots.context.channels
-    cpu = Estimated(*(n * part for part in found.cpu_seconds))
-    quick, slow = 1.0 / pilots.threads, 1.0 / (pilots.threads * found.busy)
-    wall = Estimated(cpu.value * math.sqrt(quick * slow), cpu.low * quick, cpu.high * slow)
+    cpu = Estimated(*(n * part for part in costs.cpu_seconds))
+    fastest, slowest = 1.0 / pilots.threads, 1.0 / (pilots.threads * costs.busy)
+    wall = Estimated(cpu.value * math.sqrt(fastest * slowest), cpu.low * fastest, cpu.high * slowest)
     once, state = 8 + _truth_bytes(pilots.subject.truth), 8 * channels * (budget.replicates + 1)
-    held, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.spread
+    pixels_in_memory, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.spread
     shared = 0 if spread is None else state * spread.table.parts.shape[1]
-    waiting = held * (4 * (state + once) + _WORK_BYTES + shared)  # results that are to be taken, and what is at work
-    fed = (found.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
-    memory = resident_bytes() + _film_bytes(pilots) * n + waiting + min(fed, MOST_BYTES)
+    working_memory = pixels_in_memory * (
+        4 * (state + once) + _WORK_BYTES + shared
+    )  # results in the queue, and tiles in work
+    cached = (costs.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
+    memory = resident_bytes() + _film_bytes(pilots) * n + working_memory + min(cached, MOST_BYTES)
     record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)
-    often = [found.steps if budget.steps else _records(tile.pixels, pilots) for tile in pilots.tiles]
-    log = sum((tile.pixels * state + record) * k for tile, k in zip(pilots.tiles, often, strict=True))
+    records_per_tile = [costs.steps if budget.steps else _records(tile.pixels, pilots) for tile in pilots.tiles]
+    log = sum((tile.pixels * state + record) * k for tile, k in zip(pilots.tiles, records_per_tile, strict=True))
     return Estimate(
         cpu_seconds=cpu,
         seconds=wall,
         peak_memory=_about(memory, 0.1),
-        file_size=_about(found.head_bytes + pilots.asked_pixels * found.exposure_bytes, 0.15),
+        file_size=_about(costs.head_bytes + pilots.asked_pixels * costs.exposure_bytes, 0.15),
         checkpoint_size=_about(_LOG_BYTES + once * n + log, 0.3 if budget.steps else 0.02),
-        samples=found.samples,
+        samples=costs.samples,
         plan=pilots.context.plan,
     )
 
 
 def _records(pixels: int, pilots: _Pilots) -> int:
     """Records of a tile in the checkpoint of a render with given samples: its number of batches."""
-    done, found, most = 0, 0, Clock(0.0, None).samples_per_batch(pixels, pilots.context.together)
+    done, batches, batch_samples = 0, 0, Clock(0.0, None).samples_per_batch(pixels, pilots.context.together)
     while done < pilots.budget.max_samples:
-        done = min(done + most, pilots.budget.following(done))
-        found += 1
-    return found
+        done = min(done + batch_samples, pilots.budget.following(done))
+        batches += 1
+    return batches
 
 
 def _film_bytes(pilots: _Pilots) -> float:
     """Bytes of a pixel during rendering and finishing."""
     budget, channels = pilots.budget, pilots.context.channels
-    found = 4 * channels + _truth_bytes(pilots.subject.truth)
+    bytes_ = 4 * channels + _truth_bytes(pilots.subject.truth)
     if budget.replicates >= 2:
-        found += 2 * 4 * channels + 4
+        bytes_ += 2 * 4 * channels + 4
     if budget.steps or budget.passes:
-        found += 4 + 8 * channels * (budget.replicates + 1)
+        bytes_ += 4 + 8 * channels * (budget.replicates + 1)
     if budget.target_error is not None:
-        found += 2 * 8 + _DECIDED_BYTES
-    return found
+        bytes_ += 2 * 8 + _DECIDED_BYTES
+    return bytes_
 
 
 def _truth_bytes(truth: Truth) -> int:

@@ -214,8 +214,8 @@ class PathIntegrator:
     def _sample_scattered(self, interactions: Interactions, wavelengths: Wavelengths, *, russian_roulette: bool) -> int:
         """Sample the scattered rays; return their number."""
         scene, queue, next_queue = self.scene, self._queue, self._next_queue
-        onward = next_queue, self._source
-        n_rays = int(sample_bsdf(*onward, interactions, queue, scene.bsdf, wavelengths, russian_roulette))
+        target = next_queue, self._source
+        n_rays = int(sample_bsdf(*target, interactions, queue, scene.bsdf, wavelengths, russian_roulette))
         if self._source is not None:
             self._update_states(self._source[:n_rays], interactions)
         return n_rays

@@ -1,1 +1,1 @@
-"""Kernels: what paths add to a film."""
+"""Kernels that add the light of paths to a film."""

@@ -35,8 +35,8 @@ def bounds(parts: Mapping[Region, str]) -> Region:
         )
     if missing := missing_regions(whole, parts):
         more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
-        named = "; ".join(region_text(region) for region in missing[:_NAMED])
-        raise InvalidValueError(f"parts of {region_text(whole)} leave {named}{more} out; give the missing ones")
+        listed = "; ".join(region_text(region) for region in missing[:_NAMED])
+        raise InvalidValueError(f"parts of {region_text(whole)} leave {listed}{more} out; give the missing ones")
     return whole
 
 

@@ -68,7 +68,7 @@ def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
             *(white, "a scene is seen"),
             *(not stopped, stopped),
             *(not bounds, bounds),
-            "what surely passes them is not traced",
+            "unvignetted light is not traced",
         ),
     ]
 

@@ -60,7 +60,7 @@ def plan(  # noqa: PLR0913
     left out  blemishes              no dust and no scratches
     left out  diffraction            paths are straight between surfaces
     runs      exact pupils           each point of a pixel sees the openings of the lens
-    runs      certain light          what surely passes them is not traced
+    runs      certain light          unvignetted light is not traced
     ...
     """
     check_scene_and_camera(scene, camera)
@@ -83,7 +83,7 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
     replicated = f"{independent} independent replicate{'s' * (independent != 1)}"
     exclude_caustics, clamp = settings.caustics is Caustics.EXCLUDE, settings.clamp
     points, independent_samples = "scrambled Sobol points", "every sample by itself"
-    all_light, unclamped = "caustics count as all light does", "paths bring what they bring"
+    all_light, unclamped = "caustics are included", "radiance is not limited"
     return Plan(
         (
             decide(Stage.INDEPENDENT_SAMPLES, settings.sampler is Sampler.RANDOM, points, independent_samples),
@@ -93,7 +93,7 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
                 *(record, WHITE),
                 *(camera.shutter is not None, "an exposure is an instant"),
                 *(open_shutter(camera, record), "nothing moves while it is open"),
-                "what moves while it is open is blurred",
+                "motion while it is open is blurred",
             ),
             *scene_decisions(record, settings.max_bounces),
             decide(Stage.CAUSTICS_APART, record, WHITE, exclude_caustics, all_light, "caustics are left out"),

@@ -8,7 +8,7 @@ import time
 from collections import deque
 
 PATHS_PER_BATCH = 1 << 20
-"""Paths of a batch: what an interruption waits for, and what can be lost."""
+"""Paths of a batch, whose end an interruption waits for, and which a crash can lose."""
 _SHORTEST, _LONGEST = 0.05, 0.5
 """Duration of a batch under a time limit, s."""
 _FIRST = 1 << 13

@@ -126,15 +126,15 @@ class ProgressBar:
         remaining = (1 - fraction) * total
         return remaining if limit is None else max(min(remaining, self._begin + limit - now), 0.0)
 
-    def _show(self, share: float | None = None) -> None:
+    def _show(self, fraction: float | None = None) -> None:
         with self._drawing:
             if self._bar is None:
                 self._bar = load_tqdm()(total=100.0, bar_format="{percentage:3.0f}%|{bar}| {elapsed}{postfix}")
                 if not self._bar.disable:  # by the variable TQDM_DISABLE
                     self._bar.start_t -= time.perf_counter() - self._begin
-            share = self._fraction() if share is None else share
-            self._bar.n = 100 * share
-            self._bar.set_postfix_str(", ".join(self._facts(share)), refresh=False)
+            fraction = self._fraction() if fraction is None else fraction
+            self._bar.n = 100 * fraction
+            self._bar.set_postfix_str(", ".join(self._facts(fraction)), refresh=False)
             self._bar.refresh()
 
     def _facts(self, fraction: float) -> list[str]:
