@@ -64,12 +64,12 @@ def test_a_store_has_every_byte_of_what_is_merged_in_memory(seed, tmp_path):
     parts = [parts[k] for k in rng.permutation(len(parts))]
     (tmp_path / "parts").mkdir()
     together = pl.Exposure.merged(parts)
-    given = [saved(part, tmp_path / "parts", (None, ".zarr", ".exr")[int(rng.integers(3))]) for part in parts]
-    head = merge_to_store(given, tmp_path / "streamed.zarr")
+    files = [saved(part, tmp_path / "parts", (None, ".zarr", ".exr")[int(rng.integers(3))]) for part in parts]
+    head = merge_to_store(files, tmp_path / "streamed.zarr")
     together.save(tmp_path / "held.zarr")
     assert content(tmp_path / "streamed.zarr") == content(tmp_path / "held.zarr")
     assert pl.Exposure.load(tmp_path / "streamed.zarr") == together and head == metadata_of(together)
-    assert merge_parts(given) == together
+    assert merge_parts(files) == together
 
 
 def test_what_one_part_lacks_the_store_lacks(tmp_path):
