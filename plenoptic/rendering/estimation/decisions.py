@@ -20,7 +20,7 @@ def mean_samples(pilots: Sequence[Progress], budget: Budget) -> tuple[float, flo
     """Mean number of samples of a render's tiles, and its interval."""
     low, usual, high = (predicted_samples(pilots, falls) for falls in (_STEEP, _USUAL, _FLAT))
     spread = relative_spread(pilots) * usual.mean()
-    # Where light is noisy here and there, the dearest tile may not have been seen: one more of that kind.
+    # Noise may be local, and the pilots may have missed the most expensive tile: count their maximum once more.
     candidates = usual.mean(), low.mean() - spread, np.append(high, high.max()).mean() + spread
     mean, low_, high_ = (min(max(float(number), budget.enough), budget.max_samples) for number in candidates)
     return mean, low_, high_

@@ -346,9 +346,8 @@ def _estimate(pilots: _Pilots, costs: _Costs) -> Estimate:
     once, state = 8 + _truth_bytes(pilots.subject.truth), 8 * channels * (budget.replicates + 1)
     pixels_in_memory, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.spread
     shared = 0 if spread is None else state * spread.table.parts.shape[1]
-    working_memory = pixels_in_memory * (
-        4 * (state + once) + _WORK_BYTES + shared
-    )  # results in the queue, and tiles in work
+    # Results in the queue, and tiles in work.
+    working_memory = pixels_in_memory * (4 * (state + once) + _WORK_BYTES + shared)
     cached = (costs.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
     memory = resident_bytes() + _film_bytes(pilots) * n + working_memory + min(cached, MOST_BYTES)
     record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)

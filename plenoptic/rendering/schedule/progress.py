@@ -50,7 +50,7 @@ class Progress:
     Each colour is decided upon at sample numbers of its own, predicted from the errors of the other.
 
     The lit pixels are determined anew before each round of decisions: for one colour, from the state of its pixels at
-    the last decision on the other one, so that this too is independent of what is decided. If the error of a whole
+    the last decision on the other one, so that this, too, is independent of the decision. If the error of a whole
     colour rests on few pixels, light is rare: no tile knows whether it has sampled it, and the other colour continues.
     """
 
