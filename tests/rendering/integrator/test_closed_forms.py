@@ -43,7 +43,7 @@ def assert_agree(measured, expected, bias=1e-3, case=None):
     """Each pixel, and all together, within standard errors and a `bias` of the largest value expected.
 
     Errors from 16 renderings follow Student's t with 15 degrees of freedom: beyond 6.5 once in 1e5. 4.5 errors for the
-    sum. The bias is what the closed form leaves out, and the rounding of images to float32.
+    sum. The bias is the error of the closed form, and the rounding of images to float32.
     """
     mean, error = measured[0][:, :, 0], measured[1][:, :, 0]
     allowed = bias * float(np.max(expected))
