@@ -351,8 +351,8 @@ def exposure_of(
     zero_variance = _zero_variance_pixels(progress, counts)
     error = film.standard_error(progress.one_sample, out=film.between)
     film.between = film.within = None
-    image, errors = _cropped(film.mean, crop), None if error is None else _cropped(error, crop)
-    truth = {name: _cropped(array, crop) for name, array in progress.truth.items()}
+    image, errors = _crop(film.mean, crop), None if error is None else _crop(error, crop)
+    truth = {name: _crop(array, crop) for name, array in progress.truth.items()}
     counts = None if counts is None else counts[crop]
     max_samples = progress.budget.max_samples if counts is None else int(counts.max())
     names = subject.scene.object_names if subject.scene is not None and "object" in progress.truth else None
@@ -389,7 +389,7 @@ def exposure_of(
     )
 
 
-def _cropped(array: Image, crop: tuple[slice, slice]) -> Image:
+def _crop(array: Image, crop: tuple[slice, slice]) -> Image:
     """Crop of an array; read-only, so that the exposure need not copy the array if the crop is all of it."""
     cropped = array[crop]
     cropped = array if cropped.shape == array.shape else cropped.copy()
