@@ -50,7 +50,7 @@ def made_up(rng, region, **changes):
 
 def part_of(whole, region):
     """Crop of an exposure to a region."""
-    first_row, _, first_column, _ = metadata_of(whole).place
+    first_row, _, first_column, _ = metadata_of(whole).sensor_region
     rows = slice(region[0] - first_row, region[1] - first_row)
     columns = slice(region[2] - first_column, region[3] - first_column)
     changes = {name: getattr(whole, name)[rows, columns] for name in ("image", "standard_error", "sample_counts")}

@@ -67,7 +67,7 @@ def _check_alike(parts: Sequence[Part]) -> None:
                 )
         if part.metadata.shape[2] != first.metadata.shape[2]:
             raise InvalidValueError(
-                f"{part.name} has {part.head.shape[2]} channels and {first.name} has {first.head.shape[2]}; "
+                f"{part.name} has {part.metadata.shape[2]} channels and {first.name} has {first.metadata.shape[2]}; "
                 "render them with the same scene"
             )
 
