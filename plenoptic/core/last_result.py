@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 _Object = TypeVar("_Object")
-_Result = TypeVar("_Made")
+_Result = TypeVar("_Result")
 
 
 class LastResult(Generic[_Object, _Result]):

@@ -25,7 +25,7 @@ _LARGEST = 1000.0
 
 @result
 class DepthMap:
-    """Depth of each pixel, as `depth` returns it.
+    """Depth of each pixel. See `depth`, which returns it.
 
     Attributes
     ----------

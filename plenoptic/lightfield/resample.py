@@ -166,14 +166,14 @@ def resampling(
 class Lenses(NamedTuple):
     """Lattice indices of microlenses, and their actual positions in mm."""
 
-    index: NDArray[np.int64]
+    lattice_index: NDArray[np.int64]
     positions: Floats
     basis: Floats
 
 
 def _linear(lenses: Lenses, points: Floats, nodes: NDArray[np.int64], weight: Floats) -> Weights:
     """Weights of the corners of a mesh, with the least change that reproduces linear functions at actual positions."""
-    rows = rows_of(lenses.index, nodes)
+    rows = rows_of(lenses.lattice_index, nodes)
     offset = np.where(rows[..., None] >= 0, lenses.positions[rows], nodes @ lenses.basis) - points[:, None]
     scale = float(np.abs(lenses.basis).max())
     table = np.concatenate([np.ones((*rows.shape, 1)), offset / scale], axis=2)
@@ -202,7 +202,7 @@ def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, include_self: 
 def _cubic_block(lenses: Lenses, points: Floats, on_lattice: Floats, include_self: bool) -> Weights:
     steps = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     nodes = np.rint(on_lattice).astype(np.int64)[:, None] + steps
-    rows = rows_of(lenses.index, nodes)
+    rows = rows_of(lenses.lattice_index, nodes)
     scale = float(np.sqrt(abs(np.linalg.det(lenses.basis))))
     offset = (np.where(rows[..., None] >= 0, lenses.positions[rows], nodes @ lenses.basis) - points[:, None]) / scale
     squared_distance = (offset**2).sum(axis=2)

@@ -19,7 +19,7 @@ _CLIP = 0.05
 
 @result
 class DisparityScores:
-    """Errors of a disparity map, as returned by `disparity_scores`.
+    """Errors of a disparity map. See `disparity_scores`, which returns them.
 
     Attributes
     ----------

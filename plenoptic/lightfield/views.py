@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @result
 class LightField:
-    """Sub-aperture views of a plenoptic 1.0 camera, as returned by `decode`, `read_hci` and the other readers.
+    """Sub-aperture views of a plenoptic 1.0 camera. See `decode`, which returns them, and `read_hci` and other readers.
 
     A view contains the light that passes one part of the main lens's pupil: the pixels at the same offset from the
     centre of every micro image. Views are upright. The viewpoint of u = 1 lies farther to the right than that of u = 0,

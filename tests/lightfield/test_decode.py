@@ -326,7 +326,7 @@ def test_impossible_calls_say_what_to_do():
     bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
     free = the_camera((70, 70), lattice=pl.Lattice.FREE, centres=[[0.0, 0.0], [0.2, 0.0]])
     for call, message in (
-        (lambda: decode(white, small), "render it of the same region"),
+        (lambda: decode(white, small), "render it for the same region"),
         (lambda: decode(white, white, views=4), "take 5"),
         (lambda: decode(white, white_of(the_camera((70, 70), lattice=HEXAGONAL), 8)), "they differ in microlenses"),
         (lambda: decode(white, dataclasses.replace(white, camera=bent)), "they differ in diffraction"),

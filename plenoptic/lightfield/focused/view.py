@@ -15,7 +15,7 @@ from plenoptic.truth.channels import GroundTruth, Truth
 
 @result
 class View:
-    """View of the scene from one point of the pupil, as returned by `render_view`.
+    """View of the scene from one point of the pupil. See `render_view`, which returns it.
 
     Attributes
     ----------

@@ -44,9 +44,7 @@ _ALONG = 12
 _RUNS = 4
 """Pilot runs of the same kind, whose variance gives the uncertainty."""
 _PATHS, _FEWEST, _MOST, _MOST_TILES = 1 << 18, 1 << 12, 1 << 15, 64
-"""Paths of a pilot run; its minimum and maximum pixels, since finding illuminated pixels also takes time; its maximum
-tiles.
-"""
+"""Paths of a pilot run, its minimum and maximum pixels (illuminated pupils take time, too), and its maximum tiles."""
 _MOST_SAMPLES = 256
 """Maximum samples of pilot runs; the cost of more is extrapolated."""
 _DECIDED_BYTES = 100
@@ -224,9 +222,7 @@ class _Pilots:
         self.side, self.tiles = cut_into_tiles(frame, budget, None, cells, shared=shared)
 
     def run(self, samples: int, seed: int) -> PilotRun:
-        """Pilot run with a number of samples, in tiles as large as the render's, and at most as many pixels as the
-        frame.
-        """
+        """Pilot run with a number of samples, in tiles as large as the render's, and no more pixels than the frame."""
         side = self._fitting(_SIDE if self.side >= _SIDE else self.side)
         max_squares = math.isqrt(self.pixels // (2 * self.threads * side**2))
         squares = max(min(self.side // _SIDE, _ALONG, max_squares), 1) ** 2
@@ -302,10 +298,8 @@ def _by_error(pilots: _Pilots) -> _Costs:
     means = mean_samples(predicted, pilots.budget)
     cost = [once + per_sample * mean + each_step * (steps - 1.0) for mean in means]
     each = Estimated(cost[0], cost[1] * (1 - 2 * _UNKNOWN), cost[2] * (1 + 2 * _UNKNOWN))
-    min_samples, max_samples = pilots.budget.enough, pilots.budget.max_samples
-    samples = Estimated(
-        means[0], max(means[1] * (1 - _UNKNOWN), min_samples), min(means[2] * (1 + _UNKNOWN), max_samples)
-    )
+    low, high = max(means[1] * (1 - _UNKNOWN), pilots.budget.enough), means[2] * (1 + _UNKNOWN)
+    samples = Estimated(means[0], low, min(high, pilots.budget.max_samples))
     return _Costs(each, samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
 
 
@@ -346,7 +340,6 @@ def _estimate(pilots: _Pilots, costs: _Costs) -> Estimate:
     once, state = 8 + _truth_bytes(pilots.subject.truth), 8 * channels * (budget.replicates + 1)
     pixels_in_memory, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.spread
     shared = 0 if spread is None else state * spread.table.parts.shape[1]
-    # Results in the queue, and tiles in work.
     working_memory = pixels_in_memory * (4 * (state + once) + _WORK_BYTES + shared)
     cached = (costs.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
     memory = resident_bytes() + _film_bytes(pilots) * n + working_memory + min(cached, MOST_BYTES)

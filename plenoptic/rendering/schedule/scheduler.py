@@ -62,7 +62,6 @@ _MISSED_RATIO = 1.25
 """Ratio of the final error to its target that causes a warning."""
 _OVERRUN, _OVERRUN_SECONDS = 0.1, 0.5
 """Overrun of a time limit, relative and in seconds, that causes no warning."""
-
 _MAX_CONDITIONED = 1 << 20
 """Maximum number of paths whose conditioning is reported: they are traced in one bundle."""
 
@@ -140,10 +139,8 @@ def _run(
     with contextlib.ExitStack() as stack:
         if cluster is None:
             truth = truth_record(camera, context.camera, available)
-            compilation = compile_in_parallel(
-                lambda: compile_tiles(context, truth), threads=workers, shown=options.progress
-            )
-            stack.enter_context(compilation)
+            kernels = functools.partial(compile_tiles, context, truth)
+            stack.enter_context(compile_in_parallel(kernels, threads=workers, shown=options.progress))
             engine = thread_engine(context, truth, clock, workers)
         else:
             job = RenderTask(subject, seed, available, steps)
@@ -173,7 +170,7 @@ def _checkpoint(
     options: RenderOptions,
     context: RenderContext,
     region: tuple[int, ...],
-    available: Truth,
+    kept: Truth,
 ) -> Checkpoint | None:
     """Open the checkpoint of a render, if one is requested: that of any render with the same paths."""
     if options.checkpoint is None:
@@ -181,7 +178,7 @@ def _checkpoint(
     from plenoptic.rendering.schedule.checkpoint import Checkpoint
     from plenoptic.rendering.schedule.identity import identity
 
-    facts = {"seed": options.seed, "replicates": budget.replicates, "region": region, "truth": available}
+    facts = {"seed": options.seed, "replicates": budget.replicates, "region": region, "truth": kept}
     facts["settings"] = subject.settings
     return Checkpoint(options.checkpoint, options.checkpoint_interval, identity(context.scene, subject.camera, **facts))
 
@@ -238,10 +235,9 @@ def drive(
     def checkpoint_entries() -> Iterator[tuple[int, Entry]]:
         assert checkpoint is not None
         for i in progress.pending():
-            done, limit = int(progress.done[i]), progress.next_samples(i)
+            done, following = int(progress.done[i]), progress.next_samples(i)
             # Without a target error, no decision depends on the number of samples, and longer records are usable.
-            if progress.budget.target_error is None:
-                limit = progress.budget.max_samples - done
+            limit = following if progress.budget.target_error is not None else progress.budget.max_samples - done
             if (entry := checkpoint.longest_record(i, done, limit, replicates)) is not None:
                 yield i, entry
 
@@ -321,9 +317,8 @@ def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupt
     target_text = f"{100 * target:.2g} %"
     if rare:
         warn(
-            f"light is so rare that few pixels have sampled it: the error is {100 * reached:.2g} % or more, and "
-            f"whether it is {target_text} is unknown; give samples, a larger lamp, or "
-            "caustics=pl.rendering.Caustics.EXCLUDE",
+            f"light is so rare that few pixels have sampled it: the error is {100 * reached:.2g} % or more, and may "
+            f"exceed {target_text}; give samples, a larger lamp or caustics=pl.rendering.Caustics.EXCLUDE",
             BudgetWarning,
         )
     elif reached < math.inf:  # otherwise the image is black, which has its own warning
