@@ -82,11 +82,11 @@ texture_seam scene/textures/kernels/lookup.py: scene/textures
 - first = first if first >= 0 else n - 1
 + first = first if first >= 0 else 0
 emission_weight rendering/integrator/kernels/emission.py: rendering/integrator scene/lights
-- counts = weight(drawn, area_pdf[material] * far * far / cosine)
-+ counts = weight(drawn, area_pdf[material] * far * far * cosine)
+- mis_weight = weight(ray_pdf, area_pdf[material] * path_length * path_length / cosine)
++ mis_weight = weight(ray_pdf, area_pdf[material] * path_length * path_length * cosine)
 roulette_weight rendering/integrator/kernels/bounce.py: rendering/integrator
-- spread /= largest
-+ spread /= 1.0
+- radiance_scale /= largest
++ radiance_scale /= 1.0
 light_in_a_liquid scene/materials/kernels/absorption.py: rendering/integrator scene/materials
 - row_vector(rows, i, NORMAL)) < 0.0:
 + row_vector(rows, i, NORMAL)) > 0.0:
@@ -115,14 +115,14 @@ rounding_of_numbers readout/develop.py: readout
 - return np.rint(np.clip(numbers, 0.0, 2.0**model.bits - 1)).astype(np.uint16)
 + return np.clip(numbers, 0.0, 2.0**model.bits - 1).astype(np.uint16)
 viewpoint_up lightfield/decode.py: lightfield/test_decode.py
-- middle = np.array([viewpoint[0], -viewpoint[1]])
-+ middle = np.array([viewpoint[0], viewpoint[1]])
+- central = np.array([viewpoint[0], -viewpoint[1]])
++ central = np.array([viewpoint[0], viewpoint[1]])
 depth_of_views lightfield/epipolar.py: lightfield/test_depth.py lightfield/test_decode.py
 - behind = lever / (1.0 - lever / gap)
 + behind = lever / (1.0 + lever / gap)
-noise_of_two_pixels lightfield/kernels/refining.py: lightfield/test_depth.py
-- spread = math.sqrt(0.5 * max(rest, 0.0) / counted * own) / stiff
-+ spread = math.sqrt(max(rest, 0.0) / counted * own) / stiff
+noise_of_two_pixels lightfield/kernels/subpixel.py: lightfield/test_depth.py
+- error = math.sqrt(0.5 * max(residual_sum, 0.0) / weight_sum * slope_variance) / stiffness
++ error = math.sqrt(max(residual_sum, 0.0) / weight_sum * slope_variance) / stiffness
 zemax_order_of_turns optics/lens/files/zemax_folds.py: optics/lens/files/test_zemax_folds.py optics/lens/files
 - rotation = z @ y @ x
 + rotation = x @ y @ z

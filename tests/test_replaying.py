@@ -180,7 +180,7 @@ HOW = {
     "at random": {"sampler": pl.rendering.Sampler.RANDOM},
     "at random, three replicates": {"sampler": pl.rendering.Sampler.RANDOM, "replicates": 3},
     "clamped": {"clamp": 0.1},
-    "no caustics": {"caustics": pl.rendering.Caustics.LEFT_OUT},
+    "no caustics": {"caustics": pl.rendering.Caustics.EXCLUDE},
     "one bounce": {"max_bounces": 1},
     "no bounces": {"max_bounces": 0},
     "many bounces": {"max_bounces": 30},

@@ -13,7 +13,7 @@ from plenoptic.errors import FileError, InvalidValueError
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
-    from plenoptic.rendering.heads import Head
+    from plenoptic.rendering.exposure_metadata import ExposureMetadata
     from plenoptic.rendering.merging.parts import Part
     from plenoptic.rendering.merging.regions import Region
 
@@ -33,7 +33,7 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Merge, save and print the exposure; a store is written while parts are read."""
     from plenoptic.rendering.exposure_files import check_target, checked_ending
-    from plenoptic.rendering.merging.merge import merge_to_store, merged_parts
+    from plenoptic.rendering.merging.merge import merge_parts, merge_to_store
 
     check_target(options.output)
     parts = [_part(name) for name in options.parts]
@@ -52,8 +52,8 @@ def run(options: argparse.Namespace) -> None:
 def _part(name: str) -> Part:
     """A file or folder, of which only the metadata has been read if that is possible."""
     from plenoptic.core.files.zarr_reading import attributes_of
-    from plenoptic.rendering.exposure_files import head_of_image
-    from plenoptic.rendering.heads import head_of
+    from plenoptic.rendering.exposure_files import metadata_of_image
+    from plenoptic.rendering.exposure_metadata import metadata_of
     from plenoptic.rendering.merging.parts import FilePart, StorePart
 
     def load() -> Exposure:
@@ -64,19 +64,19 @@ def _part(name: str) -> Part:
 
     path = Path(name)
     if path.is_file() and path.suffix.lower() == ".exr":
-        return FilePart(name, head_of_image(path), load)
+        return FilePart(name, metadata_of_image(path), load)
     if attributes_of(path) is not None:
         return StorePart(name)
-    return FilePart(name, head_of(load()), load)
+    return FilePart(name, metadata_of(load()), load)
 
 
 def _check_complete(heads: list[Head], region: tuple[slice, slice] | None) -> None:
     """Raise if parts of a region, or of the sensor, are missing; the error names them."""
     from plenoptic.camera.checks import sensor_region
-    from plenoptic.rendering.frame import region_text
-    from plenoptic.rendering.merging.regions import left_out
+    from plenoptic.rendering.crop import region_text
+    from plenoptic.rendering.merging.regions import missing_regions
 
-    regions = {head.place for head in heads}
+    regions = {head.sensor_region for head in heads}
     camera = heads[0].camera
     if camera is None or (region is None and len(regions) == 1):
         return

@@ -16,7 +16,7 @@ from plenoptic.core.files.zarr_reading import read_arrays
 from plenoptic.core.values import result, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.heads import EXPOSURE_NAMES
+from plenoptic.rendering.exposure_metadata import EXPOSURE_NAMES
 from plenoptic.rendering.stores import MOTION_NAMES
 from plenoptic.sequences.point_motion import MotionTruth
 from plenoptic.truth.channels import CHANNELS, GroundTruth

@@ -43,7 +43,7 @@ from plenoptic.dataset.task import (
     times_of,
 )
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.rendering.heads import pixels_of
+from plenoptic.rendering.exposure_metadata import pixels_of
 from plenoptic.rendering.render import render
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.settings import RenderSettings

@@ -21,7 +21,7 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
 from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
-from plenoptic.lightfield.planes import on_white
+from plenoptic.lightfield.raw_arrays import crop_in_white_image
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.package.calibration import calibration_points, targets_of
@@ -96,7 +96,7 @@ def compote(  # noqa: PLR0913
     (['README.txt', 'camera.js', 'centres.csv', 'features.csv', 'images.js'],
      ['intrinsics.js', 'poses.js', 'scene.js', 'shot.png', 'white.png'])
     """
-    cut, _ = on_white(shot, white)
+    cut, _ = crop_in_white_image(shot, white)
     target, name = folder_at(folder), plain_name(name)
     if shot.region is not None:
         raise InvalidValueError("the images are of a region; render the whole sensor")
@@ -108,7 +108,7 @@ def compote(  # noqa: PLR0913
         if other.camera is None:
             raise InvalidValueError("other_whites holds an exposure without a camera; give what render_white made")
         stopped = cardinal_points(other.camera.lens, other.camera.wavelength).f_number
-        whites.append((f"white_{number + 2}.png", stopped, other.image[on_white(shot, other)[0]]))
+        whites.append((f"white_{number + 2}.png", stopped, other.image[crop_in_white_image(shot, other)[0]]))
     for file, _, image in [(f"{name}.png", f_number, shot.image), *whites]:
         write_picture(target / file, rows.turned(image), scale=white_point(image), bits=8, encoded=True)
     boards = targets_of(targets)

@@ -18,7 +18,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
 from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
 from plenoptic.lightfield.decode import decode
-from plenoptic.lightfield.planes import on_white
+from plenoptic.lightfield.raw_arrays import crop_in_white_image
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.rendering.exposure import Exposure
@@ -75,7 +75,7 @@ def lftoolbox(
     LightField(5 x 5 views of 5 x 7 x 3)
     5
     """
-    light, name = white.image[on_white(shot, white)[0]], plain_name(name)
+    light, name = white.image[crop_in_white_image(shot, white)[0]], plain_name(name)
     field = decode(shot, white, views=views)
     lens = lens_rows(shot, turn=True).whole(shot.image.shape[:2]).rectangle()
     target, scale = folder_at(folder), brightest(field.views)

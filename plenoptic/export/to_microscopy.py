@@ -16,7 +16,7 @@ from plenoptic.core.files.images import COLOR_SPACE, LINEAR, write_codes
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
 from plenoptic.export.pictures import folder_at, write_readme
-from plenoptic.lightfield.planes import on_white
+from plenoptic.lightfield.raw_arrays import crop_in_white_image
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
 from plenoptic.rendering.exposure import Exposure
 

@@ -11,7 +11,7 @@ from plenoptic.core.files.atomic_file import write_json
 from plenoptic.core.files.codes import brightest
 from plenoptic.export.lattice import lens_rows
 from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
-from plenoptic.lightfield.planes import on_white
+from plenoptic.lightfield.raw_arrays import crop_in_white_image
 from plenoptic.rendering.exposure import Exposure
 
 
@@ -61,7 +61,7 @@ def plenopticam(
     ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
     ['README.txt', 'flat.tiff', 'flat_centres.json', 'flat_white.tiff']
     """
-    target, name, light = folder_at(folder), plain_name(name), white.image[on_white(shot, white)[0]]
+    target, name, light = folder_at(folder), plain_name(name), white.image[crop_in_white_image(shot, white)[0]]
     lens = lens_rows(shot, turn=True, method=method).whole(shot.image.shape[:2]).rectangle()
     scale = brightest(shot.image)
     write_picture(target / f"{name}.tiff", lens.turned(shot.image), scale=scale, encoded=True)

@@ -16,7 +16,7 @@ from plenoptic.core.files.matlab import hdf5
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.export.lattice import lens_rows
-from plenoptic.lightfield.planes import on_white
+from plenoptic.lightfield.raw_arrays import crop_in_white_image
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.rendering.exposure import Exposure
 
@@ -79,7 +79,7 @@ def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     >>> found.image.shape, found.mode, round(found.numbers["micro_lens/f2"], 6)
     ((110, 154), 'raw', 2.0)
     """
-    target, light = file_path(path), white.image[on_white(shot, white)[0]]
+    target, light = file_path(path), white.image[crop_in_white_image(shot, white)[0]]
     if target.suffix.lower() != ".vox":
         raise InvalidValueError(f"path is {str(target)!r}; it must end in .vox")
     numbers = _numbers(shot)

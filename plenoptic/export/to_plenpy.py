@@ -11,7 +11,7 @@ from plenoptic.core.files.atomic_file import write_json
 from plenoptic.core.files.codes import brightest
 from plenoptic.export.lattice import lens_rows
 from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
-from plenoptic.lightfield.planes import on_white
+from plenoptic.lightfield.raw_arrays import crop_in_white_image
 from plenoptic.rendering.exposure import Exposure
 
 _WHITE = "Calibration/WhiteImages"
@@ -53,7 +53,7 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
     ...     sorted(path.name for path in pathlib.Path(folder).rglob("*.*"))
     ['README.txt', 'shot.json', 'shot.png', 'white.json', 'white.png']
     """
-    light = white.image[on_white(shot, white)[0]]
+    light = white.image[crop_in_white_image(shot, white)[0]]
     target, name = folder_at(folder, "Images", "Calibration", _WHITE), plain_name(name)
     lens = lens_rows(shot, turn=True)
     camera, scale = lens.camera, brightest(light)

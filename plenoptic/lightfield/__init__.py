@@ -1,9 +1,9 @@
-"""Light fields: raw images of plenoptic cameras taken apart into views, and put together again."""
+"""Light fields: decoding raw images into sub-aperture views, refocusing, views of focused cameras and depth."""
 
 from plenoptic.lightfield.decode import decode
 from plenoptic.lightfield.depth_map import DepthMap, depth
-from plenoptic.lightfield.focused.rendering import render_view
 from plenoptic.lightfield.focused.view import View
+from plenoptic.lightfield.focused.view_rendering import render_view
 from plenoptic.lightfield.focused.views import render_views
 from plenoptic.lightfield.reading import read_eslf, read_hci, read_lftoolbox, read_views
 from plenoptic.lightfield.refocus import refocus

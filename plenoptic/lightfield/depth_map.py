@@ -1,4 +1,4 @@
-"""Depth from the image of a plenoptic camera: from a raw image of a focused one, or from the views of any other."""
+"""Depth from the raw image of a focused plenoptic camera, or from the sub-aperture views of any other."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.epipolar import default_range, view_depths, view_disparities
-from plenoptic.lightfield.estimation import agreed, estimated, side_of_images
-from plenoptic.lightfield.ideal import chords, depths_of
-from plenoptic.lightfield.planes import RawPlanes, camera_of, raw_planes, share_of_light
+from plenoptic.lightfield.micro_image_matching import consensus, image_side, match_micro_images
+from plenoptic.lightfield.pinhole_model import chord_disparity, object_depths
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays, relative_light
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
 _VIRTUAL_DEPTHS = (1.8, 25.0)
-_FARTHEST = 1000.0
+_LARGEST = 1000.0
 
 
 @result
 class DepthMap:
-    """Depth of each pixel. See `depth`, which makes it.
+    """Depth of each pixel. See `depth`, which returns it.
 
     Attributes
     ----------
     disparity : (H, W) array
-        Of a raw image: pixels by which the image of a point moves between neighbouring microlenses, as
-        `GroundTruth.chord_disparity`. Of views: pixels along columns by which it moves for each pixel of u, as
-        `LightField.disparity_at`; of a single column of views without camera, along rows for each pixel of v. nan where
-        nothing was found.
+        For a raw image: shift of a point's image between neighbouring microlenses in pixels, as
+        `GroundTruth.chord_disparity`. For views: shift along columns in pixels for each pixel of u, as
+        `LightField.disparity_at`; for a single column of views without camera, shift along rows for each pixel of v.
+        nan where no disparity was found.
     standard_error : (H, W) array
-        Of the disparity, pixels, by the residuals of the match; large where there is no texture.
+        Standard error of the disparity in pixels, from the residuals of the match; large where there is no texture.
     confidence : (H, W) array
-        Share of the microlenses or views compared whose windows resemble that of the pixel, 0 to 1; of a raw image,
-        times the share of the neighbouring microlenses that find the same depth where they see the point.
+        Fraction of the compared microlenses or views whose windows resemble that of the pixel, 0 to 1. For a raw
+        image, it is multiplied by the fraction of the neighbouring microlenses that agree on the depth of the point.
     virtual_depth : (H, W) array
-        Pitch / (disparity pixel pitch), negative for images in front of the array; nan of views.
+        Pitch / (disparity pixel pitch), negative for images in front of the array; nan for views.
     depth : (H, W) array
-        -z in the camera's frame, mm; nan where it does not lie in front of the lens, or is not known.
+        -z in the camera's frame, mm; nan where it is unknown or not in front of the lens.
     """
 
     disparity: Floats
@@ -62,138 +62,147 @@ class DepthMap:
 
 
 def depth(  # noqa: PLR0913
-    seen: Exposure | LightField,
+    image: Exposure | LightField,
     white: Exposure | None = None,
     *,
-    between: tuple[float, float] | None = None,
-    radius: int = 2,
-    least_light: float = 0.1,
+    virtual_depth_range: tuple[float, float] | None = None,
+    disparity_range: tuple[float, float] | None = None,
+    window_radius: int = 2,
+    min_relative_light: float = 0.1,
     camera: PlenopticCamera | None = None,
     threads: int | None = None,
     progress: bool = True,
 ) -> DepthMap:
-    """Find depth by matching: images of microlenses of a focused camera (2.0), or views (1.0).
+    """Estimate depth by matching: micro images of a focused camera (2.0), or sub-aperture views (1.0).
 
     Parameters
     ----------
-    seen : Exposure or LightField
-        The raw image of a camera with focused microlenses, of one or several focal lengths; or views, of which the
-        central one gets depth.
+    image : Exposure or LightField
+        The raw image of a camera with focused microlenses of one or several focal lengths; or sub-aperture views, for
+        depth of the central one.
     white : Exposure, optional
-        The white image, as in `decode`; views have none.
-    between : (float, float), optional
-        Range of the search. Of a raw image, virtual depths from 1 to 1000, or from -1000 to -1 for images in front of
-        the array: 1.8 to 25 by default where microlenses of any type are focused behind it, else -25 to
-        -1.8. Of views, the least and the greatest disparity: -2 to 2 pixels, less where views would move by half of
-        their size.
-    radius : int, optional
-        Of the windows that are compared, in pixels: 2 r + 1 on a side.
-    least_light : float, optional
-        Pixels of a raw image count where the white image has this part of its 99th percentile.
+        The white image, as in `decode`; none for views.
+    virtual_depth_range : (float, float), optional
+        Virtual depths that are searched in a raw image: from 1 to 1000, or from -1000 to -1 for images in front of the
+        array. None: 1.8 to 25 if microlenses of any type are focused behind the array, else -25 to -1.8.
+    disparity_range : (float, float), optional
+        Disparities that are searched in views, in pixels. None: -2 to 2, or less if views would move by half of their
+        size.
+    window_radius : int, optional
+        Radius r of the compared windows in pixels: 2 r + 1 on a side.
+    min_relative_light : float, optional
+        Pixels of a raw image are used where the white image has at least this fraction of its 99th percentile.
     camera : PlenopticCamera, optional
-        Where the raw image names none.
+        The camera, if the raw image does not store it.
     threads : int, optional
-        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it. Views take one.
+        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it. Views use one.
     progress : bool, optional
-        Whether to show, from the second second on, how far it is or that something is compiled.
+        Whether to show the progress, or that something is being compiled, after one second.
 
     Returns
     -------
     DepthMap
-        Of the pixels of the raw image, or of a view.
+        Depth of the pixels of the raw image, or of the central view.
 
     Raises
     ------
     InvalidValueError
-        Without microlenses on a lattice, for the raw image of a camera whose microlenses are focused at infinity, or
-        for a number out of range.
+        If there are no microlenses on a lattice, if the microlenses of a raw image's camera are focused at infinity,
+        or if a number is out of range.
 
     Notes
     -----
-    A raw image: planes of constant depth, 6 % of virtual depth apart, are compared with up to 18 microlenses within
-    three pitches, of any focal length, by normalised correlation, of which the better half counts, since the others may
-    see something else behind an edge; of all windows that hold a pixel, the best one counts. Of two microlenses the
-    sharper one is blurred by the excess of the camera's blur of that plane in the other. Paths in four directions
-    through each image make neighbouring pixels agree (H. Hirschmueller, IEEE Trans. PAMI 30 (2008),
-    doi:10.1109/TPAMI.2007.1166); least squares over the pixels of one depth find the disparity between the planes.
-    Where most microlenses in sight agree on another depth than the pixel's own, it takes theirs.
+    Raw images are matched by a plane sweep: planes of constant depth lie 6 % of virtual depth apart. On each plane, a
+    micro image is compared by normalised correlation with those of up to 18 microlenses within three pitches, of any
+    focal length. The better half of the correlations counts, since the other microlenses may see another surface behind
+    an edge. Each pixel takes the best of all windows that contain it. Of two micro images the sharper one is blurred by
+    the difference of their defocus on that plane. Semi-global matching along four directions makes neighbouring pixels
+    agree (H. Hirschmueller, IEEE Trans. PAMI 30 (2008), doi:10.1109/TPAMI.2007.1166). Least squares over the pixels of
+    one depth then refine the disparity between the planes. A pixel takes the depth on which most microlenses that see
+    the point agree.
 
-    Nothing is calibrated: rays through the openings of the microlenses and the real lens tell how far aberrations and
-    vignetting displace the plane's points that each pixel shows. In views it is the slopes of epipolar lines that are
-    matched, in the same way.
+    No calibration is needed: rays traced through the microlens apertures and the real lens give the displacement of
+    each pixel by aberrations and vignetting. In views, the slopes of epipolar lines are matched in the same way.
 
     The page docs/depth.md has figures and limits.
 
     References
     ----------
     C. Perwass and L. Wietzke, Proc. SPIE 8291, 829108 (2012), doi:10.1117/12.909882. S. Wanner and B. Goldluecke, IEEE
-    Trans. PAMI 36 (2014), doi:10.1109/TPAMI.2013.147: views.
+    Trans. PAMI 36 (2014), doi:10.1109/TPAMI.2013.147, on views.
 
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
     >>> camera = pl.camera.example_camera(shape=(96, 96))
     >>> shot = pl.render(pl.check_scene(), camera, samples=64, progress=False)
-    >>> found = pl.lightfield.depth(shot, pl.render_white(camera, samples=16, progress=False))
-    >>> found, bool(abs(np.nanmedian(found.depth) - 404) < 2)
+    >>> depth_map = pl.lightfield.depth(shot, pl.render_white(camera, samples=16, progress=False))
+    >>> depth_map, bool(abs(np.nanmedian(depth_map.depth) - 404) < 2)
     (DepthMap(96 x 96), True)
     """
-    reach = whole(radius, "radius", at_least=1, at_most=8)
-    if isinstance(seen, LightField):
+    radius = whole(window_radius, "window_radius", at_least=1, at_most=8)
+    if isinstance(image, LightField):
         if white is not None or camera is not None:
             raise InvalidValueError("a light field needs neither white nor camera; leave them out")
-        with CallProgress("matching", kind="light field", show=progress):
-            return _of_views(seen, default_range(seen) if between is None else _range(between), reach)
-    check_kind(seen, "seen", Exposure, "pl.render(scene, camera), or a LightField")
+        if virtual_depth_range is not None:
+            raise InvalidValueError("views have no virtual depth; give disparity_range= in pixels")
+        disparities = default_range(image) if disparity_range is None else _range(disparity_range, "disparity_range")
+        with Waiting("matching", kind="light field", show=progress):
+            return _depth_of_views(image, disparities, radius)
+    check_kind(image, "image", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
-    planes, found = raw_planes(seen, white, share_of_light(least_light)), camera_of(seen, camera)
-    with CallProgress("matching", kind="camera", show=progress):
-        return _of_raw(found, planes, _virtual_depths(found, between), reach, thread_count(threads))
+    if disparity_range is not None:
+        raise InvalidValueError("a raw image is searched by virtual depth; give virtual_depth_range=")
+    raw = raw_arrays(image, white, relative_light(min_relative_light, "min_relative_light"))
+    camera = camera_of(image, camera)
+    with Waiting("matching", kind="camera", show=progress):
+        virtual_depths = _virtual_depths(camera, virtual_depth_range)
+        return _depth_of_raw_image(camera, raw, virtual_depths, radius, thread_count(threads))
 
 
-def _of_views(field: LightField, between: tuple[float, float], radius: int) -> DepthMap:
-    disparity, error, confidence = view_disparities(field, between, radius)
+def _depth_of_views(field: LightField, disparities: tuple[float, float], radius: int) -> DepthMap:
+    disparity, error, confidence = view_disparities(field, disparities, radius)
     return DepthMap(disparity, error, confidence, np.full(disparity.shape, np.nan), view_depths(field, disparity))
 
 
-def _of_raw(
-    camera: PlenopticCamera, planes: RawPlanes, between: tuple[float, float], radius: int, threads: int
+def _depth_of_raw_image(
+    camera: PlenopticCamera, raw: RawArrays, virtual_depths: tuple[float, float], radius: int, threads: int
 ) -> DepthMap:
-    """Depth map of a raw image: disparity of the pinhole model, converted to the chord's disparity and to depth."""
+    """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
     axes = array_axes(camera)
-    found = estimated(axes, planes, between, radius, threads)
-    lenses, array, ideal = found.lenses, axes.camera.microlenses, found.ideal
+    matches = match_micro_images(axes, raw, virtual_depths, radius, threads)
+    lenses, array, planes = matches.micro_images, axes.camera.microlenses, matches.planes
     assert array is not None
-    disparity, error, confidence = agreed(found, planes.shot.shape)
+    disparity, error, confidence = consensus(matches, raw.shot.shape)
     rows, columns = lenses.rows_and_columns()
-    lens, y, x = np.nonzero(lenses.images.known)
+    lens, y, x = np.nonzero(lenses.images.mask)
     row, column = rows[lens, y, 0], columns[lens, 0, x]
-    pixel, near = np.column_stack([row, column]) + np.array(planes.first), disparity[row, column] / lenses.pitch
+    pixel, per_pitch = np.column_stack([row, column]) + np.array(raw.first), disparity[row, column] / lenses.pitch
     depths = np.full_like(disparity, np.nan)
-    depths[row, column] = depths_of(axes, array, pixel, lenses.on_array[lens], near, ideal, threads)
-    chord = chords(axes, array, pixel, lenses.index[lens], lenses.steps, near, ideal, threads)
+    depths[row, column] = object_depths(axes, array, pixel, lenses.on_array[lens], per_pitch, planes, threads)
+    chord = chord_disparity(axes, array, pixel, lenses.index[lens], lenses.steps, per_pitch, planes, threads)
     disparity[row, column] = chord * lenses.pitch
     with np.errstate(divide="ignore"):
         return DepthMap(disparity, error, confidence, lenses.pitch / disparity, depths)
 
 
-def _virtual_depths(camera: PlenopticCamera, given: tuple[float, float] | None) -> tuple[float, float]:
-    """Range of virtual depths of a raw image, of one sign."""
+def _virtual_depths(camera: PlenopticCamera, bounds: tuple[float, float] | None) -> tuple[float, float]:
+    """Virtual depths that are searched in a raw image, of one sign."""
     low, high = _VIRTUAL_DEPTHS
-    if given is None:
-        return (low, high) if side_of_images(camera) > 0 else (-high, -low)
-    low, high = _range(given)
-    if not (1.0 < low < high <= _FARTHEST or -_FARTHEST <= low < high < -1.0):
+    if bounds is None:
+        return (low, high) if image_side(camera) > 0 else (-high, -low)
+    low, high = _range(bounds, "virtual_depth_range")
+    if not (1.0 < low < high <= _LARGEST or -_LARGEST <= low < high < -1.0):
         raise InvalidValueError(
-            f"between is {given!r}; give virtual depths from 1 to {_FARTHEST:g}, or from {-_FARTHEST:g} to -1 for "
-            "images in front of the array"
+            f"virtual_depth_range is {bounds!r}; give virtual depths from 1 to {_LARGEST:g}, or from {-_LARGEST:g} to "
+            "-1 for images in front of the array"
         )
     return low, high
 
 
-def _range(given: tuple[float, float]) -> tuple[float, float]:
-    low, high = numbers(given, "between").tolist() if np.shape(given) == (2,) else (0.0, 0.0)
+def _range(bounds: tuple[float, float], name: str) -> tuple[float, float]:
+    low, high = numbers(bounds, name).tolist() if np.shape(bounds) == (2,) else (0.0, 0.0)
     if not -math.inf < low < high < math.inf:
-        raise InvalidValueError(f"between is {given!r}; give two numbers, the smaller one first")
+        raise InvalidValueError(f"{name} is {bounds!r}; give two numbers, the smaller one first")
     return low, high

@@ -1,4 +1,4 @@
-"""Light fields of other origin: folders of views, and images of macro-pixels."""
+"""Import of light fields: folders of views, and images of macro-pixels."""
 
 from __future__ import annotations
 
@@ -18,32 +18,31 @@ from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.lightfield.views import LightField
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".ppm", ".bmp")
-_MOST_VIEWS = 10_000
+_MAX_VIEWS = 10_000
 _COLUMN_FIRST = re.compile(r"\d{3}_\d{3}")
-"""Names of JPEG Pleno: column and row of the view."""
+"""File names of JPEG Pleno: column and row of the view."""
 
 
 def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
-    """The light field of a scene's folder of the HCI 4D Light Field Benchmark.
+    """Read the light field in a scene's folder of the HCI 4D Light Field Benchmark.
 
     Parameters
     ----------
     folder : path-like
-        With `input_Cam000.png`, ... and `parameters.cfg`; pixels that `valid_mask.png` leaves out, if it is there, are
-        nan.
+        Contains `input_Cam000.png`, ... and `parameters.cfg`; pixels outside an optional `valid_mask.png` are nan.
     limits : FileLimits
         The size of each file, and of all views.
 
     Returns
     -------
     LightField
-        Linear, without camera and standard error: `exit_pupil` holds the places of its cameras, `z_focus` and
-        `object_spacing` the plane where disparity is 0, and `u`, `v` count views from the middle.
+        Linear, without camera and standard error: `exit_pupil` contains the positions of its cameras, `z_focus` and
+        `object_spacing` the plane of disparity 0, and `u`, `v` count views from the central one.
 
     Raises
     ------
     FileError
-        Where something is missing or cannot be understood.
+        If a file is missing or malformed.
 
     References
     ----------
@@ -57,8 +56,8 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     >>> field = pl.lightfield.decode(white, white, views=3)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     pl.export.hci(folder, field)
-    ...     found = pl.lightfield.read_hci(folder)
-    >>> found, round(found.disparity_at(-300.0)[0], 2)  # from the entrance pupil
+    ...     views = pl.lightfield.read_hci(folder)
+    >>> views, round(views.disparity_at(-300.0)[0], 2)  # from the entrance pupil
     (LightField(3 x 3 views of 5 x 7 x 3), 0.35)
     """
     source = file_path(folder)
@@ -74,10 +73,10 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
         raise FileError(
             f"{str(path)!r} cannot be understood: {error}; give a scene's folder of the benchmark"
         ) from None
-    if not (across > 0 and down > 0 and across * down <= _MOST_VIEWS and min(focus, focal_length, sensor) > 0):
+    if not (across > 0 and down > 0 and across * down <= _MAX_VIEWS and min(focus, focal_length, sensor) > 0):
         raise FileError(f"{str(path)!r} holds {across} x {down} cameras at {focus:g} mm, which cannot be")
     files = [source / f"input_Cam{number:03d}.png" for number in range(across * down)]
-    views = _stacked(files, (down, across), limits)
+    views = _read_view_files(files, (down, across), limits)
     mask = source / "valid_mask.png"
     if mask.is_file() and (lit := read_linear(mask, limits=limits)).shape[:2] == views.shape[2:4]:
         views[:, :, lit.max(axis=2) == 0] = np.nan
@@ -86,16 +85,15 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
 
 
 def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits: FileLimits = DEFAULT) -> LightField:
-    """The light field of a folder of views, in the order of their names row by row from the upper left.
+    """Read a light field from a folder of views, ordered by name, row by row from the upper left.
 
-    Such are the light fields of the Stanford archives and most others. Names of three digits, `_` and three digits are
-    those of JPEG Pleno, which count columns first. Where the order of rows is another one, turn `views` of the result
-    around.
+    The Stanford archives and most others have this form. Names of three digits, `_` and three digits are those of JPEG
+    Pleno, which count columns first. If the rows are in reverse order, flip `views` of the result.
 
     Parameters
     ----------
     folder : path-like
-        Its pictures are the views; other files do not count.
+        Its pictures are the views; other files are ignored.
     shape : (int, int)
         Rows and columns of views, such as (17, 17).
     limits : FileLimits
@@ -104,12 +102,12 @@ def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits
     Returns
     -------
     LightField
-        Linear, without camera, standard error and places: refocus it by disparity.
+        Linear, without camera, standard error and positions: refocus it by disparity.
 
     Raises
     ------
     FileError
-        Where there are not as many pictures, or they differ in size.
+        If the number of pictures is wrong, or they differ in size.
 
     Examples
     --------
@@ -122,7 +120,7 @@ def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits
     LightField(3 x 2 views of 4 x 5 x 3)
     """
     source = file_path(folder)
-    rows, columns = (whole(number, "shape", at_least=1, at_most=_MOST_VIEWS) for number in _pair(shape))
+    rows, columns = (whole(number, "shape", at_least=1, at_most=_MAX_VIEWS) for number in _pair(shape))
     if not source.is_dir():
         raise FileError(f"{str(source)!r} is no folder; give the one that holds the views")
     files = sorted(path for path in source.iterdir() if path.suffix.lower() in _PICTURES)
@@ -130,13 +128,13 @@ def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits
         files.sort(key=lambda path: path.stem[-3:] + path.stem[:3])
     if len(files) != rows * columns:
         raise FileError(f"{str(source)!r} holds {len(files)} pictures; {rows} x {columns} views are {rows * columns}")
-    return _light_field(_stacked(files, (rows, columns), limits), math.nan, math.nan, math.nan)
+    return _light_field(_read_view_files(files, (rows, columns), limits), math.nan, math.nan, math.nan)
 
 
 def read_eslf(
     path: str | os.PathLike[str], shape: tuple[int, int] = (14, 14), *, limits: FileLimits = DEFAULT
 ) -> LightField:
-    """The light field of an ESLF picture, as the LFToolbox and Lytro's tools write them: macro-pixels side by side.
+    """Read a light field from an ESLF image of macro-pixels, as written by the LFToolbox and Lytro's tools.
 
     Parameters
     ----------
@@ -150,12 +148,12 @@ def read_eslf(
     Returns
     -------
     LightField
-        Linear, without camera, standard error and places: refocus it by disparity.
+        Linear, without camera, standard error and positions: refocus it by disparity.
 
     Raises
     ------
     FileError
-        Where it is no picture, or its size is no multiple of the views'.
+        If it is no picture, or its size is no multiple of the number of views.
 
     Examples
     --------
@@ -165,7 +163,7 @@ def read_eslf(
     ...     pl.lightfield.read_eslf(pathlib.Path(folder) / "a_eslf.png", (2, 3))
     LightField(3 x 2 views of 4 x 5 x 3)
     """
-    rows, columns = (whole(number, "shape", at_least=1, at_most=_MOST_VIEWS) for number in _pair(shape))
+    rows, columns = (whole(number, "shape", at_least=1, at_most=_MAX_VIEWS) for number in _pair(shape))
     image = read_linear(path, limits=limits)
     height, width, channels = image.shape
     if height % rows or width % columns:
@@ -177,7 +175,7 @@ def read_eslf(
 
 
 def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
-    """The light field `LF` of a decoded file of the Light Field Toolbox for MATLAB, of version 7.3.
+    """Read the light field `LF` from a decoded file of the Light Field Toolbox for MATLAB, version 7.3.
 
     Needs the package h5py.
 
@@ -191,13 +189,13 @@ def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
     Returns
     -------
     LightField
-        Whole numbers are divided by their largest; nan where the weight is 0. Colours are taken as linear. Without
-        camera, standard error and places: refocus it by disparity.
+        Integers are divided by the largest of their type; nan where the weight is 0. Colours are taken as linear.
+        Without camera, standard error and positions: refocus it by disparity.
 
     Raises
     ------
     FileError
-        Where it holds no such array.
+        If it contains no such array.
 
     Examples
     --------
@@ -208,20 +206,20 @@ def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
     target = file_path(path)
     content = read_file(target, limits)
     try:
-        found = matlab_array(content, "LF")
+        array = matlab_array(content, "LF")
     except (KeyError, ValueError) as error:
         raise FileError(f"{str(target)!r} holds no light field LF: {error}") from None
-    if found.ndim == 4:
-        found = found[..., np.newaxis]
-    if found.ndim != 5 or found.dtype.kind not in "uf" or found.shape[4] not in (1, 3, 4):
+    if array.ndim == 4:
+        array = array[..., np.newaxis]
+    if array.ndim != 5 or array.dtype.kind not in "uf" or array.shape[4] not in (1, 3, 4):
         raise FileError(
-            f"{str(target)!r} has an LF of {found.dtype.name} {found.shape}; it must be (T, S, V, U, 1, 3 or 4)"
+            f"{str(target)!r} has an LF of {array.dtype.name} {array.shape}; it must be (T, S, V, U, 1, 3 or 4)"
         )
-    check_memory(4 * found.size, f"the views of {str(target)!r}", len(content), limits)
-    largest = float(np.iinfo(found.dtype).max) if found.dtype.kind == "u" else 1.0
-    views = (found[..., :3].transpose(1, 0, 2, 3, 4) / largest).astype(np.float32)
-    if found.shape[4] == 4:
-        views[found[..., 3].transpose(1, 0, 2, 3) == 0] = np.nan
+    check_memory(4 * array.size, f"the views of {str(target)!r}", len(content), limits)
+    largest = float(np.iinfo(array.dtype).max) if array.dtype.kind == "u" else 1.0
+    views = (array[..., :3].transpose(1, 0, 2, 3, 4) / largest).astype(np.float32)
+    if array.shape[4] == 4:
+        views[array[..., 3].transpose(1, 0, 2, 3) == 0] = np.nan
     return _light_field(np.ascontiguousarray(views), math.nan, math.nan, math.nan)
 
 
@@ -231,8 +229,8 @@ def _pair(shape: tuple[int, int]) -> tuple[int, int]:
     return shape[0], shape[1]
 
 
-def _stacked(files: list[Path], shape: tuple[int, int], limits: FileLimits) -> NDArray[np.float32]:
-    """Views (U, V, rows, columns, C) from files row by row."""
+def _read_view_files(files: list[Path], shape: tuple[int, int], limits: FileLimits) -> NDArray[np.float32]:
+    """Read views (U, V, rows, columns, C) from files row by row."""
     first = read_linear(files[0], limits=limits)
     size = sum(file.stat().st_size for file in files if file.is_file())
     check_memory(len(files) * first.nbytes, f"{len(files)} views like {str(files[0])!r}", size, limits)
@@ -249,7 +247,7 @@ def _stacked(files: list[Path], shape: tuple[int, int], limits: FileLimits) -> N
 
 def _light_field(views: NDArray[np.float32], baseline: float, z_focus: float, spacing: float) -> LightField:
     u, v = (np.arange(count, dtype=np.float64) - count // 2 for count in views.shape[:2])
-    places = baseline * np.stack(np.meshgrid(u, -v, indexing="ij"), axis=-1)
+    camera_positions = baseline * np.stack(np.meshgrid(u, -v, indexing="ij"), axis=-1)
     unknown = np.full((*views.shape[2:4], 2), np.nan)
     return LightField(
         views=views,
@@ -258,8 +256,8 @@ def _light_field(views: NDArray[np.float32], baseline: float, z_focus: float, sp
         v=v,
         pixel=unknown,
         on_array=unknown,
-        exit_pupil=places,
-        pupil=np.full(places.shape, np.nan),
+        exit_pupil=camera_positions,
+        pupil=np.full(camera_positions.shape, np.nan),
         origin=np.full(2, np.nan),
         spacing=(math.nan, math.nan),
         object_spacing=(spacing, spacing),

@@ -12,7 +12,7 @@ from plenoptic.lightfield.views import LightField
 
 
 def refocus(field: LightField, z: float | None = None, *, disparity: float | None = None) -> NDArray[np.float32]:
-    """The picture of a conventional camera focused on a plane: all views, shifted so that the plane stands still.
+    """Image of a conventional camera focused on a plane: mean of all views, shifted so that the plane coincides.
 
     Parameters
     ----------
@@ -20,15 +20,15 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     z : float, optional
         The plane in the camera's frame in mm, negative: in front of the camera.
     disparity : float, optional
-        In place of a plane: pixels by which sharp points move along columns for each unit of `field.u`,
-        positive against the step, as `DepthMap.disparity`; along rows as many more as pixels are narrower or steps of
-        views wider there, where the light field knows both. For light fields that know no distances.
+        Disparity in focus, in place of z: shift along columns in pixels for each unit of `field.u`, positive against
+        the step, as `DepthMap.disparity`. Along rows it is scaled by the ratios of pixel spacing and of view
+        spacing, if the light field has them. For light fields without distances.
 
     Returns
     -------
     (rows, columns, C) array of float32
-        Mean of the views that have light at a pixel; nan where none has. Shifts follow Gaussian optics
-        (`LightField.disparity_at`), and views are read between pixels by cubic convolution.
+        Mean of the views that have light at a pixel; nan if none has. Shifts follow Gaussian optics
+        (`LightField.disparity_at`), and views are interpolated by cubic convolution.
 
     References
     ----------
@@ -47,55 +47,56 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     # A positive disparity goes against the step from view to view.
     if (z is None) == (disparity is None):
         raise InvalidValueError("give either z, the plane in mm, or disparity=, in pixels from view to view")
-    across, down = (-move for move in _moves(field, z, disparity))
+    across, down = (-move for move in _shift_per_view(field, z, disparity))
     total = np.zeros(field.views.shape[2:])
     count = np.zeros(field.views.shape[2:])
     for i, u in enumerate(field.u):
         for j, v in enumerate(field.v):
-            # A single row or column of views does not move, and its disparity may not be known.
-            moved = _moved(
+            # A single row or column of views does not shift, and its disparity may be unknown.
+            shifted = _shift(
                 field.views[i, j].astype(np.float64), down * float(v) if v else 0.0, across * float(u) if u else 0.0
             )
-            known = np.isfinite(moved)
-            total += np.where(known, moved, 0.0)
-            count += known
+            valid = np.isfinite(shifted)
+            total += np.where(valid, shifted, 0.0)
+            count += valid
     with np.errstate(invalid="ignore"):
         return np.asarray(total / np.where(count > 0, count, np.nan), dtype=np.float32)
 
 
-def _moves(field: LightField, z: float | None, disparity: float | None) -> tuple[float, float]:
-    """Along columns for each pixel of u, and along rows for each pixel of v."""
+def _shift_per_view(field: LightField, z: float | None, disparity: float | None) -> tuple[float, float]:
+    """Shift along columns for each pixel of u, and along rows for each pixel of v."""
     if z is not None:
         return field.disparity_at(z)
     across = finite(disparity, "disparity")  # type: ignore[arg-type]
     return across, across * down_over_across(field)
 
 
-def _moved(view: Floats, down: float, right: float) -> Floats:
-    """View (rows, columns, C) shifted by `down` rows and `right` columns; nan outside.
+def _shift(view: Floats, down: float, right: float) -> Floats:
+    """Shift a view (rows, columns, C) by `down` rows and `right` columns; nan outside.
 
-    By cubic convolution (R. G. Keys, IEEE Trans. ASSP 29 (1981), doi:10.1109/TASSP.1981.1163711), linearly at borders.
+    Interpolated by cubic convolution (R. G. Keys, IEEE Trans. ASSP 29 (1981), doi:10.1109/TASSP.1981.1163711), linearly
+    at borders.
     """
     for axis, shift in enumerate((down, right)):
         base = int(np.floor(shift))
         t = shift - base
         if t == 0:
-            view = _rolled(view, base, axis)
+            view = _shift_whole(view, base, axis)
             continue
-        taps = [_rolled(view, base + k, axis) for k in (-1, 0, 1, 2)]
-        shares = (-0.5 * t * (1 - t) ** 2, 1 - 2.5 * t**2 + 1.5 * t**3, 0.5 * t + 2 * t**2 - 1.5 * t**3)
-        cubic = sum(share * tap for share, tap in zip((*shares, -0.5 * t**2 * (1 - t)), taps, strict=True))
+        taps = [_shift_whole(view, base + k, axis) for k in (-1, 0, 1, 2)]
+        weights = (-0.5 * t * (1 - t) ** 2, 1 - 2.5 * t**2 + 1.5 * t**3, 0.5 * t + 2 * t**2 - 1.5 * t**3)
+        cubic = sum(weight * tap for weight, tap in zip((*weights, -0.5 * t**2 * (1 - t)), taps, strict=True))
         view = np.where(np.isnan(cubic), (1 - t) * taps[1] + t * taps[2], cubic)
     return view
 
 
-def _rolled(view: Floats, shift: int, axis: int) -> Floats:
-    """The view moved by `shift` pixels along an axis, opposite to it."""
-    there = np.full_like(view, np.nan)
+def _shift_whole(view: Floats, shift: int, axis: int) -> Floats:
+    """Shift a view by whole pixels along an axis; nan where it ends."""
+    result = np.full_like(view, np.nan)
     n = view.shape[axis]
     if abs(shift) < n:
         to, source = [slice(None)] * 3, [slice(None)] * 3
         to[axis] = slice(max(-shift, 0), n - max(shift, 0))
         source[axis] = slice(max(shift, 0), n - max(-shift, 0))
-        there[tuple(to)] = view[tuple(source)]
-    return there
+        result[tuple(to)] = view[tuple(source)]
+    return result

@@ -1,4 +1,4 @@
-"""Scores of a disparity map: those of the 4D Light Field Benchmark, and errors relative to the truth."""
+"""Quality of a disparity map: errors of the 4D Light Field Benchmark, and errors relative to the truth."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ from plenoptic.core.values import Floats, frozen_array, plain_array, positive, r
 from plenoptic.errors import InvalidValueError
 
 _PIXELS = (0.07, 0.03, 0.01)
-_MOST_TYPES = 1024
+_MAX_TYPES = 1024
 _RELATIVE = (0.07, 0.03, 0.01)
 _CLIP = 0.05
-"""Bumpiness at which a pixel counts no more."""
+"""Bumpiness at which a pixel's contribution is clipped."""
 
 
 @result
 class DisparityScores:
-    """Errors of a map of disparity. See `disparity_scores`, which makes it.
+    """Errors of a disparity map. See `disparity_scores`, which returns them.
 
     Attributes
     ----------
     pixels : int
-        That were compared.
+        Number of compared pixels.
     kept : float
-        Their share of the pixels with truth.
+        Fraction of the pixels with truth that were compared.
     mse : float
         100 times the mean squared error, pixel^2.
     bad : (float, float, float)
         Percent of pixels whose error exceeds 0.07, 0.03 and 0.01 pixels: BadPix.
     q25 : float
-        100 times the error that a quarter of the pixels do not exceed, pixels.
+        100 times the lower quartile of the error, pixels.
     relative : (float, float, float)
         Percent of pixels whose relative error exceeds 7, 3 and 1 %: Rel7, Rel3, Rel1.
     bias : float
         Median of estimate over truth, less 1.
     bumpiness : float
-        100 times the mean norm of the second derivatives of the error, each pixel's at most 0.05: on planes, the score
-        that the benchmark calls Planes; of the pixels whose 5 x 5 neighbours are known.
+        100 times the mean norm of the second derivatives of the error, clipped at 0.05 for each pixel. On planes, the
+        benchmark's score Planes. Only pixels with 5 x 5 valid neighbours count.
     of_types : tuple of DisparityScores
-        The same of each type of microlens alone; empty where types were not given.
+        Scores of each type of microlens; empty without types.
     """
 
     pixels: int
@@ -58,8 +58,8 @@ class DisparityScores:
         heading = f"{'':8}{'pixels':>9}{'kept %':>8}{'MSE x100':>10}"
         heading += "".join(f"{f'Bad{part:g}':>9}" for part in _PIXELS) + f"{'Q25':>9}"
         heading += "".join(f"{f'Rel{100 * part:.0f}':>8}" for part in _RELATIVE) + f"{'bias %':>9}{'bumpy':>8}"
-        named = [("all", self), *((f"type {number}", scores) for number, scores in enumerate(self.of_types))]
-        return "\n".join([heading, *(scores._line(name) for name, scores in named)])
+        rows = [("all", self), *((f"type {number}", scores) for number, scores in enumerate(self.of_types))]
+        return "\n".join([heading, *(scores._line(name) for name, scores in rows)])
 
     def _line(self, name: str) -> str:
         numbers = f"{name:8}{self.pixels:9d}{100 * self.kept:8.2f}{self.mse:10.4g}"
@@ -72,30 +72,30 @@ class DisparityScores:
 def disparity_scores(
     estimate: ArrayLike, truth: ArrayLike, *, where: ArrayLike | None = None, types: ArrayLike | None = None
 ) -> DisparityScores:
-    """Compare a map of disparity with the truth.
+    """Compare a disparity map with the truth.
 
     Parameters
     ----------
     estimate, truth : (H, W) array_like
-        Disparity in pixels; nan where it is not known. Of another quantity, such as depth, the relative errors alone
-        mean something.
+        Disparity in pixels; nan if unknown. For another quantity, such as depth, only the relative errors are
+        meaningful.
     where : (H, W) array_like of bool, optional
-        Which pixels count, such as those away from the border (the benchmark leaves out 15 pixels), near
-        discontinuities (`disparity_edges`: there `bad[0]` is the score that the benchmark calls Discontinuities), or on
-        planes. None: all.
+        Mask of the compared pixels, such as those away from the border (15 pixels in the benchmark), near
+        discontinuities (`disparity_edges`; `bad[0]` is then the benchmark's score Discontinuities), or on planes. None:
+        all.
     types : (H, W) array_like of int, optional
-        The type of the microlens of each pixel, `GroundTruth.microlens_type`: scores of each type are found too; pixels
-        of a negative type belong to none.
+        Type of the microlens of each pixel, `GroundTruth.microlens_type`, for scores of each type; pixels of a negative
+        type belong to none.
 
     Returns
     -------
     DisparityScores
-        Of the pixels with both; nan where there are none. Relative errors are those of pixels whose truth is not 0.
+        Scores of the pixels with both estimate and truth; nan without any. Relative errors exclude pixels of truth 0.
 
     Raises
     ------
     InvalidValueError
-        Where shapes differ, or an argument is impossible.
+        If shapes differ, or an argument is invalid.
 
     References
     ----------
@@ -110,32 +110,34 @@ def disparity_scores(
     >>> scores.bad, scores.relative, round(scores.bias, 4)
     ((0.0, 100.0, 100.0), (0.0, 0.0, 100.0), 0.0125)
     """
-    known = frozen_array(truth, name="truth", shape=("rows", "columns"))
-    shape = known.shape
-    found = frozen_array(estimate, name="estimate", shape=shape)
-    counted = np.ones(shape, dtype=bool) if where is None else _mask(where, shape)
-    kinds = None if types is None else frozen_array(types, name="types", shape=shape, dtype=np.int64)
-    scores = _scores(found, known, counted)
-    if kinds is None:
+    true_disparity = frozen_array(truth, name="truth", shape=("rows", "columns"))
+    shape = true_disparity.shape
+    estimated = frozen_array(estimate, name="estimate", shape=shape)
+    mask = np.ones(shape, dtype=bool) if where is None else _mask(where, shape)
+    lens_types = None if types is None else frozen_array(types, name="types", shape=shape, dtype=np.int64)
+    scores = _scores(estimated, true_disparity, mask)
+    if lens_types is None:
         return scores
-    count = int(kinds.max(initial=-1)) + 1
-    if count > _MOST_TYPES:
-        raise InvalidValueError(f"types has {count - 1}; types are counted from 0, {_MOST_TYPES} at most")
-    apart = tuple(_scores(found, known, counted & (kinds == kind)) for kind in range(count))
-    return dataclasses.replace(scores, of_types=apart)
+    count = int(lens_types.max(initial=-1)) + 1
+    if count > _MAX_TYPES:
+        raise InvalidValueError(f"types has {count - 1}; types are counted from 0, {_MAX_TYPES} at most")
+    scores_of_types = tuple(
+        _scores(estimated, true_disparity, mask & (lens_types == lens_type)) for lens_type in range(count)
+    )
+    return dataclasses.replace(scores, of_types=scores_of_types)
 
 
 def disparity_edges(truth: ArrayLike, *, step: float = 0.05, reach: int = 2) -> NDArray[np.bool_]:
-    """Pixels near discontinuities of a map of disparity.
+    """Mask of the pixels near discontinuities of a disparity map.
 
     Parameters
     ----------
     truth : (H, W) array_like
-        Disparity in pixels; unknown pixels are edges.
+        Disparity in pixels; unknown pixels count as edges.
     step : float, optional
-        Differences count that exceed it: in pixels, and as a part of the disparity.
+        Smallest difference at a discontinuity, both in pixels and relative to the disparity.
     reach : int, optional
-        Pixels along rows and columns up to which they count.
+        Distance from a discontinuity along rows and columns, in pixels.
 
     Returns
     -------
@@ -144,7 +146,7 @@ def disparity_edges(truth: ArrayLike, *, step: float = 0.05, reach: int = 2) -> 
     Raises
     ------
     InvalidValueError
-        Where an argument is impossible.
+        If an argument is invalid.
 
     Examples
     --------
@@ -153,22 +155,22 @@ def disparity_edges(truth: ArrayLike, *, step: float = 0.05, reach: int = 2) -> 
     >>> pl.lightfield.disparity_edges(truth)[0].astype(int)
     array([0, 0, 1, 1, 1, 1, 0, 0])
     """
-    known = frozen_array(truth, name="truth", shape=("rows", "columns"))
-    least, pixels = positive(step, "step"), whole(reach, "reach", at_least=1, at_most=64)
-    beside = np.pad(known, pixels, mode="edge")
-    found = np.isnan(known)
+    true_disparity = frozen_array(truth, name="truth", shape=("rows", "columns"))
+    min_step, pixels = positive(step, "step"), whole(reach, "reach", at_least=1, at_most=64)
+    padded = np.pad(true_disparity, pixels, mode="edge")
+    edges = np.isnan(true_disparity)
     with np.errstate(invalid="ignore"):
         for axis in (0, 1):
             for shift in range(-pixels, pixels + 1):
-                cut = [slice(pixels, pixels + length) for length in known.shape]
-                cut[axis] = slice(pixels + shift, pixels + shift + known.shape[axis])
-                off = np.abs(beside[tuple(cut)] - known)
-                found |= ~(off <= np.maximum(least, least * np.abs(known)))
-    return np.asarray(found)
+                cut = [slice(pixels, pixels + length) for length in true_disparity.shape]
+                cut[axis] = slice(pixels + shift, pixels + shift + true_disparity.shape[axis])
+                difference = np.abs(padded[tuple(cut)] - true_disparity)
+                edges |= ~(difference <= np.maximum(min_step, min_step * np.abs(true_disparity)))
+    return np.asarray(edges)
 
 
 def _bumpiness(error: Floats, both: NDArray[np.bool_]) -> float:
-    """100 times the mean norm of second derivatives; nan where no neighbours are known."""
+    """100 times the mean norm of second derivatives; nan without valid neighbours."""
     if min(error.shape) < 5:
         return np.nan
     with np.errstate(invalid="ignore"):
@@ -180,10 +182,12 @@ def _bumpiness(error: Floats, both: NDArray[np.bool_]) -> float:
 
 
 def _derivative(plane: Floats, axis: int) -> Floats:
-    """Along an axis, by central differences that are weighed 3, 10, 3 across; a pixel less at each border."""
+    """Central differences along an axis, weighted 3, 10, 3 across it; shorter by a pixel at each border."""
     along = np.moveaxis(plane, axis, 0)
-    apart = 0.5 * (along[2:] - along[:-2])
-    return np.moveaxis((3.0 * apart[:, :-2] + 10.0 * apart[:, 1:-1] + 3.0 * apart[:, 2:]) / 16.0, 0, axis)
+    difference = 0.5 * (along[2:] - along[:-2])
+    return np.moveaxis(
+        (3.0 * difference[:, :-2] + 10.0 * difference[:, 1:-1] + 3.0 * difference[:, 2:]) / 16.0, 0, axis
+    )
 
 
 def _mask(where: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -193,28 +197,28 @@ def _mask(where: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     return mask
 
 
-def _scores(found: Floats, known: Floats, counted: NDArray[np.bool_]) -> DisparityScores:
-    there = counted & np.isfinite(known)
-    both = there & np.isfinite(found)
+def _scores(estimated: Floats, true_disparity: Floats, mask: NDArray[np.bool_]) -> DisparityScores:
+    with_truth = mask & np.isfinite(true_disparity)
+    both = with_truth & np.isfinite(estimated)
     if not both.any():
-        nothing = (np.nan,) * 3
-        share = 0.0 if there.any() else np.nan
-        return DisparityScores(0, share, np.nan, nothing, np.nan, nothing, np.nan, np.nan)
-    error, true = np.abs(found[both] - known[both]), known[both]
-    relative, ratio = error[true != 0] / np.abs(true[true != 0]), found[both][true != 0] / true[true != 0]
+        no_scores = (np.nan,) * 3
+        fraction = 0.0 if with_truth.any() else np.nan
+        return DisparityScores(0, fraction, np.nan, no_scores, np.nan, no_scores, np.nan, np.nan)
+    error, true = np.abs(estimated[both] - true_disparity[both]), true_disparity[both]
+    relative, ratio = error[true != 0] / np.abs(true[true != 0]), estimated[both][true != 0] / true[true != 0]
     return DisparityScores(
         pixels=int(both.sum()),
-        kept=float(both.sum() / there.sum()),
+        kept=float(both.sum() / with_truth.sum()),
         mse=float(100 * np.mean(error**2)),
-        bad=_shares(error, _PIXELS),
+        bad=_percent_above(error, _PIXELS),
         q25=float(100 * np.percentile(error, 25)),
-        relative=_shares(relative, _RELATIVE),
+        relative=_percent_above(relative, _RELATIVE),
         bias=float(np.median(ratio) - 1) if ratio.size else np.nan,
-        bumpiness=_bumpiness(found - known, both),
+        bumpiness=_bumpiness(estimated - true_disparity, both),
     )
 
 
-def _shares(error: Floats, limits: tuple[float, float, float]) -> tuple[float, float, float]:
+def _percent_above(error: Floats, limits: tuple[float, float, float]) -> tuple[float, float, float]:
     """Percent of errors above each limit."""
     first, second, third = (float(100 * np.mean(error > limit)) if error.size else np.nan for limit in limits)
     return first, second, third

@@ -1,4 +1,4 @@
-"""A light field as sub-aperture views: pictures of the scene from many points of the pupil."""
+"""A light field as sub-aperture views: images of the scene from many points of the pupil."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.object_planes import behind_array
+from plenoptic.lightfield.object_planes import image_distance_behind_array
 from plenoptic.truth.channels import GroundTruth, Truth
 
 if TYPE_CHECKING:
@@ -24,41 +24,40 @@ if TYPE_CHECKING:
 
 @result
 class LightField:
-    """Sub-aperture views of a plenoptic 1.0 camera. See `decode`, which makes them, and `read_hci` and its like.
+    """Sub-aperture views of a plenoptic 1.0 camera. See `decode`, which returns them, and `read_hci` and other readers.
 
-    A view holds the light that passes one part of the main lens's pupil: the pixels at the same offset from the centre
-    of every microlens image. Views are upright; the view of u = 1 is seen from a place farther to the right than that
-    of u = 0, the view of v = 1 from farther down.
+    A view contains the light that passes one part of the main lens's pupil: the pixels at the same offset from the
+    centre of every micro image. Views are upright. The viewpoint of u = 1 lies farther to the right than that of u = 0,
+    that of v = 1 farther down.
 
     Parameters
     ----------
     views : (U, V, rows, columns, C) array of float32
-        Radiance; nan where no light comes from, or where the raw image ends.
+        Radiance; nan without light, or outside the raw image.
     standard_error : (U, V, rows, columns, C) array of float32, or None
         One standard deviation.
     u, v : (U,) and (V,) arrays
-        Offsets from the centres of the microlens images along columns (to the right) and rows (down) of the raw image,
-        in pixels.
+        Offsets from the centres of the micro images along columns (to the right) and rows (down) of the raw image, in
+        pixels.
     pixel : (rows, columns, 2) array
-        Row and column of the raw image at which the central view looks, between whole ones; nan beyond its end.
+        Fractional row and column of the raw image that the central view samples; nan outside it.
     on_array : (rows, columns, 2) array
-        x and y, in mm, where the light of the pixels passes the array.
+        x and y, in mm, at which the light of the pixels passes the array.
     exit_pupil : (U, V, 2) array
         x and y, in mm, at which the light of a view passes the exit pupil, from its centre (paraxial).
     pupil : (U, V, 2) array
-        The same as a point of the iris in units of its semi-diameter; nan where the lens has no exit pupil at a finite
-        distance.
+        The same as a point of the iris in units of its semi-diameter; nan if the exit pupil is at infinity.
     origin : (2,) array
         x and y of the first pixel of a view on the array of microlenses, in mm.
     spacing : (float, float)
         Distance of the pixels of a view on the array along x and y, in mm; columns run towards -x, rows towards +y.
     object_spacing : (float, float)
-        The same in the plane in focus, mm; nan where there is none in front of the lens.
+        The same in the plane in focus, mm; nan without one in front of the lens.
     z_focus : float
-        The plane in focus, which the lens images onto the array, in mm of the camera's frame (paraxial).
+        z of the plane in focus, which the lens images onto the array, in the camera's frame, mm (paraxial).
     camera : PlenopticCamera or None
-        None for light fields of other origin, which have no raw image: `pixel`, `on_array`, `pupil`, `origin` and
-        `spacing` are nan, `u` and `v` count views, and `exit_pupil` holds the places of the cameras, in whose frame z
+        None for imported light fields, which have no raw image: `pixel`, `on_array`, `pupil`, `origin` and `spacing`
+        are nan, and `u` and `v` count views. Then `exit_pupil` contains the positions of the cameras, in whose frame z
         is measured, or nan.
     """
 
@@ -77,44 +76,44 @@ class LightField:
     camera: PlenopticCamera | None
 
     def view(self, u: int, v: int) -> NDArray[np.float32]:
-        """The view that is `u` places to the right of the central one and `v` below it: (rows, columns, C).
+        """The view `u` steps to the right of the central one and `v` steps below it: (rows, columns, C).
 
         Parameters
         ----------
         u, v : int
-            From -(U - 1) / 2 to (U - 1) / 2: numbers of views, where `LightField.u` and `v` are pixels.
+            Index from -(U - 1) / 2 to (U - 1) / 2; `LightField.u` and `v` are in pixels.
 
         Raises
         ------
         InvalidValueError
-            Where there is no such view.
+            If there is no such view.
         """
-        place = (self._row_of(u, len(self.u), "u"), self._row_of(v, len(self.v), "v"))
-        return np.asarray(self.views[place])
+        index = (self._row_of(u, len(self.u), "u"), self._row_of(v, len(self.v), "v"))
+        return np.asarray(self.views[index])
 
     def truth(self, scene: Scene, u: int = 0, v: int = 0, *, truth: Truth = Truth.ALL) -> GroundTruth:
-        """Ground truth of the pixels of a view, traced along its own rays, without resampling.
+        """Ground truth of a view, traced along its own rays: nothing is resampled.
 
-        A pixel's ray starts at its place in the raw image and passes its place on the array straight, as light through
-        the optical centre of a microlens does.
+        A pixel's ray starts at its position in the raw image and passes its position on the array undeviated, as light
+        through the optical centre of a microlens.
 
         Parameters
         ----------
         scene : Scene
         u, v : int, optional
-            Which view, by its number from the middle; see `view`.
+            Index of the view from the central one; see `view`.
         truth : Truth, optional
             Requested channels; rays between microlenses have no MICROLENS, OBJECT_SHARE and CHORD_DISPARITY.
 
         Returns
         -------
         GroundTruth
-            Of (rows, columns) pixels. Where the view has no pixel, its state is UNKNOWN.
+            Truth of (rows, columns) pixels; the state is UNKNOWN where the view has no pixel.
 
         Raises
         ------
         InvalidValueError
-            Where there is no such view, or none of the requested channels exists.
+            If there is no such view, or none of the requested channels is available.
 
         Examples
         --------
@@ -128,47 +127,47 @@ class LightField:
         from plenoptic.truth.view_truth import truth_along
 
         if self.camera is None:
-            raise InvalidValueError("the light field names no camera, so that its rays are not known; decode one")
+            raise InvalidValueError("the light field names no camera, so that its rays are unknown; decode a raw image")
         across, down = self.u[self._row_of(u, len(self.u), "u")], self.v[self._row_of(v, len(self.v), "v")]
         on_sensor = self.camera.sensor.centre_of(self.pixel[..., 0] + down, self.pixel[..., 1] + across)
         return truth_along(scene, self.camera, on_sensor, self.on_array, truth=truth)
 
     @property
     def centre(self) -> NDArray[np.float32]:
-        """The view through the middle of the pupil: (rows, columns, C)."""
+        """The view through the centre of the pupil: (rows, columns, C)."""
         return self.view(0, 0)
 
     def viewer(self, *, depth: DepthMap | None = None) -> Viewer:
-        """A page in which the viewpoint, the focus and the aperture are moved by hand, as notebooks show it.
+        """Interactive page with controls for viewpoint, focus and aperture, displayed by notebooks.
 
         Parameters
         ----------
         depth : DepthMap, optional
-            Result of `pl.lightfield.depth`: is shown, and gives the depth on which a click focuses. None: the page
-            matches the views around the click itself, and shows no depth.
+            Depth map of `pl.lightfield.depth`, displayed, and used for focusing at a click. None: the page matches the
+            views around the click, and shows no depth.
 
         Returns
         -------
         Viewer
-            Notebooks show it, and `save(path)` writes it, as `save_html` does, which has an example.
+            Notebooks display it; `save(path)` writes it. For an example, see `save_html`.
 
         Raises
         ------
         InvalidValueError
-            Where no view holds light, or the depth is of another size.
+            If no view contains light, or the depth map has another size.
 
         Notes
         -----
-        docs/viewer.md describes the stored data: views in 8 bits, at most 24 million pixels of them.
+        The page stores views in 8 bits, at most 24 million pixels; see docs/viewer.md.
         """
         from plenoptic.viewer.light_field import light_field_page  # knows this class
 
         return light_field_page(self, depth=depth)
 
     def save_html(self, path: str | os.PathLike[str], *, depth: DepthMap | None = None) -> None:
-        """Write the page of `viewer`, which has the argument, to one file, which any browser opens from the disk.
+        """Write the page of `viewer` to one file, which any browser opens from the disk.
 
-        A FileError where it cannot be written.
+        Raises FileError if the file cannot be written.
 
         Examples
         --------
@@ -184,64 +183,62 @@ class LightField:
         self.viewer(depth=depth).save(path)
 
     @staticmethod
-    def _row_of(which: int, count: int, name: str) -> int:
+    def _row_of(offset: int, count: int, name: str) -> int:
         first, last = -(count // 2), (count - 1) // 2
-        given = number(which, name)
-        if not given.is_integer() or not first <= given <= last:
+        steps = number(offset, name)
+        if not steps.is_integer() or not first <= steps <= last:
             raise InvalidValueError(
-                f"{name} is {given:g}; it must be a whole number from {first} to {last}, the number of a view from the "
-                "middle"
+                f"{name} is {steps:g}; it must be a whole number from {first} to {last}, counted from the central view"
             )
-        return int(given) - first
+        return int(steps) - first
 
     def disparity_at(self, z: float) -> tuple[float, float]:
-        """Displacement of a plane's image from one view to the next, by Gaussian optics.
+        """Shift of a plane's image from one view to the next, by Gaussian optics.
 
-        With the exit pupil a distance D before the array and the image of the plane e behind it, light that passes the
-        pupil at P meets the array at P e / (D + e) beside where light through its middle does, and P grows by D / b
-        times the pitch of a pixel for each pixel of u. Offsets count from the chief rays' places here;
-        `GroundTruth.view_disparity` counts them from the microlenses' centres and so has e for D e / (D + e).
+        The exit pupil lies a distance D in front of the array, and the image of the plane e behind it. Light that
+        passes the pupil at P meets the array at a distance P e / (D + e) from the light through the pupil's centre. P
+        grows by D / b times the pixel pitch for each pixel of u. Here offsets are measured from the chief rays;
+        `GroundTruth.view_disparity` measures them from the centres of the microlenses: e in place of D e / (D + e).
 
         Parameters
         ----------
         z : float
-            The plane in the camera's frame, mm.
+            z of the plane in the camera's frame, mm.
 
         Returns
         -------
         (float, float)
-            Pixels of a view along columns for each pixel of u, and along rows for each pixel of v; 0 in focus, positive
-            nearer than that, where points move against the step (to the left in views farther right), negative beyond.
+            Shift in pixels of a view along columns for each pixel of u, and along rows for each pixel of v. It is 0 in
+            focus, negative beyond it, and positive nearer, where points move against the step: to the left in views
+            farther right.
         """
-        place = number(z, "z")
+        z_plane = number(z, "z")
         camera = self.camera
         if camera is None:
-            return self._between_cameras(place)
-        behind = behind_array(camera, place)
+            return self._between_cameras(z_plane)
+        behind = image_distance_behind_array(camera, z_plane)
         pupil, _ = model_pupil(camera)
         gap = camera.stop_to_microlenses - pupil
-        # e / (D + e) times D, with both at any distance.
-        share = 1.0 if math.isinf(behind) else behind / (gap + behind)
-        lever = gap * share if math.isfinite(gap) else behind
+        # D e / (D + e), with D and e finite or infinite.
+        fraction = 1.0 if math.isinf(behind) else behind / (gap + behind)
+        lever = gap * fraction if math.isfinite(gap) else behind
         per_pixel = lever * camera.sensor.pixel_pitch / camera.microlenses_to_sensor
         return per_pixel / self.spacing[0], per_pixel / self.spacing[1]
 
     def _between_cameras(self, z: float) -> tuple[float, float]:
-        """`disparity_at` of cameras side by side that look at one plane."""
+        """Disparity between parallel cameras whose views coincide on one plane; see `disparity_at`."""
         if not z < 0:
             raise InvalidValueError(f"z is {z:g} mm; the plane must lie in front of the cameras, at z below 0")
         steps = (
             self.exit_pupil[1:2, 0, 0] - self.exit_pupil[:1, 0, 0],
             self.exit_pupil[0, :1, 1] - self.exit_pupil[0, 1:2, 1],
         )
-        apart = [float(step[0]) if len(step) else math.nan for step in steps]
+        baselines = [float(step[0]) if len(step) else math.nan for step in steps]
         across, down = (
-            step * (self.z_focus / z - 1.0) / pixel for step, pixel in zip(apart, self.object_spacing, strict=True)
+            step * (self.z_focus / z - 1.0) / pixel for step, pixel in zip(baselines, self.object_spacing, strict=True)
         )
         if math.isnan(across) and math.isnan(down):
-            raise InvalidValueError(
-                "the light field does not say where its views were seen from; refocus it by disparity"
-            )
+            raise InvalidValueError("the light field has no camera positions; refocus it by disparity")
         return across, down
 
     def __repr__(self) -> str:

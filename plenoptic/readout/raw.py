@@ -27,8 +27,8 @@ from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, channels_of
 from plenoptic.optics.sensor.demosaic import DemosaicMethod, demosaic
 from plenoptic.optics.sensor.model import SensorModel
+from plenoptic.rendering.crop import checked_region, region_text
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.frame import checked_region, region_text
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera

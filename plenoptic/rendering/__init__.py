@@ -1,4 +1,4 @@
-"""Rendering: tiles of samples through all stages, until a budget ends it; the state of it in a file."""
+"""Rendering: tiles of samples through all stages until a budget is used; checkpoints."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Compiled scene and camera, the input of tiles and of paths that are traced again."""
+"""A compiled scene and camera: input of tiles and of replayed paths."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
 
 
 class RenderContext(NamedTuple):
-    """Camera and scene as records, sampling of paths, and their limits."""
+    """Camera and scene as records, the sampling of paths, and the render settings."""
 
     prepared: PreparedCamera
     scene: SceneRecord | None
-    """None: a white image."""
+    """None for a white image."""
     intersector: Intersector | None
-    """None where there are no triangles to meet."""
+    """None without triangles."""
     plan: Plan
     settings: RenderSettings
     replicates: int
     seed: np.uint64
     shutter: OpenShutter | None
-    """None where nothing moves in an exposure."""
+    """None if nothing moves during the exposure."""
 
     @property
     def camera(self) -> CameraRecord:
@@ -42,19 +42,19 @@ class RenderContext(NamedTuple):
 
     @property
     def together(self) -> int:
-        """After how many samples a batch may end, if the bits are to be those of any other batches."""
-        return self.replicates if self.camera.diffraction_kernel is None else batch_step(self.replicates)
+        """Number of samples at whose multiples batches must end, so that the bits do not depend on the batches."""
+        return self.replicates if self.camera.spread is None else samples_together(self.replicates)
 
     @property
     def channels(self) -> int:
-        """Channels of the image: the sensor's, or those of the scene where the camera sees one wavelength."""
+        """Channels of the image: the sensor's, or the scene's if the camera has one wavelength."""
         if self.camera.colour is not None:
             return int(self.camera.colour.weights.shape[1])
         return 1 if self.scene is None else self.scene.channels
 
 
 def render_context(subject: Subject, seed: int) -> RenderContext:
-    """Plan a render and compile its records."""
+    """Plan a render and compile its scene and camera."""
     prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
     camera, plan = prepared_camera(subject.camera), plan_stages(record, subject)
@@ -64,7 +64,7 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
 
 
 def batch_of(context: RenderContext, first: int, samples: int) -> Batch:
-    """Samples first ... first + samples - 1: either one, or `first` is a multiple of the replicates."""
+    """Batch of samples first ... first + samples - 1: a single sample, or `first` is a multiple of the replicates."""
     if context.settings.sampler is Sampler.RANDOM:
         return batch_record(context.seed, first, samples, samples, first, 0)
     index, stream = divmod(first, context.replicates)

@@ -1,4 +1,4 @@
-"""Exposure: the image, its error, the ground truth, the camera and the statistics of one render."""
+"""Exposure: image, standard error, ground truth, camera and statistics of one render."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.relative_error import ImageError, image_error
 from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, seed_number, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.frame import checked_region, region_text, samples_text
-from plenoptic.rendering.heads import checked_seed, possible
+from plenoptic.rendering.crop import checked_region, region_text, samples_text
+from plenoptic.rendering.exposure_metadata import checked_seed, impossible_as_file_error
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.truth.channels import GroundTruth, truth_names
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from plenoptic.viewer.page import Viewer
 
 MOST_NAMES = 10_000
-"""Objects of a scene whose names are kept: at most a megabyte in the head of a file."""
+"""Maximum number of object names in an exposure: at most a megabyte of metadata."""
 
 
 @value
 class Exposure:
-    """Result of a render: image, standard error, ground truth, camera and statistics.
+    """Result of one render: image, standard error, ground truth, camera and statistics.
 
     Parameters
     ----------
@@ -47,32 +47,32 @@ class Exposure:
     truth : GroundTruth, optional
         Ground truth of the pixels: depth, normals, objects, ...
     samples : int, optional
-        Paths per pixel; None where it is not known.
+        Paths per pixel; None if unknown.
     replicates : int, optional
-        Independent scramblings from which the standard error was found; None where it is not known.
+        Independent scramblings from which the standard error was estimated; None if unknown.
     seed : int or tuple of int, optional
-        Of the random numbers; several where exposures of other seeds were merged, None where it is not known.
+        Seed of the random numbers; several for merged exposures, None if unknown.
     camera : PlenopticCamera, optional
-        The camera that took it.
+        The camera of the exposure.
     region : (int, int, int, int), optional
         First row, end row, first column, end column on the sensor; None: the whole sensor.
     stats : RenderStats, optional
-        Time and statistics of the render.
+        Time, paths and losses of the render.
     sample_counts : (H, W) array_like of int, optional
-        Paths of each pixel; None where all have `samples`, which is otherwise the most that a pixel has.
+        Paths of each pixel; None if all have `samples`, which is otherwise the maximum over the pixels.
     settings : RenderSettings, optional
         Settings of the render, which `replay` needs.
     white : bool, optional
-        Whether `render_white` made it; None where it is not known.
+        True for a white image of `render_white`; None if unknown.
     object_names : sequence of str, optional
-        The name of each number in `truth.object`, as `Scene.object_names` has them, the last one '' for -1:
-        ``np.array(shot.object_names)[shot.truth.object]`` names the object of each pixel. None where the objects of
-        pixels were not asked for, or the scene has more than 10 000.
+        Name of each number in `truth.object`, as in `Scene.object_names`, the last one '' for -1:
+        ``np.array(shot.object_names)[shot.truth.object]`` names the object of each pixel. None if objects were not
+        requested, or the scene has more than 10 000.
 
     Raises
     ------
     InvalidValueError
-        Where a shape does not fit the image's, or a count is impossible.
+        If a shape does not fit the image's, or a count is impossible.
 
     Examples
     --------
@@ -103,8 +103,8 @@ class Exposure:
             raise InvalidValueError(f"image has shape {image.shape}; it must be (H, W, 1) or (H, W, 3), not empty")
         set_field(self, "image", image)
         for name, dtype, axes in (("standard_error", np.float32, 3), ("sample_counts", np.int32, 2)):
-            if (given := getattr(self, name)) is not None:
-                set_field(self, name, frozen_array(given, name=name, shape=image.shape[:axes], dtype=dtype))
+            if (array := getattr(self, name)) is not None:
+                set_field(self, name, frozen_array(array, name=name, shape=image.shape[:axes], dtype=dtype))
         if self.truth is not None:
             check_kind(self.truth, "truth", GroundTruth, "pl.GroundTruth(depth=...)")
             if self.truth.shape != image.shape[:2]:
@@ -118,8 +118,8 @@ class Exposure:
             set_field(self, "seed", checked_seed(self.seed))
         counts = self.sample_counts
         if counts is not None and (counts.min() < 0 or (self.samples is not None and counts.max() > self.samples)):
-            found = f"sample_counts go from {counts.min()} to {counts.max()}"
-            raise InvalidValueError(f"{found}; they must be within 0 and samples, {self.samples}")
+            counts_text = f"sample_counts go from {counts.min()} to {counts.max()}"
+            raise InvalidValueError(f"{counts_text}; they must be within 0 and samples, {self.samples}")
         if self.region is not None:
             set_field(self, "region", checked_region(self.region, image.shape[:2]))
         for name, kind in (("stats", RenderStats), ("settings", RenderSettings)):
@@ -134,31 +134,32 @@ class Exposure:
 
     @property
     def depth(self) -> Floats | None:
-        """(H, W): -z in the camera's frame in mm, inf where nothing is met; None where it was not asked for."""
+        """(H, W): -z in the camera's frame in mm, inf where rays hit nothing; None if not requested."""
         return None if self.truth is None else self.truth.depth
 
     @property
     def interrupted(self) -> bool:
-        """True if Ctrl-C ended the render; in its last moment all may have been done."""
+        """True if the render was interrupted by Ctrl-C, possibly in its last moment, when all was done."""
         return self.stats is not None and self.stats.stopped_by is StopReason.INTERRUPTED
 
     @property
     def relative_error(self) -> float | None:
-        """The root mean square, over lit pixels, of the standard error over the value; None without standard error.
+        """Root mean square, over lit pixels, of the standard error over the value; None without standard error.
 
-        Errors and values are those of the channels together: root mean square and mean, the latter drawn towards that
-        of neighbours as far as it is noisy. Lit are the pixels above a tenth of the 99th percentile, see `lit_pixels`.
-        nan for an image without light or error, inf for one that has error only, or pixels without samples. With
+        Errors and values are averaged over the channels: root mean square and mean. The mean is shrunk towards that of
+        the neighbours according to its noise. Lit pixels are above a tenth of the 99th percentile, see `lit_pixels`.
+        nan for an image without light or error, inf for one with error only, or with pixels without samples. With
         `rare_light` it may be far too small.
         """
         return None if self._error is None else self._error.relative
 
     @property
     def rare_light(self) -> bool | None:
-        """True if `relative_error` cannot be known, since some pixels are the only ones that received rare light.
+        """True if `relative_error` is unreliable, because only few pixels have sampled rare light.
 
-        Fewer than 8 pixels, and than a 16th of the lit ones, carry the error; or they are so bright that others look
-        dark: without the standard errors, pixels of 1/2.5 of the brightness would be lit. None without standard error.
+        Fewer than 8 pixels, and fewer than a 16th of the lit ones, carry the error; or they are so bright that others
+        count as unlit: without one standard error of each pixel, the threshold of lit pixels would fall below 1/2.5 of
+        its value. None without standard error.
 
         Examples
         --------
@@ -174,20 +175,20 @@ class Exposure:
 
     @cached_property
     def _error(self) -> ImageError | None:
-        """The error of the image, found when it is first asked for."""
+        """Error of the image, computed on first use."""
         return None if self.standard_error is None else image_error(self.image, self.standard_error)
 
     @classmethod
     def merged(cls, parts: Iterable[Exposure]) -> Exposure:
-        """One exposure of several: regions beside each other, and the same region with other seeds.
+        """Merge exposures: adjacent regions, and the same region with different seeds.
 
-        Regions of a render of given samples have the bits of the whole. Exposures of the same region are weighed by
-        their samples, and so are the squares of their errors; those with a single replicate each get their error from
-        their differences, which is right on average over pixels and crude for each while they are few. A merged
-        exposure knows all its seeds and can be merged with others; its means have been rounded once more then. An
-        InvalidValueError where parts overlap, leave pixels out, share random numbers, or are of other cameras or
-        settings. That they show the same scene is for the caller to know. `plenoptic merge` does the same for files,
-        and for a store without having all in memory.
+        Regions of a render with given samples have the same bits as the whole. Exposures of the same region are
+        weighted by their samples, and so are their squared errors. Exposures with a single replicate each get an error
+        from their differences, which is unbiased on average over pixels, and crude for single pixels of few exposures.
+        A merged exposure stores all its seeds and can be merged again; its means are then rounded once more. Raises
+        InvalidValueError if parts overlap, leave pixels out, share random numbers, or differ in camera or settings.
+        The caller must ensure that they show the same scene. `plenoptic merge` does the same for files, and for a
+        store without keeping all in memory.
 
         Examples
         --------
@@ -201,17 +202,17 @@ class Exposure:
         return merged(parts)
 
     def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
-        """Read the image out by a sensor: electrons, noise and digital numbers.
+        """Simulate the read-out of a sensor exposed to this image: electrons, noise and digital numbers.
 
-        Light transport is over here: one render serves many sensors, exposure times and seeds. The Monte Carlo error
-        of the image is no noise of the sensor and adds to it; render until it is well below the shot noise.
+        Light transport is finished: one render serves many sensors, exposure times and seeds. The Monte Carlo error of
+        the image adds to the noise of the sensor; render until it is well below the shot noise.
 
         Parameters
         ----------
         sensor : SensorModel
             Exposure time, gain, colour filters, noise, full well, bits; each effect can be absent.
         seed : int
-            Of shot and read noise, at least 0; the same seed gives the same bits.
+            Seed of shot and read noise, at least 0; the same seed gives the same bits.
 
         Examples
         --------
@@ -227,29 +228,28 @@ class Exposure:
         return develop(self, sensor, seed=seed)
 
     def save(self, path: str | os.PathLike[str], *, scale: float | None = None) -> None:
-        """Write the exposure to a file, or for `.zarr` to a folder, in the format that the path's ending names.
+        """Write the exposure to a file, or for `.zarr` to a folder, in the format of the path's suffix.
 
-        It appears whole or not at all.
+        The file is written atomically.
 
         Parameters
         ----------
         path : path-like
-            `.exr` keeps everything, as float32: ground truth is rounded from float64, and its whole
-            numbers are exact up to 2^24. `.zarr` keeps every bit of everything, in a folder of many
-            files that is opened a part at a time, and takes the place of one exposure only; it needs the
-            package zarr. `.tif`, `.tiff` (linear) and `.png` (sRGB-encoded) keep
-            the image in 16 bits, with the scale, samples, seed and region, and neither error, truth,
-            camera nor statistics.
+            `.exr` stores everything, as float32: ground truth is rounded from float64, and its integers are exact up to
+            2^24. `.zarr` stores everything without loss, in a folder of many files of which parts can be read. It
+            replaces an existing store only if that contains one exposure, and needs the package zarr. `.tif`, `.tiff`
+            (linear) and `.png` (sRGB-encoded) keep the image in 16 bits, with the scale, samples, seed and region, and
+            neither error, truth, camera nor statistics.
         scale : float, optional
-            For 16 bits: the value in the image that becomes 65535, by default the image's maximum.
-            Values above it are cut, and so are negative ones.
+            For 16 bits: the value of the image that becomes 65535, by default the image's maximum. Larger and negative
+            values are clipped.
 
         Raises
         ------
         FileError
-            Where the file cannot be written or the ending is unknown.
+            If the file cannot be written or the suffix is unknown.
         InvalidValueError
-            Where the scale is not above 0, or the camera is made of things that cannot be described.
+            If the scale is not above 0, or the camera contains values that cannot be described.
 
         Examples
         --------
@@ -277,14 +277,14 @@ class Exposure:
     def load(cls, path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Exposure:
         """Read an exposure that `save` wrote, or the image of any other file.
 
-        A zarr store gives back the same exposure, and so does an EXR file, whose truth is float64 of float32 precision.
-        Another image file gives the linear image, times its scale if it has one. A file from elsewhere gives the arrays
-        that it holds. `limits` is as of `images.read_linear`; a store counts with all its files.
+        A zarr store restores the same exposure, and so does an EXR file, with truth of float32 precision in float64.
+        Another image file gives the linear image, times its scale if it has one. `limits` is as in
+        `images.read_linear`; for a store, all its files count together.
 
         Raises
         ------
         FileError
-            Where the file is missing, damaged or no image, or its metadata cannot be understood.
+            If the file is missing, damaged or no image, or its metadata is malformed.
 
         Examples
         --------
@@ -293,15 +293,15 @@ class Exposure:
         from plenoptic.rendering import exposure_files, stores
 
         stored = file_path(path).suffix.lower() == ".zarr"
-        with possible(path):
+        with impossible_as_file_error(path):
             return cls(**(stores.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
 
     def to_xarray(self) -> xarray.Dataset:
-        """The same as an xarray dataset, with units and coordinates: rows and columns, mm on the sensor, channels.
+        """The exposure as an xarray dataset, with units and coordinates: rows and columns, mm on the sensor, channels.
 
-        Nothing is copied: the arrays are the exposure's own, which cannot be written to. Of a store that `save` writes
-        to `.zarr`, ``xarray.open_zarr(path)`` makes the same dataset, and reads only the parts that are used. Needs the
-        package xarray.
+        Nothing is copied: the arrays are the exposure's own, which are read-only. ``xarray.open_zarr(path)`` opens the
+        same dataset from a `.zarr` folder written by `save`, and reads only the parts that are used. Needs the package
+        xarray.
 
         Examples
         --------
@@ -318,30 +318,30 @@ class Exposure:
         return dataset_of(self)
 
     def viewer(self, *, white: Exposure | None = None, region: tuple[slice, slice] | None = None) -> Viewer:
-        """A page that is zoomed to single pixels and says all that is known of each, as notebooks show it.
+        """Interactive page that zooms to single pixels and displays all data of each, shown by notebooks.
 
         Parameters
         ----------
         white : Exposure, optional
-            The white image of the camera: displayed values are divided by it, and so is radiance.
+            White image of the camera, by which the displayed image is divided to give radiance.
         region : (slice, slice), optional
             Rows and columns of the sensor, as ``np.s_[0:64, 0:64]``; None: all.
 
         Returns
         -------
         Viewer
-            Notebooks show it, and `save(path)` writes it, as `save_html` does, which has an example.
+            Notebooks display it; `save(path)` writes it. For an example, see `save_html`.
 
         Raises
         ------
         InvalidValueError
-            Where the region does not lie in the exposure, or the white image does not fit.
+            If the region does not lie in the exposure, or the white image does not fit.
 
         Notes
         -----
-        Arrays that the exposure lacks are not there: render with ``truth=pl.Truth.ALL`` for all. A click lights up all
-        images of the point that a pixel shows, where there are a camera with microlenses and depth. Beyond 2^20 pixels
-        blocks of them are averaged; docs/viewer.md describes the stored data.
+        Render with ``truth=pl.Truth.ALL`` for the complete page. If there are a camera with microlenses and depth, a
+        click highlights all images of the point that a pixel shows. Beyond 2^20 pixels, blocks are averaged; for the
+        stored data see docs/viewer.md.
         """
         from plenoptic.viewer.raw import exposure_page  # knows this class
 
@@ -350,9 +350,9 @@ class Exposure:
     def save_html(
         self, path: str | os.PathLike[str], *, white: Exposure | None = None, region: tuple[slice, slice] | None = None
     ) -> None:
-        """Write the page of `viewer`, which has the arguments, to one file, which any browser opens from the disk.
+        """Write the page of `viewer` to one file, which any browser opens from the disk.
 
-        A FileError where it cannot be written.
+        Raises FileError if the file cannot be written.
 
         Examples
         --------
@@ -372,14 +372,14 @@ class Exposure:
         facts = [" x ".join(map(str, self.image.shape))]
         if self.interrupted:
             facts.append("interrupted")
-        if (most := self.samples) is not None:
+        if (samples := self.samples) is not None:
             counts = self.sample_counts
-            facts.append(f"{most} sample{'s' * (most > 1)} per pixel" if counts is None else samples_text(counts))
+            facts.append(f"{samples} sample{'s' * (samples > 1)} per pixel" if counts is None else samples_text(counts))
         if not self.image.any():
             facts.append("black")
         elif (error := self.relative_error) is not None and error < np.inf:
-            more = " or more: light is rare" if self.rare_light else ""
-            facts.append(f"relative error {100 * error:.3g} %{more}")
+            suffix = " or more: light is rare" if self.rare_light else ""
+            facts.append(f"relative error {100 * error:.3g} %{suffix}")
         if self.truth is not None:
             facts.append(f"with {truth_names(self.truth.kinds)}")
         if self.region is not None:

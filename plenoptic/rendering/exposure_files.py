@@ -1,4 +1,4 @@
-"""Exposures in image files: EXR keeps everything, 16 bits keep the picture."""
+"""Exposures in image files: EXR stores everything, 16-bit formats store the picture."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from plenoptic.core.files.file_limits import FileLimits
 from plenoptic.core.files.serialization import describe, fields_from_metadata, fields_to_metadata, restore
 from plenoptic.core.values import file_path, positive
 from plenoptic.errors import FileError
-from plenoptic.rendering.frame import counts_in
-from plenoptic.rendering.heads import FACTS, Head, checked_head, possible
-from plenoptic.truth.truth_arrays import file_comment, file_planes, stored_truth, truth_from_planes
+from plenoptic.rendering.crop import counts_in
+from plenoptic.rendering.exposure_metadata import FACTS, ExposureMetadata, checked_metadata, impossible_as_file_error
+from plenoptic.truth.arrays import file_note, file_planes, truth_in, truth_named
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -28,21 +28,21 @@ CHANNEL_NAMES = {1: ("Y",), 3: ("R", "G", "B")}
 _SAMPLES = "samples"
 
 
-def texts_of(exposure: Exposure | Head, names: tuple[str, ...] = FACTS) -> dict[str, str]:
-    """Metadata of an exposure in files, beside its arrays."""
+def texts_of(exposure: Exposure | ExposureMetadata, names: tuple[str, ...] = FACTS) -> dict[str, str]:
+    """Metadata texts of an exposure for files."""
     return {"Software": f"plenoptic {__version__}", **described_fields(exposure, names)}
 
 
 def checked_ending(path: str | os.PathLike[str]) -> str:
-    """Ending, in small letters, of a path to which `Exposure.save` can write."""
-    ending = file_path(path).suffix.lower()
-    if ending not in (".exr", ".zarr", ".tif", ".tiff", ".png"):
-        raise FileError(f"{os.fspath(path)!r} ends in {ending!r}; it must end in .exr, .zarr, .tif, .tiff or .png")
-    return ending
+    """Lower-case suffix of a file that `Exposure.save` can write; raise FileError otherwise."""
+    suffix = file_path(path).suffix.lower()
+    if suffix not in (".exr", ".zarr", ".tif", ".tiff", ".png"):
+        raise FileError(f"{os.fspath(path)!r} ends in {suffix!r}; it must end in .exr, .zarr, .tif, .tiff or .png")
+    return suffix
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
-    """An error where `Exposure.save` could not write, before hours are spent."""
+    """Raise an error if `Exposure.save` could not write to a path, before a long render."""
     if checked_ending(path) == ".zarr":
         from plenoptic.rendering.stores import check_store  # knows this module
 
@@ -67,9 +67,9 @@ def save_16bit(exposure: Exposure, path: str | os.PathLike[str], scale: float | 
 
 
 def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[str, Any]:
-    """The fields of the exposure that an image file holds."""
+    """Fields of the exposure in an image file."""
     image, channels, metadata = images.read_picture(path, limits=limits)
-    kept = fields_from_metadata(metadata, FACTS)
+    facts = restored_fields(metadata, FACTS)
     planes = [channels.get(f"error.{name}") for name in CHANNEL_NAMES[image.shape[2]]]
     errors = [plane for plane in planes if plane is not None]
     if "plenoptic:scale" in metadata:
@@ -77,23 +77,23 @@ def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
     return {
         "image": image,
         "standard_error": np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
-        "truth": truth_from_planes(channels),
-        "sample_counts": counts_in(channels.get(_SAMPLES), kept.get("samples")),
-        **kept,
+        "truth": truth_in(channels),
+        "sample_counts": counts_in(channels.get(_SAMPLES), facts.get("samples")),
+        **facts,
     }
 
 
-def head_of_image(path: str | os.PathLike[str]) -> Head:
-    """All but the pixels of the exposure that an image file holds."""
-    shape, names, picture, metadata = images.read_header(path)
+def metadata_of_image(path: str | os.PathLike[str]) -> ExposureMetadata:
+    """Metadata of the exposure in an image file."""
+    shape, names, picture, metadata = images.read_head(path)
     arrays = ["image"]
     if all(f"error.{name}" in names for name in CHANNEL_NAMES[len(picture)]):
         arrays.append("standard_error")
     if _SAMPLES in names:
         arrays.append("sample_counts")
-    with possible(path):
-        return checked_head(
-            (*shape, len(picture)), (*arrays, *truth_named(names)), fields_from_metadata(metadata, FACTS)
+    with impossible_as_file_error(path):
+        return checked_metadata(
+            (*shape, len(picture)), (*arrays, *truth_named(names)), restored_fields(metadata, FACTS)
         )
 
 

@@ -1,4 +1,4 @@
-"""Rendering functions for users."""
+"""The public functions of rendering."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import checked_budget
-from plenoptic.rendering.schedule.scheduler import Work, run
+from plenoptic.rendering.schedule.scheduler import RenderOptions, run
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth
 
@@ -34,7 +34,7 @@ def render(  # noqa: PLR0913
     replicates: int = 2,
     sampler: Sampler = Sampler.SOBOL,
     max_bounces: int = 8,
-    caustics: Caustics = Caustics.KEPT,
+    caustics: Caustics = Caustics.INCLUDE,
     clamp: float | None = None,
     truth: Truth = Truth.DEPTH,
     conditioning: int | None = None,
@@ -47,9 +47,9 @@ def render(  # noqa: PLR0913
 ) -> Exposure:
     """Render the raw image of a scene, with its standard error and its ground truth.
 
-    It ends with `samples`, after `time_limit` or at `target_error`, whichever comes first; at least one is needed.
-    Ctrl-C (or a notebook's interrupt) ends it too once it has begun, and the present result is returned, marked
-    `interrupted`; a second one raises KeyboardInterrupt.
+    The render ends with `samples`, after `time_limit` or at `target_error`, whichever comes first; at least one is
+    required. Ctrl-C (or a notebook's interrupt) ends it, too; the unfinished exposure is returned, marked
+    `interrupted`. A second Ctrl-C raises KeyboardInterrupt.
 
     Parameters
     ----------
@@ -58,80 +58,80 @@ def render(  # noqa: PLR0913
     samples : int, optional
         Paths per pixel. Powers of 2 times `replicates` use the sampling points best.
     time_limit : float, optional
-        Seconds from the call on, including compilation on first use.
+        Wall time in seconds, including compilation on first use.
     target_error : float, optional
-        Wanted `Exposure.relative_error`, such as 0.02: the root mean square of the relative standard errors of lit
-        pixels. Tiles end when their own lit pixels are as good, mostly after two or three steps; which
-        pixels go on is decided by the errors of others, so that stopping does not bias the image. Needs at least 2
-        replicates and two pixels. Where light is too rare to know the error (`Exposure.rare_light`), the render goes
-        on to `samples` or `time_limit`, with neither to 4096 samples.
+        Target of `Exposure.relative_error`, such as 0.02: the root mean square of the relative standard errors of lit
+        pixels. A tile ends when its own lit pixels have reached the target, mostly after two or three steps. The errors
+        of other pixels decide whether a pixel gets more samples, so that stopping does not bias the image. Needs at
+        least 2 replicates and two pixels. If light is too rare for an error estimate (`Exposure.rare_light`), the
+        render continues to `samples` or `time_limit`, with neither to 4096 samples.
     region : (slice, slice), optional
         Rows and columns of the sensor, such as ``np.s_[256:384, 192:320]``; the same bits as in the whole image.
     seed : int
-        Of the random numbers, at least 0.
+        Seed of the random numbers, at least 0.
     replicates : int
-        Independent scramblings of the sampling points among which the samples are divided; the standard
-        error comes from their spread, with fewer than 8 pooled over 8 x 8 pixels (those of the sensor, so that the
-        rest of a block that a `region` cuts is rendered too), and is None with fewer than 2. With 8 and more, the error
-        of dark pixels in a block that is cut is that of the part of it that is rendered. At equal error 2
-        replicates cost up to 1.4 times the time of one, 8 up to 2.8 times (docs/standard_error.md).
+        Independent scramblings of the sampling points among which the samples are divided. The standard error is
+        estimated from their variance; it is None with fewer than 2. With fewer than 8, it is pooled over blocks of
+        8 x 8 pixels of the sensor, and blocks cut by a `region` are rendered completely. With 8 and more, the error of
+        dark pixels in a cut block is that of its rendered part. At equal error, 2 replicates take up to 1.4 times the
+        time of one, 8 up to 2.8 times (docs/standard_error.md).
     sampler : Sampler
-        ``Sampler.RANDOM`` makes all samples independent, to compare with.
+        ``Sampler.RANDOM`` makes all samples independent, for comparison.
     max_bounces : int
-        How often a path may be scattered, reflected or refracted; 0 shows only emitters. Light that is scattered more
-        often is missing.
+        Maximum number of scattering events of a path: reflections and refractions included; 0 shows only emission.
+        Light that is scattered more often is missing.
     caustics : Caustics
-        ``Caustics.LEFT_OUT``: light that mirrors, polished glass or panes throw onto rough surfaces does not count. It
-        is noisy, since paths find it by chance only; the difference of the variances with and without it is its share
-        of the noise.
+        ``Caustics.EXCLUDE``: light that mirrors, polished glass or panes cast onto rough surfaces is left out. It is
+        noisy, since paths sample it by chance only; the difference of the variances with and without it is its part of
+        the noise.
     clamp : float, optional
-        Paths that bring more radiance than this are scaled down to it. It takes away noise and light:
-        `shot.stats.clamped` is the share that is missing. None: nothing is taken away.
+        Maximum radiance of a path; brighter paths are scaled down. It reduces noise and removes light:
+        `shot.stats.clamped` is the missing fraction. None: no clamping.
     truth : Truth
-        Channels of the ground truth to find, such as ``Truth.DEPTH | Truth.NORMAL``; others are
-        neither computed nor kept. See `GroundTruth`.
+        Requested channels of the ground truth, such as ``Truth.DEPTH | Truth.NORMAL``; others are neither computed nor
+        stored. See `GroundTruth`.
     conditioning : int, optional
-        Of how many paths, such as 1024 (at most 1048576), `shot.stats.conditioning` tells how much each surface of the
-        lens magnifies rounding errors, and how many steps aspheres took. See `Conditioning`.
+        Number of paths, such as 1024 (at most 1048576), for which `shot.stats.conditioning` reports the amplification
+        of rounding errors by each lens surface, and the Newton iterations of aspheres. See `Conditioning`.
     checkpoint : path-like, optional
-        A file to which results of tiles are added. Called again, the render goes on from there, also with more samples
-        or a lower target, and gives the same bits as without a break (with a `time_limit` it goes on for that long
-        again). Sums of tiles that go on are in the file and not in memory. Files of other renders are refused and stay
-        as they are; damaged records are rendered again, with a warning. On another kind of processor it goes on
-        too, with a warning, since bits depend on instructions: `shot.stats.processors` names the kinds.
+        File to which the results of tiles are appended. Called again, the render resumes from there, also with more
+        samples or a lower target, and gives the same bits as without interruption (a `time_limit` starts again). The
+        sums of unfinished tiles are in the file, not in memory. Files of other renders are refused and left unchanged.
+        Damaged records are rendered again, with a warning. On another kind of processor the render resumes with a
+        warning, since bits depend on instructions: `shot.stats.processors` lists the kinds.
     checkpoint_interval : float
-        Seconds between two times that the file is flushed to the disk: the largest loss when the machine goes down.
-        Where only the program is killed the tiles in work are lost.
+        Seconds between flushes of the file to the disk: the most that is lost if the machine crashes. If only the
+        program is killed, the unfinished tiles are lost.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The image does not depend on it, unless there is a
         time limit.
     client : distributed.Client, optional
-        Of a dask cluster (extra `cluster`), on whose workers tiles are rendered; None: on threads of this process. The
-        bits are the same, unless there is a time limit or processors are of other kinds, of which there is a warning.
-        Workers with other versions are refused, and lost ones survived: see docs/how_to/cluster_dask.md.
+        Client of a dask cluster (extra `cluster`), whose workers render the tiles; None: threads of this process. The
+        bits are the same, unless there is a time limit, or processors are of other kinds, which causes a warning.
+        Workers with other versions are refused, and the loss of workers is tolerated: see docs/how_to/cluster_dask.md.
     tile_side : int, optional
-        Pixels along a tile; None: chosen by the number of samples. The image does not depend on it, unless there is a
-        time limit or a target error: tiles end, of 64 x 64 pixels if not told otherwise.
+        Side of a tile in pixels; None: chosen from the number of samples. The image does not depend on it, unless there
+        is a time limit or a target error, at which whole tiles end, by default of 64 x 64 pixels.
     progress : bool
-        Whether to show a progress bar, with the time left and the error reached.
+        Whether to show a progress bar, with the remaining time and the current error.
 
     Returns
     -------
     Exposure
-        C = 1 where everything in the scene is grey, otherwise 3. Where pixels ended with different numbers of samples
-        these are in `sample_counts`; pixels that had none are 0 with an infinite standard error.
+        C = 1 if everything in the scene is grey, otherwise 3. If the sample numbers of pixels differ, they are in
+        `sample_counts`; pixels without samples are 0 with an infinite standard error.
 
     Raises
     ------
     InvalidValueError
-        Where an argument is impossible; nothing has been rendered then.
+        If an argument is invalid; nothing is rendered then.
     FileError
-        Where the checkpoint is that of another render, is none, or cannot be written.
+        If the checkpoint belongs to another render, is no checkpoint, or cannot be written.
 
     Warns
     -----
     BlackImageWarning, UnseenSceneWarning, ImplausibleCameraWarning, BudgetWarning
-        Once each, with the cause: which light faces away, or which number of the camera is implausible. See
+        Once each, with the cause, such as a light that faces away, or an implausible number of the camera. See
         `errors.PlenopticWarning`.
 
     Examples
@@ -152,8 +152,10 @@ def render(  # noqa: PLR0913
     budget = checked_budget(samples, time_limit, target_error, replicates)
     settings = RenderSettings(max_bounces, caustics, clamp, sampler)
     subject = Subject(scene, camera, budget.max_samples, budget.replicates, truth, settings)
-    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client)
-    return run(subject, budget, work)
+    options = RenderOptions(
+        region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client
+    )
+    return run(subject, budget, options)
 
 
 def render_white(  # noqa: PLR0913
@@ -174,18 +176,18 @@ def render_white(  # noqa: PLR0913
     tile_side: int | None = None,
     progress: bool = True,
 ) -> Exposure:
-    """Render the image of a scene of radiance 1 everywhere; `shot.image / white.image` is then radiance.
+    """Render the white image: radiance 1 everywhere. Then `shot.image / white.image` is radiance.
 
-    There is no scene: nothing is intersected or shaded, and where it pays (`plan(None, camera)` says so), light that
-    surely passes the lens is added without being traced: a sample takes some four times as long as another, and as few
-    are needed. Statistics are those of the paths that are traced. They are not those of a scene with the same seed; a
-    `Scene` of nothing but `background=1.0` has these. Parameters are those of `render`.
+    There is no scene: nothing is intersected or shaded. For suitable cameras (see `plan(None, camera)`), unvignetted
+    light is added analytically, without tracing. A sample then takes about four times as long, and far fewer are
+    needed. Statistics count only the traced paths, and differ from those of a scene with the same seed. For the latter
+    render a `Scene` with nothing but `background=1.0`. Parameters are those of `render`.
 
     Returns
     -------
     Exposure
-        C = 1, without ground truth. The value of a pixel is the projected solid angle from which light reaches
-        it, averaged over its area.
+        C = 1, without ground truth. The value of a pixel is the projected solid angle from which light reaches it,
+        averaged over its area.
 
     Examples
     --------
@@ -199,5 +201,7 @@ def render_white(  # noqa: PLR0913
     warn_if_implausible(camera)
     budget, settings = checked_budget(samples, time_limit, target_error, replicates), RenderSettings(0, sampler=sampler)
     subject = Subject(None, camera, budget.max_samples, budget.replicates, Truth.NONE, settings)
-    work = Work(region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client)
-    return run(subject, budget, work)
+    options = RenderOptions(
+        region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client
+    )
+    return run(subject, budget, options)

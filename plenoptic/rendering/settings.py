@@ -1,4 +1,4 @@
-"""Settings of a render that change the image's expectation or its random numbers."""
+"""Settings of a render that affect the expectation of the image or its random numbers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from plenoptic.core.values import choice, positive, set_field, value, whole
 
 
 class Sampler(enum.IntEnum):
-    """Sampling method of pixel, pupil and scene.
+    """Sampler of the points on pixel, pupil and scene.
 
-    SOBOL: each replicate has scrambled Sobol points. RANDOM: all samples are independent of each other, for comparison.
+    SOBOL: scrambled Sobol points for each replicate. RANDOM: independent samples, for comparison.
 
     Examples
     --------
@@ -22,20 +22,20 @@ class Sampler(enum.IntEnum):
 
 
 class Caustics(enum.IntEnum):
-    """Treatment of light that mirrors, polished glass or panes cast onto rough surfaces.
+    """Treatment of caustics: light that mirrors, polished glass or panes cast onto rough surfaces.
 
     Examples
     --------
     See `render`.
     """
 
-    KEPT = 0
-    LEFT_OUT = 1
+    INCLUDE = 0
+    EXCLUDE = 1
 
 
 @value
 class RenderSettings:
-    """Arguments of `render` besides scene, camera, samples and seed.
+    """Settings of `render` other than scene, camera, samples and seed.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class RenderSettings:
     """
 
     max_bounces: int = 8
-    caustics: Caustics = Caustics.KEPT
+    caustics: Caustics = Caustics.INCLUDE
     clamp: float | None = None
     sampler: Sampler = Sampler.SOBOL
 

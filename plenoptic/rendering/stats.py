@@ -1,4 +1,4 @@
-"""Statistics of a render: time, and the fates of its paths."""
+"""Statistics of a render: time, paths and losses."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 NAMED = 16
-"""Paths that were not finite whose numbers are kept."""
+"""Non-finite paths that are listed."""
 
 
 class StopReason(enum.IntEnum):
-    """Reason why a render ended: all its samples, its time, its error, or an interrupt.
+    """Reason for the end of a render: samples, time limit, target error, or an interruption.
 
-    TARGET_MISSED: neighbours' errors said that it was enough, and the image's own is more than 1.25 times the target,
-    or is not known, because light is rare (`Exposure.rare_light`).
+    TARGET_MISSED: the pixels' neighbours had reached the target error, but the error of the image is more than 1.25
+    times the target, or unknown because light is rare (`Exposure.rare_light`).
 
     Examples
     --------
@@ -39,7 +39,7 @@ class StopReason(enum.IntEnum):
     TARGET_MISSED = 4
 
 
-_ENDED = {
+_END_TEXTS = {
     StopReason.TIME_LIMIT: "stopped by the time limit",
     StopReason.TARGET_ERROR: "stopped at the target error",
     StopReason.INTERRUPTED: "interrupted",
@@ -49,7 +49,7 @@ _ENDED = {
 
 @value
 class RenderStats:
-    """Statistics of a render: time, and the fates of its paths.
+    """Time, paths and losses of a render.
 
     Parameters
     ----------
@@ -58,32 +58,31 @@ class RenderStats:
     cpu_seconds : float
         Processor time of all threads together, s.
     paths : int
-        Paths sampled; where light bends at microlenses, those of drawn bends too.
+        Sampled paths, including those of sampled deflections by diffraction at microlenses.
     paths_through_lens : int
-        Paths that left the lens towards the scene; of a white image, of those around unvignetted cores.
+        Paths that left the lens towards the scene; of a white image, only those outside the unvignetted core.
     lost : tuple of (str, int or None, int)
-        Cause, index of the lens element (None where no element is to blame) and number of paths.
-        Causes are "outside_microlens", "missed", "clipped", "total_reflection", "not_finite" and, with diffraction,
-        "bent_in": light from more than 8 pixels outside the sensor, which is not followed.
+        Cause, index of the lens element (None if no element is involved) and number of paths. Causes are
+        "outside_microlens", "missed", "clipped", "total_reflection", "not_finite" and, with diffraction, "bent_in":
+        light from more than 8 pixels outside the sensor, which is not traced.
     nonfinite : int
-        Contributions that were not finite and were left out of the image.
+        Non-finite contributions, which are left out of the image.
     nonfinite_paths : tuple of (int, int, int)
-        Row and column on the sensor, and sample, of the first such paths; `replay` shows them.
+        Row and column on the sensor, and sample, of the first such paths, for `replay`.
     zero_variance : int
-        Pixels that light could reach and whose samples (with 8 replicates and more: replicates) agree. Their standard
-        error is the change by a single other sample.
+        Lit pixels whose samples (with 8 replicates and more: replicates) are all equal. Their standard error is the
+        change of the mean by a single other sample.
     threads : int
-        Threads that were there to work.
+        Number of threads.
     clamped : float
-        Share of all light that `clamp` took away, in [0, 1]: the bias of the mean image.
+        Fraction of all light removed by `clamp`, in [0, 1]: the bias of the mean image.
     stopped_by : StopReason
-        Limit that ended the render.
+        Reason for the end of the render.
     conditioning : Conditioning, optional
-        How much the lens's surfaces magnify rounding errors, and Newton iterations, of some of the paths; only where
-        `render` was asked for it.
+        Amplification of rounding errors by the lens surfaces, and Newton iterations, of some paths; only if requested.
     processors : tuple of str
-        Kinds of processors that kernels were compiled for: several where a checkpoint went on on another one. The bits
-        of an image depend on them.
+        Kinds of processors that rendered the image: several if a checkpoint was resumed on another one. The bits of the
+        image depend on them.
 
     Examples
     --------
@@ -118,16 +117,16 @@ class RenderStats:
         paths = paths if paths.size else np.empty((0, 3))
         paths = frozen_array(paths, name="nonfinite_paths", shape=("n", 3), dtype=np.int64)
         set_field(self, "nonfinite_paths", tuple((row, column, sample) for row, column, sample in paths.tolist()))
-        least_of = {"paths": 0, "paths_through_lens": 0, "nonfinite": 0, "zero_variance": 0, "threads": 1}
-        for name, least in least_of.items():
-            set_field(self, name, whole(getattr(self, name), name, at_least=least))
+        minima = {"paths": 0, "paths_through_lens": 0, "nonfinite": 0, "zero_variance": 0, "threads": 1}
+        for name, minimum in minima.items():
+            set_field(self, name, whole(getattr(self, name), name, at_least=minimum))
         if isinstance(self.processors, str) or not all(isinstance(kind, str) for kind in self.processors):
             raise InvalidValueError(f"processors is {self.processors!r}; it must be a tuple of texts")
         set_field(self, "processors", tuple(self.processors))
-        share = finite(self.clamped, "clamped")
-        if not 0 <= share <= 1:
-            raise InvalidValueError(f"clamped is {share:g}; it must be within 0 and 1")
-        set_field(self, "clamped", share)
+        fraction = finite(self.clamped, "clamped")
+        if not 0 <= fraction <= 1:
+            raise InvalidValueError(f"clamped is {fraction:g}; it must be within 0 and 1")
+        set_field(self, "clamped", fraction)
         if self.paths_through_lens > self.paths:
             raise InvalidValueError(
                 f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"
@@ -136,12 +135,12 @@ class RenderStats:
 
     @property
     def fraction_through_lens(self) -> float:
-        """The part of the sampled paths that left the lens towards the scene; nan where none were sampled."""
+        """Fraction of the sampled paths that left the lens towards the scene; nan without paths."""
         return self.paths_through_lens / self.paths if self.paths else float("nan")
 
     @property
     def lost_by_cause(self) -> dict[str, int]:
-        """The number of lost paths for each cause, over all elements."""
+        """Number of lost paths for each cause, over all elements."""
         return by_cause(self.lost)
 
     def __repr__(self) -> str:
@@ -153,7 +152,7 @@ class RenderStats:
         if lost:
             facts.append(f"lost: {lost}")
         if self.stopped_by is not StopReason.SAMPLES:
-            facts.append(_ENDED[self.stopped_by])
+            facts.append(_END_TEXTS[self.stopped_by])
         if self.nonfinite:
             facts.append(f"{self.nonfinite} not finite")
         if self.clamped:

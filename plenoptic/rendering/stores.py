@@ -1,4 +1,4 @@
-"""Exposures as named arrays with dimensions, units and coordinates: as xarray datasets, and in zarr stores."""
+"""Exposures as named arrays with dimensions, units and coordinates: xarray datasets, and zarr stores."""
 
 from __future__ import annotations
 
@@ -20,7 +20,16 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import FileError
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.rendering.exposure_files import CHANNEL_NAMES, texts_of
-from plenoptic.rendering.heads import EXPOSURE_NAMES, FACTS, Head, checked_head, fields_of, pixels_of, possible
+from plenoptic.rendering.exposure_metadata import (
+    EXPOSURE_NAMES,
+    FACTS,
+    ExposureMetadata,
+    checked_metadata,
+    fields_of,
+    impossible_as_file_error,
+    pixels_of,
+)
+from plenoptic.truth.arrays import available_truth, empty_truth
 from plenoptic.truth.channels import CHANNELS, Truth
 from plenoptic.truth.truth_arrays import available_truth, empty_truth
 
@@ -30,7 +39,7 @@ if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
 
 KIND, EXPOSURE, SEQUENCE = "plenoptic:kind", "exposure", "sequence"
-"""The attribute that says what a store holds, and what it says."""
+"""Attribute with the kind of a store's content, and its values."""
 CHANNEL, TIME = "channel", "time"
 _PIXEL = (ROW, COLUMN)
 _OWN = {
@@ -42,7 +51,7 @@ _OWN = {
     ),
     "sample_counts": Variable(_PIXEL, (), np.int32, 0, "paths of the pixel"),
 }
-"""The arrays of an exposure beside the truth; shapes are those of the exposure."""
+"""Arrays of an exposure other than the truth; shapes are those of the exposure."""
 _MOTION = {
     "motion_position": Variable(
         (*_PIXEL, "xyz"), (), np.float64, np.nan, "place in the next frame of the scene point, in the world", "mm"
@@ -59,7 +68,7 @@ _MOTION = {
 }
 _LABELS = {"xyz": ("X", "Y", "Z"), "along": ("columns", "rows")}
 MOTION_NAMES = tuple(_MOTION)
-"""The arrays of a `MotionTruth` in the order of its fields."""
+"""Arrays of a `MotionTruth` in the order of its fields."""
 
 
 class Layout(NamedTuple):
@@ -68,25 +77,25 @@ class Layout(NamedTuple):
     shape: tuple[int, int]
     """Rows and columns."""
     channels: int
-    """Of the image, 1 or 3."""
+    """Channels of the image, 1 or 3."""
     names: tuple[str, ...]
-    """Of the arrays: image, standard_error, sample_counts, fields of `GroundTruth`, and those of motions."""
+    """Names of the arrays: image, standard_error, sample_counts, fields of `GroundTruth`, and those of motions."""
     corner: tuple[int, int] = (0, 0)
-    """The first row and column on the sensor."""
+    """First row and column on the sensor."""
     sensor: Sensor | None = None
-    """For the places of pixels in mm; None where it is not known."""
+    """Sensor, for the positions of pixels in mm; None if unknown."""
 
 
 def empty_arrays(layout: Layout) -> dict[str, NDArray[Any]]:
-    """The arrays of a layout in memory, not filled."""
-    pixels = {name: one for name, one in _variables(layout).items() if one.values is None}
-    return {name: np.empty(one.shape, dtype=one.dtype) for name, one in pixels.items()}
+    """Uninitialised arrays of a layout in memory."""
+    pixels = {name: variable for name, variable in _variables(layout).items() if variable.values is None}
+    return {name: np.empty(variable.shape, dtype=variable.dtype) for name, variable in pixels.items()}
 
 
 def create_store(
     path: str | os.PathLike[str], layout: Layout, texts: Mapping[str, str], *, times: Floats | None = None
 ) -> Store:
-    """A store for an exposure of this layout, or with `times` (s) for a sequence, whose pixels are put in later."""
+    """Create a store for an exposure of this layout, or with `times` (s) for a sequence; pixels are added later."""
     kind, variables = {KIND: EXPOSURE if times is None else SEQUENCE}, _variables(layout)
     if times is not None:
         variables[TIME] = Variable((FRAME,), times.shape, times.dtype, 0, "time of the frame", "s", {}, times)
@@ -94,7 +103,7 @@ def create_store(
 
 
 def save_store(exposure: Exposure, path: str | os.PathLike[str]) -> None:
-    """Write an exposure to a store, whole or not at all."""
+    """Write an exposure to a store, atomically."""
     target = real_path(path)
     check_store(target)
     with replace_folder(target) as folder:
@@ -104,35 +113,35 @@ def save_store(exposure: Exposure, path: str | os.PathLike[str]) -> None:
 
 
 def fields_of_store(path: str | os.PathLike[str], limits: FileLimits) -> dict[str, Any]:
-    """The fields of the exposure that a store holds."""
+    """Fields of the exposure in a store."""
     texts = _attributes(path)
     return {**fields_of(_read(path, limits)), **fields_from_metadata(texts, FACTS)}
 
 
-def head_of_store(path: str | os.PathLike[str]) -> Head:
-    """All but the pixels of the exposure that a store holds."""
+def metadata_of_store(path: str | os.PathLike[str]) -> ExposureMetadata:
+    """Metadata of the exposure in a store."""
     texts = _attributes(path)
     shapes = array_shapes(path, (*EXPOSURE_NAMES, *CHANNELS))
-    with possible(path):
-        return checked_head(shapes.get("image", ()), shapes, fields_from_metadata(texts, FACTS))
+    with impossible_as_file_error(path):
+        return checked_metadata(shapes.get("image", ()), shapes, restored_fields(texts, FACTS))
 
 
-def rows_of_store(path: str | os.PathLike[str], head: Head, first: int, end: int) -> Exposure:
-    """Some rows of the exposure that a store with this head holds, however large it is; they have no region."""
+def rows_of_store(path: str | os.PathLike[str], metadata: ExposureMetadata, first: int, end: int) -> Exposure:
+    """Some rows of the exposure in a store of this metadata, of any size, without region."""
     from plenoptic.rendering.exposure import Exposure  # knows this module
 
-    with possible(path):
-        return Exposure(**fields_of(_read(path, ANY_SIZE, slice(first, end))), samples=head.samples)
+    with impossible_as_file_error(path):
+        return Exposure(**fields_of(_read(path, ANY_SIZE, slice(first, end))), samples=metadata.samples)
 
 
 def _attributes(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Attributes of a store that holds an exposure; a FileError for another content."""
+    """Attributes of a store that contains an exposure; raise FileError for other content."""
     attributes = attributes_of(path)
     if attributes is None or attributes.get(KIND) != EXPOSURE:
         if not os.path.exists(path):
             raise FileError(f"{os.fspath(path)!r} does not exist; check the path")
-        found = "a sequence" if attributes is not None and attributes.get(KIND) == SEQUENCE else "no exposure"
-        raise FileError(f"{os.fspath(path)!r} holds {found}; open it with xarray.open_zarr")
+        content = "a sequence" if attributes is not None and attributes.get(KIND) == SEQUENCE else "no exposure"
+        raise FileError(f"{os.fspath(path)!r} holds {content}; open it with xarray.open_zarr")
     return attributes
 
 
@@ -144,74 +153,74 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, rows: slice = slice(
 
 
 def dataset_of(exposure: Exposure) -> xarray.Dataset:
-    """An exposure as xarray takes it; its arrays are not copied."""
+    """An exposure as xarray dataset; its arrays are not copied."""
     arrays, variables = pixels_of(exposure), _variables(layout_of(exposure))
-    made = {
-        name: (one.dimensions, arrays[name] if one.values is None else one.values, one.attributes)
-        for name, one in variables.items()
+    data = {
+        name: (variable.dimensions, arrays[name] if variable.values is None else variable.values, variable.attributes)
+        for name, variable in variables.items()
     }
     module = extra_package("xarray", "to_xarray", EXTRA)
-    coordinates = {name: made.pop(name) for name, one in variables.items() if one.values is not None}
-    return module.Dataset(made, coords=coordinates, attrs={KIND: EXPOSURE, **texts_of(exposure)})
+    coordinates = {name: data.pop(name) for name, variable in variables.items() if variable.values is not None}
+    return module.Dataset(data, coords=coordinates, attrs={KIND: EXPOSURE, **texts_of(exposure)})
 
 
 def layout_of(exposure: Exposure, truth: Truth = Truth.NONE, *, microlenses: bool = False) -> Layout:
-    """Layout of an exposure, with the channels of `truth` that others may have, some of cameras with `microlenses`."""
+    """Layout of an exposure, plus the channels of `truth` that other exposures may have, also with `microlenses`."""
     rows, columns, channels = exposure.image.shape
     first_row, _, first_column, _ = exposure.region or (0, rows, 0, columns)
     sensor = None if exposure.camera is None else exposure.camera.sensor
-    known = tuple(empty_truth(available_truth(truth, meshes=True, microlenses=microlenses), (0, 0)))
-    names = tuple(dict.fromkeys((*pixels_of(exposure), *known)))
+    truth_fields = tuple(empty_truth(available_truth(truth, meshes=True, microlenses=microlenses), (0, 0)))
+    names = tuple(dict.fromkeys((*pixels_of(exposure), *truth_fields)))
     return Layout((rows, columns), channels, names, (first_row, first_column), sensor)
 
 
 def _variables(layout: Layout) -> dict[str, Variable]:
-    """Descriptions of the arrays, and their coordinates."""
-    made: dict[str, Variable] = {}
-    known, labels = _OWN | _MOTION, {CHANNEL: CHANNEL_NAMES[layout.channels], **_LABELS}
+    """Variables of the arrays, and their coordinates."""
+    variables: dict[str, Variable] = {}
+    templates, labels = _OWN | _MOTION, {CHANNEL: CHANNEL_NAMES[layout.channels], **_LABELS}
     for name in layout.names:
-        found = known[name] if name in known else _of_truth(name)
+        variable = templates[name] if name in templates else _truth_variable(name)
         if name in CHANNELS and (numbers := CHANNELS[name].numbers):
             labels[numbers.lower()] = tuple(numbers)
-        shape = (*layout.shape, *(len(labels[dimension]) for dimension in found.dimensions[2:]))
-        made[name] = found._replace(shape=shape)
+        shape = (*layout.shape, *(len(labels[dimension]) for dimension in variable.dimensions[2:]))
+        variables[name] = variable._replace(shape=shape)
     meanings = {CHANNEL: "channel of the image"}
-    used = {dimension for one in made.values() for dimension in one.dimensions}
+    used = {dimension for template in variables.values() for dimension in template.dimensions}
     for dimension, names in labels.items():
         if dimension in used:
             values = np.array(names)
             meaning = meanings.get(dimension, "components")
-            made[dimension] = Variable((dimension,), values.shape, values.dtype, 0, meaning, "", {}, values)
-    return made | _places(layout)
+            variables[dimension] = Variable((dimension,), values.shape, values.dtype, 0, meaning, "", {}, values)
+    return variables | _coordinates(layout)
 
 
-def _of_truth(name: str) -> Variable:
+def _truth_variable(name: str) -> Variable:
     channel = CHANNELS[name]
     dimensions = (*_PIXEL, channel.numbers.lower()) if channel.numbers else _PIXEL
-    # Whole numbers have no nan: readers are told which number is none. JSON in turn has no nan.
-    nothing = channel.void if isinstance(channel.void, int) else f"{channel.void:g}"
-    unseen = channel.void if isinstance(channel.void, int) else np.nan
-    more = {"nothing_there": nothing}
-    return Variable(dimensions, (), channel.dtype, unseen, channel.meaning, channel.unit or "1", more)
+    # Integers have no nan: an attribute names the number that means nothing. JSON in turn has no nan.
+    void = channel.void if isinstance(channel.void, int) else f"{channel.void:g}"
+    fill_value = channel.void if isinstance(channel.void, int) else np.nan
+    attributes = {"nothing_there": void}
+    return Variable(dimensions, (), channel.dtype, fill_value, channel.meaning, channel.unit or "1", attributes)
 
 
-def _places(layout: Layout) -> dict[str, Variable]:
-    """Rows and columns on the sensor, and where these are in mm."""
+def _coordinates(layout: Layout) -> dict[str, Variable]:
+    """Coordinates: rows and columns on the sensor, and their positions in mm."""
     rows, columns = (first + np.arange(n) for first, n in zip(layout.corner, layout.shape, strict=True))
 
     def along(dimension: str, values: NDArray[Any], meaning: str, unit: str = "1") -> Variable:
         return Variable((dimension,), values.shape, values.dtype, 0, meaning, unit, {}, values)
 
-    made = {ROW: along(ROW, rows, "row on the sensor"), COLUMN: along(COLUMN, columns, "column on the sensor")}
+    coordinates = {ROW: along(ROW, rows, "row on the sensor"), COLUMN: along(COLUMN, columns, "column on the sensor")}
     if layout.sensor is not None:
         x, y = layout.sensor.centre_of(0, columns)[:, 0], layout.sensor.centre_of(rows, 0)[:, 1]
-        made["x"] = along(COLUMN, x, "x of the pixel's centre on the sensor, whose middle is 0", "mm")
-        made["y"] = along(ROW, y, "y of the pixel's centre on the sensor, whose middle is 0", "mm")
-    return made
+        coordinates["x"] = along(COLUMN, x, "x of the pixel's centre on the sensor, whose middle is 0", "mm")
+        coordinates["y"] = along(ROW, y, "y of the pixel's centre on the sensor, whose middle is 0", "mm")
+    return coordinates
 
 
 def check_store(target: Path) -> None:
-    """An error where no exposure could be put at `target`."""
+    """Raise an error if no exposure could be written at `target`."""
     if target.exists() and not _replaceable(target):
         raise FileError(f"{str(target)!r} is there and holds no exposure; choose a new name, or remove it first")
     check_folder(target)

@@ -1,4 +1,4 @@
-"""A tile: the unit of work. One rectangle of pixels through all stages, as a pure function."""
+"""A tile, the unit of work: a rectangle of pixels through all stages, as a pure function."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.plan.stages import Stage
-from plenoptic.rendering.tile_sums import Part, PixelSums, SharedSums, Tally
-from plenoptic.truth.ground_truth import Arrays, compute_truth
+from plenoptic.rendering.tile_sums import PathCounts, PixelSums, SamplingPass, SharedSums
+from plenoptic.truth.ground_truth import Arrays, truth_of
 from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.truth_stages import TruthRecord
 
 BUNDLE = 1 << 14
-"""Paths that go through the stages together. Half as many take 2 % more time for white images and the still life,
-8 % more for `objects`, whose paths end one by one; twice as many take as long, and twice the memory."""
+"""Paths that are traced together. Half as many take 2 % longer for white images and the still life, and 8 % longer for
+`objects`, whose paths end one by one. Twice as many take as long, and twice the memory.
+"""
 
 
 class Tile(NamedTuple):
@@ -40,44 +41,45 @@ class Tile(NamedTuple):
         return self.rows * self.columns
 
     def centres(self, camera: CameraRecord) -> Floats:
-        """(rows * columns, 2): see `pixel_centres`."""
+        """Pixel centres (rows * columns, 2); see `pixel_centres`."""
         return pixel_centres(camera, (self.row, self.row + self.rows), (self.column, self.column + self.columns))
 
     def numbers(self, camera: CameraRecord) -> NDArray[np.int64]:
-        """(rows * columns,): numbers of the pixels on the whole sensor."""
+        """Pixel numbers (rows * columns,) on the whole sensor."""
         row, column = np.divmod(np.arange(self.pixels), self.columns)
         return (self.row + row) * camera.sensor.columns + self.column + column
 
 
 class TileResult(NamedTuple):
-    """Result of a batch of a tile."""
+    """Result of a batch of samples of a tile."""
 
     tile: Tile
     batch: Batch
     sums: Floats
-    """(rows, columns, replicates + 1, channels): what the samples of each replicate bring, and the squares of what all
-    bring, of all batches until now."""
+    """(rows, columns, replicates + 1, channels): sums of each replicate, and sums of squares, over all batches so far.
+    """
     weights: Floats | None
-    """(rows, columns): what a sample weighs at most, about; 0 for pixels that no light can reach. Of first batches."""
+    """(rows, columns): approximate upper bound of a sample's weight, 0 for pixels without light. Of first batches only.
+    """
     counts: NDArray[np.int64]
-    """Paths by status."""
+    """Number of paths by status."""
     truth: Arrays | None
-    """(rows, columns, ...) by name; None where nothing of it is wanted."""
+    """(rows, columns, ...) by name; None if no truth is requested."""
     paths: int
-    """Paths sampled."""
+    """Number of sampled paths."""
     nonfinite: int
     lost_paths: tuple[tuple[int, int, int], ...]
-    """Row, column and sample of the first paths that were not finite."""
-    met: int
-    """Paths that met the scene."""
+    """Row, column and sample of the first non-finite paths."""
+    scene_hits: int
+    """Number of paths that hit the scene."""
     light: float
-    """Sum of what paths brought."""
+    """Total light of the paths."""
     clamped: float
-    """Sum of what clamping took away."""
+    """Total light removed by clamping."""
 
 
 def status_codes(camera: CameraRecord) -> int:
-    """Number of status codes of a camera's rays."""
+    """Number of possible values of a ray's status."""
     return 8 * (camera.elements + 1)
 
 
@@ -89,9 +91,9 @@ def render_tile(
     before: Floats | None = None,
     stopped: Callable[[], bool] | None = None,
 ) -> TileResult | None:
-    """A batch of samples of a tile's pixels, added to the sums of earlier batches: a pure function of its arguments.
+    """Render a batch of samples of a tile and add it to the sums of earlier batches: a pure function of its arguments.
 
-    None where `stopped` says, between two bundles, that the result is no longer wanted.
+    Returns None if `stopped` returns True between two bundles: the result is no longer needed.
     """
     camera, shape, certain = context.camera, (tile.rows, tile.columns), context.plan.runs(Stage.CERTAIN_LIGHT)
     fed = context.prepared.illuminated_pixels(tile, with_core=certain)
@@ -101,66 +103,70 @@ def render_tile(
     if camera.diffraction_kernel is None:
         sums: PixelSums | SharedSums = PixelSums(context, fed, batch, whole)
     else:
-        sums = SharedSums(context, camera.diffraction_kernel, fed, batch, whole)
-    tally = Tally(context, status_codes(camera))
-    for parts in sums.rounds():
-        if not _added(context, parts, tally, tile, stopped):
+        sums = SharedSums(context, camera.spread, fed, batch, whole)
+    statistics = PathCounts(context, status_codes(camera))
+    for passes in sums.passes():
+        if not _trace_passes(context, passes, statistics, tile, stopped):
             return None
     return TileResult(
         tile=tile,
         batch=batch,
         sums=whole.reshape(*shape, *whole.shape[1:]),
         weights=None if batch.first else _weights(camera, fed, tile),
-        counts=tally.counts,
+        counts=statistics.counts,
         truth=None if truth is None else _truth(context, truth, tile, tile.centres(camera), fed),
-        paths=tally.paths,
-        nonfinite=tally.nonfinite,
-        lost_paths=tuple(tally.lost_paths),
-        met=tally.met,
-        light=tally.light,
-        clamped=tally.clamped,
+        paths=statistics.paths,
+        nonfinite=statistics.nonfinite,
+        lost_paths=tuple(statistics.lost_paths),
+        scene_hits=statistics.scene_hits,
+        light=statistics.light,
+        clamped=statistics.clamped,
     )
 
 
-def _added(
-    context: RenderContext, parts: list[Part], tally: Tally, tile: Tile, stopped: Callable[[], bool] | None
+def _trace_passes(
+    context: RenderContext,
+    passes: list[SamplingPass],
+    statistics: PathCounts,
+    tile: Tile,
+    stopped: Callable[[], bool] | None,
 ) -> bool:
-    """Trace the paths of a pass and add their contributions; True if nothing stopped it."""
+    """Trace the passes and add their light; return False if stopped."""
     integrator = None
     if context.scene is not None:
         from plenoptic.rendering.integrator.path import PathIntegrator
 
-        integrator = PathIntegrator(context, min(BUNDLE, max(part.paths for part in parts)))
-    for part in parts:
-        ways = CameraRays(context.camera, part.fed, part.batch, min(BUNDLE, part.paths))
-        before = 0 if integrator is None else integrator.met
-        # A tile without pixels has an empty bundle: it shows which kernels there will be.
-        for start in range(0, part.paths, BUNDLE) if tile.pixels else (0,):
+        integrator = PathIntegrator(context, min(BUNDLE, max(pass_.paths for pass_ in passes)))
+    for pass_ in passes:
+        camera_rays = CameraPaths(context.camera, pass_.fed, pass_.batch, min(BUNDLE, pass_.paths))
+        before = 0 if integrator is None else integrator.scene_hits
+        # A tile without pixels has one empty bundle, which compiles the kernels.
+        for start in range(0, pass_.paths, BUNDLE) if tile.pixels else (0,):
             if stopped is not None and stopped():
                 return False
-            n = min(BUNDLE, part.paths - start)
-            bundle = ways.sample(start, n)
-            ways.fill_through_array(bundle)
-            ways.fill_through_lens(bundle)
-            if part.counted:
-                fill_status_counts(tally.counts, bundle, n)
+            n = min(BUNDLE, pass_.paths - start)
+            bundle = camera_rays.started(start, n)
+            camera_rays.fill_through_array(bundle)
+            camera_rays.fill_through_lens(bundle)
+            if pass_.counted:
+                fill_status_counts(statistics.counts, bundle, n)
             radiance = None
             if integrator is not None:
-                ways.fill_iris_deflections(bundle, start, n)
-                radiance = integrator.radiance(bundle, start, n, part.batch, part.fed.number, ways.waves)
-            tally.clamp(part, bundle, radiance, n)
-            tally.drop(part, bundle, radiance, start, n, part.fill(bundle, radiance, ways, start, n))
-        if part.counted:
-            tally.paths += part.paths
-            tally.met += 0 if integrator is None else integrator.met - before
+                camera_rays.fill_bent_at_iris(bundle, start, n)
+                radiance = integrator.radiance(bundle, start, n, pass_.batch, pass_.fed.number, camera_rays.waves)
+            statistics.clamp(pass_, bundle, radiance, n)
+            statistics.drop(pass_, bundle, radiance, start, n, pass_.fill(bundle, radiance, camera_rays, start, n))
+        if pass_.counted:
+            statistics.paths += pass_.paths
+            statistics.scene_hits += 0 if integrator is None else integrator.scene_hits - before
     return True
 
 
 def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
-    """(rows, columns): approximate largest weight of a pixel's sample: the area of its region over distance^2."""
-    found = np.zeros(tile.pixels)
-    found[fed.place] = fed.areas / camera.sensor.plane.distance**2
-    return found.reshape(tile.rows, tile.columns)
+    """Approximate maximum weight (rows, columns) of a pixel's samples: area of its region over distance^2."""
+    weights = np.zeros(tile.pixels)
+    weights[fed.place] = fed.areas / camera.sensor.plane.distance**2
+    return weights.reshape(tile.rows, tile.columns)
 
 
 def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats, fed: IlluminatedPixels) -> Arrays:

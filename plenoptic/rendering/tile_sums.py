@@ -1,4 +1,4 @@
-"""Sums of the paths of a tile in its pixels."""
+"""Sums of the light of a tile's paths over its pixels."""
 
 from __future__ import annotations
 
@@ -29,15 +29,16 @@ from plenoptic.rendering.settings import Sampler
 from plenoptic.rendering.stats import NAMED
 
 
-class Part(NamedTuple):
-    """Paths of a tile that start alike."""
+class SamplingPass(NamedTuple):
+    """Paths of a tile that are sampled and added alike."""
 
     fed: IlluminatedPixels
     batch: Batch
-    fill: Callable[[Floats, Floats | None, CameraRays, int, int], int]
-    """Adds what a bundle brings, from a path on so many; returns how many contributions are left out, not finite."""
+    fill: Callable[[Floats, Floats | None, CameraPaths, int, int], int]
+    """Adds a bundle (bundle, radiance, camera rays, first path, number); returns the count of non-finite contributions.
+    """
     counted: bool = True
-    """Whether these are the tile's own: others are those of tiles beside it."""
+    """True if the paths belong to the tile, and not to neighbouring tiles."""
 
     @property
     def paths(self) -> int:
@@ -46,33 +47,31 @@ class Part(NamedTuple):
 
 
 class PixelSums:
-    """The sums where light stays in its pixel, with those of earlier batches in `whole`, which they are added to."""
+    """Sums of a tile without diffraction, starting from those of earlier batches in `whole`, which it updates."""
 
     def __init__(self, context: RenderContext, fed: IlluminatedPixels, batch: Batch, whole: Floats) -> None:
         self._fed, self._batch, self._whole = fed, batch, whole
         self._weights = None if context.camera.colour is None else context.camera.colour.weights
-        self._grouped = context.settings.sampler is Sampler.RANDOM
+        self._independent = context.settings.sampler is Sampler.RANDOM
         self._sums = whole[fed.place]
-        if self._grouped:
+        if self._independent:
             self._sums = np.zeros((fed.place.size, batch.streams + 1, whole.shape[2]))
 
-    def _fill(self, bundle: Floats, radiance: Floats | None, ways: CameraRays, start: int, n: int) -> int:
-        light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
+    def _fill(self, bundle: Floats, radiance: Floats | None, camera_rays: CameraPaths, start: int, n: int) -> int:
+        light = film_sums.Light(bundle, radiance, camera_rays.waves, self._weights)
         return int(film_sums.fill_sums(self._sums, light, start, n, self._batch))
 
-    def rounds(self) -> Iterator[list[Part]]:
-        """Parts, to be gone through one by one; afterwards the sums are in `whole`."""
-        yield [Part(self._fed, self._batch, self._fill)]
+    def passes(self) -> Iterator[list[SamplingPass]]:
+        """The passes to be traced. When the generator is resumed after the last one, it writes the sums to `whole`."""
+        yield [SamplingPass(self._fed, self._batch, self._fill)]
         place, sums = self._fed.place, self._sums
-        if self._grouped:
+        if self._independent:
             sums = self._whole[place] + _by_replicate(sums, self._batch, self._whole.shape[1] - 1)
         self._whole[place] = sums
 
 
 class SharedSums:
-    """Sums with diffraction: of shares of the light that is headed to pixels and their neighbours, and of far
-    deflections.
-    """
+    """Sums of a tile with diffraction: light spread by kernels over nearby pixels, and sampled large deflections."""
 
     def __init__(
         self, context: RenderContext, spread: DiffractionKernel, fed: IlluminatedPixels, batch: Batch, whole: Floats
@@ -80,78 +79,76 @@ class SharedSums:
         assert fed.sources is not None
         self._context, self._spread, self._batch, self._whole, self._around = context, spread, batch, whole, fed.sources
         self._weights = None if context.camera.colour is None else context.camera.colour.weights
-        self._own, self._beside = kernel_source_pixels(context.camera, fed, spread.table)
-        self._drawn = fed._replace(
-            number=remainder_numbers(fed.number), sources=fed.sources._replace(deflection=spread.remainder)
-        )
+        self._tile_pixels, self._neighbour_pixels = sharing_pixels(context.camera, fed, spread.table)
+        self._drawn = fed._replace(number=rest_numbers(fed.number), around=fed.around._replace(bend=spread.rest))
         white = context.scene is None and spread.table.means is not None
-        self._levels = np.zeros(len(fed.sources.numbers)) if white else None
+        self._pilot_mean = np.zeros(len(fed.around.numbers)) if white else None
 
-    def rounds(self) -> Iterator[list[Part]]:
-        """Parts, to be gone through one by one, those of a round together; afterwards the sums are in `whole`."""
-        if self._levels is not None:
-            # Before all others, since these need it.
-            yield [self._levelling(fed) for fed in (self._own, self._beside)]
+    def passes(self) -> Iterator[list[SamplingPass]]:
+        """Lists of passes to be traced together. The generator adds each list's sums to `whole` when it is resumed."""
+        if self._pilot_mean is not None:
+            # The pilot means are the control variate of all other passes.
+            yield [self._pilot_pass(fed) for fed in (self._tile_pixels, self._neighbour_pixels)]
         for batch in self._pieces():
             pixels, rows, channels = self._whole.shape
             places, to = len(self._around.numbers), self._spread.table.weights.shape[1]
             shared = np.zeros((places, rows - 1, channels, to)), np.zeros((places, channels, to))
             drawn = np.zeros((pixels, rows - 1, channels)), np.zeros((pixels, channels))
             yield [
-                self._sharing(shared, self._own, batch),
-                self._drawing(drawn, batch),
-                self._sharing(shared, self._beside, batch)._replace(counted=False),
+                self._kernel_pass(shared, self._tile_pixels, batch),
+                self._deflection_pass(drawn, batch),
+                self._kernel_pass(shared, self._neighbour_pixels, batch)._replace(counted=False),
             ]
             self._gather(shared, drawn, batch)
 
     def _pieces(self) -> Iterator[Batch]:
-        """The batch, cut where any others are, so that sums are rounded alike."""
+        """The batch, cut at the batch boundaries of any schedule, so that sums are rounded alike."""
         begin, end, step = self._batch.first, self._batch.first + self._batch.samples, self._context.together
         cuts = [begin, *range((begin // step + 1) * step, end, step), end]
         return (batch_of(self._context, first, last - first) for first, last in pairwise(cuts))
 
-    def _levelling(self, fed: IlluminatedPixels) -> Part:
-        """Paths of their own, which tell about how light it is: the same whichever samples are rendered."""
-        batch = batch_record(self._batch.seed, 0, PILOT_SAMPLES, 1, 0, 0)
+    def _pilot_pass(self, fed: FedPixels) -> SamplingPass:
+        """Pilot paths, independent of the rendered samples, that estimate the control variate."""
+        batch = batch_record(self._batch.seed, 0, LEVELLING, 1, 0, 0)
 
-        def fill(bundle: Floats, _: Floats | None, ways: CameraRays, start: int, n: int) -> int:
-            film_sums.fill_levels(self._levels, fed.place, bundle, start, n, batch)
+        def fill(bundle: Floats, _: Floats | None, camera_rays: CameraPaths, start: int, n: int) -> int:
+            film_sums.fill_pilot_means(self._pilot_mean, fed.place, bundle, start, n, batch)
             return 0
 
-        return Part(fed._replace(number=pilot_numbers(fed.number)), batch, fill, counted=False)
+        return SamplingPass(fed._replace(number=levelling_numbers(fed.number)), batch, fill, counted=False)
 
-    def _sharing(self, sums: tuple[Floats, Floats], fed: IlluminatedPixels, batch: Batch) -> Part:
-        """Paths to pixels, whose light is shared."""
-        parts = self._spread.table.weights
+    def _kernel_pass(self, sums: tuple[Floats, Floats], fed: FedPixels, batch: Batch) -> SamplingPass:
+        """Paths whose light is distributed over pixels by the kernel."""
+        kernel_rows = self._spread.table.parts
 
-        def fill(bundle: Floats, radiance: Floats | None, ways: CameraRays, start: int, n: int) -> int:
-            light, shares = film_sums.Light(bundle, radiance, ways.waves, self._weights), (ways.kernel_rows, parts)
-            return int(film_sums.fill_shared(sums, fed.place, light, self._levels, shares, start, n, batch))
+        def fill(bundle: Floats, radiance: Floats | None, camera_rays: CameraPaths, start: int, n: int) -> int:
+            light, weights = film_sums.Light(bundle, radiance, camera_rays.waves, self._weights), camera_rays.spots
+            added = sums, fed.place, light, self._pilot_mean, (weights, kernel_rows)
+            return int(film_sums.fill_kernel_sums(*added, start, n, batch))
 
-        return Part(fed, batch, fill)
+        return SamplingPass(fed, batch, fill)
 
-    def _drawing(self, sums: tuple[Floats, Floats], batch: Batch) -> Part:
-        """Paths whose bends are drawn."""
-        rest = remainder_batch(batch)
+    def _deflection_pass(self, sums: tuple[Floats, Floats], batch: Batch) -> SamplingPass:
+        """Paths with sampled deflections."""
+        deflections = rest_of(batch)
 
-        def fill(bundle: Floats, radiance: Floats | None, ways: CameraRays, start: int, n: int) -> int:
-            light = film_sums.Light(bundle, radiance, ways.waves, self._weights)
-            return int(film_sums.fill_drawn(sums, light, start, n, rest, batch, DEFLECTION_INTERVAL))
+        def fill(bundle: Floats, radiance: Floats | None, camera_rays: CameraPaths, start: int, n: int) -> int:
+            light = film_sums.Light(bundle, radiance, camera_rays.waves, self._weights)
+            return int(film_sums.fill_deflected_sums(sums, light, start, n, deflections, batch, EVERY))
 
-        return Part(self._drawn, rest, fill)
+        return SamplingPass(self._drawn, deflections, fill)
 
     def _gather(self, shared: tuple[Floats, Floats], drawn: tuple[Floats, Floats], batch: Batch) -> None:
-        """Add the pixels' light to `whole`."""
-        givers, known, means = self._around.givers, np.zeros(drawn[1].shape), self._spread.table.means
-        if self._levels is not None and means is not None:
-            known += self._levels[givers] @ means.T
-        film_sums.fill_gathered(
-            self._whole, shared, known, drawn, givers, batch, self._spread.remainder_share, DEFLECTION_INTERVAL
-        )
+        """Add the totals of the pixels to `whole`."""
+        sources, control_variate, means = self._around.givers, np.zeros(drawn[1].shape), self._spread.table.means
+        if self._pilot_mean is not None and means is not None:
+            control_variate += self._pilot_mean[sources] @ means.T
+        weight = self._spread.drawn
+        film_sums.fill_pixel_totals(self._whole, shared, control_variate, drawn, sources, batch, weight, EVERY)
 
 
 def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
-    """Sums of independent samples (pixels, samples, channels) as those of replicates: sample s belongs to s % r."""
+    """Sum independent samples (pixels, samples, channels) by replicate: sample s belongs to s % r."""
     grouped = np.zeros((sums.shape[0], replicates + 1, sums.shape[2]))
     grouped[:, -1] = sums[:, -1]
     for replicate in range(min(replicates, batch.samples)):
@@ -159,35 +156,38 @@ def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
     return grouped
 
 
-class Tally:
-    """Counts of a tile's own paths by their fates."""
+class PathCounts:
+    """Statistics of a tile's own paths."""
 
     def __init__(self, context: RenderContext, statuses: int) -> None:
         self._context = context
         self.counts = np.zeros(statuses, dtype=np.int64)
-        self.paths, self.met, self.nonfinite, self.light, self.clamped = 0, 0, 0, 0.0, 0.0
+        self.paths, self.scene_hits, self.nonfinite, self.light, self.clamped = 0, 0, 0, 0.0, 0.0
         self.lost_paths: list[tuple[int, int, int]] = []
 
-    def clamp(self, part: Part, bundle: Floats, radiance: Floats | None, n: int) -> None:
-        """Clamp the contributions of a bundle's paths."""
+    def clamp(self, pass_: SamplingPass, bundle: Floats, radiance: Floats | None, n: int) -> None:
+        """Clamp the radiance of the paths of a bundle."""
         limit = self._context.settings.clamp
         if limit is not None and radiance is not None:
-            kept, removed = film_sums.fill_clamped(radiance, bundle, n, limit)
-            if part.counted:
-                self.light, self.clamped = self.light + kept + removed, self.clamped + removed
+            remaining, removed = film_sums.clamp_radiance(radiance, bundle, n, limit)
+            if pass_.counted:
+                self.light, self.clamped = self.light + remaining + removed, self.clamped + removed
 
-    def drop(self, part: Part, bundle: Floats, radiance: Floats | None, start: int, n: int, dropped: int) -> None:
-        """Count contributions that are not finite, and name the first of a bundle by row, column and sample."""
-        if not dropped or not part.counted:
+    def drop(
+        self, pass_: SamplingPass, bundle: Floats, radiance: Floats | None, start: int, n: int, dropped: int
+    ) -> None:
+        """Count non-finite contributions, and record row, column and sample of the first ones of a bundle."""
+        if not dropped or not pass_.counted:
             return
         self.nonfinite += dropped
-        batch, light = part.batch, bundle.reshape(-1, RAY // BLOCK, BLOCK)[:, WEIGHT // BLOCK].ravel()[:n, None]
+        batch = pass_.batch
+        light = bundle.reshape(-1, RAY // BLOCK, BLOCK)[:, WEIGHT // BLOCK].ravel()[:n, None]
         with np.errstate(all="ignore"):
             light = light if radiance is None else light * radiance
         columns = self._context.camera.sensor.columns
         for k in np.flatnonzero(~np.isfinite(light).all(axis=1))[: NAMED - len(self.lost_paths)]:
             pixel, stream, index = path_indices(start + int(k), batch.samples, batch.streams)
             sample = batch.first_stream + stream + (batch.first_index + index) * self._context.replicates
-            number = int(part.fed.number[pixel])
-            if number < NUMBER_OFFSET:  # drawn bends are not replayed
+            number = int(pass_.fed.number[pixel])
+            if number < APART:  # sampled deflections cannot be replayed
                 self.lost_paths.append((*divmod(number, columns), int(sample)))

@@ -1,4 +1,4 @@
-"""Cutting a region of the sensor into tiles."""
+"""Division of a region of the sensor into tiles."""
 
 from __future__ import annotations
 
@@ -12,36 +12,35 @@ from plenoptic.rendering.tile import Tile
 
 PATHS_PER_TILE = 1 << 17
 _SMALLEST_SIDE, _LARGEST_SIDE = 16, 256
-_SHARING = 4
-"""Times as many paths, and pixels at least, where pixels share light with those beside them, which a tile renders too.
+_DIFFRACTION_FACTOR = 4
+"""Factor for the paths of a tile, and minimum pixels, with diffraction: a tile also renders the pixels around it."""
+_MAX_REPLICATES = 1 << 16
+"""Replicates times pixels of a tile with diffraction: about 40 MB of sums for three channels."""
+_TIMED_SIDE, _DECIDING_SIDE, _MIN_DECIDING_SIDE = 32, 64, 2
+"""Side of tiles under a time limit, side of tiles with a target error (more pixels give a more reliable decision), and
+the minimum side of the latter.
 """
-_SHARED = 1 << 16
-"""Replicates of all pixels of such a tile: some 40 MB of sums of three channels."""
-_GROWING_SIDE, _DECIDING_SIDE, _FEWEST = 32, 64, 2
-"""Side of tiles that grow until time is over, of those that end by themselves (the more pixels decide, the better they
-agree), and the least that these may have."""
 _FIRST_PATHS = 1 << 15
-"""Paths of a tile with one sample of each replicate, where tiles grow step by step."""
-_MOST_BITS = 20
-"""Of the number of tiles along a side."""
+"""Paths of a tile with one sample of each replicate, if samples are added step by step."""
+_MAX_BITS = 20
+"""Bits of the number of tiles along a side."""
 _CELLS_PER_TILE = 1 << 18
-"""Microlenses that feed the pixels of a tile, all pixels together: some 70 MB of triangles."""
+"""Microlenses that illuminate the pixels of a tile, summed over pixels: about 70 MB of triangles."""
 
 
 def cut_into_tiles(
     region: tuple[int, int, int, int], budget: Budget, side: int | None, cells: float, *, shared: bool = False
 ) -> tuple[int, list[Tile]]:
-    """The side of tiles, and those of a region of rows and columns in their order; see `render` for `side`.
+    """Side of the tiles, and the tiles of a region in rendering order; see `render` for `side`.
 
-    Tiles have no more pixels than `cells`, the microlenses that feed a pixel, leave room for. `shared`: whether pixels
-    share light.
+    `cells`, the microlenses that illuminate a pixel, limit the size of a tile. `shared` is True with diffraction.
     """
-    least = 1 if budget.target_error is None else _FEWEST
-    wanted = _chosen_side(budget, shared=shared) if side is None else whole(side, "tile_side", at_least=1)
-    if wanted < least:
+    min_side = 1 if budget.target_error is None else _MIN_DECIDING_SIDE
+    requested_side = _chosen_side(budget, shared=shared) if side is None else whole(side, "tile_side", at_least=1)
+    if requested_side < min_side:
         raise InvalidValueError(
-            f"tile_side is {wanted}; with a target_error it must be at least {least}, since pixels decide for each "
-            "other"
+            f"tile_side is {requested_side}; with a target_error it must be at least {min_side}, since pixels decide "
+            "for each other"
         )
     first_row, end_row, first_column, end_column = region
     if budget.target_error is not None and (end_row - first_row) * (end_column - first_column) == 1:
@@ -49,43 +48,46 @@ def cut_into_tiles(
             "the region is a single pixel, and with a target_error pixels decide for each other; take two, or give "
             "samples"
         )
-    fitting = max(least, min(wanted, int(math.sqrt(_CELLS_PER_TILE / cells))))
-    rows, columns = _cuts(first_row, end_row, fitting, least), _cuts(first_column, end_column, fitting, least)
+    actual_side = max(min_side, min(requested_side, int(math.sqrt(_CELLS_PER_TILE / cells))))
+    rows, columns = (
+        _cuts(first_row, end_row, actual_side, min_side),
+        _cuts(first_column, end_column, actual_side, min_side),
+    )
     tiles = {
         (i, j): Tile(row, column, next_row - row, next_column - column)
         for i, (row, next_row) in enumerate(pairwise(rows))
         for j, (column, next_column) in enumerate(pairwise(columns))
     }
-    return fitting, [tiles[place] for place in sorted(tiles, key=_turn)]
+    return actual_side, [tiles[index] for index in sorted(tiles, key=_rendering_order)]
 
 
-def _turn(place: tuple[int, int]) -> int:
-    """Rank of a tile, such that the first n tiles are spread over the whole region for every n.
+def _rendering_order(index: tuple[int, int]) -> int:
+    """Position of a tile in the rendering order, in which any first tiles are spread over the whole region.
 
-    The bits of its row and column among the tiles, alternately, the lowest first: the radical inverse of both.
+    It interleaves the bits of the tile's row and column, lowest first: the radical inverse of both.
     """
-    turn = 0
-    for bit in range(_MOST_BITS):
-        for number in place:
-            turn = turn << 1 | number >> bit & 1
-    return turn
+    position = 0
+    for bit in range(_MAX_BITS):
+        for number in index:
+            position = position << 1 | number >> bit & 1
+    return position
 
 
 def _chosen_side(budget: Budget, *, shared: bool) -> int:
     if budget.steps:
         side = int(math.sqrt(_FIRST_PATHS / budget.replicates))
-        least, most = (1, _GROWING_SIDE) if budget.target_error is None else (_FEWEST, _DECIDING_SIDE)
-        return max(least, min(most if budget.time_limit is None else _GROWING_SIDE, side))
+        smallest, largest = (1, _TIMED_SIDE) if budget.target_error is None else (_MIN_DECIDING_SIDE, _DECIDING_SIDE)
+        return max(smallest, min(largest if budget.time_limit is None else _TIMED_SIDE, side))
     samples = budget.following(0)
     if shared:
-        pixels = min(_SHARING * PATHS_PER_TILE / samples, _SHARED / min(samples, budget.replicates))
+        pixels = min(_DIFFRACTION_FACTOR * PATHS_PER_TILE / samples, _MAX_REPLICATES / min(samples, budget.replicates))
         return min(max(int(math.sqrt(pixels)), 2 * _SMALLEST_SIDE), _LARGEST_SIDE)
     return min(max(int(math.sqrt(PATHS_PER_TILE / samples)), _SMALLEST_SIDE), _LARGEST_SIDE)
 
 
-def _cuts(first: int, end: int, side: int, least: int) -> list[int]:
-    """Borders of tiles along one axis; a remainder below `least` belongs to the tile before it."""
+def _cuts(first: int, end: int, side: int, min_side: int) -> list[int]:
+    """Tile boundaries; a remainder below `min_side` is added to the last tile."""
     cuts = [*range(first, end, side), end]
-    if len(cuts) > 2 and end - cuts[-2] < least:
+    if len(cuts) > 2 and end - cuts[-2] < min_side:
         del cuts[-2]
     return cuts

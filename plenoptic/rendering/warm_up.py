@@ -1,4 +1,4 @@
-"""Compilation ahead for a scene and a camera."""
+"""Compilation, in advance, of the kernels for a scene and a camera."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
 _HALF = 16
-"""Half of the pixels along the square that is rendered: a microlens image with its rim, where light is looked for."""
+"""Half side in pixels of the rendered square: a micro image with its rim."""
 _FAR = 1e3
-"""Distance of a point in mm, where no plane is in focus."""
+"""Distance of the projected point in mm, without a plane in focus."""
 
 
 @value
 class WarmUp:
-    """Kernels and time of a `warm_up`.
+    """Kernels compiled by `warm_up`, and its duration.
 
     Parameters
     ----------
     kernels : tuple of str
-        Names of the functions that this process has compiled, in order; helpers on other processors compile further.
+        Names of the functions compiled by this process, in order; helper processes compile further ones.
     seconds : float
-        How long it took.
+        Duration in s.
 
     Examples
     --------
@@ -63,22 +63,21 @@ class WarmUp:
 
 
 def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Truth.ALL, progress: bool = True) -> WarmUp:
-    """Compile the kernels of renders, ground truth and projections of a scene and a camera, by running each for few
-    pixels.
+    """Compile the kernels of renders, ground truth and projections of a scene and a camera.
 
-    Compiled code is kept on disk: afterwards other processes, too, render such scenes without waiting. It
-    depends on the kind of scene and camera only (which materials, lights, stops and microlenses there are), not on
-    sizes and numbers of samples. Where a render leaves caustics out or clamps, a few kernels are compiled then.
+    Each is run for few pixels. Compiled code is stored on disk, so that other processes, too, render such scenes
+    without delay. It depends only on the kinds of materials, lights, stops and microlenses, not on sizes and sample
+    numbers. Renders that exclude caustics or clamp compile a few more kernels.
 
     Parameters
     ----------
     scene : Scene or None
-        None: the kernels of white images.
+        None: kernels of white images.
     camera : PlenopticCamera
     truth : Truth, optional
-        The ground truth that will be asked for.
+        The ground truth that will be requested.
     progress : bool, optional
-        Whether to show that something is compiled.
+        Whether to show that something is being compiled.
 
     Returns
     -------
@@ -87,7 +86,7 @@ def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Trut
     Raises
     ------
     InvalidValueError
-        Where an argument is something else.
+        If an argument has another type.
 
     Examples
     --------
@@ -98,24 +97,24 @@ def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Trut
     ()
     """
     check_scene_and_camera(scene, camera)
-    asked = valid_truth(truth)
+    requested = checked_truth(truth)
     begin, before = time.perf_counter(), len(compiling.names)
-    with CallProgress("warming up", kind="scene", show=progress), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of what few pixels do not show
-        _run_small(scene, camera, asked)
+    with Waiting("warming up", kind="scene", show=progress), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # few pixels may be dark or miss the scene
+        _run_small(scene, camera, requested)
     return WarmUp(tuple(compiling.names[before:]), time.perf_counter() - begin)
 
 
 def _run_small(scene: Scene | None, camera: PlenopticCamera, truth: Truth) -> None:
-    """Everything once, of the middle of the sensor and of one point."""
+    """Run everything once, for the centre of the sensor and for one point."""
     rows, columns = (slice(max(n // 2 - _HALF, 0), n // 2 + _HALF) for n in camera.sensor.shape)
     array, meshes = camera.microlenses, False
     render_white(camera, samples=2, region=(rows, columns), progress=False)
     if scene is not None:
         render(scene, camera, samples=2, region=(rows, columns), truth=truth, progress=False)
         meshes = bool(scene.meshes)
-    if found := available_truth(truth, meshes=meshes, microlenses=array is not None):
-        ground_truth(scene, camera, truth=found, region=(rows, columns))
+    if available := available_truth(truth, meshes=meshes, microlenses=array is not None):
+        ground_truth(scene, camera, truth=available, region=(rows, columns))
     if array is not None:
         microlens_centres(camera)
     project(camera, point := _point(camera), scene=scene, rays=32)
@@ -124,7 +123,7 @@ def _run_small(scene: Scene | None, camera: PlenopticCamera, truth: Truth) -> No
 
 
 def _point(camera: PlenopticCamera) -> Floats:
-    """A point (3,) of the world on the axis, on the plane in focus where that lies in front of the lens."""
+    """Point (3,) of the world on the axis, on the plane in focus if that lies in front of the lens."""
     z, front = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength), float(camera.lens.vertices[0])
     point = np.array([0.0, 0.0, z if -math.inf < z < front else front - _FAR])
     return point if camera.pose is None else camera.pose.to_world(point[None])[0]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.rendering.integrator.path import PathIntegrator
-from plenoptic.rendering.integrator.record import RayQueue, ShadowRays
+from plenoptic.rendering.integrator.ray_queue import RayQueue, ShadowRays
 from plenoptic.rendering.plan.stages import Plan, Stage
 from plenoptic.replaying.events import DirectLight, DrawnKind, Escape, Meeting, PathEnding, Place
 from plenoptic.scene.compile import SceneRecord
@@ -22,11 +22,11 @@ from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from plenoptic.rendering.integrator.moving import MovingPaths
+    from plenoptic.rendering.integrator.moving_paths import MovingPaths
 
 
 class Recorder:
-    """A `path.Witness` of a bundle of one path."""
+    """A `path.PathObserver` of a bundle of one path."""
 
     def __init__(self, scene: Scene, integrator: PathIntegrator, plan: Plan, max_bounces: int) -> None:
         self._record, self._plan = integrator.scene, plan
@@ -38,12 +38,12 @@ class Recorder:
         self.events: list[Meeting | Escape] = []
         self.ending = PathEnding.LEFT_SCENE
 
-    def left(self, rays: Floats) -> None:
-        """See `Witness`."""
+    def on_camera_ray(self, rays: Floats) -> None:
+        """See `PathObserver`."""
         self.start = rays[0].copy() if len(rays) else None
 
-    def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
-        """See `Witness`."""
+    def on_hit(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
+        """See `PathObserver`."""
         if not len(rays):
             return
         collected = radiance[0].copy()
@@ -79,10 +79,10 @@ class Recorder:
         scattered = sum(isinstance(event, Meeting) for event in self.events) - 1
         return PathEnding.MAX_BOUNCES if scattered >= self._max_bounces else PathEnding.NO_SURFACE
 
-    def lit(
+    def on_direct_light(
         self, interactions: Interactions, drawn: DrawnLights, shadow: ShadowRays, blocked: NDArray[np.uint8]
     ) -> None:
-        """See `Witness`."""
+        """See `PathObserver`."""
         bsdf = self._record.bsdf
         if not len(interactions.ray) or bsdf is None or not bsdf.takes_light[interactions.material[0]]:
             return
@@ -104,18 +104,18 @@ class Recorder:
             )
         )
 
-    def scattered(self, interactions: Interactions, onward: RayQueue, onwards: int, drawn: int) -> None:
-        """See `Witness`."""
+    def on_scatter(self, interactions: Interactions, scattered_rays: RayQueue, n_rays: int, n_sampled: int) -> None:
+        """See `PathObserver`."""
         if not len(interactions.ray):
             return
         self._amend(shading_normal=interactions.rows[0, SHADING_NORMAL : SHADING_NORMAL + 3].copy())
-        if onwards:
-            assert onward.throughput is not None
-            self._amend(direction=onward.rays[0, 3:].copy(), throughput=onward.throughput[0].copy())
+        if n_rays:
+            assert scattered_rays.throughput is not None
+            self._amend(direction=scattered_rays.rays[0, 3:].copy(), throughput=scattered_rays.throughput[0].copy())
         elif not self._plan.runs(Stage.ONWARD_RAYS):
             self.ending = PathEnding.NOTHING_AHEAD
         else:
-            self.ending = PathEnding.ROULETTE if drawn else PathEnding.ABSORBED
+            self.ending = PathEnding.ROULETTE if n_sampled else PathEnding.ABSORBED
 
     def _amend(self, **known: Any) -> None:
         """Add later results to the last event."""

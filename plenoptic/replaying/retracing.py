@@ -14,7 +14,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, batch_of, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import PathIntegrator
-from plenoptic.rendering.kernels.film_sums import Light, fill_clamped, fill_sums
+from plenoptic.rendering.kernels.film_sums import Light, clamp_radiance, fill_sums
 from plenoptic.rendering.plan.stages import Stage, Subject
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
 from plenoptic.replaying.in_camera import CameraWay, trace_camera

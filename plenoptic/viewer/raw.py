@@ -15,7 +15,7 @@ from plenoptic.camera.points.projection_rows import lenses_at
 from plenoptic.core.files.codes import block_means
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.planes import raw_planes
+from plenoptic.lightfield.raw_arrays import raw_arrays
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.truth.channels import NO_MICROLENS
@@ -122,7 +122,7 @@ def _shown(exposure: Exposure, white: Exposure | None, region: tuple[slice, slic
 
 def _divide(exposure: Exposure, white: Exposure) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Radiance and its error; nan where the white image is dark."""
-    planes = raw_planes(exposure, white, _LEAST_LIGHT)
+    planes = raw_arrays(exposure, white, _LEAST_LIGHT)
     light = np.where(planes.white >= planes.least, planes.white, np.nan)
     radiance = planes.shot / light
     variance = planes.variance_of(radiance, light, lambda plane: plane)

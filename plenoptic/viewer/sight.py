@@ -19,8 +19,8 @@ from plenoptic.camera.points.centres import MicrolensCentres
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.lightfield.ideal import straight_pixels
 from plenoptic.lightfield.outward_rays import chief_rays
+from plenoptic.lightfield.pinhole_model import orthogonal_pixels
 from plenoptic.optics.microlens.array import MicrolensArray
 
 _RAYS = 12_000
@@ -96,7 +96,7 @@ def sight(camera: PlenopticCamera, centres: MicrolensCentres, distances: Floats)
     )
     places = (np.hstack([samples.on_array, samples.offset]) - middle) / half
     held = np.arange(len(places)) % _HELD_BACK == 0
-    corners = straight_pixels(axes, np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+    corners = orthogonal_pixels(axes, np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
     straight = np.vstack([corners[0], corners[1:] - corners[0]])
     for degree in _DEGREES:
         series, *_ = np.linalg.lstsq(_terms(places[~held], exponents(degree)), samples.line[~held], rcond=None)
@@ -118,7 +118,7 @@ def _samples(camera: PlenopticCamera, axes: ArrayAxes, array: MicrolensArray, ce
     rng = np.random.default_rng(0)
     which = rng.integers(len(centres), size=_RAYS)
     on_array = centres.on_array[which]
-    straight = straight_pixels(axes, on_array)
+    straight = orthogonal_pixels(axes, on_array)
     angle, radius = rng.uniform(0, 2 * np.pi, _RAYS), np.sqrt(rng.uniform(0, 1, _RAYS))
     reach = _ROOM * array.cell_radius / camera.sensor.pixel_pitch
     offsets = reach * radius[:, None] * np.column_stack([np.sin(angle), np.cos(angle)])

@@ -123,7 +123,7 @@ def _patches(shot, white, disparity, view):
 
     For cameras without parts out of place: local axes are those of the array.
     """
-    camera, planes = view.camera, raw_planes(shot, white, 0.1)
+    camera, planes = view.camera, raw_arrays(shot, white, 0.1)
     b, pixel = camera.microlenses_to_sensor, camera.sensor.pixel_pitch
     points = pl.paraxial.cardinal_points(camera.lens, wavelength=camera.wavelength)
     distance = camera.stop_to_microlenses - points.exit_pupil

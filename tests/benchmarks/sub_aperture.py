@@ -6,7 +6,7 @@ from matplotlib.tri import LinearTriInterpolator, Triangulation
 from table import Table
 
 import plenoptic as pl
-from plenoptic.lightfield.planes import raw_planes
+from plenoptic.lightfield.raw_arrays import raw_arrays
 from plenoptic.optics.microlens.lattice import Lattice
 
 STOP = 3.5
@@ -83,7 +83,7 @@ def through_pinhole(scene, camera, field, u, v, samples):
 def linear(camera, shot, white, field, u, v):
     """A view by linear interpolation between microlenses."""
     centres = pl.microlens_centres(camera)
-    value, _ = raw_planes(shot, white, 0.05).read(centres.pixel + np.array([v, u]))
+    value, _ = raw_arrays(shot, white, 0.05).read(centres.pixel + np.array([v, u]))
     known = np.isfinite(value[:, 0])
     mesh = Triangulation(*centres.on_array[known].T)
     x = field.origin[0] - field.spacing[0] * np.arange(field.views.shape[3])

@@ -36,7 +36,7 @@ def nothing_rendered(monkeypatch):
     def rendered(*arguments, **named):
         raise AssertionError("rendered")
 
-    monkeypatch.setattr(orders, "render_tile", rendered)
+    monkeypatch.setattr(tile_jobs, "render_tile", rendered)
 
 
 def run(typed):
@@ -119,7 +119,7 @@ def test_tiles_in_stores_come_to_the_same(capsys, refused):
 def test_settings_come_from_files_and_options():
     common = "render wall.obj camera.json --samples 2 --region 0:8,:8 --truth none"
     run(f"{common} --settings settings.json --clamp 5 --caustics left-out -o a.exr")
-    wanted = dataclasses.replace(SETTINGS, clamp=5.0, caustics=pl.rendering.Caustics.LEFT_OUT)
+    wanted = dataclasses.replace(SETTINGS, clamp=5.0, caustics=pl.rendering.Caustics.EXCLUDE)
     shot = pl.Exposure.load("a.exr")
     assert (shot.settings, shot.truth, shot.region) == (wanted, None, (0, 8, 0, 8))
     run(f"{common} --background 2 --max-bounces 0 --replicates 1 --threads 1 -o b.exr")
@@ -174,7 +174,7 @@ def test_what_is_no_part_is_named(refused):
 def test_an_interrupted_render_is_saved_and_goes_on_from_its_checkpoint(capsys, monkeypatch):
     run("render wall.obj camera.json --samples 600 -o whole.exr")
     typed = "render wall.obj camera.json --samples 600 --threads 1 --checkpoint state -o part.exr"
-    original, calls = orders.render_tile, []
+    original, calls = tile_jobs.render_tile, []
 
     def interrupted(*arguments, **named):
         result = original(*arguments, **named)
@@ -185,7 +185,7 @@ def test_an_interrupted_render_is_saved_and_goes_on_from_its_checkpoint(capsys, 
         return result
 
     with monkeypatch.context() as patched:
-        patched.setattr(orders, "render_tile", interrupted)
+        patched.setattr(tile_jobs, "render_tile", interrupted)
         assert main(typed.split()) == 130
     out, err = capsys.readouterr()
     assert "part.exr: Exposure(" in out and pl.Exposure.load("part.exr").interrupted

@@ -89,6 +89,8 @@ def test_values_and_enums_come_back(public):
     # A value is found wherever it is public.
     pane = plenoptic.materials.ThinGlass()
     assert not hasattr(plenoptic, "ThinGlass") and restore(describe(pane)) == pane
+    # Renamed members of enums in older files.
+    assert restore('{"enum": ["Caustics", "LEFT_OUT"]}') is plenoptic.rendering.Caustics.EXCLUDE
     with pytest.raises(FileError, match="'Pane' is no value of this package"):
         restore(describe(pane).replace("ThinGlass", "Pane"))
 

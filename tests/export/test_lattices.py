@@ -146,7 +146,7 @@ def test_what_has_no_rows_and_what_programs_do_not_know_is_refused(tmp_path):
         (lambda: toolbox(tmp_path, blank(camera(SQUARE))), "hexagonal arrays only"),
         (lambda: toolbox(tmp_path, blank(focused(pattern=[[0, 1, 2, 2]]))), "do not repeat"),
         (lambda: pl.export.plenopticam(tmp_path, shot, shot, name="../a"), "name is '../a'"),
-        (lambda: pl.export.plenpy(tmp_path, shot, blank(camera(), (0, 90, 0, 180))), "render it of the same region"),
+        (lambda: pl.export.plenpy(tmp_path, shot, blank(camera(), (0, 90, 0, 180))), "render it for the same region"),
     ):
         with pytest.raises(InvalidValueError, match=said):
             call()

@@ -209,7 +209,7 @@ def calls():
     quick = {"samples": 4, "region": (slice(2, 6), slice(0, 4)), "seed": 1, "replicates": 2, "threads": 1}
     quick |= {"progress": False, "sampler": pl.rendering.Sampler.SOBOL, "conditioning": 8, "tile_side": 4}
     quick |= {"time_limit": 1.0}  # samples are accepted up to billions
-    full = quick | {"max_bounces": 2, "clamp": 10.0, "truth": pl.Truth.DEPTH, "caustics": pl.rendering.Caustics.KEPT}
+    full = quick | {"max_bounces": 2, "clamp": 10.0, "truth": pl.Truth.DEPTH, "caustics": pl.rendering.Caustics.INCLUDE}
     known = globals() | {"z": z, "wave": wave, "field": field, "quick": quick, "full": full}
     known |= {"square": np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]]), "grid": np.linspace(400.0, 700.0, 7)}
     known |= {"grey": pl.SensorModel(1000.0, exposure_time=1.0), "mesh": pl.box(2.0), "eye": np.eye(4)}

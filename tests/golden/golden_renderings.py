@@ -102,7 +102,7 @@ def glasses():
     scene, camera = golden_scenes.glasses(), golden_cameras.conventional()
     return merged(
         in_both(scene),
-        seen(scene, camera, "without caustics", caustics=pl.rendering.Caustics.LEFT_OUT),
+        seen(scene, camera, "without caustics", caustics=pl.rendering.Caustics.EXCLUDE),
         seen(scene, camera, "clamped", clamp=0.5),
         seen(scene, camera, "few bounces", max_bounces=2),
         seen(golden_scenes.under_water(), camera, "under water"),

@@ -8,7 +8,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.files.record_log import RecordLog, begin_log
 from plenoptic.rendering.schedule import budget as budgets
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.rendering.schedule.checkpoint import KIND
 
 CAMERA = pl.camera.example_camera()
@@ -85,14 +85,14 @@ def wrong_arrays(arrays):
 @pytest.mark.parametrize("each", [13, pytest.param(1, marks=pytest.mark.slow)])
 def test_records_that_are_none_are_rendered_again(render, whole, tmp_path, monkeypatch, each):
     shot, header, records = whole
-    rendered, original = [], orders.render_tile
+    rendered, original = [], tile_jobs.render_tile
 
     def watched(context, tile, *others, **named):
         if tile.pixels:
             rendered.append((tile, others[0].first))
         return original(context, tile, *others, **named)
 
-    monkeypatch.setattr(orders, "render_tile", watched)
+    monkeypatch.setattr(tile_jobs, "render_tile", watched)
     faults = [
         (k, fault)
         for k in (4, 13)  # of the first pass, with truth, and of the second
@@ -106,7 +106,7 @@ def test_records_that_are_none_are_rendered_again(render, whole, tmp_path, monke
     for k, fault in faults[::each]:
         write(path, header, [*records[:k], fault, *records[k + 1 :]])
         rendered.clear()
-        with pytest.warns(pl.errors.FileWarning, match="damaged, and what was held is rendered again"):
+        with pytest.warns(pl.errors.FileWarning, match="damaged, and their tiles are rendered again"):
             again = render(checkpoint=path)
         assert rendered == [(tuple(records[k][0]["tile"]), records[k][0]["first"])], fault[0]
         for name in BITS:

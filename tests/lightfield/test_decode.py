@@ -10,7 +10,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.images import PixelState
 from plenoptic.lightfield import decode, refocus
-from plenoptic.lightfield.planes import raw_planes
+from plenoptic.lightfield.raw_arrays import raw_arrays
 from plenoptic.lightfield.resample import resampling
 
 HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
@@ -51,9 +51,9 @@ def in_both(part, whole):
     down = round((part.origin[1] - whole.origin[1]) / whole.spacing[1])
     right = round((whole.origin[0] - part.origin[0]) / whole.spacing[0])
     rows, columns = part.views.shape[2:4]
-    there = whole.views[:, :, max(down, 0) : down + rows, max(right, 0) : right + columns]
-    here = part.views[:, :, max(-down, 0) :, max(-right, 0) :]
-    return here[:, :, : there.shape[2], : there.shape[3]], there
+    in_whole = whole.views[:, :, max(down, 0) : down + rows, max(right, 0) : right + columns]
+    in_part = part.views[:, :, max(-down, 0) :, max(-right, 0) :]
+    return in_part[:, :, : in_whole.shape[2], : in_whole.shape[3]], in_whole
 
 
 def test_white_decodes_to_one_wherever_it_is_lit():
@@ -73,7 +73,7 @@ def test_white_decodes_to_one_wherever_it_is_lit():
 
 
 def test_errors_are_those_of_independent_pixels():
-    """Of two white images the quotient scatters around 1 by its standard error."""
+    """The quotient of two white images scatters around 1 by its standard error."""
     camera = the_camera((242, 242), lattice=HEXAGONAL)
     field = decode(white_of(camera, samples=64, seed=1), white_of(camera, samples=64, seed=2), views=11)
     off = (field.views - 1.0) / field.standard_error
@@ -89,10 +89,10 @@ def test_an_exact_white_image_leaves_the_error_of_the_shot():
     camera, even = the_camera((70, 70)), np.full((70, 70, 1), 0.5)
     shot, white = pl.Exposure(even, standard_error=0.06 * even, camera=camera), pl.Exposure(2 * even)
     field = decode(shot, white, views=3)
-    known = np.isfinite(field.views)
-    np.testing.assert_allclose(field.views[known], 0.5, rtol=1e-6)
+    valid = np.isfinite(field.views)
+    np.testing.assert_allclose(field.views[valid], 0.5, rtol=1e-6)
     # Centres fall between pixels: bilinear weights w have a sum of squares from 1/4 to 1.
-    errors = field.standard_error[known]
+    errors = field.standard_error[valid]
     np.testing.assert_allclose(np.clip(errors, 0.015, 0.03), errors, rtol=1e-6)
     assert decode(dataclasses.replace(shot, standard_error=None), white, views=3).standard_error is None
 
@@ -100,12 +100,12 @@ def test_an_exact_white_image_leaves_the_error_of_the_shot():
 def test_reading_between_pixels_reproduces_linear_functions_exactly():
     rows, columns = np.mgrid[0:9, 0:12]
     shot = pl.Exposure((2.0 + 0.5 * rows - 0.25 * columns)[:, :, None] + 10)
-    planes = raw_planes(shot, pl.Exposure(np.ones((9, 12, 1))), 0.05)
+    raw = raw_arrays(shot, pl.Exposure(np.ones((9, 12, 1))), 0.05)
     places = np.random.default_rng(1).uniform((0, 0), (8, 11), (200, 2))
-    found, _ = planes.read(places)
-    np.testing.assert_allclose(found[:, 0], 12 + 0.5 * places[:, 0] - 0.25 * places[:, 1], rtol=1e-12)
-    assert np.isnan(planes.read(np.array([[-0.1, 3.0], [3.0, 11.2]]))[0]).all()
-    assert np.isfinite(planes.read(np.array([[0.0, 0.0], [8.0, 11.0]]))[0]).all()
+    values, _ = raw.read(places)
+    np.testing.assert_allclose(values[:, 0], 12 + 0.5 * places[:, 0] - 0.25 * places[:, 1], rtol=1e-12)
+    assert np.isnan(raw.read(np.array([[-0.1, 3.0], [3.0, 11.2]]))[0]).all()
+    assert np.isfinite(raw.read(np.array([[0.0, 0.0], [8.0, 11.0]]))[0]).all()
 
 
 def grid_of(lattice, half, spacing=None, pitch=0.1):
@@ -120,11 +120,11 @@ def grid_of(lattice, half, spacing=None, pitch=0.1):
 def test_resampling_reproduces_linear_functions_exactly():
     for lattice, spacing in ((HEXAGONAL, None), (HEXAGONAL, 0.037), (SQUARE, None), (SQUARE, 0.037)):
         design, grid, x, y = grid_of(lattice, 1.0, spacing)
-        seen = grid.mixed((3.0 + 2.0 * design[:, 0] - 5.0 * design[:, 1])[:, None])[:, :, 0]
-        known = np.isfinite(seen)
+        resampled = grid.interpolate((3.0 + 2.0 * design[:, 0] - 5.0 * design[:, 1])[:, None])[:, :, 0]
+        valid = np.isfinite(resampled)
         # The lattice is known a row beyond all but the ragged border.
-        assert known[2:-2, 2:-2].all(), (lattice, spacing)
-        np.testing.assert_allclose(seen[known], (3.0 + 2.0 * x - 5.0 * y)[known], atol=1e-12)
+        assert valid[2:-2, 2:-2].all(), (lattice, spacing)
+        np.testing.assert_allclose(resampled[valid], (3.0 + 2.0 * x - 5.0 * y)[valid], atol=1e-12)
 
 
 def test_resampling_of_a_smooth_function_errs_by_the_square_of_the_pitch():
@@ -134,15 +134,15 @@ def test_resampling_of_a_smooth_function_errs_by_the_square_of_the_pitch():
         design, grid, x, y = grid_of(HEXAGONAL, 1.0, 0.0137, pitch)
         values = np.sin(3 * design[:, :1]) * np.cos(2 * design[:, 1:])
         true = np.sin(3 * x) * np.cos(2 * y)
-        smooth = grid.smooth.mixed(values)[:, 0].reshape(x.shape)
-        linear = grid.linear.mixed(values)[:, 0].reshape(x.shape)
+        smooth = grid.smooth.interpolate(values)[:, 0].reshape(x.shape)
+        linear = grid.linear.interpolate(values)[:, 0].reshape(x.shape)
         # Second derivatives are at most 9 + 4 in sum of the main directions.
         assert np.nanmax(np.abs(linear - true)) < pitch**2 / 6 * 13
-        known = np.isfinite(smooth)
-        assert known.mean() > 0.5
-        np.testing.assert_array_equal(grid.mixed(values)[:, :, 0], np.where(known, smooth, linear))
-        largest.append(np.abs(smooth - true)[known].max())
-        assert largest[-1] < 0.1 * np.abs(linear - true)[known].max()
+        valid = np.isfinite(smooth)
+        assert valid.mean() > 0.5
+        np.testing.assert_array_equal(grid.interpolate(values)[:, :, 0], np.where(valid, smooth, linear))
+        largest.append(np.abs(smooth - true)[valid].max())
+        assert largest[-1] < 0.1 * np.abs(linear - true)[valid].max()
     assert largest[0] / largest[1] > 3.0
 
 
@@ -150,10 +150,10 @@ def test_weights_are_shares():
     for lattice in (HEXAGONAL, SQUARE):
         _, grid, _, _ = grid_of(lattice, 0.7, 0.031)
         assert (grid.linear.weight >= 0).all()
-        for weights in (grid.linear, grid.smooth, grid.foretold):
+        for weights in (grid.linear, grid.smooth, grid.prediction):
             np.testing.assert_allclose(weights.weight.sum(axis=1), 1.0, rtol=1e-12)
     _, plain, _, _ = grid_of(SQUARE, 0.7)
-    assert plain.smooth is None and plain.foretold is None  # every pixel is a microlens
+    assert plain.smooth is None and plain.prediction is None  # every pixel is a microlens
 
 
 def test_what_the_lattice_resolves_is_not_in_doubt():
@@ -162,22 +162,22 @@ def test_what_the_lattice_resolves_is_not_in_doubt():
     for frequency, resolved in ((1.0, True), (4.3, False)):
         phase, angle = random.uniform(0, 2 * np.pi, 40), random.uniform(0, np.pi, 40)
         wave = 2 * np.pi * frequency * np.array([np.cos(angle), np.sin(angle)])
-        there, values = (
+        expected, values = (
             np.cos(places @ wave + phase).mean(axis=-1, keepdims=True) for places in (np.stack([x, y], axis=-1), design)
         )
-        error = (grid.mixed(values) - there)[:, :, 0]
-        stated = np.sqrt(grid.doubt(values, np.zeros_like(values)))[:, :, 0]
+        error = (grid.interpolate(values) - expected)[:, :, 0]
+        stated = np.sqrt(grid.interpolation_variance(values, np.zeros_like(values)))[:, :, 0]
         true, said = (np.sqrt(np.mean(part[middle] ** 2)) for part in (error, stated))
         assert said < 2e-3 if resolved else 0.4 < true / said < 2.5
     # Noise alone is not taken for detail; a view on the microlenses themselves misses nothing.
     noise = random.normal(size=(len(design), 1))
-    assert np.mean(grid.doubt(noise, np.ones_like(noise))[middle]) < 0.25
+    assert np.mean(grid.interpolation_variance(noise, np.ones_like(noise))[middle]) < 0.25
     design, square, _, _ = grid_of(SQUARE, 1.0)
-    assert square.doubt(design[:, :1] ** 2, 0 * design[:, :1]).max() == 0.0
+    assert square.interpolation_variance(design[:, :1] ** 2, 0 * design[:, :1]).max() == 0.0
 
 
 def test_a_turned_array_shows_the_scene_upright():
-    """What is linear in the camera's own x and y stays so, wherever and however the array is put."""
+    """Linear functions of the camera's own x and y stay linear for any position and rotation of the array."""
     jitter = pl.MicrolensImperfections(pitch_jitter=0.01, seed=2)
     for lattice in (HEXAGONAL, SQUARE):
         built = the_camera((242, 242), lattice=lattice, imperfections=jitter)
@@ -187,13 +187,13 @@ def test_a_turned_array_shows_the_scene_upright():
         field = decode(shot, pl.Exposure(np.ones((242, 242, 1))), views=1)
         x = field.origin[0] - field.spacing[0] * np.arange(field.views.shape[3])
         y = field.origin[1] + field.spacing[1] * np.arange(field.views.shape[2])
-        seen = field.centre[:, :, 0]
-        known = np.isfinite(seen)
-        table = np.column_stack([*(part[known] for part in np.meshgrid(x, y)), np.ones(known.sum())])
-        fit, *_ = np.linalg.lstsq(table, seen[known], rcond=None)
-        assert known.mean() > 0.5
+        radiance = field.centre[:, :, 0]
+        valid = np.isfinite(radiance)
+        table = np.column_stack([*(part[valid] for part in np.meshgrid(x, y)), np.ones(valid.sum())])
+        fit, *_ = np.linalg.lstsq(table, radiance[valid], rcond=None)
+        assert valid.mean() > 0.5
         assert fit[1] / fit[0] == pytest.approx(-0.4 / 0.7, rel=1e-3), lattice
-        assert np.abs(table @ fit - seen[known]).max() < 1e-3, lattice
+        assert np.abs(table @ fit - radiance[valid]).max() < 1e-3, lattice
 
 
 def test_in_focus_all_views_show_the_same_picture():
@@ -212,16 +212,16 @@ def test_in_focus_all_views_show_the_same_picture():
     assert np.sqrt(np.mean((views - mean) ** 2)) < 0.03 * mean.std() + 1.2 * np.sqrt(np.mean(error**2))
     # The picture correlates with the pattern as the camera sees it, and with no mirrored or turned one. Centre of each
     # view pixel on the pattern: 0.217 / 0.25 tiles apart, the axis in the middle.
-    seen, step = field.centre[1:-1, 1:-1, 0], 0.217 / 0.25
+    centre, step = field.centre[1:-1, 1:-1, 0], 0.217 / 0.25
     down, right = (
         np.clip(((first / 0.217 + 1 + np.arange(count)) * step + 7).astype(int), 0, 13)
-        for first, count in zip((field.origin[1], -field.origin[0]), seen.shape, strict=True)
+        for first, count in zip((field.origin[1], -field.origin[0]), centre.shape, strict=True)
     )
-    upright, *others = (
-        np.corrcoef(turned[down][:, right].ravel(), seen.ravel())[0, 1]
+    upright, *other_views = (
+        np.corrcoef(turned[down][:, right].ravel(), centre.ravel())[0, 1]
         for turned in (pattern, pattern[::-1], pattern[:, ::-1], pattern[::-1, ::-1])
     )
-    assert upright > 0.7 and max(others) < 0.5
+    assert upright > 0.7 and max(other_views) < 0.5
 
 
 @pytest.mark.parametrize("z, lattice", [(-520.0, SQUARE), (-330.0, HEXAGONAL)])
@@ -240,7 +240,7 @@ def test_points_out_of_focus_move_by_the_disparity_of_a_thin_lens(z, lattice):
     image = 1 / (1 / f - 1 / (plane - z))
     behind = plane + image - camera.stop_to_microlenses
     gap = camera.stop_to_microlenses - plane
-    wanted = -0.010 * gap / (field.spacing[0] * 2.0) * behind / (gap + behind)
+    expected = -0.010 * gap / (field.spacing[0] * 2.0) * behind / (gap + behind)
     views = np.nan_to_num(field.views[:, 2:9:3, ..., 0].astype(float))
     views /= views.sum(axis=(2, 3), keepdims=True)
     down, right = (np.tensordot(views, part, 2) for part in np.indices(views.shape[2:]))
@@ -248,11 +248,11 @@ def test_points_out_of_focus_move_by_the_disparity_of_a_thin_lens(z, lattice):
     across, along = np.polyfit(u.ravel(), right.ravel(), 1)[0], np.polyfit(3 * v.ravel(), down.ravel(), 1)[0]
     # Noise: a spot of 1.3 pixels seen with some percent in each of 20 pixels has its centre to 0.015 pixels, and slopes
     # over 33 views some 0.0015.
-    assert across == pytest.approx(wanted, abs=0.004)
-    assert along == pytest.approx(wanted, abs=0.006)
-    np.testing.assert_allclose(field.disparity_at(z), (-wanted, -wanted), rtol=1e-9)
+    assert across == pytest.approx(expected, abs=0.004)
+    assert along == pytest.approx(expected, abs=0.006)
+    np.testing.assert_allclose(field.disparity_at(z), (-expected, -expected), rtol=1e-9)
     # Nearer than the focus, what the right view sees lies farther left.
-    assert math.copysign(1, wanted) == (-1 if z > -404 else 1)
+    assert math.copysign(1, expected) == (-1 if z > -404 else 1)
 
 
 def test_refocusing_gathers_what_lies_beside_the_focus():
@@ -273,13 +273,13 @@ def test_a_region_decodes_to_a_part_of_the_whole():
         whole, cut = decode(shot_of(scene, camera, 16), white, views=5), shot_of(scene, camera, 16, region=region)
         # The same dark level, which is a percentile of the white image, is not needed here: all of it is bright.
         whites = white_of(camera, 16, region=region) if cut_white else white
-        part, there = in_both(decode(cut, whites, views=5, least_light=1e-3), whole)
-        known = np.isfinite(part)
-        assert known.mean() > 0.6
+        part, in_whole = in_both(decode(cut, whites, views=5, least_light=1e-3), whole)
+        valid = np.isfinite(part)
+        assert valid.mean() > 0.6
         # At the border of the part, a hexagonal lattice lacks neighbours that the whole has.
         inner = np.s_[:, :, 3:-3, 3:-3] if lattice is HEXAGONAL else np.s_[:]
-        assert known[inner].all() or lattice is SQUARE
-        np.testing.assert_array_equal(part[inner][known[inner]], there[inner][known[inner]])
+        assert valid[inner].all() or lattice is SQUARE
+        np.testing.assert_array_equal(part[inner][valid[inner]], in_whole[inner][valid[inner]])
 
 
 def test_pupil_coordinates_and_object_space_follow_gaussian_optics():
@@ -308,10 +308,10 @@ def test_a_view_from_a_chosen_place_is_that_of_a_light_field_there():
     np.testing.assert_allclose(one.pupil[0, 0], place, atol=1e-12)
     assert (one.u[0], one.v[0]) == pytest.approx((1.5, -1.0))
     # Other lenses at the border may be in reach of the larger light field.
-    part, there = (views[place] for views, place in zip(in_both(one, many), ((0, 0), (7, 2)), strict=True))
-    both = np.isfinite(part) & np.isfinite(there)
+    part, in_light_field = (views[place] for views, place in zip(in_both(one, many), ((0, 0), (7, 2)), strict=True))
+    both = np.isfinite(part) & np.isfinite(in_light_field)
     assert both.mean() > 0.5
-    np.testing.assert_allclose(part[both], there[both], atol=2e-6)
+    np.testing.assert_allclose(part[both], in_light_field[both], atol=2e-6)
     for wrong, message in (((9.0, 0.0), "within -1 to 1"), ((0.1,), "must be"), ((math.nan, 0.0), "viewpoint")):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             decode(shot, white, views=1, viewpoint=wrong)
@@ -326,7 +326,7 @@ def test_impossible_calls_say_what_to_do():
     bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
     free = the_camera((70, 70), lattice=pl.Lattice.FREE, centres=[[0.0, 0.0], [0.2, 0.0]])
     for call, message in (
-        (lambda: decode(white, small), "render it of the same region"),
+        (lambda: decode(white, small), "render it for the same region"),
         (lambda: decode(white, white, views=4), "take 5"),
         (lambda: decode(white, white_of(the_camera((70, 70), lattice=HEXAGONAL), 8)), "they differ in microlenses"),
         (lambda: decode(white, dataclasses.replace(white, camera=bent)), "they differ in diffraction"),
@@ -356,7 +356,7 @@ def test_a_view_from_outside_the_pupil_says_that_it_is_empty():
             field = decode(white, white, views=1, viewpoint=viewpoint)
         assert np.isnan(field.views).all() == empty
         assert [f"viewpoint {viewpoint} is empty" in str(one.message) for one in said] == [True] * empty
-        assert all("within the iris, -1 to 1" in str(one.message) for one in said)
+        assert all("of the iris, -1 to 1" in str(one.message) for one in said)
 
 
 def test_views_are_drawn_as_they_lie_in_the_pupil():
@@ -412,11 +412,11 @@ def test_what_a_view_sees_is_projected_onto_its_pixel_of_the_raw_image():
         field = decode(white, white, views=5, step=2.0)
         for u, v in views:
             truth = field.truth(TWO_PLANES, u, v)
-            met = truth.state == PixelState.SEEN
-            assert met.sum() > 20
-            seen = pl.project(camera, truth.position[met])
-            for k, expected in enumerate((field.pixel + np.array([2.0 * v, 2.0 * u]))[met]):
-                assert np.abs(seen.pixel[seen.point == k] - expected).max(axis=1).min() < 1e-6, (u, v)
+            hit = truth.state == PixelState.SEEN
+            assert hit.sum() > 20
+            projected = pl.project(camera, truth.position[hit])
+            for k, expected in enumerate((field.pixel + np.array([2.0 * v, 2.0 * u]))[hit]):
+                assert np.abs(projected.pixel[projected.point == k] - expected).max(axis=1).min() < 1e-6, (u, v)
 
 
 def test_no_depth_lies_between_objects():
@@ -425,10 +425,10 @@ def test_no_depth_lies_between_objects():
     field = decode(white, white, views=5, step=2.0)
     for u in (-2, 0, 2):
         truth = field.truth(TWO_PLANES, u, 0)
-        seen = truth.state == PixelState.SEEN
+        hit = truth.state == PixelState.SEEN
         np.testing.assert_array_equal(np.isfinite(field.pixel).all(axis=-1), truth.state != PixelState.UNKNOWN)
-        off = np.minimum(np.abs(truth.depth[seen] - 350.0), np.abs(truth.depth[seen] - 450.0))
-        assert off.max() < 1e-9 and len(np.unique(truth.object[seen])) == 2
+        off = np.minimum(np.abs(truth.depth[hit] - 350.0), np.abs(truth.depth[hit] - 450.0))
+        assert off.max() < 1e-9 and len(np.unique(truth.object[hit])) == 2
     assert field.truth(TWO_PLANES).kinds == pl.Truth.ALL & ~pl.Truth.MICROLENS
     with pytest.raises(pl.errors.InvalidValueError, match="along rays of a view: they have no microlens"):
         field.truth(TWO_PLANES, truth=pl.Truth.MICROLENS)

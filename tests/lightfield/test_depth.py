@@ -1,4 +1,4 @@
-"""Depth: planes, edges and what must not matter, of raw images and of views; accuracy in a table (slow); scores."""
+"""Depth from raw images and from views: planes, edges, invariances; table of accuracy (slow); scores."""
 
 import dataclasses
 import sys
@@ -41,47 +41,47 @@ def edge():
 
 
 @pytest.fixture(scope="module")
-def found(edge, white):
+def depth_map(edge, white):
     return depth(edge, white, threads=1)
 
 
-def scored(camera, shot, found):
-    return disparity_scores(found.disparity, shot.truth.chord_disparity, where=scenes.near_centres(camera, shot))
+def scores_of(camera, shot, depth_map):
+    return disparity_scores(depth_map.disparity, shot.truth.chord_disparity, where=scenes.near_centres(camera, shot))
 
 
 def test_a_plane_is_found_where_it_is(white):
     """Within the half percent that accuracy is stated with."""
     shot = shown(CAMERA, scenes.plane(CAMERA, 4.5, 45))
-    found, where = depth(shot, white), scenes.near_centres(CAMERA, shot)
-    scores = scored(CAMERA, shot, found)
+    depth_map, where = depth(shot, white), scenes.near_centres(CAMERA, shot)
+    scores = scores_of(CAMERA, shot, depth_map)
     assert scores.kept == 1 and abs(scores.bias) < 0.005 and scores.relative[1] < 1
-    assert abs(np.nanmedian((found.depth / shot.truth.depth)[where]) - 1) < 0.002
-    np.testing.assert_allclose((found.virtual_depth * found.disparity)[where], 21.7)
+    assert abs(np.nanmedian((depth_map.depth / shot.truth.depth)[where]) - 1) < 0.002
+    np.testing.assert_allclose((depth_map.virtual_depth * depth_map.disparity)[where], 21.7)
 
 
-def test_both_sides_of_an_edge_lie_in_order(edge, found):
+def test_both_sides_of_an_edge_lie_in_order(edge, depth_map):
     """All of these few microlenses see the edge, and windows reach across: a tenth of the step between the planes."""
     truth, where = edge.truth, scenes.near_centres(CAMERA, edge)
     near = truth.depth < 0.5 * (np.nanmin(truth.depth) + np.nanmax(truth.depth))
     step = np.nanmax(truth.chord_disparity) - np.nanmin(truth.chord_disparity)
     for side in (near, ~near):
-        assert np.nanmedian(np.abs(found.disparity - truth.chord_disparity)[where & side]) < 0.1 * step
-    for map_ in (found.disparity, found.depth):
+        assert np.nanmedian(np.abs(depth_map.disparity - truth.chord_disparity)[where & side]) < 0.1 * step
+    for map_ in (depth_map.disparity, depth_map.depth):
         assert np.nanmedian(map_[where & near]) < np.nanmedian(map_[where & ~near])
 
 
-def test_threads_and_the_scale_of_radiance_do_not_matter(edge, white, found):
+def test_threads_and_the_scale_of_radiance_do_not_matter(edge, white, depth_map):
     """Bits are the same on two threads, and for light times a power of two: floors and correlations scale with it."""
     again = depth(edge, white, threads=2)
     brighter = dataclasses.replace(edge, image=4 * edge.image, standard_error=4 * edge.standard_error)
     scaled = depth(brighter, white, threads=1)
     for name in ("disparity", "standard_error", "confidence", "depth"):
         for other in (again, scaled):
-            assert np.array_equal(getattr(found, name), getattr(other, name), equal_nan=True), name
+            assert np.array_equal(getattr(depth_map, name), getattr(other, name), equal_nan=True), name
 
 
 def test_a_region_has_the_bits_of_the_whole_away_from_its_border():
-    """A pixel's disparity rests on microlenses up to three pitches away, and on what neighbours find from theirs."""
+    """A pixel's disparity depends on microlenses up to three pitches away, and on their neighbours' disparities."""
     camera = scenes.focused(focal_lengths=(0.6,), b=0.5, pitch=0.08)
     whole = np.s_[200:296, 200:296]
     white, shot = white_of(camera, whole), shown(camera, scenes.plane(camera, 5.0, 3), region=whole, samples=8)
@@ -98,13 +98,16 @@ def test_a_region_has_the_bits_of_the_whole_away_from_its_border():
 
 
 def test_without_texture_errors_are_large_and_confidence_is_low(white):
-    """Noise alone resembles noise by chance: what is found says that it is not known."""
+    """Noise resembles noise by chance; the stated error and confidence must show it."""
     flat = shown(CAMERA, scenes.plane(CAMERA, 4.5, 1, contrast=0.0))
-    found = depth(flat, white)
-    where = scenes.near_centres(CAMERA, flat) & np.isfinite(found.disparity)
-    error = np.abs(found.disparity - flat.truth.chord_disparity)[where]
-    sure = found.standard_error[where] < 0.02 * found.disparity[where]
-    assert np.mean(sure & (error > 3 * found.standard_error[where]) & (found.confidence[where] > 0.9)) < 0.02
+    depth_map = depth(flat, white)
+    where = scenes.near_centres(CAMERA, flat) & np.isfinite(depth_map.disparity)
+    error = np.abs(depth_map.disparity - flat.truth.chord_disparity)[where]
+    small_error = depth_map.standard_error[where] < 0.02 * depth_map.disparity[where]
+    assert (
+        np.mean(small_error & (error > 3 * depth_map.standard_error[where]) & (depth_map.confidence[where] > 0.9))
+        < 0.02
+    )
 
 
 def test_what_cannot_be_matched_is_refused(edge, white):
@@ -113,15 +116,16 @@ def test_what_cannot_be_matched_is_refused(edge, white):
         ({"camera": dataclasses.replace(CAMERA, microlenses=None, microlenses_to_sensor=0.0)}, "no microlenses"),
         ({"camera": dataclasses.replace(CAMERA, microlenses=free)}, "on no lattice"),
         ({"camera": dataclasses.replace(CAMERA, microlenses_to_sensor=2.0)}, "focused at infinity"),
-        ({"between": (3.0, 2.0)}, "smaller one first"),
-        ({"between": (0.5, 2.0)}, "virtual depths from 1 to"),
-        ({"radius": 0}, "radius"),
-        ({"least_light": 0.0}, "least_light"),
+        ({"virtual_depth_range": (3.0, 2.0)}, "smaller one first"),
+        ({"virtual_depth_range": (0.5, 2.0)}, "virtual depths from 1 to"),
+        ({"disparity_range": (1.0, 2.0)}, "searched by virtual depth"),
+        ({"window_radius": 0}, "window_radius"),
+        ({"min_relative_light": 0.0}, "min_relative_light"),
         ({"white": None}, "its white image"),
-        ({"seen": "views"}, "seen"),
+        ({"image": "views"}, "image"),
     ):
         with pytest.raises(InvalidValueError, match=said):
-            depth(**({"seen": edge, "white": white} | arguments))
+            depth(**({"image": edge, "white": white} | arguments))
 
 
 def field(disparity, slant=0.0, count=5, steps=1.0):
@@ -131,12 +135,12 @@ def field(disparity, slant=0.0, count=5, steps=1.0):
     phase = rng.uniform(0, 2 * np.pi, 30)
     offsets = steps * (np.arange(count) - count // 2.0)
     row, column = np.ogrid[:40, :48]
-    u, v, seen = offsets[:, None, None, None], offsets[:, None, None], column
+    u, v, x = offsets[:, None, None, None], offsets[:, None, None], column
     # A point p of the central view, with the disparity d(p), is seen at p - d (v, u).
     for _ in range(60 if slant else 1):
-        seen = column + u * (disparity + slant * seen)
-    down = row + v * (disparity + slant * seen)
-    angle = np.multiply.outer(down, waves[:, 0]) + np.multiply.outer(seen, waves[:, 1])
+        x = column + u * (disparity + slant * x)
+    down = row + v * (disparity + slant * x)
+    angle = np.multiply.outer(down, waves[:, 0]) + np.multiply.outer(x, waves[:, 1])
     views = (2 + 0.2 * np.cos(angle + phase).sum(axis=-1, keepdims=True)).astype(np.float32)
     nothing, nowhere = np.full((40, 48, 2), np.nan), np.full((count, count, 2), np.nan)
     return pl.lightfield.LightField(
@@ -149,11 +153,11 @@ def field(disparity, slant=0.0, count=5, steps=1.0):
 def test_slopes_of_epipolar_lines():
     """Cubic convolution of these waves is good to a percent of their amplitude, which a gradient turns into place."""
     for disparity, slant in ((-1.3, 0.0), (0.02, 0.0), (0.2, 0.01)):
-        found, inside = depth(field(disparity, slant), between=(-2.0, 2.0)), np.s_[5:-5, 5:-5]
-        error = (found.disparity - (disparity + slant * np.arange(48)))[inside]
+        depth_map, inside = depth(field(disparity, slant), disparity_range=(-2.0, 2.0)), np.s_[5:-5, 5:-5]
+        error = (depth_map.disparity - (disparity + slant * np.arange(48)))[inside]
         assert np.isfinite(error).all() and np.abs(error).max() < 0.02, (disparity, slant)
         assert np.sqrt((error**2).mean()) < 0.006, (disparity, slant)
-        assert np.isnan(found.depth).all() and (found.confidence[inside] > 0.9).all()
+        assert np.isnan(depth_map.depth).all() and (depth_map.confidence[inside] > 0.9).all()
 
 
 def test_stated_errors_are_those_that_noise_makes():
@@ -180,27 +184,31 @@ def apart(spacing=(0.8, 0.8)):
 def test_views_of_cameras_side_by_side_have_depth():
     """z = z_focus / (1 + d pixel / step), the inverse of `disparity_at`, and steps of views may be fractions."""
     views = apart()
-    found = depth(views, between=(-1.0, 1.0))
-    z = -np.nanmedian(found.depth)
+    depth_map = depth(views, disparity_range=(-1.0, 1.0))
+    z = -np.nanmedian(depth_map.depth)
     assert views.disparity_at(z) == pytest.approx((0.5, 0.5), abs=5e-3)
-    halved = depth(field(0.5, steps=0.5), between=(-1.0, 1.0))
+    halved = depth(field(0.5, steps=0.5), disparity_range=(-1.0, 1.0))
     assert np.nanmedian(halved.disparity) == pytest.approx(0.5, abs=1e-2)  # half the lever
-    for arguments, said in (({"white": views}, "neither white"), ({"between": (-900, 900)}, "planes to compare")):
+    for arguments, said in (
+        ({"white": views}, "neither white"),
+        ({"disparity_range": (-900, 900)}, "planes to compare"),
+        ({"virtual_depth_range": (2.0, 9.0)}, "no virtual depth"),
+    ):
         with pytest.raises(InvalidValueError, match=said):
             depth(views, **arguments)
-    with pytest.raises(InvalidValueError, match="no views beside"):
+    with pytest.raises(InvalidValueError, match="no views other than"):
         depth(field(0.5, count=1))
 
 
 def test_a_line_of_cameras_has_depth():
     """One column of views moves along rows alone, one row along columns."""
     square = apart()
-    expected = np.nanmedian(depth(square, between=(-1.0, 1.0)).depth)
+    expected = np.nanmedian(depth(square, disparity_range=(-1.0, 1.0)).depth)
     for line in (np.s_[1:2, :], np.s_[:, 1:2]):
         cut = {name: getattr(square, name)[line] for name in ("views", "exit_pupil", "pupil")}
         views = dataclasses.replace(square, **cut, u=square.u[line[0]], v=square.v[line[1]])
-        found = depth(views, between=(-1.0, 1.0))
-        assert np.nanmedian(found.depth) == pytest.approx(expected, rel=1e-3), line
+        depth_map = depth(views, disparity_range=(-1.0, 1.0))
+        assert np.nanmedian(depth_map.depth) == pytest.approx(expected, rel=1e-3), line
         picture, inside = pl.lightfield.refocus(views, -500.0 / (1.0 + 0.5 * 0.8 / 4.0)), np.s_[5:-5, 5:-5]
         np.testing.assert_allclose(picture, pl.lightfield.refocus(views, disparity=0.5), rtol=1e-5)
         # Sharp: the picture is the central view, but for a percent of the waves' amplitude, 30 x 0.2.
@@ -208,7 +216,7 @@ def test_a_line_of_cameras_has_depth():
 
 
 def test_refocusing_by_disparity_knows_pixels_that_are_not_square():
-    """Pixels of half the height: what moves by 0.5 pixels along columns moves by 1 along rows."""
+    """Pixels of half the height: a shift of 0.5 pixels along columns is a shift of 1 along rows."""
     views = apart(spacing=(0.8, 0.4))
     across, down = views.disparity_at(-450.0)
     assert down == pytest.approx(2 * across)
@@ -227,9 +235,9 @@ def test_decoded_views_have_the_disparity_of_their_plane():
     scene = pl.Scene([pl.quad(corner, (side, 0, 0), (0, side, 0), material=pl.Emissive(texture))])
     shot = pl.render(scene, camera, samples=16, progress=False)
     views = pl.lightfield.decode(shot, pl.render_white(camera, samples=16, progress=False), views=13)
-    found = depth(views, between=(-0.5, 0.5))
-    assert np.nanmedian(found.disparity) == pytest.approx(views.disparity_at(-470.0)[0], abs=0.005)
-    assert np.nanmedian(found.depth) == pytest.approx(470.0, rel=0.01)
+    depth_map = depth(views, disparity_range=(-0.5, 0.5))
+    assert np.nanmedian(depth_map.disparity) == pytest.approx(views.disparity_at(-470.0)[0], abs=0.005)
+    assert np.nanmedian(depth_map.depth) == pytest.approx(470.0, rel=0.01)
 
 
 SLOW = {
@@ -249,18 +257,18 @@ def test_accuracy_is_what_the_page_states(name):
     white = white_of(camera, region)
     for v in (3.0, 4.5, 7.0):
         shot = shown(camera, scenes.plane(camera, sign * v, int(10 * v)), samples=128, region=region)
-        scores = scored(camera, shot, depth(shot, white))
+        scores = scores_of(camera, shot, depth(shot, white))
         assert scores.kept > 0.999 and abs(100 * scores.bias) < bias, (v, str(scores))
         assert scores.relative[0] <= 0.1 and scores.relative[1] <= beyond, (v, str(scores))
 
 
 @pytest.mark.slow
 def test_edges_are_wrong_in_few_pixels(white):
-    """Rel7 at most 4.4 %, what the Toolbox was measured to have."""
+    """Rel7 at most 4.4 %, the measured value of the Toolbox."""
     region = np.s_[128:384, 128:384]
     meshes = scenes.plane(CAMERA, 3.5, 5), scenes.plane(CAMERA, 6.0, 6, right=True)
     shot = shown(CAMERA, *meshes, samples=128, region=region)
-    assert scored(CAMERA, shot, depth(shot, white_of(CAMERA, region))).relative[0] <= 4.4
+    assert scores_of(CAMERA, shot, depth(shot, white_of(CAMERA, region))).relative[0] <= 4.4
 
 
 @pytest.mark.parametrize("focal_lengths", [(1.6, 2.0, 2.6), pytest.param((1.7, 2.0, 2.6), marks=pytest.mark.slow)])
@@ -269,9 +277,9 @@ def test_the_order_of_focal_lengths_does_not_say_on_which_side_images_are(focal_
     camera = dataclasses.replace(scenes.focused(focal_lengths=focal_lengths), sensor=pl.Sensor((110, 110), 0.01))
     shot = pl.render(pl.check_scene(), camera, samples=24, progress=False, truth=pl.Truth.CHORD_DISPARITY)
     white = pl.render_white(camera, samples=16, progress=False)
-    found = depth(shot, white)
-    assert np.nanmedian(found.disparity) == pytest.approx(np.nanmedian(shot.truth.chord_disparity), rel=0.03)
-    other = depth(shot, white, between=(-25.0, -1.8))
+    depth_map = depth(shot, white)
+    assert np.nanmedian(depth_map.disparity) == pytest.approx(np.nanmedian(shot.truth.chord_disparity), rel=0.03)
+    other = depth(shot, white, virtual_depth_range=(-25.0, -1.8))
     assert not np.nanmax(other.disparity, initial=-1.0) > 0
 
 
@@ -292,8 +300,8 @@ def test_uniform_errors_have_closed_forms():
 def test_relative_scores_do_not_know_units(scale, factor, seed):
     random = np.random.default_rng(seed)
     truth = random.uniform(1, 9, (7, 9))
-    found = truth * factor * random.normal(1, 0.03, truth.shape)
-    one, other = disparity_scores(found, truth), disparity_scores(scale * found, scale * truth)
+    estimate = truth * factor * random.normal(1, 0.03, truth.shape)
+    one, other = disparity_scores(estimate, truth), disparity_scores(scale * estimate, scale * truth)
     np.testing.assert_allclose(other.relative, one.relative, atol=100 / 63 + 1e-9)
     assert other.bias == pytest.approx(one.bias, abs=1e-12)
     assert other.mse == pytest.approx(one.mse * scale**2)
@@ -302,26 +310,26 @@ def test_relative_scores_do_not_know_units(scale, factor, seed):
 def test_what_is_not_known_does_not_count_and_types_add_up():
     random = np.random.default_rng(3)
     truth, types = random.uniform(2, 3, (20, 30)), random.integers(-1, 3, (20, 30))
-    found = truth + random.normal(0, 0.05, truth.shape)
-    found[:5], truth[:, :3] = np.nan, np.nan
+    estimate = truth + random.normal(0, 0.05, truth.shape)
+    estimate[:5], truth[:, :3] = np.nan, np.nan
     where = np.arange(20)[:, None] * np.ones(30) >= 2
-    scores = disparity_scores(found, truth, where=where, types=types)
+    scores = disparity_scores(estimate, truth, where=where, types=types)
     assert scores.pixels == 15 * 27 and scores.kept == pytest.approx(15 / 18)
     assert sum(part.pixels for part in scores.of_types) == ((types >= 0)[5:, 3:]).sum()
-    alone = disparity_scores(found, truth, where=where & (types == 1))
-    assert scores.of_types[1] == alone
+    of_type = disparity_scores(estimate, truth, where=where & (types == 1))
+    assert scores.of_types[1] == of_type
     assert str(scores).splitlines()[0].split()[:3] == ["pixels", "kept", "%"] and len(str(scores).splitlines()) == 5
     nothing = disparity_scores(np.full((2, 2), np.nan), np.ones((2, 2)))
     assert nothing.pixels == 0 and nothing.kept == 0 and np.isnan(nothing.mse)
 
 
 def test_bumpiness_is_the_norm_of_second_derivatives():
-    """Of the error a (x^2 + 2 x y): Hessian (2 a, 2 a; 2 a, 0), norm 2 a sqrt(3), exact by central differences."""
+    """Error a (x^2 + 2 x y): Hessian (2 a, 2 a; 2 a, 0), norm 2 a sqrt(3), exact by central differences."""
     y, x = np.mgrid[0:20, 0:30].astype(float)
     truth = np.full(x.shape, 3.0)
     for a in (1e-3, 0.1):
-        found = disparity_scores(truth + a * (x**2 + 2 * x * y), truth)
-        assert found.bumpiness == pytest.approx(100 * min(2 * a * np.sqrt(3), 0.05), rel=1e-9)
+        scores = disparity_scores(truth + a * (x**2 + 2 * x * y), truth)
+        assert scores.bumpiness == pytest.approx(100 * min(2 * a * np.sqrt(3), 0.05), rel=1e-9)
     slanted = disparity_scores(truth + 0.3 * x - 0.2 * y, truth, where=x < 15)
     assert slanted.bumpiness == pytest.approx(0.0, abs=1e-9)
     assert np.isnan(disparity_scores(truth[:4], truth[:4]).bumpiness)

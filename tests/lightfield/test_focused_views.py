@@ -1,4 +1,4 @@
-"""Views of focused cameras: constants stay, textures lie where they are, what is nearer hides what is behind it."""
+"""Views of focused cameras: constants, positions of textures, occlusion."""
 
 import dataclasses
 import math
@@ -47,7 +47,7 @@ def glowing(z, side, radiance, centre=(0.0, 0.0)):
 
 
 def waves(camera, v):
-    """A plane whose radiance is a product of waves of 6 pitches, or 64 texels; and what it is at points."""
+    """Plane whose radiance is a product of waves of 6 pitches, or 64 texels; and the radiance at points."""
     z = plane_at(camera, v)
     period = 6 * 0.217 * abs(z / (camera.stop_to_microlenses + v * camera.microlenses_to_sensor))
     at = 2 * np.pi * (np.arange(512) + 0.5) / 64
@@ -84,15 +84,15 @@ def hidden():
 
 
 def test_a_constant_scene_gives_the_constant_whatever_the_depth(white):
-    """Fits reproduce constants: what is left is rounding, of float32."""
+    """Fits reproduce constants up to rounding of float32."""
     depth = np.where(np.arange(120) < 60, 3.0, 5.0) * np.ones((120, 1))
     depth[:, :20] = np.nan
     for disparity, viewpoint in ((4.0, (0.0, 0.0)), (depth, (0.0, 0.0)), (depth, (-0.6, 0.5))):
         view = render_view(white, white, disparity, viewpoint=viewpoint)
-        seen = np.isfinite(view.picture)
-        assert seen.any() and np.abs(view.picture[seen] - 1.0).max() < 1e-6, viewpoint
-        assert np.array_equal(np.isfinite(view.disparity), seen[..., 0])
-        assert np.array_equal(view.coverage > 0, seen[..., 0])
+        visible = np.isfinite(view.picture)
+        assert visible.any() and np.abs(view.picture[visible] - 1.0).max() < 1e-6, viewpoint
+        assert np.array_equal(np.isfinite(view.disparity), visible[..., 0])
+        assert np.array_equal(view.coverage > 0, visible[..., 0])
     assert np.isnan(view.picture).any() and set(view.disparity[np.isfinite(view.disparity)].round(6)) == {3.0, 5.0}
 
 
@@ -111,9 +111,9 @@ def test_a_texture_lies_where_it_is(name):
         view = render_view(shot, white, shot.truth.chord_disparity, viewpoint=viewpoint)
         expected = radiance(view.truth(scene, truth=pl.Truth.POSITION).position)
         off = np.abs(view.picture - expected[..., None]) - 1e-3
-        seen = np.isfinite(off)
-        assert seen.mean() > 0.75
-        assert (off[seen] < 3 * view.standard_error[seen]).mean() > 0.97
+        visible = np.isfinite(off)
+        assert visible.mean() > 0.75
+        assert (off[visible] < 3 * view.standard_error[visible]).mean() > 0.97
 
 
 def test_the_rays_of_a_view_meet_at_the_viewpoint(white):
@@ -121,9 +121,9 @@ def test_the_rays_of_a_view_meet_at_the_viewpoint(white):
     view = render_view(white, white, z=-400.0, viewpoint=(0.5, 0.25))
     points = [view.truth(pl.Scene([glowing(z, 900.0, 1.0)])).position for z in (-300.0, -600.0)]
     pupil = pl.paraxial.cardinal_points(GALILEAN.lens, wavelength=587.6)
-    share = (pupil.rear_principal - points[0][..., 2:]) / (points[1][..., 2:] - points[0][..., 2:])
-    met = (points[0] + share * (points[1] - points[0]))[..., :2] / pupil.entrance_pupil_semi_diameter
-    assert np.abs(met - (0.5, 0.25)).max() < 1e-6
+    fraction = (pupil.rear_principal - points[0][..., 2:]) / (points[1][..., 2:] - points[0][..., 2:])
+    at_pupil = (points[0] + fraction * (points[1] - points[0]))[..., :2] / pupil.entrance_pupil_semi_diameter
+    assert np.abs(at_pupil - (0.5, 0.25)).max() < 1e-6
     # Upright.
     assert (np.diff(points[0][..., 0], axis=1) > 0).all() and (np.diff(points[0][..., 1], axis=0) < 0).all()
 
@@ -132,18 +132,18 @@ def test_what_is_nearer_hides_what_is_behind(white, hidden):
     """Also where the map of disparity shows it wider than it is, as matching in windows does."""
     scene, shot = hidden
     for fat, viewpoint in ((0, (0.0, 0.0)), (2, (0.0, 0.0)), (2, (0.5, 0.5))):
-        around = np.pad(shot.truth.chord_disparity, fat, mode="edge")
-        disparity = np.lib.stride_tricks.sliding_window_view(around, (2 * fat + 1,) * 2).min(axis=(2, 3))
+        padded = np.pad(shot.truth.chord_disparity, fat, mode="edge")
+        disparity = np.lib.stride_tricks.sliding_window_view(padded, (2 * fat + 1,) * 2).min(axis=(2, 3))
         view = render_view(shot, white, disparity, viewpoint=viewpoint)
-        found = view.truth(scene, truth=pl.Truth.OBJECT).object
+        objects = view.truth(scene, truth=pl.Truth.OBJECT).object
         # Pixels that see one object as far as two pixels around.
-        same = np.all([np.roll(found, step, axis) == found for axis in (0, 1) for step in (-2, -1, 1, 2)], axis=0)
+        same = np.all([np.roll(objects, step, axis) == objects for axis in (0, 1) for step in (-2, -1, 1, 2)], axis=0)
         pure = np.pad(same[2:-2, 2:-2], 2)
         for mesh, radiance in enumerate((0.2, 1.0)):
-            shown = view.picture[pure & (found == mesh) & np.isfinite(view.disparity)]
-            assert len(shown) > 100
+            of_mesh = view.picture[pure & (objects == mesh) & np.isfinite(view.disparity)]
+            assert len(of_mesh) > 100
             # Where pixels mix both, farther out than matters elsewhere, bright and dark differ by 0.8.
-            assert (np.abs(shown - radiance) < 0.1).mean() > 0.95, (fat, viewpoint)
+            assert (np.abs(of_mesh - radiance) < 0.1).mean() > 0.95, (fat, viewpoint)
 
 
 def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
@@ -161,14 +161,14 @@ def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
 
 
 def test_a_light_field_of_views_is_one_like_others(white):
-    """Its rays are those of views at its places of the pupil, and its disparities bring views of a plane together."""
+    """The rays are those of single views at the same pupil points, and disparities align views of a plane."""
     shot = shot_of(scene := waves(GALILEAN, 4.0)[0], GALILEAN)
     field = render_views(shot, white, shot.truth.chord_disparity, views=3)
     assert field.views.shape[:2] == (3, 3) and np.allclose(field.pupil[2, 0], (0.6, 0.6), rtol=0, atol=1e-12)
     view = render_view(shot, white, shot.truth.chord_disparity, viewpoint=(0.6, 0.6))
     assert np.array_equal(field.view(1, -1), view.picture, equal_nan=True)
     assert np.array_equal(field.standard_error[2, 0], view.standard_error, equal_nan=True)
-    rays, expected = (found.position for found in (field.truth(scene, 1, -1), view.truth(scene)))
+    rays, expected = (truth.position for truth in (field.truth(scene, 1, -1), view.truth(scene)))
     # A nanometre of chief rays' places on the sensor, 250 times as far at the plane.
     assert np.allclose(rays, expected, rtol=0, atol=1e-6)
     off = (refocus(field, z=plane_at(GALILEAN, 4.0)) - field.centre)[8:-8, 8:-8]

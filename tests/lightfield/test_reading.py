@@ -1,4 +1,4 @@
-"""Light fields of other origin: what is written comes back, distances mean the same, damaged folders are refused."""
+"""Imported light fields: round trips, distances, and refusal of damaged folders."""
 
 import dataclasses
 
@@ -32,19 +32,19 @@ def folder(field, tmp_path):
 
 
 def test_a_light_field_of_the_benchmark_comes_back(field, folder):
-    found = read_hci(folder)
-    assert found.views.shape == (5, 5, *field.views.shape[2:4], 3) and found.camera is None
+    imported = read_hci(folder)
+    assert imported.views.shape == (5, 5, *field.views.shape[2:4], 3) and imported.camera is None
     scale = np.nanpercentile(field.views, 99.9)
-    wanted = np.clip(np.nan_to_num(field.views) / scale, 0, 1)
-    np.testing.assert_allclose(found.views, np.repeat(wanted, 3, axis=4), atol=0.005)
-    np.testing.assert_array_equal(found.view(2, -1), found.views[4, 1])
+    expected = np.clip(np.nan_to_num(field.views) / scale, 0, 1)
+    np.testing.assert_allclose(imported.views, np.repeat(expected, 3, axis=4), atol=0.005)
+    np.testing.assert_array_equal(imported.view(2, -1), imported.views[4, 1])
     pupil = pl.paraxial.cardinal_points(field.camera.lens).entrance_pupil
     for z in (-300.0, -404.0, -1000.0):
-        assert found.disparity_at(z - pupil) == pytest.approx(field.disparity_at(z), abs=1e-9)
+        assert imported.disparity_at(z - pupil) == pytest.approx(field.disparity_at(z), abs=1e-9)
     # Refocused alike, where no view was dark.
-    ours, theirs = refocus(field, -390.0) / scale, refocus(found, -390.0 - pupil)
-    known = np.pad(np.isfinite(field.views).all(axis=(0, 1, 4))[2:-2, 2:-2], 2)
-    np.testing.assert_allclose(theirs[known][:, :1], np.clip(ours[known], 0, 1), atol=0.03)
+    ours, theirs = refocus(field, -390.0) / scale, refocus(imported, -390.0 - pupil)
+    valid = np.pad(np.isfinite(field.views).all(axis=(0, 1, 4))[2:-2, 2:-2], 2)
+    np.testing.assert_allclose(theirs[valid][:, :1], np.clip(ours[valid], 0, 1), atol=0.03)
 
 
 def test_views_and_macro_pixels_come_back(tmp_path):
@@ -57,16 +57,16 @@ def test_views_and_macro_pixels_come_back(tmp_path):
     macro = views.transpose(2, 1, 3, 0, 4).reshape(4 * 2, 5 * 3, 3)
     pl.images.write_16bit(tmp_path / "macro" / "a_eslf.png", macro)
     linear = pl.images.srgb_to_linear(views / 65535)
-    for found in (read_views(tmp_path, (2, 3)), read_eslf(tmp_path / "macro" / "a_eslf.png", (2, 3))):
-        np.testing.assert_allclose(found.views, linear, atol=1e-5)
-        np.testing.assert_array_equal(found.view(0, -1), found.views[1, 0])
-        assert np.isfinite(refocus(found, disparity=0.4)).any()
+    for imported in (read_views(tmp_path, (2, 3)), read_eslf(tmp_path / "macro" / "a_eslf.png", (2, 3))):
+        np.testing.assert_allclose(imported.views, linear, atol=1e-5)
+        np.testing.assert_array_equal(imported.view(0, -1), imported.views[1, 0])
+        assert np.isfinite(refocus(imported, disparity=0.4)).any()
         # As many views along u as along v.
-        views = np.concatenate([found.views, found.views[:, :1]], axis=1)
-        square = dataclasses.replace(found, views=views, v=np.arange(3.0) - 1)
+        views = np.concatenate([imported.views, imported.views[:, :1]], axis=1)
+        square = dataclasses.replace(imported, views=views, v=np.arange(3.0) - 1)
         for call, said in (
-            (lambda found=found: found.disparity_at(-300.0), "refocus it by disparity"),
-            (lambda found=found: found.truth(pl.shapes.white_plane()), "names no camera"),
+            (lambda imported=imported: imported.disparity_at(-300.0), "refocus it by disparity"),
+            (lambda imported=imported: imported.truth(pl.shapes.white_plane()), "names no camera"),
             (lambda square=square: pl.export.hci(tmp_path / "other", square), "names no camera"),
         ):
             with pytest.raises(InvalidValueError, match=said):

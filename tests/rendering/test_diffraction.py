@@ -57,14 +57,14 @@ def white(camera, samples, **more):
 def test_the_share_of_light_that_stays_in_its_pixel_and_contrast_at_the_nyquist_frequency(name):
     # The integral of the aperture's MTF times the pixel's squared; the image without bends is known in closed form.
     number, pitch, *shares = CAMERAS[name]
-    for aperture, share in zip((ROUND, FILLED), shares, strict=True):
+    for aperture, fraction in zip((ROUND, FILLED), shares, strict=True):
         camera, middle = lit_square(number, pitch, aperture), np.s_[PIXELS : PIXELS + 1, PIXELS : PIXELS + 1]
         image, error = white(camera, 1 << 13, replicates=16, region=middle)
         # The integral of cos^4 over the lens: 1 - 2 <r^2> / f^2.
         whole = (math.pi / 4 if aperture is ROUND else 1.0) / number**2
         whole *= 1 - 2 * (1 / 8 if aperture is ROUND else 1 / 6) / number**2
         assert float(error) < 0.003 * whole
-        assert float(image) / whole == pytest.approx(share, abs=0.01), aperture
+        assert float(image) / whole == pytest.approx(fraction, abs=0.01), aperture
     # Sharp squares one pixel wide in a lattice of six, on pixels a quarter as wide: 24 of these are a period.
     camera = lit_square(number, pitch / 4, ROUND, part=4.0, across=24, size=48)
     image, error = (a[12:36, 12:36] for a in white(camera, 4096, replicates=8))
@@ -133,13 +133,13 @@ def test_bits_do_not_depend_on_tiles_threads_and_regions():
 
 @pytest.mark.parametrize(("samples", "replicates"), [pytest.param(200, 16, marks=pytest.mark.slow), (70, 3)])
 def test_bits_do_not_depend_on_what_fits_into_a_batch(samples, replicates, monkeypatch):
-    camera, found = small_camera(sensor=pl.Sensor((24, 24), 0.01)), []
+    camera, shots = small_camera(sensor=pl.Sensor((24, 24), 0.01)), []
     for room, side in ((1 << 24, 24), (1, 24), (1 << 16, 11)):
         monkeypatch.setattr("plenoptic.rendering.schedule.clock.PATHS_PER_BATCH", room)
-        how = {"samples": samples, "replicates": replicates, "tile_side": side, "progress": False}
-        found.append((pl.render(pl.check_scene(), camera, **how), pl.render_white(camera, **how)))
-    for others in found[1:]:
-        for other, first in zip(others, found[0], strict=True):
+        options = {"samples": samples, "replicates": replicates, "tile_side": side, "progress": False}
+        shots.append((pl.render(pl.check_scene(), camera, **options), pl.render_white(camera, **options)))
+    for other_shot in shots[1:]:
+        for other, first in zip(other_shot, shots[0], strict=True):
             assert_array_equal(other.image, first.image)
             if replicates > 1:
                 assert_array_equal(other.standard_error, first.standard_error)
@@ -152,12 +152,12 @@ def test_points_are_spread_as_surfaces_are_rendered():
     lamp = pl.quad(at - [side / 2, side / 2, 0], (side, 0, 0), (0, side, 0), material=pl.Emissive(1.0))
     shot = pl.render(pl.Scene([lamp]), camera, samples=512, replicates=16, progress=False, truth=pl.Truth.NONE)
     parts = np.random.default_rng(3).uniform(-0.5, 0.5, (4, 40, 2))
-    known = []
+    references = []
     for part in parts:
         points = at + side * np.column_stack([part, np.zeros(len(part))])
-        known.append(pl.point_spread(camera, points, rays=1 << 10, progress=False).whole().mean(axis=0) * side**2)
+        references.append(pl.point_spread(camera, points, rays=1 << 10, progress=False).whole().mean(axis=0) * side**2)
     image, error = (a[..., 0] for a in (shot.image, shot.standard_error))
-    mean, scatter = np.mean(known, axis=0), np.std(known, axis=0, ddof=1) / 2
+    mean, scatter = np.mean(references, axis=0), np.std(references, axis=0, ddof=1) / 2
     bright = mean > 0.2 * mean.max()
     assert image.sum() == pytest.approx(mean.sum(), rel=0.01)
     chi = (image - mean)[bright] / np.hypot(error[bright], np.maximum(scatter[bright], np.median(scatter[bright])))
@@ -171,8 +171,8 @@ def test_an_iris_spreads_a_point_as_airy_says():
     points = pl.paraxial.cardinal_points(lens, 550.0)
     distance = 1e6
     image = 1 / (1 / points.efl - 1 / distance)
-    sensor, how = pl.Sensor((201, 201), 0.002), {"wavelength": 550.0, "diffraction": pl.Diffraction(iris=True)}
-    camera = pl.PlenopticCamera(lens, sensor, points.rear_principal + image, **how)
+    sensor, optics = pl.Sensor((201, 201), 0.002), {"wavelength": 550.0, "diffraction": pl.Diffraction(iris=True)}
+    camera = pl.PlenopticCamera(lens, sensor, points.rear_principal + image, **optics)
     spread = pl.point_spread(camera, (0.0, 0.0, points.front_principal - distance), rays=1 << 18, progress=False)
     ring = 550e-6 * image / (2 * points.entrance_pupil_semi_diameter)
     row, column = np.indices((201, 201)) - 100
@@ -195,11 +195,11 @@ def test_colours_bend_by_their_wavelengths():
 
 def test_paths_can_be_followed_again():
     # Those whose light pixels share run as without bends.
-    camera, scene, found = small_camera(), pl.check_scene(), []
+    camera, scene, radiances = small_camera(), pl.check_scene(), []
     for each in (camera, straight(camera)):
         shot = pl.render(scene, each, samples=16, replicates=2, progress=False)
-        found.append(pl.replaying.replay_all(shot, scene, [(30, 31, sample) for sample in range(16)]))
-    for bent, plain in zip(*found, strict=True):
+        radiances.append(pl.replaying.replay_all(shot, scene, [(30, 31, sample) for sample in range(16)]))
+    for bent, plain in zip(*radiances, strict=True):
         assert bent.events == plain.events
         assert_array_equal(bent.contribution, plain.contribution)
 

@@ -19,7 +19,7 @@ NUMBERS = ("cpu_seconds", "seconds", "peak_memory", "file_size", "checkpoint_siz
 
 @pytest.fixture(autouse=True)
 def few(monkeypatch):
-    """Pilots with a sixteenth of the paths: what is tested here is no matter of their precision."""
+    """Pilot runs with a sixteenth of the paths: these tests do not depend on their precision."""
     monkeypatch.setattr(estimating, "_PATHS", 1 << 14)
     monkeypatch.setattr(estimating, "_FEWEST", 1 << 10)
 
@@ -65,39 +65,39 @@ def test_pilots_are_spread_evenly_over_the_frame():
 def test_the_rim_counts_as_much_as_it_is_large():
     """Squares side by side are met as often as they have pixels of their own: the last may reach into others."""
     for side, shape in ((64, (200, 328)), (16, (40, 72))):
-        met, n, seeds = np.zeros([-(-length // side) for length in shape]), 8, 400
+        hits, n, seeds = np.zeros([-(-length // side) for length in shape]), 8, 400
         for seed in range(seeds):
             places = [tile.places[0] for tile in pilot_tiles((0, shape[0], 0, shape[1]), n, 1, side, seed)]
-            np.add.at(met, tuple(-(-np.array(places).T // side)), 1)
-        parts = [np.minimum(side, length - side * np.arange(k)) for length, k in zip(shape, met.shape, strict=True)]
+            np.add.at(hits, tuple(-(-np.array(places).T // side)), 1)
+        parts = [np.minimum(side, length - side * np.arange(k)) for length, k in zip(shape, hits.shape, strict=True)]
         expected = n * seeds * np.multiply.outer(*parts) / math.prod(shape)
         # Of strata: they scatter less than by Poisson's law, and the one that is left out of 9 at random by no more.
-        assert (np.abs(met - expected) < 4 * np.sqrt(expected)).all(), side
+        assert (np.abs(hits - expected) < 4 * np.sqrt(expected)).all(), side
 
 
 def test_samples_that_are_given_are_given_back_and_regions_may_be_smaller_than_pilots():
-    for wanted in (
+    for options in (
         {"samples": 8, "replicates": 8, "truth": pl.Truth.ALL},
         {"samples": 3000},
-        {"samples": 1, "threads": 1, "max_bounces": 1, "clamp": 4.0, "caustics": pl.rendering.Caustics.LEFT_OUT},
+        {"samples": 1, "threads": 1, "max_bounces": 1, "clamp": 4.0, "caustics": pl.rendering.Caustics.EXCLUDE},
     ):
-        check(found := estimate(**wanted))
-        assert set(found.samples) == {wanted["samples"]}
+        check(result := estimate(**options))
+        assert set(result.samples) == {options["samples"]}
     for region, replicates in ((np.s_[3:4, 5:6], 2), (np.s_[3:6, 8:13], 1), (np.s_[8:16, 4:204], 2)):
-        check(found := estimate(samples=4, region=region, replicates=replicates))
+        check(result := estimate(samples=4, region=region, replicates=replicates))
         pixels = (region[0].stop - region[0].start) * (region[1].stop - region[1].start)
-        assert found.file_size.value < 20_000 + 20 * pixels  # what describes the camera, and three numbers a pixel
+        assert result.file_size.value < 20_000 + 20 * pixels  # what describes the camera, and three numbers a pixel
 
 
 def test_a_target_ends_with_the_samples_that_are_given():
-    check(found := estimate(SCENE, target_error=0.0005, samples=24))
-    assert found.samples.high <= 24 and found.samples.value == 24
+    check(result := estimate(SCENE, target_error=0.0005, samples=24))
+    assert result.samples.high <= 24 and result.samples.value == 24
     check(free := estimate(None, target_error=0.2, samples=1 << 20))
     assert free.samples.value < 1000
     assert "certain light" in repr(free) and "processor time" in repr(free)
     for samples in (2, 3):  # too few to decide by
-        check(found := estimate(None, samples=samples, target_error=0.02, threads=1))
-        assert found.samples == (samples, samples, samples)
+        check(result := estimate(None, samples=samples, target_error=0.02, threads=1))
+        assert result.samples == (samples, samples, samples)
 
 
 def test_what_is_impossible_is_refused():
@@ -117,13 +117,15 @@ MORE_SIZES = [(SCENE, {"samples": 300}), (None, {"samples": 64})]
 @pytest.mark.parametrize("cases", [SIZES, pytest.param(MORE_SIZES, marks=pytest.mark.slow)])
 def test_files_have_the_sizes_told(cases, tmp_path):
     """Within the intervals, which are meant to hold mostly: seeds are fixed, and sizes are no matter of time."""
-    for k, (scene, wanted) in enumerate(cases):
-        found, state, file = estimate(scene, **wanted), tmp_path / f"{k}.state", tmp_path / f"{k}.exr"
-        kept = {"checkpoint": state, "progress": False, **wanted}
-        shot = pl.render_white(CAMERA, **kept) if scene is None else pl.render(scene, CAMERA, **kept)
+    for k, (scene, options) in enumerate(cases):
+        result, state, file = estimate(scene, **options), tmp_path / f"{k}.state", tmp_path / f"{k}.exr"
+        render_options = {"checkpoint": state, "progress": False, **options}
+        shot = (
+            pl.render_white(CAMERA, **render_options) if scene is None else pl.render(scene, CAMERA, **render_options)
+        )
         shot.save(file)
-        assert found.file_size.low <= file.stat().st_size <= found.file_size.high, wanted
-        assert found.checkpoint_size.low <= state.stat().st_size <= found.checkpoint_size.high, wanted
+        assert result.file_size.low <= file.stat().st_size <= result.file_size.high, options
+        assert result.checkpoint_size.low <= state.stat().st_size <= result.checkpoint_size.high, options
 
 
 @pytest.mark.slow
@@ -133,14 +135,16 @@ def test_a_corner_that_is_noisy_counts_as_much_as_it_is_large():
     wall = pl.quad((-400, -400, -1000), (800, 0, 0), (0, 800, 0), material=pl.Emissive(1.0, two_sided=True))
     plate = pl.quad((0, 0, -990), (400, 0, 0), (0, 400, 0), material=pl.Lambertian(0.8))
     lamp = pl.QuadLight((-100, -100, -300), (200, 0, 0), (0, 200, 0), radiance=5.0, two_sided=True)
-    scene, given = pl.Scene([wall, plate], lights=[lamp]), {"target_error": 0.03}
+    scene, options = pl.Scene([wall, plate], lights=[lamp]), {"target_error": 0.03}
     halves = slice(0, 64), slice(64, 128)
-    quarters = [estimate(scene, camera, region=region, **given).samples for region in itertools.product(halves, halves)]
-    whole = estimate(scene, camera, **given)
+    quarters = [
+        estimate(scene, camera, region=region, **options).samples for region in itertools.product(halves, halves)
+    ]
+    whole = estimate(scene, camera, **options)
     check(whole)
-    least, most = min(quarters), max(quarters)
-    assert least.value < 0.5 * most.value
-    assert least.value < whole.samples.value < most.value
+    lowest, highest = min(quarters), max(quarters)
+    assert lowest.value < 0.5 * highest.value
+    assert lowest.value < whole.samples.value < highest.value
     mean = np.mean([quarter.value for quarter in quarters])
     assert whole.samples.low <= mean <= whole.samples.high
 

@@ -28,20 +28,20 @@ def glass_in_a_corner():
 
 
 def test_a_corner_that_costs_several_times_the_rest():
-    scene, given = glass_in_a_corner(), {"max_bounces": 24, "truth": pl.Truth.NONE, "progress": False}
+    scene, options = glass_in_a_corner(), {"max_bounces": 24, "truth": pl.Truth.NONE, "progress": False}
 
     def estimated(**more):
-        return pl.estimate(scene, camera(), samples=64, **given, **more).cpu_seconds.value
+        return pl.estimate(scene, camera(), samples=64, **options, **more).cpu_seconds.value
 
-    pl.render(scene, camera(), samples=4, **given)  # compiles
-    told, times = [], []
+    pl.render(scene, camera(), samples=4, **options)  # compiles
+    estimates, times = [], []
     for _ in range(3):
-        told.append(estimated())
+        estimates.append(estimated())
         fresh, begin = camera(), time.process_time()
-        pl.render(scene, fresh, samples=64, **given)
+        pl.render(scene, fresh, samples=64, **options)
         times.append(time.process_time() - begin)
     took = statistics.median(times)
-    assert abs(took / statistics.median(told) - 1) < WITHIN
+    assert abs(took / statistics.median(estimates) - 1) < WITHIN
     # By its left half alone the frame would cost half of that, and by that corner several times as much.
     corner, left = 16 * estimated(region=np.s_[:48, 144:]), 2 * estimated(region=np.s_[:, :96])
     assert corner > 3 * left

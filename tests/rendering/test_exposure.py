@@ -12,7 +12,7 @@ from PIL import Image
 import plenoptic as pl
 from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.rendering.frame import samples_text
+from plenoptic.rendering.crop import samples_text
 from plenoptic.rendering.schedule import scheduler
 from plenoptic.truth.arrays import empty_truth
 from plenoptic.truth.channels import GroundTruth
@@ -87,16 +87,16 @@ def test_exr_keeps_everything(tmp_path):
         # Depth is float32 in the file; everything else has every bit.
         rounded = shot.depth.astype(np.float32).astype(np.float64)
         assert again == exposure(channels, truth=GroundTruth(depth=rounded), camera=camera)
-        found, metadata = images.read_channels(tmp_path / "shot.exr")
-        assert set(found) == {*names, "depth.Z", *(f"error.{name}" for name in names)}
+        planes, metadata = images.read_channels(tmp_path / "shot.exr")
+        assert set(planes) == {*names, "depth.Z", *(f"error.{name}" for name in names)}
         assert metadata["Software"].startswith("plenoptic ")
         assert "float32" in metadata["plenoptic:note"]
         assert (shot.image.dtype, shot.standard_error.dtype, shot.depth.dtype) == (np.float32, np.float32, np.float64)
         again = pickle.loads(pickle.dumps(shot))
         assert again == shot and not again.image.flags.writeable
-    alone = pl.Exposure(np.ones((2, 3, 1)))
-    alone.save(tmp_path / "alone.exr")
-    assert pl.Exposure.load(tmp_path / "alone.exr") == alone
+    image_only = pl.Exposure(np.ones((2, 3, 1)))
+    image_only.save(tmp_path / "alone.exr")
+    assert pl.Exposure.load(tmp_path / "alone.exr") == image_only
     # Numbers of samples beyond those of float32 stay within all samples.
     counts = [[16777219, 16777217]]
     shot = pl.Exposure(np.ones((1, 2, 1)), samples=16777219, sample_counts=counts, seed=0, replicates=1)
@@ -108,9 +108,9 @@ def test_exr_keeps_all_ground_truth(tmp_path):
     # What float32 holds, and what stands for nothing.
     random, arrays = np.random.default_rng(8), empty_truth(pl.Truth.ALL & ~pl.Truth.DEPTH, (4, 6))
     for array in arrays.values():
-        seen, whole = random.random(array.shape) < 0.7, array.dtype.kind == "i"
-        drawn = random.integers(-(2**24), 2**24 + 1, seen.sum()) if whole else random.uniform(-1e3, 1e3, seen.sum())
-        array[seen] = drawn.astype(np.float32)
+        valid, whole = random.random(array.shape) < 0.7, array.dtype.kind == "i"
+        drawn = random.integers(-(2**24), 2**24 + 1, valid.sum()) if whole else random.uniform(-1e3, 1e3, valid.sum())
+        array[valid] = drawn.astype(np.float32)
     truth = GroundTruth(**arrays)
     shot = exposure(truth=truth)
     shot.save(tmp_path / "shot.exr")

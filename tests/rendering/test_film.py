@@ -106,11 +106,11 @@ def test_few_replicates_are_pooled_over_a_block(counts):
     assert np.all(np.abs(np.log(squared / expected)) < 2.0)
     assert np.mean(np.abs(np.log(squared / expected))) < 0.35  # of replicates alone: 1.3
     # Over the pixels of a block and colour, squares are those of the replicates.
-    own = (np.square(film.between, dtype=float) / (len(counts) - 1) / sum(counts))[..., 0]
+    of_replicates = (np.square(film.between, dtype=float) / (len(counts) - 1) / sum(counts))[..., 0]
     colour = np.add.outer(np.arange(8), np.arange(8)) % 2 == 1
     for block in (np.s_[:8, :8], np.s_[24:32, 56:64]):
         for part in (colour, ~colour):
-            assert squared[block][part].sum() == pytest.approx(own[block][part].sum(), rel=1e-5)
+            assert squared[block][part].sum() == pytest.approx(of_replicates[block][part].sum(), rel=1e-5)
 
 
 def test_what_one_colour_of_a_block_shows_changes_no_other_pixel():

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.rendering import RenderStats, StopReason
-from plenoptic.rendering.heads import head_of
-from plenoptic.rendering.merging.regions import left_out
+from plenoptic.rendering.exposure_metadata import metadata_of
+from plenoptic.rendering.merging.regions import missing_regions
+from plenoptic.study.cameras import reference_camera
 
 CAMERA = pl.camera.example_camera(shape=(29, 43))
 SCENE = pl.check_scene()
@@ -48,8 +49,8 @@ def made_up(rng, region, **changes):
 
 
 def part_of(whole, region):
-    """What of an exposure lies in a region."""
-    first_row, _, first_column, _ = head_of(whole).place
+    """Crop of an exposure to a region."""
+    first_row, _, first_column, _ = metadata_of(whole).sensor_region
     rows = slice(region[0] - first_row, region[1] - first_row)
     columns = slice(region[2] - first_column, region[3] - first_column)
     changes = {name: getattr(whole, name)[rows, columns] for name in ("image", "standard_error", "sample_counts")}
@@ -77,18 +78,18 @@ def test_any_cuts_come_together_and_what_is_left_out_is_named(seed, n):
     assert (together.region, together.seed, together.replicates) == (region, 5, 2)
     assert together.object_names == ("a", "")
     missing = int(rng.integers(len(regions)))
-    rest = regions[:missing] + regions[missing + 1 :]
-    assert left_out(region, regions) == [] and left_out(region, rest) == [regions[missing]]
+    remaining = regions[:missing] + regions[missing + 1 :]
+    assert missing_regions(region, regions) == [] and missing_regions(region, remaining) == [regions[missing]]
 
 
 def test_tiles_have_the_bits_of_the_whole():
     for replicates in (1, 2):
-        given = {"samples": 16, "replicates": replicates, "seed": 7, "progress": False}
-        given["truth"] = pl.Truth.DEPTH | pl.Truth.OBJECT
-        whole, rng = pl.render(SCENE, CAMERA, **given), np.random.default_rng(replicates)
+        options = {"samples": 16, "replicates": replicates, "seed": 7, "progress": False}
+        options["truth"] = pl.Truth.DEPTH | pl.Truth.OBJECT
+        whole, rng = pl.render(SCENE, CAMERA, **options), np.random.default_rng(replicates)
         random = [np.s_[r[0] : r[1], r[2] : r[3]] for r in cuts_of(rng, (0, 29, 0, 43), 5, block=8)]
         for regions in (CAMERA.tiles(2, 3), random):
-            parts = [pl.render(SCENE, CAMERA, region=region, **given) for region in regions]
+            parts = [pl.render(SCENE, CAMERA, region=region, **options) for region in regions]
             together = merged(parts)
             assert np.array_equal(together.image, whole.image) and together.truth == whole.truth
             assert (together.standard_error is None) == (replicates == 1)
@@ -124,10 +125,10 @@ def test_single_replicates_get_their_errors_from_each_other():
         together = merged(shots)
         assert (together.samples, together.replicates) == (8 * n, n)
         off = (together.image.astype(float) - reference.image)[lit]
-        told = np.square(together.standard_error)[lit] + np.square(reference.standard_error)[lit]
-        gap = off**2 - told
+        stated = np.square(together.standard_error)[lit] + np.square(reference.standard_error)[lit]
+        gap = off**2 - stated
         assert abs(gap.sum()) < 4 * np.sqrt((gap**2).sum()), n
-        assert gap.size > 400 and np.sqrt((gap**2).sum()) < 0.2 * told.sum()  # sharp enough to tell
+        assert gap.size > 400 and np.sqrt((gap**2).sum()) < 0.2 * stated.sum()  # sharp enough to tell
 
 
 def test_seeds_are_weighed_by_their_samples():
@@ -177,8 +178,8 @@ def test_seeds_are_kept_and_do_not_count_twice(tmp_path):
     with pytest.raises(pl.errors.InvalidValueError, match="2 parts of rows 0:2, columns 0:3 have the seed 5"):
         merged([both, shots[0]])
     # Regions beside each other share no random numbers, whatever their seeds.
-    beside = dataclasses.replace(made_up(rng, (0, 2, 3, 4)), seed=5)
-    assert merged([both, beside]).seed == both.seed
+    neighbour = dataclasses.replace(made_up(rng, (0, 2, 3, 4)), seed=5)
+    assert merged([both, neighbour]).seed == both.seed
 
 
 def alike(region=(0, 2, 0, 4), **changes):

@@ -11,11 +11,11 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.rendering import RenderStats
-from plenoptic.rendering.exposure_files import head_of_image
-from plenoptic.rendering.heads import head_of
-from plenoptic.rendering.merging.merge import merge_to_store, merged_parts
-from plenoptic.rendering.merging.parts import FilePart, HeldPart, StorePart
-from plenoptic.rendering.stores import head_of_store
+from plenoptic.rendering.exposure_files import metadata_of_image
+from plenoptic.rendering.exposure_metadata import metadata_of
+from plenoptic.rendering.merging.merge import merge_parts, merge_to_store
+from plenoptic.rendering.merging.parts import FilePart, MemoryPart, StorePart
+from plenoptic.rendering.stores import metadata_of_store
 
 sys.path.insert(0, str(Path(__file__).parent))
 import test_merging  # noqa: E402
@@ -44,11 +44,11 @@ def saved(shot, folder, ending):
     """An exposure as a part: in memory, in a store, or in an EXR file."""
     path = folder / f"{len(list(folder.iterdir()))}{ending or ''}"
     if ending is None:
-        return HeldPart(path.name, shot)
+        return MemoryPart(path.name, shot)
     shot.save(path)
     if ending == ".zarr":
         return StorePart(path)
-    return FilePart(path.name, head_of_image(path), lambda: pl.Exposure.load(path))
+    return FilePart(path.name, metadata_of_image(path), lambda: pl.Exposure.load(path))
 
 
 @pytest.mark.parametrize("seed", [0, 2])
@@ -64,12 +64,12 @@ def test_a_store_has_every_byte_of_what_is_merged_in_memory(seed, tmp_path):
     parts = [parts[k] for k in rng.permutation(len(parts))]
     (tmp_path / "parts").mkdir()
     together = pl.Exposure.merged(parts)
-    given = [saved(part, tmp_path / "parts", (None, ".zarr", ".exr")[int(rng.integers(3))]) for part in parts]
-    head = merge_to_store(given, tmp_path / "streamed.zarr")
+    files = [saved(part, tmp_path / "parts", (None, ".zarr", ".exr")[int(rng.integers(3))]) for part in parts]
+    head = merge_to_store(files, tmp_path / "streamed.zarr")
     together.save(tmp_path / "held.zarr")
     assert content(tmp_path / "streamed.zarr") == content(tmp_path / "held.zarr")
-    assert pl.Exposure.load(tmp_path / "streamed.zarr") == together and head == head_of(together)
-    assert merged_parts(given) == together
+    assert pl.Exposure.load(tmp_path / "streamed.zarr") == together and head == metadata_of(together)
+    assert merge_parts(files) == together
 
 
 def test_what_one_part_lacks_the_store_lacks(tmp_path):
@@ -77,12 +77,12 @@ def test_what_one_part_lacks_the_store_lacks(tmp_path):
     top, bottom = (200, 600, *REGION[2:]), (600, *REGION[1:])
     bare = {name: None for name in ("standard_error", "truth", "sample_counts", "stats")}
     parts = [part_of(made_up(rng, 0), top), dataclasses.replace(part_of(made_up(rng, 0), bottom), **bare)]
-    merge_to_store([HeldPart("a", parts[0]), HeldPart("b", parts[1])], tmp_path / "a.zarr")
+    merge_to_store([MemoryPart("a", parts[0]), MemoryPart("b", parts[1])], tmp_path / "a.zarr")
     assert pl.Exposure.load(tmp_path / "a.zarr") == pl.Exposure.merged(parts)
     # Counts that come to the same are not kept.
     one = made_up(rng, 0)
     two = dataclasses.replace(made_up(rng, 1), sample_counts=8 - one.sample_counts)
-    head = merge_to_store([HeldPart("a", one), HeldPart("b", two)], tmp_path / "b.zarr")
+    head = merge_to_store([MemoryPart("a", one), MemoryPart("b", two)], tmp_path / "b.zarr")
     together = pl.Exposure.merged([one, two])
     assert (together.samples, together.sample_counts) == (8, None) and "sample_counts" not in head.arrays
     together.save(tmp_path / "c.zarr")
@@ -99,8 +99,12 @@ def test_heads_are_those_of_what_is_loaded(tmp_path):
     ):
         shot.save(tmp_path / "a.exr")
         shot.save(tmp_path / "a.zarr")
-        assert head_of_image(tmp_path / "a.exr") == head_of(pl.Exposure.load(tmp_path / "a.exr"))
-        assert head_of_store(tmp_path / "a.zarr") == head_of(pl.Exposure.load(tmp_path / "a.zarr")) == head_of(shot)
+        assert metadata_of_image(tmp_path / "a.exr") == metadata_of(pl.Exposure.load(tmp_path / "a.exr"))
+        assert (
+            metadata_of_store(tmp_path / "a.zarr")
+            == metadata_of(pl.Exposure.load(tmp_path / "a.zarr"))
+            == metadata_of(shot)
+        )
 
 
 def peak_of(rows, folder):
@@ -142,7 +146,7 @@ def test_a_merge_that_fails_leaves_what_was_there(tmp_path):
         (lambda: dataclasses.replace(bottom, seed=1), pl.errors.FileError),
     ):
         with pytest.raises(error, match="b.exr has been changed while" if error is pl.errors.FileError else None):
-            merge_to_store([HeldPart("a", top), FilePart("b.exr", head_of(bottom), load)], tmp_path / "a.zarr")
+            merge_to_store([MemoryPart("a", top), FilePart("b.exr", metadata_of(bottom), load)], tmp_path / "a.zarr")
         assert pl.Exposure.load(tmp_path / "a.zarr") == before
         assert [entry.name for entry in tmp_path.iterdir()] == ["a.zarr"]
 
@@ -158,7 +162,7 @@ def test_what_does_not_fit_is_refused_before_any_pixel_is_read(tmp_path):
         (((200, 300), (310, 400)), "leave rows 300:310, columns 8:32 out"),
         (((200, 300), (300, 400), (200, 300)), "2 parts of rows 200:300, columns 8:32 have the seed 0"),
     ):
-        heads = [head_of(part_of(whole, (*ends, 8, 32))) for ends in rows]
+        heads = [metadata_of(part_of(whole, (*ends, 8, 32))) for ends in rows]
         parts = [FilePart(f"{name}.exr", head, never) for name, head in zip("abc", heads, strict=False)]
         with pytest.raises(pl.errors.InvalidValueError, match=said):
             merge_to_store(parts, tmp_path / "a.zarr")

@@ -65,17 +65,17 @@ def test_the_plan_looks_for_no_certain_light_behind_a_ring():
     assert no_core_reason(camera(SHADED)) == "an opening is no circle and no polygon"
     assert "no circle" not in no_core_reason(camera(LENSES["open"]))
     # Centres are found where the chief ray is shaded.
-    there, bare = (pl.microlens_centres(camera(LENSES[name])) for name in ("disc", "open"))
-    assert np.abs(there.pixel - bare.pixel).max() < 1e-9
+    with_disc, bare = (pl.microlens_centres(camera(LENSES[name])) for name in ("disc", "open"))
+    assert np.abs(with_disc.pixel - bare.pixel).max() < 1e-9
 
 
 def test_points_are_projected_to_where_their_light_lands():
     # Towards the scene by the one, from it by the other.
-    seen, point = camera(SHADED), (0.0, 20.0, -1e5)
-    spread, found = pl.point_spread(seen, point), seen.project([point])
+    shaded, point = camera(SHADED), (0.0, 20.0, -1e5)
+    spread, projection = pl.point_spread(shaded, point), shaded.project([point])
     image = np.asarray(spread.image, dtype=float).squeeze()
-    at = np.rint(found.pixel).astype(int) - np.asarray(spread.corner)
-    inside = found.passes & ((at >= 0) & (at < image.shape)).all(axis=1)
+    at = np.rint(projection.pixel).astype(int) - np.asarray(spread.corner)
+    inside = projection.passes & ((at >= 0) & (at < image.shape)).all(axis=1)
     assert np.count_nonzero(inside) >= 4
-    around = [image[max(r - 1, 0) : r + 2, max(c - 1, 0) : c + 2].max() for r, c in at[inside]]
-    assert min(around) > 0.1 * image.max()
+    nearby = [image[max(r - 1, 0) : r + 2, max(c - 1, 0) : c + 2].max() for r, c in at[inside]]
+    assert min(nearby) > 0.1 * image.max()

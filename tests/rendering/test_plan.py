@@ -1,4 +1,4 @@
-"""What runs for a camera, and what is left out; and what is compiled ahead is what is needed then."""
+"""Plans: stages that run and that are left out; kernels compiled in advance are those needed later."""
 
 import dataclasses
 
@@ -94,14 +94,14 @@ def test_a_scene_runs_what_it_has():
 
 def test_bounces_decide_what_follows_a_hit():
     always = {Stage.INTERSECTION, Stage.EMISSION, Stage.BACKGROUND}
-    seen, direct, onward = {Stage.SCATTERING}, {Stage.DIRECT_LIGHT}, {Stage.ONWARD_RAYS}
+    scattering, direct, next_rays = {Stage.SCATTERING}, {Stage.DIRECT_LIGHT}, {Stage.ONWARD_RAYS}
     scenes = pl.Scene([FLOOR], [LAMP]), pl.Scene([FLOOR], [POINT]), pl.Scene([FLOOR], background=1.0)
     for bounces, expected in (
         # Without bounces, only what emits is seen.
         (0, (set(), set(), set())),
         # A point light is never met: after the last light that is drawn no ray needs to go on.
-        (1, (seen | direct | onward, seen | direct, seen | onward)),
-        (3, (LIT - {Stage.RUSSIAN_ROULETTE}, LIT - {Stage.RUSSIAN_ROULETTE}, PLAIN | onward)),
+        (1, (scattering | direct | next_rays, scattering | direct, scattering | next_rays)),
+        (3, (LIT - {Stage.RUSSIAN_ROULETTE}, LIT - {Stage.RUSSIAN_ROULETTE}, PLAIN | next_rays)),
         (4, (LIT, LIT, PLAIN | SEEN)),
     ):
         for scene, stages in zip(scenes, expected, strict=True):

@@ -27,9 +27,9 @@ REPLICATES = 8
 def bernoulli(rng, brightness, rate, light, samples=32):
     """Image and standard error of pixels that rare light (so many times a sample, so bright) is added to."""
     film = pl.rendering.Film((*brightness.shape, 1), counts=np.full(REPLICATES, samples // REPLICATES))
-    met = rng.poisson(rate * samples / REPLICATES, (*brightness.shape, REPLICATES, 1)) * light
+    lit_samples = rng.poisson(rate * samples / REPLICATES, (*brightness.shape, REPLICATES, 1)) * light
     noise = rng.normal(1.0, 0.5, (*brightness.shape, REPLICATES, 1)) * brightness[..., None, None]
-    film.add(0, 0, noise * samples / REPLICATES + met)
+    film.add(0, 0, noise * samples / REPLICATES + lit_samples)
     return film.mean, film.standard_error()
 
 
@@ -94,25 +94,25 @@ def test_the_noise_of_pixels_is_no_texture():
 )
 def test_reported_errors_are_true_or_said_to_be_unknown(name):
     subject = next(film for film in films(32) if film.name == name)
-    found = honesty(Converged(subject, 1024), range(24), samples=64, replicates=2)
+    report = honesty(Converged(subject, 1024), range(24), samples=64, replicates=2)
     if name == "rare caustic":
-        assert found.rare >= 0.75
+        assert report.rare >= 0.75
     else:
         # Blocks of 8 x 8 pixels are honest in the sum; dark pixels among bright ones are told up to a tenth too little,
         # or, where bright ones lose a few paths, too much.
-        assert 0.86 < found.stated / found.error < 1.2 and found.rare == 0
+        assert 0.86 < report.stated / report.error < 1.2 and report.rare == 0
 
 
 def test_paths_that_make_others_dark_are_rare_light():
     # A bulb: 2 % of the pixels have met its lamp, and are a thousand times as bright; the others are a tenth of them.
     rng = np.random.default_rng(5)
     image, error = np.full((64, 64, 1), 0.05), np.full((64, 64, 1), 0.002)
-    met = rng.random(image.shape) < 0.02
-    image[met], error[met] = 30.0, 30.0
-    assert pl.lit_pixels(image).sum() == met.sum()
+    rare = rng.random(image.shape) < 0.02
+    image[rare], error[rare] = 30.0, 30.0
+    assert pl.lit_pixels(image).sum() == rare.sum()
     assert pl.Exposure(image, standard_error=error).rare_light
     # The same brightness, known: lamps in view.
-    error[met] = 1.0
+    error[rare] = 1.0
     assert not pl.Exposure(image, standard_error=error).rare_light
 
 

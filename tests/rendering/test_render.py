@@ -129,7 +129,7 @@ def spots_by_microlens(camera, scene, scale, samples=256):
 
 
 def disparities_in_mode_2():
-    """Of an on-axis point of the plane in focus, in pixels: relative to lens centres, and to chief-ray centres."""
+    """On-axis disparities in the plane in focus, in pixels: from lens centres, and from chief-ray centres."""
     camera = reference_camera(shape=(192, 192))
     points = pl.paraxial.cardinal_points(camera.lens)
     a = pl.paraxial.image_position(camera.lens, -404.0) - 123.3

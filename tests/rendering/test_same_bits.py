@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 
 EVERYTHING = pl.Truth.ALL | pl.Truth.OBJECT_SHARE | pl.Truth.CHORD_DISPARITY
 LENS = pl.load_lens("double-gauss-100mm-f2")
@@ -56,7 +56,7 @@ def held(number, tmp_path, monkeypatch):
         np.testing.assert_array_equal(array, getattr(whole.truth, name)[region], err_msg=name)
     found = pl.ground_truth(scene, camera, truth=EVERYTHING, threads=2)
     assert found == whole.truth
-    path, original, calls = tmp_path / f"{number}.part", orders.render_tile, []
+    path, original, calls = tmp_path / f"{number}.part", tile_jobs.render_tile, []
 
     def interrupted(*arguments, **named):
         calls.append(0)
@@ -65,7 +65,7 @@ def held(number, tmp_path, monkeypatch):
         return original(*arguments, **named)
 
     with monkeypatch.context() as patched:
-        patched.setattr(orders, "render_tile", interrupted)
+        patched.setattr(tile_jobs, "render_tile", interrupted)
         with pytest.warns(pl.errors.BudgetWarning):
             begun = pl.render(scene, camera, threads=1, tile_side=7, checkpoint=path, **settings)
     assert begun.interrupted

@@ -1,4 +1,4 @@
-"""Renderings wavelength by wavelength: in one pass what many monochrome renderings say."""
+"""Spectral rendering: one pass agrees with many monochrome renderings."""
 
 import dataclasses
 import math
@@ -13,13 +13,13 @@ REGION = np.s_[200:224, 230:262]
 LINES = pl.sensor.Sensitivity.lines((640.0, 550.0, 450.0))
 
 
-def coloured_scene(seen=lambda colour: colour):
-    """Of colours, or of what is seen of them."""
-    floor = pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(seen((0.8, 0.5, 0.1))))
-    wall = pl.quad((-3, -3, -402), (3, 0, 1), (0, 6, 0), material=pl.Lambertian(seen((0.1, 0.3, 0.9))))
-    light = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=seen((3.0, 5.0, 9.0)), two_sided=True)
-    lamp = pl.quad((1, -3, -403), (2, 0, 0), (0, 6, 0), material=pl.Emissive(seen((0.5, 0.2, 0.05))))
-    return pl.Scene(meshes=[floor, wall, lamp], lights=[light], background=seen((0.2, 0.1, 0.3)))
+def coloured_scene(transform=lambda colour: colour):
+    """Scene with coloured materials, or with a function of their colours."""
+    floor = pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(transform((0.8, 0.5, 0.1))))
+    wall = pl.quad((-3, -3, -402), (3, 0, 1), (0, 6, 0), material=pl.Lambertian(transform((0.1, 0.3, 0.9))))
+    light = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=transform((3.0, 5.0, 9.0)), two_sided=True)
+    lamp = pl.quad((1, -3, -403), (2, 0, 0), (0, 6, 0), material=pl.Emissive(transform((0.5, 0.2, 0.05))))
+    return pl.Scene(meshes=[floor, wall, lamp], lights=[light], background=transform((0.2, 0.1, 0.3)))
 
 
 @pytest.mark.parametrize("bounces", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 1))])

@@ -84,9 +84,9 @@ class Errors:
 
     @property
     def spread(self):
-        """Pixels whose true standard error is at least what one sample weighs.
+        """Pixels whose true standard error is at least the weight of one sample.
 
-        Judged by the other half of the seeds: what a seed says of itself would favour those that say much.
+        Judged by the other half of the seeds: the error of a seed itself would favour seeds with large errors.
         """
         half = len(self.true) // 2
         first, second = self.squared[:half].mean(axis=0), self.squared[half:].mean(axis=0)

@@ -19,7 +19,7 @@ CAMERA = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((40
 
 
 def truth():
-    """All channels, with numbers that float32 does not hold, nan and what stands for nothing."""
+    """All channels, with numbers beyond the precision of float32, nan and void values."""
     random = np.random.default_rng(5)
     arrays = empty_truth(Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY, SHAPE)
     for array in arrays.values():

@@ -119,7 +119,7 @@ def test_pixels_that_were_not_computed_are_unknown(monkeypatch):
         signal.raise_signal(signal.SIGINT)
         return original(*arguments, **named)
 
-    monkeypatch.setattr(orders, "render_tile", interrupted)
+    monkeypatch.setattr(tile_jobs, "render_tile", interrupted)
     camera = camera_of(5.0, sensor=pl.Sensor((32, 32), 0.01))
     with pytest.warns(pl.errors.BudgetWarning):
         shot = pl.render(pl.shapes.white_plane(), camera, samples=2, truth=Truth.STATE, threads=1, progress=False)

@@ -33,6 +33,9 @@ _DTYPES = (
     *("float16", "float32", "float64"),
 )
 
+_RENAMED_MEMBERS = {("Caustics", "KEPT"): "INCLUDE", ("Caustics", "LEFT_OUT"): "EXCLUDE"}
+"""Present names of enum members that older files contain."""
+
 
 def describe(value: Any) -> str:
     """A value of this package as JSON text in ASCII; floats keep every bit. An error for unsupported types."""

@@ -1,4 +1,4 @@
-"""Edges of depth: pixels that have the depth of the surface before their own, and pixels in which light is mixed."""
+"""Depth edges: pixels with the depth of the surface in front of their own, and pixels of mixed light."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.focused.pixel_rays import PixelRays
-from plenoptic.lightfield.focused.splats import by_cell
+from plenoptic.lightfield.focused.splats import sort_by_cell
 
-_FAT = 4
-"""Pixels by which surfaces reach beyond their edges in estimated maps, at most."""
-_ROUNDS = 4
-_MIXED = 0.05
-"""Weight of pixels in which light of two surfaces is mixed."""
-_BLURRED = 3
-"""Pixels up to which they are looked for."""
+_MAX_FATTENING = 4
+"""Largest width, in pixels, by which surfaces extend beyond their edges in estimated maps."""
+_ITERATIONS = 4
+_MIXED_WEIGHT = 0.05
+"""Weight of pixels with mixed light of two surfaces."""
+_BLUR_RADIUS = 3
+"""Search radius of mixed pixels, in pixels."""
 
 
 class Cells(NamedTuple):
-    """n samples of a picture in cells (rows, columns) of one pixel of it."""
+    """n samples of a picture, sorted into cells (rows, columns) of one of its pixels each."""
 
     first: NDArray[np.int64]
-    """Where those of each cell begin in `number`, and the last end."""
+    """Index in `number` of the first sample of each cell, and the end of the last."""
     number: NDArray[np.int64]
     origin: tuple[int, int]
     shape: tuple[int, int]
-    place: Floats
+    position: Floats
     """(n, 2): down and along, pixels."""
     nearness: Floats
     light: Floats
@@ -36,66 +36,66 @@ class Cells(NamedTuple):
 
 
 class Light(NamedTuple):
-    """Radiance of n pixels, the mean of its channels, and its standard error."""
+    """Radiance of n pixels, averaged over the channels, and its standard error."""
 
     value: Floats
     error: Floats
 
 
-def light_of(radiance: Floats, variance: Floats | None) -> Light:
-    """Light of radiance (n, C) with its variance."""
+def mean_light(radiance: Floats, variance: Floats | None) -> Light:
+    """Mean light and its standard error from radiance (n, C) and its variance."""
     value, channels = radiance.mean(axis=1), radiance.shape[1]
-    spread = np.zeros_like(value) if variance is None else np.sqrt(variance.sum(axis=1)) / channels
-    return Light(value, spread)
+    error = np.zeros_like(value) if variance is None else np.sqrt(variance.sum(axis=1)) / channels
+    return Light(value, error)
 
 
-def corrected(rays: PixelRays, nearness: Floats, light: Light, spacing: float, depth: float) -> Floats:
-    """Nearness (n,) of pixels, with that of the surfaces behind where estimated surfaces extend beyond their edges.
+def correct_edges(rays: PixelRays, nearness: Floats, light: Light, spacing: float, depth: float) -> Floats:
+    """Correct the nearness (n,) of pixels where estimated surfaces extend beyond their edges.
 
-    The surface of a pixel is judged by the light of other microlenses at its places on both: its light is nearer to
-    theirs, by more than its error. Surfaces differ by more than `depth`.
+    The pixel takes the nearness of the surface behind if its light differs less there from that of other microlenses,
+    by more than its error. Surfaces differ by more than `depth`.
     """
     from plenoptic.lightfield.kernels.depth_edges import fill_behind, fill_misfits
 
     lens = rays.on_image(rays.lens, -1)
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         behind = np.empty(lens.shape)
-        fill_behind(behind, rays.on_image(nearness, np.nan), lens, depth, _FAT)
+        fill_behind(behind, rays.on_image(nearness, np.nan), lens, depth, _MAX_FATTENING)
         other = rays.at(behind)
-        k = np.flatnonzero(np.isfinite(other))
-        if not len(k):
+        candidates = np.flatnonzero(np.isfinite(other))
+        if not len(candidates):
             break
         cells = _in_cells(rays, nearness, light.value, spacing)
-        here, there = np.empty(len(k)), np.empty(len(k))
-        fill_misfits(here, cells, depth, (cells.place[k], nearness[k], light.value[k], rays.lens[k]))
-        fill_misfits(there, cells, depth, (_places(rays, other, spacing)[k], other[k], light.value[k], rays.lens[k]))
-        wrong = k[there + light.error[k] < here]
+        light_and_lens = light.value[candidates], rays.lens[candidates]
+        position_behind = _picture_positions(rays, other, spacing)
+        misfit, misfit_behind = np.empty(len(candidates)), np.empty(len(candidates))
+        fill_misfits(misfit, cells, depth, (cells.position[candidates], nearness[candidates], *light_and_lens))
+        fill_misfits(misfit_behind, cells, depth, (position_behind[candidates], other[candidates], *light_and_lens))
+        wrong = candidates[misfit_behind + light.error[candidates] < misfit]
         nearness = nearness.copy()
         nearness[wrong] = other[wrong]
     return nearness
 
 
-def _places(rays: PixelRays, nearness: Floats, spacing: float) -> Floats:
-    """Positions at which pixels are seen from the middle of the pupil, (n, 2): down and along, in pixels of the
-    picture.
-    """
+def _picture_positions(rays: PixelRays, nearness: Floats, spacing: float) -> Floats:
+    """Positions (n, 2) of pixels as seen from the centre of the pupil: down and along, in pixels of the picture."""
     return np.asarray((rays.through - rays.pupil * nearness[:, None])[:, ::-1] * (1.0, -1.0) / spacing)
 
 
 def _in_cells(rays: PixelRays, nearness: Floats, light: Floats, spacing: float) -> Cells:
-    place = _places(rays, nearness, spacing)
-    known, cell = np.asarray(np.isfinite(place).all(axis=1)), np.rint(place)
-    low, high = cell[known].min(axis=0, initial=0), cell[known].max(axis=0, initial=0)
+    position = _picture_positions(rays, nearness, spacing)
+    valid, cell = np.asarray(np.isfinite(position).all(axis=1)), np.rint(position)
+    low, high = cell[valid].min(axis=0, initial=0), cell[valid].max(axis=0, initial=0)
     shape = (int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1)
-    first, number = by_cell(cell - low, known, shape)
-    return Cells(first, number, (int(low[0]), int(low[1])), shape, place, nearness, light, rays.lens)
+    first, number = sort_by_cell(cell - low, valid, shape)
+    return Cells(first, number, (int(low[0]), int(low[1])), shape, position, nearness, light, rays.lens)
 
 
-def unmixed(rays: PixelRays, nearness: Floats, blur: Floats, depth: float) -> Floats:
-    """Weights (n,) of pixels, small beside edges of depth; `blur` is the radius of the image of a point in pixels."""
-    from plenoptic.lightfield.kernels.depth_edges import fill_mixed
+def edge_weights(rays: PixelRays, nearness: Floats, blur: Floats, depth: float) -> Floats:
+    """Weights (n,) of pixels, small near depth edges; `blur` is the radius of a point's image in pixels."""
+    from plenoptic.lightfield.kernels.depth_edges import fill_edge_mask
 
     lens = rays.on_image(rays.lens, -1)
-    mixed = np.empty(lens.shape, dtype=np.uint8)
-    fill_mixed(mixed, rays.on_image(nearness, np.nan), lens, rays.on_image(blur, 0.0), depth, _BLURRED)
-    return np.where(rays.at(mixed) > 0, _MIXED, 1.0)
+    edge_mask = np.empty(lens.shape, dtype=np.uint8)
+    fill_edge_mask(edge_mask, rays.on_image(nearness, np.nan), lens, rays.on_image(blur, 0.0), depth, _BLUR_RADIUS)
+    return np.where(rays.at(edge_mask) > 0, _MIXED_WEIGHT, 1.0)

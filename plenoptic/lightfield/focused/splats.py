@@ -1,4 +1,4 @@
-"""Pixels of the raw image as samples of a picture, and the kernel that makes the picture of them."""
+"""Pixels of the raw image as samples of a picture, and the rendering of the picture from them."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil
 from plenoptic.optics.microlens.array import MicrolensArray
 
 _WIDTH = 0.6
-"""Of a window: the standard deviation of its weights, in pixels of the picture."""
+"""Standard deviation of a window's weights, in pixels of the picture."""
 _SAMPLES = 1.2
-"""The same in roots of the area of the picture that a sample has, where that is more."""
+"""The same in units of the sample spacing (root of the area per sample), if that is larger."""
 _CUT = 3.0
-"""Widths at which a window ends."""
+"""Radius of a window over its width."""
 _DEPTH = 1.0
-"""Pixels by which rays through the middle and the rim of the pupil may differ within a surface."""
-_NONE, _FULL = 0.1, 0.65
-"""A surface whose samples are so dense, over what it has where nothing hides it, shows nothing or fills a pixel."""
+"""Largest difference in pixels, within a surface, between rays through the centre and the rim of the pupil."""
+_TRANSPARENT, _OPAQUE = 0.1, 0.65
+"""Sample density, relative to that of an unoccluded surface, at which a surface is invisible or fills a pixel."""
 _PIVOT = 0.1
-"""Samples fix a function where each of its terms varies so much among them, beside the terms before it."""
+"""Minimum pivot: samples determine a function if each term varies by as much beyond the terms before it."""
 _ROWS = 8
-"""Of the picture, a task."""
+"""Rows of the picture in one task."""
 
 
 class Splats(NamedTuple):
-    """n samples of a picture, those of a cell together; lengths are pixels of the picture."""
+    """n samples of a picture, sorted by cell; lengths are in pixels of the picture."""
 
     first: NDArray[np.int64]
-    """Where those of each cell begin, and the last end."""
-    place: Floats
-    """(n, 2): from the middle of the cell, down and along."""
+    """Index of the first sample of each cell, and the end of the last."""
+    offset: Floats
+    """(n, 2): offset from the centre of the cell, down and along."""
     nearness: Floats
-    """Grows towards the camera."""
+    """Increases towards the camera."""
     disparity: Floats
     weight: Floats
     area: Floats
-    """Of the picture, for each sample, where nothing hides the surface."""
+    """Area of the picture per sample on an unoccluded surface."""
     pixel: Floats
     """Variance of the footprint of the pixel alone along each axis."""
     spread: Floats
@@ -52,45 +52,45 @@ class Splats(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Window of samples around a pixel."""
+    """Parameters of the window of samples around a pixel."""
 
     shape: tuple[int, int]
     width: float
     cut: float
     depth: float
-    """Difference of nearness within a surface."""
-    none: float
-    full: float
+    """Largest difference of nearness within a surface."""
+    transparent_density: float
+    opaque_density: float
     terms: int
     pivot: float
-    largest: float
-    """The largest variance of a pixel's footprint."""
+    max_pixel_variance: float
+    """Largest variance of a pixel's footprint."""
 
 
 class Near(NamedTuple):
-    """Room for the samples around a pixel."""
+    """Work arrays for the samples around a pixel."""
 
     number: NDArray[np.int64]
-    share: Floats
+    weight: Floats
     cover: Floats
     down: Floats
     along: Floats
-    used: Floats
+    fit_weight: Floats
 
 
 class Surfaces(NamedTuple):
-    """Statistics of all samples of a picture."""
+    """Properties of all samples of a picture."""
 
     depth: float
-    """Difference of nearness within a surface."""
+    """Largest difference of nearness within a surface."""
     area: float
-    """Of the picture, for each sample."""
+    """Area of the picture per sample."""
     terms: int
-    """Of the function that is fitted: 6 quadratic, 3 linear."""
+    """Terms of the fitted function: 6 quadratic, 3 linear."""
 
 
 class Canvas(NamedTuple):
-    """A picture."""
+    """A picture, its variance, disparity and coverage."""
 
     picture: Floats
     variance: Floats | None
@@ -105,27 +105,27 @@ class Grid(NamedTuple):
     shape: tuple[int, int]
     spacing: float
 
-    def places(self) -> Floats:
-        """(rows, columns, 2): x and y in mm."""
+    def positions(self) -> Floats:
+        """Positions (rows, columns, 2) of the pixels: x and y in mm."""
         y, x = ((self.first[k] + np.arange(self.shape[k])) * self.spacing for k in range(2))
         return np.stack(np.broadcast_arrays(-x[None, :], y[:, None]), axis=-1)
 
 
 class Footprint(NamedTuple):
-    """Blur of a sample by its pixel and microlens, as variances on the array in mm^2 along each axis."""
+    """Blur of a sample by its pixel and its microlens: variances on the array in mm^2 along each axis."""
 
     pixel: Floats
     lens: Floats
 
     def blur(self) -> Floats:
-        """The radius of the image of a point, in pixels of the raw image."""
+        """Radius of a point's image, in pixels of the raw image."""
         return np.asarray(np.sqrt(self.lens / (3.0 * self.pixel)))
 
 
 def grid_of(rays: PixelRays, spacing: float) -> Grid:
     """The grid that covers the microlenses; pixels lie at whole multiples of the spacing."""
-    places = rays.through * (-1.0, 1.0) / spacing
-    low, high = np.ceil(places.min(axis=0)).astype(int), np.floor(places.max(axis=0)).astype(int)
+    positions = rays.through * (-1.0, 1.0) / spacing
+    low, high = np.ceil(positions.min(axis=0)).astype(int), np.floor(positions.max(axis=0)).astype(int)
     columns, rows = np.maximum(high - low + 1, 1).tolist()
     return Grid((int(low[1]), int(low[0])), (rows, columns), spacing)
 
@@ -133,70 +133,69 @@ def grid_of(rays: PixelRays, spacing: float) -> Grid:
 def footprints(
     array: MicrolensArray, rays: PixelRays, pupil: Pupil, nearness: Floats, pixel: float, wavelength: float
 ) -> Footprint:
-    """Footprints of pixels of side `pixel` at the nearness a / (1 + a V) of images a behind the array, V the pupil's
-    vergence.
+    """Footprints of pixels of side `pixel` at a nearness a / (1 + a V); the image lies a behind the array.
 
-    From there a pixel is p a / b large, and the opening w of a microlens w (1 - a / a_f), with 1 / a_f = 1 / b - 1 / f.
-    The pupil sees both smaller by 1 + a V.
+    V is the vergence of the pupil. From the image a pixel is p a / b large, and the microlens aperture w is w (1 - a /
+    a_f), with 1/a_f = 1/b - 1/f. The pupil sees both smaller by 1 + a V.
     """
     focal = np.array(array.focal_lengths_at(wavelength))[rays.type]
-    bent = pupil.vergence + 1.0 / rays.to_sensor - 1.0 / focal
-    seen, opened = pixel * nearness / rays.to_sensor, opening_width(array) * (1.0 - bent * nearness)
-    # Of a square, and of a disc.
-    return Footprint(seen**2 / 12.0, opened**2 / 16.0)
+    vergence = pupil.vergence + 1.0 / rays.to_sensor - 1.0 / focal
+    pixel_width, aperture_width = pixel * nearness / rays.to_sensor, opening_width(array) * (1.0 - vergence * nearness)
+    # Variances of a square and of a disc.
+    return Footprint(pixel_width**2 / 12.0, aperture_width**2 / 16.0)
 
 
 def surface_depth(pupil: Pupil, spacing: float) -> float:
-    """Difference of nearness within a surface."""
+    """Largest difference of nearness within a surface."""
     return _DEPTH * spacing / abs(pupil.slope)
 
 
-def sorted_splats(grid: Grid, on_array: Floats, samples: Splats) -> Splats:
-    """The samples that fall on a grid, cell by cell; `first` and `place` are found from `on_array` (n, 2)."""
-    places = on_array[:, ::-1] * (1.0, -1.0) / grid.spacing
+def sort_splats(grid: Grid, on_array: Floats, samples: Splats) -> Splats:
+    """Sort the samples on a grid by cell; `first` and `place` follow from `on_array` (n, 2)."""
+    positions = on_array[:, ::-1] * (1.0, -1.0) / grid.spacing
     with np.errstate(invalid="ignore"):
-        nearest = np.rint(places)
+        nearest = np.rint(positions)
         cell = nearest - grid.first
         inside = ((cell >= 0) & (cell < grid.shape)).all(axis=1) & np.isfinite(samples.nearness)
-    first, kept = by_cell(cell, inside, grid.shape)
-    chosen = [None if part is None else np.ascontiguousarray(part[kept]) for part in samples[2:]]
-    return Splats(first, np.ascontiguousarray((places - nearest)[kept]), *chosen)  # type: ignore[arg-type]
+    first, order = sort_by_cell(cell, inside, grid.shape)
+    columns = [None if column is None else np.ascontiguousarray(column[order]) for column in samples[2:]]
+    return Splats(first, np.ascontiguousarray((positions - nearest)[order]), *columns)  # type: ignore[arg-type]
 
 
-def by_cell(
+def sort_by_cell(
     cell: Floats, inside: NDArray[np.bool_], shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Samples in cells (n, 2) that are inside, cell by cell: where those of each begin, and last end; their numbers."""
-    kept = np.flatnonzero(inside)
-    flat = cell[kept].astype(np.int64) @ (shape[1], 1)
+    """Sort samples of cells (n, 2) that are inside: the first index of each cell with the end, and sample numbers."""
+    numbers = np.flatnonzero(inside)
+    flat = cell[numbers].astype(np.int64) @ (shape[1], 1)
     first = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=math.prod(shape)))]).astype(np.int64)
-    return first, kept[np.argsort(flat, kind="stable")]
+    return first, numbers[np.argsort(flat, kind="stable")]
 
 
-def splatted(splats: Splats, grid: Grid, surfaces: Surfaces, threads: int) -> Canvas:
-    """The picture that samples make."""
+def splat_picture(splats: Splats, grid: Grid, surfaces: Surfaces, threads: int) -> Canvas:
+    """Render the picture of the samples."""
     from plenoptic.lightfield.kernels.splat import WIDENINGS, WIDER, fill_view
 
     width, largest = max(_WIDTH, _SAMPLES * math.sqrt(surfaces.area)), float(splats.pixel.max(initial=0.0))
-    window = Window(grid.shape, width, _CUT, surfaces.depth, _NONE, _FULL, surfaces.terms, _PIVOT, largest)
+    window = Window(grid.shape, width, _CUT, surfaces.depth, _TRANSPARENT, _OPAQUE, surfaces.terms, _PIVOT, largest)
     shape = (*grid.shape, splats.radiance.shape[1])
     variance = None if splats.variance is None else np.empty(shape)
     canvas = Canvas(np.empty(shape), variance, np.empty(grid.shape), np.empty(grid.shape))
     reach = math.ceil(_CUT * max(width * WIDER ** (WIDENINGS - 1), math.hypot(width, math.sqrt(largest))))
-    room = _most_in(splats.first, grid.shape, reach)
+    capacity = _max_samples(splats.first, grid.shape, reach)
 
-    def work(row: int) -> None:
-        near = Near(np.empty(room, dtype=np.int64), *np.empty((5, room)))
+    def fill_rows(row: int) -> None:
+        near = Near(np.empty(capacity, dtype=np.int64), *np.empty((5, capacity)))
         fit = np.empty(6), np.empty((6, 6)), np.empty(6)
         fill_view(canvas, splats, window, near, fit, (row, min(row + _ROWS, grid.shape[0])))
 
-    for _ in run_in_order(work, range(0, grid.shape[0], _ROWS), threads=threads):
+    for _ in run_in_order(fill_rows, range(0, grid.shape[0], _ROWS), threads=threads):
         pass
     return canvas
 
 
-def _most_in(first: NDArray[np.int64], shape: tuple[int, int], reach: int) -> int:
-    """The most samples in a square of cells, `reach` beyond the middle one."""
+def _max_samples(first: NDArray[np.int64], shape: tuple[int, int], reach: int) -> int:
+    """Largest number of samples in a square of cells, `reach` beyond the central one."""
     sums = np.zeros((shape[0] + 1, shape[1] + 1), dtype=np.int64)
     sums[1:, 1:] = np.diff(first).reshape(shape).cumsum(axis=0).cumsum(axis=1)
     (top, bottom), (left, right) = (

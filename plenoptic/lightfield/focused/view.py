@@ -1,4 +1,4 @@
-"""A picture that a focused camera has seen from one place of its pupil."""
+"""A view of the scene from one point of a focused camera's pupil."""
 
 from __future__ import annotations
 
@@ -8,32 +8,31 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats, result
-from plenoptic.lightfield.focused.pixel_rays import seen_pupil
+from plenoptic.lightfield.focused.pixel_rays import paraxial_pupil
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.channels import GroundTruth, Truth
 
 
 @result
 class View:
-    """A picture of the scene from one place of the pupil. See `render_view`, which makes it.
+    """View of the scene from one point of the pupil. See `render_view`, which returns it.
 
     Attributes
     ----------
     picture : (rows, columns, C) array of float32
-        Radiance; nan where nothing is seen.
+        Radiance; nan where no surface is visible.
     standard_error : (rows, columns, C) array of float32, or None
-        One standard deviation, from that of the raw image; None where the shot has none.
+        One standard deviation, propagated from the raw image; None if the shot has none.
     disparity : (rows, columns) array
-        Disparity of the visible surface, in pixels, as given.
+        Disparity of the visible surface, in pixels of the raw image.
     coverage : (rows, columns) array
-        Density of the raw image's pixels that show it: 1 where the whole pupil sees it, less beside surfaces that hide
-        it.
+        Density of the raw pixels that show the surface: 1 if the whole pupil sees it, less near an occluder.
     on_array : (rows, columns, 2) array
-        x and y, in mm, where the light of the pixels passes the array.
+        x and y, in mm, at which the light of the pixels passes the array.
     spacing : float
         Distance of the pixels on the array, in mm.
     viewpoint : (float, float)
-        Where all of it passes the pupil, in semi-diameters of the iris.
+        Point of the pupil through which all light passes, in semi-diameters of the iris.
     camera : PlenopticCamera
     """
 
@@ -58,7 +57,7 @@ class View:
         Returns
         -------
         GroundTruth
-            Of (rows, columns) pixels.
+            Truth of (rows, columns) pixels.
 
         Examples
         --------
@@ -72,7 +71,7 @@ class View:
         from plenoptic.truth.view_truth import truth_along
 
         axes = array_axes(self.camera)
-        pupil = seen_pupil(self.camera)
+        pupil = paraxial_pupil(self.camera)
         local = axes.local(self.on_array.reshape(-1, 2))
         slopes = local * pupil.vergence - np.array(self.viewpoint) * pupil.slope
         on_sensor = axes.on_sensor(local, slopes).reshape(self.on_array.shape)

@@ -1,4 +1,4 @@
-"""A light field of a focused camera: its views from a grid of places of the pupil."""
+"""Light field of a focused camera: its views from a grid of points of the pupil."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
 from plenoptic.lightfield.decode import field_of, odd_count
-from plenoptic.lightfield.focused.rendering import focus_of, rendered, samples_of, seen_by
+from plenoptic.lightfield.focused.view_rendering import picture_focus, picture_samples, raw_rays, render_from_viewpoint
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
 _WIDTH = 0.6
-"""Of the grid of viewpoints: half a side, in semi-diameters of the iris. Its corners lie at 0.85."""
+"""Half the side of the grid of viewpoints, in semi-diameters of the iris; its corners lie at 0.85."""
 
 
 def render_views(
@@ -29,22 +29,21 @@ def render_views(
     camera: PlenopticCamera | None = None,
     threads: int | None = None,
 ) -> LightField:
-    """Views of a focused plenoptic camera (2.0) from a grid of places of the pupil, as those of a 1.0 camera.
+    """Render views of a focused plenoptic camera (2.0) from a grid of points of the pupil, as a light field.
 
     Parameters
     ----------
     shot, white, disparity, spacing, camera, threads
         As in `render_view`; the disparity of each pixel.
     views : int, optional
-        Along u, and along v; odd. The outermost lie at 0.6 of the iris's semi-diameter to the right and left, above and
-        below.
+        Number of views along u and along v; odd. The outermost lie at 0.6 of the iris's semi-diameter to the right and
+        left, above and below.
 
     Returns
     -------
     LightField
-        Its `u` and `v` are offsets from the chief rays' places on the sensor, as `decode` has them, so that
-        `LightField.disparity_at`, `LightField.truth`, `refocus` and exports hold for it. Everything is sharp in all
-        views.
+        Its `u` and `v` are offsets from the chief rays on the sensor, as in `decode`, so that
+        `LightField.disparity_at`, `LightField.truth`, `refocus` and exports apply. Views are in focus everywhere.
 
     Raises
     ------
@@ -62,23 +61,25 @@ def render_views(
     (LightField(3 x 3 views of 31 x 31 x 1), [0.6, -0.6])
     """
     count = odd_count(views)
-    seen = seen_by(shot, white, camera)
-    samples = samples_of(seen, focus_of(seen, disparity), spacing)
-    places = np.linspace(-_WIDTH, _WIDTH, count) if count > 1 else np.zeros(1)
-    # Offsets grow to the right in the image and in the pupil, where that is not turned over.
-    scale = seen.pupil.slope * seen.camera.microlenses_to_sensor / seen.camera.sensor.pixel_pitch
+    raw = raw_rays(shot, white, camera)
+    samples = picture_samples(raw, picture_focus(raw, disparity), spacing)
+    positions = np.linspace(-_WIDTH, _WIDTH, count) if count > 1 else np.zeros(1)
+    # Offsets increase to the right in the image, and in an upright pupil.
+    scale = raw.pupil.slope * raw.camera.microlenses_to_sensor / raw.camera.sensor.pixel_pitch
     sign, workers = math.copysign(1.0, scale), thread_count(threads)
-    made = [[rendered(samples, (sign * x, -sign * y), math.inf, workers) for y in places] for x in places]
-    axes, local = array_axes(seen.camera), samples.grid.places()
-    chief = axes.on_sensor(local.reshape(-1, 2), local.reshape(-1, 2) * seen.pupil.vergence)
-    pixel = seen.camera.sensor.pixel_of(chief).reshape(local.shape)
-    errors = [[view.standard_error for view in column] for column in made]
+    rendered = [
+        [render_from_viewpoint(samples, (sign * x, -sign * y), math.inf, workers) for y in positions] for x in positions
+    ]
+    axes, local = array_axes(raw.camera), samples.grid.positions()
+    chief = axes.on_sensor(local.reshape(-1, 2), local.reshape(-1, 2) * raw.pupil.vergence)
+    pixel = raw.camera.sensor.pixel_of(chief).reshape(local.shape)
+    errors = [[view.standard_error for view in column] for column in rendered]
     return field_of(
-        seen.camera,
-        np.array([[view.picture for view in column] for column in made]),
-        None if seen.planes.variance is None else np.array(errors),
-        np.tile(abs(scale) * places, (2, 1)),
+        raw.camera,
+        np.array([[view.picture for view in column] for column in rendered]),
+        None if raw.planes.variance is None else np.array(errors),
+        np.tile(abs(scale) * positions, (2, 1)),
         local[0, 0],
         (samples.grid.spacing, samples.grid.spacing),
-        np.concatenate([pixel, made[0][0].on_array], axis=-1),
+        np.concatenate([pixel, rendered[0][0].on_array], axis=-1),
     )

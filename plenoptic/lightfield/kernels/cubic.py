@@ -1,10 +1,10 @@
-"""Cubic convolution: weights for reading between pixels."""
+"""Cubic convolution: interpolation weights."""
 
 from plenoptic.core.numba.jit import device
 
 
 @device
-def keys(t):
+def cubic_weights(t):
     """Weights of cubic convolution at a fraction t (R. G. Keys, 1981), and their derivatives."""
     u = 1.0 - t
     return (

@@ -1,9 +1,9 @@
-"""Scattered samples of light become a picture: at each pixel the nearest surface, by local quadratic regression.
+"""Pictures from scattered samples: the nearest surface at each pixel, by local quadratic regression.
 
-Around a pixel, samples near one depth are fitted by a quadratic function with Gaussian weights (W. S. Cleveland and
-S. J. Devlin, J. Am. Stat. Assoc. 83 (1988), doi:10.1080/01621459.1988.10478639). A sample is the mean of the picture
-over its footprint, and so are the functions that are fitted: the blur of pixels and microlenses is sharpened as far as
-the samples allow.
+Around a pixel, samples near one depth are fitted by a quadratic function with Gaussian weights (W. S. Cleveland and S.
+J. Devlin, J. Am. Stat. Assoc. 83 (1988), doi:10.1080/01621459.1988.10478639). A sample is the mean of the picture over
+its footprint, and the fitted functions are averaged likewise: the blur of pixels and microlenses is deconvolved as far
+as the samples allow.
 """
 
 from __future__ import annotations
@@ -15,32 +15,34 @@ from plenoptic.core.numba.jit import device, kernel
 PIXEL = 1.0 / 12.0
 """Variance of a pixel of the picture along each axis."""
 WIDER, WIDENINGS = 1.5, 4
-"""By what a window is widened whose samples fix no function, and how many windows are tried."""
+"""Widening factor of a window whose samples do not determine the function, and the number of windows tried."""
 _LAYERS = 8
-"""Surfaces behind each other that are looked at."""
-_REST = 0.02
-"""Share of a pixel that is no longer looked for, and that must be seen at least."""
+"""Largest number of surfaces behind each other."""
+_MIN_COVERAGE = 0.02
+"""Remaining transparency at which the search ends, and minimum coverage of a pixel."""
 
 
 @device
-def _gathered(near, splats, at, window, width):
-    """Collect the samples around a pixel: numbers, weights, coverage, offsets from it; returns their number."""
+def _gather(near, splats, at, window, width):
+    """Collect the samples around a pixel: indices, weights, coverages, offsets; return their number."""
     row, column = at
     rows, columns = window.shape
-    cells = math.ceil(window.cut * math.sqrt(max(width * width, window.width * window.width + window.largest)))
+    cells = math.ceil(
+        window.cut * math.sqrt(max(width * width, window.width * window.width + window.max_pixel_variance))
+    )
     scale, count = -0.5 / (width * width), 0
     for i in range(max(0, row - cells), min(rows, row + cells + 1)):
         for j in range(max(0, column - cells), min(columns, column + cells + 1)):
             cell = i * columns + j
             for k in range(splats.first[cell], splats.first[cell + 1]):
-                y, x = splats.place[k, 0] + (i - row), splats.place[k, 1] + (j - column)
-                square = (y * y + x * x) / (window.cut * window.cut)
+                y, x = splats.offset[k, 0] + (i - row), splats.offset[k, 1] + (j - column)
+                scaled_square = (y * y + x * x) / (window.cut * window.cut)
                 covering = window.width * window.width + splats.pixel[k]
-                if square < max(width * width, covering):
-                    square *= window.cut * window.cut
+                if scaled_square < max(width * width, covering):
+                    scaled_square *= window.cut * window.cut
                     near.number[count], near.down[count], near.along[count] = k, y, x
-                    near.share[count] = math.exp(scale * square)
-                    density = math.exp(-0.5 * square / covering) / (2.0 * math.pi * covering)
+                    near.weight[count] = math.exp(scale * scaled_square)
+                    density = math.exp(-0.5 * scaled_square / covering) / (2.0 * math.pi * covering)
                     near.cover[count] = splats.area[k] * density
                     count += 1
     return count
@@ -48,7 +50,7 @@ def _gathered(near, splats, at, window, width):
 
 @device
 def _next_layer(near, count, splats, behind, depth):
-    """Nearest surface behind a nearness: its position, coverage of the pixel, disparity and end."""
+    """Nearness of the next surface behind a given one, its coverage of the pixel, its disparity and its far end."""
     nearest = -math.inf
     for j in range(count):
         e = splats.nearness[near.number[j]]
@@ -69,7 +71,7 @@ def _next_layer(near, count, splats, behind, depth):
 
 @device
 def _fill_terms(terms, down, along, spread, width):
-    """Terms of a quadratic function at a sample: means over its footprint, whose variance is `spread`."""
+    """Terms of a quadratic function at a sample: means over its footprint of variance `spread`."""
     y, x, s = down / width, along / width, spread / (width * width)
     terms[0] = 1.0
     terms[1] = y
@@ -80,8 +82,8 @@ def _fill_terms(terms, down, along, spread, width):
 
 
 @device
-def _solved(solution, squares, order, pivot):
-    """The first row of the inverse of `squares`, by Cholesky, which it overwrites; False where a pivot is too small."""
+def _solve(solution, squares, order, pivot):
+    """First row of the inverse of `squares`, by Cholesky in place; False if a pivot is too small."""
     weight = squares[0, 0]
     for i in range(order):
         for j in range(i + 1):
@@ -108,46 +110,46 @@ def _solved(solution, squares, order, pivot):
 
 
 @device
-def _fill_used(near, count, fit, splats, window, middle, width):
-    """Find weights that make samples near a depth the value of a function at the pixel; how many terms it has.
+def _fit_weights(near, count, fit, splats, window, middle, width):
+    """Weights that turn samples near a depth into the fitted value at the pixel; return the number of terms.
 
-    0 where they do not fix it. In the widest window, a function of fewer terms does.
+    Returns 0 if the samples do not determine the function. In the widest window, a function of fewer terms is fitted.
     """
     solution, squares, terms = fit
-    order, last = window.terms, width > 0.99 * window.width * WIDER ** (WIDENINGS - 1)
+    order, widest = window.terms, width > 0.99 * window.width * WIDER ** (WIDENINGS - 1)
     while order > 0:
         squares[:] = 0.0
         for j in range(count):
             k = near.number[j]
-            near.used[j] = 0.0
+            near.fit_weight[j] = 0.0
             if abs(splats.nearness[k] - middle) > window.depth:
                 continue
-            near.used[j] = near.share[j] * splats.weight[k]
+            near.fit_weight[j] = near.weight[j] * splats.weight[k]
             _fill_terms(terms, near.down[j], near.along[j], splats.spread[k] - PIXEL, width)
             for p in range(order):
                 for q in range(p + 1):
-                    squares[p, q] += near.used[j] * terms[p] * terms[q]
-        if squares[0, 0] > 0.0 and _solved(solution, squares, order, window.pivot):
+                    squares[p, q] += near.fit_weight[j] * terms[p] * terms[q]
+        if squares[0, 0] > 0.0 and _solve(solution, squares, order, window.pivot):
             break
         # From a quadratic function to a linear one, to a constant.
-        order = order // 2 if last and order > 1 else 0
+        order = order // 2 if widest and order > 1 else 0
     for j in range(count):
         k = near.number[j]
-        if near.used[j] > 0.0 and order > 0:
+        if near.fit_weight[j] > 0.0 and order > 0:
             _fill_terms(terms, near.down[j], near.along[j], splats.spread[k] - PIXEL, width)
             value = 0.0
             for p in range(order):
                 value += solution[p] * terms[p]
-            near.used[j] *= value
+            near.fit_weight[j] *= value
     return order
 
 
 @device
-def _add_surface(canvas, at, part, near, count, splats):
-    """Add part of the samples of a surface to a pixel."""
+def _add_surface(canvas, at, visible, near, count, splats):
+    """Add a surface to a pixel, weighted by its visible fraction."""
     row, column = at
     for j in range(count):
-        k, weight = near.number[j], part * near.used[j]
+        k, weight = near.number[j], visible * near.fit_weight[j]
         if weight == 0.0:
             continue
         for channel in range(canvas.picture.shape[2]):
@@ -157,13 +159,13 @@ def _add_surface(canvas, at, part, near, count, splats):
 
 
 @device
-def _shown(canvas, at, near, count, fit, splats, window, width):
-    """Add surfaces to a pixel, the nearest first, until nothing shines through; the share of it that they cover.
+def _composite(canvas, at, near, count, fit, splats, window, width):
+    """Composite surfaces in a pixel from front to back until it is opaque; return its coverage.
 
-    nan where the samples of one fix no function.
+    Returns nan if the samples of a surface do not determine the function.
     """
     row, column = at
-    left, behind, most = 1.0, math.inf, 0.0
+    transparency, behind, largest = 1.0, math.inf, 0.0
     canvas.picture[row, column] = 0.0
     if splats.variance is not None:
         canvas.variance[row, column] = 0.0
@@ -171,36 +173,38 @@ def _shown(canvas, at, near, count, fit, splats, window, width):
         middle, covered, disparity, behind = _next_layer(near, count, splats, behind, window.depth)
         if covered == 0.0:
             break
-        part = left * min(1.0, (covered - window.none) / (window.full - window.none))
-        if part <= 0.0:
+        visible = transparency * min(
+            1.0, (covered - window.transparent_density) / (window.opaque_density - window.transparent_density)
+        )
+        if visible <= 0.0:
             continue
-        if _fill_used(near, count, fit, splats, window, middle, width) == 0:
+        if _fit_weights(near, count, fit, splats, window, middle, width) == 0:
             return math.nan
-        _add_surface(canvas, at, part, near, count, splats)
-        left -= part
-        if part > most:
-            most = part
+        _add_surface(canvas, at, visible, near, count, splats)
+        transparency -= visible
+        if visible > largest:
+            largest = visible
             canvas.disparity[row, column], canvas.coverage[row, column] = disparity, covered
-        if left < _REST:
+        if transparency < _MIN_COVERAGE:
             break
-    return 1.0 - left
+    return 1.0 - transparency
 
 
 @kernel
 def fill_view(canvas, splats, window, near, fit, part):
-    """Fill the rows `part` = (first, end) of a canvas; nan where nothing is seen."""
+    """Fill the rows `part` = (first, end) of a canvas; nan where no surface is visible."""
     for row in range(part[0], part[1]):
         for column in range(canvas.picture.shape[1]):
-            width, shown = window.width, math.nan
+            width, coverage = window.width, math.nan
             for _ in range(WIDENINGS):
-                count = _gathered(near, splats, (row, column), window, width)
-                shown = _shown(canvas, (row, column), near, count, fit, splats, window, width)
-                if not math.isnan(shown):
+                count = _gather(near, splats, (row, column), window, width)
+                coverage = _composite(canvas, (row, column), near, count, fit, splats, window, width)
+                if not math.isnan(coverage):
                     break
                 width *= WIDER
-            if not shown > _REST:
-                shown = math.nan
+            if not coverage > _MIN_COVERAGE:
+                coverage = math.nan
                 canvas.disparity[row, column], canvas.coverage[row, column] = math.nan, 0.0
-            canvas.picture[row, column] /= shown
+            canvas.picture[row, column] /= coverage
             if splats.variance is not None:
-                canvas.variance[row, column] /= shown * shown
+                canvas.variance[row, column] /= coverage * coverage

@@ -1,1 +1,1 @@
-"""Estimates of time, memory and files of a render, from a few of its pixels."""
+"""Estimates of the time and memory of a render, from pilot runs of a few pixels."""

@@ -1,4 +1,4 @@
-"""From tiles of pilots that end at an error: how many samples those of a render will have."""
+"""Prediction of sample numbers from the decisions of pilot runs with a target error."""
 
 from __future__ import annotations
 
@@ -13,47 +13,47 @@ from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.progress import Progress
 
 _STEEP, _USUAL, _FLAT = 0.75, 0.62, 0.5
-"""Exponents with which errors fall: a steep one, the usual one, and that of independent samples."""
+"""Exponents of the decrease of errors with samples: a steep one, the usual one, and that of independent samples."""
 
 
 def mean_samples(pilots: Sequence[Progress], budget: Budget) -> tuple[float, float, float]:
-    """Mean number of samples of a render's tiles, and its interval: mean, least, most."""
+    """Mean number of samples of a render's tiles, and its interval."""
     low, usual, high = (predicted_samples(pilots, falls) for falls in (_STEEP, _USUAL, _FLAT))
     spread = relative_spread(pilots) * usual.mean()
-    # Where light is noisy here and there, the dearest tile may not have been seen: one more of that kind.
-    found = usual.mean(), low.mean() - spread, np.append(high, high.max()).mean() + spread
-    mean, least, most = (min(max(float(number), budget.enough), budget.max_samples) for number in found)
-    return mean, least, most
+    # Noise may be local, and the pilots may have missed the most expensive tile: count their maximum once more.
+    candidates = usual.mean(), low.mean() - spread, np.append(high, high.max()).mean() + spread
+    mean, low_, high_ = (min(max(float(number), budget.enough), budget.max_samples) for number in candidates)
+    return mean, low_, high_
 
 
 def relative_spread(pilots: Sequence[Progress]) -> float:
-    """Half width of the interval of the mean over tiles, 1.5 standard errors, relative to the mean."""
+    """Half-width of the interval of the tiles' mean sample number, over the mean."""
     samples = predicted_samples(pilots)
     return float(1.5 * samples.std(ddof=1) / math.sqrt(samples.size) / samples.mean())
 
 
 def predicted_samples(pilots: Sequence[Progress], falls: float = _USUAL) -> Floats:
-    """(tiles,): samples with which they will end, where errors fall with an exponent."""
-    return np.concatenate([_predicted(progress, falls) for progress in pilots])
+    """(tiles,): predicted final sample numbers for a given exponent."""
+    return np.concatenate([_predict(progress, falls) for progress in pilots])
 
 
-def _predicted(progress: Progress, falls: float) -> Floats:
+def _predict(progress: Progress, falls: float) -> Floats:
     budget = progress.budget
     assert budget.target_error is not None
-    found = np.empty(len(progress.tiles))
+    samples = np.empty(len(progress.tiles))
     for i, done in enumerate(progress.done):
-        at, error = progress.found[i].T
+        at, error = progress.last_decision[i].T
         over = np.where(np.isfinite(error), error, 0.0) / budget.target_error
         goes_on = (over > 1.05) & (at > 0)
-        wanted = np.where(goes_on, at * np.maximum(over, 1.0) ** (1 / falls), float(done))
-        found[i] = max(float(wanted.max()), float(done))
-    return found
+        predicted = np.where(goes_on, at * np.maximum(over, 1.0) ** (1 / falls), float(done))
+        samples[i] = max(float(predicted.max()), float(done))
+    return samples
 
 
 def steps_to(budget: Budget, samples: Floats | NDArray[np.int64]) -> float:
-    """Mean number of times that a tile is rendered, for tiles that end with given numbers of samples.
+    """Average number of renders of a tile that ends with given sample numbers.
 
-    Errors are predicted from step to step, so that each takes up to four times the samples.
+    Errors are predicted from step to step, so that each step takes up to four times the samples.
     """
-    more = np.log(np.maximum(samples / max(budget.enough, 1), 1.0)) / math.log(4.0)
-    return float(np.mean(1.0 + np.ceil(more - 1e-9)))
+    log4 = np.log(np.maximum(samples / max(budget.enough, 1), 1.0)) / math.log(4.0)
+    return float(np.mean(1.0 + np.ceil(log4 - 1e-9)))

@@ -1,4 +1,4 @@
-"""Estimates of a render's time, memory and files, from pilot renders."""
+"""Estimate of a render's time, memory and file sizes, from pilot runs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.schedule.expected import expected_times
+from plenoptic.rendering.schedule.time_history import time_history
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.rendering.tile import status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
@@ -38,34 +38,33 @@ if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
 _SIDE, _DECIDING = 16, 64
-"""Of squares of pixels: where samples are given, and where tiles of this side decide how many there will be."""
+"""Side of squares of pixels with given samples, and of tiles that decide on their samples."""
 _ALONG = 12
-"""Squares along the side of a pilot's tile, at most: larger tiles cost less a pixel."""
+"""Maximum number of squares along the side of a pilot's tile: larger tiles cost less per pixel."""
 _RUNS = 4
-"""Pilots of the same kind, whose differences tell the uncertainty."""
+"""Pilot runs of the same kind, whose variance gives the uncertainty."""
 _PATHS, _FEWEST, _MOST, _MOST_TILES = 1 << 18, 1 << 12, 1 << 15, 64
-"""Of a pilot: paths, the pixels that it has at least and at most, since what feeds them takes time too, and the tiles
-that it has at most, should these be small."""
+"""Paths of a pilot run, its minimum and maximum pixels (illuminated pupils take time, too), and its maximum tiles."""
 _MOST_SAMPLES = 256
-"""Of pilots; with more a pixel costs as much more."""
+"""Maximum samples of pilot runs; the cost of more is extrapolated."""
 _DECIDED_BYTES = 100
-"""Of a pixel while tiles are decided upon."""
+"""Bytes per pixel while tiles are decided upon."""
 _DECIDED, _FEWEST_DECIDING, _MOST_DECIDING = 8, 2, 8
-"""Tiles of a pilot that looks for the number of samples, at most, and such pilots: more where tiles differ."""
+"""Maximum tiles of a pilot run that decides on samples, and range of the number of such runs: more if tiles differ."""
 _DECIDED_SECONDS = 20.0
-"""Processor time of each thread that these may take, about, unless twice the samples of the first decision do."""
+"""Approximate processor time per thread for these runs, unless twice the samples of the first decision take longer."""
 _UNKNOWN = 0.08
-"""Part of a time by which pilots are wrong beyond their differences: caches, other programs, the end of a render."""
+"""Relative uncertainty of times beyond the variance of pilot runs: caches, other programs, the end of a render."""
 _FED_BYTES, _WORK_BYTES = 500, 1200
-"""Of what feeds a pixel, and of a pixel of a tile that is rendered."""
+"""Bytes of the illuminated pupil of a pixel, and of a pixel of a tile being rendered."""
 _HEAD_BYTES, _LOG_BYTES, _RECORD_BYTES = 500, 950, 650
-"""Of an EXR file beside its texts, of a checkpoint beside its records, and of a record beside its arrays."""
-_KEPT_PIXELS = MAX_CACHED_BYTES // _FED_BYTES
-"""Of frames for which it is kept what feeds them, about."""
+"""Bytes of an EXR file besides its texts, of a checkpoint besides its records, and of a record besides its arrays."""
+_KEPT_PIXELS = MOST_BYTES // _FED_BYTES
+"""Approximate pixels of frames whose illuminated pupils are cached."""
 
 
 class Estimated(NamedTuple):
-    """A number that is not known exactly.
+    """An estimate with its interval.
 
     Examples
     --------
@@ -77,21 +76,21 @@ class Estimated(NamedTuple):
     value: float
     low: float
     high: float
-    """Between which it lies in most cases."""
+    """Interval that contains the number in most cases."""
 
 
 @value
 class Estimate:
-    """Estimated time, memory and files of a render.
+    """Estimated time, memory and file sizes of a render.
 
     Parameters
     ----------
     cpu_seconds, seconds : Estimated
-        Processor time and wall-clock time, s, once kernels are compiled.
+        Processor time and wall-clock time in s, without compilation.
     peak_memory : Estimated
-        Of the process, bytes.
+        Peak memory of the process, bytes.
     file_size, checkpoint_size : Estimated
-        Of the exposure as EXR, and of a checkpoint, bytes.
+        Size of the exposure as EXR file, and of a checkpoint, bytes.
     samples : Estimated
         Mean paths of a pixel.
     plan : Plan
@@ -132,118 +131,120 @@ def estimate(  # noqa: PLR0913
     replicates: int = 2,
     sampler: Sampler = Sampler.SOBOL,
     max_bounces: int = 8,
-    caustics: Caustics = Caustics.KEPT,
+    caustics: Caustics = Caustics.INCLUDE,
     clamp: float | None = None,
     truth: Truth = Truth.DEPTH,
     threads: int | None = None,
     progress: bool = True,
 ) -> Estimate:
-    """Estimate time, memory and files of `render`, in a few seconds, by pilot renders spread over the frame.
+    """Estimate the time, memory and file sizes of `render` in a few seconds, from pilot runs all over the frame.
 
     Parameters
     ----------
     scene : Scene or None
-        None: a white image, as `render_white` makes it.
+        None: a white image, as of `render_white`.
     camera : PlenopticCamera
     samples, target_error
-        As for `render`; one of them, or both: whichever comes first.
+        As for `render`; one of them, or both: whichever is reached first.
     region, replicates, sampler, max_bounces, caustics, clamp, truth, threads
         As for `render`.
     progress : bool, optional
-        Whether to show that something is compiled; that takes its time before, and is not in the estimate.
+        Whether to show that something is being compiled; compilation is not part of the estimate.
 
     Returns
     -------
     Estimate
-        Printing it shows the plan too. Times are those of this machine as busy as it is now. The bar of a render of
-        the same scene and camera objects with the same arguments begins with its time.
+        Printing it shows the plan, too. Times hold for this machine under its present load. The progress bar of a
+        render of the same scene and camera objects with the same arguments starts with this time.
 
     Raises
     ------
     InvalidValueError
-        Where an argument is impossible.
+        If an argument is invalid.
 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.camera.example_camera()
-    >>> found = pl.estimate(pl.check_scene(), camera, samples=64, progress=False)
-    >>> 0 < found.seconds.low <= found.seconds.value <= found.seconds.high
+    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> estimate = pl.estimate(pl.check_scene(), camera, samples=64, progress=False)
+    >>> 0 < estimate.seconds.low <= estimate.seconds.value <= estimate.seconds.high
     True
     """
     check_scene_and_camera(scene, camera)
     if samples is None and target_error is None:
-        raise InvalidValueError("samples and target_error are both None; give what the render is to end by")
+        raise InvalidValueError("samples and target_error are both None; give one or both to end the render")
     budget = checked_budget(samples, None, target_error, replicates)
     settings = RenderSettings(0 if scene is None else max_bounces, caustics, clamp, sampler)
-    asked = Truth.NONE if scene is None else truth
-    subject = Subject(scene, camera, budget.max_samples, budget.replicates, asked, settings)
+    requested = Truth.NONE if scene is None else truth
+    subject = Subject(scene, camera, budget.max_samples, budget.replicates, requested, settings)
     workers = thread_count(threads)
     with CallProgress("estimating", kind="scene", show=progress):
         context = render_context(subject, seed_number(0))
-        kept = available_truth(
-            asked, meshes=context.intersector is not None, microlenses=camera.microlenses is not None
+        available = available_truth(
+            requested, meshes=context.intersector is not None, microlenses=camera.microlenses is not None
         )
-        wanted = Subject(scene, camera, budget.max_samples, budget.replicates, kept, settings)
-        where = sensor_region(camera.sensor.shape, region)
-        pilots = _Pilots(context, wanted, budget, where, workers)
-        decided = target_error is not None and budget.enough < budget.max_samples
-        found = _by_error(pilots) if decided else _by_samples(pilots)
-    told = _estimate(pilots, found)
-    expected_times.note(subject, budget, where, workers, seconds=told.seconds.value)
-    return told
+        reduced_subject = Subject(scene, camera, budget.max_samples, budget.replicates, available, settings)
+        sensor_pixels = sensor_region(camera.sensor.shape, region)
+        pilots = _Pilots(context, reduced_subject, budget, sensor_pixels, workers)
+        by_error = target_error is not None and budget.enough < budget.max_samples
+        costs = _by_error(pilots) if by_error else _by_samples(pilots)
+    result = _estimate(pilots, costs)
+    time_history.record(subject, budget, sensor_pixels, workers, seconds=result.seconds.value)
+    return result
 
 
-class _Found(NamedTuple):
-    """Estimates for one pixel."""
+class _Costs(NamedTuple):
+    """Costs per pixel, from pilot runs."""
 
     cpu_seconds: Estimated
     samples: Estimated
     steps: float
-    """How often a tile is rendered."""
+    """Average number of renders of a tile."""
     busy: float
-    """The part of its threads' time in which a pilot was at work."""
+    """Fraction of the threads' time in which a pilot run was busy."""
     head_bytes: float
     exposure_bytes: float
     cached_bytes: float
 
 
 class _Pilots:
-    """Pilots of one render."""
+    """Pilot runs of one render."""
 
-    def __init__(self, context: RenderContext, subject: Subject, budget: Budget, asked: Region, threads: int) -> None:
+    def __init__(self, context: RenderContext, subject: Subject, budget: Budget, region: Region, threads: int) -> None:
         self.context, self.subject, self.budget, self.threads = context, subject, budget, threads
-        self.asked_pixels = (asked[1] - asked[0]) * (asked[3] - asked[2])
+        self.asked_pixels = (region[1] - region[0]) * (region[3] - region[2])
         pooled = 2 <= budget.replicates < OWN_ERRORS
-        self.frame = frame = in_whole_blocks(asked, subject.camera.sensor.shape) if pooled else asked
+        self.frame = frame = in_whole_blocks(region, subject.camera.sensor.shape) if pooled else region
         self.pixels = (frame[1] - frame[0]) * (frame[3] - frame[2])
         cells, shared = cells_per_pixel(context.camera), context.camera.diffraction_kernel is not None
         self.side, self.tiles = cut_into_tiles(frame, budget, None, cells, shared=shared)
 
     def run(self, samples: int, seed: int) -> PilotRun:
-        """A pilot with a number of samples, in as large tiles as the render has, and no more pixels than a frame."""
+        """Pilot run with a number of samples, in tiles as large as the render's, and no more pixels than the frame."""
         side = self._fitting(_SIDE if self.side >= _SIDE else self.side)
-        room = math.isqrt(self.pixels // (2 * self.threads * side**2))
-        squares = max(min(self.side // _SIDE, _ALONG, room), 1) ** 2
-        wanted = min(max(_PATHS // samples, _FEWEST), _MOST)
-        n = max(min(-(-wanted // (squares * side * side)), _MOST_TILES), 2 * self.threads)
+        max_squares = math.isqrt(self.pixels // (2 * self.threads * side**2))
+        squares = max(min(self.side // _SIDE, _ALONG, max_squares), 1) ** 2
+        pixels = min(max(_PATHS // samples, _FEWEST), _MOST)
+        n = max(min(-(-pixels // (squares * side * side)), _MOST_TILES), 2 * self.threads)
         budget = Budget(samples, None, None, min(self.budget.replicates, samples))
         return self._run(budget, n, squares, side, seed)
 
     def samples_to_decide(self, per_sample: float) -> int:
-        """With how many samples, of so many seconds each, tiles are left that are decided upon."""
+        """Maximum samples of deciding tiles, from the seconds per sample."""
         once = _FEWEST_DECIDING * self._deciding_pixels * max(per_sample, 1e-12)
         return int(min(max(_DECIDED_SECONDS * self.threads / once, 2 * self.budget.enough), _MOST_SAMPLES))
 
     def may_decide_again(self, runs: list[PilotRun]) -> bool:
-        """True if there is time for another pilot that decides, and pilots cover less than half of the frame."""
+        """True if there is time for one more deciding run, and the runs cover less than half of the frame."""
         spent = sum(run.cpu_seconds for run in runs) * (1 + 1 / len(runs))
-        most = min(self.pixels // (2 * self._deciding_pixels), _MOST_DECIDING)
-        return len(runs) < most and spent < _DECIDED_SECONDS * self.threads
+        max_runs = min(self.pixels // (2 * self._deciding_pixels), _MOST_DECIDING)
+        return len(runs) < max_runs and spent < _DECIDED_SECONDS * self.threads
 
     @property
     def _deciding_tiles(self) -> int:
-        """Number of tiles of a pilot that decides: at most as many as the frame holds."""
+        """Tiles of a deciding run, at most those that fit into the frame."""
         return max(min(_DECIDED, self.pixels // self._fitting(_DECIDING) ** 2), 1)
 
     @property
@@ -251,7 +252,7 @@ class _Pilots:
         return self._deciding_tiles * self._fitting(_DECIDING) ** 2
 
     def run_deciding(self, samples: int, seed: int) -> PilotRun:
-        """A pilot whose tiles end at the target error, or with a number of samples."""
+        """Pilot run whose tiles end at the target error, or at a number of samples."""
         budget = self.budget._replace(samples=min(samples, self.budget.max_samples))
         return self._run(budget, self._deciding_tiles, 1, self._fitting(_DECIDING), seed)
 
@@ -261,27 +262,27 @@ class _Pilots:
         return run_pilot(self.context, self.subject, budget, tiles, self.threads, keeps=keeps)
 
     def _fitting(self, side: int) -> int:
-        """At most the sides of the frame."""
+        """Side limited by the sides of the frame."""
         return max(min(side, self.frame[1] - self.frame[0], self.frame[3] - self.frame[2]), 1)
 
 
-def _by_samples(pilots: _Pilots) -> _Found:
-    """Estimate for a given number of samples."""
+def _by_samples(pilots: _Pilots) -> _Costs:
+    """Costs for a given number of samples."""
     samples = pilots.budget.max_samples
     few = min(samples, _MOST_SAMPLES)
-    pilots.run(min(few, 4), 0)  # what is compiled or read for the first time
+    pilots.run(min(few, 4), 0)  # compilation and caches
     runs = [pilots.run(few, seed) for seed in range(_RUNS)]
     each = [run.cpu_seconds / run.pixels for run in runs]
     if samples > few:
-        less = [pilots.run(few // 4, seed) for seed in range(_RUNS)]
-        slopes = [(a - b.cpu_seconds / b.pixels) / (few - few // 4) for a, b in zip(each, less, strict=True)]
+        quarter_runs = [pilots.run(few // 4, seed) for seed in range(_RUNS)]
+        slopes = [(a - b.cpu_seconds / b.pixels) / (few - few // 4) for a, b in zip(each, quarter_runs, strict=True)]
         each = [a + max(slope, a / (2 * few)) * (samples - few) for a, slope in zip(each, slopes, strict=True)]
-    found, steps = Estimated(samples, samples, samples), 2.0 if pilots.budget.passes else 1.0
-    return _Found(_interval(each), found, steps, _busy(runs, pilots), *_bytes(runs[0]))
+    final_samples, steps = Estimated(samples, samples, samples), 2.0 if pilots.budget.passes else 1.0
+    return _Costs(_interval(each), final_samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
 
 
-def _by_error(pilots: _Pilots) -> _Found:
-    """Estimate where tiles end at an error."""
+def _by_error(pilots: _Pilots) -> _Costs:
+    """Costs for a target error."""
     few = min(pilots.budget.enough, _MOST_SAMPLES)
     pilots.run(4, 0)
     pairs = [(pilots.run(few // 4, seed), pilots.run(few, seed)) for seed in (0, 1)]
@@ -292,18 +293,18 @@ def _by_error(pilots: _Pilots) -> _Found:
     predicted, done = [run.progress for run in runs], np.concatenate([run.progress.done for run in runs])
     steps = steps_to(pilots.budget, predicted_samples(predicted))
     pilot_steps, pilot_pixels = steps_to(pilots.budget, done), sum(run.pixels for run in runs)
-    took = sum(run.cpu_seconds for run in runs) / pilot_pixels
-    each_step = max((took - once - per_sample * float(done.mean())) / max(pilot_steps - 1.0, 1.0), 0.0)
+    per_pixel = sum(run.cpu_seconds for run in runs) / pilot_pixels
+    each_step = max((per_pixel - once - per_sample * float(done.mean())) / max(pilot_steps - 1.0, 1.0), 0.0)
     means = mean_samples(predicted, pilots.budget)
     cost = [once + per_sample * mean + each_step * (steps - 1.0) for mean in means]
     each = Estimated(cost[0], cost[1] * (1 - 2 * _UNKNOWN), cost[2] * (1 + 2 * _UNKNOWN))
-    least, most = pilots.budget.enough, pilots.budget.max_samples
-    samples = Estimated(means[0], max(means[1] * (1 - _UNKNOWN), least), min(means[2] * (1 + _UNKNOWN), most))
-    return _Found(each, samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
+    low, high = max(means[1] * (1 - _UNKNOWN), pilots.budget.enough), means[2] * (1 + _UNKNOWN)
+    samples = Estimated(means[0], low, min(high, pilots.budget.max_samples))
+    return _Costs(each, samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
 
 
 def _deciding(pilots: _Pilots, samples: int) -> list[PilotRun]:
-    """Pilots that decide, until their tiles tell how many samples there will be on average, or that takes too long."""
+    """Deciding runs, until they determine the mean sample number, or take too long."""
     runs = [pilots.run_deciding(samples, seed) for seed in range(_FEWEST_DECIDING)]
     while pilots.may_decide_again(runs) and relative_spread([run.progress for run in runs]) > _UNKNOWN:
         runs.append(pilots.run_deciding(samples, len(runs)))
@@ -311,7 +312,7 @@ def _deciding(pilots: _Pilots, samples: int) -> list[PilotRun]:
 
 
 def _interval(numbers: list[float]) -> Estimated:
-    """Mean and interval of the numbers."""
+    """Mean and interval of numbers."""
     mean = statistics.mean(numbers)
     off = 2 * statistics.stdev(numbers) / math.sqrt(len(numbers)) + 2 * _UNKNOWN * mean
     return Estimated(mean, max(mean - off, 0.0), mean + off)
@@ -322,7 +323,7 @@ def _busy(runs: list[PilotRun], pilots: _Pilots) -> float:
 
 
 def _bytes(run: PilotRun) -> tuple[float, float, float]:
-    """Bytes of an EXR file's head, of a pixel in it (noise hardly compresses), and of a pixel's aperture regions."""
+    """Bytes of an EXR file's metadata, of a pixel in it (noise hardly compresses), and of an illuminated pupil."""
     texts = texts_of(run.exposure)
     head = _HEAD_BYTES + sum(len(name) + len(text) for name, text in texts.items())
     with tempfile.TemporaryDirectory() as folder:
@@ -331,51 +332,51 @@ def _bytes(run: PilotRun) -> tuple[float, float, float]:
         return head, max(path.stat().st_size - head, 0) / run.pixels, run.cached_bytes / run.pixels
 
 
-def _estimate(pilots: _Pilots, found: _Found) -> Estimate:
+def _estimate(pilots: _Pilots, costs: _Costs) -> Estimate:
     n, budget, channels = pilots.pixels, pilots.budget, pilots.context.channels
-    cpu = Estimated(*(n * part for part in found.cpu_seconds))
-    quick, slow = 1.0 / pilots.threads, 1.0 / (pilots.threads * found.busy)
-    wall = Estimated(cpu.value * math.sqrt(quick * slow), cpu.low * quick, cpu.high * slow)
+    cpu = Estimated(*(n * part for part in costs.cpu_seconds))
+    fastest, slowest = 1.0 / pilots.threads, 1.0 / (pilots.threads * costs.busy)
+    wall = Estimated(cpu.value * math.sqrt(fastest * slowest), cpu.low * fastest, cpu.high * slowest)
     once, state = 8 + _truth_bytes(pilots.subject.truth), 8 * channels * (budget.replicates + 1)
-    held, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.diffraction_kernel
-    shared = 0 if spread is None else state * spread.table.weights.shape[1]
-    waiting = held * (4 * (state + once) + _WORK_BYTES + shared)  # results that are to be taken, and what is at work
-    fed = (found.cached_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
-    memory = resident_bytes() + _film_bytes(pilots) * n + waiting + min(fed, MAX_CACHED_BYTES)
+    pixels_in_memory, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.spread
+    shared = 0 if spread is None else state * spread.table.parts.shape[1]
+    working_memory = pixels_in_memory * (4 * (state + once) + _WORK_BYTES + shared)
+    cached = (costs.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
+    memory = resident_bytes() + _film_bytes(pilots) * n + working_memory + min(cached, MOST_BYTES)
     record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)
-    often = [found.steps if budget.steps else _records(tile.pixels, pilots) for tile in pilots.tiles]
-    log = sum((tile.pixels * state + record) * k for tile, k in zip(pilots.tiles, often, strict=True))
+    records_per_tile = [costs.steps if budget.steps else _records(tile.pixels, pilots) for tile in pilots.tiles]
+    log = sum((tile.pixels * state + record) * k for tile, k in zip(pilots.tiles, records_per_tile, strict=True))
     return Estimate(
         cpu_seconds=cpu,
         seconds=wall,
         peak_memory=_about(memory, 0.1),
-        file_size=_about(found.head_bytes + pilots.asked_pixels * found.exposure_bytes, 0.15),
+        file_size=_about(costs.head_bytes + pilots.asked_pixels * costs.exposure_bytes, 0.15),
         checkpoint_size=_about(_LOG_BYTES + once * n + log, 0.3 if budget.steps else 0.02),
-        samples=found.samples,
+        samples=costs.samples,
         plan=pilots.context.plan,
     )
 
 
 def _records(pixels: int, pilots: _Pilots) -> int:
-    """Batches of a tile of a render of given samples, each of which is a record."""
-    done, found, most = 0, 0, Clock(0.0, None).samples_per_batch(pixels, pilots.context.together)
+    """Records of a tile in the checkpoint of a render with given samples: its number of batches."""
+    done, batches, batch_samples = 0, 0, Clock(0.0, None).samples_per_batch(pixels, pilots.context.together)
     while done < pilots.budget.max_samples:
-        done = min(done + most, pilots.budget.following(done))
-        found += 1
-    return found
+        done = min(done + batch_samples, pilots.budget.following(done))
+        batches += 1
+    return batches
 
 
 def _film_bytes(pilots: _Pilots) -> float:
-    """Bytes of a pixel while it is rendered and when it is finished."""
+    """Bytes of a pixel during rendering and finishing."""
     budget, channels = pilots.budget, pilots.context.channels
-    found = 4 * channels + _truth_bytes(pilots.subject.truth)
+    bytes_ = 4 * channels + _truth_bytes(pilots.subject.truth)
     if budget.replicates >= 2:
-        found += 2 * 4 * channels + 4
+        bytes_ += 2 * 4 * channels + 4
     if budget.steps or budget.passes:
-        found += 4 + 8 * channels * (budget.replicates + 1)
+        bytes_ += 4 + 8 * channels * (budget.replicates + 1)
     if budget.target_error is not None:
-        found += 2 * 8 + _DECIDED_BYTES
-    return found
+        bytes_ += 2 * 8 + _DECIDED_BYTES
+    return bytes_
 
 
 def _truth_bytes(truth: Truth) -> int:

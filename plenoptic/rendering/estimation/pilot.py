@@ -1,4 +1,4 @@
-"""Pilots: a few pixels from everywhere on a frame, rendered as the frame would be."""
+"""Pilot runs: a few pixels from all over a frame, rendered like the frame."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.schedule.orders import thread_engine
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.rendering.schedule.progress_bar import ProgressBar
-from plenoptic.rendering.schedule.scheduler import Work, drive, exposure_of, progress_of
+from plenoptic.rendering.schedule.scheduler import RenderOptions, drive, exposure_of, progress_of
+from plenoptic.rendering.schedule.tile_jobs import thread_engine
 from plenoptic.rendering.tile import Tile
 from plenoptic.truth.ground_truth import truth_record
 
@@ -31,15 +31,15 @@ Region = tuple[int, int, int, int]
 
 
 class PilotTile(NamedTuple):
-    """A tile whose pixels are those of squares from different places of the sensor."""
+    """A tile that consists of squares of pixels from different parts of the sensor."""
 
     row: int
     column: int
-    """On the film of the pilot."""
+    """Position on the film of the pilot run."""
     rows: int
     columns: int
     side: int
-    """Of a square, which divides rows and columns."""
+    """Side of a square, which divides rows and columns."""
     places: tuple[tuple[int, int], ...]
     """Row and column of each square on the sensor, in their order in the tile, row by row."""
 
@@ -49,27 +49,27 @@ class PilotTile(NamedTuple):
         return self.rows * self.columns
 
     def centres(self, camera: CameraRecord) -> Floats:
-        """(rows * columns, 2): see `pixel_centres`."""
+        """Pixel centres (rows * columns, 2); see `pixel_centres`."""
         return self._in_order([pixel_centres(camera, (r, r + self.side), (c, c + self.side)) for r, c in self.places])
 
     def numbers(self, camera: CameraRecord) -> NDArray[np.int64]:
-        """(rows * columns,): numbers of the pixels on the whole sensor."""
-        found = [Tile(r, c, self.side, self.side).numbers(camera) for r, c in self.places]
-        return self._in_order(found)
+        """Pixel numbers (rows * columns,) on the whole sensor."""
+        numbers = [Tile(r, c, self.side, self.side).numbers(camera) for r, c in self.places]
+        return self._in_order(numbers)
 
     def _in_order(self, squares: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        """Pixels of squares (side * side, ...) as those of the tile's rows."""
+        """Reorder the pixels of squares (side * side, ...) by the rows of the tile."""
         high, wide, side = self.rows // self.side, self.columns // self.side, self.side
-        rest = squares[0].shape[1:]
-        grid = np.stack(squares).reshape(high, wide, side, side, *rest)
-        return np.ascontiguousarray(np.swapaxes(grid, 1, 2)).reshape(self.pixels, *rest)
+        value_shape = squares[0].shape[1:]
+        grid = np.stack(squares).reshape(high, wide, side, side, *value_shape)
+        return np.ascontiguousarray(np.swapaxes(grid, 1, 2)).reshape(self.pixels, *value_shape)
 
 
 def pilot_tiles(region: Region, n: int, per_tile: int, side: int, seed: int) -> list[PilotTile]:
     """Tiles of `per_tile` (a square number) squares of a side, one below the other, each from all over a region.
 
-    The region is cut into as many cells as there are squares, and a random pixel of each is met by its square. Squares
-    are those of a grid, so that pixels at the rim are met as often as others.
+    The region is divided into as many cells as there are squares, and each square covers a random pixel of its cell.
+    Squares lie on a grid, so that pixels at the rim are covered as often as others.
     """
     first_row, end_row, first_column, end_column = region
     high, wide = end_row - first_row, end_column - first_column
@@ -85,32 +85,28 @@ def pilot_tiles(region: Region, n: int, per_tile: int, side: int, seed: int) -> 
 
 
 def _on_grid(place: Floats, length: int, side: int) -> NDArray[np.int64]:
-    """First rows or columns of squares at positions along a length, aligned with blocks; the last one ends with the
-    length.
-    """
+    """Start of the squares that contain positions between 0 and a length: on blocks, limited by the end."""
     step = -(-side // BLOCK) * BLOCK
     last = (length - side) // BLOCK * BLOCK
     return np.minimum(place // step * step, last).astype(np.int64)
 
 
 class PilotRun(NamedTuple):
-    """Time and memory of a pilot render."""
+    """Time, state and exposure of a pilot run."""
 
     pixels: int
     seconds: float
     cpu_seconds: float
     progress: Progress
     exposure: Exposure
-    cached_bytes: int
-    """Of what feeds its pixels, where that is kept."""
+    kept_bytes: int
+    """Bytes of the illuminated pupils of its pixels, if these are cached."""
 
 
 def run_pilot(
     context: RenderContext, subject: Subject, budget: Budget, tiles: list[PilotTile], threads: int, *, keeps: bool
 ) -> PilotRun:
-    """Render pilots; `keeps`: aperture regions of their pixels are kept from step to step, as those of a small frame
-    are.
-    """
+    """Render pilot tiles; `keeps`: cache the illuminated pupils between steps, as for a small frame."""
     context = context._replace(prepared=PreparedCamera(context.camera))
     if keeps:
         context.prepared.set_tiles(tuple(tiles), steps=True)
@@ -119,13 +115,13 @@ def run_pilot(
     clock = Clock(begin[0], None)
     counted = budget.steps or budget.passes
     counted |= any(clock.samples_per_batch(tile.pixels, context.together) < budget.max_samples for tile in tiles)
-    whole, everything, alike = (0, rows, 0, columns), (slice(None), slice(None)), cast("list[Tile]", tiles)
-    progress = progress_of(context, budget, whole, everything, alike, subject.truth, begin, counted=counted)
+    whole, crop, film_tiles = (0, rows, 0, columns), (slice(None), slice(None)), cast("list[Tile]", tiles)
+    progress = progress_of(context, budget, whole, crop, film_tiles, subject.truth, begin, counted=counted)
     truth = truth_record(subject.camera, context.camera, subject.truth)
     engine = thread_engine(context, truth, clock, threads)
     if drive(progress, context, engine, clock, None, ProgressBar(begin[0], show=False)):
         raise KeyboardInterrupt
-    work = Work(None, 0, threads, None, False, None, None, 1.0)
+    work = RenderOptions(None, 0, threads, None, False, None, None, 1.0)
     exposure = exposure_of(progress, subject, work, threads, None, interrupted=True)
-    took = time.perf_counter() - begin[0], time.process_time() - begin[1]
-    return PilotRun(rows * columns, *took, progress, exposure, context.prepared.cached_bytes)
+    seconds = time.perf_counter() - begin[0], time.process_time() - begin[1]
+    return PilotRun(rows * columns, *seconds, progress, exposure, context.prepared.kept_bytes)

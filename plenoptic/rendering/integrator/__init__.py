@@ -1,1 +1,1 @@
-"""Light transport: paths through the scene."""
+"""Light transport: tracing of paths through the scene."""

@@ -1,11 +1,11 @@
-"""The surfaces that the rays of a bundle meet, and the lights that are drawn for them."""
+"""Surface interactions of the rays of a bundle, and the lights sampled for them."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from plenoptic.core.kernels import sobol
-from plenoptic.rendering.integrator.record import RayQueue, Wavelengths
+from plenoptic.rendering.integrator.ray_queue import RayQueue, Wavelengths
 from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.kernels.interaction import fill_interactions
 from plenoptic.scene.geometry.record import INTERACTION_COLUMNS, Hits, Interactions, PathKeys
@@ -15,13 +15,13 @@ from plenoptic.scene.materials.kernels import parameters
 
 
 class InteractionStage:
-    """Stage that finds the surface interactions of rays; its arrays are used again for each bounce."""
+    """Computes the surface properties at the hits of rays; its arrays are reused for each bounce."""
 
     def __init__(self, scene: SceneRecord, capacity: int, channels: int, *, lights: bool) -> None:
         self._scene = scene
-        extra = None if scene.bsdf is None else scene.bsdf.extra_shares
-        columns = INTERACTION_COLUMNS + (0 if extra is None else extra.shape[1])
-        self._room = Interactions(
+        extra_parameters = None if scene.bsdf is None else scene.bsdf.extra_shares
+        columns = INTERACTION_COLUMNS + (0 if extra_parameters is None else extra_parameters.shape[1])
+        self._buffer = Interactions(
             rows=np.empty((capacity, columns)),
             ray=np.empty(capacity, dtype=np.int64),
             path=np.empty(capacity, dtype=np.int64),
@@ -31,27 +31,31 @@ class InteractionStage:
             key=np.empty(capacity, dtype=np.uint64),
             number=np.empty(capacity, dtype=np.uint32),
         )
-        room = capacity if lights else 0
-        self._drawn = DrawnLights(np.empty((room, DRAWN_COLUMNS)), np.empty((room, channels)))
+        n_lights = capacity if lights else 0
+        self._drawn = DrawnLights(np.empty((n_lights, DRAWN_COLUMNS)), np.empty((n_lights, channels)))
 
-    def find(self, queue: RayQueue, hits: Hits, keys: PathKeys, bounce: int, wavelengths: Wavelengths) -> Interactions:
-        """The surfaces that scatter among those that rays meet."""
-        scene, room, geometry, bsdf = self._scene, self._room, self._scene.geometry, self._scene.bsdf
+    def evaluate(
+        self, queue: RayQueue, hits: Hits, keys: PathKeys, bounce: int, wavelengths: Wavelengths
+    ) -> Interactions:
+        """Evaluate the surface interactions at the hits on surfaces that scatter."""
+        scene, buffer, geometry, bsdf = self._scene, self._buffer, self._scene.geometry, self._scene.bsdf
         assert bsdf is not None
-        count = fill_interactions(room, hits, queue.rays, queue.path, geometry, bsdf.scatters)
-        found = room.first(count)
-        sobol.fill_samples(found.random, found.key, found.number, found.path, keys.key, keys.number, bounce + 1)
-        parameters.fill_parameters(found, bsdf, wavelengths)
+        count = fill_interactions(buffer, hits, queue.rays, queue.path, geometry, bsdf.scatters)
+        surfaces = buffer.first(count)
+        sobol.fill_drawn(
+            surfaces.random, surfaces.key, surfaces.number, surfaces.path, keys.key, keys.number, bounce + 1
+        )
+        parameters.fill_parameters(surfaces, bsdf, wavelengths)
         if scene.textures is not None:
             *columns, normal = scene.textures
             if any(column is not None for column in columns):
-                parameters.apply_textures(found, scene.textures, scene.channels, wavelengths)
+                parameters.apply_textures(surfaces, scene.textures, scene.channels, wavelengths)
             if normal is not None:
-                parameters.apply_normal_map(found, hits, queue.rays, geometry, normal)
-        return found
+                parameters.apply_normal_map(surfaces, hits, queue.rays, geometry, normal)
+        return surfaces
 
     def draw_lights(self, interactions: Interactions, queue: RayQueue, wavelengths: Wavelengths) -> DrawnLights:
-        """A light for each interaction."""
+        """Sample one light for each interaction."""
         scene, drawn, bsdf = self._scene, self._drawn, self._scene.bsdf
         assert bsdf is not None
         emitters = scene.geometry, scene.emission, scene.alpha, scene.lights

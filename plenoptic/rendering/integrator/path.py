@@ -1,4 +1,4 @@
-"""Light transport: paths that left the lens, followed through the scene stage after stage."""
+"""Light transport: rays that left the lens, traced through the scene bounce by bounce."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from plenoptic.rendering.integrator.interaction import InteractionStage
 from plenoptic.rendering.integrator.kernels.bounce import sample_bsdf
 from plenoptic.rendering.integrator.kernels.direct_light import add_direct, eval_direct
 from plenoptic.rendering.integrator.kernels.path_keys import fill_path_keys
-from plenoptic.rendering.integrator.record import RayQueue, ShadowRays, Wavelengths
+from plenoptic.rendering.integrator.ray_queue import RayQueue, ShadowRays, Wavelengths
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Caustics
@@ -24,37 +24,37 @@ from plenoptic.scene.lights.record import DELTA, DrawnLights
 from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, attenuate_shadows, media_at, no_hits, skip_transparent
 
 if TYPE_CHECKING:
-    from plenoptic.rendering.integrator.moving import MovingPaths
+    from plenoptic.rendering.integrator.moving_paths import MovingPaths
 
 
-class Witness(Protocol):
-    """Observer of the paths of a bundle. Its arguments are used again by the integrator: it copies those it keeps."""
+class PathObserver(Protocol):
+    """Observer of the paths of a bundle. Its arguments are reused: copy whatever it keeps."""
 
-    def left(self, rays: Floats) -> None:
-        """Rays have left the camera."""
+    def on_camera_ray(self, rays: Floats) -> None:
+        """Rays leave the camera."""
 
-    def saw(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
-        """Called when rays have hit triangles, and paths have collected their emission."""
+    def on_hit(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
+        """Rays hit triangles; `radiance` includes the emission at the hits."""
 
-    def lit(
+    def on_direct_light(
         self, interactions: Interactions, drawn: DrawnLights, shadow: ShadowRays, blocked: NDArray[np.uint8]
     ) -> None:
-        """Lights were drawn for surfaces, and some of them could be seen."""
+        """Lights are sampled for interactions; `blocked` is 1 for shadow rays that are occluded."""
 
-    def scattered(self, interactions: Interactions, onward: RayQueue, onwards: int, drawn: int) -> None:
-        """Called after scattering, with the rays that go on, of those sampled; Russian roulette ended the others."""
+    def on_scatter(self, interactions: Interactions, scattered_rays: RayQueue, n_rays: int, n_sampled: int) -> None:
+        """`n_rays` of `n_sampled` scattered rays survive Russian roulette. Both are equal unless `n_rays` is 0."""
 
 
 class PathIntegrator:
-    """Follows the paths of a tile's bundles through the scene; its arrays are used again for each bundle."""
+    """Traces the paths of a tile's bundles through the scene; its arrays are reused for each bundle."""
 
     def __init__(self, context: RenderContext, capacity: int) -> None:
         assert context.scene is not None
         camera, scene, intersector, plan = context.camera, context.scene, context.intersector, context.plan
         self.moving: MovingPaths | None = None
-        """What differs from path to path; None where nothing moves in the exposure."""
+        """Times and placements of the paths; None if nothing moves during the exposure."""
         if context.shutter is not None:
-            from plenoptic.rendering.integrator.moving import MovingPaths
+            from plenoptic.rendering.integrator.moving_paths import MovingPaths
 
             self.moving = MovingPaths(context.shutter, scene, intersector, capacity)
             scene = self.moving.scene
@@ -62,13 +62,14 @@ class PathIntegrator:
         self._basis = None if camera.colour is None else camera.colour.basis
         self._channels = channels = scene.channels if camera.colour is None else 1
         self._scatters, self._lights = plan.runs(Stage.SCATTERING), plan.runs(Stage.DIRECT_LIGHT)
-        self._goes_on, self._apart = plan.runs(Stage.ONWARD_RAYS), context.settings.caustics is Caustics.LEFT_OUT
+        self._traces_scattered = plan.runs(Stage.ONWARD_RAYS)
+        self._exclude_caustics = context.settings.caustics is Caustics.EXCLUDE
         self._radiance = np.empty((capacity, channels))
-        self.met = 0
-        """Paths that met a triangle."""
+        self.scene_hits = 0
+        """Number of paths that hit a triangle."""
         self._hits = no_hits(scene, capacity)
         queues = [self._ray_queue(capacity) for _ in range(2 if self._scatters else 1)]
-        self._now, self._next = queues[0], queues[-1]
+        self._queue, self._next_queue = queues[0], queues[-1]
         if scene.absorption is not None and intersector is not None:
             self._media = media_at(scene, intersector, np.zeros(3) if camera.position is None else camera.position)
         self._random = self._scatters or scene.alpha is not None or self.moving is not None
@@ -76,22 +77,22 @@ class PathIntegrator:
             self._keys, self._indices = np.empty(capacity, dtype=np.uint64), np.empty(capacity, dtype=np.uint32)
         if self._scatters:
             self._stage = InteractionStage(scene, capacity, channels, lights=self._lights)
-            traced = scene.absorption is not None or self._apart
+            traced = scene.absorption is not None or self._exclude_caustics
             self._source = np.empty(capacity, dtype=np.int64) if traced else None
             room = capacity if self._lights else 0
             self._shadow = ShadowRays(np.empty((room, 6)), np.empty(room, np.int64), np.empty((room, channels)))
             self._blocked = np.empty(room, dtype=np.uint8)
 
     def _ray_queue(self, capacity: int) -> RayQueue:
-        """Arrays for rays and the quantities of their paths."""
+        """Allocate a queue of rays."""
         absorbs = self.scene.absorption is not None
         return RayQueue(
             rays=np.empty((capacity, 6)),
             path=np.empty(capacity, dtype=np.int64),
-            throughput=np.empty((capacity, self._channels)) if self._goes_on or absorbs else None,
-            pdf=np.empty(capacity) if self._goes_on else None,
+            throughput=np.empty((capacity, self._channels)) if self._traces_scattered or absorbs else None,
+            pdf=np.empty(capacity) if self._traces_scattered else None,
             media=np.empty((capacity, NESTED), dtype=np.int32) if absorbs else None,
-            rough=np.empty(capacity, dtype=np.uint8) if self._apart else None,
+            rough=np.empty(capacity, dtype=np.uint8) if self._exclude_caustics else None,
         )
 
     def radiance(
@@ -102,104 +103,106 @@ class PathIntegrator:
         batch: Batch,
         number: NDArray[np.int64],
         waves: NDArray[np.int64] | None,
-        witness: Witness | None = None,
+        observer: PathObserver | None = None,
     ) -> Floats:
-        """Radiance of the paths of a bundle, (n, channels); 0 for those that did not leave the lens.
+        """Radiance along the paths of a bundle, (n, channels); 0 for those that did not leave the lens.
 
-        With `waves`, the number of each path's wavelength, there is one channel.
+        With `waves`, the wavelength number of each path, there is one channel.
         """
         max_bounces, wavelengths = self._settings.max_bounces, Wavelengths(waves, self._basis)
         radiance = self._radiance[:n]
         radiance[:] = 0.0
-        found = self._start(blocks, start, n, batch, number)
-        if witness is not None:
-            witness.left(self._now.rays[:found])
+        n_rays = self._start(blocks, start, n, batch, number)
+        if observer is not None:
+            observer.on_camera_ray(self._queue.rays[:n_rays])
         for bounce in range(max_bounces + 1):
-            hits = self._meet(found, bounce)
+            hits = self._intersect(n_rays, bounce)
             if bounce == 0:
-                self.met += int(np.count_nonzero(hits.triangle >= 0))
-            self._see(radiance, hits, wavelengths)
-            if witness is not None:
-                witness.saw(self._now.rays[:found], hits, radiance)
+                self.scene_hits += int(np.count_nonzero(hits.triangle >= 0))
+            self._add_emission(radiance, hits, wavelengths)
+            if observer is not None:
+                observer.on_hit(self._queue.rays[:n_rays], hits, radiance)
             if bounce == max_bounces or not self._scatters:
                 break
-            found = self._scatter(radiance, hits, bounce, wavelengths, witness)
-            self._now, self._next = self._next, self._now
-            if not found:
+            n_rays = self._scatter(radiance, hits, bounce, wavelengths, observer)
+            self._queue, self._next_queue = self._next_queue, self._queue
+            if not n_rays:
                 break
         return radiance
 
     def _start(self, blocks: Floats, start: int, n: int, batch: Batch, number: NDArray[np.int64]) -> int:
-        """Rays from the camera; returns how many there are."""
-        now = self._now
-        found = int(fill_world_rays(now.rays, now.path, blocks, n, self._camera.rotation, self._camera.position))
+        """Fill the queue with the rays from the camera; return their number."""
+        queue = self._queue
+        n_rays = int(fill_world_rays(queue.rays, queue.path, blocks, n, self._camera.rotation, self._camera.position))
         if self._random:
             fill_path_keys(self._keys[:n], self._indices[:n], start, batch, number)
         if self.moving is not None:
             keys = self._keys[:n], self._indices[:n]
-            self.moving.begin(now.rays[:found], now.path[:found], keys, start, batch, number)
-        for column, value in ((now.throughput, 1.0), (now.pdf, DELTA), (now.rough, 0)):
+            self.moving.begin(queue.rays[:n_rays], queue.path[:n_rays], keys, start, batch, number)
+        for column, value in ((queue.throughput, 1.0), (queue.pdf, DELTA), (queue.rough, 0)):
             if column is not None:
-                column[:found] = value
-        if now.media is not None:
-            now.media[:found] = self._media
-        return found
+                column[:n_rays] = value
+        if queue.media is not None:
+            queue.media[:n_rays] = self._media
+        return n_rays
 
     def _path_keys(self) -> PathKeys:
-        return PathKeys(self._now.path, self._keys, self._indices)
+        return PathKeys(self._queue.path, self._keys, self._indices)
 
-    def _meet(self, found: int, bounce: int) -> Hits:
-        """Closest hits of rays; transparent surfaces are skipped."""
-        hits, rays, path = self._hits.first(found), self._now.rays[:found], self._now.path[:found]
-        intersector = self._intersector if self.moving is None else self.moving.along(path)
+    def _intersect(self, n_rays: int, bounce: int) -> Hits:
+        """Closest hits of the first n_rays rays of the queue; transparent (alpha-masked) hits are skipped."""
+        hits, rays, path = self._hits.first(n_rays), self._queue.rays[:n_rays], self._queue.path[:n_rays]
+        intersector = self._intersector if self.moving is None else self.moving.at_times(path)
         if intersector is not None:
             intersector.fill_closest(hits, rays)
             if self.scene.alpha is not None:
                 skip_transparent(self.scene, intersector, rays, hits, self._path_keys(), bounce * SALTS)
             if self.moving is not None:
-                self.moving.place(hits, path)
+                self.moving.set_placements(hits, path)
         return hits
 
-    def _see(self, radiance: Floats, hits: Hits, wavelengths: Wavelengths) -> None:
+    def _add_emission(self, radiance: Floats, hits: Hits, wavelengths: Wavelengths) -> None:
         """Attenuate the throughput by absorption along each ray, then add the emission at its hit or of the sky."""
-        scene, now = self.scene, self._now
+        scene, queue = self.scene, self._queue
         if scene.absorption is not None and scene.bsdf is not None:
             from plenoptic.scene.materials.kernels.absorption import fill_absorbed
 
-            fill_absorbed(now, hits, scene.geometry, scene.bsdf.glass_index, scene.absorption, wavelengths)
+            fill_absorbed(queue, hits, scene.geometry, scene.bsdf.glass_index, scene.absorption, wavelengths)
         if scene.emission is not None or any(part is not None for part in scene.lights.sky):
             from plenoptic.rendering.integrator.kernels.emission import add_emission
 
-            add_emission(radiance, now, hits, scene.geometry, scene.emission, scene.lights.sky, wavelengths)
+            add_emission(radiance, queue, hits, scene.geometry, scene.emission, scene.lights.sky, wavelengths)
 
     def _scatter(
-        self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, witness: Witness | None
+        self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, observer: PathObserver | None
     ) -> int:
-        """Add direct light and send the rays onwards; returns how many there are."""
-        met = self._stage.find(self._now, hits, self._path_keys(), bounce, wavelengths)
+        """Add direct light and sample the scattered rays; return their number."""
+        interactions = self._stage.evaluate(self._queue, hits, self._path_keys(), bounce, wavelengths)
         if self._lights:
-            drawn = self._stage.draw_lights(met, self._now, wavelengths)
-            shadow, blocked = self._add_direct(radiance, met, drawn, wavelengths)
-            if witness is not None:
-                witness.lit(met, drawn, shadow, blocked)
-        # After the last bounce only what a ray meets by chance is missing.
-        onwards = self._send_on(met, wavelengths, russian_roulette=bounce >= ROULETTE) if self._goes_on else 0
-        if witness is not None:
-            chosen = onwards
-            if self._goes_on and not onwards:
-                chosen = self._send_on(met, wavelengths, russian_roulette=False)
-            witness.scattered(met, self._next, onwards, chosen)
-        return onwards
+            drawn = self._stage.draw_lights(interactions, self._queue, wavelengths)
+            shadow, blocked = self._add_direct(radiance, interactions, drawn, wavelengths)
+            if observer is not None:
+                observer.on_direct_light(interactions, drawn, shadow, blocked)
+        # Rays after the last bounce can only hit emitters.
+        n_rays = 0
+        if self._traces_scattered:
+            n_rays = self._sample_scattered(interactions, wavelengths, russian_roulette=bounce >= ROULETTE)
+        if observer is not None:
+            n_sampled = n_rays
+            if self._traces_scattered and not n_rays:
+                n_sampled = self._sample_scattered(interactions, wavelengths, russian_roulette=False)
+            observer.on_scatter(interactions, self._next_queue, n_rays, n_sampled)
+        return n_rays
 
     def _add_direct(
         self, radiance: Floats, interactions: Interactions, drawn: DrawnLights, wavelengths: Wavelengths
     ) -> tuple[ShadowRays, NDArray[np.uint8]]:
-        """Add the drawn lights that nothing hides; returns the shadow rays that were sent, and which were blocked."""
+        """Add the sampled lights that are not occluded; return the shadow rays, and a mask of the blocked ones."""
         scene = self.scene
-        count = eval_direct(self._shadow, interactions, drawn, self._now, scene.bsdf, wavelengths)
+        count = eval_direct(self._shadow, interactions, drawn, self._queue, scene.bsdf, wavelengths)
         shadow, blocked = self._shadow.first(count), self._blocked[:count]
         if count:
-            intersector = self._intersector if self.moving is None else self.moving.along(shadow.path)
+            intersector = self._intersector if self.moving is None else self.moving.at_times(shadow.path)
             assert intersector is not None
             if scene.alpha is None:
                 intersector.fill_blocked(blocked, shadow.rays)
@@ -208,23 +211,24 @@ class PathIntegrator:
             add_direct(radiance, blocked, shadow)
         return shadow, blocked
 
-    def _send_on(self, interactions: Interactions, wavelengths: Wavelengths, *, russian_roulette: bool) -> int:
-        """Draw the rays onwards; returns how many there are."""
-        scene, now, then = self.scene, self._now, self._next
-        onwards = int(sample_bsdf(then, self._source, interactions, now, scene.bsdf, wavelengths, russian_roulette))
+    def _sample_scattered(self, interactions: Interactions, wavelengths: Wavelengths, *, russian_roulette: bool) -> int:
+        """Sample the scattered rays; return their number."""
+        scene, queue, next_queue = self.scene, self._queue, self._next_queue
+        target = next_queue, self._source
+        n_rays = int(sample_bsdf(*target, interactions, queue, scene.bsdf, wavelengths, russian_roulette))
         if self._source is not None:
-            self._hand_on(self._source[:onwards], interactions)
-        return onwards
+            self._update_states(self._source[:n_rays], interactions)
+        return n_rays
 
-    def _hand_on(self, source: NDArray[np.int64], interactions: Interactions) -> None:
-        """Set the medium and the origin of scattered rays."""
-        now, then, scene = self._now, self._next, self.scene
+    def _update_states(self, source: NDArray[np.int64], interactions: Interactions) -> None:
+        """Set the media of scattered rays, and whether their paths have met a rough surface."""
+        queue, next_queue, scene = self._queue, self._next_queue, self.scene
         if scene.absorption is not None and scene.bsdf is not None:
             from plenoptic.scene.materials.kernels.absorption import fill_next_media
 
-            fill_next_media(then.media, source, now.media, interactions, scene.bsdf.glass_index)
-        if now.rough is not None:
-            assert then.rough is not None and then.pdf is not None
-            surface, onwards = np.where(source < 0, -1 - source, source), len(source)
-            # A negative density is that of a direction without choice: a mirror's.
-            then.rough[:onwards] = now.rough[interactions.ray[surface]] | (then.pdf[:onwards] > 0)
+            fill_next_media(next_queue.media, source, queue.media, interactions, scene.bsdf.glass_index)
+        if queue.rough is not None:
+            assert next_queue.rough is not None and next_queue.pdf is not None
+            surface, n_rays = np.where(source < 0, -1 - source, source), len(source)
+            # A negative pdf marks a specular direction (delta distribution).
+            next_queue.rough[:n_rays] = queue.rough[interactions.ray[surface]] | (next_queue.pdf[:n_rays] > 0)

@@ -1,1 +1,1 @@
-"""Kernels that add paths to a film."""
+"""Kernels that add the light of paths to a film."""

@@ -1,4 +1,4 @@
-"""Kernels that add the radiance of paths to the sums of pixels."""
+"""Kernels that add the light of paths to the sums of pixels."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from plenoptic.core.values import Floats
 
 
 class Light(NamedTuple):
-    """Radiance and weights of the paths of a bundle."""
+    """Light of the paths of a bundle."""
 
     blocks: Floats
-    """The bundle, with what paths weigh."""
+    """The bundle, with the weights of the paths."""
     radiance: Floats | None
-    """(n, channels); None for 1 everywhere: a white image."""
+    """(n, channels); None for a white image, whose radiance is 1."""
     waves: NDArray[np.int64] | None
-    """Numbers of their wavelengths. Their radiance is then one number. None where there is one for all."""
+    """Wavelength numbers of the paths, whose radiance then has one channel. None if all have the same."""
     weights: Floats | None
-    """(wavelengths, channels): what they add to channels."""
+    """(wavelengths, channels): weights of the wavelengths in the channels."""
 
 
 @device
-def _brought(light, k, c):
+def _contribution(light, k, c):
     """Contribution of path k of a bundle to channel c."""
-    found = light.blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
+    light_of_path = light.blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
     if light.weights is not None:
-        found *= light.weights[light.waves[k], c]
+        light_of_path *= light.weights[light.waves[k], c]
         if light.radiance is not None:
-            found *= light.radiance[k, 0]
+            light_of_path *= light.radiance[k, 0]
     elif light.radiance is not None:
-        found *= light.radiance[k, c]
-    return found
+        light_of_path *= light.radiance[k, c]
+    return light_of_path
 
 
 @kernel
 def fill_sums(sums, bundle, start, n, batch):
-    """Add the contributions of a bundle's paths to sums (pixels, streams, channels), in the order of their numbers.
+    """Add the light of a bundle's paths to sums (pixels, streams, channels), in the order of their indices.
 
-    The last row of a pixel's sums gets the squares of its paths' contributions, those of all streams.
+    The last row of a pixel's sums gets the squares of the contributions of all streams.
 
-    The bundle is `Light`. Returns how many contributions were not finite; these are left out.
+    The bundle is `Light`. Returns the number of contributions that are not finite, which are left out.
     """
-    broken = 0
+    nonfinite = 0
     samples, streams = batch.samples, batch.streams
     path = start
     end = start + n
@@ -57,123 +57,127 @@ def fill_sums(sums, bundle, start, n, batch):
         for c in range(sums.shape[2]):
             total, squares = sums[pixel, stream, c], sums[pixel, -1, c]
             for k in range(path - start, path - start + run):
-                light = _brought(bundle, k, c)
+                light = _contribution(bundle, k, c)
                 if light - light == 0.0:
                     total += light
                     squares += light * light
                 else:
-                    broken += 1
+                    nonfinite += 1
             sums[pixel, stream, c], sums[pixel, -1, c] = total, squares
         path += run
-    return broken
+    return nonfinite
 
 
 @kernel
-def fill_shared(sums, place, bundle, levels, shares, start, n, batch):
-    """Distribute the contributions of a bundle's paths among pixels.
+def fill_kernel_sums(sums, place, bundle, pilot_mean, kernel_weights, start, n, batch):
+    """Distribute the light of a bundle's paths over pixels by diffraction kernels.
 
-    `sums` are (places, replicates, channels, pixels) and, of squares, (places, channels, pixels); `place` are those of
-    pixels, `shares` a row of a `SpreadTable` for each path, and its rows. `levels` (places,) is light that is known to
-    be about there, of which only the paths' deviations are shared; None for nothing. For the rest see
-    `fill_sums`.
+    `sums` are (sources, replicates, channels, targets) and, for squares, (sources, channels, targets). `place` are the
+    source indices of pixels; `kernel_weights` are a row of a `SpreadTable` for each path, and the table's rows.
+    `pilot_mean` (sources,) is an estimate of the light used as control variate: only the deviation from it is
+    distributed; None for no estimate. For the other arguments see `fill_sums`.
     """
-    broken = 0
-    spots, parts = shares
+    nonfinite = 0
+    kernel_row, kernel_rows = kernel_weights
     for k in range(n):
-        pixel, stream, _ = path_indices(start + k, batch.samples, batch.streams)
-        at, replicate, row = place[pixel], (batch.first_stream + stream) % sums[0].shape[1], parts[spots[k]]
+        pixel, stream, _ = path_place(start + k, batch.samples, batch.streams)
+        source, replicate = place[pixel], (batch.first_stream + stream) % sums[0].shape[1]
+        weights = kernel_rows[kernel_row[k]]
         for c in range(sums[0].shape[2]):
-            light, means, squares = _brought(bundle, k, c), sums[0][at, replicate, c], sums[1][at, c]
-            if levels is not None:
+            light, target_sums, target_squares = (
+                _contribution(bundle, k, c),
+                sums[0][source, replicate, c],
+                sums[1][source, c],
+            )
+            if pilot_mean is not None:
                 if bundle.weights is not None:
-                    light -= levels[at] * bundle.weights[bundle.waves[k], c]
+                    light -= pilot_mean[source] * bundle.weights[bundle.waves[k], c]
                 else:
-                    light -= levels[at]
+                    light -= pilot_mean[source]
             if light - light == 0.0:
-                for to in range(row.size):
-                    part = light * row[to]
-                    means[to] += part
-                    squares[to] += part * part
+                for target in range(weights.size):
+                    contribution = light * weights[target]
+                    target_sums[target] += contribution
+                    target_squares[target] += contribution * contribution
             else:
-                broken += 1
-    return broken
+                nonfinite += 1
+    return nonfinite
 
 
 @kernel
-def fill_levels(levels, place, blocks, start, n, batch):
-    """Add the mean of the contributions of a white image's paths, before the weights of wavelengths."""
+def fill_pilot_means(pilot_mean, place, blocks, start, n, batch):
+    """Add the mean light of a bundle of a white image, without wavelength weights."""
     for k in range(n):
         light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
         if light - light == 0.0:
-            levels[place[path_indices(start + k, batch.samples, batch.streams)[0]]] += light / batch.samples
+            pilot_mean[place[path_place(start + k, batch.samples, batch.streams)[0]]] += light / batch.samples
 
 
 @kernel
-def fill_drawn(sums, bundle, start, n, drawn, batch, every):
-    """Add the contributions of sampled deflections to pixels, each for all samples of a batch that it represents.
+def fill_deflected_sums(sums, bundle, start, n, deflections, batch, every):
+    """Add the light of sampled deflections to pixels; each stands for `every` samples of a batch.
 
-    `sums` are (pixels, replicates, channels) and, of squares, (pixels, channels); `drawn` is the batch of the bends.
-    For the rest see `fill_sums`.
+    `sums` are (pixels, replicates, channels) and, for squares, (pixels, channels); `deflections` is their
+    batch. For the other arguments see `fill_sums`.
     """
-    broken = 0
+    nonfinite = 0
     means, squares = sums
     for k in range(n):
-        pixel, stream, index = path_indices(start + k, drawn.samples, drawn.streams)
-        replicate, begin = (batch.first_stream + stream) % means.shape[1], (drawn.first_index + index) * every
+        pixel, stream, index = path_place(start + k, deflections.samples, deflections.streams)
+        replicate, begin = (batch.first_stream + stream) % means.shape[1], (deflections.first_index + index) * every
         end = batch.first_index + replicate_size(stream, batch.samples, batch.streams)
         count = min(begin + every, end) - max(begin, batch.first_index)
         for c in range(means.shape[2]):
-            light = _brought(bundle, k, c)
+            light = _contribution(bundle, k, c)
             if light - light == 0.0:
                 means[pixel, replicate, c] += count * light
                 squares[pixel, c] += count * light * light
             else:
-                broken += 1
-    return broken
+                nonfinite += 1
+    return nonfinite
 
 
 @kernel
-def fill_gathered(whole, shared, known, drawn, givers, batch, part, every):
-    """Add up the pixels' samples of a batch.
+def fill_pixel_totals(whole, spread_sums, control_variate, deflected, sources, batch, deflection_weight, every):
+    """Total light of pixels for the samples of a batch: kernel-weighted light, control variate and deflections.
 
-    These are shares of light at `givers`, the `known` (pixels, channels) part of a sample, and `part` of the sampled
-    deflections.
-
-    The last row of `whole` (pixels, replicates + 1, channels) gets the square of all contributions over their number,
-    and their scatter: a drawn bend stands for `every` samples, and scatters as much more.
+    `sources` are the pixels whose light reaches each pixel. `control_variate` (pixels, channels) is per sample, and
+    `deflection_weight` is the weight of the sampled deflections. The last row of `whole`
+    (pixels, replicates + 1, channels) gets the squared total over the number of samples, plus the scatter of the
+    contributions. A deflection stands for `every` samples and scatters as much more.
     """
-    replicates, (shared, shared_squares), (drawn, drawn_squares) = whole.shape[1] - 1, shared, drawn
-    samples, counts = batch.samples, np.zeros(replicates)
+    (spread_sums, spread_squares), (deflected, deflected_squares) = spread_sums, deflected
+    replicates, samples = whole.shape[1] - 1, batch.samples
+    counts = np.zeros(replicates)
     for stream in range(batch.streams):
         counts[(batch.first_stream + stream) % replicates] += replicate_size(stream, samples, batch.streams)
     for p in range(whole.shape[0]):
         for c in range(whole.shape[2]):
             total = 0.0
             for r in range(replicates):
-                found = part * drawn[p, r, c] + known[p, c] * counts[r]
-                for to in range(givers.shape[1]):
-                    found += shared[givers[p, to], r, c, to]
-                whole[p, r, c] += found
-                total += found
+                sum_ = deflection_weight * deflected[p, r, c] + control_variate[p, c] * counts[r]
+                for target in range(sources.shape[1]):
+                    sum_ += spread_sums[sources[p, target], r, c, target]
+                whole[p, r, c] += sum_
+                total += sum_
             scatter = 0.0
-            for to in range(givers.shape[1]):
-                found = 0.0
+            for target in range(sources.shape[1]):
+                sum_ = 0.0
                 for r in range(replicates):
-                    found += shared[givers[p, to], r, c, to]
-                scatter += max(shared_squares[givers[p, to], c, to] - found * found / samples, 0.0)
-            found = 0.0
+                    sum_ += spread_sums[sources[p, target], r, c, target]
+                scatter += max(spread_squares[sources[p, target], c, target] - sum_ * sum_ / samples, 0.0)
+            sum_ = 0.0
             for r in range(replicates):
-                found += drawn[p, r, c]
-            scatter += every * part * part * max(drawn_squares[p, c] - found * found / samples, 0.0)
+                sum_ += deflected[p, r, c]
+            deflected_scatter = max(deflected_squares[p, c] - sum_ * sum_ / samples, 0.0)
+            scatter += every * deflection_weight * deflection_weight * deflected_scatter
             whole[p, replicates, c] += total * total / samples + scatter
 
 
 @kernel
-def fill_clamped(radiance, blocks, n, limit):
-    """Scale down contributions that are brighter than a limit; returns the light that is kept and the light that is
-    not.
-    """
-    kept, removed = 0.0, 0.0
+def clamp_radiance(radiance, blocks, n, limit):
+    """Scale down the radiance of paths above a limit; return the light that remains and the light removed."""
+    remaining, removed = 0.0, 0.0
     for k in range(n):
         brightest, mean = 0.0, 0.0
         for c in range(radiance.shape[1]):
@@ -185,6 +189,6 @@ def fill_clamped(radiance, blocks, n, limit):
             fraction = limit / brightest
             for c in range(radiance.shape[1]):
                 radiance[k, c] *= fraction
-        kept += fraction * light
+        remaining += fraction * light
         removed += (1.0 - fraction) * light
-    return kept, removed
+    return remaining, removed

@@ -1,1 +1,1 @@
-"""Parts become one exposure: in memory, or row by row in a store."""
+"""Merging of exposures: in memory, or row by row into a store."""

@@ -1,4 +1,4 @@
-"""Parts of a merge: exposures in memory, files that are read when their rows are needed, and stores, row by row."""
+"""Parts to be merged: exposures in memory, files that are loaded on demand, and stores that are read by rows."""
 
 from __future__ import annotations
 
@@ -10,68 +10,68 @@ from numpy.typing import NDArray
 
 from plenoptic.errors import FileError
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.heads import Head, head_of, pixels_of
-from plenoptic.rendering.stores import head_of_store, rows_of_store
+from plenoptic.rendering.exposure_metadata import ExposureMetadata, metadata_of, pixels_of
+from plenoptic.rendering.stores import metadata_of_store, rows_of_store
 
 Arrays = Mapping[str, NDArray[Any]]
 
 
 class Part(Protocol):
-    """One exposure of those that are merged, of which rows are asked for from the top down."""
+    """One of the merged exposures; rows are requested from top to bottom."""
 
     @property
     def name(self) -> str:
-        """Name of the part in messages."""
+        """Name in error messages."""
         ...
 
     @property
-    def head(self) -> Head:
-        """All but the pixels."""
+    def metadata(self) -> ExposureMetadata:
+        """Metadata of the exposure."""
         ...
 
     def rows(self, first: int, end: int) -> Arrays:
-        """Arrays of rows that count from the part's own first one."""
+        """Arrays of rows that count from the part's first one."""
         ...
 
 
-class HeldPart:
+class MemoryPart:
     """An exposure in memory."""
 
     def __init__(self, name: str, exposure: Exposure) -> None:
-        self.name, self.head = name, head_of(exposure)
+        self.name, self.metadata = name, metadata_of(exposure)
         self._arrays = pixels_of(exposure)
 
     def rows(self, first: int, end: int) -> Arrays:
-        """Views of its arrays."""
+        """Views of the arrays."""
         return {name: array[first:end] for name, array in self._arrays.items()}
 
 
 class FilePart:
-    """A file that is read as a whole: when its first rows are asked for, and let go of after the last ones."""
+    """A file that is loaded when its first rows are requested, and released after the last ones."""
 
-    def __init__(self, name: str, head: Head, load: Callable[[], Exposure]) -> None:
-        self.name, self.head = name, head
-        self._load, self._held = load, dict[str, NDArray[Any]]()
+    def __init__(self, name: str, metadata: ExposureMetadata, load: Callable[[], Exposure]) -> None:
+        self.name, self.metadata = name, metadata
+        self._load, self._arrays = load, dict[str, NDArray[Any]]()
 
     def rows(self, first: int, end: int) -> Arrays:
-        """Views of its arrays; a FileError where it is not the file any more that the head is of."""
-        if not self._held:
+        """Views of the arrays; raises FileError if the file has changed since its metadata were read."""
+        if not self._arrays:
             exposure = self._load()
-            if head_of(exposure) != self.head:
+            if metadata_of(exposure) != self.metadata:
                 raise FileError(f"{self.name} has been changed while parts were merged; merge them again")
-            self._held = pixels_of(exposure)
-        found = {name: array[first:end] for name, array in self._held.items()}
-        if end == self.head.shape[0]:
-            self._held = {}
-        return found
+            self._arrays = pixels_of(exposure)
+        rows = {name: array[first:end] for name, array in self._arrays.items()}
+        if end == self.metadata.shape[0]:
+            self._arrays = {}
+        return rows
 
 
 class StorePart:
-    """A zarr store, of which only the rows are read that are asked for."""
+    """A zarr store, of which only the requested rows are read."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.name, self.head = os.fspath(path), head_of_store(path)
+        self.name, self.metadata = os.fspath(path), metadata_of_store(path)
 
     def rows(self, first: int, end: int) -> Arrays:
-        """Read from the disk."""
-        return pixels_of(rows_of_store(self.name, self.head, first, end))
+        """Read rows from the disk."""
+        return pixels_of(rows_of_store(self.name, self.metadata, first, end))

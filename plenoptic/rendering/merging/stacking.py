@@ -1,7 +1,7 @@
-"""Exposures of the same pixels with other random numbers: their mean and its standard error.
+"""Stacking of exposures of the same pixels with different random numbers: mean and standard error.
 
-Each pixel by itself, so that the bits do not depend on which rows are stacked at a time: information of its block of 8
-x 8 about its error is in the errors of the parts.
+Pixels are independent, so that the bits do not depend on the stacked rows. Pooling over blocks of 8 x 8 is contained in
+the errors of the parts.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from plenoptic.core.values import Floats
 from plenoptic.rendering.merging.parts import Arrays
 
 
-def stacked(shots: Sequence[Arrays]) -> dict[str, NDArray[Any]]:
-    """Exposures that all have `sample_counts`, weighed by these; the truth of the first that knows it."""
-    known = {name: array for shot in reversed(shots) for name, array in shot.items()}
+def stack_exposures(shots: Sequence[Arrays]) -> dict[str, NDArray[Any]]:
+    """Mean of exposures weighted by their `sample_counts`; each truth channel is that of the first with it."""
+    arrays = {name: array for shot in reversed(shots) for name, array in shot.items()}
     if len(shots) == 1:
-        return known
+        return arrays
     weights = [shot["sample_counts"].astype(np.float64)[..., None] for shot in shots]
     total = np.sum(weights, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -28,12 +28,12 @@ def stacked(shots: Sequence[Arrays]) -> dict[str, NDArray[Any]]:
         mean = np.where(total > 0, mean, 0.0)
         error = np.where(total > 0, _error(shots, weights, total, mean), np.inf)
     counts = total[..., 0].astype(np.int32)
-    own = {"image": mean.astype(np.float32), "standard_error": error.astype(np.float32), "sample_counts": counts}
-    return known | own
+    stacked = {"image": mean.astype(np.float32), "standard_error": error.astype(np.float32), "sample_counts": counts}
+    return arrays | stacked
 
 
 def _error(shots: Sequence[Arrays], weights: list[Floats], total: Floats, mean: Floats) -> Floats:
-    """Standard error of a weighed mean: from the errors of its parts, or where one has none, from their differences."""
+    """Standard error of a weighted mean: from the errors of its parts, or from their differences if one has none."""
     if all("standard_error" in shot for shot in shots):
         squared = np.zeros_like(mean)
         for weight, shot in zip(weights, shots, strict=True):

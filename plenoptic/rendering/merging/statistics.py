@@ -1,4 +1,4 @@
-"""Statistics of merged parts."""
+"""Statistics of a merged exposure."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 from plenoptic.core.lost_rays import Lost
 from plenoptic.core.values import Floats
+from plenoptic.rendering.merging.merge_plan import MergePlan
 from plenoptic.rendering.merging.parts import Arrays
-from plenoptic.rendering.merging.plan import Plan
 from plenoptic.rendering.stats import NAMED, RenderStats, StopReason
 
-_WORST = (
+_SEVEREST_FIRST = (
     StopReason.INTERRUPTED,
     StopReason.TIME_LIMIT,
     StopReason.TARGET_MISSED,
@@ -23,41 +23,45 @@ _WORST = (
 
 
 def light_of_rows(arrays: Arrays) -> Floats:
-    """(rows,): approximate sums of the contributions of paths, from the `sample_counts`."""
+    """(rows,): approximate total light of the paths, from the image and `sample_counts`."""
     return np.asarray((arrays["image"].mean(axis=2, dtype=np.float64) * arrays["sample_counts"]).sum(axis=1))
 
 
-def merged_stats(plan: Plan, light: Mapping[int, Sequence[Floats]]) -> RenderStats | None:
-    """Merged statistics; None where a part has none. `light` is that of each part's rows, where some was clamped."""
-    all_stats = [head.stats for head in plan.heads if head.stats is not None]
+def merge_stats(plan: MergePlan, light: Mapping[int, Sequence[Floats]]) -> RenderStats | None:
+    """Statistics of the merged exposure; None if a part has none. `light` is that of the rows of each part, if any was
+    clamped.
+    """
+    all_stats = [head.stats for head in plan.metadata if head.stats is not None]
     if len(all_stats) < len(plan.parts):
         return None
-    agreeing = [min(all_stats[number].zero_variance for number in numbers) for numbers in plan.stacks.values()]
+    zero_variance = [min(all_stats[number].zero_variance for number in numbers) for numbers in plan.stacks.values()]
     return RenderStats(
-        **{name: sum(getattr(one, name) for one in all_stats) for name in ("seconds", "cpu_seconds", "paths")},
-        paths_through_lens=sum(one.paths_through_lens for one in all_stats),
-        lost=_sum_lost(one.lost for one in all_stats),
-        nonfinite=sum(one.nonfinite for one in all_stats),
-        threads=max(one.threads for one in all_stats),
-        clamped=_clamped(plan, light) if plan.clamped else 0.0,
-        nonfinite_paths=tuple(path for one in all_stats for path in one.nonfinite_paths)[:NAMED],
-        zero_variance=sum(agreeing),
-        stopped_by=min((one.stopped_by for one in all_stats), key=_WORST.index),
-        processors=tuple(dict.fromkeys(kind for one in all_stats for kind in one.processors)),
+        **{name: sum(getattr(stats, name) for stats in all_stats) for name in ("seconds", "cpu_seconds", "paths")},
+        paths_through_lens=sum(stats.paths_through_lens for stats in all_stats),
+        lost=_sum_lost(stats.lost for stats in all_stats),
+        nonfinite=sum(stats.nonfinite for stats in all_stats),
+        threads=max(stats.threads for stats in all_stats),
+        clamped=_clamped_fraction(plan, light) if plan.clamped else 0.0,
+        nonfinite_paths=tuple(path for stats in all_stats for path in stats.nonfinite_paths)[:NAMED],
+        zero_variance=sum(zero_variance),
+        stopped_by=min((stats.stopped_by for stats in all_stats), key=_SEVEREST_FIRST.index),
+        processors=tuple(dict.fromkeys(kind for stats in all_stats for kind in stats.processors)),
     )
 
 
-def _clamped(plan: Plan, light: Mapping[int, Sequence[Floats]]) -> float:
-    """Clamped share of all light, with the approximate sums before clamping."""
-    shares = [0.0 if head.stats is None else head.stats.clamped for head in plan.heads]
-    kept = [math.fsum(np.concatenate(light[number])) for number in range(len(shares))]
-    before = [sum_ / (1.0 - share) if share < 1.0 else 0.0 for sum_, share in zip(kept, shares, strict=True)]
-    return sum(share * sum_ for share, sum_ in zip(shares, before, strict=True)) / (sum(before) or 1.0)
+def _clamped_fraction(plan: MergePlan, light: Mapping[int, Sequence[Floats]]) -> float:
+    """Clamped fraction of all light, weighted by the light of the parts before clamping."""
+    fractions = [0.0 if metadata.stats is None else metadata.stats.clamped for metadata in plan.metadata]
+    remaining = [math.fsum(np.concatenate(light[number])) for number in range(len(fractions))]
+    unclamped = [
+        sum_ / (1.0 - fraction) if fraction < 1.0 else 0.0 for sum_, fraction in zip(remaining, fractions, strict=True)
+    ]
+    return sum(fraction * sum_ for fraction, sum_ in zip(fractions, unclamped, strict=True)) / (sum(unclamped) or 1.0)
 
 
-def _sum_lost(given: Iterable[Lost]) -> Lost:
-    found: dict[tuple[str, int | None], int] = {}
-    for lost in given:
+def _sum_lost(losses: Iterable[Lost]) -> Lost:
+    total: dict[tuple[str, int | None], int] = {}
+    for lost in losses:
         for cause, element, count in lost:
-            found[cause, element] = found.get((cause, element), 0) + count
-    return tuple((cause, element, count) for (cause, element), count in found.items())
+            total[cause, element] = total.get((cause, element), 0) + count
+    return tuple((cause, element, count) for (cause, element), count in total.items())

@@ -1,1 +1,1 @@
-"""Plan of a render: the stages that run, with reasons."""
+"""Stages of a render, and the decisions on them."""

@@ -1,4 +1,4 @@
-"""Stages that a camera needs: a table of conditions and reasons."""
+"""Decisions on the stages of a camera: a table of conditions and reasons."""
 
 from __future__ import annotations
 
@@ -18,27 +18,30 @@ _NONE = "the camera has none"
 
 
 def camera_decisions(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
-    """Decisions on everything between the pixel and the scene, in the order of the stages."""
+    """Decisions on all stages between the pixel and the scene, in order."""
     array = camera.microlenses
-    parts = [_sensor(camera), _diffraction(camera), _pupils(camera, white=white), _array(array), _assembly(camera)]
-    return [*(decision for part in parts for decision in part), *_lens(camera)]
+    groups = [_sensor(camera), _diffraction(camera), _pupils(camera, white=white), _array(array), _assembly(camera)]
+    return [*(decision for group in groups for decision in group), *_lens(camera)]
 
 
-def _counted(number: int, noun: str) -> str:
+def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def _sensor(camera: PlenopticCamera) -> list[Decision]:
-    seen, response, grains = camera.sensitivity, camera.sensor.angular_response, sum(map(len, camera.blemishes))
-    low, high = (0.0, 0.0) if seen is None else seen.wavelength_range
+    sensitivity, response, grains = camera.sensitivity, camera.sensor.angular_response, sum(map(len, camera.blemishes))
+    low, high = (0.0, 0.0) if sensitivity is None else sensitivity.wavelength_range
     axes = assembly(camera).sensor_to_local.turn
     askew = bool(axes[0, 1] != 0 or axes[1, 0] != 0)
-    one, all_waves = f"everything at {camera.wavelength:g} nm", f"paths draw wavelengths from {low:g} to {high:g} nm"
-    alike, along = "pixels see all directions alike", "their sides are along x and y"
+    single_wavelength, all_waves = (
+        f"everything at {camera.wavelength:g} nm",
+        f"paths draw wavelengths from {low:g} to {high:g} nm",
+    )
+    isotropic, upright = "pixels see all directions alike", "their sides are along x and y"
     return [
-        decide(Stage.WAVELENGTHS, seen is not None, one, all_waves),
-        decide(Stage.PIXEL_RESPONSE, response is not None, alike, "it depends on direction"),
-        decide(Stage.TURNED_PIXELS, askew, along, "their sides lie askew to x and y"),
+        decide(Stage.WAVELENGTHS, sensitivity is not None, single_wavelength, all_waves),
+        decide(Stage.PIXEL_RESPONSE, response is not None, isotropic, "it depends on direction"),
+        decide(Stage.TURNED_PIXELS, askew, upright, "their sides lie askew to x and y"),
         decide(Stage.BLEMISHES, camera.blemishes, "no dust and no scratches", f"{grains} grains of dust or scratches"),
     ]
 
@@ -55,7 +58,7 @@ def _diffraction(camera: PlenopticCamera) -> list[Decision]:
 
 
 def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
-    """Decisions about the method that finds aperture regions."""
+    """Decisions on the computation of the illuminated pupil of a pixel."""
     stopped = why_uncertain(camera)
     bounds = why_bounds(camera, certain=white and not stopped)
     return [
@@ -65,7 +68,7 @@ def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
             *(white, "a scene is seen"),
             *(not stopped, stopped),
             *(not bounds, bounds),
-            "what surely passes them is not traced",
+            "unvignetted light is not traced",
         ),
     ]
 
@@ -75,9 +78,9 @@ def _array(array: MicrolensArray | None) -> list[Decision]:
         return left_out(Stage.MICROLENSES, Stage.MICROLENS_PLATES, _NONE)
     pitch = f"pitch {' x '.join(f'{p:g}' for p in dict.fromkeys(array.pitches))} mm"
     types = len(set(array.focal_lengths))
-    lengths = _counted(types, "focal length")
+    lengths = _count(types, "focal length")
     free = array.lattice is Lattice.FREE
-    listed = "centres are listed" if free else "lenses have imperfections"
+    reason = "centres are listed" if free else "lenses have imperfections"
     if array.medium is not None:
         pitch += ", of a medium"
     model = f"microlenses are {array.model.name}"
@@ -88,20 +91,20 @@ def _array(array: MicrolensArray | None) -> list[Decision]:
         decide(
             Stage.WALLS, array.walls is Walls.OPAQUE, "lenses light all of the sensor", "each lens lights its own cell"
         ),
-        decide(Stage.LISTED_LENSES, free or array.imperfections is not None, "lenses are all as designed", listed),
+        decide(Stage.LISTED_LENSES, free or array.imperfections is not None, "lenses are all as designed", reason),
         decide(Stage.MICROLENS_PLATES, array.is_plate, model, model),
     ]
 
 
 def _openings(array: MicrolensArray) -> Decision:
-    """Decision whether paths are tested against openings."""
+    """Decision on testing paths against the microlens apertures."""
     opening, filled, aimed = array.aperture, "lenses fill their cells", "paths are aimed into the openings"
     if opening is None:
         return decide(Stage.OPENINGS, False, filled, filled)
     clear, circles = opening.gaps is Gaps.CLEAR, opening.shape is ApertureShape.CIRCLE
     tested = clear or circles or (array.is_plate and opening.fill_factor < 1)
-    why = "light passes beside the openings" if clear else "openings are round" if circles else aimed
-    return decide(Stage.OPENINGS, tested, aimed, why)
+    reason = "light passes beside the openings" if clear else "openings are round" if circles else aimed
+    return decide(Stage.OPENINGS, tested, aimed, reason)
 
 
 def _assembly(camera: PlenopticCamera) -> list[Decision]:
@@ -125,9 +128,9 @@ def _lens(camera: PlenopticCamera) -> list[Decision]:
     mirrors = sum(isinstance(e.medium, Mirror) for e in surfaces)
     elements = f"{len(lens.elements)} elements, {len(surfaces) - mirrors} of them refracting"
     elements += f", {mirrors} reflecting" if mirrors else ""
-    spheres, aspheres = "all surfaces are spheres or planes", _counted(shaped, "conic or aspheric surface")
-    odd_stops = f"{_counted(len(stops), 'stop')} that {'is' if len(stops) == 1 else 'are'} not round"
-    centred, displaced = "all elements are centred", f"{_counted(moved, 'element')} out of place"
+    spheres, aspheres = "all surfaces are spheres or planes", _count(shaped, "conic or aspheric surface")
+    odd_stops = f"{_count(len(stops), 'stop')} that {'is' if len(stops) == 1 else 'are'} not round"
+    centred, displaced = "all elements are centred", f"{_count(moved, 'element')} out of place"
     in_place, astray = "it stands as designed", "its axes are not the camera's"
     return [
         decide(Stage.LENS, elements if exact else ideal),

@@ -1,6 +1,4 @@
-"""Plan of a render: the stages that run and those left out, with reasons. `rendering` asks the plan; nothing else
-decides.
-"""
+"""Plan of a render: the stages that run, those left out, and the reasons. Nothing else decides on stages."""
 
 from __future__ import annotations
 
@@ -30,12 +28,11 @@ def plan(  # noqa: PLR0913
     replicates: int = 2,
     max_bounces: int = 8,
     truth: Truth = Truth.DEPTH,
-    caustics: Caustics = Caustics.KEPT,
+    caustics: Caustics = Caustics.INCLUDE,
     clamp: float | None = None,
     sampler: Sampler = Sampler.SOBOL,
 ) -> Plan:
-    """Plan the stages that `render` would run for a scene and a camera, and those that it would leave out, with
-    reasons.
+    """Stages that `render` would run for a scene and a camera, those it would leave out, and the reasons.
 
     Parameters
     ----------
@@ -48,7 +45,7 @@ def plan(  # noqa: PLR0913
     Returns
     -------
     Plan
-        With the arguments as its `subject`, so that `study.cost_of` can render it.
+        Decisions on all stages; its `subject` contains the arguments, so that `study.cost_of` can render it.
 
     Examples
     --------
@@ -62,7 +59,7 @@ def plan(  # noqa: PLR0913
     left out  blemishes              no dust and no scratches
     left out  diffraction            paths are straight between surfaces
     runs      exact pupils           each point of a pixel sees the openings of the lens
-    runs      certain light          what surely passes them is not traced
+    runs      certain light          unvignetted light is not traced
     ...
     """
     check_scene_and_camera(scene, camera)
@@ -72,40 +69,40 @@ def plan(  # noqa: PLR0913
 
 
 def plan_for(subject: Subject) -> Plan:
-    """Plan for the subject of another plan, changed or not."""
+    """Plan of a subject, such as the modified subject of another plan."""
     prepared = subject.prepared
     return plan_stages(None if prepared is None else prepared.record, subject)
 
 
 def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
-    """`plan_for` with the record of the subject's scene."""
+    """Plan of a subject whose scene is compiled to a record; see `plan_for`."""
     camera, settings, meshes = subject.camera, subject.settings, record is not None and record.geometry is not None
-    asked, independent = valid_truth(subject.truth), min(subject.samples, subject.replicates)
-    found = available_truth(asked, meshes=meshes, microlenses=camera.microlenses is not None)
+    requested, independent = checked_truth(subject.truth), min(subject.samples, subject.replicates)
+    available = available_truth(requested, meshes=meshes, microlenses=camera.microlenses is not None)
     replicated = f"{independent} independent replicate{'s' * (independent != 1)}"
-    apart, clamp = settings.caustics is Caustics.LEFT_OUT, settings.clamp
-    points, single = "scrambled Sobol points", "every sample by itself"
-    everything, as_it_is = "caustics count as all light does", "paths bring what they bring"
+    exclude_caustics, clamp = settings.caustics is Caustics.EXCLUDE, settings.clamp
+    points, independent_samples = "scrambled Sobol points", "every sample by itself"
+    all_light, unclamped = "caustics are included", "radiance is not limited"
     return Plan(
         (
-            decide(Stage.INDEPENDENT_SAMPLES, settings.sampler is Sampler.RANDOM, points, single),
+            decide(Stage.INDEPENDENT_SAMPLES, settings.sampler is Sampler.RANDOM, points, independent_samples),
             *camera_decisions(camera, white=subject.scene is None),
             decide(
                 Stage.SHUTTER,
                 *(record, WHITE),
                 *(camera.shutter is not None, "an exposure is an instant"),
                 *(open_shutter(camera, record), "nothing moves while it is open"),
-                "what moves while it is open is blurred",
+                "motion while it is open is blurred",
             ),
             *scene_decisions(record, settings.max_bounces),
-            decide(Stage.CAUSTICS_APART, record, WHITE, apart, everything, "caustics are left out"),
-            decide(Stage.CLAMPING, record, WHITE, clamp is not None, as_it_is, f"radiance above {clamp}"),
+            decide(Stage.CAUSTICS_APART, record, WHITE, exclude_caustics, all_light, "caustics are left out"),
+            decide(Stage.CLAMPING, record, WHITE, clamp is not None, unclamped, f"radiance above {clamp}"),
             decide(
                 Stage.TRUTH,
-                *(asked, "not asked for"),
-                *(meshes or found, "there is no mesh"),
-                *(found, "there are no microlenses"),
-                truth_names(found),
+                *(requested, "not asked for"),
+                *(meshes or available, "there is no mesh"),
+                *(available, "there are no microlenses"),
+                truth_names(available),
             ),
             decide(Stage.STANDARD_ERROR, independent >= 2, replicated, replicated),
         ),

@@ -1,4 +1,4 @@
-"""Stages that a scene needs: a table of conditions and reasons."""
+"""Decisions on the stages of a scene: a table of conditions and reasons."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ if TYPE_CHECKING:
     from plenoptic.scene.compile import SceneRecord
 
 ROULETTE = 3
-"""Paths that were scattered this often go on with a probability of what their surface gives back."""
+"""Number of bounces after which Russian roulette begins."""
 WHITE = "a white image has no scene"
 
 
 def is_dark(record: SceneRecord) -> bool:
-    """True if nothing in a scene emits light: its image is black."""
+    """True if nothing in a scene emits light, so that its image is black."""
     return not _visible(record) and record.lights.points is None
 
 
 def _visible(record: SceneRecord) -> bool:
-    """True if rays can hit an emitter."""
-    return record.emission is not None or bool(_world(record))
+    """True if rays can hit or escape to emitters."""
+    return record.emission is not None or bool(_sky_parts(record))
 
 
 def scene_decisions(record: SceneRecord | None, max_bounces: int) -> list[Decision]:
@@ -36,14 +36,14 @@ def _scatters(record: SceneRecord, max_bounces: int) -> bool:
     return record.geometry is not None and record.bsdf is not None and max_bounces > 0
 
 
-def _world(record: SceneRecord) -> str:
-    """Background of rays that hit nothing."""
+def _sky_parts(record: SceneRecord) -> str:
+    """Names of the kinds of light from infinity that rays see without a hit."""
     sky = record.lights.sky
-    return _there({"a constant": sky.background, "a map": sky.environment, "suns": sky.suns})
+    return _names_present({"a constant": sky.background, "a map": sky.environment, "suns": sky.suns})
 
 
-def _drawn(record: SceneRecord) -> str:
-    """The kinds of lights that are drawn directly."""
+def _sampled_lights(record: SceneRecord) -> str:
+    """Names of the kinds of lights that are sampled directly."""
     lights = record.lights
     kinds = {
         "surfaces": None if record.emission is None else record.emission.pdf,
@@ -51,15 +51,15 @@ def _drawn(record: SceneRecord) -> str:
         "suns": lights.sky.suns,
         "the environment": lights.sky.environment,
     }
-    return _there(kinds)
+    return _names_present(kinds)
 
 
-def _there(parts: Mapping[str, object]) -> str:
+def _names_present(parts: Mapping[str, object]) -> str:
     return ", ".join(name for name, part in parts.items() if part is not None)
 
 
 def _surfaces(record: SceneRecord) -> list[Decision]:
-    meshes, instances, world = record.geometry is not None, record.instances, _world(record)
+    meshes, instances, world = record.geometry is not None, record.instances, _sky_parts(record)
     places = f"meshes stand at {0 if instances is None else len(instances.matrices)} places"
     clear = "some surfaces are not there for all paths"
     dark = "nothing emits" + ", and the image will be black" * is_dark(record)
@@ -77,9 +77,9 @@ def _scattering(record: SceneRecord, max_bounces: int) -> list[Decision]:
     kinds = set() if bsdf is None or bsdf.kind is None else set(bsdf.kind.tolist())
     from plenoptic.scene.materials.registry import KIND_NAMES, LAMBERTIAN
 
-    others = "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
-    absorbs, drawn = record.absorption is not None, record.lights.cdf is not None
-    onward = scatters and (_visible(record) or (drawn and max_bounces > 1))
+    other_kinds = "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
+    absorbs, samples_lights = record.absorption is not None, record.lights.cdf is not None
+    onward = scatters and (_visible(record) or (samples_lights and max_bounces > 1))
     no, bounces, roulette = "nothing scatters", f"up to {max_bounces} bounces", f"after {ROULETTE} bounces"
     return [
         decide(
@@ -89,9 +89,11 @@ def _scattering(record: SceneRecord, max_bounces: int) -> list[Decision]:
             *(max_bounces > 0, "0 bounces"),
             "something reflects",
         ),
-        decide(Stage.MATERIALS, scatters, no, kinds, "all surfaces are Lambertian", others),
+        decide(Stage.MATERIALS, scatters, no, kinds, "all surfaces are Lambertian", other_kinds),
         decide(Stage.ABSORPTION, scatters, no, absorbs, "nothing absorbs", "some glass absorbs"),
-        decide(Stage.DIRECT_LIGHT, scatters, no, drawn, "there are no lights", f"drawn: {_drawn(record)}"),
+        decide(
+            Stage.DIRECT_LIGHT, scatters, no, samples_lights, "there are no lights", f"drawn: {_sampled_lights(record)}"
+        ),
         decide(Stage.ONWARD_RAYS, scatters, no, onward, "no light could be met", bounces),
         decide(Stage.RUSSIAN_ROULETTE, onward, "no rays onwards", max_bounces > ROULETTE, "few bounces", roulette),
     ]

@@ -18,47 +18,47 @@ if TYPE_CHECKING:
 
 
 class OpenShutter(NamedTuple):
-    """An exposure in which something moves."""
+    """An exposure with motion of camera or objects."""
 
     shutter: Shutter
     rows: int
-    """Of the sensor."""
+    """Rows of the sensor."""
     columns: int
     camera: Motion | None
-    """None where it stands still meanwhile, as the next ones."""
+    """Motion of the camera; None if it is at rest."""
     motions: tuple[Motion | None, ...]
-    """Those of the scene."""
+    """Motions of the scene; None for those at rest during the exposure."""
 
-    def times(self, pixels: NDArray[np.int64], share: Floats) -> Floats:
-        """(n,), s: when paths of pixels with these numbers are, at shares (n,) of their row's exposure."""
-        below = pixels // self.columns - 0.5 * (self.rows - 1)
-        return np.asarray(below * self.shutter.row_time + (share - 0.5) * self.shutter.duration)
+    def times(self, pixels: NDArray[np.int64], fraction: Floats) -> Floats:
+        """(n,), s: times of paths of given pixel numbers, at fractions (n,) of their row's exposure."""
+        row_offset = pixels // self.columns - 0.5 * (self.rows - 1)
+        return np.asarray(row_offset * self.shutter.row_time + (fraction - 0.5) * self.shutter.duration)
 
 
 def open_shutter(camera: PlenopticCamera, record: SceneRecord | None) -> OpenShutter | None:
-    """Motion during the exposure of a scene; None where nothing moves. Raises an error where it cannot be rendered."""
+    """Motion during an exposure of a scene; None without motion. Raises SceneError if it cannot be rendered."""
     shutter = camera.shutter
     if shutter is None or record is None:
         return None
     rows, columns = camera.sensor.shape
     half = 0.5 * (shutter.duration + abs(shutter.row_time) * (rows - 1))
-    found = [
+    motions = [
         motion if motion is not None and motion.moves(-half, half) else None
         for motion in (shutter.motion, *(record.motions or ()))
     ]
-    if not any(motion is not None for motion in found):
+    if not any(motion is not None for motion in motions):
         return None
-    _check(record, found[1:])
-    return OpenShutter(shutter, rows, columns, found[0], tuple(found[1:]))
+    _check(record, motions[1:])
+    return OpenShutter(shutter, rows, columns, motions[0], tuple(motions[1:]))
 
 
 def _check(record: SceneRecord, motions: list[Motion | None]) -> None:
-    """Raise where objects move that shine, or in a scene of which paths pass some surfaces by chance."""
+    """Raise SceneError if emitters move, or any mesh moves in a scene with alpha masks."""
     instances, geometry = record.instances, record.geometry
-    moved = [number for number, motion in enumerate(motions) if motion is not None]
-    if not moved or instances is None or instances.moving is None or geometry is None:
+    moving = [number for number, motion in enumerate(motions) if motion is not None]
+    if not moving or instances is None or instances.moving is None or geometry is None:
         return
-    rows = np.isin(instances.moving, moved)
+    rows = np.isin(instances.moving, moving)
     materials = geometry.triangle_material[instances.first[rows]]
     if record.emission is not None and np.any(record.emission.radiance[materials] > 0):
         raise SceneError(

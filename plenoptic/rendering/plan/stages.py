@@ -1,4 +1,4 @@
-"""The stages of a render, and decisions on them."""
+"""Stages of a render, and decisions on them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Stage(enum.IntEnum):
-    """The parts of a render, in the order in which light is followed back.
+    """Stages of a render, in the order in which light is traced backwards.
 
     Examples
     --------
@@ -87,13 +87,13 @@ class Decision:
 
     @property
     def name(self) -> str:
-        """The stage in words."""
+        """Name of the stage in words."""
         return self.stage.name.lower().replace("_", " ")
 
 
 @value
 class Subject:
-    """Subject of a plan or a render: a scene (None: a white image), the camera, and the kind of paths."""
+    """Subject of a plan or a render: the scene (None: a white image), the camera, and the parameters of paths."""
 
     scene: Scene | None
     camera: PlenopticCamera
@@ -104,7 +104,7 @@ class Subject:
 
     @property
     def prepared(self) -> PreparedScene | None:
-        """The scene, compiled."""
+        """The compiled scene."""
         if self.scene is None:
             return None
         from plenoptic.scene.cache import prepared_scene
@@ -120,7 +120,7 @@ class Plan:
     ----------
     decisions : tuple of Decision
     subject : Subject, optional
-        Subject of the plan; None for a plan that was made by hand. Plans are equal where their decisions are.
+        Subject of the plan; None for a plan built by hand. Plans are equal if their decisions are.
 
     Examples
     --------
@@ -139,7 +139,7 @@ class Plan:
         return "\n".join(rows)
 
     def _repr_html_(self) -> str:
-        """The subject from three sides, and two tables: of the stages that run, and of those left out."""
+        """Pictures of the scene from three sides, and tables of the stages that run and that are left out."""
         from plenoptic.plots.notebook.html import table_html
         from plenoptic.plots.notebook.pictures import plan_picture
 
@@ -151,7 +151,7 @@ class Plan:
 
 
 def decide(stage: Stage, *table: object) -> Decision:
-    """Decide on a stage, by pairs of a requirement and the reason without it, then the reason why it runs otherwise."""
+    """Decide on a stage from pairs of conditions and reasons against it, followed by the reason for it."""
     *pairs, runs = table
     for condition, reason in zip(pairs[::2], pairs[1::2], strict=True):
         if not condition:
@@ -160,5 +160,5 @@ def decide(stage: Stage, *table: object) -> Decision:
 
 
 def left_out(first: Stage, last: Stage, reason: str) -> list[Decision]:
-    """Decisions against a range of stages."""
+    """Negative decisions on a range of stages."""
     return [Decision(Stage(stage), False, reason) for stage in range(first, last + 1)]

@@ -1,1 +1,1 @@
-"""Tiles over threads, batch after batch, until there is enough."""
+"""Tiles on threads or a cluster, batch after batch, until the budget is used."""

@@ -1,8 +1,8 @@
-"""Checkpoints: the file in which a render keeps the results of its tiles.
+"""Checkpoints: file in which a render stores the results of its tiles.
 
-Each record holds the result of some samples of a tile, with the sums of all its samples until then. Tiles are pure
-functions, so that a render that goes on takes the results of its next tiles from the file, and renders the rest:
-with more samples or a smaller error than last time, too. Sums live in the file, and not in memory.
+Each record is the result of some samples of a tile, with the sums of all its samples until then. Tiles are pure
+functions, so that a resumed render takes from the file what it would have rendered next, and renders the rest: also
+with more samples or a smaller error than before. Sums are in the file, not in memory.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ from plenoptic.rendering.tile import Tile, TileResult
 
 _ELSEWHERE = "give checkpoint= another path, or remove the file"
 KIND = LogKind("checkpoint", 2, _ELSEWHERE)
-_NUMBERS = ("paths", "nonfinite", "met", "light", "clamped")
+_NUMBERS = {name: name for name in ("paths", "nonfinite", "light", "clamped")} | {"scene_hits": "met"}
+"""Fields of `TileResult`, and their keys in the file."""
 
 
 class Checkpoint:
-    """Checkpoint file with the results of tiles."""
+    """Stores the results of tiles in a file."""
 
     def __init__(self, path: str | os.PathLike[str], interval: float, identity: Mapping[str, str]) -> None:
-        """Look at the file, if there is one: a FileError where it is another render's, or none could be written."""
+        """Open the file if it exists; raise FileError if it is another render's, or cannot be written."""
         self._path = file_path(path)
         self._interval = positive(interval, "checkpoint_interval", "s")
         self._identity = dict(identity)
         self._log: RecordLog | None = None
         self._flushed = time.perf_counter()
         self._tiles: dict[Tile, int] = {}
-        self._found: dict[tuple[int, int], list[Entry]] = {}
+        self._records: dict[tuple[int, int], list[Entry]] = {}
         """Records by tile and first sample."""
         self._last: dict[int, Entry] = {}
         self._unwritten = SumsInMemory()
@@ -54,16 +55,16 @@ class Checkpoint:
 
     @property
     def tile_side(self) -> int | None:
-        """Side of the tiles in the file; None where there is none yet."""
+        """Side of the tiles in the file; None without a file."""
         return None if self._log is None else self._log.header["tile_side"]
 
     @property
-    def holds(self) -> bool:
-        """True if the file holds records."""
+    def has_records(self) -> bool:
+        """True if the file contains records."""
         return self._log is not None and bool(self._log.entries)
 
     def begin(self, progress: Progress, side: int) -> None:
-        """Begin the file if there is none, and read its records of the tiles of a render."""
+        """Create the file if necessary, and look up its records of the tiles of a render."""
         if self._log is None:
             begin_log(self._path, KIND, {"identity": self._identity, "tile_side": side})
             self._open()
@@ -72,40 +73,40 @@ class Checkpoint:
         processors: dict[str, None] = {}
         damaged = 0
         for entry in self._log.entries:
-            facts, whole = entry.facts, has_facts(entry)
-            i = self._tiles.get(Tile(*facts["tile"])) if whole else None
-            if not whole or (i is not None and not has_arrays(entry, progress)):
+            facts, complete = entry.facts, has_facts(entry)
+            i = self._tiles.get(Tile(*facts["tile"])) if complete else None
+            if not complete or (i is not None and not has_arrays(entry, progress)):
                 damaged += 1
             elif i is not None:
-                self._found.setdefault((i, facts["first"]), []).append(entry)
+                self._records.setdefault((i, facts["first"]), []).append(entry)
                 processors[facts["processor"]] = None
                 progress.before = facts["seconds"], facts["cpu_seconds"]
         if damaged:
-            self._warn_of(damaged)
-        here = progress.film.processors[0]
-        if others := [kind for kind in processors if kind != here]:
-            progress.film.processors = (*others, here)
+            self._warn_of_damage(damaged)
+        processor = progress.film.processors[0]
+        if other_processors := [kind for kind in processors if kind != processor]:
+            progress.film.processors = (*other_processors, processor)
             warn(
-                f"{str(self._path)!r} was begun on another kind of processor, {' and '.join(others)}; this is {here}: "
-                "the image is as good, but its bits are those of neither; stats.processors names both"
+                f"{str(self._path)!r} was begun on another kind of processor, {' and '.join(other_processors)}; this "
+                f"is {processor}: the image is as good, but its bits are those of neither; stats.processors names both"
             )
 
-    def recorded(self, i: int, done: int, most: int, replicates: int) -> Entry | None:
-        """The record that takes a tile furthest from `done` samples, by `most` more at most; None without one.
+    def longest_record(self, i: int, done: int, limit: int, replicates: int) -> Entry | None:
+        """Record that takes a tile furthest from `done` samples, by at most `limit`; None without one.
 
-        A tile with fewer samples has as many of each replicate, or no batch could follow it.
+        Shorter records must have as many samples of each replicate, or no batch could follow them.
         """
-        here = [(int(entry.facts["samples"]), entry) for entry in self._found.get((i, done), ())]
-        fitting = [(n, entry) for n, entry in here if n == most or (n < most and n % replicates == 0)]
-        return max(fitting, key=lambda found: found[0], default=(0, None))[1]
+        records = [(int(entry.facts["samples"]), entry) for entry in self._records.get((i, done), ())]
+        usable = [(n, entry) for n, entry in records if n == limit or (n < limit and n % replicates == 0)]
+        return max(usable, key=lambda record: record[0], default=(0, None))[1]
 
     def result(self, i: int, entry: Entry, context: RenderContext) -> TileResult | None:
-        """Result of a record; None where it is damaged, as if it had never been written."""
+        """Result stored in a record; None if the record is damaged, which is then discarded."""
         assert self._log is not None
         facts, arrays = entry.facts, self._log.read(entry)
         if arrays is None or not are_sums(arrays, facts["paths"]):
-            self._found[i, facts["first"]].remove(entry)
-            self._warn_of(1)
+            self._records[i, facts["first"]].remove(entry)
+            self._warn_of_damage(1)
             return None
         truth = {name.removeprefix(TRUTH): array for name, array in arrays.items() if name.startswith(TRUTH)}
         return TileResult(
@@ -116,14 +117,14 @@ class Checkpoint:
             counts=arrays["counts"],
             truth=truth or None,
             lost_paths=tuple((row, column, sample) for row, column, sample in facts["lost_paths"]),
-            **{name: facts[name] for name in _NUMBERS},
+            **{name: facts[key] for name, key in _NUMBERS.items()},
         )
 
     def keep(self, i: int, result: TileResult, progress: Progress, entry: Entry | None) -> None:
-        """Write the result of a tile, unless it is present. Where that fails, the render goes on, with a warning."""
+        """Write the result of a tile, unless it is in the file. A failure is a warning, and the render continues."""
         if entry is None:
             try:
-                entry = self._written(result, progress)
+                entry = self._append(result, progress)
             except FileError as error:
                 warn(f"the checkpoint has not been written: {error}", FileWarning)
         if entry is None:
@@ -145,7 +146,7 @@ class Checkpoint:
         return np.asarray(arrays["sums"])
 
     def flush(self, *, at_once: bool = False) -> None:
-        """Put the file on the disk, if it is time."""
+        """Flush the file to the disk if the interval has passed."""
         if self._log is None or not (at_once or time.perf_counter() - self._flushed >= self._interval):
             return
         try:
@@ -155,36 +156,38 @@ class Checkpoint:
         self._flushed = time.perf_counter()
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._log is not None:
             self._log.close()
 
     def _open(self) -> None:
         self._log = log = RecordLog(self._path, KIND)
-        theirs, side = log.header.get("identity"), log.header.get("tile_side")
-        told = {name: str(text) for name, text in theirs.items()} if isinstance(theirs, dict) else {}
-        if told != self._identity:
-            what = ", ".join(differences(told, self._identity))
-            raise FileError(f"{str(self._path)!r} belongs to another render, with {what}; {_ELSEWHERE}")
-        if type(side) is not int or side < 1:
-            raise FileError(f"{str(self._path)!r} is a damaged checkpoint: its tile_side is {side!r}; {_ELSEWHERE}")
+        stored, tile_side = log.header.get("identity"), log.header.get("tile_side")
+        identity = {name: str(text) for name, text in stored.items()} if isinstance(stored, dict) else {}
+        if identity != self._identity:
+            difference = ", ".join(differences(identity, self._identity))
+            raise FileError(f"{str(self._path)!r} belongs to another render, with {difference}; {_ELSEWHERE}")
+        if type(tile_side) is not int or tile_side < 1:
+            raise FileError(
+                f"{str(self._path)!r} is a damaged checkpoint: its tile_side is {tile_side!r}; {_ELSEWHERE}"
+            )
         if log.damaged:
             warn(
                 f"{log.damaged} bytes of {str(self._path)!r} are damaged, or were being written when the program "
-                "ended; what they held is rendered again",
+                "ended; their tiles are rendered again",
                 FileWarning,
             )
 
-    def _warn_of(self, damaged: int) -> None:
+    def _warn_of_damage(self, damaged: int) -> None:
         records = "a record of {} is" if damaged == 1 else f"{damaged} records of {{}} are"
-        warn(f"{records.format(repr(str(self._path)))} damaged, and what was held is rendered again", FileWarning)
+        warn(f"{records.format(repr(str(self._path)))} damaged, and their tiles are rendered again", FileWarning)
 
-    def _written(self, result: TileResult, progress: Progress) -> Entry:
+    def _append(self, result: TileResult, progress: Progress) -> Entry:
         assert self._log is not None
-        progress.note_time()
+        progress.update_time()
         batch = result.batch
         facts: dict[str, Any] = {"tile": result.tile, "first": int(batch.first), "samples": int(batch.samples)}
-        facts |= {name: getattr(result, name) for name in (*_NUMBERS, "lost_paths")}
+        facts |= {key: getattr(result, name) for name, key in _NUMBERS.items()} | {"lost_paths": result.lost_paths}
         facts |= {"seconds": progress.seconds, "cpu_seconds": progress.cpu_seconds}
         facts["processor"] = progress.film.processors[-1]
         optional = {"weights": result.weights}

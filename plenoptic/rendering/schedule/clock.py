@@ -1,4 +1,4 @@
-"""Time limit of a render."""
+"""Time limit of a render, and the batch sizes that fit into it."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ import time
 from collections import deque
 
 PATHS_PER_BATCH = 1 << 20
-"""A batch is what an interruption may have to wait for, and what may be lost."""
+"""Paths of a batch, whose end an interruption waits for, and which a crash can lose."""
 _SHORTEST, _LONGEST = 0.05, 0.5
-"""Seconds that a batch may take where time is limited."""
+"""Duration of a batch under a time limit, s."""
 _FIRST = 1 << 13
-"""Paths of a batch before any has been timed."""
+"""Paths of the first batches, before any has been timed."""
 _LATE = 0.1
-"""Seconds after the limit at which batches are given up."""
+"""Seconds after the limit at which unfinished batches are abandoned."""
 _FINISHING = 7e-8
-"""Seconds that image and errors take in the end, for each pixel and channel."""
+"""Seconds per pixel and channel for computing image and errors at the end."""
 
 
 class Clock:
-    """Amount of work that fits into a time limit."""
+    """Work that can be done within a time limit."""
 
     def __init__(self, begin: float, limit: float | None, numbers: int = 0) -> None:
-        """`numbers`: of the image, pixels times channels."""
+        """`numbers` is the size of the image: pixels times channels."""
         self._end = math.inf if limit is None else begin + limit - min(_FINISHING * numbers, 0.5 * limit)
-        self._batch = 0.0 if limit is None else min(max(0.02 * limit, _SHORTEST), _LONGEST)
-        self._rates: deque[float] = deque(maxlen=9)
-        self._first: float | None = None
-        """When the first batch began."""
+        self._batch_seconds = 0.0 if limit is None else min(max(0.02 * limit, _SHORTEST), _LONGEST)
+        self._seconds_per_path: deque[float] = deque(maxlen=9)
+        self._first_begin: float | None = None
+        """Time at which the first batch began."""
         self.over = False
 
     @property
@@ -38,42 +38,42 @@ class Clock:
 
     @property
     def ahead(self) -> int:
-        """Batches for each thread that may be begun before the first is taken: few where time is limited."""
+        """Batches per thread that may begin before the first result is taken: few under a time limit."""
         return 2 if self.limited else 4
 
     def paths_per_batch(self) -> int:
-        """Paths that a batch may have."""
+        """Number of paths that a batch may have."""
         if not self.limited:
             return PATHS_PER_BATCH
-        if not self._rates:
+        if not self._seconds_per_path:
             return _FIRST
-        return min(int(self._batch / statistics.median(self._rates)), PATHS_PER_BATCH)
+        return min(int(self._batch_seconds / statistics.median(self._seconds_per_path)), PATHS_PER_BATCH)
 
     def samples_per_batch(self, pixels: int, step: int) -> int:
-        """Samples of each pixel that a batch may have: as many steps as fit, and at least one."""
+        """Number of samples per pixel that a batch may have: as many steps as fit, and at least one."""
         return max(self.paths_per_batch() // (pixels * step), 1) * step
 
     def has_time(self, paths: int) -> bool:
-        """True if a batch of `paths` paths would end in time, if another one is finished before it begins."""
+        """True if a batch of this many paths would end in time, even if another batch is finished first."""
         if self.limited:
-            needed = 1.5 * paths * statistics.median(self._rates) if self._rates else 0.0
+            needed = 1.5 * paths * statistics.median(self._seconds_per_path) if self._seconds_per_path else 0.0
             self.over |= time.perf_counter() + needed > self._end
         return not self.over
 
     def affordable(self, paths: int) -> float:
-        """Number of further paths that the time allows at the pace so far; 0 without a limit."""
-        if not self.limited or self._first is None:
+        """Number of further paths that fit into the remaining time at the average pace; 0 without a limit."""
+        if not self.limited or self._first_begin is None:
             return 0.0
         now = time.perf_counter()
-        return max(self._end - now, 0.0) * paths / max(now - self._first, 1e-9)
+        return max(self._end - now, 0.0) * paths / max(now - self._first_begin, 1e-9)
 
     def late(self) -> bool:
-        """True if an unfinished batch is no longer awaited."""
+        """True if unfinished batches are no longer waited for."""
         return time.perf_counter() > self._end + _LATE
 
-    def note(self, paths: int, seconds: float) -> None:
-        """Learn from a batch that was done."""
+    def record_batch(self, paths: int, seconds: float) -> None:
+        """Record the duration of a finished batch."""
         if self.limited:
-            self._rates.append(seconds / max(paths, 1))
-            if self._first is None:
-                self._first = time.perf_counter() - seconds
+            self._seconds_per_path.append(seconds / max(paths, 1))
+            if self._first_begin is None:
+                self._first_begin = time.perf_counter() - seconds

@@ -1,4 +1,4 @@
-"""Identity of a render, in texts that can be compared with those of another run."""
+"""Identity of a render as texts, comparable with those of another run."""
 
 from __future__ import annotations
 
@@ -20,41 +20,42 @@ if TYPE_CHECKING:
 
 
 def identity(scene: SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:
-    """Identity of a render, in texts, or digests of long ones: images of equal identity may be added.
+    """Identity of a render: texts, or digests of large values. Renders of equal identity add up to the same image.
 
-    It has the version of this package, the fields of the camera and of values among the facts one by one, and facts:
-    numbers, texts, enums and tuples of them. Media of other origin than this package count by their indices at the
-    wavelengths of the camera. The same in every process; an InvalidValueError for values that cannot be distinguished.
+    It contains the version of this package, the fields of the camera and of values among the facts one by one, and the
+    other facts: numbers, texts, enums and tuples of them. Media of other packages are represented by their indices at
+    the wavelengths of the camera. It is the same in every process. Raises InvalidValueError for a value that has no
+    such representation.
     """
-    found = {"plenoptic": __version__, "scene": _text(scene)}
+    texts = {"plenoptic": __version__, "scene": _text(scene)}
     for name, fact in {"camera": camera, **facts}.items():
-        parts = dataclasses.fields(fact) if dataclasses.is_dataclass(fact) else ()
-        for part in parts:
-            found[f"{name}.{part.name}"] = _text(getattr(fact, part.name), _by_index(camera))
-        if not parts:
-            found[name] = _text(fact)
-    return found
+        fields = dataclasses.fields(fact) if dataclasses.is_dataclass(fact) else ()
+        for field in fields:
+            texts[f"{name}.{field.name}"] = _text(getattr(fact, field.name), _by_index(camera))
+        if not fields:
+            texts[name] = _text(fact)
+    return texts
 
 
 def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> Iterator[str]:
-    """Differences of their identity from ours, in words: seed 1, not 2."""
+    """Differences of another identity from ours, in words: seed 1, not 2."""
     for name in {**ours, **theirs}:
-        one, other = theirs.get(name), ours.get(name)
-        if one == other:
+        their_text, our_text = theirs.get(name), ours.get(name)
+        if their_text == our_text:
             continue
-        if one is None or other is None:
-            yield f"no {name}" if one is None else f"{name} {one}"
-        elif one.startswith(MARK) or other.startswith(MARK):
+        if their_text is None or our_text is None:
+            yield f"no {name}" if their_text is None else f"{name} {their_text}"
+        elif their_text.startswith(MARK) or our_text.startswith(MARK):
             yield f"another {name}"
         else:
-            yield f"{name} {one}, not {other}"
+            yield f"{name} {their_text}, not {our_text}"
 
 
-def _text(fact: Any, convert: Callable[[Any], Any] | None = None) -> str:
-    """A fact as a short text, or as a digest where it is long."""
+def _text(fact: Any, seen_as: Callable[[Any], Any] | None = None) -> str:
+    """A fact as a short text, or as a digest if it is long."""
     if isinstance(fact, np.generic):
         fact = fact.item()
-    if isinstance(fact, enum.Flag):  # one by one: what a name such as ALL joins may grow
+    if isinstance(fact, enum.Flag):  # one by one: a name such as ALL may cover more flags later
         return "|".join(str(flag.name) for flag in type(fact) if flag.value.bit_count() == 1 and flag in fact) or "NONE"
     if isinstance(fact, enum.Enum):
         return fact.name
@@ -66,17 +67,17 @@ def _text(fact: Any, convert: Callable[[Any], Any] | None = None) -> str:
 
 
 def _by_index(camera: PlenopticCamera) -> Callable[[Any], Any]:
-    """Description of a medium from outside the package: its indices, as kernels use them."""
+    """Function that represents a medium of another package by its indices."""
 
-    def seen(medium: Any) -> Any:
+    def indices(medium: Any) -> Any:
         if not callable(getattr(medium, "index", None)):
             raise InvalidValueError(
                 f"a {type(medium).__name__} cannot be told from another one in a later run; "
                 "take a medium of this package, or leave out checkpoint="
             )
-        waves = [camera.wavelength]
+        wavelengths = [camera.wavelength]
         if camera.sensitivity is not None:
-            waves += colour_tables(camera.sensitivity).wavelengths.tolist()
-        return type(medium).__qualname__, *(float(medium.index(wave)) for wave in waves)
+            wavelengths += colour_tables(camera.sensitivity).wavelengths.tolist()
+        return type(medium).__qualname__, *(float(medium.index(wave)) for wave in wavelengths)
 
-    return seen
+    return indices

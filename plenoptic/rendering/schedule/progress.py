@@ -1,4 +1,4 @@
-"""State of a render: its film, its tiles, and the pixels that go on."""
+"""State of a render: its film, its tiles, and the pixels that still need samples."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from plenoptic.core.relative_error import (
     relative_squares,
 )
 from plenoptic.core.values import Floats
-from plenoptic.rendering.film import Film, Moments, replicate_counts, spread
+from plenoptic.rendering.film import Film, Moments, error_of_mean, replicate_counts
 from plenoptic.rendering.schedule.budget import MAX_SAMPLES, Budget
 from plenoptic.rendering.stats import NAMED
 from plenoptic.rendering.tile import Tile, TileResult
 
 
 class FilmRegion(NamedTuple):
-    """Position of a film on the sensor, and the unit of its numbers."""
+    """Position of a film on the sensor, and the scale of its values."""
 
     row: int
     column: int
-    """Of the upper left pixel on the sensor."""
+    """Upper left pixel on the sensor."""
     fill_factor: float
-    """The part of a pixel that sees light: sums are of radiance on that part."""
+    """Sensitive fraction of a pixel: sums are of radiance on that part."""
     radiance: float
-    """About the brightest of the scene."""
-    asked: tuple[slice, slice] = (slice(None), slice(None))
-    """Of the film, what was asked for: errors are pooled over blocks, and those at its rim are rendered too."""
+    """Approximate maximum radiance of the scene."""
+    crop: tuple[slice, slice] = (slice(None), slice(None))
+    """Requested part of the film: errors are pooled over blocks, and the blocks at its rim are rendered completely."""
 
 
 class Progress:
-    """All that a render has found until now.
+    """State of a render.
 
-    The pixels of a tile are coloured like a checkerboard. Whether the pixels of one colour go on is decided by the
-    standard errors of those of the other colour, which are independent of them: a pixel does not stop because it
-    happened to see little, and its expectation is that of a fixed number of samples. Where nothing of the other colour
-    is lit, they do not go on. The samples that a colour gets after it has stopped, because the other colour goes on and
-    is to be decided upon, do not count in its image.
+    The pixels of a tile are coloured like a checkerboard. The standard errors of the pixels of one colour decide
+    whether those of the other colour, which are independent of them, get more samples. So a pixel does not stop because
+    it happened to receive little light, and its expectation is that of a fixed number of samples. Pixels stop if none
+    of the other colour is lit. A colour that has stopped still gets samples while the other one continues, for the
+    decision on it; these do not count in its image.
 
-    Each colour is decided upon at numbers of samples of its own, which are predicted from the errors of the other.
+    Each colour is decided upon at sample numbers of its own, predicted from the errors of the other.
 
-    Lit pixels are found anew before each round of decisions: for one colour, from the samples of its pixels when the
-    other one was last decided upon, so that this too is independent of decisions. Where the error of all of a
-    colour rests on few pixels, light is rare, no tile knows whether it has met it, and the other colour goes on.
+    The lit pixels are determined anew before each round of decisions: for one colour, from the state of its pixels at
+    the last decision on the other one, so that this, too, is independent of the decision. If the error of a whole
+    colour rests on few pixels, light is rare: no tile knows whether it has sampled it, and the other colour continues.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class Progress:
         counted: bool,
         begin: tuple[float, float],
     ) -> None:
-        """`counted`: whether pixels may have different numbers of samples; `begin`: on the clock, in processor time."""
+        """`counted`: pixels may have different sample numbers; `begin`: wall-clock and processor time at the start."""
         self.tiles, self.budget, self.region, self.truth = tiles, budget, region, truth
         replicates = budget.replicates
         self.film = Film(shape, counts=replicate_counts(budget.max_samples, replicates))
@@ -75,46 +75,46 @@ class Progress:
         if counted:
             self.film.sample_counts = np.zeros(shape[:2], dtype=np.int32)
         self.one_sample = None if self.film.between is None else np.zeros(shape[:2], dtype=np.float32)
-        """What one sample brings, at most; None without standard errors."""
+        """Maximum contribution of one sample; None without standard errors."""
         self.counts = np.zeros(codes, dtype=np.int64)
         self.done = np.zeros(len(tiles), dtype=np.int64)
-        """Samples of each tile."""
+        """Number of samples of each tile."""
         self.goal = np.full((len(tiles), 2), budget.following(0), dtype=np.int64)
-        """Number of samples at which it is decided whether each colour of a tile goes on."""
+        """Number of samples at which the next decision on each colour of a tile is taken."""
         self.open = np.ones((len(tiles), 2), dtype=bool)
-        """Whether the pixels of each colour of a tile go on."""
-        self.found = np.zeros((len(tiles), 2, 2))
-        """Samples at which a colour was last decided upon, and the error of the other colour then."""
-        self.seen = None if budget.target_error is None else np.zeros((2, *shape[:2]))
-        """Brightness and squared standard error of pixels, while the other colour of their tile goes on."""
+        """True while the pixels of a colour of a tile need samples."""
+        self.last_decision = np.zeros((len(tiles), 2, 2))
+        """Sample number at the last decision on each colour, and the error of the other colour then."""
+        self.at_decision = None if budget.target_error is None else np.zeros((2, *shape[:2]))
+        """Brightness and squared standard error of pixels at the last decision on the other colour of their tile."""
         self.capped = False
-        """Whether some pixels ended with all their samples."""
+        """True if some pixels ended with the maximum number of samples."""
         self.nonfinite_paths: list[tuple[int, int, int]] = []
-        self.paths = self.nonfinite = self.met = 0
+        self.paths = self.nonfinite = self.scene_hits = 0
         self.light = self.clamped = self.seconds = self.cpu_seconds = 0.0
         self._begin = begin
         self.before = (0.0, 0.0)
-        """What had passed, on the clock and in processor time, in the process before."""
+        """Wall-clock and processor time spent in the previous process, s."""
 
     def pending(self) -> list[int]:
-        """Tiles that need further samples, in order. Those that wait for a decision are not among them."""
+        """Tiles that need further samples, in order, without those that wait for a decision."""
         return [int(i) for i in np.flatnonzero(self.open.any(axis=1) & (self.done < self._next()))]
 
     def next_samples(self, i: int) -> int:
-        """Number of samples that a tile may be given next."""
+        """Number of samples that a tile may get next."""
         return int(np.where(self.open[i], self.goal[i], MAX_SAMPLES).min() - self.done[i])
 
     def _next(self) -> NDArray[np.int64]:
-        """(tiles,): samples at which a colour of each is decided upon next."""
+        """(tiles,): number of samples at the next decision on a colour of each."""
         return np.asarray(np.where(self.open, self.goal, MAX_SAMPLES).min(axis=1))
 
     def goes_on(self, i: int) -> bool:
-        """True if a tile may be given further samples, now or after a decision."""
+        """True if a tile may get further samples, now or after a decision."""
         return bool(self.open[i].any())
 
     def take(self, i: int, result: TileResult) -> None:
         """Add the result of a batch of a tile."""
-        at = self._places(i)
+        at = self._slices(i)
         first = not self.done[i]
         self.done[i] += result.batch.samples
         done, tile, counts = int(self.done[i]), result.tile, None
@@ -125,22 +125,22 @@ class Progress:
             counts = replicate_counts(done, self.budget.replicates)
         fill_factor = self.region.fill_factor
         sums, powers = fill_factor * result.sums[..., :-1, :], fill_factor**2 * result.sums[..., -1, :]
-        known = None if self.film.within is None else powers
-        found = self.film.add(at[0].start, at[1].start, sums, powers=known, counts=counts, where=where)
-        if (found.mean < 0).any():  # what is known of light in a white image was too much here
+        known_powers = None if self.film.within is None else powers
+        tile_moments = self.film.add(at[0].start, at[1].start, sums, powers=known_powers, counts=counts, where=where)
+        if (tile_moments.mean < 0).any():  # the control variate of a white image exceeded the light
             np.maximum(self.film.mean[at], 0.0, out=self.film.mean[at])
         if first:
             if self.one_sample is not None and result.weights is not None:
-                brought = fill_factor * self.region.radiance * result.weights
-                self.one_sample[at] = np.minimum(brought, np.finfo(np.float32).max)
+                contribution = fill_factor * self.region.radiance * result.weights
+                self.one_sample[at] = np.minimum(contribution, np.finfo(np.float32).max)
             for name, array in (result.truth or {}).items():
                 self.truth[name][at] = array
-        if self.seen is not None and done < self.budget.max_samples:
-            self._look(i, found)
+        if self.at_decision is not None and done < self.budget.max_samples:
+            self._store_at_decision(i, tile_moments)
         self.counts += result.counts
         self.paths += result.paths
         self.nonfinite += result.nonfinite
-        self.met += result.met
+        self.scene_hits += result.scene_hits
         self.light, self.clamped = self.light + result.light, self.clamped + result.clamped
         self.nonfinite_paths = (self.nonfinite_paths + list(result.lost_paths))[:NAMED]
         if done >= self.budget.max_samples:
@@ -148,90 +148,90 @@ class Progress:
             self.open[i] = False
 
     def decide(self, affordable: float = 0.0) -> None:
-        """Select the tiles that go on and their samples, once all have those of this step.
+        """Decide which tiles continue and to what number of samples, once all pending samples are done.
 
-        `affordable` is how many samples of every pixel still fit into the time limit; without a target error most of
-        them are the next step.
+        `affordable` is the number of samples per pixel that still fit into the time limit; without a target error, the
+        next step takes most of them.
         """
-        going = self.open.any(axis=1)
-        if not going.any() or (self.done < self._next())[going].any():
+        unfinished = self.open.any(axis=1)
+        if not unfinished.any() or (self.done < self._next())[unfinished].any():
             return
-        if self.seen is None or (self.done < self.budget.enough)[going].any():
-            self.goal[going] = [2 * [self.budget.within(int(done), affordable)] for done in self.done[going]]
+        if self.at_decision is None or (self.done < self.budget.enough)[unfinished].any():
+            self.goal[unfinished] = [2 * [self.budget.within(int(done), affordable)] for done in self.done[unfinished]]
             return
-        expected = expected_brightness(*self.seen)
-        colours = (np.add.outer(*map(np.arange, expected.shape)) + sum(self.region[:2])) % 2
+        expected = expected_brightness(*self.at_decision)
+        colour_of_pixel = (np.add.outer(*map(np.arange, expected.shape)) + sum(self.region[:2])) % 2
         lit = np.zeros(expected.shape, dtype=bool)
-        squares, rare = relative_squares(expected, self.seen[1]), []
+        squares, rare = relative_squares(expected, self.at_decision[1]), []
         for colour in range(2):
-            own = colours == colour
-            lit |= own & (expected > lit_threshold(expected[own]))
-            rare.append((is_dominated_by_few(squares[own & lit]), not is_threshold_robust(*self.seen[:, own])))
-        for i in np.flatnonzero(going):
+            of_colour = colour_of_pixel == colour
+            lit |= of_colour & (expected > lit_level(expected[of_colour]))
+            rare.append((rests_on_few(squares[of_colour & lit]), not level_is_known(*self.at_decision[:, of_colour])))
+        for i in np.flatnonzero(unfinished):
             self._decide(int(i), np.where(lit, squares, np.nan), rare)
 
-    def _look(self, i: int, found: Moments) -> None:
-        """Keep how bright and how good pixels are, where it is now decided upon the other colour."""
-        assert self.seen is not None and self.one_sample is not None
-        at, bright = self._places(i), brightness(found.mean)
-        # What one sample brings is known from the pixel itself: where it is 0, the pixel is not lit.
-        error = spread(found, bright)
+    def _store_at_decision(self, i: int, tile_moments: Moments) -> None:
+        """Store brightness and error of pixels if the other colour is due for a decision."""
+        assert self.at_decision is not None and self.one_sample is not None
+        at, pixel_brightness = self._slices(i), brightness(tile_moments.mean)
+        # The contribution of one sample is the pixel's own brightness: where it is 0, the pixel is not lit.
+        error = error_of_mean(tile_moments, pixel_brightness)
         where = (self.open[i] & (self.goal[i] == self.done[i]))[1 - _colours(self.tiles[i])]
-        self.seen[0][at][where] = bright[where]
-        self.seen[1][at][where] = np.mean(np.square(error), axis=-1)[where]
+        self.at_decision[0][at][where] = pixel_brightness[where]
+        self.at_decision[1][at][where] = np.mean(np.square(error), axis=-1)[where]
 
     def _decide(self, i: int, squares: Floats, rare: list[tuple[bool, bool]]) -> None:
-        """Close the colours of a tile whose other colour is as good as wanted; squares are nan where it is not lit.
+        """Close the colours of a tile whose other colour has reached the target; squares are nan for unlit pixels.
 
-        Not those whose other colour, all over the image, says too little: its error is that of few pixels, or it is not
-        known which of them are lit.
+        Colours stay open if the other colour's error, over the whole image, is unreliable: it rests on few pixels, or
+        the lit pixels are unknown.
         """
-        done, here, colours = int(self.done[i]), squares[self._places(i)], _colours(self.tiles[i])
+        done, tile_squares, colours = int(self.done[i]), squares[self._slices(i)], _colours(self.tiles[i])
         for colour in np.flatnonzero(self.open[i] & (self.goal[i] == done)):
-            others = here[(colours == 1 - colour) & ~np.isnan(here)]
-            found = float(np.sqrt(np.mean(others))) if others.size else 0.0
-            few, any_may_be_lit = rare[1 - colour]
-            if any_may_be_lit or (few and others.size > 0):
-                self.open[i, colour], found = done < self.budget.enough_of_rare, 0.0
+            other_squares = tile_squares[(colours == 1 - colour) & ~np.isnan(tile_squares)]
+            error = float(np.sqrt(np.mean(other_squares))) if other_squares.size else 0.0
+            rests_on_few_pixels, any_may_be_lit = rare[1 - colour]
+            if any_may_be_lit or (rests_on_few_pixels and other_squares.size > 0):
+                self.open[i, colour], error = done < self.budget.enough_of_rare, 0.0
             else:
-                self.open[i, colour] = not self.budget.is_near(found)
-            self.goal[i, colour] = self.budget.towards(done, found, tuple(self.found[i, colour]))
-            self.found[i, colour] = done, found
+                self.open[i, colour] = not self.budget.is_near(error)
+            self.goal[i, colour] = self.budget.towards(done, error, tuple(self.last_decision[i, colour]))
+            self.last_decision[i, colour] = done, error
 
     def error(self) -> float | None:
-        """Relative error over lit pixels until now; None without standard errors."""
+        """Relative error over lit pixels so far; None without standard errors."""
         errors = self._errors()
-        return None if errors is None else relative_error(self.film.mean[self.region.asked], errors)
+        return None if errors is None else relative_error(self.film.mean[self.region.crop], errors)
 
     def _errors(self) -> NDArray[np.float32] | None:
-        """Standard errors, nan where a tile is to come; None where there are none."""
+        """Standard errors, nan for tiles without samples; None without errors."""
         errors = self.film.standard_error(self.one_sample)
         if errors is None or not self.done.any():
             return None
         if self.film.sample_counts is not None:
             errors[self.film.sample_counts == 0] = np.nan
-        return errors[self.region.asked]  # without counts, tiles that are to come are dark
+        return errors[self.region.crop]  # without counts, pending tiles are dark
 
     def sample_counts(self) -> NDArray[np.int32] | None:
-        """(rows, columns): samples of each pixel that are in the image; None where they are all of the budget's."""
+        """(rows, columns): samples of each pixel in the image; None if all have the budget's number."""
         if self.film.sample_counts is None and (self.done < self.budget.max_samples).any():
             self.film.sample_counts = np.zeros(self.film.mean.shape[:2], dtype=np.int32)
             for i, done in enumerate(self.done):
-                self.film.sample_counts[self._places(i)] = done
+                self.film.sample_counts[self._slices(i)] = done
         return self.film.sample_counts
 
-    def note_time(self) -> None:
-        """Record the elapsed time, with that of earlier processes."""
+    def update_time(self) -> None:
+        """Update the time spent, including that of the previous process."""
         self.seconds = self.before[0] + time.perf_counter() - self._begin[0]
         self.cpu_seconds = self.before[1] + time.process_time() - self._begin[1]
 
-    def _places(self, i: int) -> tuple[slice, slice]:
+    def _slices(self, i: int) -> tuple[slice, slice]:
         tile = self.tiles[i]
         row, column = tile.row - self.region.row, tile.column - self.region.column
         return slice(row, row + tile.rows), slice(column, column + tile.columns)
 
 
 def _colours(tile: Tile) -> NDArray[np.int64]:
-    """(rows, columns): 0 and 1 like a checkerboard's squares, by the place on the sensor."""
+    """(rows, columns): checkerboard colour 0 or 1, by the position on the sensor."""
     rows, columns = np.arange(tile.rows) + tile.row, np.arange(tile.columns) + tile.column
     return np.asarray(np.add.outer(rows, columns) % 2)

@@ -1,4 +1,4 @@
-"""The bar that shows how far a render is, how long it will take, and its error."""
+"""Progress bar of a render: progress, remaining time and error."""
 
 from __future__ import annotations
 
@@ -13,30 +13,31 @@ from plenoptic.rendering.schedule.progress import Progress
 
 _INTERVAL = 0.5
 _SHARE = 50
-"""The error is found anew after this many times the time that finding it took, so that it takes 2 % at most."""
+"""Ratio of the interval between two error estimates to their duration, so that these take 2 % of the time at most."""
 
 
 class ProgressBar:
-    """Shown with tqdm, in terminals and notebooks. Its position is that of the nearest end: samples, time or error.
+    """Progress bar of tqdm, in terminals and notebooks. It shows progress towards the nearest end: samples, time or
+    error.
 
-    It is entered before anything is prepared, shows itself from `start` on, or sooner where something is compiled for a
-    second, and vanishes where an error is raised.
+    It is entered before the preparation, appears at `start`, or earlier if compilation takes a second, and disappears
+    on an exception.
     """
 
     def __init__(self, begin: float, *, show: bool) -> None:
-        self._begin, self._watch = begin, Poller(self._look) if show else None
+        self._begin, self._watch = begin, Watch(self._on_watch) if show else None
         self._progress: Progress | None = None
         self._error: float | None = None
-        self._from: tuple[float, float] | None = None
-        """When the first batch was there, after all compiling, and the share that was done then."""
+        self._first_batch: tuple[float, float] | None = None
+        """Time of the first batch, after all compilation, and the progress at that time."""
         self._expected: float | None = None
-        """Seconds that the whole was to take, by an estimate."""
-        self._shown = self._measured = self._moved = time.perf_counter()
-        self._took = 0.0
+        """Estimated total time in s."""
+        self._drawn = self._measured = self._moved = time.perf_counter()
+        self._error_seconds = 0.0
         self._ending = False
         self._bar: Any = None
         self._drawing = threading.RLock()
-        """Held by whoever draws: the render, the watch, and within these what hears Ctrl-C."""
+        """Lock of whoever draws: the render, the watch, and the handler of Ctrl-C within these."""
 
     def __enter__(self) -> ProgressBar:
         if self._watch is not None:
@@ -53,46 +54,46 @@ class ProgressBar:
             self._bar.close()
 
     def start(self, progress: Progress, expected: float | None = None) -> None:
-        """Show that rendering begins, with the estimated seconds where there are some."""
+        """Begin: all is prepared. `expected` is the estimated total time in s."""
         self._progress, self._expected = progress, expected
         if self._watch is not None:
             self._show()
 
     def update(self) -> None:
-        """Show the present state, twice a second at most."""
+        """Redraw, twice a second at most."""
         now = self._moved = time.perf_counter()
         if self._bar is None or self._progress is None:
             return
-        if self._from is None:
-            self._from = (now, self._share())
-        if now - self._shown < _INTERVAL:
+        if self._first_batch is None:
+            self._first_batch = (now, self._fraction())
+        if now - self._drawn < _INTERVAL:
             return
-        self._shown = now
-        if now - self._measured > max(_INTERVAL, _SHARE * self._took):
+        self._drawn = now
+        if now - self._measured > max(_INTERVAL, _SHARE * self._error_seconds):
             self._error = self._progress.error()
-            self._took, self._measured = time.perf_counter() - now, now
+            self._error_seconds, self._measured = time.perf_counter() - now, now
         self._show()
 
     def end(self) -> None:
-        """Show that unfinished tiles are completed after Ctrl-C."""
+        """Report that Ctrl-C was received, and running batches are being finished."""
         self._ending = True
         if self._bar is not None:
             self._show()
 
     def close(self, *, finished: bool) -> None:
-        """Show the end."""
+        """Draw the final state."""
         if self._bar is None or self._progress is None:
             return
         self._error = self._progress.error()
         self._show(1.0 if finished else None)
 
-    def _look(self) -> None:
-        """Poll from a thread while something is compiled, and after that."""
+    def _on_watch(self) -> None:
+        """Called by the watch during compilation and after it."""
         if self._bar is not None or time.perf_counter() - self._begin > DELAY:
             self._show()
 
-    def _share(self) -> float:
-        """Finished part of the work, by the limit that will be reached first."""
+    def _fraction(self) -> float:
+        """Finished fraction of the work, by the condition that will end it first."""
         progress = self._progress
         if progress is None:
             return 0.0
@@ -109,45 +110,45 @@ class ProgressBar:
             shares.append(max(closed, reached) if begun == 1 else begun * reached)
         return min(max(shares), 1.0)
 
-    def _left(self, share: float) -> float | None:
-        """Remaining seconds by the estimate and, increasingly, by the pace; None without both.
+    def _remaining(self, fraction: float) -> float | None:
+        """Remaining time in s: a mean of the estimate and of the actual pace, weighted by progress; None without both.
 
-        The pace is that since the first batch, and None where nothing has been gained since.
+        The pace is measured since the first batch, and unknown if there has been no progress since.
         """
-        if self._progress is None or share >= 1:
+        if self._progress is None or fraction >= 1:
             return None
-        now, limit, whole = time.perf_counter(), self._progress.budget.time_limit, self._expected
-        if self._from is not None and self._from[1] < share:
-            pace = (now - self._from[0]) / (share - self._from[1])
-            whole = pace if whole is None else share * pace + (1 - share) * whole
-        if whole is None:
+        now, limit, total = time.perf_counter(), self._progress.budget.time_limit, self._expected
+        if self._first_batch is not None and self._first_batch[1] < fraction:
+            pace = (now - self._first_batch[0]) / (fraction - self._first_batch[1])
+            total = pace if total is None else fraction * pace + (1 - fraction) * total
+        if total is None:
             return None
-        left = (1 - share) * whole
-        return left if limit is None else max(min(left, self._begin + limit - now), 0.0)
+        remaining = (1 - fraction) * total
+        return remaining if limit is None else max(min(remaining, self._begin + limit - now), 0.0)
 
-    def _show(self, share: float | None = None) -> None:
+    def _show(self, fraction: float | None = None) -> None:
         with self._drawing:
             if self._bar is None:
                 self._bar = load_tqdm()(total=100.0, bar_format="{percentage:3.0f}%|{bar}| {elapsed}{postfix}")
                 if not self._bar.disable:  # by the variable TQDM_DISABLE
                     self._bar.start_t -= time.perf_counter() - self._begin
-            share = self._share() if share is None else share
-            self._bar.n = 100 * share
-            self._bar.set_postfix_str(", ".join(self._facts(share)), refresh=False)
+            fraction = self._fraction() if fraction is None else fraction
+            self._bar.n = 100 * fraction
+            self._bar.set_postfix_str(", ".join(self._facts(fraction)), refresh=False)
             self._bar.refresh()
 
-    def _facts(self, share: float) -> list[str]:
-        """Texts beside the bar."""
-        facts, left = [], self._left(share)
+    def _facts(self, fraction: float) -> list[str]:
+        """Texts next to the bar."""
+        facts, remaining = [], self._remaining(fraction)
         if self._ending:
             facts.append("interrupted, ending" if compiling.since() is None else ENDING)
         elif time.perf_counter() - self._moved > DELAY and (text := compiling_text("scene", after=DELAY)):
             facts.append(text)
-        elif left is not None:
-            facts.append(f"{_duration(left)} left")
+        elif remaining is not None:
+            facts.append(f"{_duration(remaining)} left")
         if self._progress is not None and self._error is not None and self._error == self._error:
-            partly = "" if (self._progress.done > 0).all() else " of what is there"
-            facts.append(f"error {100 * self._error:.2g} %{partly}")
+            scope = "" if (self._progress.done > 0).all() else " of finished tiles"
+            facts.append(f"error {100 * self._error:.2g} %{scope}")
         return facts
 
 

@@ -1,4 +1,4 @@
-"""The one driver loop: tiles over threads or a cluster, batch after batch, until there is enough."""
+"""Driver of a render: tiles on threads or a cluster, batch after batch, until the budget is used."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ from plenoptic.core.values import flag, seed_number, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, BudgetWarning
 from plenoptic.rendering.context import RenderContext, render_context
+from plenoptic.rendering.crop import samples_text
 from plenoptic.rendering.exposure import MOST_NAMES, Exposure
 from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
-from plenoptic.rendering.frame import samples_text
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.schedule.expected import expected_times
 from plenoptic.rendering.schedule.interrupts import Interrupts
-from plenoptic.rendering.schedule.orders import (
-    RenderJob,
-    TileOrder,
-    compile_tiles,
-    thread_engine,
-    tile_order,
-    tile_renderer,
-)
 from plenoptic.rendering.schedule.progress import FilmRegion, Progress
 from plenoptic.rendering.schedule.progress_bar import ProgressBar
 from plenoptic.rendering.schedule.sums import Sums, SumsInMemory
+from plenoptic.rendering.schedule.tile_jobs import (
+    RenderTask,
+    TileJob,
+    compile_tiles,
+    thread_engine,
+    tile_job,
+    tile_renderer,
+)
+from plenoptic.rendering.schedule.time_history import time_history
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.rendering.tile import Tile, TileResult, status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
@@ -58,17 +58,16 @@ if TYPE_CHECKING:
     from plenoptic.rendering.schedule.checkpoint import Checkpoint
 
 Image = NDArray[Any]
-_MISSED = 1.25
-"""Ratio of the error reached to the one wanted that is worth a warning."""
-_LATE, _LATE_SECONDS = 0.1, 0.5
-"""Parts of a time limit, and seconds, beyond it that are not."""
+_MISSED_RATIO = 1.25
+"""Ratio of the final error to its target that causes a warning."""
+_OVERRUN, _OVERRUN_SECONDS = 0.1, 0.5
+"""Overrun of a time limit, relative and in seconds, that causes no warning."""
+_MAX_CONDITIONED = 1 << 20
+"""Maximum number of paths whose conditioning is reported: they are traced in one bundle."""
 
-_MOST_CONDITIONED = 1 << 20
-"""Paths whose conditioning is told: they are traced in one bundle."""
 
-
-class Work(NamedTuple):
-    """Subject and options of a render; see `render`."""
+class RenderOptions(NamedTuple):
+    """Options of a render other than subject and budget; see `render`."""
 
     region: tuple[slice, slice] | None
     seed: int
@@ -81,83 +80,84 @@ class Work(NamedTuple):
     client: Any = None
 
 
-def run(subject: Subject, budget: Budget, work: Work) -> Exposure:
-    """Render; see `render`."""
+def run(subject: Subject, budget: Budget, options: RenderOptions) -> Exposure:
+    """Render a subject; see `render`."""
     begin = time.perf_counter(), time.process_time()
-    with ProgressBar(begin[0], show=flag(work.progress, "progress")) as bar, contextlib.ExitStack() as files:
-        return _run(subject, budget, work, begin, bar, files)
+    with ProgressBar(begin[0], show=flag(options.progress, "progress")) as bar, contextlib.ExitStack() as files:
+        return _run(subject, budget, options, begin, bar, files)
 
 
 def _run(
     subject: Subject,
     budget: Budget,
-    work: Work,
+    options: RenderOptions,
     begin: tuple[float, float],
     bar: ProgressBar,
     files: contextlib.ExitStack,
 ) -> Exposure:
     camera = subject.camera
-    seed, cluster = seed_number(work.seed), cluster_of(work.client, work.threads)
-    workers = thread_count(work.threads) if cluster is None else cluster.threads
-    region = asked = sensor_region(camera.sensor.shape, work.region)
-    if 2 <= budget.replicates < OWN_ERRORS:  # errors, or their bits would be others at the rim of a region
-        region = in_whole_blocks(asked, camera.sensor.shape)
-    if work.conditioning is not None:
-        whole(work.conditioning, "conditioning", at_least=1, at_most=_MOST_CONDITIONED)
+    seed, cluster = seed_number(options.seed), cluster_of(options.client, options.threads)
+    workers = thread_count(options.threads) if cluster is None else cluster.threads
+    region = requested = sensor_region(camera.sensor.shape, options.region)
+    if 2 <= budget.replicates < OWN_ERRORS:  # so that errors at the rim of a region have the same bits
+        region = in_whole_blocks(requested, camera.sensor.shape)
+    if options.conditioning is not None:
+        whole(options.conditioning, "conditioning", at_least=1, at_most=_MAX_CONDITIONED)
     context = render_context(subject, seed)
     if dark := context.scene is not None and is_dark(context.scene):
         assert subject.scene is not None
-        dull = "no light shines on anything" if subject.scene.lights else "nothing in the scene shines"
-        warn(f"{dull} and the image will be black; give it lights=[...] above 0 or a background=", BlackImageWarning)
+        cause = "no light of the scene emits" if subject.scene.lights else "nothing in the scene emits light"
+        warn(f"{cause}, and the image will be black; give it lights=[...] above 0 or a background=", BlackImageWarning)
     meshes = context.intersector is not None
-    kept = available_truth(subject.truth, meshes=meshes, microlenses=camera.microlenses is not None)
-    checkpoint = _checkpoint(subject, budget, work, context, region, kept)
+    available = available_truth(subject.truth, meshes=meshes, microlenses=camera.microlenses is not None)
+    checkpoint = _checkpoint(subject, budget, options, context, region, available)
     if checkpoint is not None:
         files.callback(checkpoint.close)
-    wanted = work.tile_side if checkpoint is None or work.tile_side is not None else checkpoint.tile_side
-    shared = context.camera.diffraction_kernel is not None
-    side, tiles = cut_into_tiles(region, budget, wanted, cells_per_pixel(context.camera), shared=shared)
+    tile_side = options.tile_side if checkpoint is None or options.tile_side is not None else checkpoint.tile_side
+    shared = context.camera.spread is not None
+    side, tiles = cut_into_tiles(region, budget, tile_side, cells_per_pixel(context.camera), shared=shared)
     steps = budget.steps or budget.passes
-    context.prepared.set_tiles(tuple(tiles), steps=steps)
-    here = slice(asked[0] - region[0], asked[1] - region[0]), slice(asked[2] - region[2], asked[3] - region[2])
+    context.prepared.cut_into(tuple(tiles), steps=steps)
+    top, bottom, left, right = requested
+    crop = slice(top - region[0], bottom - region[0]), slice(left - region[2], right - region[2])
     clock = Clock(begin[0], budget.time_limit, sum(tile.pixels for tile in tiles) * context.channels)
-    counted = steps or (checkpoint is not None and checkpoint.holds)
-    most = [clock.samples_per_batch(tile.pixels, _step(context, clock)) for tile in tiles]
-    counted |= any(samples < budget.max_samples for samples in most)
-    progress = progress_of(context, budget, region, here, tiles, kept, begin, counted=counted)
+    counted = steps or (checkpoint is not None and checkpoint.has_records)
+    batch_samples = [clock.samples_per_batch(tile.pixels, _step(context, clock)) for tile in tiles]
+    counted |= any(samples < budget.max_samples for samples in batch_samples)
+    progress = progress_of(context, budget, region, crop, tiles, available, begin, counted=counted)
     if cluster is not None:
         progress.film.processors = cluster.processors
-    found = None
-    if work.conditioning is not None:
+    conditioning = None
+    if options.conditioning is not None:
         from plenoptic.camera.conditioning import camera_conditioning
 
-        found = camera_conditioning(context.camera, asked, seed=seed, rays=work.conditioning)
+        conditioning = camera_conditioning(context.camera, requested, seed=seed, rays=options.conditioning)
     if checkpoint is not None:
         checkpoint.begin(progress, side)
-    bar.start(progress, None if cluster is not None else expected_times.of(subject, budget, asked, workers))
-    engine: Engine[TileOrder, TileResult | None]
+    bar.start(progress, None if cluster is not None else time_history.seconds_of(subject, budget, requested, workers))
+    engine: Engine[TileJob, TileResult | None]
     with contextlib.ExitStack() as stack:
         if cluster is None:
-            truth = truth_record(camera, context.camera, kept)
-            ahead = compile_in_parallel(lambda: compile_tiles(context, truth), threads=workers, shown=work.progress)
-            stack.enter_context(ahead)
+            truth = truth_record(camera, context.camera, available)
+            kernels = functools.partial(compile_tiles, context, truth)
+            stack.enter_context(compile_in_parallel(kernels, threads=workers, shown=options.progress))
             engine = thread_engine(context, truth, clock, workers)
         else:
-            job = RenderJob(subject, seed, kept, steps)
-            late = None if budget.time_limit is None else clock.late
-            engine = stack.enter_context(cluster.engine(tile_renderer, job, out_of_time=late))
+            job = RenderTask(subject, seed, available, steps)
+            is_late = None if budget.time_limit is None else clock.late
+            engine = stack.enter_context(cluster.engine(tile_renderer, job, late=is_late))
         interrupted = drive(progress, context, engine, clock, checkpoint, bar)
     if cluster is not None:
         progress.film.processors = tuple(dict.fromkeys(progress.film.processors + cluster.processors))
-    shot = exposure_of(progress, subject, work, workers, found, interrupted=interrupted)
+    shot = exposure_of(progress, subject, options, workers, conditioning, interrupted=interrupted)
     if interrupted:
         counts = np.array([shot.samples]) if shot.sample_counts is None else shot.sample_counts
-        left = "" if counts.all() else "; pixels without samples are black, with infinite errors"
-        warn(f"the render was interrupted with {samples_text(counts)}{left}", BudgetWarning)
+        hint = "" if counts.all() else "; pixels without samples are black, with infinite errors"
+        warn(f"the render was interrupted with {samples_text(counts)}{hint}", BudgetWarning)
     elif budget.time_limit is not None:
-        _warn_where_late(progress, budget.time_limit, time.perf_counter() - begin[0])
+        _warn_if_late(progress, budget.time_limit, time.perf_counter() - begin[0])
     lit = bool(shot.image.any())
-    if progress.done.all() and not interrupted and not dark and not (lit and (progress.met or not meshes)):
+    if progress.done.all() and not interrupted and not dark and not (lit and (progress.scene_hits or not meshes)):
         from plenoptic.rendering.black_image import warn_of_darkness
 
         warn_of_darkness(context, subject.scene, progress, lit=lit)
@@ -165,31 +165,36 @@ def _run(
 
 
 def _checkpoint(
-    subject: Subject, budget: Budget, work: Work, context: RenderContext, region: tuple[int, ...], kept: Truth
+    subject: Subject,
+    budget: Budget,
+    options: RenderOptions,
+    context: RenderContext,
+    region: tuple[int, ...],
+    kept: Truth,
 ) -> Checkpoint | None:
-    """The checkpoint of a render, if it is to have one: that of any other with the same paths."""
-    if work.checkpoint is None:
+    """Open the checkpoint of a render, if one is requested: that of any render with the same paths."""
+    if options.checkpoint is None:
         return None
     from plenoptic.rendering.schedule.checkpoint import Checkpoint
     from plenoptic.rendering.schedule.identity import identity
 
-    facts = {"seed": work.seed, "replicates": budget.replicates, "region": region, "truth": kept}
+    facts = {"seed": options.seed, "replicates": budget.replicates, "region": region, "truth": kept}
     facts["settings"] = subject.settings
-    return Checkpoint(work.checkpoint, work.checkpoint_interval, identity(context.scene, subject.camera, **facts))
+    return Checkpoint(options.checkpoint, options.checkpoint_interval, identity(context.scene, subject.camera, **facts))
 
 
 def progress_of(
     context: RenderContext,
     budget: Budget,
     region: tuple[int, int, int, int],
-    asked: tuple[slice, slice],
+    crop: tuple[slice, slice],
     tiles: list[Tile],
-    kept: Truth,
+    available: Truth,
     begin: tuple[float, float],
     *,
     counted: bool,
 ) -> Progress:
-    """Nothing is rendered yet."""
+    """Progress of a render that has not begun."""
     first_row, end_row, first_column, end_column = region
     shape = (end_row - first_row, end_column - first_column)
     radiance = 1.0
@@ -201,8 +206,8 @@ def progress_of(
         tiles,
         (*shape, context.channels),
         budget,
-        FilmRegion(first_row, first_column, context.camera.sensor.fill_factor, radiance, asked),
-        empty_truth(kept, shape),
+        FilmRegion(first_row, first_column, context.camera.sensor.fill_factor, radiance, crop),
+        empty_truth(available, shape),
         status_codes(context.camera),
         counted=counted,
         begin=begin,
@@ -210,55 +215,55 @@ def progress_of(
 
 
 def _step(context: RenderContext, clock: Clock) -> int:
-    """Divisor of the number of samples of a batch; as small as possible where time is limited and batches are short."""
+    """Divisor of the samples of a batch; the smallest one under a time limit, for short batches."""
     return context.replicates if clock.limited else context.together
 
 
 def drive(
     progress: Progress,
     context: RenderContext,
-    engine: Engine[TileOrder, TileResult | None],
+    engine: Engine[TileJob, TileResult | None],
     clock: Clock,
     checkpoint: Checkpoint | None,
     bar: ProgressBar,
 ) -> bool:
-    """Render batches until nothing is pending, time is over or somebody interrupts, which is returned."""
+    """Render batches until nothing is pending, time is over or an interrupt arrives; return True if interrupted."""
     replicates, step, interrupts = context.replicates, _step(context, clock), Interrupts(bar.end)
-    kept, pixels = progress.paths, sum(tile.pixels for tile in progress.tiles)
+    paths_before, pixels = progress.paths, sum(tile.pixels for tile in progress.tiles)
     sums: Sums = SumsInMemory() if checkpoint is None else checkpoint
 
-    def recorded() -> Iterator[tuple[int, Entry]]:
+    def checkpoint_entries() -> Iterator[tuple[int, Entry]]:
         assert checkpoint is not None
         for i in progress.pending():
-            done, most = int(progress.done[i]), progress.next_samples(i)
-            # Where no decision rests on how many samples there are, more of them do no harm.
-            further = most if progress.budget.target_error is not None else progress.budget.max_samples - done
-            if (entry := checkpoint.recorded(i, done, further, replicates)) is not None:
+            done, following = int(progress.done[i]), progress.next_samples(i)
+            # Without a target error, no decision depends on the number of samples, and longer records are usable.
+            limit = following if progress.budget.target_error is not None else progress.budget.max_samples - done
+            if (entry := checkpoint.longest_record(i, done, limit, replicates)) is not None:
                 yield i, entry
 
-    def orders() -> Iterator[TileOrder]:
+    def jobs() -> Iterator[TileJob]:
         for i in progress.pending():
             tile, done = progress.tiles[i], int(progress.done[i])
             samples = min(progress.next_samples(i), clock.samples_per_batch(tile.pixels, step))
             if not clock.has_time(samples * tile.pixels):
                 return
-            yield tile_order(context, i, tile, (done, samples), sums.of(i) if done else None)
+            yield tile_job(context, i, tile, (done, samples), sums.of(i) if done else None)
 
-    def found() -> Iterator[tuple[int, TileResult | None, Entry | None]]:
-        """Results of pending tiles in the checkpoint, then those rendered of the others."""
-        while checkpoint is not None and (entries := list(recorded())):
+    def results() -> Iterator[tuple[int, TileResult | None, Entry | None]]:
+        """Results of pending tiles from the checkpoint, then rendered results of the others."""
+        while checkpoint is not None and (entries := list(checkpoint_entries())):
             read = functools.partial(_read, checkpoint, context)
             yield from run_in_order(read, entries, threads=min(engine.threads, thread_count(None)))
-        left, stopped = len(progress.pending()), lambda: interrupts.asked
-        for done in engine.results(orders(), n_jobs=left, is_cancelled=stopped) if left else ():
+        pending, stopped = len(progress.pending()), lambda: interrupts.asked
+        for done in engine.results(jobs(), left=pending, given_up=stopped) if pending else ():
             if done.result is not None:
-                clock.note(int(done.job.size), done.seconds)
-                progress.before = progress.before[0], progress.before[1] + done.remote_cpu_seconds
-            yield done.job.i, done.result, None
+                clock.record_batch(int(done.order.size), done.seconds)
+                progress.before = progress.before[0], progress.before[1] + done.elsewhere
+            yield done.order.i, done.result, None
 
     with interrupts:
         while progress.pending() and not clock.over and not interrupts.asked:
-            for i, result, entry in found():
+            for i, result, entry in results():
                 if result is not None:
                     progress.take(i, result)
                     sums.keep(i, result, progress, entry)
@@ -267,7 +272,7 @@ def drive(
                 bar.update()
                 if interrupts.asked:
                     break
-            progress.decide(clock.affordable(progress.paths - kept) / pixels)
+            progress.decide(clock.affordable(progress.paths - paths_before) / pixels)
         if checkpoint is not None:
             checkpoint.flush(at_once=True)
         bar.close(finished=not interrupts.asked)
@@ -277,29 +282,29 @@ def drive(
 def _read(
     checkpoint: Checkpoint, context: RenderContext, task: tuple[int, Entry]
 ) -> tuple[int, TileResult | None, Entry | None]:
-    """Result of a tile in the checkpoint."""
+    """Read a tile's result from the checkpoint."""
     return task[0], checkpoint.result(*task, context), task[1]
 
 
-def _warn_where_late(progress: Progress, limit: float, took: float) -> None:
-    why = "set-up, compiling what is used for the first time, and finishing take long; give more time"
-    begun = float((progress.done > 0).mean())
-    if not begun:
-        warn(f"nothing has been rendered within {limit:g} s, and the image is black: {why}", BudgetWarning)
-    elif begun < 1:
+def _warn_if_late(progress: Progress, limit: float, seconds: float) -> None:
+    remedy = "set-up, compilation on first use, and finishing take long; give more time"
+    begun_fraction = float((progress.done > 0).mean())
+    if not begun_fraction:
+        warn(f"nothing has been rendered within {limit:g} s, and the image is black: {remedy}", BudgetWarning)
+    elif begun_fraction < 1:
         warn(
-            f"only {math.floor(100 * begun)} % of the tiles were begun within {limit:g} s; the other pixels are black, "
-            "with infinite errors",
+            f"only {math.floor(100 * begun_fraction)} % of the tiles were begun within {limit:g} s; the other pixels "
+            "are black, with infinite errors",
             BudgetWarning,
         )
-    elif took > limit + max(_LATE * limit, _LATE_SECONDS):
-        warn(f"rendering took {took:.3g} s instead of {limit:g} s: {why}", BudgetWarning)
+    elif seconds > limit + max(_OVERRUN * limit, _OVERRUN_SECONDS):
+        warn(f"rendering took {seconds:.3g} s instead of {limit:g} s: {remedy}", BudgetWarning)
 
 
 def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupted: bool) -> StopReason:
-    """Reason why the render ended; warns where that is not the target error."""
+    """Reason for which the render ended, with a warning if it missed the target error."""
     target = progress.budget.target_error
-    if interrupted:  # also where all was done at that moment: loops of renders are to hear of it
+    if interrupted:  # even if all was done at that moment, so that loops of renders notice it
         return StopReason.INTERRUPTED
     if progress.pending():
         return StopReason.TIME_LIMIT
@@ -307,19 +312,19 @@ def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupt
         return StopReason.SAMPLES
     assert errors is not None
     reached, rare = relative_error(image, errors), light_is_rare(image, errors)
-    if not (rare or _MISSED * target < reached):  # nan where nothing can be lit
+    if not (rare or _MISSED_RATIO * target < reached):  # nan if no pixel can be lit
         return StopReason.TARGET_ERROR
-    wanted = f"{100 * target:.2g} %"
+    target_text = f"{100 * target:.2g} %"
     if rare:
         warn(
-            f"light is so rare that few pixels have met it: the error is {100 * reached:.2g} % or more, and whether it "
-            f"is {wanted} is not known; give samples, a larger lamp or caustics=pl.rendering.Caustics.LEFT_OUT",
+            f"light is so rare that few pixels have sampled it: the error is {100 * reached:.2g} % or more, and may "
+            f"exceed {target_text}; give samples, a larger lamp or caustics=pl.rendering.Caustics.EXCLUDE",
             BudgetWarning,
         )
-    elif reached < math.inf:  # otherwise the image is black, of which there is a warning of its own
+    elif reached < math.inf:  # otherwise the image is black, which has its own warning
         warn(
-            f"the error reached is {100 * reached:.2g} % instead of {wanted}: light comes by rare paths, or too few "
-            "pixels are lit to decide for each other; give samples",
+            f"the error reached is {100 * reached:.2g} % instead of {target_text}: light comes by rare paths, or "
+            "too few pixels are lit to decide for each other; give samples",
             BudgetWarning,
         )
     return StopReason.TARGET_MISSED
@@ -328,25 +333,25 @@ def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupt
 def exposure_of(
     progress: Progress,
     subject: Subject,
-    work: Work,
+    options: RenderOptions,
     workers: int,
     conditioning: Conditioning | None,
     *,
     interrupted: bool,
 ) -> Exposure:
     """Exposure of the requested region. Takes ownership of the film's arrays."""
-    film, counts, here = progress.film, progress.sample_counts(), progress.region.asked
+    film, counts, crop = progress.film, progress.sample_counts(), progress.region.crop
     if counts is not None:
-        mark_unknown(progress.truth, counts == 0)
-    agreeing = _agreeing(progress, counts)
+        forget_truth(progress.truth, counts == 0)
+    zero_variance = _zero_variance_pixels(progress, counts)
     error = film.standard_error(progress.one_sample, out=film.between)
     film.between = film.within = None
-    image, errors = _part(film.mean, here), None if error is None else _part(error, here)
-    truth = {name: _part(array, here) for name, array in progress.truth.items()}
-    counts = None if counts is None else counts[here]
-    most = progress.budget.max_samples if counts is None else int(counts.max())
+    image, errors = _crop(film.mean, crop), None if error is None else _crop(error, crop)
+    truth = {name: _crop(array, crop) for name, array in progress.truth.items()}
+    counts = None if counts is None else counts[crop]
+    max_samples = progress.budget.max_samples if counts is None else int(counts.max())
     names = subject.scene.object_names if subject.scene is not None and "object" in progress.truth else None
-    progress.note_time()
+    progress.update_time()
     stats = RenderStats(
         seconds=progress.seconds,
         cpu_seconds=progress.cpu_seconds,
@@ -357,7 +362,7 @@ def exposure_of(
         threads=workers,
         clamped=progress.clamped / progress.light if progress.light > 0 else 0.0,
         nonfinite_paths=tuple(progress.nonfinite_paths),
-        zero_variance=int(np.count_nonzero(agreeing[here])),
+        zero_variance=int(np.count_nonzero(zero_variance[crop])),
         stopped_by=_reason(progress, image, errors, interrupted=interrupted),
         conditioning=conditioning,
         processors=film.processors,
@@ -366,29 +371,29 @@ def exposure_of(
         image=image,
         standard_error=errors,
         truth=GroundTruth(**truth) if truth else None,
-        samples=most,
-        replicates=min(progress.budget.replicates, max(most, 1)),
-        seed=int(work.seed),
+        samples=max_samples,
+        replicates=min(progress.budget.replicates, max(max_samples, 1)),
+        seed=int(options.seed),
         camera=subject.camera,
-        region=None if work.region is None else sensor_region(subject.camera.sensor.shape, work.region),
+        region=None if options.region is None else sensor_region(subject.camera.sensor.shape, options.region),
         stats=stats,
-        sample_counts=None if counts is None or counts.min() == most else counts,
+        sample_counts=None if counts is None or counts.min() == max_samples else counts,
         settings=subject.settings,
         white=subject.scene is None,
         object_names=names if names is None or len(names) <= MOST_NAMES else None,
     )
 
 
-def _part(array: Image, here: tuple[slice, slice]) -> Image:
-    """The part of an array that was asked for; read-only, so that the exposure need not copy it where that is all."""
-    part = array[here]
-    part = array if part.shape == array.shape else part.copy()
-    part.flags.writeable = False
-    return part
+def _crop(array: Image, crop: tuple[slice, slice]) -> Image:
+    """Crop of an array; read-only, so that the exposure need not copy the array if the crop is all of it."""
+    cropped = array[crop]
+    cropped = array if cropped.shape == array.shape else cropped.copy()
+    cropped.flags.writeable = False
+    return cropped
 
 
-def _agreeing(progress: Progress, counts: NDArray[np.int32] | None) -> NDArray[np.bool_]:
-    """(rows, columns): pixels that light can reach and whose samples or replicates are all the same."""
+def _zero_variance_pixels(progress: Progress, counts: NDArray[np.int32] | None) -> NDArray[np.bool_]:
+    """(rows, columns): lit pixels whose samples or replicates are all equal."""
     agreeing = progress.film.agreeing()
     if agreeing is None or progress.one_sample is None:
         return np.zeros(progress.film.mean.shape[:2], dtype=bool)

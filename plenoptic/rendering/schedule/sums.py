@@ -1,4 +1,4 @@
-"""Storage of the sums of unfinished tiles: in memory, or in the file of a checkpoint."""
+"""Storage of the sums of unfinished tiles: in memory, or in a checkpoint file."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class Sums(Protocol):
     """Storage of the sums of unfinished tiles."""
 
     def keep(self, i: int, result: TileResult, progress: Progress, entry: Entry | None) -> None:
-        """Keep the result of a tile; `entry`: its record, where it is stored already."""
+        """Store the result of a tile; `entry` is its record in a file, if any."""
 
     def of(self, i: int) -> Floats | None:
-        """The last that were kept of a tile; None where there are none."""
+        """Latest stored sums of a tile; None without any."""
 
 
 class SumsInMemory:
@@ -36,7 +36,7 @@ class SumsInMemory:
             self.drop(i)
 
     def drop(self, i: int) -> None:
-        """Let go of those of a tile."""
+        """Discard the sums of a tile."""
         self._sums.pop(i, None)
 
     def of(self, i: int) -> Floats | None:

@@ -1,4 +1,4 @@
-"""Validity of a checkpoint's records, from which a render can go on."""
+"""Validation of the records of a checkpoint from which a render resumes."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.rendering.tile import Tile
 
 TRUTH = "truth."
-"""Before the names of arrays of ground truth."""
-_MOST = 1 << 48
-"""Of what is counted in a batch: those of many add up in 64 bits."""
+"""Prefix of the names of ground-truth arrays."""
+_MAX_COUNT = 1 << 48
+"""Limit of the counts of a batch: sums of many fit into 64 bits."""
 
 
 def _is_count(fact: Any) -> bool:
-    return type(fact) is int and 0 <= fact < _MOST
+    return type(fact) is int and 0 <= fact < _MAX_COUNT
 
 
 def _is_number(fact: Any) -> bool:
@@ -44,7 +44,7 @@ _FACTS: dict[str, Callable[[Any], bool]] = {
 
 
 def has_facts(entry: Entry) -> bool:
-    """True if a record has all facts of a batch of a tile."""
+    """True if a record has all valid facts about a batch of a tile."""
     facts = entry.facts
     if not all(name in facts and check(facts[name]) for name, check in _FACTS.items()):
         return False
@@ -52,25 +52,25 @@ def has_facts(entry: Entry) -> bool:
 
 
 def has_arrays(entry: Entry, progress: Progress) -> bool:
-    """True if a record's arrays are those of its tile in a render."""
+    """True if the arrays of a record have the layout of its tile in a render."""
     rows, columns = Tile(*entry.facts["tile"])[2:]
     replicates, channels = progress.budget.replicates, progress.film.mean.shape[2]
-    wanted: dict[str, tuple[Any, tuple[int, ...]]] = {
+    expected: dict[str, tuple[Any, tuple[int, ...]]] = {
         "sums": (np.float64, (rows, columns, replicates + 1, channels)),
         "counts": (np.int64, progress.counts.shape),
     }
     if not entry.facts["first"]:
-        wanted["weights"] = np.float64, (rows, columns)
+        expected["weights"] = np.float64, (rows, columns)
         for name, array in progress.truth.items():
-            wanted[f"{TRUTH}{name}"] = array.dtype, (rows, columns, *array.shape[2:])
-    found = {name: (dtype, shape) for name, dtype, shape in entry.layouts}
-    return found.keys() == wanted.keys() and all(
-        shape == wanted[name][1] and np.can_cast(dtype, wanted[name][0], "same_kind")
-        for name, (dtype, shape) in found.items()
+            expected[f"{TRUTH}{name}"] = array.dtype, (rows, columns, *array.shape[2:])
+    layouts = {name: (dtype, shape) for name, dtype, shape in entry.layouts}
+    return layouts.keys() == expected.keys() and all(
+        shape == expected[name][1] and np.can_cast(dtype, expected[name][0], "same_kind")
+        for name, (dtype, shape) in layouts.items()
     )
 
 
 def are_sums(arrays: Mapping[str, NDArray[Any]], paths: int) -> bool:
-    """True if the numbers of a record are possible sums of so many paths."""
+    """True if the values of a record are possible for this number of paths."""
     counts = arrays["counts"]
     return bool(np.isfinite(arrays["sums"]).all() and (counts >= 0).all() and (counts <= paths).all())

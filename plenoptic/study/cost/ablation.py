@@ -153,7 +153,7 @@ _CHANGES: dict[Stage, tuple[str, _Change]] = {
     Stage.NORMAL_MAPS: ("the normals of meshes", _materials(_field, normal_map=None)),
     Stage.TEXTURES: ("their mean colours", _materials(scene_ablation.without_textures)),
     Stage.COLOUR: ("grey", _scene(scene_ablation.grey)),
-    Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.KEPT)),
+    Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.INCLUDE)),
     Stage.CLAMPING: ("no limit", _settings(clamp=None)),
     Stage.TRUTH: ("no ground truth", _render(truth=Truth.NONE)),
     Stage.STANDARD_ERROR: ("one replicate", _render(replicates=1)),

@@ -66,7 +66,7 @@ def _curtain(rng: np.random.Generator) -> Material:
 def _furnished_plan() -> Plan:
     shake = Motion.screw((-1.0, 1.0), axis=(1.0, 2.0, 3.0), angle_deg=0.1, advance=0.5)
     camera = dataclasses.replace(furnished_camera(), shutter=Shutter(0.02, row_time=1e-5, motion=shake))
-    settings: dict[str, Any] = {"caustics": Caustics.LEFT_OUT, "clamp": 100.0, "sampler": Sampler.RANDOM}
+    settings: dict[str, Any] = {"caustics": Caustics.EXCLUDE, "clamp": 100.0, "sampler": Sampler.RANDOM}
     return plan(_furnished_scene(camera), camera, truth=Truth.ALL, **settings)
 
 

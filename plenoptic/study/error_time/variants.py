@@ -52,7 +52,7 @@ class Variant:
     sampler: Sampler = Sampler.SOBOL
     replicates: int = 2
     max_bounces: int = 8
-    caustics: Caustics = Caustics.KEPT
+    caustics: Caustics = Caustics.INCLUDE
     clamp: float | None = None
 
     def __post_init__(self) -> None:
@@ -130,7 +130,7 @@ def default_variants(scene: Scene | None, camera: PlenopticCamera) -> dict[str, 
     if runs(Stage.SCATTERING):
         variants[f"{_FEW_BOUNCES} bounces"] = Variant(max_bounces=_FEW_BOUNCES)
     if runs(Stage.MATERIALS):
-        variants["no caustics"] = Variant(caustics=Caustics.LEFT_OUT)
+        variants["no caustics"] = Variant(caustics=Caustics.EXCLUDE)
     return variants
 
 

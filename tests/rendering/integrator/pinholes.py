@@ -1,4 +1,4 @@
-"""What tests of light transport share: a pinhole, and radiance seen through it."""
+"""Shared helpers of light transport tests: a pinhole camera, and radiance seen through it."""
 
 import functools
 import math

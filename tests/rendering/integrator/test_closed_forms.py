@@ -1,4 +1,4 @@
-"""Light transport beside closed forms: radiance seen through a pinhole, against what can be worked out on paper."""
+"""Light transport against closed forms: radiance seen through a pinhole."""
 
 import functools
 import math
@@ -25,17 +25,17 @@ def directions(camera, parts):
     x = (np.arange(columns)[:, None] + inside[0] - columns / 2) * pitch / d
     y = -(np.arange(rows)[:, None] + inside[1] - rows / 2) * pitch / d
     x, y = np.broadcast_arrays(x[None], y[:, None])
-    way = np.stack([x, y, np.full(x.shape, -1.0)], axis=-1)
-    length = np.linalg.norm(way, axis=-1)
-    way = way / length[..., None]
-    return (way if camera.pose is None else way @ camera.pose.rotation.T), length**-4.0
+    direction = np.stack([x, y, np.full(x.shape, -1.0)], axis=-1)
+    length = np.linalg.norm(direction, axis=-1)
+    direction = direction / length[..., None]
+    return (direction if camera.pose is None else direction @ camera.pose.rotation.T), length**-4.0
 
 
 def expected_image(camera, seen, parts=16):
     """(H, W): mean over each pixel of seen(origin, directions), which returns radiances."""
-    way, weight = directions(camera, parts)
+    direction, weight = directions(camera, parts)
     origin = np.zeros(3) if camera.pose is None else camera.pose.position
-    values = seen(origin, way.reshape(-1, 3)).reshape(weight.shape)
+    values = seen(origin, direction.reshape(-1, 3)).reshape(weight.shape)
     return (values * weight).sum(axis=2) / weight.sum(axis=2)
 
 
@@ -43,7 +43,7 @@ def assert_agree(measured, expected, bias=1e-3, case=None):
     """Each pixel, and all together, within standard errors and a `bias` of the largest value expected.
 
     Errors from 16 renderings follow Student's t with 15 degrees of freedom: beyond 6.5 once in 1e5. 4.5 errors for the
-    sum. The bias is what the closed form leaves out, and the rounding of images to float32.
+    sum. The bias is the error of the closed form, and the rounding of images to float32.
     """
     mean, error = measured[0][:, :, 0], measured[1][:, :, 0]
     allowed = bias * float(np.max(expected))
@@ -259,7 +259,7 @@ def test_light_is_absorbed_on_its_way_from_a_lamp_to_a_surface():
 
 
 def through_ball(origin, way, radius, index):
-    """Where rays leave a ball about the origin, their directions, and what two surfaces let pass; the ball is met."""
+    """Exit points and directions of rays through a ball about the origin, and the transmission of two surfaces."""
 
     def refract(way, normal, ratio):  # normal against the way, the index before over that behind
         cosine = -np.sum(way * normal, axis=1, keepdims=True)

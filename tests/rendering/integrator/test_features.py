@@ -1,4 +1,4 @@
-"""What light transport can do beside bouncing, each feature against something that must look the same."""
+"""Features of light transport, each against an equivalent scene without it."""
 
 import dataclasses
 import math
@@ -24,7 +24,7 @@ def shoot(scene, camera=CAMERA, samples=512, truth=Truth.NONE, **options):
 
 
 def brightness(camera=CAMERA, samples=512):
-    """(H, W, 1) what radiance 1 is, in images of the same seed."""
+    """(H, W, 1): image of radiance 1, with the same seed."""
     return shoot(pl.Scene([], background=1.0), camera, samples).image.astype(float)
 
 
@@ -79,17 +79,17 @@ def test_what_is_half_there_looks_like_the_mean_of_there_and_not_there():
     wall = plate(-60.0, pl.Emissive(nearest(np.arange(16.0).reshape(4, 4))), half=12.0)
     front = plate(-30.0, pl.MetallicRoughness(0.8, 0.2, 0.5), half=6.0)
     light = pl.lights.PointLight((5.0, 3.0, -10.0), 3000.0)
-    there, absent = (shoot(pl.Scene(m, [light]), max_bounces=1) for m in ([wall, front], [wall]))
-    assert 0.1 < there.image.mean() / absent.image.mean() < 10
-    for fields, share in (
+    present, absent = (shoot(pl.Scene(m, [light]), max_bounces=1) for m in ([wall, front], [wall]))
+    assert 0.1 < present.image.mean() / absent.image.mean() < 10
+    for fields, opacity in (
         ({"opacity": 0.3}, 0.3),
         ({"opacity": nearest(QUARTERS)}, opacity_of_pixels(QUARTERS)),
         ({"opacity": nearest(QUARTERS), "cutoff": 0.5}, opacity_of_pixels(QUARTERS >= 0.5)),
     ):
         half = front.with_material(dataclasses.replace(front.material, **fields))
-        seen = shoot(pl.Scene([wall, half], [light]), max_bounces=1, seed=1)
+        rendered = shoot(pl.Scene([wall, half], [light]), max_bounces=1, seed=1)
         # Pixels at the border between squares: the pinhole blurs by 1e-4 of 5 mm.
-        assert_same(seen, mixed([there, absent], [share, 1 - np.asarray(share)]), rounding=2e-3)
+        assert_same(rendered, mixed([present, absent], [opacity, 1 - np.asarray(opacity)]), rounding=2e-3)
 
 
 SHEET = pl.MetallicRoughness(0.0, 1.0, 1.0)  # black but for grazing angles
@@ -116,13 +116,13 @@ def test_a_stack_of_layers_lets_pass_what_all_of_them_do():
     # Seen through 1, 2, 4 and 8 layers in the four quarters of the view: 0.7 to that power. 1e-3 mm apart.
     layers = []
     for k in range(8):
-        there = [[0.3, 0.3 * (k < 4)], [0.3 * (k < 2), 0.3 * (k < 1)]]
-        material = dataclasses.replace(SHEET, opacity=nearest(there))
+        opacities = [[0.3, 0.3 * (k < 4)], [0.3 * (k < 2), 0.3 * (k < 1)]]
+        material = dataclasses.replace(SHEET, opacity=nearest(opacities))
         layers.append(plate(-30.0 - 1e-3 * k, material, half=6.0))
     wall = plate(-60.0, pl.Emissive(2.0))
-    seen = shoot(pl.Scene([*layers, wall]), samples=2048, max_bounces=1)
+    rendered = shoot(pl.Scene([*layers, wall]), samples=2048, max_bounces=1)
     expected = brightness(samples=2048) * 2.0 * 0.7 ** opacity_of_pixels([[8, 4], [2, 1]])
-    assert_same(seen, (expected, 0.0), rounding=2e-3)
+    assert_same(rendered, (expected, 0.0), rounding=2e-3)
 
 
 def test_truth_goes_through_what_is_less_than_half_there():
@@ -135,10 +135,10 @@ def test_truth_goes_through_what_is_less_than_half_there():
         np.testing.assert_allclose(truth.distance[3, 3], depth * math.sqrt(1 + 2 * 0.025**2), rtol=1e-7)
         assert (truth.object == (0 if depth == 30 else 2)).all() and (truth.normal == (0, 0, 1)).all(), opacity
     # It follows textures and cutoffs.
-    for cutoff, there in ((None, QUARTERS >= 0.5), (0.25, QUARTERS >= 0.25), (0.75, QUARTERS >= 0.75)):
+    for cutoff, opaque in ((None, QUARTERS >= 0.5), (0.25, QUARTERS >= 0.25), (0.75, QUARTERS >= 0.75)):
         front = plate(-30.0, dataclasses.replace(SHEET, opacity=nearest(QUARTERS), cutoff=cutoff), half=6.0)
         depth = pl.ground_truth(pl.Scene([front, plate(-60.0, MATT)]), CAMERA, truth=Truth.DEPTH).depth
-        np.testing.assert_allclose(depth, np.where(opacity_of_pixels(there)[..., 0], 30.0, 60.0), rtol=1e-14)
+        np.testing.assert_allclose(depth, np.where(opacity_of_pixels(opaque)[..., 0], 30.0, 60.0), rtol=1e-14)
 
 
 def test_what_is_not_there_at_all_changes_nothing():
@@ -152,7 +152,7 @@ def test_what_is_not_there_at_all_changes_nothing():
 
 
 def framed(opening, z=-60.0, half=200.0):
-    """A black wall with a square hole of the width 2 `opening`, and what fills it."""
+    """A black wall with a square hole of width 2 `opening`, filled by an object."""
     h, width = half - opening, 2 * opening
     pieces = ((-half, -half), 2 * half, h), ((-half, opening), 2 * half, h), ((-half, -opening), h, width)
     pieces = (*pieces, ((opening, -opening), h, width), ((-opening, -opening), width, width))
@@ -167,9 +167,9 @@ def test_light_through_frosted_glass_is_the_same_drawn_or_met():
     glass = pl.box((400, 400, 2), center=(0, 0, -40), material=pl.Dielectric(1.3, alpha=0.4, absorption=0.4))
     behind = pl.quad((-200, -200, 5), (0, 400, 0), (400, 0, 0), material=BLACK)  # behind the camera
     room = [behind, glass, *wall, shroud()]
-    met = shoot(pl.Scene(room, background=3.0), samples=2048, max_bounces=16)
+    by_chance = shoot(pl.Scene(room, background=3.0), samples=2048, max_bounces=16)
     drawn = shoot(pl.Scene([*room, window]), samples=2048, max_bounces=16, seed=1)
-    assert_same(drawn, met)
+    assert_same(drawn, by_chance)
 
 
 def shroud():
@@ -262,10 +262,10 @@ def test_lights_that_are_drawn_bring_what_they_bring_by_chance():
     settings = {"samples": 4096, "max_bounces": 1, "replicates": 16}
     for material in (MATT, pl.Conductor(0.9, alpha=0.1), pl.MetallicRoughness(0.7, 0.3, 0.4)):
         room = [plate(-40.0, material), *wall, shroud()]
-        met = shoot(pl.Scene(room, background=3.0), **settings)
+        by_chance = shoot(pl.Scene(room, background=3.0), **settings)
         drawn = shoot(pl.Scene([*room, window]), seed=1, **settings)
-        assert_same(drawn, met)
-        assert drawn.standard_error.mean() < 0.9 * met.standard_error.mean(), material
+        assert_same(drawn, by_chance)
+        assert drawn.standard_error.mean() < 0.9 * by_chance.standard_error.mean(), material
 
 
 def test_the_light_of_a_map_and_that_of_a_lamp_add_up():
@@ -348,7 +348,7 @@ GOLD = (0.18 + 3.4j, 0.42 + 2.35j, 1.37 + 1.77j)
 def test_the_same_bits_for_any_threads_tiles_and_regions():
     # Bundles of 16384 paths: of many pixels, and of parts of some.
     scene = everything()
-    for more in ({}, {"clamp": 2.0, "caustics": pl.rendering.Caustics.LEFT_OUT}):
+    for more in ({}, {"clamp": 2.0, "caustics": pl.rendering.Caustics.EXCLUDE}):
         options = {"samples": 320, "truth": Truth.ALL, **more}
         whole = shoot(scene, threads=1, **options)
         other = shoot(scene, threads=3, tile_side=3, **options)
@@ -365,8 +365,8 @@ def test_the_same_bits_for_any_threads_tiles_and_regions():
 def test_wavelengths_see_what_channels_see():
     # At these wavelengths colours are lifted to spectra by their own channel, but for 3 % of red at 450 nm.
     lines = pl.sensor.Sensitivity.lines((640.0, 550.0, 450.0))
-    own = pl.sensor.rgb_basis(np.array([640.0, 550.0, 450.0]))
-    assert own[:2].tolist() == np.eye(3)[:2].tolist() and np.abs(own[2] - (0, 0, 1)).max() < 0.03
+    basis = pl.sensor.rgb_basis(np.array([640.0, 550.0, 450.0]))
+    assert basis[:2].tolist() == np.eye(3)[:2].tolist() and np.abs(basis[2] - (0, 0, 1)).max() < 0.03
     one = shoot(everything(), dataclasses.replace(CAMERA, sensitivity=lines), samples=3072)
     assert_same(one, shoot(everything(), samples=1024, seed=1), np.array([1e-5, 1e-5, 0.05]), most_error=0.05)
 
@@ -400,9 +400,11 @@ def test_without_mirrors_and_glass_there_are_no_caustics():
     mirrored = pl.Scene([plate(-40.0, BLACK, half=30.0), ball], background=1.0)
     for scene, bounces in ((lit, 8), (point, 0), (point, 1), (point, 2), (mirrored, 2)):
         options = {"samples": 64, "max_bounces": bounces}
-        kept, left_out = (shoot(scene, caustics=caustics, **options).image for caustics in pl.rendering.Caustics)
-        assert np.array_equal(kept, left_out) and (kept.any() or bounces == 0), bounces
-    said = "caustics is 'none'; it must be Caustics.KEPT or Caustics.LEFT_OUT"
+        with_caustics, without = (
+            shoot(scene, caustics=caustics, **options).image for caustics in pl.rendering.Caustics
+        )
+        assert np.array_equal(with_caustics, without) and (with_caustics.any() or bounces == 0), bounces
+    said = "caustics is 'none'; it must be Caustics.INCLUDE or Caustics.EXCLUDE"
     with pytest.raises(pl.errors.InvalidValueError, match=said):
         shoot(lit, samples=64, caustics="none")
 
@@ -414,27 +416,29 @@ def test_caustics_are_the_light_that_a_mirror_throws_onto_a_floor():
     ball = pl.sphere(radius, center=centre, segments=(256, 128), material=pl.Conductor())
     camera = pinhole(half=0.002, pixels=2)
     scene = pl.Scene([plate(-40.0, MATT, half=1e6), ball], background=1.0)
-    kept, left_out = (shoot(scene, camera, 1 << 15, max_bounces=2, caustics=c) for c in pl.rendering.Caustics)
+    with_caustics, without = (shoot(scene, camera, 1 << 15, max_bounces=2, caustics=c) for c in pl.rendering.Caustics)
     black = pl.Scene([scene.meshes[0], ball.with_material(BLACK)], background=1.0)
     shadow = shoot(black, camera, 1 << 15, max_bounces=2)
     # What is left out is all that the ball brings; the same paths but for those.
-    np.testing.assert_allclose(left_out.image, shadow.image, rtol=1e-6)
+    np.testing.assert_allclose(without.image, shadow.image, rtol=1e-6)
     rng = np.random.default_rng(1)
     n = 1_000_000
-    square, around = rng.random(n), 2 * math.pi * rng.random(n)
-    way = np.column_stack([np.sqrt(square) * np.cos(around), np.sqrt(square) * np.sin(around), np.sqrt(1 - square)])
+    square, azimuth = rng.random(n), 2 * math.pi * rng.random(n)
+    direction = np.column_stack(
+        [np.sqrt(square) * np.cos(azimuth), np.sqrt(square) * np.sin(azimuth), np.sqrt(1 - square)]
+    )
     away = np.array([0.0, 0.0, -40.0]) - centre
-    b = way @ away
+    b = direction @ away
     root = b * b - away @ away + radius**2
-    met = (root > 0) & (b < 0)
-    normal = (away + (-b - np.sqrt(np.maximum(root, 0)))[:, None] * way) / radius
-    reflected = way - 2 * np.sum(way * normal, axis=1, keepdims=True) * normal
-    share = (met & (reflected[:, 2] > 0)).mean()
-    found = (kept.image.astype(float) - left_out.image) / brightness(camera, 1 << 15)
+    hit = (root > 0) & (b < 0)
+    normal = (away + (-b - np.sqrt(np.maximum(root, 0)))[:, None] * direction) / radius
+    reflected = direction - 2 * np.sum(direction * normal, axis=1, keepdims=True) * normal
+    fraction = (hit & (reflected[:, 2] > 0)).mean()
+    caustics = (with_caustics.image.astype(float) - without.image) / brightness(camera, 1 << 15)
     # 2^17 paths, and a million directions: sqrt(share (1 - share) / n), 1 % together. The view is 0.16 mm wide.
-    error = math.sqrt(share * (1 - share) * (1 / (4 << 15) + 1 / n))
-    assert 0.01 < share < 0.3 and error < 0.02 * share
-    assert found.mean() == pytest.approx(rho * share, abs=4.5 * rho * error + 1e-3 * share)
+    error = math.sqrt(fraction * (1 - fraction) * (1 / (4 << 15) + 1 / n))
+    assert 0.01 < fraction < 0.3 and error < 0.02 * fraction
+    assert caustics.mean() == pytest.approx(rho * fraction, abs=4.5 * rho * error + 1e-3 * fraction)
 
 
 def test_the_caustic_of_a_glass_ball_lies_under_it():
@@ -444,17 +448,17 @@ def test_the_caustic_of_a_glass_ball_lies_under_it():
     lamp = pl.QuadLight((0, 0, 30), (0, 16, 0), (16, 0, 0), radiance=30.0)
     camera = pinhole(0.6, 12).posed((18.0, 0, -20), (0, 0, -40))
     scene = pl.Scene([plate(-40.0, MATT), ball], [lamp])
-    kept, left_out = (shoot(scene, camera, 2048, max_bounces=4, caustics=c) for c in pl.rendering.Caustics)
+    with_caustics, without = (shoot(scene, camera, 2048, max_bounces=4, caustics=c) for c in pl.rendering.Caustics)
     # The same paths, some of which bring nothing now.
-    difference = kept.image[..., 0].astype(float) - left_out.image[..., 0]
-    assert np.all(difference >= -1e-6 * kept.image.max())
+    difference = with_caustics.image[..., 0].astype(float) - without.image[..., 0]
+    assert np.all(difference >= -1e-6 * with_caustics.image.max())
     truth = pl.ground_truth(scene, camera, truth=Truth.POSITION | Truth.OBJECT)
     off = np.linalg.norm(truth.position[..., :2], axis=-1)
     assert off[difference > 0.5 * difference.max()].max() < 3.0
     assert difference[(truth.object == 0) & (off > 10.0)].mean() < 0.02 * difference.max()
     # The whole noise is that of the caustic.
     at = np.unravel_index(difference.argmax(), difference.shape)
-    assert left_out.standard_error[at] < 0.5 * kept.standard_error[at]
+    assert without.standard_error[at] < 0.5 * with_caustics.standard_error[at]
 
 
 def test_absorption_goes_on_behind_a_body_within_a_body():
@@ -467,16 +471,16 @@ def test_absorption_goes_on_behind_a_body_within_a_body():
     bodies = pool, inner, plate(-5.5, pl.Emissive(2.0), half=250.0)
     for tilt_deg in (0.0, 50.0):
         scene = pl.Scene([body.rotated_deg((0, 1, 0), tilt_deg).translated(z=-100) for body in bodies])
-        seen = (shoot(scene, camera, samples=1 << 14, max_bounces=8).image / brightness(camera, 1 << 14)).mean()
+        rendered = (shoot(scene, camera, samples=1 << 14, max_bounces=8).image / brightness(camera, 1 << 14)).mean()
         cosine = math.cos(math.radians(tilt_deg))
-        way = 3.5 / math.sqrt(1 - (1 - cosine**2) / n**2)
-        expected = 2.0 * (1 - fresnel(cosine, n)) / n**2 * math.exp(-0.3 * way)
-        np.testing.assert_allclose(seen, expected, rtol=5e-3, err_msg=f"{tilt_deg}")
+        path_length = 3.5 / math.sqrt(1 - (1 - cosine**2) / n**2)
+        expected = 2.0 * (1 - fresnel(cosine, n)) / n**2 * math.exp(-0.3 * path_length)
+        np.testing.assert_allclose(rendered, expected, rtol=5e-3, err_msg=f"{tilt_deg}")
     # A camera in a body knows it, whatever stands in the way: a cube in the direction by which its medium is found.
     pool, lamp = pl.box(100.0, material=pl.Dielectric(1.0, absorption=0.1)), plate(-30.0, pl.Emissive(2.0), half=20.0)
     cube = pl.box(2.0, center=(3.6, 4.8, 8.0), material=pl.Dielectric(1.5))
-    seen = shoot(pl.Scene([pool, cube, lamp]), camera, samples=64, max_bounces=2).image / brightness(camera, 64)
-    np.testing.assert_allclose(seen, 2.0 * math.exp(-3.0), rtol=1e-5)
+    rendered = shoot(pl.Scene([pool, cube, lamp]), camera, samples=64, max_bounces=2).image / brightness(camera, 64)
+    np.testing.assert_allclose(rendered, 2.0 * math.exp(-3.0), rtol=1e-5)
 
 
 def test_emitters_that_repeat_each_other_shine_once():

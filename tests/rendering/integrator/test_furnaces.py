@@ -1,4 +1,4 @@
-"""White furnaces: in a world of radiance 1, what absorbs nothing cannot be seen."""
+"""White furnaces: in a world of radiance 1, objects without absorption are invisible."""
 
 import functools
 import math
@@ -86,10 +86,10 @@ def test_instances_vanish():
     # Stretched, turned, and mirrored: a mirrored body still has its inside within.
     turn = np.eye(4)
     turn[:3, :3] = [[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]
-    there = [np.eye(4), np.eye(4)]
-    there[0][:3, 3], there[1][:3, 3] = (-3.0, -1.0, -40.0), (3.5, 2.0, -44.0)
+    copies = [np.eye(4), np.eye(4)]
+    copies[0][:3, 3], copies[1][:3, 3] = (-3.0, -1.0, -40.0), (3.5, 2.0, -44.0)
     for name, side in (("lambertian", -1), ("polished plastic", -1), ("glass", 1), ("glass", -1)):
-        matrices = np.array([place @ turn @ np.diag([side * 1.3, 0.8, 1.1, 1.0]) for place in there])
+        matrices = np.array([place @ turn @ np.diag([side * 1.3, 0.8, 1.1, 1.0]) for place in copies])
         group = pl.scene.Instances(body(WHITE[name], 2.5, (16, 8), (0.0, 0.0, 0.0)), matrices)
         assert_all_is(1.0, radiance(pl.Scene([group], background=1.0), pinhole()), (name, side))
 
@@ -101,11 +101,13 @@ def test_environment_maps_light_and_are_seen_as_they_say():
     texels = rng.random((32, 64, 1)) ** 8 * 20
     turn = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
     world = pl.EnvironmentMap(texels, rotation=turn)
-    up, around = (np.arange(512) + 0.5) / 256 - 1, (np.arange(1024) + 0.5) * math.pi / 512
+    up, azimuth = (np.arange(512) + 0.5) / 256 - 1, (np.arange(1024) + 0.5) * math.pi / 512
     s = np.sqrt(1 - up * up)[:, None]
-    way = np.stack(np.broadcast_arrays(s * np.cos(around), s * np.sin(around), up[:, None]), axis=-1).reshape(-1, 3)
-    shone = world.radiance(way)[:, 0]
-    irradiance = (shone * np.maximum(way[:, 2], 0)).mean() * 4 * math.pi
+    directions = np.stack(np.broadcast_arrays(s * np.cos(azimuth), s * np.sin(azimuth), up[:, None]), axis=-1).reshape(
+        -1, 3
+    )
+    shone = world.radiance(directions)[:, 0]
+    irradiance = (shone * np.maximum(directions[:, 2], 0)).mean() * 4 * math.pi
     plate = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Lambertian(1.0))
     measured = radiance(pl.Scene([plate], background=world), pinhole(), samples=256)
     assert_all_is(irradiance / math.pi, measured, least=5e-3)
@@ -113,10 +115,10 @@ def test_environment_maps_light_and_are_seen_as_they_say():
     mirror = plate.with_material(pl.Conductor())
     for x, y in ((0.2, -0.07), (-0.6, 0.3), (0.03, 0.5)):
         camera = pinhole(1e-4).posed((0, 0, 0), (x, y, -1))
-        seen = radiance(pl.Scene(background=world), camera, samples=4, seeds=2)[0]
-        np.testing.assert_allclose(seen, world.radiance(np.array([[x, y, -1.0]]))[0, 0], rtol=1e-6)
-        seen = radiance(pl.Scene([mirror], background=world), camera, samples=4, seeds=2)[0]
-        np.testing.assert_allclose(seen, world.radiance(np.array([[x, y, 1.0]]))[0, 0], rtol=1e-6)
+        rendered = radiance(pl.Scene(background=world), camera, samples=4, seeds=2)[0]
+        np.testing.assert_allclose(rendered, world.radiance(np.array([[x, y, -1.0]]))[0, 0], rtol=1e-6)
+        rendered = radiance(pl.Scene([mirror], background=world), camera, samples=4, seeds=2)[0]
+        np.testing.assert_allclose(rendered, world.radiance(np.array([[x, y, 1.0]]))[0, 0], rtol=1e-6)
 
 
 def test_errors_that_are_reported_are_those_that_are_made():

@@ -33,33 +33,33 @@ BODIES = {
 
 def test_convex_bodies_do_not_shadow_themselves():
     # Albedo 1 in a world of radiance 1: exactly 1 where a ray reflected off a convex body never meets it again.
-    for size, (shape, made) in itertools.product(SCALES, BODIES.items()):
+    for size, (shape, body) in itertools.product(SCALES, BODIES.items()):
         for material in (pl.Lambertian(1.0), pl.Conductor()):
-            mesh = turned_about(made(size, material)).translated(z=-4 * size)
-            seen = radiance(pl.Scene([mesh], background=1.0), pinhole(opening=1e-6 * size))
-            np.testing.assert_allclose(seen, 1.0, rtol=3e-6, err_msg=f"{shape} {size}")
+            mesh = turned_about(body(size, material)).translated(z=-4 * size)
+            rendered = radiance(pl.Scene([mesh], background=1.0), pinhole(opening=1e-6 * size))
+            np.testing.assert_allclose(rendered, 1.0, rtol=3e-6, err_msg=f"{shape} {size}")
 
 
 def test_instances_do_not_shadow_themselves():
     # A body of 1 mm, or of 1e-3 or 1e3 mm, brought to its size and place by its matrix.
-    for size, place, own in itertools.product(SCALES, [(0.0, 0.0, 0.0), (1e5, -2e5, 3e5)], (1e-3, 1.0, 1e3)):
-        body = turned_about(pl.box(own, material=pl.Lambertian(1.0)))
-        matrix = np.diag([size / own, size / own, size / own, 1.0])
+    for size, place, scale in itertools.product(SCALES, [(0.0, 0.0, 0.0), (1e5, -2e5, 3e5)], (1e-3, 1.0, 1e3)):
+        body = turned_about(pl.box(scale, material=pl.Lambertian(1.0)))
+        matrix = np.diag([size / scale, size / scale, size / scale, 1.0])
         matrix[:3, 3] = np.multiply(place, size)
         camera = pinhole(opening=1e-6 * size).posed(matrix[:3, 3] + np.array([0, 0, 4 * size]), matrix[:3, 3])
-        seen = radiance(pl.Scene([pl.scene.Instances(body, matrix[None])], background=1.0), camera)
-        np.testing.assert_allclose(seen, 1.0, rtol=3e-6, err_msg=f"{size} {place} {own}")
+        rendered = radiance(pl.Scene([pl.scene.Instances(body, matrix[None])], background=1.0), camera)
+        np.testing.assert_allclose(rendered, 1.0, rtol=3e-6, err_msg=f"{size} {place} {scale}")
 
 
 def test_glass_is_entered_and_left_at_all_scales():
     # Nothing is absorbed: 1, but for paths that are cut off after 500 bounces: total reflection keeps rays inside a
     # box for ever in some directions, which none enters. 64 pixels x 256 paths; weights are 1 but for the bookkeeping
     # of radiance (n^2), so that only Russian roulette makes noise: below 1e-2.
-    for size, (shape, made) in itertools.product(SCALES, BODIES.items()):
-        mesh = turned_about(made(size, pl.Dielectric(1.5))).translated(z=-4 * size)
-        seen = radiance(pl.Scene([mesh], background=1.0), pinhole(opening=1e-6 * size), 256, max_bounces=500)
-        assert seen.mean() == pytest.approx(1.0, abs=1e-2), (shape, size)
-        assert np.median(seen) == pytest.approx(1.0, abs=1e-2), (shape, size)
+    for size, (shape, body) in itertools.product(SCALES, BODIES.items()):
+        mesh = turned_about(body(size, pl.Dielectric(1.5))).translated(z=-4 * size)
+        rendered = radiance(pl.Scene([mesh], background=1.0), pinhole(opening=1e-6 * size), 256, max_bounces=500)
+        assert rendered.mean() == pytest.approx(1.0, abs=1e-2), (shape, size)
+        assert np.median(rendered) == pytest.approx(1.0, abs=1e-2), (shape, size)
 
 
 @pytest.mark.parametrize("size", SCALES)
@@ -78,17 +78,17 @@ def test_light_does_not_leak_out_of_closed_boxes_or_past_the_foot_of_a_wall(size
     both = pl.box((4 * size, 2 * size, 2 * size), material=pl.Lambertian(0.9))
     right = pinhole(0.8, opening=1e-6 * size).posed((1.5 * size, 0.1 * size, 0), (0, -0.9 * size, 0))
     left = right.posed((-1.5 * size, 0.1 * size, 0), (0, -0.9 * size, 0))
-    for gap, share in ((0.0, 4e-5), (1e-3 * size, 0.0)):
+    for gap, leak in ((0.0, 4e-5), (1e-3 * size, 0.0)):
         lamp = pl.QuadLight((-size - gap, 0, 0), (2 * size, 0, 0), (0, 0, 2 * size), radiance=1.0, two_sided=True)
         dark, lit = (radiance(pl.Scene([both, wall], [lamp]), camera, 256) for camera in (right, left))
-        assert dark.mean() <= share * lit.mean()
+        assert dark.mean() <= leak * lit.mean()
         assert lit.all()
 
 
 def test_light_does_not_leak_into_closed_bodies():
     sun = pl.SunLight((0.3, -1.0, 0.2), 1e6)
-    for size, (shape, made) in itertools.product(SCALES, BODIES.items()):
-        mesh = turned_about(made(size, pl.Lambertian(0.9)))
+    for size, (shape, body) in itertools.product(SCALES, BODIES.items()):
+        mesh = turned_about(body(size, pl.Lambertian(0.9)))
         lamp = pl.lights.PointLight((2 * size, size, 0.0), 1e6 * size**2)
         camera = pinhole(0.5, opening=1e-6 * size).posed((1e-3 * size, 2e-3 * size, 1e-3 * size), (0, -size, -size))
         assert not radiance(pl.Scene([mesh], [sun, lamp], background=1e3), camera, 256).any(), (shape, size)
@@ -103,12 +103,12 @@ def test_a_small_body_far_from_the_origin_on_a_huge_floor():
     camera = pinhole(opening=1e-6 * size).posed(place + np.array([0, 0, 4 * size]), place)
     for material in (pl.Lambertian(1.0), pl.Conductor(), pl.Dielectric(1.5)):
         ball = flat(pl.sphere(0.5 * size, segments=(24, 12), material=material)).translated(*place)
-        alone = radiance(pl.Scene([ball], background=1.0), camera, 256, max_bounces=200)
+        ball_only = radiance(pl.Scene([ball], background=1.0), camera, 256, max_bounces=200)
         # Hit points are known to 1e-10 of 1e6 mm: 1e-4 of the body's size.
-        assert alone.mean() == pytest.approx(1.0, abs=1e-2), material
+        assert ball_only.mean() == pytest.approx(1.0, abs=1e-2), material
         standing = radiance(pl.Scene([ball, ground], background=1.0), camera, 256, max_bounces=200)
-        here = pl.Scene([ball.translated(*-place), ground.translated(*-place)], background=1.0)
-        near = radiance(here, camera.posed((0, 0, 4 * size), (0, 0, 0)), 256, max_bounces=200)
+        at_origin = pl.Scene([ball.translated(*-place), ground.translated(*-place)], background=1.0)
+        near = radiance(at_origin, camera.posed((0, 0, 4 * size), (0, 0, 0)), 256, max_bounces=200)
         assert standing.mean() == pytest.approx(near.mean(), rel=0.02), material
         assert 0.3 < near.mean() < 0.98
 
@@ -119,13 +119,13 @@ def test_huge_triangles(half):
     for material in (pl.Lambertian(1.0), pl.Conductor()):
         ground = pl.quad((-half, -1, half), (2 * half, 0, 0), (0, 0, -2 * half), material=material)
         block = pl.box(0.5, center=(0, -0.75, -10), material=material)
-        seen = radiance(pl.Scene([ground], background=1.0), pinhole())
-        np.testing.assert_allclose(seen, 1.0, rtol=3e-6)
-        seen = radiance(pl.Scene([ground, block], background=1.0), pinhole(), max_bounces=100)
+        rendered = radiance(pl.Scene([ground], background=1.0), pinhole())
+        np.testing.assert_allclose(rendered, 1.0, rtol=3e-6)
+        rendered = radiance(pl.Scene([ground, block], background=1.0), pinhole(), max_bounces=100)
         # Between block and ground light goes to and fro: Russian roulette only. Paths start 0.45 mm off a triangle of
         # 1e12 mm, and as far from its edge: one that meets the ground's diagonal beside the block may start inside it.
-        np.testing.assert_allclose(seen, 1.0, rtol=1e-2 if half < 1e12 else 2.5 / 64)
-        assert abs(seen.mean() - 1.0) < 1e-3
+        np.testing.assert_allclose(rendered, 1.0, rtol=1e-2 if half < 1e12 else 2.5 / 64)
+        assert abs(rendered.mean() - 1.0) < 1e-3
 
 
 def broken(mesh):
@@ -133,25 +133,25 @@ def broken(mesh):
     rng, vertices, faces = np.random.default_rng(9), mesh.vertices, mesh.faces
     i, j = rng.integers(len(vertices), size=(2, 50, 1))
     # Slivers along edges, some 1e-9 to 1e-18 of their length wide.
-    beside = vertices[faces[:, :2]].mean(axis=1) * (1 + 10.0 ** -rng.uniform(9, 18, size=(len(faces), 1)))
-    for how, found in {
+    near_edge = vertices[faces[:, :2]].mean(axis=1) * (1 + 10.0 ** -rng.uniform(9, 18, size=(len(faces), 1)))
+    for defect, broken_mesh in {
         "triangles without area": np.concatenate([faces, *(np.hstack(k) for k in ((i, i, j), (i, j, j), (i, i, i)))]),
         "slivers": np.concatenate([faces, np.column_stack([faces[:, :2], len(vertices) + np.arange(len(faces))])]),
         "faces twice": np.concatenate([faces, faces]),
         "faces twice, both ways": np.concatenate([faces, faces[:, ::-1]]),
         "winding at random": np.where(rng.random((len(faces), 1)) < 0.5, faces, faces[:, ::-1]),
     }.items():
-        yield how, pl.Mesh(np.concatenate([vertices, beside]), rng.permutation(found), mesh.material)
+        yield defect, pl.Mesh(np.concatenate([vertices, near_edge]), rng.permutation(broken_mesh), mesh.material)
 
 
 def test_broken_opaque_meshes_reflect_as_whole_ones():
     for material in (pl.Lambertian(1.0), pl.Conductor(), pl.MetallicRoughness(1.0, 0.0, 0.05)):
-        for how, ball in broken(flat(pl.sphere(6.0, segments=(24, 12), material=material))):
-            seen = radiance(pl.Scene([ball.translated(z=-40)], background=1.0), pinhole(), 128)
+        for defect, ball in broken(flat(pl.sphere(6.0, segments=(24, 12), material=material))):
+            rendered = radiance(pl.Scene([ball.translated(z=-40)], background=1.0), pinhole(), 128)
             # Plastic's weights vary: 64 x 128 paths, far below 1e-2.
-            np.testing.assert_allclose(seen.mean(), 1.0, rtol=1e-2, err_msg=how)
+            np.testing.assert_allclose(rendered.mean(), 1.0, rtol=1e-2, err_msg=defect)
             if not isinstance(material, pl.MetallicRoughness):
-                np.testing.assert_allclose(seen, 1.0, rtol=3e-6, err_msg=how)
+                np.testing.assert_allclose(rendered, 1.0, rtol=3e-6, err_msg=defect)
 
 
 def test_nearly_perfect_mirrors_show_what_perfect_ones_do():
@@ -161,8 +161,8 @@ def test_nearly_perfect_mirrors_show_what_perfect_ones_do():
     expected[2:6, 5:7] = 3.6
     for alpha in (0.0, 1e-5, 2e-4, 1e-3):
         ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Conductor(0.9, alpha=alpha))
-        seen = radiance(pl.Scene([ground], [lamp]), pinhole(), 256)[:, :, 0]
+        rendered = radiance(pl.Scene([ground], [lamp]), pinhole(), 256)[:, :, 0]
         # GGX has long tails: the share of normals beyond t alpha is 1 / (1 + t^2), so that 2 alpha / 0.05 of the light
         # of a pixel leaves it at each edge, or so.
-        assert np.abs(seen - expected).max() < 3.6 * (1e-3 + 10 * alpha / 0.05), alpha
-        assert seen.sum() == pytest.approx(expected.sum(), rel=1e-3 + 2 * alpha / 0.05), alpha
+        assert np.abs(rendered - expected).max() < 3.6 * (1e-3 + 10 * alpha / 0.05), alpha
+        assert rendered.sum() == pytest.approx(expected.sum(), rel=1e-3 + 2 * alpha / 0.05), alpha

@@ -1,4 +1,4 @@
-"""What ends a render: samples, time, error, an interruption. None of them may bias the image."""
+"""Ends of a render by samples, time, error or interruption, none of which may bias the image."""
 
 import dataclasses
 import math
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.rendering.schedule.progress import Progress
 
 CAMERA = pl.camera.example_camera()
@@ -80,7 +80,7 @@ def test_few_samples_come_before_any_target():
 def test_black_scenes_end_and_an_error_that_was_missed_is_announced():
     # All that there is is black: no pixel is lit, and no error is left.
     black = pl.Scene([pl.quad((-30, -30, -404), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.5))])
-    with pytest.warns(UserWarning, match="nothing in the scene shines"):
+    with pytest.warns(UserWarning, match="nothing in the scene emits light"):
         shot = shoot(black, target_error=0.02)
     assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
     assert not shot.image.any() and shot.samples == 32
@@ -104,13 +104,13 @@ def test_what_has_stopped_is_what_so_many_samples_give():
     numbers = np.unique(shot.sample_counts)
     assert len(numbers) >= 2
     for samples in numbers:
-        there = shot.sample_counts == samples
+        stopped = shot.sample_counts == samples
         plain = white(region, samples=int(samples))
-        assert np.array_equal(shot.image[there], plain.image[there])
+        assert np.array_equal(shot.image[stopped], plain.image[stopped])
         # Where replicates agree, what a sample brings is known from neighbours, which may have other numbers of them.
-        other = shot.standard_error[there] != plain.standard_error[there]
+        other = shot.standard_error[stopped] != plain.standard_error[stopped]
         assert np.count_nonzero(other) <= plain.stats.zero_variance
-        np.testing.assert_allclose(shot.standard_error[there], plain.standard_error[there], rtol=0.1)
+        np.testing.assert_allclose(shot.standard_error[stopped], plain.standard_error[stopped], rtol=0.1)
 
 
 def test_independent_samples_stop_too():
@@ -140,14 +140,14 @@ def test_hardly_any_time():
 def test_too_little_time_is_announced(monkeypatch):
     with pytest.warns(UserWarning, match="nothing has been rendered within 1e-09 s, and the image is black"):
         white(time_limit=1e-9)
-    original = orders.render_tile
+    original = tile_jobs.render_tile
 
     def slow(*arguments, **named):
         result = original(*arguments, **named)
         time.sleep(0.8 if result.tile.pixels else 0.0)
         return result
 
-    monkeypatch.setattr(orders, "render_tile", slow)
+    monkeypatch.setattr(tile_jobs, "render_tile", slow)
     with pytest.warns(UserWarning, match=r"rendering took [0-9.]+ s instead of 0.1 s"):
         white(time_limit=0.1)
 
@@ -157,8 +157,8 @@ def test_all_samples_of_limited_time_count():
     assert shot.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT
     assert counts_of(shot).sum() == shot.stats.paths
     for samples in np.unique(counts_of(shot)):
-        there = counts_of(shot) == samples
-        assert np.array_equal(shot.image[there], white(samples=int(samples)).image[there])
+        complete = counts_of(shot) == samples
+        assert np.array_equal(shot.image[complete], white(samples=int(samples)).image[complete])
 
 
 @pytest.mark.slow
@@ -168,14 +168,14 @@ def test_a_time_limit_is_kept(name, limit):
     scene = {"white": lambda: None, "check": pl.check_scene, "objects": pl.objects_scene}[name]()
     call = (lambda **k: white(region, **k)) if scene is None else (lambda **k: shoot(scene, region, **k))
     call(samples=8)  # compiles
-    took, told = [], []
+    took, warned = [], []
     for _ in range(3):
         begin = time.perf_counter()
         shot = call(time_limit=limit)
         took.append(time.perf_counter() - begin)
         assert shot.stats.stopped_by is pl.rendering.StopReason.TIME_LIMIT
-        told.append(shot.stats.seconds)
-    assert statistics.median(took) == pytest.approx(statistics.median(told), abs=0.1)
+        warned.append(shot.stats.seconds)
+    assert statistics.median(took) == pytest.approx(statistics.median(warned), abs=0.1)
     allowed = max(0.1 * limit, 0.5)
     assert limit - allowed < statistics.median(took) < limit + allowed, took
 
@@ -191,12 +191,12 @@ def handler():
 
 def interrupt_after(monkeypatch, number):
     """Ctrl-C once so many batches have been taken."""
-    original, taken = Progress.take, []
+    original, results = Progress.take, []
 
     def take(*arguments):
         original(*arguments)
-        taken.append(True)
-        if len(taken) == number:
+        results.append(True)
+        if len(results) == number:
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(Progress, "take", take)
@@ -212,13 +212,13 @@ def test_ctrl_c_gives_what_is_there(handler, monkeypatch):
     assert "interrupted" in repr(shot)
     counts = counts_of(shot)
     assert 0 < counts.max() < 1 << 15
-    there = counts == counts.max()
-    assert np.array_equal(shot.image[there], white(samples=int(counts.max())).image[there])
+    complete = counts == counts.max()
+    assert np.array_equal(shot.image[complete], white(samples=int(counts.max())).image[complete])
     assert counts.sum() <= shot.stats.paths
 
 
 def test_ctrl_c_before_anything_is_there(handler, monkeypatch):
-    original = orders.render_tile
+    original = tile_jobs.render_tile
     times = iter(range(1 << 20))
 
     def interrupted(*arguments, **named):
@@ -227,7 +227,7 @@ def test_ctrl_c_before_anything_is_there(handler, monkeypatch):
             time.sleep(0.1)
         return original(*arguments, **named)
 
-    monkeypatch.setattr(orders, "render_tile", interrupted)
+    monkeypatch.setattr(tile_jobs, "render_tile", interrupted)
     with pytest.warns(pl.errors.BudgetWarning, match="with no samples in 100 % of the pixels; .* are black"):
         shot = white(samples=LONG, threads=1)
     assert shot.interrupted and not shot.image.any() and np.all(np.isinf(shot.standard_error))
@@ -251,9 +251,9 @@ def test_an_interrupted_exposure_says_how_much_of_the_frame_has_what(handler, mo
     with monkeypatch.context() as patched, pytest.warns(pl.errors.BudgetWarning) as said:
         interrupt_after(patched, 6)
         shot = white(time_limit=600.0, tile_side=8, threads=1)  # nine tiles, of which six are begun
-    share = f"{shot.samples} samples in 66.7 % of the pixels, none in 33.3 %"
-    assert [str(one.message).partition(";")[0] for one in said] == [f"the render was interrupted with {share}"]
-    assert share in repr(shot)
+    text = f"{shot.samples} samples in 66.7 % of the pixels, none in 33.3 %"
+    assert [str(one.message).partition(";")[0] for one in said] == [f"the render was interrupted with {text}"]
+    assert text in repr(shot)
     shot.save(tmp_path / "shot.exr")  # it is saved as an interrupted one
     back = pl.Exposure.load(tmp_path / "shot.exr")
     assert back.interrupted and same_bits(back, shot)

@@ -29,13 +29,13 @@ small = functools.partial(render, threads=None)
 
 
 def test_any_order_of_results_gives_the_same_bits(fake):
-    for way in ({"samples": 16}, {"target_error": 0.2}, {"samples": 512, "replicates": 8}):
+    for budget in ({"samples": 16}, {"target_error": 0.2}, {"samples": 512, "replicates": 8}):
         fake.calls.clear()
-        one, other = small(**way), small(client=fake, **way)
+        one, other = small(**budget), small(client=fake, **budget)
         assert_same(one, other)
-        assert other.stats.threads == 2 and fake.calls.count("run_jobs") >= 3, way
-    given = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
-    one, other = (pl.render_white(pl.camera.example_camera(), client=client, **given) for client in (None, fake))
+        assert other.stats.threads == 2 and fake.calls.count("carry_out") >= 3, budget
+    options = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
+    one, other = (pl.render_white(reference_camera(), client=client, **options) for client in (None, fake))
     assert one.image.tobytes() == other.image.tobytes()
     with pytest.raises(pl.errors.InvalidValueError, match="threads is 2 and client is given"):
         small(client=fake, samples=16, threads=2)
@@ -73,9 +73,9 @@ def test_an_interrupt_ends_it(fake, monkeypatch):
 
 def test_ground_truth_has_the_same_bits(fake, monkeypatch):
     monkeypatch.setattr("plenoptic.truth.ground_truth._STRIP", 64)  # two rows and a bit
-    given = {"region": np.s_[240:264, 240:264], "progress": False}
-    one = pl.ground_truth(pl.objects_scene(), pl.camera.example_camera(), **given)
-    other = pl.ground_truth(pl.objects_scene(), pl.camera.example_camera(), client=fake, **given)
+    options = {"region": np.s_[240:264, 240:264], "progress": False}
+    one = pl.ground_truth(pl.objects_scene(), reference_camera(), **options)
+    other = pl.ground_truth(pl.objects_scene(), reference_camera(), client=fake, **options)
     assert fake.calls.count("carry_out") >= 3
     for name in one.__dataclass_fields__:
         a, b = getattr(one, name), getattr(other, name)
@@ -87,11 +87,11 @@ def test_two_workers_may_be_killed(monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` installs it")
     import dask
 
-    chance, take, killed, taken = random.Random(1), Progress.take, [], iter(range(1 << 20))
+    chance, take, killed, results = random.Random(1), Progress.take, [], iter(range(1 << 20))
     moments = {chance.randrange(1, 12), chance.randrange(12, 24)}  # of 36 tiles and more
-    given = {"region": np.s_[208:304, 208:304], "tile_side": 16, "target_error": 0.08, "progress": False}
-    scene, camera = pl.objects_scene(), pl.camera.example_camera()
-    expected = pl.render(scene, camera, **given)
+    options = {"region": np.s_[208:304, 208:304], "tile_side": 16, "target_error": 0.08, "progress": False}
+    scene, camera = pl.objects_scene(), reference_camera()
+    expected = pl.render(scene, camera, **options)
     with (
         # A LocalCluster does without a worker that is not back within 15 s, which a busy machine may need.
         dask.config.set({"distributed.deploy.lost-worker-timeout": "600s"}),
@@ -102,12 +102,12 @@ def test_two_workers_may_be_killed(monkeypatch):
 
         def killing(self, i, result):
             take(self, i, result)
-            if next(taken) in moments:
-                there = sorted(set(client.run(os.getpid, on_error="ignore").values()) - set(killed))
-                killed.append(chance.choice(there))
+            if next(results) in moments:
+                alive = sorted(set(client.run(os.getpid, on_error="ignore").values()) - set(killed))
+                killed.append(chance.choice(alive))
                 os.kill(killed[-1], signal.SIGKILL)
 
         monkeypatch.setattr(Progress, "take", killing)
-        shot = pl.render(scene, camera, client=client, **given)
+        shot = pl.render(scene, camera, client=client, **options)
     assert len(killed) == 2
     assert_same(expected, shot)

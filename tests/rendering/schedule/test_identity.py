@@ -1,4 +1,4 @@
-"""Identities: what tells one render from another, the same in every process."""
+"""Identities that distinguish renders, equal in every process."""
 
 import dataclasses
 import json
@@ -38,10 +38,12 @@ def test_identities_are_the_same_in_every_process():
     assert one == identity(rich_scene(), rich[1], seed=1) == identity(*pickle.loads(pickle.dumps(rich)), seed=1)
     code = "import json, pickle, sys; from plenoptic.rendering.schedule.identity import identity; "
     code += "print(json.dumps(identity(*pickle.load(sys.stdin.buffer), seed=1)))"
-    there = {**os.environ, "PYTHONHASHSEED": "1"}  # sets and hashes have another order there
-    done = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(rich), env=there, capture_output=True)
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == one
+    environment = {**os.environ, "PYTHONHASHSEED": "1"}  # sets and hashes have another order there
+    process = subprocess.run(
+        [sys.executable, "-c", code], input=pickle.dumps(rich), env=environment, capture_output=True
+    )
+    assert process.returncode == 0, process.stderr
+    assert json.loads(process.stdout) == one
 
 
 def test_another_scene_is_another_identity():
@@ -87,8 +89,8 @@ class Water:
 
 def test_media_of_users_count_by_their_indices():
     def wet(n, **changes):
-        first, *others = camera().lens.elements
-        lens = pl.LensStack([dataclasses.replace(first, medium=Water(n)), *others])
+        first, *rest_of_lens = camera().lens.elements
+        lens = pl.LensStack([dataclasses.replace(first, medium=Water(n)), *rest_of_lens])
         return identity(None, camera(lens=lens, **changes))
 
     assert wet(1.63) == wet(1.63)
@@ -100,25 +102,30 @@ def test_media_of_users_count_by_their_indices():
 
 def test_digests_tell_apart_what_looks_alike():
     zeros = np.zeros(4)
-    alike = [
+    values = [
         *(zeros, zeros.reshape(2, 2), zeros.astype(np.int64), zeros[:2], -zeros, zeros.astype(np.complex128)[:2]),
         *(0, 0.0, -0.0, False, None, "", "0", "None", (), (0,), (0, ()), ((0,), ()), ("a", "b"), ("ab", ""), ("ab",)),
-        *(pl.rendering.Sampler.SOBOL, pl.rendering.Caustics.KEPT, pl.lights.PointLight((0, 0, 0), 1.0), pl.optics.AIR),
+        *(
+            pl.rendering.Sampler.SOBOL,
+            pl.rendering.Caustics.INCLUDE,
+            pl.lights.PointLight((0, 0, 0), 1.0),
+            pl.optics.AIR,
+        ),
     ]
-    assert len({digest(value) for value in alike}) == len(alike)
+    assert len({digest(value) for value in values}) == len(values)
     # How numbers lie in memory is not part of them.
     assert digest(np.arange(6.0).reshape(2, 3).T) == digest(np.arange(6.0).reshape(2, 3).T.astype(">f8", order="C"))
 
 
 def test_facts_are_texts():
-    given = {"seed": np.int64(3), "clamp": None, "region": (0, 8, 0, 4), "sampler": pl.rendering.Sampler.RANDOM}
-    given |= {"error": 0.1, "far": (1.0, (2, np.zeros(3))), "settings": pl.rendering.RenderSettings(max_bounces=2)}
-    found = identity(None, camera(), **given)
+    facts = {"seed": np.int64(3), "clamp": None, "region": (0, 8, 0, 4), "sampler": pl.rendering.Sampler.RANDOM}
+    facts |= {"error": 0.1, "far": (1.0, (2, np.zeros(3))), "settings": pl.rendering.RenderSettings(max_bounces=2)}
+    texts = identity(None, camera(), **facts)
     expected = {"seed": "3", "clamp": "None", "region": "(0, 8, 0, 4)", "sampler": "RANDOM", "error": "0.1"}
-    expected |= {"settings.max_bounces": "2", "settings.caustics": "KEPT", "settings.clamp": "None"}
-    expected |= {"settings.sampler": "SOBOL", "far": found["far"], "plenoptic": pl.__version__}
-    assert {name: text for name, text in found.items() if "camera" not in name and name != "scene"} == expected
-    assert found["far"].startswith("sha256:")
+    expected |= {"settings.max_bounces": "2", "settings.caustics": "INCLUDE", "settings.clamp": "None"}
+    expected |= {"settings.sampler": "SOBOL", "far": texts["far"], "plenoptic": pl.__version__}
+    assert {name: text for name, text in texts.items() if "camera" not in name and name != "scene"} == expected
+    assert texts["far"].startswith("sha256:")
 
 
 def test_facts_that_cannot_be_told_apart_are_refused():

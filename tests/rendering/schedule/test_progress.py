@@ -1,4 +1,4 @@
-"""When a render ends: steps, decisions by the other colour, and what interruptions leave."""
+"""Progress of a render: steps, decisions by the other colour, and interruptions."""
 
 import dataclasses
 import gc
@@ -20,9 +20,9 @@ from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule import progress_bar
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.schedule.expected import ExpectedTimes
 from plenoptic.rendering.schedule.interrupts import Interrupts
 from plenoptic.rendering.schedule.progress import FilmRegion, Progress
+from plenoptic.rendering.schedule.time_history import TimeHistory
 from plenoptic.rendering.tile import Tile, TileResult
 from plenoptic.rendering.tiling import cut_into_tiles
 
@@ -45,13 +45,13 @@ def test_steps_add_at_most_a_quarter_and_double_in_four(replicates: int, steps: 
 @given(replicates=st.integers(1, 64))
 def test_with_a_time_limit_all_pixels_have_something_soon(replicates: int):
     budget, timed = Budget(None, None, 0.1, replicates), Budget(None, 1.0, 0.1, replicates)
-    counts = list(itertools.accumulate(range(12), lambda done, _: timed.following(done), initial=0))
+    counts = list(itertools.accumulate(range(12), lambda samples, _: timed.following(samples), initial=0))
     first = counts.index(timed.enough)
     assert counts[1 : first + 1] == [replicates << k for k in range(first)]
-    assert counts[first + 1 :] == [budget.following(done) for done in counts[first:-1]]
-    done = counts[first]
+    assert counts[first + 1 :] == [budget.following(samples) for samples in counts[first:-1]]
+    samples = counts[first]
     nothing = (0.0, 0.0)
-    assert budget.towards(done, 1e3, nothing) == 4 * done and timed.towards(done, 1e3, nothing) == 2 * done
+    assert budget.towards(samples, 1e3, nothing) == 4 * samples and timed.towards(samples, 1e3, nothing) == 2 * samples
 
 
 @given(done=st.sampled_from([8, 32, 56, 1024]), affordable=st.floats(0.0, 1e6))
@@ -65,10 +65,10 @@ def test_what_is_affordable_is_most_of_the_next_step(done: int, affordable: floa
 
 @given(samples=st.integers(1, 10**6), replicates=st.integers(1, 64))
 def test_steps_end_with_the_samples_and_many_are_rendered_in_two_passes(samples: int, replicates: int):
-    budget, done = Budget(samples, 1.0, None, replicates), 0
-    while (step := budget.following(done)) > done:
-        done = step
-    assert done == samples
+    budget, total = Budget(samples, 1.0, None, replicates), 0
+    while (step := budget.following(total)) > total:
+        total = step
+    assert total == samples
     budget = Budget(samples, None, None, min(replicates, samples))
     first = budget.following(0)
     assert budget.passes == (first < samples) == (samples >= max(256, 16 * replicates))
@@ -80,16 +80,20 @@ def test_steps_end_with_the_samples_and_many_are_rendered_in_two_passes(samples:
 @given(slope=st.floats(0.5, 0.9), target=st.floats(1e-3, 1.0), excess=st.floats(1.01, 30.0))
 def test_the_samples_that_are_needed_are_known_from_two_errors(slope: float, target: float, excess: float):
     # Errors fall like n^-slope: what is predicted reaches the target, and a step less would not.
-    budget, done, error = Budget(None, None, target, REPLICATES), 128, target * excess
-    aimed = budget.towards(done, error, (32.0, error * 4**slope))
-    needed = done * excess ** (1 / slope)
-    assert needed * (1 - 1e-9) <= aimed <= max(1.25 * needed * (1 + 1e-9), budget.following(done))
+    budget, total, error = Budget(None, None, target, REPLICATES), 128, target * excess
+    aimed = budget.towards(total, error, (32.0, error * 4**slope))
+    needed = total * excess ** (1 / slope)
+    assert needed * (1 - 1e-9) <= aimed <= max(1.25 * needed * (1 + 1e-9), budget.following(total))
     # With one error alone it is taken to fall as usual, and few samples are lost where it falls faster.
-    alone, usual = budget.towards(done, error, (0.0, 0.0)), done * excess ** (1 / 0.6)
-    assert min(usual * (1 - 1e-9), 4 * done) <= alone <= min(max(1.25 * usual * (1 + 1e-9), 1.25 * done), 4 * done)
+    from_one_error, usual = budget.towards(total, error, (0.0, 0.0)), total * excess ** (1 / 0.6)
+    assert (
+        min(usual * (1 - 1e-9), 4 * total)
+        <= from_one_error
+        <= min(max(1.25 * usual * (1 + 1e-9), 1.25 * total), 4 * total)
+    )
     # Nothing known: twice as many.
-    assert budget.towards(done, 0.0, (0.0, 0.0)) == 2 * done
-    assert Budget(150, None, target, REPLICATES).towards(done, error, (0.0, 0.0)) <= 150
+    assert budget.towards(total, 0.0, (0.0, 0.0)) == 2 * total
+    assert Budget(150, None, target, REPLICATES).towards(total, error, (0.0, 0.0)) <= 150
 
 
 def test_many_pixels_decide_where_time_is_not_short():
@@ -121,7 +125,7 @@ TILE = Tile(0, 0, 2, 2)
 
 
 def result(tile: Tile, sums: np.ndarray, first: int, samples: int) -> TileResult:
-    """What a tile would have brought; sums (rows, columns, replicates, 1) of all samples until now, alike in each."""
+    """Result of a tile; sums (rows, columns, replicates, 1) of all samples so far, equal in all replicates."""
     powers = np.square(sums).sum(axis=2, keepdims=True) * REPLICATES / (first + samples)
     sums = np.concatenate([sums, powers], axis=2)
     batch = batch_record(np.uint64(0), first, samples, REPLICATES, 0, 0)
@@ -161,16 +165,18 @@ def test_a_colour_ends_when_the_other_is_good(colour):
     state = decided([TILE], (2, 2), 0.1, [noisy(colour, 32)])
     assert state.open[0].tolist() == [colour == 1 - c for c in range(2)]  # the noisy one ends, the good one goes on
     before = state.film.mean.copy()
-    done = 32 + state.next_samples(0)
-    state.take(0, result(TILE, noisy(colour, done, 3.0), 32, done - 32))
+    samples = 32 + state.next_samples(0)
+    state.take(0, result(TILE, noisy(colour, samples, 3.0), 32, samples - 32))
     state.decide()
     changed = state.film.mean[..., 0] != before[..., 0]
     checkered = np.add.outer(np.arange(2), np.arange(2)) % 2
     assert np.array_equal(changed, checkered != colour)
-    assert np.array_equal(state.sample_counts(), np.where(checkered == colour, 32, done))
+    assert np.array_equal(state.sample_counts(), np.where(checkered == colour, 32, samples))
     assert state.pending() == [0]
     more = state.next_samples(0)
-    state.take(0, result(TILE, noisy(1 - colour, done + more), done, more))  # now the other way round: both have ended
+    state.take(
+        0, result(TILE, noisy(1 - colour, samples + more), samples, more)
+    )  # now the other way round: both have ended
     state.decide()
     assert state.pending() == []
 
@@ -251,14 +257,14 @@ def test_stopping_by_the_other_colour_does_not_bias():
 
 
 def test_the_first_interrupt_is_noted_and_told_and_the_second_raised():
-    before, told = signal.getsignal(signal.SIGINT), []
-    with Interrupts(lambda: told.append(1)) as interrupts:
-        assert not interrupts.asked and not told
+    before, calls = signal.getsignal(signal.SIGINT), []
+    with Interrupts(lambda: calls.append(1)) as interrupts:
+        assert not interrupts.asked and not calls
         signal.raise_signal(signal.SIGINT)
         assert interrupts.asked
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-    assert signal.getsignal(signal.SIGINT) is before and told == [1]
+    assert signal.getsignal(signal.SIGINT) is before and calls == [1]
 
 
 def test_the_bar_ends_with_the_error(capsys):
@@ -270,18 +276,18 @@ def test_the_bar_ends_with_the_error(capsys):
 
 
 def test_the_bar_shows_how_much_is_left(monkeypatch, capsys):
-    now, tiles = [100.0], [Tile(0, 2 * k, 2, 2) for k in range(4)]
-    monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: now[0])
+    clock, tiles = [100.0], [Tile(0, 2 * k, 2, 2) for k in range(4)]
+    monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: clock[0])
 
     def began(state, seconds, *expected):
         bar = progress_bar.ProgressBar(seconds, show=True)
         bar.start(state, *expected)
 
         def later(by, tile=None):
-            """What it says after some seconds, with another tile."""
+            """Text of the bar after some seconds, with another tile."""
             if tile is not None:
                 state.take(tile, result(tiles[tile], noisy(0, 32), 0, 32))
-            now[0] += by
+            clock[0] += by
             bar.update()
             return capsys.readouterr().err
 
@@ -299,17 +305,17 @@ def test_the_bar_shows_how_much_is_left(monkeypatch, capsys):
     # With a time limit, 20 s of which were spent before.
     budget, region = Budget(None, 50.0, None, 8), FilmRegion(0, 0, 1.0, 1.0)
     state = Progress([TILE], (2, 2, 1), budget, region, {}, 8, counted=True, begin=(0.0, 0.0))
-    _, later = began(state, now[0] - 20.0)
+    _, later = began(state, clock[0] - 20.0)
     later(5.0)
     said = later(5.0)
     assert "60%" in said and "20 s left" in said
     # It begins with what was expected, 400 s, and ends with the pace.
-    _, later = began(progress(tiles, (2, 8), target=1e-9, samples=32), now[0], 400.0)
+    _, later = began(progress(tiles, (2, 8), target=1e-9, samples=32), clock[0], 400.0)
     assert "0%" in (said := capsys.readouterr().err) and "7 min left" in said
-    for i, wanted in ((0, "5 min"), (1, "9 min"), (2, "6 min")):
+    for i, text in ((0, "5 min"), (1, "9 min"), (2, "6 min")):
         # The first tile may have had to be compiled: 3/4 of 400 s. Then the pace is 430 s for a quarter, 1720 s in all:
         # (1 - s) (s 1720 + (1 - s) 400) = 530 s at s = 1/2, and 347 s at 3/4.
-        assert f"{wanted} left" in later(430.0, i).rpartition("|")[2]
+        assert f"{text} left" in later(430.0, i).rpartition("|")[2]
 
 
 def small_camera():
@@ -317,23 +323,23 @@ def small_camera():
 
 
 def bar_of(monkeypatch, shot):
-    """What the bar of a render has been told to expect."""
-    told, start = [], progress_bar.ProgressBar.start
+    """Expected time passed to the progress bar of a render."""
+    expected, start = [], progress_bar.ProgressBar.start
     with monkeypatch.context() as listening:
         listening.setattr(
-            progress_bar.ProgressBar, "start", lambda bar, *given: (told.append(given[1]), start(bar, *given))
+            progress_bar.ProgressBar, "start", lambda bar, *given: (expected.append(given[1]), start(bar, *given))
         )
         shot()
-    return told[0]
+    return expected[0]
 
 
 def test_a_render_begins_with_what_was_estimated_of_it(monkeypatch):
     camera, scene, quiet = small_camera(), pl.shapes.white_plane(), {"progress": False}
-    found = pl.estimate(scene, camera, samples=4, **quiet).seconds.value
+    estimated = pl.estimate(scene, camera, samples=4, **quiet).seconds.value
     white = pl.estimate(None, camera, target_error=0.5, threads=1, **quiet).seconds.value
     for more, other in (({}, False), ({"seed": 1}, False), ({"samples": 5}, True), ({"truth": pl.Truth.NONE}, True)):
-        told = bar_of(monkeypatch, lambda more=more: pl.render(scene, camera, **{"samples": 4, **quiet, **more}))
-        assert told == (None if other else found), more
+        expected = bar_of(monkeypatch, lambda more=more: pl.render(scene, camera, **{"samples": 4, **quiet, **more}))
+        assert expected == (None if other else estimated), more
     again = dataclasses.replace(camera)
     assert bar_of(monkeypatch, lambda: pl.render(scene, again, samples=4, **quiet)) is None
     assert bar_of(monkeypatch, lambda: pl.render_white(camera, target_error=0.5, threads=1, **quiet)) == white
@@ -341,16 +347,16 @@ def test_a_render_begins_with_what_was_estimated_of_it(monkeypatch):
 
 
 def test_estimates_keep_no_scene_alive():
-    times, camera = ExpectedTimes(), small_camera()
+    times, camera = TimeHistory(), small_camera()
     for n in range(40):
         scene = pl.Scene(background=1.0 + n)
-        times.note(Subject(scene, camera), n, seconds=float(n))
-        assert times.of(Subject(scene, camera), n) == n and times.of(Subject(None, camera), n) is None
+        times.record(Subject(scene, camera), n, seconds=float(n))
+        assert times.seconds_of(Subject(scene, camera), n) == n and times.seconds_of(Subject(None, camera), n) is None
     gone = weakref.ref(scene)
     del scene
     gc.collect()
-    assert gone() is None and times.of(Subject(None, camera), 39) is None
-    assert times.of(Subject(pl.Scene(background=40.0), camera), 39) is None
+    assert gone() is None and times.seconds_of(Subject(None, camera), 39) is None
+    assert times.seconds_of(Subject(pl.Scene(background=40.0), camera), 39) is None
 
 
 def test_batches_hold_as_many_samples_of_each_replicate():
@@ -364,7 +370,7 @@ def test_batches_hold_as_many_samples_of_each_replicate():
 
 
 def test_a_clock_leaves_time_to_finish_large_images():
-    now = time.perf_counter()
-    assert Clock(now - 0.5, 1.0).has_time(1)
-    assert not Clock(now - 0.5, 1.0, numbers=10**9).has_time(1)  # half of the limit at most
-    assert Clock(now - 0.3, 1.0, numbers=10**9).has_time(1)
+    begin = time.perf_counter()
+    assert Clock(begin - 0.5, 1.0).has_time(1)
+    assert not Clock(begin - 0.5, 1.0, numbers=10**9).has_time(1)  # half of the limit at most
+    assert Clock(begin - 0.3, 1.0, numbers=10**9).has_time(1)

@@ -22,7 +22,7 @@ import plenoptic as pl
 from plenoptic.camera.camera_record import camera_record
 from plenoptic.core.files.record_log import RecordLog
 from plenoptic.rendering.schedule import budget as budgets
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.rendering.schedule.checkpoint import KIND
 
 CAMERA = pl.camera.example_camera()
@@ -47,8 +47,8 @@ def quick(monkeypatch):
 
 def render(scene=None, camera=None, **arguments):
     """Nine tiles."""
-    given = {"region": np.s_[240:264, 240:264], "tile_side": 8, "threads": 1, "progress": False, **arguments}
-    return pl.render(scene or board(), camera or CAMERA, **given)
+    options = {"region": np.s_[240:264, 240:264], "tile_side": 8, "threads": 1, "progress": False, **arguments}
+    return pl.render(scene or board(), camera or CAMERA, **options)
 
 
 def assert_same(one, other):
@@ -65,7 +65,7 @@ def assert_same(one, other):
 @pytest.fixture
 def after_tiles(monkeypatch):
     """Calls a function with the number of a tile whenever one is to be rendered; and counts them."""
-    original = orders.render_tile
+    original = tile_jobs.render_tile
 
     def listen(function=lambda number: None):
         numbers = []
@@ -76,7 +76,7 @@ def after_tiles(monkeypatch):
                 function(len(numbers) - 1)
             return original(context, tile, *others, **named)
 
-        monkeypatch.setattr(orders, "render_tile", watched)
+        monkeypatch.setattr(tile_jobs, "render_tile", watched)
         return numbers
 
     return listen
@@ -109,9 +109,9 @@ def entries_of(path):
 def test_every_beginning_of_a_file_leads_to_the_same_bits(tmp_path, after_tiles, budget):
     path = tmp_path / "state"
     assert_same(render(checkpoint=path, **BUDGETS[budget]), unbroken(budget))
-    content, found = path.read_bytes(), entries_of(path)
-    ends = [content.index(b"\x93plenoptic rec\r\n"), *(end for _, end in found)]
-    assert len(found) >= 9 and ends[-1] == len(content)
+    content, records = path.read_bytes(), entries_of(path)
+    ends = [content.index(b"\x93plenoptic rec\r\n"), *(end for _, end in records)]
+    assert len(records) >= 9 and ends[-1] == len(content)
     # All of the first round, after which tiles are decided upon for the first time, and some of the others.
     chosen = sorted({*range(11), *range(11, len(ends), max(1, len(ends) // 6))} & {*range(len(ends))})
     numbers = after_tiles()
@@ -122,8 +122,8 @@ def test_every_beginning_of_a_file_leads_to_the_same_bits(tmp_path, after_tiles,
         path.write_bytes(content[:length])
         numbers.clear()
         assert_same(render(checkpoint=path, threads=1 + whole % 2, **BUDGETS[budget]), unbroken(budget))
-        assert len(numbers) == len(found) - whole  # what is there is not rendered again
-        assert len(entries_of(path)) == len(found)
+        assert len(numbers) == len(records) - whole  # what is there is not rendered again
+        assert len(entries_of(path)) == len(records)
 
 
 def test_batches_of_a_tile_go_on_too(tmp_path, after_tiles, monkeypatch):
@@ -156,23 +156,23 @@ CHANGES = {
 
 def test_other_samples_and_errors_go_on_from_what_is_there(tmp_path, after_tiles):
     numbers = after_tiles()
-    for what, (before, now, rendered) in CHANGES.items():
-        now, path = {**before, "samples": None, "target_error": None, **now}, tmp_path / what
+    for what, (before, budget, rendered) in CHANGES.items():
+        budget, path = {**before, "samples": None, "target_error": None, **budget}, tmp_path / what
         numbers.clear()
         render(checkpoint=path, **before)
-        there = set(numbers)
+        stored = set(numbers)
         numbers.clear()
-        fresh = render(**now)
-        alone = set(numbers)
+        fresh = render(**budget)
+        needed = set(numbers)
         numbers.clear()
-        assert_same(render(checkpoint=path, **now), fresh)
-        assert not there & set(numbers), what
+        assert_same(render(checkpoint=path, **budget), fresh)
+        assert not stored & set(numbers), what
         if rendered is None:  # fewer than without the file
-            assert 0 < len(numbers) < len(alone), what
+            assert 0 < len(numbers) < len(needed), what
         else:
             assert len(numbers) == rendered, what
         numbers.clear()
-        assert_same(render(checkpoint=path, **now), fresh)
+        assert_same(render(checkpoint=path, **budget), fresh)
         assert not numbers, what
     # A file has the tiles of its first render.
     path = tmp_path / "state"
@@ -277,15 +277,15 @@ def test_an_interrupted_rendering_with_a_time_limit_gets_further_each_time(tmp_p
 
 
 def test_it_is_put_on_the_disk_at_the_interval_and_at_the_end(tmp_path, monkeypatch):
-    path, seen = tmp_path / "state", []
+    path, flushed = tmp_path / "state", []
     render(samples=2, checkpoint=path)
     begun = path.read_bytes()
-    monkeypatch.setattr(RecordLog, "flush", lambda log: seen.append(len(entries_of(path))))
+    monkeypatch.setattr(RecordLog, "flush", lambda log: flushed.append(len(entries_of(path))))
     for interval, expected in ((1e9, [18]), (1e-9, [*[9] * 9, *range(10, 19), 18])):  # records are in the file before
         path.write_bytes(begun)
-        seen.clear()
+        flushed.clear()
         render(samples=8, checkpoint=path, checkpoint_interval=interval)
-        assert seen == expected
+        assert flushed == expected
 
     monkeypatch.setattr(RecordLog, "flush", raising(pl.errors.FileError(os.strerror(errno.EIO))))
     with pytest.warns(pl.errors.FileWarning, match="the checkpoint has not been written"):
@@ -298,7 +298,7 @@ OTHERS = (
     ({"sampler": pl.rendering.Sampler.RANDOM}, "sampler SOBOL, not RANDOM"),
     ({"max_bounces": 2}, "max_bounces 8, not 2"),
     ({"clamp": 0.5}, "clamp None, not 0.5"),
-    ({"caustics": pl.rendering.Caustics.LEFT_OUT}, "caustics KEPT, not LEFT_OUT"),
+    ({"caustics": pl.rendering.Caustics.EXCLUDE}, "caustics INCLUDE, not EXCLUDE"),
     ({"truth": pl.Truth.NONE}, "truth"),
     ({"region": np.s_[240:264, 239:263]}, r"region .240, 264, 240, 264., not .240, 264, 232, 264."),
     ({"scene": board(2.0)}, "another scene"),
@@ -316,7 +316,7 @@ def finished(tmp_path_factory):
 
 
 def test_checkpoints_that_cannot_be_used_are_refused_before_anything_is_rendered(tmp_path, finished, monkeypatch):
-    monkeypatch.setattr(orders, "render_tile", raising(AssertionError("a tile has been rendered")))
+    monkeypatch.setattr(tile_jobs, "render_tile", raising(AssertionError("a tile has been rendered")))
     path = tmp_path / "state"
     for content, message, arguments in (
         *((finished, f"belongs to another render, with .*{message}", arguments) for arguments, message in OTHERS),
@@ -337,7 +337,7 @@ def test_checkpoints_that_cannot_be_used_are_refused_before_anything_is_rendered
 
 @pytest.fixture
 def files(monkeypatch):
-    """Those of checkpoints that have been opened."""
+    """Open checkpoint files."""
     opened, begin = [], RecordLog.__init__
 
     def listening(log, *given):
@@ -352,17 +352,17 @@ def test_the_file_is_closed_on_every_way_out(tmp_path, finished, files, monkeypa
     path = tmp_path / "state"
     places = [f"rendering.schedule.scheduler.{name}" for name in ("cut_into_tiles", "drive", "exposure_of")]
     places.append("camera.conditioning.camera_conditioning")
-    for there, place, error in itertools.product(
+    for existing, place, error in itertools.product(
         (True, False), places, (KeyboardInterrupt("now"), pl.errors.InvalidValueError("now"))
     ):
         path.unlink(missing_ok=True)
-        if there:
+        if existing:
             path.write_bytes(finished)
         files.clear()
         with monkeypatch.context() as failing, pytest.raises(type(error), match="now"):
             failing.setattr(f"plenoptic.{place}", raising(error))
             render(samples=8, conditioning=4, checkpoint=path)
-        assert all(file.closed for file in files) and (files or not there), (there, place)
+        assert all(file.closed for file in files) and (files or not existing), (existing, place)
     files.clear()
     render(samples=8, checkpoint=path)
     path.write_bytes(finished)
@@ -389,7 +389,7 @@ sys.stdout.flush()
 
 
 def start(path, arguments):
-    """A process that renders with a checkpoint, and the file of what it has printed: nobody must wait for a reader."""
+    """Process that renders with a checkpoint, and the file of its output: it must not wait for a reader."""
     out = tempfile.TemporaryFile()  # noqa: SIM115
     command = [sys.executable, "-c", RENDERING, str(path), *BITS, "stats", "samples", "replicates", "seed"]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=out, start_new_session=True)
@@ -424,21 +424,21 @@ def test_a_rendering_that_is_killed_again_and_again_gives_the_same_bits(tmp_path
     process, out = start(path, arguments)
     assert process.wait(timeout=300) == 0
     out.seek(0)
-    found = types.SimpleNamespace(**pickle.load(out))
-    assert paths[-1] < found.stats.paths, "it was finished before it was killed the last time"
+    loaded = types.SimpleNamespace(**pickle.load(out))
+    assert paths[-1] < loaded.stats.paths, "it was finished before it was killed the last time"
     assert os.listdir(tmp_path) == ["state"]
-    assert_same(found, pl.render(board(), CAMERA, progress=False, **arguments))
+    assert_same(loaded, pl.render(board(), CAMERA, progress=False, **arguments))
 
 
 def test_a_checkpoint_of_another_kind_of_processor_goes_on_with_a_warning(tmp_path, monkeypatch):
     # Bits depend on instructions: a cluster of several kinds mixed them without a word.
-    path, here = tmp_path / "shot.part", render(samples=4).stats.processors
-    assert len(here) == 1
+    path, processors = tmp_path / "shot.part", render(samples=4).stats.processors
+    assert len(processors) == 1
     with monkeypatch.context() as elsewhere:
         elsewhere.setattr("plenoptic.core.numba.jit.processor", lambda: "another kind")
         assert render(samples=4, checkpoint=path).stats.processors == ("another kind",)
     with pytest.warns(pl.errors.PlenopticWarning, match="begun on another kind of processor, another kind; this is "):
         shot = render(samples=4, checkpoint=path)
-    assert shot.stats.processors == ("another kind", *here)
+    assert shot.stats.processors == ("another kind", *processors)
     shot.save(tmp_path / "shot.exr")
     assert pl.Exposure.load(tmp_path / "shot.exr").stats.processors == shot.stats.processors

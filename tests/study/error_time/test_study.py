@@ -12,7 +12,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.command.main import main
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.study import ErrorRow, ErrorTable, Variant, default_variants
 from plenoptic.study.cameras import reference_camera, smooth_camera
 from plenoptic.study.error_time import error_cases
@@ -63,7 +63,7 @@ def test_rows_find_what_was_put_in():
 
 
 def test_an_interrupted_study_keeps_the_rows_it_has(monkeypatch):
-    original, settings = orders.render_tile, {"seeds": 2, "reference_samples": 64, "progress": False}
+    original, settings = tile_jobs.render_tile, {"seeds": 2, "reference_samples": 64, "progress": False}
 
     def interrupted(context, tile, batch, *arguments, **named):
         if batch.samples == 32:
@@ -71,7 +71,7 @@ def test_an_interrupted_study_keeps_the_rows_it_has(monkeypatch):
         return original(context, tile, batch, *arguments, **named)
 
     whole = pl.study.error_against_time(None, conventional(5.0, side=8), samples=(8, 16), **settings)
-    monkeypatch.setattr(orders, "render_tile", interrupted)
+    monkeypatch.setattr(tile_jobs, "render_tile", interrupted)
     with pytest.warns(pl.errors.BudgetWarning, match="interrupted"):
         table = pl.study.error_against_time(None, conventional(5.0, side=8), samples=(8, 16, 32), **settings)
     assert table.interrupted and "interrupted" in repr(table)

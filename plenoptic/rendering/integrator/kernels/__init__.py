@@ -1,1 +1,1 @@
-"""Kernels: emission, direct light, and the next ray."""
+"""Kernels of light transport: emission, direct light and scattering."""

@@ -1,4 +1,4 @@
-"""The next rays of paths."""
+"""Scattering: BSDF sampling of the next rays of paths."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ _UNIT_53 = 2.0**-53
 
 
 @device
-def _number(key, index, salt):
-    """A random number in [0, 1) beside those of the Sobol points."""
+def _random_number(key, index, salt):
+    """Random number in [0, 1), independent of the Sobol points."""
     return np.float64(mix(mix(key, salt), np.uint64(index)) >> np.uint64(11)) * _UNIT_53
 
 
 @kernel
-def sample_bsdf(onward, source, interactions, queue, bsdf, wavelengths, russian_roulette):
-    """Sample scattered rays by the BSDFs and rows 2 and 3 of random numbers; returns the number of rays.
+def sample_bsdf(new, source, interactions, queue, bsdf, wavelengths, russian_roulette):
+    """Sample the scattered rays from the BSDF and rows 2 and 3 of the random numbers; return their number.
 
-    `source`, where it is wanted, names the interaction each ray comes from, and is negative (-1 - interaction) where
-    the ray has gone through it. With Russian roulette, paths go on with a probability of their surface's albedo.
+    `source`, unless None, is the index of each ray's interaction; it is negative (-1 - index) for a transmitted ray.
+    With Russian roulette, paths survive with the probability of their largest BSDF weight.
     """
-    next_rays, next_path, next_throughput, next_pdf = onward.rays, onward.path, onward.throughput, onward.pdf
+    next_rays, next_path, next_throughput, next_pdf = (new.rays, new.path, new.throughput, new.pdf)
     rows, ray_of, path_of = interactions.rows, interactions.ray, interactions.path
     material_of, base_color, random = interactions.material, interactions.base_color, interactions.random
     rays = queue.rays
@@ -45,7 +45,7 @@ def sample_bsdf(onward, source, interactions, queue, bsdf, wavelengths, russian_
     basis = wavelengths.basis
     channels = base_color.shape[1]
     f = np.empty(channels)
-    onwards = 0
+    n_rays = 0
     for i in range(material_of.size):
         path, ray = path_of[i], ray_of[i]
         normal = row_vector(rows, i, SHADING_NORMAL)
@@ -58,36 +58,36 @@ def sample_bsdf(onward, source, interactions, queue, bsdf, wavelengths, russian_
         lobe = 0.0
         if glass_index is not None:
             if surface.eta > 0.0 and surface.roughness > 0.0:
-                lobe = _number(key, index, _LOBE)
+                lobe = _random_number(key, index, _LOBE)
         for c in range(channels):
             f[c] = base_color[i, c]
-        drawn, pdf, spread = sample(
+        direction, pdf, radiance_scale = sample(
             f, surface, to_viewer, (random[2, i], random[3, i], lobe), metal_index, coupling, basis
         )
         w = (
-            drawn[0] * frame[0][0] + drawn[1] * frame[1][0] + drawn[2] * normal[0],
-            drawn[0] * frame[0][1] + drawn[1] * frame[1][1] + drawn[2] * normal[1],
-            drawn[0] * frame[0][2] + drawn[1] * frame[1][2] + drawn[2] * normal[2],
+            direction[0] * frame[0][0] + direction[1] * frame[1][0] + direction[2] * normal[0],
+            direction[0] * frame[0][1] + direction[1] * frame[1][1] + direction[2] * normal[1],
+            direction[0] * frame[0][2] + direction[1] * frame[1][2] + direction[2] * normal[2],
         )
-        beyond = dot(w, row_vector(rows, i, NORMAL))
+        cosine = dot(w, row_vector(rows, i, NORMAL))
         largest = 0.0
         for c in range(channels):
             largest = max(largest, f[c])
-        if pdf == 0.0 or beyond * drawn[2] <= 0.0 or not largest > 0.0:
+        if pdf == 0.0 or cosine * direction[2] <= 0.0 or not largest > 0.0:
             continue
         if russian_roulette and largest < 1.0:
-            if _number(key, index, _ROULETTE) >= largest:
+            if _random_number(key, index, _ROULETTE) >= largest:
                 continue
-            spread /= largest
-        fill_vector(next_rays, onwards, 0, leaving_point(rows, i, beyond))
-        # A step of Newton's towards unit length, so that it stays however often a path turns.
-        fill_vector(next_rays, onwards, 3, scale(w, 1.5 - 0.5 * dot(w, w)))
-        next_path[onwards] = path
+            radiance_scale /= largest
+        fill_vector(next_rays, n_rays, 0, leaving_point(rows, i, cosine))
+        # One Newton step towards unit length, so that rounding errors do not accumulate over bounces.
+        fill_vector(next_rays, n_rays, 3, scale(w, 1.5 - 0.5 * dot(w, w)))
+        next_path[n_rays] = path
         for c in range(channels):
             through = 1.0 if throughput is None else throughput[ray, c]
-            next_throughput[onwards, c] = through * f[c] * spread
-        next_pdf[onwards] = pdf
+            next_throughput[n_rays, c] = through * f[c] * radiance_scale
+        next_pdf[n_rays] = pdf
         if source is not None:
-            source[onwards] = i if beyond > 0.0 else -1 - i
-        onwards += 1
-    return onwards
+            source[n_rays] = i if cosine > 0.0 else -1 - i
+        n_rays += 1
+    return n_rays

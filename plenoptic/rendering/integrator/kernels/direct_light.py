@@ -1,4 +1,4 @@
-"""Direct light of the emitters that were sampled for surfaces."""
+"""Direct light: contributions of sampled lights."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from plenoptic.scene.materials.record import INSIDE, OUTSIDE
 
 @kernel
 def eval_direct(shadow, interactions, drawn, queue, bsdf, wavelengths):
-    """Weigh the lights that were drawn for surfaces; returns how many shadow rays there are to follow.
+    """Evaluate the sampled lights at the interactions; return the number of shadow rays.
 
-    Light that the ray onwards could have found too counts in part.
+    Lights that BSDF sampling can also hit are weighted by multiple importance sampling.
     """
     shadow_rays, shadow_path, shadow_radiance = shadow.rays, shadow.path, shadow.radiance
     rows, ray_of, path_of = interactions.rows, interactions.ray, interactions.path
@@ -38,20 +38,20 @@ def eval_direct(shadow, interactions, drawn, queue, bsdf, wavelengths):
     basis = wavelengths.basis
     channels = base_color.shape[1]
     f = np.empty(channels)
-    shadows = 0
+    n_shadow = 0
     for i in range(material_of.size):
-        bright = 0.0
+        max_radiance = 0.0
         for c in range(channels):
-            bright = max(bright, radiance[i, c])
-        if not bright > 0.0:
+            max_radiance = max(max_radiance, radiance[i, c])
+        if not max_radiance > 0.0:
             continue
         material, path, ray = material_of[i], path_of[i], ray_of[i]
         normal = row_vector(rows, i, SHADING_NORMAL)
         frame = frame_about(normal)
         w = row_vector(lights, i, DIRECTION)
         to_light = to_local(w, frame, normal)
-        beyond = dot(w, row_vector(rows, i, NORMAL))
-        if not beyond * to_light[2] > 0.0:
+        cosine = dot(w, row_vector(rows, i, NORMAL))
+        if not cosine * to_light[2] > 0.0:
             continue
         to_viewer = to_local(negate(row_vector(rays, ray, 3)), frame, normal)
         surface = surface_at(
@@ -60,23 +60,23 @@ def eval_direct(shadow, interactions, drawn, queue, bsdf, wavelengths):
         for c in range(channels):
             f[c] = base_color[i, c]
         pdf = evaluate(f, surface, to_viewer, to_light, metal_index, coupling, basis)
-        counts = 1.0 if lights[i, PDF] < 0.0 else weight(lights[i, PDF], pdf)
+        mis_weight = 1.0 if lights[i, PDF] < 0.0 else weight(lights[i, PDF], pdf)
         if glass_index is not None:
             if to_light[2] < 0.0:
                 eta = glass_index[material, INSIDE] / glass_index[material, OUTSIDE]
-                counts *= 1.0 / (eta * eta) if rows[i, FRONT] > 0.0 else eta * eta
+                mis_weight *= 1.0 / (eta * eta) if rows[i, FRONT] > 0.0 else eta * eta
         brightest = 0.0
         for c in range(channels):
             through = 1.0 if throughput is None else throughput[ray, c]
-            shadow_radiance[shadows, c] = through * f[c] * radiance[i, c] * counts
-            brightest = max(brightest, shadow_radiance[shadows, c])
+            shadow_radiance[n_shadow, c] = through * f[c] * radiance[i, c] * mis_weight
+            brightest = max(brightest, shadow_radiance[n_shadow, c])
         if brightest > 0.0:
-            origin = leaving_point(rows, i, beyond)
-            fill_vector(shadow_rays, shadows, 0, origin)
-            fill_vector(shadow_rays, shadows, 3, sub(row_vector(lights, i, END), origin))
-            shadow_path[shadows] = path
-            shadows += 1
-    return shadows
+            origin = leaving_point(rows, i, cosine)
+            fill_vector(shadow_rays, n_shadow, 0, origin)
+            fill_vector(shadow_rays, n_shadow, 3, sub(row_vector(lights, i, END), origin))
+            shadow_path[n_shadow] = path
+            n_shadow += 1
+    return n_shadow
 
 
 @kernel

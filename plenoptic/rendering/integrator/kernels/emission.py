@@ -1,4 +1,4 @@
-"""Emission at the hits of paths, and of the sky."""
+"""Emission at the hits of rays, and of the sky."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from plenoptic.scene.textures.kernels.lookup import fill_texel
 
 @kernel
 def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
-    """Add the emission of the surfaces that rays hit, and of the sky where they hit nothing.
+    """Add the emission of the surfaces that rays hit, and of the sky for rays without a hit.
 
-    `queue.pdf` is the density by which a ray's direction was drawn, None for rays straight from the camera: directions
-    that have been drawn as a light too counts in part. With `queue.rough` (1 for paths that a rough surface has
-    scattered), light that mirrors throw on rough surfaces does not count.
+    `queue.pdf` is the density by which a ray's direction was sampled, None for rays from the camera: emission that
+    light sampling can also reach is weighted by multiple importance sampling. With `queue.rough` (1 for paths scattered
+    by a rough surface), specular paths from rough surfaces to lights (caustics) do not count.
     """
     rays, path_of = queue.rays, queue.path
     throughput = queue.throughput
@@ -59,55 +59,59 @@ def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
         channels = sun_colors.shape[1]
     if environment_texels is not None:
         channels = environment_texels.shape[2]
-    seen = np.empty(channels)
+    emission_at_hit = np.empty(channels)
     for i in range(hit.size):
         k = hit[i]
         path = path_of[i]
-        drawn = DELTA if pdf is None else pdf[i]
+        ray_pdf = DELTA if pdf is None else pdf[i]
         if rough is not None:
-            if rough[i] != 0 and drawn < 0.0:
+            if rough[i] != 0 and ray_pdf < 0.0:
                 continue
         if k < 0:
             if background is None and suns is None and environment_texels is None:
                 continue
             direction = row_vector(rays, i, 3)
-            # A constant background is not drawn directly, and counts in full.
+            # A constant background is not sampled directly, and counts in full.
             for c in range(channels):
-                seen[c] = 0.0 if background is None else background[c]
+                emission_at_hit[c] = 0.0 if background is None else background[c]
             if suns is not None:
-                add_suns(seen, direction, drawn, suns, sun_colors)
+                add_suns(emission_at_hit, direction, ray_pdf, suns, sun_colors)
             if environment_texels is not None:
                 probability = environment.probability
-                add_environment(seen, direction, drawn, environment_texels, environment_pdf, rotation, probability)
+                add_environment(
+                    emission_at_hit, direction, ray_pdf, environment_texels, environment_pdf, rotation, probability
+                )
         else:
             if emitted is None:
                 continue
             material = triangle_material[k]
             brightest = 0.0
             for c in range(channels):
-                seen[c] = emitted[material, c]
-                brightest = max(brightest, seen[c])
+                emission_at_hit[c] = emitted[material, c]
+                brightest = max(brightest, emission_at_hit[c])
             if not brightest > 0.0:
                 continue
             direction = row_vector(rays, i, 3)
             instance = -1 if instances is None else instances[i]
             triangle = corners(vertices, triangles, k, instance_to_world, instance)
             t, u, v, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
-            along = dot(normal, direction)
-            front = (along < 0.0) != is_mirrored(instance_to_world, instance)
+            normal_component = dot(normal, direction)
+            front = (normal_component < 0.0) != is_mirrored(instance_to_world, instance)
             if (not front and two_sided[material] == 0) or not t > 0.0:
                 continue
             if texture_row is not None:
                 texture = texture_row[material]
                 if texture >= 0:
                     tu, tv = interpolate_uv(uv, triangles, k, u, v)
-                    fill_texel(seen, texels, textures[texture], tu, tv)
-            if area_pdf is not None and drawn > 0.0:
-                far = t if travelled is None else t + travelled[i]
-                cosine = abs(along) / math.sqrt(dot(normal, normal))
-                counts = weight(drawn, area_pdf[material] * far * far / cosine)
+                    fill_texel(emission_at_hit, texels, textures[texture], tu, tv)
+            if area_pdf is not None and ray_pdf > 0.0:
+                path_length = t if travelled is None else t + travelled[i]
+                cosine = abs(normal_component) / math.sqrt(dot(normal, normal))
+                mis_weight = weight(ray_pdf, area_pdf[material] * path_length * path_length / cosine)
                 for c in range(channels):
-                    seen[c] *= counts
-        wave = wavelength_index(waves, path)
+                    emission_at_hit[c] *= mis_weight
+        wave = wave_of(waves, path)
         for c in range(radiance.shape[1]):
-            radiance[path, c] += one_channel(seen, c, basis, wave) * (1.0 if throughput is None else throughput[i, c])
+            radiance[path, c] += one_channel(emission_at_hit, c, basis, wave) * (
+                1.0 if throughput is None else throughput[i, c]
+            )

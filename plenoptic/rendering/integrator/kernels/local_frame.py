@@ -1,4 +1,4 @@
-"""Directions about shading normals, and rays that leave surfaces: device functions."""
+"""Local frames about shading normals, and origins of rays that leave surfaces: device functions."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from plenoptic.scene.geometry.record import NORMAL, OFFSET, POINT
 
 @device
 def to_local(direction, frame, normal):
-    """A direction of the world along two unit vectors across a normal, and along it."""
+    """Components of a world direction along two tangents and the normal."""
     return dot(direction, frame[0]), dot(direction, frame[1]), dot(direction, normal)
 
 
 @device
-def leaving_point(rows, i, beyond):
-    """Origin of a ray that leaves a surface, offset to the side given by the sign of `beyond`, its direction along the
-    normal.
-    """
-    off = rows[i, OFFSET] if beyond > 0.0 else -rows[i, OFFSET]
+def leaving_point(rows, i, cosine):
+    """Origin of a ray that leaves a surface: offset to the side of the sign of its normal component `cosine`."""
+    offset = rows[i, OFFSET] if cosine > 0.0 else -rows[i, OFFSET]
     p, n = row_vector(rows, i, POINT), row_vector(rows, i, NORMAL)
-    return p[0] + off * n[0], p[1] + off * n[1], p[2] + off * n[2]
+    return p[0] + offset * n[0], p[1] + offset * n[1], p[2] + offset * n[2]

@@ -1,4 +1,4 @@
-"""The random numbers of paths in the scene: the kernel."""
+"""Random streams of paths in the scene."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from plenoptic.core.numba.jit import kernel
 
 @kernel
 def fill_path_keys(keys, indices, start, batch, number):
-    """The random stream of each path of a bundle and the path's number in it."""
+    """Random stream of each path of a bundle, and the path's index in it."""
     for k in range(keys.size):
         pixel, replicate, index = path_indices(start + k, batch.samples, batch.streams)
         keys[k] = stream(batch.seed, number[pixel], batch.first_stream + replicate)

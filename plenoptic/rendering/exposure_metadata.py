@@ -1,4 +1,4 @@
-"""Metadata of an exposure, known before its pixels are read."""
+"""Metadata of an exposure, available before its pixels are read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import seed_number
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.rendering.frame import checked_region, region_text
+from plenoptic.rendering.crop import checked_region, region_text
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.truth.channels import CHANNELS, GroundTruth, truth_names
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
 
 EXPOSURE_NAMES = ("image", "standard_error", "sample_counts")
-"""The arrays of an exposure beside the truth."""
+"""Names of the arrays of an exposure other than the truth."""
 
 
-class Head(NamedTuple):
-    """All of an exposure but its pixels; fields are called as those of `Exposure`."""
+class ExposureMetadata(NamedTuple):
+    """All of an exposure except its pixels; fields have the names of `Exposure`."""
 
     shape: tuple[int, int, int]
-    """Of the image: rows, columns and channels."""
+    """Rows, columns and channels of the image."""
     arrays: tuple[str, ...]
-    """Those that are there: of `EXPOSURE_NAMES`, and fields of `GroundTruth`."""
+    """Names of the existing arrays: of `EXPOSURE_NAMES`, and fields of `GroundTruth`."""
     samples: int | None = None
     replicates: int | None = None
     seed: int | tuple[int, ...] | None = None
@@ -42,18 +42,18 @@ class Head(NamedTuple):
     object_names: tuple[str, ...] | None = None
 
     @property
-    def place(self) -> tuple[int, int, int, int]:
-        """The region on the sensor, that of the whole sensor too."""
+    def sensor_region(self) -> tuple[int, int, int, int]:
+        """The region on the sensor, also if it is the whole sensor."""
         return self.region or (0, self.shape[0], 0, self.shape[1])
 
     @property
     def seeds(self) -> tuple[int, ...]:
-        """All of them; none where they are not known."""
+        """All seeds; empty if unknown."""
         return self.seed if isinstance(self.seed, tuple) else () if self.seed is None else (self.seed,)
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Metadata that is stored beside the arrays, by the names of fields."""
+        """Metadata stored as texts, by the names of fields."""
         return {name: getattr(self, name) for name in FACTS}
 
     def __repr__(self) -> str:
@@ -72,42 +72,42 @@ class Head(NamedTuple):
         return f"Exposure({', '.join(facts)})"
 
 
-FACTS = Head._fields[2:]
-"""What files keep as texts."""
+FACTS = ExposureMetadata._fields[2:]
+"""Fields stored as texts in files."""
 
 
-def head_of(exposure: Exposure) -> Head:
+def metadata_of(exposure: Exposure) -> ExposureMetadata:
     """Metadata of an exposure in memory."""
     facts = {name: getattr(exposure, name) for name in FACTS}
-    return Head(exposure.image.shape, tuple(pixels_of(exposure)), **facts)  # type: ignore[arg-type]
+    return ExposureMetadata(exposure.image.shape, tuple(pixels_of(exposure)), **facts)  # type: ignore[arg-type]
 
 
-def checked_head(shape: tuple[int, ...], arrays: Iterable[str], facts: Mapping[str, Any]) -> Head:
-    """Check the metadata of an image of this shape; raises InvalidValueError, as `Exposure`, for impossible facts."""
+def checked_metadata(shape: tuple[int, ...], arrays: Iterable[str], facts: Mapping[str, Any]) -> ExposureMetadata:
+    """Metadata of an image of this shape; raises InvalidValueError, as `Exposure` does, for impossible facts."""
     from plenoptic.rendering.exposure import Exposure  # knows this module
 
     if len(shape) != 3 or 0 in shape:
         raise InvalidValueError(f"image has shape {shape}; it must be (H, W, 1) or (H, W, 3), not empty")
     region = facts.get("region")
-    placed = None if region is None else checked_region(region, shape[:2])
-    others = {name: fact for name, fact in facts.items() if name != "region"}
-    one_pixel = Exposure(np.zeros((1, 1, shape[2])), **others)
-    return head_of(one_pixel)._replace(shape=shape, arrays=tuple(arrays), region=placed)  # type: ignore[arg-type]
+    checked = None if region is None else checked_region(region, shape[:2])
+    other_facts = {name: fact for name, fact in facts.items() if name != "region"}
+    one_pixel = Exposure(np.zeros((1, 1, shape[2])), **other_facts)
+    return metadata_of(one_pixel)._replace(shape=shape, arrays=tuple(arrays), region=checked)  # type: ignore[arg-type]
 
 
-def checked_seed(given: int | Sequence[int]) -> int | tuple[int, ...]:
-    """A seed, or several different ones in their order, or an error."""
-    if isinstance(given, tuple | list):
-        seeds = sorted({seed_number(one) for one in given})
-        if len(seeds) < 2 or len(seeds) < len(given):
-            raise InvalidValueError(f"seed is {given!r}; it must be a number, or two different ones or more")
+def checked_seed(seed: int | Sequence[int]) -> int | tuple[int, ...]:
+    """Return a seed, or several different ones in order; raise InvalidValueError otherwise."""
+    if isinstance(seed, tuple | list):
+        seeds = sorted({seed_number(number) for number in seed})
+        if len(seeds) < 2 or len(seeds) < len(seed):
+            raise InvalidValueError(f"seed is {seed!r}; it must be a number, or two different ones or more")
         return tuple(seeds)
-    return seed_number(cast(int, given))
+    return seed_number(cast(int, seed))
 
 
 @contextmanager
-def possible(path: Any) -> Iterator[None]:
-    """An InvalidValueError becomes a FileError that says which file holds no exposure."""
+def impossible_as_file_error(path: Any) -> Iterator[None]:
+    """Context manager that turns InvalidValueError into FileError with the path of a file without valid exposure."""
     try:
         yield
     except InvalidValueError as error:
@@ -115,13 +115,13 @@ def possible(path: Any) -> Iterator[None]:
 
 
 def pixels_of(exposure: Exposure) -> dict[str, NDArray[Any]]:
-    """The arrays of an exposure by their names, truth last."""
-    own = {name: found for name in EXPOSURE_NAMES if (found := getattr(exposure, name)) is not None}
-    return own | dict({} if exposure.truth is None else exposure.truth.arrays())
+    """Arrays of an exposure by their names, truth last."""
+    arrays = {name: array for name in EXPOSURE_NAMES if (array := getattr(exposure, name)) is not None}
+    return arrays | dict({} if exposure.truth is None else exposure.truth.arrays())
 
 
 def fields_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """The way back: the fields of an exposure that has these arrays."""
+    """Fields of an exposure with these arrays: the inverse of `pixels_of`."""
     truth = {name: array for name, array in arrays.items() if name in CHANNELS}
-    own = {name: array for name, array in arrays.items() if name in EXPOSURE_NAMES}
-    return {**own, "truth": GroundTruth(**truth) if truth else None}
+    exposure_arrays = {name: array for name, array in arrays.items() if name in EXPOSURE_NAMES}
+    return {**exposure_arrays, "truth": GroundTruth(**truth) if truth else None}

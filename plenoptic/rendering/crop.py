@@ -1,4 +1,4 @@
-"""Parts of the sensor's frame: the one that an exposure holds, and the samples in it."""
+"""Crops of the sensor: validation of regions, and texts about regions and sample counts."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from plenoptic.errors import InvalidValueError
 
 
 def samples_text(counts: NDArray[Any]) -> str:
-    """Distribution of samples over the frame: 64 samples in 40 % of the pixels, 8 to 56 in 35 %, none in 25 %."""
-    most, between = int(counts.max()), counts[(counts > 0) & (counts < counts.max())]
-    parts = [f"{most or 'no'} samples in {100 * np.mean(counts == most):.3g} % of the pixels"]
-    if between.size:
-        low, high = int(between.min()), int(between.max())
+    """Text on the sample counts of a crop: 64 samples in 40 % of the pixels, 8 to 56 in 35 %, none in 25 %."""
+    highest, fewer = int(counts.max()), counts[(counts > 0) & (counts < counts.max())]
+    parts = [f"{highest or 'no'} samples in {100 * np.mean(counts == highest):.3g} % of the pixels"]
+    if fewer.size:
+        low, high = int(fewer.min()), int(fewer.max())
         parts.append(f"{low} to {high}" if low < high else f"{low}")
-        parts[-1] += f" in {100 * between.size / counts.size:.3g} %"
-    if most and not counts.all():
+        parts[-1] += f" in {100 * fewer.size / counts.size:.3g} %"
+    if highest and not counts.all():
         parts.append(f"none in {100 * np.mean(counts == 0):.3g} %")
     return ", ".join(parts)
 
 
 def region_text(region: tuple[int, int, int, int]) -> str:
-    """For a line of facts: rows 0:4, columns 2:6."""
+    """Text on a region: rows 0:4, columns 2:6."""
     first_row, end_row, first_column, end_column = region
     return f"rows {first_row}:{end_row}, columns {first_column}:{end_column}"
 
 
 def checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[int, ...]:
-    """First row, end row, first column and end column of an image of this shape, or an error."""
+    """First row, end row, first column and end column of an image of this shape; raise InvalidValueError otherwise."""
     if not isinstance(region, tuple | list) or len(region) != 4:
         raise InvalidValueError(f"region is {region!r}; it must be (first row, end row, first column, end column)")
     checked = tuple(whole(number, "region", at_least=0) for number in region)
@@ -45,5 +45,5 @@ def checked_region(region: tuple[int, ...], shape: tuple[int, ...]) -> tuple[int
 
 
 def counts_in(plane: NDArray[Any] | None, samples: Any) -> NDArray[Any] | None:
-    """Counts of samples of a file, which are rounded beyond 2^24."""
+    """Sample counts read from a file, which are rounded beyond 2^24, clipped to the number of samples."""
     return plane if plane is None or not isinstance(samples, int) else np.minimum(plane.astype(np.float64), samples)

@@ -1,0 +1,301 @@
+"""Views of a focused camera: rendering of one picture from its raw image."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plenoptic.camera.assembly import array_axes
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.parallel import thread_count
+from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
+from plenoptic.core.waiting.bar import Waiting
+from plenoptic.core.warn import warn
+from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.focused.edges import correct_edges, edge_weights, mean_light
+from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil, paraxial_pupil, pixel_rays
+from plenoptic.lightfield.focused.splats import (
+    Grid,
+    Splats,
+    Surfaces,
+    footprints,
+    grid_of,
+    sort_splats,
+    splat_picture,
+    surface_depth,
+)
+from plenoptic.lightfield.focused.view import View
+from plenoptic.lightfield.micro_image_matching import focused_array
+from plenoptic.lightfield.object_planes import image_distance_behind_array
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, checked_viewpoint, raw_arrays, relative_light
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.rendering.exposure import Exposure
+
+LEAST_LIGHT = 0.1
+_FINEST = 0.01
+"""Minimum pixel width of a picture, as a fraction of the pitch."""
+_OVERSHOOT = 0.25
+"""Largest excess of a picture over its samples, as a fraction of their range; deblurring and noise cause some."""
+_PIXELS_PER_PITCH = 6
+"""Pixels of a view per pitch."""
+_QUADRATIC, _LINEAR = 6, 3
+"""Terms of the fitted functions."""
+
+
+class RawRays(NamedTuple):
+    """A raw image, and the rays of its pixels."""
+
+    camera: PlenopticCamera
+    array: MicrolensArray
+    pupil: Pupil
+    planes: RawArrays
+    rays: PixelRays
+
+
+class Focus(NamedTuple):
+    """Disparities at which pictures are in focus."""
+
+    disparity: Floats
+    """(n,): disparity of the rays, in pitches."""
+    everywhere: bool
+    """True if each pixel has its own disparity (total focus)."""
+
+
+class Samples(NamedTuple):
+    """Samples of pictures from any viewpoint."""
+
+    raw: RawRays
+    splats: Splats
+    """In the order of the rays; `first`, `offset` and `area` are not set yet."""
+    grid: Grid
+    terms: int
+
+
+def render_view(  # noqa: PLR0913
+    shot: Exposure,
+    white: Exposure,
+    disparity: ArrayLike | None = None,
+    *,
+    z: float | None = None,
+    viewpoint: tuple[float, float] = (0.0, 0.0),
+    aperture: float | None = None,
+    spacing: float | None = None,
+    least_light: float = LEAST_LIGHT,
+    camera: PlenopticCamera | None = None,
+    threads: int | None = None,
+    progress: bool = True,
+) -> View:
+    """Render a view from the raw image of a focused plenoptic camera (2.0), in focus everywhere or on one plane.
+
+    Parameters
+    ----------
+    shot, white : Exposure
+        As in `decode`.
+    disparity : (H, W) array_like or float, optional
+        Disparity of each pixel of the shot, as `GroundTruth.chord_disparity` and `DepthMap.disparity`, nan if unknown:
+        the picture is in focus everywhere (total focus), with occlusion. A number: the picture is refocused at this
+        disparity.
+    z : float, optional
+        In place of a disparity, z in mm of the plane of refocusing in the camera's frame, by Gaussian optics.
+    viewpoint : (float, float), optional
+        Point of the pupil from which the scene is seen, to the right and up, in semi-diameters of the iris.
+    aperture : float, optional
+        Largest distance from the viewpoint at which the rays of used pixels pass the pupil, in semi-diameters of the
+        iris. None: all pixels. Refocused pictures have the depth of field of this aperture; pictures in total focus
+        change only at glossy surfaces, and in noise.
+    spacing : float, optional
+        Distance of the picture's pixels on the array, in mm. None: a sixth of the pitch.
+    least_light : float, optional
+        Pixels are used where the white image has at least this fraction of its 99th percentile.
+    camera : PlenopticCamera, optional
+        The camera, if the shot does not store it.
+    threads : int, optional
+        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
+    progress : bool, optional
+        Whether to show the progress, or that something is being compiled, after one second.
+
+    Returns
+    -------
+    View
+        Upright, also if the array is rotated. A pixel is the mean over its area. Pixels lie at whole multiples of the
+        spacing from the centre of the array, so that the view of a region is part of that of the whole.
+
+    Raises
+    ------
+    InvalidValueError
+        If there are no microlenses on a lattice, if they are focused at infinity, unless exactly one of disparity and z
+        is given, or if a number is out of range.
+
+    Notes
+    -----
+    A pixel's ray passes the optical centre of its microlens at c and the pupil, D before the array, at p. With the
+    image of its point a = b pitch / (disparity pixel pitch) behind the array, light of the point that passes the
+    viewpoint P meets the array at c + (P - p) a / (D + a).
+
+    At these points the pixels are samples of the picture. Around each picture pixel a quadratic function (a linear one
+    for refocusing) is fitted to the samples. The function is averaged over each sample's footprint: the raw pixel, and
+    the aperture of a defocused microlens. Sharper and brighter samples weigh more. Samples whose positions differ by a
+    pixel at the rim of the pupil belong to different surfaces; the nearest surface is visible where its samples are
+    dense enough. Pixels near depth edges weigh a twentieth.
+
+    A refocused picture averages the aperture of the main lens at as many points as microlenses see an object point.
+    Out of focus, their separate images remain visible.
+
+    References
+    ----------
+    T. Georgiev and A. Lumsdaine, Computer Graphics Forum 29 (2010), doi:10.1111/j.1467-8659.2009.01569.x, for patches;
+    H. Takeda, S. Farsiu and P. Milanfar, IEEE Trans. Image Process. 16 (2007), doi:10.1109/TIP.2006.888330, for
+    regression.
+
+    Examples
+    --------
+    >>> import numpy as np, plenoptic as pl
+    >>> camera = pl.PlenopticCamera(
+    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
+    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
+    ...     sensor=pl.Sensor(shape=(96, 96), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> shot = pl.render(pl.check_scene(), camera, samples=64, progress=False, truth=pl.Truth.CHORD_DISPARITY)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> view = pl.lightfield.render_view(shot, white, shot.truth.chord_disparity)
+    >>> view, bool(abs(np.nanmedian(view.disparity) - 3.26) < 0.05)
+    (View(31 x 31 x 1 from (0.0, 0.0)), True)
+    """
+    raw = raw_rays(shot, white, camera, relative_light(least_light))
+    radius = math.inf if aperture is None else positive(aperture, "aperture")
+    pupil_point = checked_viewpoint(viewpoint)
+    with Waiting("rendering the view", kind="camera", show=progress):
+        samples = picture_samples(raw, picture_focus(raw, disparity, z), spacing)
+        return render_from_viewpoint(samples, pupil_point, radius, thread_count(threads))
+
+
+def render_from_viewpoint(samples: Samples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
+    """The view from a point of the pupil, from pixels whose rays pass within an aperture around it."""
+    (camera, array, pupil, _, rays), splats, grid, terms = samples
+    viewpoint_slope = np.array(viewpoint) * pupil.slope
+    in_aperture = np.hypot(*(rays.pupil - viewpoint_slope).T) <= aperture * abs(pupil.slope)
+    samples_per_lens = np.bincount(rays.lens, in_aperture)[rays.lens]
+    splats = splats._replace(
+        nearness=np.where(in_aperture, splats.nearness, np.nan),
+        area=array.cell_area / np.maximum(samples_per_lens, 1) / grid.spacing**2,
+    )
+    on_array = rays.through + (viewpoint_slope - rays.pupil) * splats.nearness[:, None]
+    area = _area_per_sample(samples.raw, aperture) / grid.spacing**2
+    surfaces = Surfaces(surface_depth(pupil, grid.spacing), area, terms)
+    canvas = splat_picture(sort_splats(grid, on_array, splats), grid, surfaces, threads)
+    if not np.isfinite(canvas.picture).any():
+        warn(
+            f"the picture from viewpoint {viewpoint} is empty: no pixel's light passes there, or the samples are too "
+            "sparse; take a point of the iris, -1 to 1, and no smaller aperture than a pixel sees"
+        )
+    # With all samples on one side of a pixel, the fitted function may diverge.
+    low, high = (
+        bound(splats.radiance, axis=0, where=np.isfinite(splats.radiance), initial=0.0) for bound in (np.min, np.max)
+    )
+    return View(
+        picture=np.clip(canvas.picture, low, high + _OVERSHOOT * (high - low)).astype(np.float32),
+        standard_error=None if canvas.variance is None else np.sqrt(canvas.variance).astype(np.float32),
+        disparity=canvas.disparity,
+        coverage=canvas.coverage,
+        on_array=array_axes(camera).on_array(grid.positions().reshape(-1, 2)).reshape(*grid.shape, 2),
+        spacing=grid.spacing,
+        viewpoint=viewpoint,
+        camera=camera,
+    )
+
+
+def raw_rays(
+    shot: Exposure, white: Exposure, camera: PlenopticCamera | None, least_light: float = LEAST_LIGHT
+) -> RawRays:
+    """The rays of a raw image."""
+    arrays, chosen = raw_arrays(shot, white, least_light), camera_of(shot, camera)
+    array, pupil = focused_array(chosen), paraxial_pupil(chosen)
+    return RawRays(chosen, array, pupil, arrays, pixel_rays(array_axes(chosen), array, arrays, pupil))
+
+
+def picture_focus(raw: RawRays, disparity: ArrayLike | None, z: float | None = None) -> Focus:
+    """Focus of a picture, from disparities or from a plane; raise InvalidValueError unless exactly one is given."""
+    if z is not None and disparity is None:
+        return Focus(_disparities_of_plane(raw, finite(z, "z")), False)
+    if z is not None or disparity is None:
+        raise InvalidValueError(
+            "give either disparity, of each pixel or one, or z=, the plane in mm; a truth has chord_disparity after "
+            "render(..., truth=pl.Truth.CHORD_DISPARITY)"
+        )
+    disparities, shape = numbers(disparity, "disparity"), raw.rays.shape
+    if disparities.shape not in ((), shape):
+        raise InvalidValueError(
+            f"disparity has shape {disparities.shape}; give that of the shot, {shape}, or one number to refocus"
+        )
+    if not np.isfinite(disparities).any():
+        raise InvalidValueError("disparity is nowhere finite; give that of the pixels, such as truth.chord_disparity")
+    in_pitches = raw.camera.sensor.pixel_pitch / min(raw.array.pitches)
+    median = abs(float(np.median(disparities[np.isfinite(disparities)])))
+    if not 0.0 < median * in_pitches < 1.0:
+        raise InvalidValueError(
+            f"disparity is {median:.3g} pixels in the median, and must lie between 0 and the pitch of "
+            f"{1.0 / in_pitches:.3g}; give the disparity of a DepthMap, or a plane in mm as z="
+        )
+    return Focus(raw.rays.at(np.broadcast_to(disparities, shape)) * in_pitches, disparities.ndim > 0)
+
+
+def _disparities_of_plane(raw: RawRays, z: float) -> Floats:
+    behind = image_distance_behind_array(raw.camera, z)
+    if behind == 0:
+        raise InvalidValueError(
+            f"z is {z:g} mm, which the lens images onto the microlenses, which do not show it; take another plane"
+        )
+    return raw.rays.to_sensor / behind
+
+
+def picture_samples(raw: RawRays, focus: Focus, pixel_spacing: float | None) -> Samples:
+    """Rays as samples of pictures; their positions and density depend on the viewpoint."""
+    camera, array, pupil, arrays, rays = raw
+    disparity, everywhere = focus
+    spacing = (
+        min(array.pitches) / _PIXELS_PER_PITCH if pixel_spacing is None else length_in_mm(pixel_spacing, "spacing")
+    )
+    if not _FINEST * min(array.pitches) <= spacing <= min(array.pitches):
+        raise InvalidValueError(
+            f"spacing is {spacing:g} mm; it must lie between {_FINEST * min(array.pitches):.3g} and the pitch of the "
+            f"microlenses, {min(array.pitches):g}"
+        )
+    pixel, depth = camera.sensor.pixel_pitch, surface_depth(pupil, spacing)
+    light = rays.at(arrays.white)
+    radiance, weight = rays.at(arrays.shot) / light, light.mean(axis=1) / arrays.least
+    variance = arrays.variance_of(radiance, light, rays.at)
+    # a / (1 + a V) of the image a behind the array, as the Notes of `render_view` have it.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        nearness = rays.to_sensor / (disparity + rays.to_sensor * pupil.vergence)
+        if everywhere:
+            nearness = correct_edges(rays, nearness, mean_light(radiance, variance), spacing, depth)
+            disparity = rays.to_sensor * (1.0 / nearness - pupil.vergence)
+    footprint = footprints(array, rays, pupil, nearness, pixel, camera.wavelength)
+    if everywhere:
+        weight = (weight * footprint.pixel / (footprint.pixel + footprint.lens)) ** 2 * edge_weights(
+            rays, nearness, footprint.blur(), depth
+        )
+    splats = Splats(
+        first=np.empty(0, dtype=np.int64),
+        offset=np.empty((0, 2)),
+        nearness=nearness,
+        disparity=disparity * min(array.pitches) / pixel,
+        weight=weight,
+        area=np.empty(0),
+        pixel=footprint.pixel / spacing**2,
+        spread=(footprint.pixel + footprint.lens) / spacing**2,
+        radiance=radiance,
+        variance=variance,
+    )
+    return Samples(raw, splats, grid_of(rays, spacing), _QUADRATIC if everywhere else _LINEAR)
+
+
+def _area_per_sample(raw: RawRays, aperture: float) -> float:
+    """Area of the array per pixel of a micro image, mm^2, from the number of pixels that the pupil lights."""
+    camera, array, pupil, _, _ = raw
+    pixels = (
+        math.pi * (min(aperture, 1.0) * pupil.slope * camera.microlenses_to_sensor / camera.sensor.pixel_pitch) ** 2
+    )
+    return array.cell_area / min(max(pixels, 1.0), array.cell_area / camera.sensor.pixel_pitch**2)
