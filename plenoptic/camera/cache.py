@@ -15,7 +15,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.camera_record import CameraRecord, camera_record, lens_to_world
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import IlluminatedPixels, Regions
-from plenoptic.core.last_made import LastMade
+from plenoptic.core.last_result import LastResultCache
 from plenoptic.core.values import Floats
 from plenoptic.optics.sensor.sensor import Sensor
 
@@ -126,6 +126,8 @@ def prepared_camera(camera: PlenopticCamera) -> PreparedCamera:
     return _last(camera)
 
 
-_sensor_cache: LastMade[Sensor, _SensorCache] = LastMade(_SensorCache)
-_last: LastMade[PlenopticCamera, PreparedCamera] = LastMade(lambda camera: _sensor_cache(camera.sensor).prepare(camera))
+_sensor_cache: LastResultCache[Sensor, _SensorCache] = LastResultCache(_SensorCache)
+_last: LastResultCache[PlenopticCamera, PreparedCamera] = LastResultCache(
+    lambda camera: _sensor_cache(camera.sensor).prepare(camera)
+)
 """Cache of one camera only."""

@@ -51,9 +51,9 @@ def fill_dust_at_lens(blocks: Floats, dust: tuple[PlacedDust, ...], site: Blemis
     """Attenuate rays by dust on the lens: LENS_REAR on its sensor side, LENS_FRONT on its scene side."""
     for blemish in dust:
         if blemish.site is site:
-            from plenoptic.optics.microlens.kernels.dust import fill_dimmed_rays
+            from plenoptic.optics.microlens.kernels.dust_transmission import fill_ray_transmission
 
-            fill_dimmed_rays(blocks, blemish.height, blemish.axes, blemish.record)
+            fill_ray_transmission(blocks, blemish.height, blemish.axes, blemish.record)
 
 
 def check_blemishes(camera: PlenopticCamera) -> None:

@@ -91,11 +91,11 @@ def _lines(content: Any) -> list[str]:
 
 def _store_lines(path: Path) -> list[str]:
     """Arrays and metadata of a store; no pixel is read."""
-    from plenoptic.core.files.serialization import restored_fields
-    from plenoptic.core.files.zarr_reading import attributes_of, described
+    from plenoptic.core.files.serialization import fields_from_metadata
+    from plenoptic.core.files.zarr_reading import attributes_of, summarize_store
 
-    arrays, size = described(path)
-    metadata = restored_fields(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))
+    arrays, size = summarize_store(path)
+    metadata = fields_from_metadata(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))
     camera = metadata.pop("camera", None)
     facts = [f"{size / 1e6:.3g} MB", *(f"{name} {fact}" for name, fact in metadata.items())]
     return [", ".join(facts), *(f"{name} {text}" for name, text in arrays.items()), *_report(camera)]

@@ -38,11 +38,11 @@ def run(options: argparse.Namespace) -> None:
     check_target(options.output)
     parts = [_part(name) for name in options.parts]
     _check_complete([part.head for part in parts], options.region)
-    merged: Exposure | Head
+    merged: Exposure | ExposureMetadata
     if checked_ending(options.output) == ".zarr":
         merged = merge_to_store(parts, options.output)
     else:
-        merged = merged_parts(parts)
+        merged = merge_parts(parts)
         merged.save(options.output)
     print(f"{options.output}: {merged}")
     if merged.stats is not None:
@@ -70,7 +70,7 @@ def _part(name: str) -> Part:
     return FilePart(name, metadata_of(load()), load)
 
 
-def _check_complete(heads: list[Head], region: tuple[slice, slice] | None) -> None:
+def _check_complete(heads: list[ExposureMetadata], region: tuple[slice, slice] | None) -> None:
     """Raise if parts of a region, or of the sensor, are missing; the error names them."""
     from plenoptic.camera.checks import sensor_region
     from plenoptic.rendering.crop import region_text
@@ -81,7 +81,7 @@ def _check_complete(heads: list[Head], region: tuple[slice, slice] | None) -> No
     if camera is None or (region is None and len(regions) == 1):
         return
     shape = camera.sensor.shape
-    missing: list[Region] = left_out(sensor_region(shape, region), regions)
+    missing: list[Region] = missing_regions(sensor_region(shape, region), regions)
     if not missing:
         return
     tiles = [] if region is not None else missing_tiles(shape, regions)

@@ -77,7 +77,7 @@ def load_camera(name: str) -> PlenopticCamera:
     kind, content = open_file(name)
     camera = content if isinstance(content, PlenopticCamera) else getattr(content, "camera", None)
     if isinstance(content, Path):
-        camera = restored_fields(attributes_of(content) or {}, ("camera",)).get("camera")
+        camera = fields_from_metadata(attributes_of(content) or {}, ("camera",)).get("camera")
     if not isinstance(camera, PlenopticCamera):
         raise FileError(f"{name!r} is {kind} and holds no camera; give one that pl.package.save_value wrote")
     return camera
@@ -143,7 +143,7 @@ def _open_image(path: Path) -> OpenFile:
 
 
 def _open_json(path: Path) -> OpenFile:
-    from plenoptic.core.files.reading import read_file
+    from plenoptic.core.files.file_limits import read_file
     from plenoptic.core.files.value_files import FORMAT, load_value
     from plenoptic.optics.lens.files.library import load_lens
 

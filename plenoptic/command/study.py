@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plenoptic.command.render_options import add_progress
-from plenoptic.core.files.atomic_file import check_folder, real_path, replaced
+from plenoptic.core.files.atomic_file import check_folder, real_path, replace_file
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:

@@ -41,6 +41,7 @@ def _scenes() -> dict[str, Scene]:
 
 
 def _cameras() -> dict[str, PlenopticCamera]:
+    from plenoptic.camera.design.example import example_camera
     from plenoptic.optics.microlens.models import MicrolensModel
 
     camera = example_camera()

@@ -39,9 +39,9 @@ class Taking(NamedTuple):
     seed: int
     settings: RenderSettings
 
-    def described(self) -> dict[str, Any]:
+    def to_tree(self) -> dict[str, Any]:
         """Options as JSON."""
-        return {**self._asdict(), "truth": self.truth_names, "settings": described(self.settings)}
+        return {**self._asdict(), "truth": self.truth_names, "settings": to_tree(self.settings)}
 
     def identity(self, sequences: Mapping[str, Frames]) -> dict[str, str]:
         """Values that must be the same when writing goes on, in texts."""

@@ -174,7 +174,7 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
 
 def _pictures(target: Path, shot: Exposure, white: Exposure, names: tuple[str, ...]) -> dict[str, float]:
     """Write raw, white and dark image; returns the values of their largest codes."""
-    light = white.image[on_white(shot, white)[0]]
+    light = white.image[crop_in_white_image(shot, white)[0]]
     pictures = dict(zip(names, (shot.image, light, np.zeros_like(light)), strict=False))
     scales = {f"full code of {name}.tif, in its units": brightest(image) for name, image in pictures.items()}
     for (name, image), scale in zip(pictures.items(), scales.values(), strict=True):

@@ -147,7 +147,7 @@ def depth(  # noqa: PLR0913
         if virtual_depth_range is not None:
             raise InvalidValueError("views have no virtual depth; give disparity_range= in pixels")
         disparities = default_range(image) if disparity_range is None else _range(disparity_range, "disparity_range")
-        with Waiting("matching", kind="light field", show=progress):
+        with CallProgress("matching", kind="light field", show=progress):
             return _depth_of_views(image, disparities, radius)
     check_kind(image, "image", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
@@ -156,7 +156,7 @@ def depth(  # noqa: PLR0913
         raise InvalidValueError("a raw image is searched by virtual depth; give virtual_depth_range=")
     raw = raw_arrays(image, white, relative_light(min_relative_light, "min_relative_light"))
     camera = camera_of(image, camera)
-    with Waiting("matching", kind="camera", show=progress):
+    with CallProgress("matching", kind="camera", show=progress):
         virtual_depths = _virtual_depths(camera, virtual_depth_range)
         return _depth_of_raw_image(camera, raw, virtual_depths, radius, thread_count(threads))
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.projection_rows import lenses_with
-from plenoptic.camera.report.optics import lateral_magnification, object_plane
+from plenoptic.camera.gaussian import lateral_magnification, object_plane
+from plenoptic.camera.points.projection_rows import lenses_at
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.object_planes import lens_front_z
@@ -158,12 +158,12 @@ def chord_disparity(
 
     Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`.
     """
-    centre = lenses_with(array, index).axis
+    centre = lenses_at(array, index).axis
     projected = orthogonal_pixels(axes, centre)
     offset = _chief_ray_displacement(axes, array, pixel, centre, per_pitch, planes, threads)
     along, length = np.zeros(len(pixel)), np.zeros(len(pixel))
     for step in steps:
-        neighbour = lenses_with(array, index + step).axis
+        neighbour = lenses_at(array, index + step).axis
         baseline = orthogonal_pixels(axes, neighbour) - projected
         expected, neighbour_offset = pixel - offset + (1.0 - per_pitch)[:, None] * baseline, offset
         # Aberrations hardly change over the displacement that they cause.

@@ -70,7 +70,7 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
 
 @contextmanager
 def _unpack(source: Path, limits: FileLimits) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix="plenoptic-") as folder, explained(source, "read"):
+    with tempfile.TemporaryDirectory(prefix="plenoptic-") as folder, translate_errors(source, "read"):
         try:
             with zipfile.ZipFile(source) as archive:
                 entries = [entry for entry in archive.infolist() if _NAME.fullmatch(entry.filename)][:_MOST_FILES]

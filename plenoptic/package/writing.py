@@ -63,7 +63,7 @@ def write(
     Parameters
     ----------
     path : path-like
-        A new or empty folder, or one that holds a package, which is replaced; with the ending `.zip`, one file.
+        A new or empty folder, or one that holds a package, which is replace_file; with the ending `.zip`, one file.
     exposure : Exposure
         From `render`; names its camera.
     white : Exposure, optional
@@ -110,7 +110,7 @@ def write(
         raise FileError(f"the file {str(target)!r} is something else than a package; choose a new name")
     if not zipped:
         _check_replaceable(target)
-    with tempfile.TemporaryDirectory() if zipped else replaced_folder(target) as location:
+    with tempfile.TemporaryDirectory() if zipped else replace_folder(target) as location:
         folder = Path(location)
         _fill(folder, exposure, white, tuple(other_whites), model, seed)
         _describe(folder, camera)
@@ -297,6 +297,6 @@ def _holds_package(file: Path) -> bool:
 
 
 def _zip(folder: Path, target: Path) -> None:
-    with replaced(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+    with replace_file(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(folder.iterdir()):
             archive.write(path, path.name)

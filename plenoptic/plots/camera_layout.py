@@ -73,7 +73,7 @@ def _mark(ax: Axes, ends: Floats, colour: str, label: str, style: Any) -> None:
     ax.plot(ends[:, 2], ends[:, 1], color=colour, linewidth=2.2, linestyle=style, label=label, zorder=2.0)
 
 
-def _extend(camera: PlenopticCamera, rays: PixelRays) -> Floats:
+def _extend(camera: PlenopticCamera, rays: SectionRays) -> Floats:
     """Points at which the rays leave the picture in front of the lens; nan for lost ones."""
     front = float(camera.lens.vertices[0])
     widest = 2.0 * max(element.semi_diameter for element in camera.lens.elements)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from plenoptic.study.error_time.table import ErrorTable
+    from plenoptic.study.error_time.error_table import ErrorTable
 
 _FRONT = "0.35"
 """Grey of the Pareto front."""

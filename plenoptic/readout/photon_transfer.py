@@ -112,7 +112,7 @@ def photon_transfer(
     """
     check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     brightness = frozen_array(levels, name="levels", shape=("n",))
-    size = checked_shape(shape, ("rows", "columns"), at_least=2, at_most=MOST_POINTS)
+    size = checked_shape(shape, ("rows", "columns"), at_least=2, at_most=MAX_POINTS)
     single = _one_channel(model, channel)
     seeds = np.random.SeedSequence(seed_number(seed)).generate_state(2 * len(brightness), np.uint64)
     measured = [

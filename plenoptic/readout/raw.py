@@ -179,7 +179,7 @@ class RawImage:
         factors = np.ones(3) if white_balance is None else _factors(white_balance)
         picture: NDArray[np.floating[Any]] = linear.reshape(*linear.shape[:2], -1)
         if filters is not None:
-            picture = demosaiced(linear * factors[self.channels], filters, self._first, method)
+            picture = demosaic(linear * factors[self.channels], filters, self._first, method)
         elif white_balance is not None:
             picture = picture * factors
         return Exposure(picture, samples=self.samples, seed=self.seed, camera=self.camera, region=self.region)
@@ -235,7 +235,7 @@ class RawImage:
         channels, metadata = images.read_channels(file_path(path), limits=limits)
         if "plenoptic:model" not in metadata:
             raise FileError(f"{os.fspath(path)!r} names no sensor model; read it with pl.images.read_channels")
-        metadata_fields = restored_fields(metadata, _KEPT_AS_TEXT)
+        metadata_fields = fields_from_metadata(metadata, _KEPT_AS_TEXT)
         # float32 holds k / 65535 to 2^-25, so that the rounded product is k again.
         data = np.rint(np.stack(list(channels.values()), axis=-1).astype(np.float64) * 65535).astype(np.uint16)
         try:

@@ -161,7 +161,7 @@ class _Probe:
         batch, n = batch_of(context, 0, _SAMPLES), fed.place.size * _SAMPLES
         if not n:
             return
-        camera_rays = CameraPaths(camera, fed, batch, n)
+        camera_rays = CameraRays(camera, fed, batch, n)
         bundle = camera_rays.started(0, n)
         camera_rays.fill_through_array(bundle)
         camera_rays.fill_through_lens(bundle)

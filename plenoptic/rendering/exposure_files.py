@@ -19,7 +19,7 @@ from plenoptic.core.values import file_path, positive
 from plenoptic.errors import FileError
 from plenoptic.rendering.crop import counts_in
 from plenoptic.rendering.exposure_metadata import FACTS, ExposureMetadata, checked_metadata, impossible_as_file_error
-from plenoptic.truth.arrays import file_note, file_planes, truth_in, truth_named
+from plenoptic.truth.truth_arrays import file_comment, file_planes, stored_truth, truth_from_planes
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -30,7 +30,7 @@ _SAMPLES = "samples"
 
 def texts_of(exposure: Exposure | ExposureMetadata, names: tuple[str, ...] = FACTS) -> dict[str, str]:
     """Metadata texts of an exposure for files."""
-    return {"Software": f"plenoptic {__version__}", **described_fields(exposure, names)}
+    return {"Software": f"plenoptic {__version__}", **fields_to_metadata(exposure, names)}
 
 
 def checked_ending(path: str | os.PathLike[str]) -> str:
@@ -69,7 +69,7 @@ def save_16bit(exposure: Exposure, path: str | os.PathLike[str], scale: float | 
 def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[str, Any]:
     """Fields of the exposure in an image file."""
     image, channels, metadata = images.read_picture(path, limits=limits)
-    facts = restored_fields(metadata, FACTS)
+    facts = fields_from_metadata(metadata, FACTS)
     planes = [channels.get(f"error.{name}") for name in CHANNEL_NAMES[image.shape[2]]]
     errors = [plane for plane in planes if plane is not None]
     if "plenoptic:scale" in metadata:
@@ -77,7 +77,7 @@ def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
     return {
         "image": image,
         "standard_error": np.stack(errors, axis=-1) if len(errors) == len(planes) else None,
-        "truth": truth_in(channels),
+        "truth": truth_from_planes(channels),
         "sample_counts": counts_in(channels.get(_SAMPLES), facts.get("samples")),
         **facts,
     }
@@ -93,7 +93,7 @@ def metadata_of_image(path: str | os.PathLike[str]) -> ExposureMetadata:
         arrays.append("sample_counts")
     with impossible_as_file_error(path):
         return checked_metadata(
-            (*shape, len(picture)), (*arrays, *truth_named(names)), restored_fields(metadata, FACTS)
+            (*shape, len(picture)), (*arrays, *stored_truth(names)), fields_from_metadata(metadata, FACTS)
         )
 
 

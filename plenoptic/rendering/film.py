@@ -73,7 +73,7 @@ class Film:
     def __init__(self, shape: tuple[int, int, int], *, counts: ArrayLike) -> None:
         from plenoptic.core.numba.jit import processor
 
-        rows, columns, channels = checked_shape(shape, ("rows", "columns", "channels"), at_most=3 * MOST_PIXELS)
+        rows, columns, channels = checked_shape(shape, ("rows", "columns", "channels"), at_most=3 * MAX_PIXELS)
         replicate_samples = frozen_array(counts, name="counts", shape=("replicates",), dtype=np.int64)
         self._counts = replicate_samples[replicate_samples > 0].astype(np.float64)
         self.samples = int(self._counts.sum())

@@ -29,7 +29,6 @@ from plenoptic.rendering.exposure_metadata import (
     impossible_as_file_error,
     pixels_of,
 )
-from plenoptic.truth.arrays import available_truth, empty_truth
 from plenoptic.truth.channels import CHANNELS, Truth
 from plenoptic.truth.truth_arrays import available_truth, empty_truth
 
@@ -123,7 +122,7 @@ def metadata_of_store(path: str | os.PathLike[str]) -> ExposureMetadata:
     texts = _attributes(path)
     shapes = array_shapes(path, (*EXPOSURE_NAMES, *CHANNELS))
     with impossible_as_file_error(path):
-        return checked_metadata(shapes.get("image", ()), shapes, restored_fields(texts, FACTS))
+        return checked_metadata(shapes.get("image", ()), shapes, fields_from_metadata(texts, FACTS))
 
 
 def rows_of_store(path: str | os.PathLike[str], metadata: ExposureMetadata, first: int, end: int) -> Exposure:

@@ -17,7 +17,7 @@ from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.tile_sums import PathCounts, PixelSums, SamplingPass, SharedSums
-from plenoptic.truth.ground_truth import Arrays, truth_of
+from plenoptic.truth.ground_truth import Arrays, compute_truth
 from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.truth_stages import TruthRecord
 
@@ -138,7 +138,7 @@ def _trace_passes(
 
         integrator = PathIntegrator(context, min(BUNDLE, max(pass_.paths for pass_ in passes)))
     for pass_ in passes:
-        camera_rays = CameraPaths(context.camera, pass_.fed, pass_.batch, min(BUNDLE, pass_.paths))
+        camera_rays = CameraRays(context.camera, pass_.fed, pass_.batch, min(BUNDLE, pass_.paths))
         before = 0 if integrator is None else integrator.scene_hits
         # A tile without pixels has one empty bundle, which compiles the kernels.
         for start in range(0, pass_.paths, BUNDLE) if tile.pixels else (0,):
@@ -162,7 +162,7 @@ def _trace_passes(
     return True
 
 
-def _weights(camera: CameraRecord, fed: FedPixels, tile: Tile) -> Floats:
+def _weights(camera: CameraRecord, fed: IlluminatedPixels, tile: Tile) -> Floats:
     """Approximate maximum weight (rows, columns) of a pixel's samples: area of its region over distance^2."""
     weights = np.zeros(tile.pixels)
     weights[fed.place] = fed.areas / camera.sensor.plane.distance**2

@@ -34,7 +34,7 @@ class SamplingPass(NamedTuple):
 
     fed: IlluminatedPixels
     batch: Batch
-    fill: Callable[[Floats, Floats | None, CameraPaths, int, int], int]
+    fill: Callable[[Floats, Floats | None, CameraRays, int, int], int]
     """Adds a bundle (bundle, radiance, camera rays, first path, number); returns the count of non-finite contributions.
     """
     counted: bool = True
@@ -57,7 +57,7 @@ class PixelSums:
         if self._independent:
             self._sums = np.zeros((fed.place.size, batch.streams + 1, whole.shape[2]))
 
-    def _fill(self, bundle: Floats, radiance: Floats | None, camera_rays: CameraPaths, start: int, n: int) -> int:
+    def _fill(self, bundle: Floats, radiance: Floats | None, camera_rays: CameraRays, start: int, n: int) -> int:
         light = film_sums.Light(bundle, radiance, camera_rays.waves, self._weights)
         return int(film_sums.fill_sums(self._sums, light, start, n, self._batch))
 
@@ -79,8 +79,8 @@ class SharedSums:
         assert fed.sources is not None
         self._context, self._spread, self._batch, self._whole, self._around = context, spread, batch, whole, fed.sources
         self._weights = None if context.camera.colour is None else context.camera.colour.weights
-        self._tile_pixels, self._neighbour_pixels = sharing_pixels(context.camera, fed, spread.table)
-        self._drawn = fed._replace(number=rest_numbers(fed.number), around=fed.around._replace(bend=spread.rest))
+        self._tile_pixels, self._neighbour_pixels = kernel_source_pixels(context.camera, fed, spread.table)
+        self._drawn = fed._replace(number=remainder_numbers(fed.number), around=fed.around._replace(bend=spread.rest))
         white = context.scene is None and spread.table.means is not None
         self._pilot_mean = np.zeros(len(fed.around.numbers)) if white else None
 
@@ -107,21 +107,21 @@ class SharedSums:
         cuts = [begin, *range((begin // step + 1) * step, end, step), end]
         return (batch_of(self._context, first, last - first) for first, last in pairwise(cuts))
 
-    def _pilot_pass(self, fed: FedPixels) -> SamplingPass:
+    def _pilot_pass(self, fed: IlluminatedPixels) -> SamplingPass:
         """Pilot paths, independent of the rendered samples, that estimate the control variate."""
-        batch = batch_record(self._batch.seed, 0, LEVELLING, 1, 0, 0)
+        batch = batch_record(self._batch.seed, 0, PILOT_SAMPLES, 1, 0, 0)
 
-        def fill(bundle: Floats, _: Floats | None, camera_rays: CameraPaths, start: int, n: int) -> int:
+        def fill(bundle: Floats, _: Floats | None, camera_rays: CameraRays, start: int, n: int) -> int:
             film_sums.fill_pilot_means(self._pilot_mean, fed.place, bundle, start, n, batch)
             return 0
 
-        return SamplingPass(fed._replace(number=levelling_numbers(fed.number)), batch, fill, counted=False)
+        return SamplingPass(fed._replace(number=pilot_numbers(fed.number)), batch, fill, counted=False)
 
-    def _kernel_pass(self, sums: tuple[Floats, Floats], fed: FedPixels, batch: Batch) -> SamplingPass:
+    def _kernel_pass(self, sums: tuple[Floats, Floats], fed: IlluminatedPixels, batch: Batch) -> SamplingPass:
         """Paths whose light is distributed over pixels by the kernel."""
         kernel_rows = self._spread.table.parts
 
-        def fill(bundle: Floats, radiance: Floats | None, camera_rays: CameraPaths, start: int, n: int) -> int:
+        def fill(bundle: Floats, radiance: Floats | None, camera_rays: CameraRays, start: int, n: int) -> int:
             light, weights = film_sums.Light(bundle, radiance, camera_rays.waves, self._weights), camera_rays.spots
             added = sums, fed.place, light, self._pilot_mean, (weights, kernel_rows)
             return int(film_sums.fill_kernel_sums(*added, start, n, batch))
@@ -130,11 +130,11 @@ class SharedSums:
 
     def _deflection_pass(self, sums: tuple[Floats, Floats], batch: Batch) -> SamplingPass:
         """Paths with sampled deflections."""
-        deflections = rest_of(batch)
+        deflections = remainder_batch(batch)
 
-        def fill(bundle: Floats, radiance: Floats | None, camera_rays: CameraPaths, start: int, n: int) -> int:
+        def fill(bundle: Floats, radiance: Floats | None, camera_rays: CameraRays, start: int, n: int) -> int:
             light = film_sums.Light(bundle, radiance, camera_rays.waves, self._weights)
-            return int(film_sums.fill_deflected_sums(sums, light, start, n, deflections, batch, EVERY))
+            return int(film_sums.fill_deflected_sums(sums, light, start, n, deflections, batch, DEFLECTION_INTERVAL))
 
         return SamplingPass(self._drawn, deflections, fill)
 
@@ -144,7 +144,9 @@ class SharedSums:
         if self._pilot_mean is not None and means is not None:
             control_variate += self._pilot_mean[sources] @ means.T
         weight = self._spread.drawn
-        film_sums.fill_pixel_totals(self._whole, shared, control_variate, drawn, sources, batch, weight, EVERY)
+        film_sums.fill_pixel_totals(
+            self._whole, shared, control_variate, drawn, sources, batch, weight, DEFLECTION_INTERVAL
+        )
 
 
 def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
@@ -189,5 +191,5 @@ class PathCounts:
             pixel, stream, index = path_indices(start + int(k), batch.samples, batch.streams)
             sample = batch.first_stream + stream + (batch.first_index + index) * self._context.replicates
             number = int(pass_.fed.number[pixel])
-            if number < APART:  # sampled deflections cannot be replayed
+            if number < NUMBER_OFFSET:  # sampled deflections cannot be replayed
                 self.lost_paths.append((*divmod(number, columns), int(sample)))

@@ -15,7 +15,6 @@ from plenoptic.camera.gaussian import object_plane
 from plenoptic.camera.points.centres import microlens_centres
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.psf.point_spread import point_spread
-from plenoptic.camera.report.optics import object_plane
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.progress.compiling import compiling
 from plenoptic.core.values import Floats, value
@@ -97,9 +96,9 @@ def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Trut
     ()
     """
     check_scene_and_camera(scene, camera)
-    requested = checked_truth(truth)
+    requested = valid_truth(truth)
     begin, before = time.perf_counter(), len(compiling.names)
-    with Waiting("warming up", kind="scene", show=progress), warnings.catch_warnings():
+    with CallProgress("warming up", kind="scene", show=progress), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # few pixels may be dark or miss the scene
         _run_small(scene, camera, requested)
     return WarmUp(tuple(compiling.names[before:]), time.perf_counter() - begin)

@@ -67,7 +67,7 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, 
         fed, _ = kernel_source_pixels(camera, fed, camera.diffraction_kernel.table)
     if not fed.place.size:
         return None
-    camera_paths = CameraPaths(camera, fed, batch, 1)
+    camera_paths = CameraRays(camera, fed, batch, 1)
     bundle = camera_paths.started(0, 1)
     aimed = _row(bundle)
     camera_paths.fill_through_array(bundle)
@@ -76,7 +76,7 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, 
         _array_event(camera, aimed, camera_paths.own, _row(bundle)),
     ]
     before = bundle.copy()
-    fill_dimmed_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
+    fill_dust_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
     events += _lens_events(camera, camera_paths.lens, before, camera_paths.waves)
     camera_paths.fill_through_lens(bundle)
     camera_paths.fill_bent_at_iris(bundle, 0, 1)

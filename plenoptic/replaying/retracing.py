@@ -194,7 +194,7 @@ def _retrace(context: RenderContext, scene: Scene | None, pixel: tuple[int, int]
     events, radiance, ending = _through_scene(context, scene, camera_way, batch)
     limit, brightest = context.settings.clamp, 0.0 if radiance is None else float(radiance.max())
     if limit is not None and radiance is not None:
-        fill_clamped(radiance, camera_way.bundle, 1, limit)
+        clamp_radiance(radiance, camera_way.bundle, 1, limit)
     sums, weights = np.zeros((1, 2, context.channels)), None if camera.colour is None else camera.colour.weights
     dropped = fill_sums(sums, Light(camera_way.bundle, radiance, camera_way.waves, weights), 0, 1, batch)
     added, fill_factor = sums[0, 0], camera.sensor.fill_factor

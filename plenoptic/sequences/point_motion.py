@@ -145,7 +145,9 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
         found["position"][lanes] = after_points
         found["shift"][lanes] = (pixel_of(after.position) - pixel_of(before.position))[:, ::-1]
         passing = np.flatnonzero(after.passes)
-        found["visible"][lanes[passing]] = ~are_hidden(tables[1], after_points[passing], after.entering[passing], then)
+        found["visible"][lanes[passing]] = ~are_occluded(
+            tables[1], after_points[passing], after.entering[passing], then
+        )
         return found
 
     return MotionTruth(**compute_in_strips(record, region, workers, work))

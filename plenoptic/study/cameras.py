@@ -35,7 +35,7 @@ def smooth_camera() -> PlenopticCamera:
 
 def furnished_camera() -> PlenopticCamera:
     """The reference camera with every part that a camera can have, 128 x 128 pixels, posed."""
-    plain = reference_camera()
+    plain = example_camera()
     assert plain.microlenses is not None
     array = dataclasses.replace(
         plain.microlenses,

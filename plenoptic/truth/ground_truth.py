@@ -146,7 +146,7 @@ def ground_truth(
     check_scene_and_camera(scene, camera)
     bounds = sensor_region(camera.sensor.shape, region)
     workers, requested_truth, cluster = thread_count(threads), valid_truth(truth), cluster_of(client, threads)
-    with Waiting("ground truth", kind="scene", show=progress):
+    with CallProgress("ground truth", kind="scene", show=progress):
         return _ground_truth(scene, camera, requested_truth, bounds, workers, cluster)
 
 

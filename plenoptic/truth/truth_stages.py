@@ -15,7 +15,7 @@ from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.record import ArrayRecord
+from plenoptic.optics.microlens.microlens_record import ArrayRecord
 from plenoptic.scene.geometry.record import Hits
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.representative_rays import RepresentativeRays

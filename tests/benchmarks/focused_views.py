@@ -11,7 +11,7 @@ from timing import timed
 
 import plenoptic as pl
 from plenoptic.camera.gaussian import lateral_magnification, object_plane
-from plenoptic.lightfield.planes import raw_planes
+from plenoptic.lightfield.raw_arrays import raw_arrays
 from plenoptic.truth.channels import Truth
 
 _THREE = (1.85, 2.0, 2.3)

@@ -61,7 +61,7 @@ def test_a_camera_is_compiled_once(counted):
 
 
 def test_a_camera_with_another_pose_is_not_compiled_again(counted):
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     poses = [pl.Pose.look_at((x, 3.0, 5.0), (0, 0, -404)) for x in (0.0, 2.0, 4.0)]
     # As in a loop over frames: what they share stays with the sensor.
     shots = [rendered(dataclasses.replace(camera, pose=pose)) for pose in poses]
@@ -72,7 +72,7 @@ def test_a_camera_with_another_pose_is_not_compiled_again(counted):
 
 
 def test_illuminated_pixels_are_computed_once_for_all_steps(counted):
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     shot = rendered(camera, target_error=0.02)
     assert shot.samples > 32 and counted.pixels == ALL
     # Other tiles take the place of these.
@@ -82,12 +82,12 @@ def test_illuminated_pixels_are_computed_once_for_all_steps(counted):
 
 
 def test_the_cache_has_a_size_limit(counted, monkeypatch):
-    camera, budget = reference_camera(), {"target_error": 0.02, "tile_side": 8}
+    camera, budget = pl.camera.example_camera(), {"target_error": 0.02, "tile_side": 8}
     whole = rendered(camera, **budget)
     assert counted.pixels == ALL
     for limit in (0, 100_000):
         monkeypatch.setattr(cache, "MAX_CACHED_BYTES", limit)
-        counted.pixels, other = 0, reference_camera()
+        counted.pixels, other = 0, pl.camera.example_camera()
         assert same(rendered(other, **budget), whole)
         assert counted.pixels > ALL  # in each step those for which there was no room
         cached = prepared_camera(other)._illuminated.values()
@@ -102,7 +102,7 @@ def test_the_cache_has_a_size_limit(counted, monkeypatch):
 
 
 def test_dark_pixels_and_different_microlenses_are_cached():
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     dark = dataclasses.replace(camera, lens=the_lens(0.05))
     for each in (with_array(camera, focal_lengths=(1.8, 2.0, 2.2)), dark):
         first = rendered(each, tile_side=3)
@@ -111,7 +111,7 @@ def test_dark_pixels_and_different_microlenses_are_cached():
 
 
 def test_the_cache_is_freed_with_its_camera():
-    camera = reference_camera()
+    camera = pl.camera.example_camera()
     rendered(camera, target_error=0.05)
     reference = weakref.ref(prepared_camera(camera))
     assert prepared_camera(camera) is reference() and reference()._illuminated
@@ -119,7 +119,7 @@ def test_the_cache_is_freed_with_its_camera():
     gc.collect()
     assert reference() is None
     # And when another one comes.
-    one, other = reference_camera(), reference_camera()
+    one, other = pl.camera.example_camera(), pl.camera.example_camera()
     reference = weakref.ref(prepared_camera(one))
     prepared_camera(other)
     gc.collect()
@@ -127,7 +127,7 @@ def test_the_cache_is_freed_with_its_camera():
 
 
 def test_threads_with_different_tiles_do_not_interfere():
-    camera, sides, shots = reference_camera(), (5, 8, 16), {}
+    camera, sides, shots = pl.camera.example_camera(), (5, 8, 16), {}
     single = rendered(camera)
 
     def work(side):

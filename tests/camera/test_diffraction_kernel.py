@@ -77,7 +77,7 @@ def test_kernel_weights_equal_drawn_deflections(pixel, turned, more):
     draws = {}
     for name, field in (("all", deflection.field), ("rest", record.diffraction_kernel.remainder.field)):
         draws[name] = np.empty((n, 4))
-        fill_bends(draws[name], numbers, field)
+        fill_deflections(draws[name], numbers, field)
     steps = np.arange(-table.reach, table.reach + 1)
     for kind in range(table.patterns):
         for across, down in ((5, 20), (31, 0)):

@@ -12,7 +12,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.command.main import main
 from plenoptic.command.tiles import missing_tiles, tile_grid
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 
 CAMERA = pl.camera.example_camera(shape=(21, 27))
 SETTINGS = pl.rendering.RenderSettings(max_bounces=2, sampler=pl.rendering.Sampler.RANDOM)

@@ -107,7 +107,7 @@ def test_nothing_is_said_where_nothing_is_wrong():
 
 
 def test_a_whole_dark_region_is_told_from_a_dark_scene():
-    messages, black = said(SMALL, reference_camera(), region=np.s_[128:160, 128:160])
+    messages, black = said(SMALL, pl.camera.example_camera(), region=np.s_[128:160, 128:160])
     assert black and len(messages) == 1 and "this region of the sensor gets no light, and others do" in messages[0][1]
     aside = CAMERA.moved(pl.CameraPart.SENSOR, shift=(500.0, 0.0, 0.0))
     with pytest.warns(BlackImageWarning, match="no light passes the camera"):

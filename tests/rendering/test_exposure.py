@@ -14,7 +14,6 @@ from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.crop import samples_text
 from plenoptic.rendering.schedule import scheduler
-from plenoptic.truth.arrays import empty_truth
 from plenoptic.truth.channels import GroundTruth
 from plenoptic.truth.truth_arrays import empty_truth
 

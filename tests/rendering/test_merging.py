@@ -12,7 +12,6 @@ import plenoptic as pl
 from plenoptic.rendering import RenderStats, StopReason
 from plenoptic.rendering.exposure_metadata import metadata_of
 from plenoptic.rendering.merging.regions import missing_regions
-from plenoptic.study.cameras import reference_camera
 
 CAMERA = pl.camera.example_camera(shape=(29, 43))
 SCENE = pl.check_scene()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.sampling import bounds
+from plenoptic.camera.sampling import pupil_margins
 from plenoptic.truth.channels import Truth
 
 sys.path.insert(0, str(Path(__file__).parent / "integrator"))

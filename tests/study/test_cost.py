@@ -12,7 +12,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.command.main import main
 from plenoptic.rendering.plan.stages import Plan, Stage
-from plenoptic.study.cameras import furnished_camera, reference_camera
+from plenoptic.study.cameras import furnished_camera
 from plenoptic.study.cost import ablation, camera_ablation, cost_study, scene_ablation
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
 from plenoptic.study.cost.cost_cases import COST_CASES

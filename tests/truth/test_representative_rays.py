@@ -11,7 +11,7 @@ import plenoptic as pl
 from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
 from plenoptic.images import PixelState
-from plenoptic.rendering.schedule import orders
+from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.truth.channels import NO_MICROLENS, Truth
 from plenoptic.truth.representative_rays import representative_rays
 
@@ -113,7 +113,7 @@ def test_states_tell_the_dark_from_the_background():
 
 
 def test_pixels_that_were_not_computed_are_unknown(monkeypatch):
-    original = orders.render_tile
+    original = tile_jobs.render_tile
 
     def interrupted(*arguments, **named):
         signal.raise_signal(signal.SIGINT)

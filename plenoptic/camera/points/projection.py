@@ -159,7 +159,7 @@ def project(
     world, _ = world_points(points)
     rays_per_replicate = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
-    with Waiting("projecting", kind="camera", show=progress):
+    with CallProgress("projecting", kind="camera", show=progress):
         record = forward_record(camera)
         rows = trace_rows(record, in_lens_axes(record, world), rays_per_replicate, workers)
         projection = _to_projection(record, world, rows)

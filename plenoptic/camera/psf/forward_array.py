@@ -88,4 +88,4 @@ def fill_through_array_forward(blocks: Floats, forward: ForwardArray) -> None:
         z = 0.0
     to_sensor = forward.microlenses.model.rules.to_sensor
     assert to_sensor is not None
-    to_sensor(blocks, Crossing(array, sensor, z), forward.differs)
+    to_sensor(blocks, ArrayCrossing(array, sensor, z), forward.differs)

@@ -88,7 +88,7 @@ def point_spread(
     replicates = whole(replicates, "replicates", at_least=1)
     rays_per_replicate = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
-    with Waiting("tracing points", kind="camera", show=progress):
+    with CallProgress("tracing points", kind="camera", show=progress):
         record = diffraction_record(camera)
         tasks = ray_tasks(record, in_lens_axes(record, world), replicates, rays_per_replicate)
         spots = dict(trace_spots(record, tasks, rays_per_replicate, scrambling, workers))
@@ -120,7 +120,7 @@ def landing_points(
     '-1.0 mm'
     """
     world, _ = _checked_points(camera, points)
-    rays_per_replicate = whole(rays, "rays", at_least=1, at_most=MOST_POINTS)
+    rays_per_replicate = whole(rays, "rays", at_least=1, at_most=MAX_POINTS)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     record = radiometric_record(camera)
     tasks = ray_tasks(record, in_lens_axes(record, world), 1, rays_per_replicate)

@@ -44,7 +44,7 @@ def _camera_html(camera: PlenopticCamera) -> str:
     return heading_html(title) + picture + table_html((), _key_numbers(camera))
 
 
-camera_html = LastMade(_camera_html)
+camera_html = LastResultCache(_camera_html)
 """Picture and key numbers of a camera, by Gaussian optics, without compilation."""
 
 

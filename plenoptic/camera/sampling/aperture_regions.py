@@ -26,7 +26,7 @@ from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import MOVED
-from plenoptic.optics.microlens.record import MICROLENS
+from plenoptic.optics.microlens.microlens_record import MICROLENS
 
 _TOGETHER = 512
 """Candidates whose rays are traced together."""

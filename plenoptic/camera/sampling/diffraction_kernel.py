@@ -19,7 +19,7 @@ from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.sampling.sampling_records import Batch, KernelTable, batch_record
 from plenoptic.core.color.spectra import ColourTables
 from plenoptic.core.values import Floats
-from plenoptic.optics.diffraction.far_field import without
+from plenoptic.optics.diffraction.far_field import remove_cells
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -73,7 +73,7 @@ def diffraction_kernel(
     scales = math.ceil(math.log(largest / smallest) / _SCALE_STEP) or 1
     step = (largest - smallest) / scales or largest
     is_near, reach = _near_cells(deflection, largest)
-    remainder, remainder_share = without(deflection.field, is_near)
+    remainder, remainder_share = remove_cells(deflection.field, is_near)
     if remainder_share > _MAX_REMAINDER_WITH_KERNEL or sensor.fill_factor < _MIN_FILL_FACTOR:
         return None
     light = [(np.diff(deflection.field.columns, axis=1) * np.diff(deflection.field.rows)[:, None])[is_near]]
@@ -123,7 +123,7 @@ def _near_cells(deflection: DeflectionRecord, scale: float) -> tuple[NDArray[np.
     ends = np.abs(_displacements(deflection, scale, np.stack(np.meshgrid(corners, corners)))).max(axis=0)
     ends = np.maximum(np.maximum(ends[1:, 1:], ends[:-1, :-1]), np.maximum(ends[1:, :-1], ends[:-1, 1:]))
     for reach in range(1, _MAX_REACH):
-        if without(deflection.field, ends <= reach)[1] <= _MAX_REMAINDER:
+        if remove_cells(deflection.field, ends <= reach)[1] <= _MAX_REMAINDER:
             return ends <= reach, reach
     return ends <= _MAX_REACH, _MAX_REACH
 

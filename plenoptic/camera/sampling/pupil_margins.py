@@ -15,8 +15,8 @@ from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds, re
 from plenoptic.optics.lens.pupil.outline import polygon_around
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import largest_offset
-from plenoptic.optics.microlens.model_rules import Crossing
-from plenoptic.optics.microlens.record import SensorPlane, lone_lens
+from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens
+from plenoptic.optics.microlens.model_rules import ArrayCrossing
 
 _N_AIMS, _N_OFFSETS = 33, 49
 _SAFETY = 1.25
@@ -103,7 +103,7 @@ def aberration_margins(
     from plenoptic.core.kernels.ray_blocks import BLOCK
 
     rules = array.model.rules
-    lens = Crossing(lone_lens(array, power, wavelength), SensorPlane(distance, None), pupil_distance)
+    lens = ArrayCrossing(lone_lens(array, power, wavelength), SensorPlane(distance, None), pupil_distance)
     aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _N_AIMS)
     margin = lateral = 0.0
     for _ in range(4):

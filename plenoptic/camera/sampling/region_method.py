@@ -14,7 +14,7 @@ from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.microlens.aperture import ApertureShape, Walls, has_clear_gaps
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.microlens.record import possible_powers
+from plenoptic.optics.microlens.microlens_record import possible_powers
 
 _MAX_NEAR, _MAX_NEAR_WITH_CORE = 12.0, 48.0
 """Most microlenses near a pixel on the axis for which polygons are clipped for each path, without and with unvignetted

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
-from plenoptic.optics.microlens.record import SensorPlane
+from plenoptic.optics.microlens.microlens_record import SensorPlane
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera_record import PixelRecord

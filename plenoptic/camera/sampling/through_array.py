@@ -21,9 +21,9 @@ def fill_losses_before_array(
         to_lens.fill_pixel_response(blocks, sensor, response)
     for blemish in dust:
         if blemish.site in BETWEEN:
-            from plenoptic.optics.microlens.kernels.dust import fill_dimmed_aims
+            from plenoptic.optics.microlens.kernels.dust_transmission import fill_aim_transmission
 
-            fill_dimmed_aims(blocks, sensor, blemish.height, blemish.axes, blemish.record)
+            fill_aim_transmission(blocks, sensor, blemish.height, blemish.axes, blemish.record)
 
 
 def fill_through_array(
@@ -40,6 +40,6 @@ def fill_through_array(
         return
     if array.walls is not None and lenslets is not None:
         to_lens.fill_walls(blocks, lenslets, array.cell, array.cells)
-    camera.microlenses.model.rules.to_lens(blocks, lenslets, Crossing(array, sensor, z_plane), waves)
+    camera.microlenses.model.rules.to_lens(blocks, lenslets, ArrayCrossing(array, sensor, z_plane), waves)
     if camera.frame is not None:
         to_lens.fill_in_lens_axes(blocks, camera.frame)

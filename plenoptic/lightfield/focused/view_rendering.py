@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
-from plenoptic.core.waiting.bar import Waiting
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.focused.edges import correct_edges, edge_weights, mean_light
@@ -166,7 +166,7 @@ def render_view(  # noqa: PLR0913
     raw = raw_rays(shot, white, camera, relative_light(least_light))
     radius = math.inf if aperture is None else positive(aperture, "aperture")
     pupil_point = checked_viewpoint(viewpoint)
-    with Waiting("rendering the view", kind="camera", show=progress):
+    with CallProgress("rendering the view", kind="camera", show=progress):
         samples = picture_samples(raw, picture_focus(raw, disparity, z), spacing)
         return render_from_viewpoint(samples, pupil_point, radius, thread_count(threads))
 

@@ -59,7 +59,7 @@ _FED_BYTES, _WORK_BYTES = 500, 1200
 """Bytes of the illuminated pupil of a pixel, and of a pixel of a tile being rendered."""
 _HEAD_BYTES, _LOG_BYTES, _RECORD_BYTES = 500, 950, 650
 """Bytes of an EXR file besides its texts, of a checkpoint besides its records, and of a record besides its arrays."""
-_KEPT_PIXELS = MOST_BYTES // _FED_BYTES
+_KEPT_PIXELS = MAX_CACHED_BYTES // _FED_BYTES
 """Approximate pixels of frames whose illuminated pupils are cached."""
 
 
@@ -342,7 +342,7 @@ def _estimate(pilots: _Pilots, costs: _Costs) -> Estimate:
     shared = 0 if spread is None else state * spread.table.parts.shape[1]
     working_memory = pixels_in_memory * (4 * (state + once) + _WORK_BYTES + shared)
     cached = (costs.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
-    memory = resident_bytes() + _film_bytes(pilots) * n + working_memory + min(cached, MOST_BYTES)
+    memory = resident_bytes() + _film_bytes(pilots) * n + working_memory + min(cached, MAX_CACHED_BYTES)
     record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)
     records_per_tile = [costs.steps if budget.steps else _records(tile.pixels, pilots) for tile in pilots.tiles]
     log = sum((tile.pixels * state + record) * k for tile, k in zip(pilots.tiles, records_per_tile, strict=True))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.sampling.kernels.paths import COLOUR_SET
-from plenoptic.camera.sampling.record import Batch
+from plenoptic.camera.sampling.kernels.camera_samples import WAVELENGTH_SET
+from plenoptic.camera.sampling.sampling_records import Batch
 from plenoptic.core.kernels import sobol
 from plenoptic.core.values import Floats, read_only
 from plenoptic.rendering.plan.shutter import OpenShutter
@@ -15,7 +15,7 @@ from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.geometry.moving import MovingTriangles
 from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, Hits
 
-SHUTTER_SET = COLOUR_SET + 1
+SHUTTER_SET = WAVELENGTH_SET + 1
 """Sampling set of the times, after those of all bounces and of wavelengths."""
 
 

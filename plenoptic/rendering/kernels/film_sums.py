@@ -80,7 +80,7 @@ def fill_kernel_sums(sums, place, bundle, pilot_mean, kernel_weights, start, n, 
     nonfinite = 0
     kernel_row, kernel_rows = kernel_weights
     for k in range(n):
-        pixel, stream, _ = path_place(start + k, batch.samples, batch.streams)
+        pixel, stream, _ = path_indices(start + k, batch.samples, batch.streams)
         source, replicate = place[pixel], (batch.first_stream + stream) % sums[0].shape[1]
         weights = kernel_rows[kernel_row[k]]
         for c in range(sums[0].shape[2]):
@@ -110,7 +110,7 @@ def fill_pilot_means(pilot_mean, place, blocks, start, n, batch):
     for k in range(n):
         light = blocks[(k // BLOCK) * RAY + WEIGHT + k % BLOCK]
         if light - light == 0.0:
-            pilot_mean[place[path_place(start + k, batch.samples, batch.streams)[0]]] += light / batch.samples
+            pilot_mean[place[path_indices(start + k, batch.samples, batch.streams)[0]]] += light / batch.samples
 
 
 @kernel
@@ -123,7 +123,7 @@ def fill_deflected_sums(sums, bundle, start, n, deflections, batch, every):
     nonfinite = 0
     means, squares = sums
     for k in range(n):
-        pixel, stream, index = path_place(start + k, deflections.samples, deflections.streams)
+        pixel, stream, index = path_indices(start + k, deflections.samples, deflections.streams)
         replicate, begin = (batch.first_stream + stream) % means.shape[1], (deflections.first_index + index) * every
         end = batch.first_index + replicate_size(stream, batch.samples, batch.streams)
         count = min(begin + every, end) - max(begin, batch.first_index)

@@ -62,7 +62,7 @@ def merge_to_store(parts: Sequence[Part], path: str | os.PathLike[str]) -> Expos
     check_store(target)
     rows, columns = plan.layout.shape
     buffers = empty_arrays(plan.layout._replace(shape=(min(CHUNK, rows), columns)))
-    with replaced_folder(target) as folder:
+    with replace_folder(target) as folder:
         store, strips = create_store(folder, plan.layout, {}), list[_Strip]()
         for band in _bands(plan):
             arrays = {name: array[: band.stop - band.start] for name, array in buffers.items()}

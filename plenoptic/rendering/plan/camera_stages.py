@@ -59,8 +59,8 @@ def _diffraction(camera: PlenopticCamera) -> list[Decision]:
 
 def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
     """Decisions on the computation of the illuminated pupil of a pixel."""
-    stopped = why_uncertain(camera)
-    bounds = why_bounds(camera, certain=white and not stopped)
+    stopped = no_core_reason(camera)
+    bounds = bounds_reason(camera, certain=white and not stopped)
     return [
         decide(Stage.EXACT_PUPILS, not bounds, bounds, "each point of a pixel sees the openings of the lens"),
         decide(

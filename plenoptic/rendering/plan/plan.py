@@ -77,7 +77,7 @@ def plan_for(subject: Subject) -> Plan:
 def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
     """Plan of a subject whose scene is compiled to a record; see `plan_for`."""
     camera, settings, meshes = subject.camera, subject.settings, record is not None and record.geometry is not None
-    requested, independent = checked_truth(subject.truth), min(subject.samples, subject.replicates)
+    requested, independent = valid_truth(subject.truth), min(subject.samples, subject.replicates)
     available = available_truth(requested, meshes=meshes, microlenses=camera.microlenses is not None)
     replicated = f"{independent} independent replicate{'s' * (independent != 1)}"
     exclude_caustics, clamp = settings.caustics is Caustics.EXCLUDE, settings.clamp

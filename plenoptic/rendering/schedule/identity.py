@@ -51,7 +51,7 @@ def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> Iterator[
             yield f"{name} {their_text}, not {our_text}"
 
 
-def _text(fact: Any, seen_as: Callable[[Any], Any] | None = None) -> str:
+def _text(fact: Any, convert: Callable[[Any], Any] | None = None) -> str:
     """A fact as a short text, or as a digest if it is long."""
     if isinstance(fact, np.generic):
         fact = fact.item()

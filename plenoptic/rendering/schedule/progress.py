@@ -165,8 +165,13 @@ class Progress:
         squares, rare = relative_squares(expected, self.at_decision[1]), []
         for colour in range(2):
             of_colour = colour_of_pixel == colour
-            lit |= of_colour & (expected > lit_level(expected[of_colour]))
-            rare.append((rests_on_few(squares[of_colour & lit]), not level_is_known(*self.at_decision[:, of_colour])))
+            lit |= of_colour & (expected > lit_threshold(expected[of_colour]))
+            rare.append(
+                (
+                    is_dominated_by_few(squares[of_colour & lit]),
+                    not is_threshold_robust(*self.at_decision[:, of_colour]),
+                )
+            )
         for i in np.flatnonzero(unfinished):
             self._decide(int(i), np.where(lit, squares, np.nan), rare)
 

@@ -25,7 +25,7 @@ class ProgressBar:
     """
 
     def __init__(self, begin: float, *, show: bool) -> None:
-        self._begin, self._watch = begin, Watch(self._on_watch) if show else None
+        self._begin, self._watch = begin, Poller(self._on_watch) if show else None
         self._progress: Progress | None = None
         self._error: float | None = None
         self._first_batch: tuple[float, float] | None = None

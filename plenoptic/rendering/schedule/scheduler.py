@@ -342,7 +342,7 @@ def exposure_of(
     """Exposure of the requested region. Takes ownership of the film's arrays."""
     film, counts, crop = progress.film, progress.sample_counts(), progress.region.crop
     if counts is not None:
-        forget_truth(progress.truth, counts == 0)
+        mark_unknown(progress.truth, counts == 0)
     zero_variance = _zero_variance_pixels(progress, counts)
     error = film.standard_error(progress.one_sample, out=film.between)
     film.between = film.within = None

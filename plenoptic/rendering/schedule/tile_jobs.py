@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from plenoptic.core.engines.engine import ThreadEngine
 from plenoptic.core.numba.parallel_compilation import compile_in_parallel
-from plenoptic.core.parallel import GivenUp
+from plenoptic.core.parallel import Cancelled
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext, batch_of, render_context
 from plenoptic.rendering.plan.stages import Subject
@@ -15,7 +15,7 @@ from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.tile import Tile, TileResult, render_tile
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.ground_truth import truth_record
-from plenoptic.truth.stages import TruthRecord
+from plenoptic.truth.truth_stages import TruthRecord
 
 _EMPTY = Tile(0, 0, 0, 0)
 
@@ -64,7 +64,7 @@ def thread_engine(
     def render(job: TileJob, given_up: Callable[[], bool]) -> TileResult | None:
         try:
             return render_job(context, truth, job, stopped=lambda: given_up() or clock.late())
-        except GivenUp:  # interrupted during compilation
+        except Cancelled:  # interrupted during compilation
             return None
 
     return ThreadEngine(render, threads, ahead=clock.ahead)

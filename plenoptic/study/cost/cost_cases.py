@@ -71,10 +71,10 @@ def _furnished_plan() -> Plan:
 
 
 COST_CASES: dict[str, Callable[[], Plan]] = {
-    "white": lambda: plan(None, reference_camera()),
-    "check": lambda: plan(check_scene(), reference_camera()),
-    "objects": lambda: plan(objects_scene(), reference_camera()),
-    "still_life": lambda: plan(still_life(), reference_camera()),
+    "white": lambda: plan(None, example_camera()),
+    "check": lambda: plan(check_scene(), example_camera()),
+    "objects": lambda: plan(objects_scene(), example_camera()),
+    "still_life": lambda: plan(still_life(), example_camera()),
     "furnished": _furnished_plan,
 }
 """Makers of the plans of the bundled cases; "furnished" has every part that cameras and scenes can have."""

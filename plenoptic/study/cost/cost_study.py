@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.progress.bar import load_tqdm
 from plenoptic.core.values import Floats, check_kind, seed_number, whole
-from plenoptic.core.waiting.bar import load_tqdm
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations

@@ -9,7 +9,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.design.example import example_camera
 from plenoptic.rendering.settings import Sampler
 from plenoptic.scene.shapes.procedural import check_scene, objects_scene
-from plenoptic.study.cameras import reference_camera, smooth_camera
+from plenoptic.study.cameras import smooth_camera
 from plenoptic.study.error_time.error_study import SIDE, error_against_time
 from plenoptic.study.error_time.error_table import ErrorTable
 from plenoptic.study.error_time.variants import Variant
@@ -30,7 +30,7 @@ class ErrorCase(NamedTuple):
     """Makes the scene; None is the white image."""
     samples: tuple[int, ...]
     reference_samples: int
-    camera: Callable[[], PlenopticCamera] = reference_camera
+    camera: Callable[[], PlenopticCamera] = example_camera
     reference: Variant = Variant()
     variants: dict[str, Variant] | None = None
     """None: the default ones."""

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import load_tqdm
 from plenoptic.core.values import seed_number, whole, wrong_kind
-from plenoptic.core.waiting.bar import load_tqdm
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject

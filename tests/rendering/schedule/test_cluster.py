@@ -35,7 +35,7 @@ def test_any_order_of_results_gives_the_same_bits(fake):
         assert_same(one, other)
         assert other.stats.threads == 2 and fake.calls.count("carry_out") >= 3, budget
     options = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
-    one, other = (pl.render_white(reference_camera(), client=client, **options) for client in (None, fake))
+    one, other = (pl.render_white(pl.camera.example_camera(), client=client, **options) for client in (None, fake))
     assert one.image.tobytes() == other.image.tobytes()
     with pytest.raises(pl.errors.InvalidValueError, match="threads is 2 and client is given"):
         small(client=fake, samples=16, threads=2)
@@ -74,8 +74,8 @@ def test_an_interrupt_ends_it(fake, monkeypatch):
 def test_ground_truth_has_the_same_bits(fake, monkeypatch):
     monkeypatch.setattr("plenoptic.truth.ground_truth._STRIP", 64)  # two rows and a bit
     options = {"region": np.s_[240:264, 240:264], "progress": False}
-    one = pl.ground_truth(pl.objects_scene(), reference_camera(), **options)
-    other = pl.ground_truth(pl.objects_scene(), reference_camera(), client=fake, **options)
+    one = pl.ground_truth(pl.objects_scene(), pl.camera.example_camera(), **options)
+    other = pl.ground_truth(pl.objects_scene(), pl.camera.example_camera(), client=fake, **options)
     assert fake.calls.count("carry_out") >= 3
     for name in one.__dataclass_fields__:
         a, b = getattr(one, name), getattr(other, name)
@@ -90,7 +90,7 @@ def test_two_workers_may_be_killed(monkeypatch):
     chance, take, killed, results = random.Random(1), Progress.take, [], iter(range(1 << 20))
     moments = {chance.randrange(1, 12), chance.randrange(12, 24)}  # of 36 tiles and more
     options = {"region": np.s_[208:304, 208:304], "tile_side": 16, "target_error": 0.08, "progress": False}
-    scene, camera = pl.objects_scene(), reference_camera()
+    scene, camera = pl.objects_scene(), pl.camera.example_camera()
     expected = pl.render(scene, camera, **options)
     with (
         # A LocalCluster does without a worker that is not back within 15 s, which a busy machine may need.

@@ -54,7 +54,7 @@ def fill_deflections(blocks, start, n, seed, task, deflection):
     for k in range(n):
         base = (k // BLOCK) * RAY + k % BLOCK
         index = set_index(np.uint32(task.first + start + k), key, DEFLECTION_SET)
-        by_x, by_y, _, _ = bend(deflection.field, sample(index, 0, key), sample(index, 1, key))
+        by_x, by_y, _, _ = sample_deflection(deflection.field, sample(index, 0, key), sample(index, 1, key))
         h = deflection.distance + deflection.tilt[0] * blocks[base + X] + deflection.tilt[1] * blocks[base + Y]
         blocks[base + X] += h * (to_sensor_axes[0, 0] * by_x + to_sensor_axes[0, 1] * by_y)
         blocks[base + Y] += h * (to_sensor_axes[1, 0] * by_x + to_sensor_axes[1, 1] * by_y)
@@ -67,7 +67,7 @@ def fill_iris_deflections(blocks, start, n, seed, task, iris):
     wavelength = iris.wavelengths[0]
     for k in range(n):
         index = set_index(np.uint32(task.first + start + k), key, DEFLECTION_SET)
-        by_x, by_y, _, _ = bend(iris.field, sample(index, 2, key), sample(index, 3, key))
+        by_x, by_y, _, _ = sample_deflection(iris.field, sample(index, 2, key), sample(index, 3, key))
         ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
         deflect_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
 

@@ -34,7 +34,7 @@ from plenoptic.core.kernels.sobol import (
     to_unit,
 )
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.optics.diffraction.kernels.far_field import bend
+from plenoptic.optics.diffraction.kernels.far_field import sample_deflection
 from plenoptic.optics.microlens.kernels.to_lens import at_wavelength
 
 _FEW = 8
@@ -123,7 +123,7 @@ def _sample_source(sources, p, point, wavelength, random):
     h = sources.plane.distance
     if sources.plane.tilt is not None:
         h += sources.plane.tilt[0] * point[0] + sources.plane.tilt[1] * point[1]
-    by_x, by_y, opening_weight, gap_weight = bend(frame.field, random[0], random[1])
+    by_x, by_y, opening_weight, gap_weight = sample_deflection(frame.field, random[0], random[1])
     x, y = point[0] - h * wavelength * by_x, point[1] - h * wavelength * by_y
     dx, dy = x - frame.shift[0], y - frame.shift[1]
     rows, columns = sources.shape
@@ -362,7 +362,7 @@ def fill_iris_deflections(blocks, start, n, batch, number, waves, iris):
         key = set_key(stream(batch.seed, number[pixel], batch.first_stream + replicate), DEFLECTION_SET)
         point = set_index(batch.first_index + index, key, DEFLECTION_SET)
         wavelength = at_wavelength(iris.wavelengths, waves, k)
-        by_x, by_y, _, _ = bend(iris.field, sample(point, 2, key), sample(point, 3, key))
+        by_x, by_y, _, _ = sample_deflection(iris.field, sample(point, 2, key), sample(point, 3, key))
         ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
         deflect_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
 

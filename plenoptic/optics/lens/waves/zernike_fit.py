@@ -117,7 +117,7 @@ def zernike(term: int, x: ArrayLike, y: ArrayLike, *, order: ZernikeOrder = Zern
     [-1.7321, 1.7321]
     """
     kind = choice(order, ZernikeOrder, "order")
-    term_count = MOST_TERMS if kind is ZernikeOrder.NOLL else _MOST_FRINGE
+    term_count = MAX_TERMS if kind is ZernikeOrder.NOLL else _MOST_FRINGE
     n, m = _place(whole(term, "term", at_least=1, at_most=term_count), kind)
     noll = n * (n + 1) // 2 + 1
     while degree_and_order(noll) != (n, m):

@@ -110,7 +110,7 @@ def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
                 mis_weight = weight(ray_pdf, area_pdf[material] * path_length * path_length / cosine)
                 for c in range(channels):
                     emission_at_hit[c] *= mis_weight
-        wave = wave_of(waves, path)
+        wave = wavelength_index(waves, path)
         for c in range(radiance.shape[1]):
             radiance[path, c] += one_channel(emission_at_hit, c, basis, wave) * (
                 1.0 if throughput is None else throughput[i, c]

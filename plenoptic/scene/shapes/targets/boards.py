@@ -206,7 +206,7 @@ def random_dots(
     >>> board.meshes[0].material
     Lambertian(albedo=Texture(texels=<100 x 200 x 1 float32>, ...))
     """
-    columns, rows = checked_shape((columns, rows), ("columns", "rows"), at_most=MOST_POINTS)
+    columns, rows = checked_shape((columns, rows), ("columns", "rows"), at_most=MAX_POINTS)
     dot, probability = length_in_mm(dot, "dot"), finite(density, "density")
     if not 0 <= probability <= 1:
         raise InvalidValueError(
