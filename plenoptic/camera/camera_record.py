@@ -134,7 +134,7 @@ class CameraRecord(NamedTuple):
 
     def lenslet_parameters(self, n: int) -> NDArray[np.void] | None:
         """Empty lenslet parameters of n paths, in whole blocks; None if all microlenses are alike."""
-        return None if self.array is None else self.array.own(n)
+        return None if self.array is None else self.array.lenslet_rows(n)
 
 
 def camera_record(camera: PlenopticCamera) -> CameraRecord:

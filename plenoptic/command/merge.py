@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> None:
 
     check_target(options.output)
     parts = [_part(name) for name in options.parts]
-    _check_complete([part.head for part in parts], options.region)
+    _check_complete([part.metadata for part in parts], options.region)
     merged: Exposure | ExposureMetadata
     if checked_ending(options.output) == ".zarr":
         merged = merge_to_store(parts, options.output)

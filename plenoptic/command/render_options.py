@@ -120,7 +120,7 @@ def _settings(options: argparse.Namespace) -> RenderSettings:
     settings = RenderSettings() if options.settings is None else load_settings(options.settings)
     changes = _options(options, "max_bounces", "clamp")
     if options.caustics is not None:
-        changes["caustics"] = Caustics.KEPT if options.caustics == "kept" else Caustics.LEFT_OUT
+        changes["caustics"] = Caustics.INCLUDE if options.caustics == "kept" else Caustics.EXCLUDE
     return dataclasses.replace(settings, **changes)
 
 

@@ -35,7 +35,7 @@ def versions() -> dict[str, str]:
 
 def statistics_of(shot: Exposure) -> dict[str, Any]:
     """Statistics of an image for the table; the same bits give the same numbers, except for times."""
-    level, stats = HighPercentile(99.0, most=shot.image.size), shot.stats
+    level, stats = HighPercentile(99.0, max_count=shot.image.size), shot.stats
     for row in shot.image:
         level.add(row[np.isfinite(row)])
     assert stats is not None
@@ -112,7 +112,7 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
         "units": "lengths mm, times s, angles rad; pose: world = rotation @ camera + position, object_to_world 3 x 4",
         "complete": all(task in records for task in tasks),
         "frames": len(next(iter(sequences.values()))),
-        "made_with": taking.described(),
+        "made_with": taking.to_tree(),
         "cameras": {name: [journal.items[key] for key in keys] for name, keys in cameras.items()},
         "object_names": [journal.items[key] for key in names],
         "images": images,

@@ -9,7 +9,7 @@ import numpy as np
 
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.report.focus import CameraKind, kind_of
+from plenoptic.camera.gaussian import CameraKind, kind_of
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.micro_images import MicroImages, micro_images

@@ -162,10 +162,10 @@ class _Probe:
         if not n:
             return
         camera_rays = CameraRays(camera, fed, batch, n)
-        bundle = camera_rays.started(0, n)
+        bundle = camera_rays.sample(0, n)
         camera_rays.fill_through_array(bundle)
         camera_rays.fill_through_lens(bundle)
-        camera_rays.fill_bent_at_iris(bundle, 0, n)
+        camera_rays.fill_iris_deflections(bundle, 0, n)
         fill_status_counts(self.counts, bundle, n)
         self.bright = context.scene is None and bool(self.counts[0])
         if context.scene is not None:

@@ -43,7 +43,7 @@ class RenderContext(NamedTuple):
     @property
     def together(self) -> int:
         """Number of samples at whose multiples batches must end, so that the bits do not depend on the batches."""
-        return self.replicates if self.camera.spread is None else batch_step(self.replicates)
+        return self.replicates if self.camera.diffraction_kernel is None else batch_step(self.replicates)
 
     @property
     def channels(self) -> int:

@@ -85,7 +85,7 @@ def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
 
 def metadata_of_image(path: str | os.PathLike[str]) -> ExposureMetadata:
     """Metadata of the exposure in an image file."""
-    shape, names, picture, metadata = images.read_head(path)
+    shape, names, picture, metadata = images.read_header(path)
     arrays = ["image"]
     if all(f"error.{name}" in names for name in CHANNEL_NAMES[len(picture)]):
         arrays.append("standard_error")

@@ -103,7 +103,7 @@ def render_tile(
     if camera.diffraction_kernel is None:
         sums: PixelSums | SharedSums = PixelSums(context, fed, batch, whole)
     else:
-        sums = SharedSums(context, camera.spread, fed, batch, whole)
+        sums = SharedSums(context, camera.diffraction_kernel, fed, batch, whole)
     statistics = PathCounts(context, status_codes(camera))
     for passes in sums.passes():
         if not _trace_passes(context, passes, statistics, tile, stopped):
@@ -145,14 +145,14 @@ def _trace_passes(
             if stopped is not None and stopped():
                 return False
             n = min(BUNDLE, pass_.paths - start)
-            bundle = camera_rays.started(start, n)
+            bundle = camera_rays.sample(start, n)
             camera_rays.fill_through_array(bundle)
             camera_rays.fill_through_lens(bundle)
             if pass_.counted:
                 fill_status_counts(statistics.counts, bundle, n)
             radiance = None
             if integrator is not None:
-                camera_rays.fill_bent_at_iris(bundle, start, n)
+                camera_rays.fill_iris_deflections(bundle, start, n)
                 radiance = integrator.radiance(bundle, start, n, pass_.batch, pass_.fed.number, camera_rays.waves)
             statistics.clamp(pass_, bundle, radiance, n)
             statistics.drop(pass_, bundle, radiance, start, n, pass_.fill(bundle, radiance, camera_rays, start, n))

@@ -80,9 +80,11 @@ class SharedSums:
         self._context, self._spread, self._batch, self._whole, self._around = context, spread, batch, whole, fed.sources
         self._weights = None if context.camera.colour is None else context.camera.colour.weights
         self._tile_pixels, self._neighbour_pixels = kernel_source_pixels(context.camera, fed, spread.table)
-        self._drawn = fed._replace(number=remainder_numbers(fed.number), around=fed.around._replace(bend=spread.rest))
+        self._drawn = fed._replace(
+            number=remainder_numbers(fed.number), sources=fed.sources._replace(deflection=spread.remainder)
+        )
         white = context.scene is None and spread.table.means is not None
-        self._pilot_mean = np.zeros(len(fed.around.numbers)) if white else None
+        self._pilot_mean = np.zeros(len(fed.sources.numbers)) if white else None
 
     def passes(self) -> Iterator[list[SamplingPass]]:
         """Lists of passes to be traced together. The generator adds each list's sums to `whole` when it is resumed."""
@@ -119,10 +121,13 @@ class SharedSums:
 
     def _kernel_pass(self, sums: tuple[Floats, Floats], fed: IlluminatedPixels, batch: Batch) -> SamplingPass:
         """Paths whose light is distributed over pixels by the kernel."""
-        kernel_rows = self._spread.table.parts
+        kernel_rows = self._spread.table.weights
 
         def fill(bundle: Floats, radiance: Floats | None, camera_rays: CameraRays, start: int, n: int) -> int:
-            light, weights = film_sums.Light(bundle, radiance, camera_rays.waves, self._weights), camera_rays.spots
+            light, weights = (
+                film_sums.Light(bundle, radiance, camera_rays.waves, self._weights),
+                camera_rays.kernel_rows,
+            )
             added = sums, fed.place, light, self._pilot_mean, (weights, kernel_rows)
             return int(film_sums.fill_kernel_sums(*added, start, n, batch))
 
@@ -140,10 +145,14 @@ class SharedSums:
 
     def _gather(self, shared: tuple[Floats, Floats], drawn: tuple[Floats, Floats], batch: Batch) -> None:
         """Add the totals of the pixels to `whole`."""
-        sources, control_variate, means = self._around.givers, np.zeros(drawn[1].shape), self._spread.table.means
+        sources, control_variate, means = (
+            self._around.kernel_sources,
+            np.zeros(drawn[1].shape),
+            self._spread.table.means,
+        )
         if self._pilot_mean is not None and means is not None:
             control_variate += self._pilot_mean[sources] @ means.T
-        weight = self._spread.drawn
+        weight = self._spread.remainder_share
         film_sums.fill_pixel_totals(
             self._whole, shared, control_variate, drawn, sources, batch, weight, DEFLECTION_INTERVAL
         )

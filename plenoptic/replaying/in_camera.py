@@ -68,19 +68,19 @@ def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, 
     if not fed.place.size:
         return None
     camera_paths = CameraRays(camera, fed, batch, 1)
-    bundle = camera_paths.started(0, 1)
+    bundle = camera_paths.sample(0, 1)
     aimed = _row(bundle)
     camera_paths.fill_through_array(bundle)
     events: list[Event] = [
         SensorPoint(pixel, _in_camera(camera, _sensor_point(camera, aimed))),
-        _array_event(camera, aimed, camera_paths.own, _row(bundle)),
+        _array_event(camera, aimed, camera_paths.lenslets, _row(bundle)),
     ]
     before = bundle.copy()
     fill_dust_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
     events += _lens_events(camera, camera_paths.lens, before, camera_paths.waves)
     camera_paths.fill_through_lens(bundle)
-    camera_paths.fill_bent_at_iris(bundle, 0, 1)
-    core_weight = 0.0 if camera_paths.sure is None else _row(camera_paths.sure).weight
+    camera_paths.fill_iris_deflections(bundle, 0, 1)
+    core_weight = 0.0 if camera_paths.core is None else _row(camera_paths.core).weight
     return CameraWay(tuple(events), bundle, camera_paths.waves, fed, core_weight)
 
 

@@ -129,7 +129,8 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
         errors, returned = study.case_errors(case, rays=count, seed=first)
         right, *columns = zip(*errors, strict=True)
         largest = [max((error for error in column if error is not None), default=None) for column in columns]
-        return StabilityRow(case.name, count, *largest, returned, right.count(False), time.perf_counter() - begin)
+        seconds = time.perf_counter() - begin
+        return StabilityRow._make((case.name, count, *largest, returned, right.count(False), seconds))
 
     rows = until_interrupted(measure, chosen)
     beyond = [row.case for row in rows if not row.holds]

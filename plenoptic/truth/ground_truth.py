@@ -195,7 +195,8 @@ def _assemble_region(engine: Engine[Strip, Arrays], region: tuple[int, int, int,
     rows = max(1, _STRIP // (end_column - first_column))
     strips = [Strip(row, min(row + rows, end_row), first_column, end_column) for row in range(first_row, end_row, rows)]
     strip_results = {
-        outcome.order: outcome.result for outcome in engine.results(strips, left=len(strips), given_up=lambda: False)
+        outcome.job: outcome.result
+        for outcome in engine.results(strips, n_jobs=len(strips), is_cancelled=lambda: False)
     }
     shape = (end_row - first_row, end_column - first_column)
     parts = [strip_results[strip] for strip in strips]

@@ -68,6 +68,6 @@ def lens_numbers(camera: CameraRecord) -> NDArray[np.int64] | None:
     if array is None or array.lattice is not Lattice.FREE:
         return None
     assert array.centres is not None
-    assert camera.array is not None and camera.array.listed is not None
+    assert camera.array is not None and camera.array.lens_table is not None
     distance = np.abs(np.asarray(array.centres)).max(axis=1)
-    return np.sort(np.argsort(distance, kind="stable")[: len(camera.array.listed.lenses)])
+    return np.sort(np.argsort(distance, kind="stable")[: len(camera.array.lens_table.lenses)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.report.focus import CameraKind
+from plenoptic.camera.gaussian import CameraKind
 from plenoptic.core.values import choice
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.files.library import load_lens

@@ -185,7 +185,9 @@ def _centres(
     centres = axes.local(lenses.axis)
     is_orthogonal = array.walls is Walls.OPAQUE or method is CentreMethod.ORTHOGONAL
     slopes = np.zeros_like(centres) if is_orthogonal else chief_slopes(axes, centres)
-    position = axes.on_sensor(array.model.rules.displaced(array, centres, slopes, camera.wavelength, True), slopes)
+    position = axes.on_sensor(
+        array.model.rules.shift_chief_rays(array, centres, slopes, camera.wavelength, True), slopes
+    )
     if method is CentreMethod.CENTROID:
         if white is None:
             position = lit_centroids(axes, array, lenses, slopes)

@@ -82,7 +82,7 @@ def _estimate_cells(camera: CameraRecord) -> float:
     height_factor = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
     reach = float(pupil.reach.max()) + pupil.margin + height_factor * array.opening.radius
     search = (reach + ratio * camera.sensor.pitch) / (1.0 + ratio) + array.opening.radius
-    area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.listed
+    area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.lens_table
     if listed is not None:
         area = float(listed.bins.width**2 * (len(listed.bins.first) - 1) / max(len(listed.lenses), 1))
     return 1.0 + float(np.pi * search**2 / area)

@@ -78,7 +78,7 @@ def diffraction_kernel(
         return None
     light = [(np.diff(deflection.field.columns, axis=1) * np.diff(deflection.field.rows)[:, None])[is_near]]
     if deflection.field.opening is not None:
-        through, share = deflection.field.opening[is_near], deflection.field.share
+        through, share = deflection.field.opening[is_near], deflection.field.opening_fraction
         light = [light[0] * through, light[0] * (1.0 - share * through) / (1.0 - share)]
     cells, overlaps = np.stack(np.nonzero(is_near)[::-1]), _overlaps(np.asarray(camera.sensor.pixel_aperture), reach)
     sizes = smallest + step * (np.arange(scales) + 0.5) if largest > smallest else np.array([largest])
@@ -113,7 +113,7 @@ def _displacements(deflection: DeflectionRecord, scale: float, cells: Floats) ->
 
     `scale` is the wavelength times the distance from the array, in mm^2.
     """
-    periods = cells * deflection.field.step - deflection.field.inner
+    periods = cells * deflection.field.step - deflection.field.radius
     return np.asarray(np.tensordot(scale * (deflection.back @ deflection.field.scale), periods, axes=1))
 
 

@@ -117,7 +117,7 @@ def aberration_margins(
         rules.to_lens(blocks.reshape(-1), None, lens, None)
         x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            exit_x, exit_y = rules.landing(array, power, (dx, dy), ((dx - sx) / distance, dy / distance), (x, y))
+            exit_x, exit_y = rules.exit_points(array, power, (dx, dy), ((dx - sx) / distance, dy / distance), (x, y))
             t = -z / w
             real_x, real_y = x + t * u, y + t * v
             valid = (status == 0) & (np.hypot(exit_x, exit_y) <= array.cell_radius)

@@ -329,7 +329,7 @@ def _bytes(run: PilotRun) -> tuple[float, float, float]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pilot.exr"
         run.exposure.save(path)
-        return head, max(path.stat().st_size - head, 0) / run.pixels, run.cached_bytes / run.pixels
+        return head, max(path.stat().st_size - head, 0) / run.pixels, run.kept_bytes / run.pixels
 
 
 def _estimate(pilots: _Pilots, costs: _Costs) -> Estimate:
@@ -338,10 +338,10 @@ def _estimate(pilots: _Pilots, costs: _Costs) -> Estimate:
     fastest, slowest = 1.0 / pilots.threads, 1.0 / (pilots.threads * costs.busy)
     wall = Estimated(cpu.value * math.sqrt(fastest * slowest), cpu.low * fastest, cpu.high * slowest)
     once, state = 8 + _truth_bytes(pilots.subject.truth), 8 * channels * (budget.replicates + 1)
-    pixels_in_memory, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.spread
-    shared = 0 if spread is None else state * spread.table.parts.shape[1]
+    pixels_in_memory, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.diffraction_kernel
+    shared = 0 if spread is None else state * spread.table.weights.shape[1]
     working_memory = pixels_in_memory * (4 * (state + once) + _WORK_BYTES + shared)
-    cached = (costs.kept_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
+    cached = (costs.cached_bytes or _FED_BYTES) * n if budget.steps or budget.passes else 0
     memory = resident_bytes() + _film_bytes(pilots) * n + working_memory + min(cached, MAX_CACHED_BYTES)
     record = _RECORD_BYTES + 8 * status_codes(pilots.context.camera)
     records_per_tile = [costs.steps if budget.steps else _records(tile.pixels, pilots) for tile in pilots.tiles]

@@ -124,4 +124,4 @@ def run_pilot(
     work = RenderOptions(None, 0, threads, None, False, None, None, 1.0)
     exposure = exposure_of(progress, subject, work, threads, None, interrupted=True)
     seconds = time.perf_counter() - begin[0], time.process_time() - begin[1]
-    return PilotRun(rows * columns, *seconds, progress, exposure, context.prepared.kept_bytes)
+    return PilotRun(rows * columns, *seconds, progress, exposure, context.prepared.cached_bytes)

@@ -42,7 +42,7 @@ class InteractionStage:
         assert bsdf is not None
         count = fill_interactions(buffer, hits, queue.rays, queue.path, geometry, bsdf.scatters)
         surfaces = buffer.first(count)
-        sobol.fill_drawn(
+        sobol.fill_samples(
             surfaces.random, surfaces.key, surfaces.number, surfaces.path, keys.key, keys.number, bounce + 1
         )
         parameters.fill_parameters(surfaces, bsdf, wavelengths)

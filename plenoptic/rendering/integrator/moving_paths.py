@@ -59,7 +59,7 @@ class MovingPaths:
         """
         n, shutter = len(keys[0]), self._shutter
         path_index = np.arange(n)
-        sobol.fill_drawn(self._points, self._keys, self._numbers, path_index, *keys, SHUTTER_SET)
+        sobol.fill_samples(self._points, self._keys, self._numbers, path_index, *keys, SHUTTER_SET)
         times = shutter.times(number[(start + path_index) // batch.samples], self._points[0, :n])
         if shutter.camera is not None:
             camera_to_world = shutter.camera.matrices(times)[path]

@@ -60,7 +60,7 @@ def _diffraction(camera: PlenopticCamera) -> list[Decision]:
 def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
     """Decisions on the computation of the illuminated pupil of a pixel."""
     stopped = no_core_reason(camera)
-    bounds = bounds_reason(camera, certain=white and not stopped)
+    bounds = bounds_reason(camera, with_core=white and not stopped)
     return [
         decide(Stage.EXACT_PUPILS, not bounds, bounds, "each point of a pixel sees the openings of the lens"),
         decide(

@@ -114,10 +114,10 @@ def _run(
     if checkpoint is not None:
         files.callback(checkpoint.close)
     tile_side = options.tile_side if checkpoint is None or options.tile_side is not None else checkpoint.tile_side
-    shared = context.camera.spread is not None
+    shared = context.camera.diffraction_kernel is not None
     side, tiles = cut_into_tiles(region, budget, tile_side, cells_per_pixel(context.camera), shared=shared)
     steps = budget.steps or budget.passes
-    context.prepared.cut_into(tuple(tiles), steps=steps)
+    context.prepared.set_tiles(tuple(tiles), steps=steps)
     top, bottom, left, right = requested
     crop = slice(top - region[0], bottom - region[0]), slice(left - region[2], right - region[2])
     clock = Clock(begin[0], budget.time_limit, sum(tile.pixels for tile in tiles) * context.channels)
@@ -145,7 +145,7 @@ def _run(
         else:
             job = RenderTask(subject, seed, available, steps)
             is_late = None if budget.time_limit is None else clock.late
-            engine = stack.enter_context(cluster.engine(tile_renderer, job, late=is_late))
+            engine = stack.enter_context(cluster.engine(tile_renderer, job, out_of_time=is_late))
         interrupted = drive(progress, context, engine, clock, checkpoint, bar)
     if cluster is not None:
         progress.film.processors = tuple(dict.fromkeys(progress.film.processors + cluster.processors))
@@ -255,11 +255,11 @@ def drive(
             read = functools.partial(_read, checkpoint, context)
             yield from run_in_order(read, entries, threads=min(engine.threads, thread_count(None)))
         pending, stopped = len(progress.pending()), lambda: interrupts.asked
-        for done in engine.results(jobs(), left=pending, given_up=stopped) if pending else ():
+        for done in engine.results(jobs(), n_jobs=pending, is_cancelled=stopped) if pending else ():
             if done.result is not None:
-                clock.record_batch(int(done.order.size), done.seconds)
-                progress.before = progress.before[0], progress.before[1] + done.elsewhere
-            yield done.order.i, done.result, None
+                clock.record_batch(int(done.job.size), done.seconds)
+                progress.before = progress.before[0], progress.before[1] + done.remote_cpu_seconds
+            yield done.job.i, done.result, None
 
     with interrupts:
         while progress.pending() and not clock.over and not interrupts.asked:

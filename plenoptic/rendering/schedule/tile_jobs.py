@@ -83,7 +83,7 @@ class RenderTask(NamedTuple):
 def tile_renderer(task: RenderTask, threads: int) -> Callable[[TileJob], TileResult]:
     """Function that renders the tile jobs of a task in another process, compiled with `threads` processes."""
     context = render_context(task.subject, task.seed)
-    context.prepared.cut_into((_EMPTY,), steps=task.steps)  # the tiles are not known here
+    context.prepared.set_tiles((_EMPTY,), steps=task.steps)  # the tiles are not known here
     truth = truth_record(task.subject.camera, context.camera, task.truth)
     with compile_in_parallel(lambda: compile_tiles(context, truth), threads=threads):
         compile_tiles(context, truth)

@@ -131,10 +131,10 @@ def _obj_materials(content: bytes, reader: FileReader) -> Mapping[str, Material]
         # A name may hold spaces, and a line several names.
         for name in (
             [library_name]
-            if len(library_name.split()) < 2 or reader.named(library_name).is_file()
+            if len(library_name.split()) < 2 or reader.resolve(library_name).is_file()
             else library_name.split()
         ):
-            library = reader.named(name)
+            library = reader.resolve(name)
             if not os.path.lexists(library):
                 raise FileError(f"its material file {name!r} is missing; put it beside the file, {REPLACE}")
             described |= read_mtl(reader.read(library).decode(errors="replace"))
