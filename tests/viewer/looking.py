@@ -2,6 +2,7 @@
 
 import base64
 import dataclasses
+import io
 import json
 import os
 import re
@@ -57,6 +58,40 @@ def moved(page, slider, value):
 def painted(page):
     """After the next frame."""
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def point_of(page, row, column, rows=220, columns=260):
+    """Where a pixel is on the page, when all of the image is shown."""
+    box = page.locator("#stage").bounding_box()
+    scale = min(box["width"] / columns, box["height"] / rows)
+    return (
+        box["x"] + box["width"] / 2 + (column + 0.5 - columns / 2) * scale,
+        box["y"] + box["height"] / 2 + (row + 0.5 - rows / 2) * scale,
+    )
+
+
+def photographed(page, rows, columns):
+    """The picture, pixel by pixel, as it is on the screen."""
+    from PIL import Image
+
+    page.keyboard.press("1")
+    painted(page)
+    box = page.locator("#stage").bounding_box()
+    assert box["x"] == round(box["x"]) and box["y"] == round(box["y"])
+    left, top = (
+        int(box[at] - np.floor(size / 2 - box[length] / 2 + 0.5))
+        for at, size, length in (("x", columns, "width"), ("y", rows, "height"))
+    )
+    clip = {"x": left, "y": top, "width": columns, "height": rows}
+    return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB"), float)
+
+
+def touching(page):
+    """A function that begins, moves or ends touches at places."""
+    session = page.context.new_cdp_session(page)
+    return lambda kind, *points: session.send(
+        "Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y} for x, y in points]}
+    )
 
 
 def views_of(across=5, down=5, rows=40, columns=56, channels=3, *, seed=1):

@@ -4,7 +4,7 @@ import io
 
 import numpy as np
 import pytest
-from looking import facts_of, field_of, moved, painted, readout, views_of
+from looking import facts_of, field_of, moved, painted, photographed, point_of, readout, touching, views_of
 
 from plenoptic.core.color.srgb import linear_to_srgb, srgb_to_linear
 from plenoptic.lightfield.depth_map import DepthMap
@@ -61,22 +61,6 @@ def expected(viewer, disparity, across, viewpoint):
     return 255 * linear_to_srgb(np.clip(linear, 0, 1)), lit
 
 
-def photographed(page, rows, columns):
-    """The picture, pixel by pixel, as it is on the screen."""
-    from PIL import Image
-
-    page.keyboard.press("1")
-    painted(page)
-    box = page.locator("#stage").bounding_box()
-    assert box["x"] == round(box["x"]) and box["y"] == round(box["y"])
-    left, top = (
-        int(box[at] - np.floor(size / 2 - box[length] / 2 + 0.5))
-        for at, size, length in (("x", columns, "width"), ("y", rows, "height"))
-    )
-    clip = {"x": left, "y": top, "width": columns, "height": rows}
-    return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB"), float)
-
-
 def test_refocused_pixels_are_shifted_and_added_in_linear_light(opened, viewer):
     with opened(viewer) as page:
         for disparity, across, viewpoint in (
@@ -123,17 +107,8 @@ def test_a_click_focuses_on_what_is_there_and_the_text_is_the_arrays(opened):
         # What the scene has in its middle is in focus at first: more of it is known on the left.
         begins = page.evaluate("document.getElementById('focus').valueAsNumber")
         assert min(abs(begins - 0.4), abs(begins + 0.9)) < 1e-3
-        box = page.locator("#stage").bounding_box()
-        scale = min(box["width"] / 56, box["height"] / 40)
-
-        def point(row, column):
-            return (
-                box["x"] + box["width"] / 2 + (column + 0.5 - 28) * scale,
-                box["y"] + box["height"] / 2 + (row + 0.5 - 20) * scale,
-            )
-
         for row, column in ((5, 10), (20, 40), (12, 27)):
-            page.mouse.click(*point(row, column))
+            page.mouse.click(*point_of(page, row, column, 40, 56))
             painted(page)
             chosen = page.evaluate("document.getElementById('focus').valueAsNumber")
             assert chosen == pytest.approx(disparity[row, column], abs=1e-4)
@@ -144,7 +119,7 @@ def test_a_click_focuses_on_what_is_there_and_the_text_is_the_arrays(opened):
             value, spread, unit = said["Disparity"].replace(" ± ", " ").split()
             assert float(value) == pytest.approx(disparity[row, column], abs=5e-3)
             assert float(spread) == pytest.approx(0.02, rel=0.06) and unit == "px"
-        page.mouse.move(*point(35, 10))
+        page.mouse.move(*point_of(page, 35, 10, 40, 56))
         assert readout(page)["Depth"] == "–"
 
 
@@ -210,13 +185,7 @@ def test_the_sheet_opens_the_view_that_is_clicked(opened, viewer):
     with opened(viewer) as page:
         page.click("label[for=shown-sheet]")
         painted(page)
-        box = page.locator("#stage").bounding_box()
-        width, height = 5 * 58 - 2, 5 * 42 - 2
-        scale = min(box["width"] / width, box["height"] / height)
-        page.mouse.click(
-            box["x"] + box["width"] / 2 + (4.5 * 58 - width / 2) * scale,
-            box["y"] + box["height"] / 2 + (1.5 * 42 - height / 2) * scale,
-        )
+        page.mouse.click(*point_of(page, 1.5 * 42 - 0.5, 4.5 * 58 - 0.5, 5 * 42 - 2, 5 * 58 - 2))
         shown = page.evaluate(
             "[document.querySelector('input[name=shown]:checked').value,"
             " ...['view-u', 'view-v'].map((id) => document.getElementById(id).valueAsNumber)]"
@@ -248,13 +217,7 @@ def test_touch_moves_and_pinches_on_a_phone(opened, viewer):
     with opened(viewer, 360, 740, has_touch=True, is_mobile=True, device_scale_factor=2) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= 360
         box = page.locator("#stage").bounding_box()
-        session = page.context.new_cdp_session(page)
-
-        def touch(kind, *points):
-            session.send(
-                "Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y} for x, y in points]}
-            )
-
+        touch = touching(page)
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         touch("touchStart", (x, y))
         for k in range(1, 6):

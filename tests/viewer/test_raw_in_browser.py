@@ -1,11 +1,10 @@
 """The page of a raw image in a browser: its pixels, what it says of each, and images of the points that they show."""
 
-import io
 import json
 
 import numpy as np
 import pytest
-from looking import camera_of, facts_of, moved, painted, readout
+from looking import camera_of, facts_of, moved, painted, photographed, point_of, readout, touching
 
 import plenoptic as pl
 from plenoptic.core.color.srgb import linear_to_srgb
@@ -21,16 +20,6 @@ def shot():
 @pytest.fixture(scope="module")
 def viewer(shot):
     return shot.viewer()
-
-
-def point_of(page, row, column, rows=220, columns=260):
-    """Where a pixel is on the page, when all of the image is shown."""
-    box = page.locator("#stage").bounding_box()
-    scale = min(box["width"] / columns, box["height"] / rows)
-    return (
-        box["x"] + box["width"] / 2 + (column + 0.5 - columns / 2) * scale,
-        box["y"] + box["height"] / 2 + (row + 0.5 - rows / 2) * scale,
-    )
 
 
 def pixels(shot, count, seed):
@@ -100,19 +89,9 @@ def test_images_of_a_point_light_up_where_project_sees_it(opened, shot, viewer):
 
 
 def test_pixels_on_the_screen_are_those_of_the_image(opened, shot, viewer):
-    from PIL import Image
-
     with opened(viewer) as page:
         moved(page, "exposure", 0.5)
-        page.keyboard.press("1")
-        painted(page)
-        box = page.locator("#stage").bounding_box()
-        left, top = (
-            int(box[at] - np.floor(size / 2 - box[length] / 2 + 0.5))
-            for at, size, length in (("x", 260, "width"), ("y", 220, "height"))
-        )
-        clip = {"x": left, "y": top, "width": 260, "height": 220}
-        found = np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB"), float)
+        found = photographed(page, 220, 260)
         facts, _ = facts_of(viewer)
         codes = 255 * linear_to_srgb(np.clip(2**0.5 * shot.image / facts["white"], 0, 1))
         # Half a code, and values that are kept to a part of 2.5e-4: up to 0.03 codes.
@@ -158,14 +137,7 @@ def test_taps_and_pinches_on_a_phone(opened, viewer):
         page.touchscreen.tap(*point_of(page, 110, 130))
         row, column = (int(part) for part in readout(page)["Pixel (row, column)"].split(", "))
         assert abs(row - 110) <= 1 and abs(column - 130) <= 1
-        session = page.context.new_cdp_session(page)
-        x, y = point_of(page, 110, 130)
-
-        def touch(kind, *points):
-            session.send(
-                "Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y} for x, y in points]}
-            )
-
+        touch, (x, y) = touching(page), point_of(page, 110, 130)
         touch("touchStart", (x - 10, y), (x + 10, y))
         for k in range(1, 11):
             touch("touchMove", (x - 10 - 8 * k, y), (x + 10 + 8 * k, y))
