@@ -1,11 +1,18 @@
-"""What holds for all tests: where larger files lie, that drawn examples have time, and that Ctrl-C interrupts."""
+"""What holds for all tests: where helpers and larger files lie, that examples have time, and that Ctrl-C interrupts."""
 
 import os
 import signal
+import sys
 from pathlib import Path
 
 from hypothesis import settings
 
+HELPERS = ("benchmarks", "camera", "core", "core/engines", "export", "fuzz", "golden", "hostile", "validation")
+HELPERS += ("optics/lens/analysis", "optics/lens/waves", "viewer")
+HELPERS += ("rendering", "rendering/integrator", "rendering/schedule")
+"""Folders with modules that tests import."""
+
+sys.path += [str(Path(__file__).parent / folder) for folder in HELPERS]
 os.environ.setdefault("PLENOPTIC_SHARED", str(Path(__file__).resolve().parents[2] / "shared"))
 settings.register_profile("plenoptic", settings(), deadline=None)
 settings.load_profile("plenoptic")

@@ -12,8 +12,8 @@ import subprocess
 import sys
 import textwrap
 import time
-from pathlib import Path
 
+import fake_client
 import numpy as np
 import pytest
 from PIL import Image
@@ -23,9 +23,6 @@ from plenoptic.core.files.atomic_file import claim_folder
 from plenoptic.dataset import tables, task, writing
 from plenoptic.errors import FileError, FileWarning, InvalidValueError
 from plenoptic.scene.geometry.instance import Instances
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "core" / "engines"))
-import fake_client
 
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 
@@ -463,18 +460,18 @@ def test_killed_at_random_it_makes_the_same_bits(tmp_path):
     program = textwrap.dedent(
         """
         import sys, pathlib, plenoptic as pl
-        sys.path.insert(0, sys.argv[2])
+        sys.path[:0] = sys.argv[2:]
         from test_dataset import HOW, sequence
         pl.dataset.write(pathlib.Path(sys.argv[1]), sequence(24), motion=True, **HOW)
         """
     )
     command = [sys.executable, "-c", program]
-    here = os.path.dirname(__file__)
+    places = [os.path.dirname(file) for file in (__file__, fake_client.__file__)]
     whole, broken = tmp_path / "whole", tmp_path / "broken"
-    subprocess.run([*command, whole, here], check=True)
+    subprocess.run([*command, whole, *places], check=True)
     random, kills = np.random.default_rng(1), 0
     while True:
-        process = subprocess.Popen([*command, broken, here])
+        process = subprocess.Popen([*command, broken, *places])
         before = images_in(broken)
         # Once something new is noted, at a random moment of the following frames.
         while process.poll() is None and images_in(broken) <= before:

@@ -2,17 +2,13 @@
 
 import dataclasses
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from raws import focused, nearest
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-
-sys.path.insert(0, str(Path(__file__).parent))
-from raws import focused, nearest  # noqa: E402
 
 BOARD = pl.targets.checkerboard(5, 4, square=3.0)
 BOARDS = (BOARD.translated(z=-404.0), BOARD.rotated_deg((1, 2, 0), 25).translated(2.0, -1.0, -330.0))

@@ -4,17 +4,13 @@ import dataclasses
 import json
 import shutil
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from raws import camera, nearest, plain_shots, shots
 
 import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError
-
-sys.path.insert(0, str(Path(__file__).parent))
-from raws import camera, nearest, plain_shots, shots  # noqa: E402
 
 h5py = pytest.importorskip("h5py")
 

@@ -1,19 +1,15 @@
 """Raw images for programs that look for microlenses: rows as they count them, pictures turned as they need."""
 
 import json
-import sys
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import numpy as np
 import pytest
+from raws import LENS, camera, focused, nearest, plain_shots
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import lens_rows
-
-sys.path.insert(0, str(Path(__file__).parent))
-from raws import LENS, camera, focused, nearest, plain_shots  # noqa: E402
 
 HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
 

@@ -1,18 +1,14 @@
 """Decoded light fields as other programs read them."""
 
 import configparser
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from raws import camera, shots
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.pictures import read_pfm
-
-sys.path.insert(0, str(Path(__file__).parent))
-from raws import camera, shots  # noqa: E402
 
 SLANTED = pl.quad((-30, -30, 0), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.5)).rotated_deg((0, 1, 0), 35)
 SCENE = pl.Scene([SLANTED.translated(z=-404)], background=1)

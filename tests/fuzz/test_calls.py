@@ -10,12 +10,10 @@ import warnings
 from pathlib import Path
 
 import pytest
+from fuzzed_calls import findings
+from valid_calls import calls, camera, lens, shot
 
 import plenoptic as pl
-
-sys.path.insert(0, str(Path(__file__).parent))
-from fuzzed_calls import findings  # noqa: E402
-from valid_calls import calls, camera, lens, shot  # noqa: E402
 
 RENDERING = ("render", "render.target", "render_white", "ground_truth", "warm_up", "replay", "replay_all", "project")
 RENDERING += ("estimate", "point_spread", "landing_points", "microlens_centres", "design_camera", "decode", "report")

@@ -3,13 +3,8 @@
 Where a change of bits is meant, ``python tests/golden --write`` stores the new ones, and the commit says why.
 """
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-from golden_hashes import CASES, QUICK, hashes, stored  # noqa: E402
+from golden_hashes import CASES, QUICK, hashes, stored
 
 EXPECTED = stored()
 UNKNOWN = (

@@ -13,12 +13,11 @@ import sys
 import warnings
 from pathlib import Path
 
-import plenoptic as pl
+from hostile_gltf import GLTF
+from hostile_images import IMAGES, png
+from hostile_texts import TEXTS
 
-sys.path.insert(0, str(Path(__file__).parent))
-from hostile_gltf import GLTF  # noqa: E402
-from hostile_images import IMAGES, png  # noqa: E402
-from hostile_texts import TEXTS  # noqa: E402
+import plenoptic as pl
 
 CASES = {**GLTF, **TEXTS, **IMAGES}
 HANGS = 60

@@ -15,14 +15,12 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+from corpus import HANGS, peak
+from hostile_gltf import INDICES, TRIANGLE, data, header
+from hostile_images import jpeg, png, tiff, webp
+from hostile_texts import CORNERS, PLY, PLY_FACES
 
 import plenoptic as pl
-
-sys.path.insert(0, str(Path(__file__).parent))
-from corpus import HANGS, peak  # noqa: E402
-from hostile_gltf import INDICES, TRIANGLE, data, header  # noqa: E402
-from hostile_images import jpeg, png, tiff, webp  # noqa: E402
-from hostile_texts import CORNERS, PLY, PLY_FACES  # noqa: E402
 
 NUMBERS = ("-1", "0", "2", "65535", "4294967296", "1e300", "-1e-300", "NaN", "1e999", "9" * 400)
 NUMBERS += ("null", "true", '"a"', "[]")

@@ -9,14 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from corpus import CASES, chosen
+from hostile_gltf import TRIANGLE, header
+from hostile_images import png
 
 import plenoptic as pl
 from plenoptic.scene.files.gltf.nodes import composed
-
-sys.path.insert(0, str(Path(__file__).parent))
-from corpus import CASES, chosen  # noqa: E402
-from hostile_gltf import TRIANGLE, header  # noqa: E402
-from hostile_images import png  # noqa: E402
 
 MOST_SECONDS = 5.0
 """s of CPU for one file; what the system takes to hand out memory is bounded by the next one."""

@@ -3,11 +3,9 @@
 `python tests/benchmarks --only honesty` prints the figures of which these are limits.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from honesty import Converged, films, honesty
 
 import plenoptic as pl
 from plenoptic.core.relative_error import (
@@ -17,9 +15,6 @@ from plenoptic.core.relative_error import (
     relative_error,
     relative_squares,
 )
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-from honesty import Converged, films, honesty  # noqa: E402
 
 REPLICATES = 8
 

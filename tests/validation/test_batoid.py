@@ -1,8 +1,6 @@
 """Lens tracing beside batoid (M. Jarvis, J. Meyers et al.), which was written independently."""
 
 import dataclasses
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ import pytest
 import plenoptic as pl
 
 pytest.importorskip("batoid", reason="the extra `validation` installs it")
-sys.path.insert(0, str(Path(__file__).parent))
 import in_batoid  # noqa: E402
 
 pytestmark = pytest.mark.validation

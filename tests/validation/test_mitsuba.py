@@ -8,16 +8,12 @@ distance)^2, 0.7 % in the corners: a blurred edge shows it by some 0.1 % of its 
 Mitsuba starts rays 9e-5 (1 + largest coordinate) above a surface. So all scenes stand around the origin of the world.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import plenoptic as pl
 
 pytest.importorskip("mitsuba", reason="the extra `validation` installs it")
-sys.path.insert(0, str(Path(__file__).parent))
 import in_mitsuba  # noqa: E402
 from mitsuba_scenes import SCENES, camera, lambertian_bodies, objects, open_box, projected_solid_angles  # noqa: E402
 

@@ -1,16 +1,12 @@
 """Gaussian optics, Seidel sums and, ray by ray, path differences beside rayoptics (M. Hayford)."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from in_rayoptics import FAR, LENSES, WAVELENGTH, model
 
 import plenoptic as pl
-
-sys.path.insert(0, str(Path(__file__).parent))
-from in_rayoptics import FAR, LENSES, WAVELENGTH, model  # noqa: E402
 
 third_order = pytest.importorskip("rayoptics.parax.thirdorder")
 tracing = pytest.importorskip("rayoptics.raytr.trace")

@@ -1,16 +1,11 @@
 """Zernike polynomials beside prysm's (B. Dube), and fits of wavefronts beside sums of those."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from in_rayoptics import LENSES
 
 import plenoptic as pl
 from plenoptic.aberrations import ZernikeOrder, wavefront, zernike
-
-sys.path.insert(0, str(Path(__file__).parent))
-from in_rayoptics import LENSES
 
 polynomials = pytest.importorskip("prysm.polynomials", reason="the extra `validation` installs it")
 

@@ -1,12 +1,8 @@
 """A browser for pages of the viewer."""
 
-import sys
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 from looking import FLAGS, SOFTWARE, chromium_path
 
 

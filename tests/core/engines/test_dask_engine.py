@@ -1,20 +1,16 @@
 """Jobs on a cluster: each runs once, few at a time, in groups, on workers of the same environment."""
 
-import sys
 import time
 import warnings
-from pathlib import Path
 from typing import NamedTuple
 
+import fake_client
 import pytest
 
 import plenoptic as pl
 from plenoptic.core.engines import dask_engine, dask_worker
 from plenoptic.core.engines.dask_engine import DaskCluster
 from plenoptic.errors import PlenopticWarning
-
-sys.path.insert(0, str(Path(__file__).parent))
-import fake_client
 
 
 class Job(NamedTuple):

@@ -4,18 +4,14 @@ import functools
 import os
 import random
 import signal
-import sys
-from pathlib import Path
 
+import fake_client
 import numpy as np
 import pytest
+from test_resuming import assert_same, render
 
 import plenoptic as pl
 from plenoptic.rendering.schedule.progress import Progress
-
-sys.path[:0] = [str(Path(__file__).parents[2] / "core" / "engines"), str(Path(__file__).parent)]
-import fake_client  # noqa: E402
-from test_resuming import assert_same, render  # noqa: E402
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import signal
 import statistics
 import time
 
+import fake_client
 import numpy as np
 import pytest
 

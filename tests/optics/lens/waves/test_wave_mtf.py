@@ -1,18 +1,14 @@
 """Contrast with diffraction: closed forms of perfect lenses, the transform of point spreads, colours."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from test_wavefront import WAVE, perfect
 
 import plenoptic as pl
 from plenoptic.aberrations import wave_mtf, wavefront
 from plenoptic.errors import InvalidValueError
-
-sys.path.insert(0, str(Path(__file__).parent))
-from test_wavefront import WAVE, perfect
 
 GRID = 96
 EDGE = 2.0 / GRID**1.5

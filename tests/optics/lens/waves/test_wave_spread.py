@@ -1,19 +1,15 @@
 """Pictures of points with diffraction: closed forms of openings, two methods beside each other, energy, sampling."""
 
 import math
-import sys
-from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
+from test_wavefront import WAVE, perfect
 
 import plenoptic as pl
 from plenoptic.aberrations import SpreadMethod, wave_spread, wavefront
 from plenoptic.errors import InvalidValueError
-
-sys.path.insert(0, str(Path(__file__).parent))
-from test_wavefront import WAVE, perfect
 
 GRID = 96
 EDGE = 3.0 / GRID**1.5
