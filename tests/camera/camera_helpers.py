@@ -20,14 +20,9 @@ def camera_with(
     b=1.7, stop=5.0, shape=(512, 512), lens=None, moved=(), pixels=None, blemishes=(), to_array=123.3, **array
 ):
     """The camera of the reference scenes with another array; `moved` are parts with their shift and tilt."""
-    camera = pl.PlenopticCamera(
-        lens=the_lens(stop) if lens is None else lens,
-        microlenses=pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,)} | array)),
-        sensor=pl.Sensor(shape=shape, pixel_pitch=0.010, **(pixels or {})),
-        stop_to_microlenses=to_array,
-        microlenses_to_sensor=b,
-        blemishes=blemishes,
-    )
+    lens, sensor = the_lens(stop) if lens is None else lens, pl.Sensor(shape, 0.010, **(pixels or {}))
+    array = pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,)} | array))
+    camera = pl.PlenopticCamera(lens, sensor, to_array, array, b, blemishes=blemishes)
     for part, shift, tilt in moved:
         camera = camera.moved(part, shift=shift, tilt=tilt)
     return camera

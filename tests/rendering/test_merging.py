@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from honesty import counts_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -55,10 +56,6 @@ def part_of(whole, region):
     changes = {name: getattr(whole, name)[rows, columns] for name in ("image", "standard_error", "sample_counts")}
     truth = {name: array[rows, columns] for name, array in whole.truth.arrays().items()}
     return dataclasses.replace(whole, region=region, truth=pl.GroundTruth(**truth), **changes)
-
-
-def counts_of(shot):
-    return np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts
 
 
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 12))

@@ -1,13 +1,13 @@
 """`merge_to_store`: every byte of the store of `Exposure.merged`, with a band of it in memory."""
 
 import dataclasses
-import json
-import sys
 import tracemalloc
-from pathlib import Path
 
 import numpy as np
 import pytest
+import test_merging
+from test_merging import cuts_of, part_of
+from test_zarr_files import content
 
 import plenoptic as pl
 from plenoptic.rendering import RenderStats
@@ -16,10 +16,6 @@ from plenoptic.rendering.exposure_metadata import metadata_of
 from plenoptic.rendering.merging.merge import merge_parts, merge_to_store
 from plenoptic.rendering.merging.parts import FilePart, MemoryPart, StorePart
 from plenoptic.rendering.stores import metadata_of_store
-
-sys.path.insert(0, str(Path(__file__).parent))
-import test_merging  # noqa: E402
-from test_merging import cuts_of, part_of  # noqa: E402
 
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 
@@ -32,12 +28,6 @@ def made_up(rng, seed, *, region=REGION, **changes):
     """An exposure of random numbers with all that there may be."""
     stats = RenderStats(1.0 + seed, 2.0, 90, 80, (("clipped", 0, 10),), clamped=0.1 * seed)
     return test_merging.made_up(rng, region, **({"seed": seed, "camera": CAMERA, "stats": stats} | changes))
-
-
-def content(path):
-    """Every byte of a store; metadata without their order."""
-    files = {file.relative_to(path).as_posix(): file.read_bytes() for file in path.rglob("*") if file.is_file()}
-    return {name: json.loads(held) if name.endswith(".json") else held for name, held in files.items()}
 
 
 def saved(shot, folder, ending):

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from camera_helpers import bare_camera, camera_with, the_lens
 
 import plenoptic as pl
 from plenoptic.camera.points.projection import project
@@ -13,21 +14,6 @@ from plenoptic.truth.channels import NO_MICROLENS, Truth
 from plenoptic.truth.ground_truth import ground_truth
 
 THIN_LENS = pl.LensModel.THIN
-
-
-def the_lens(model=pl.LensModel.EXACT, stop=5.0):
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=stop))
-    return lens if model is pl.LensModel.EXACT else lens.with_model(model)
-
-
-def reference_camera(b=1.7, lens=None, shape=(512, 512), to_array=123.3, pitch=0.217, focal_lengths=(2.0,), **array):
-    return pl.PlenopticCamera(
-        lens=the_lens() if lens is None else lens,
-        microlenses=pl.MicrolensArray(pitch=pitch, focal_lengths=focal_lengths, **array),
-        sensor=pl.Sensor(shape=shape, pixel_pitch=0.010),
-        stop_to_microlenses=to_array,
-        microlenses_to_sensor=b,
-    )
 
 
 def plane(z, size=4000.0):
@@ -46,7 +32,7 @@ POSE = {"position": (30.0, -20.0, 50.0), "look_at": (10.0, 5.0, -350.0), "up": (
 
 
 def test_depth_distance_and_position_are_one_point():
-    plain = reference_camera()
+    plain = camera_with()
     placed = plain.moved(pl.CameraPart.LENS, shift=(0.5, -0.3, 0.2), tilt=(0.01, -0.02, 0.3)).posed(**POSE)
     for camera in (plain, placed):
         truth = ground_truth(pl.objects_scene(), camera, region=SOME)
@@ -85,7 +71,7 @@ def test_normals_of_a_sphere_are_those_of_its_facets():
 def test_normals_face_the_camera_from_either_side():
     for order in ((4000, 0, 0), (0, 4000, 0)), ((0, 4000, 0), (4000, 0, 0)):
         sheet = pl.Scene([pl.quad((-2000, -2000, -404), *order)], background=1.0)
-        truth = ground_truth(sheet, reference_camera(), region=np.s_[250:252, 250:252])
+        truth = ground_truth(sheet, camera_with(), region=np.s_[250:252, 250:252])
         np.testing.assert_array_equal(truth.normal[0, 0], [0.0, 0.0, 1.0])
 
 
@@ -148,7 +134,7 @@ def test_free_microlenses_have_their_numbers():
     # Lenses far outside take part in the numbering only.
     centres = np.concatenate([lenses.centre[order], [[50.0, 0.0], [0.0, -50.0]]])[::-1]
     types = np.arange(len(centres)) % 2
-    free = reference_camera(lattice=pl.Lattice.FREE, centres=centres, types=types, focal_lengths=(2.0, 2.0), pitch=0.2)
+    free = camera_with(lattice=pl.Lattice.FREE, centres=centres, types=types, focal_lengths=(2.0, 2.0), pitch=0.2)
     region = np.s_[60:90, 400:420]
     regular_truth, free_truth = (
         ground_truth(None, reference_camera(), region=region),
@@ -171,8 +157,8 @@ def test_angles_of_incidence_without_microlenses_are_those_from_the_exit_pupil()
     # Without aberrations the centroid of the light is the middle of the exit pupil. Each of the 16 probes that find it
     # stands for a square of 0.44 radii along a side: single pixels are off by less than half a radius, their mean by a
     # fraction of that.
-    lens = the_lens(pl.LensModel.PARAXIAL, stop=1.0)
-    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor((33, 65), 1.0), stop_to_microlenses=134.6)
+    lens = the_lens(1.0, pl.LensModel.PARAXIAL)
+    camera = bare_camera(lens, shape=(33, 65), pitch=1.0)
     points = pl.paraxial.cardinal_points(lens)
     truth = ground_truth(None, camera, truth=Truth.INCIDENCE_ANGLE)
     assert truth.kinds == Truth.INCIDENCE_ANGLE
@@ -208,9 +194,9 @@ def test_angles_of_incidence_lead_through_the_microlens():
 
 def test_virtual_depth_and_disparity_of_a_thin_lens_are_closed_forms():
     # A thin lens images planes onto planes without aberrations. Derivatives are good to 1e-9 (see `truth._TURN`).
-    lens = the_lens(THIN_LENS)
+    lens = the_lens(model=THIN_LENS)
     for b, to_array in ((1.7, 123.3), (2.4, 112.0), (2.0, 123.3)):  # Galilean, Keplerian, 1.0
-        camera = reference_camera(b=b, lens=lens, to_array=to_array)
+        camera = camera_with(b=b, lens=lens, to_array=to_array)
         for z in (-300.0, -404.0, -1000.0, -1e6):
             truth = ground_truth(plane(z, size=-z), camera, region=np.s_[200:208, 240:256])
             a = thin_image(lens, z) - camera.stop_to_microlenses
@@ -248,8 +234,8 @@ def test_without_main_lens_the_scene_is_its_own_image():
 
 def test_virtual_depth_on_a_tilted_array_and_sensor():
     # Both distances are along the array's normal: a from its plane to the image point, b to the pixel.
-    lens, tilt = the_lens(THIN_LENS), 0.05
-    camera = reference_camera(lens=lens).moved(pl.CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0))
+    lens, tilt = the_lens(model=THIN_LENS), 0.05
+    camera = camera_with(lens=lens).moved(pl.CameraPart.MICROLENSES, tilt=(0.0, tilt, 0.0))
     truth = ground_truth(plane(-404.0), camera, region=np.s_[250:262, 40:472])
     is_hit = np.isfinite(truth.depth)
     rows, columns = np.mgrid[250:262, 40:472]
@@ -266,7 +252,7 @@ def test_virtual_depth_on_a_tilted_array_and_sensor():
 
 def test_disparity_of_the_real_lens_is_that_of_neighbouring_projections():
     # Over one pitch the aberrations of the f/10 lens change the image's distance by about 0.1 %.
-    camera = reference_camera()
+    camera = camera_with()
     truth = ground_truth(plane(-404.0), camera, region=np.s_[256:257, 256:257])
     projection = project(camera, truth.position[0, 0])
     at = {tuple(index): k for k, index in enumerate(projection.index.tolist())}
@@ -284,7 +270,7 @@ def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre():
     jitter = pl.MicrolensImperfections(pitch_jitter=0.005, decentre=0.005, seed=2)
     rectangular = {"lattice": pl.Lattice.RECTANGULAR, "pitch": (0.25, 0.2)}
     for placed, array in ((False, {}), (True, {}), (True, rectangular), (True, {"imperfections": jitter})):
-        camera = reference_camera(model=pl.optics.MicrolensModel.PINHOLE, **array)
+        camera = camera_with(model=pl.optics.MicrolensModel.PINHOLE, **array)
         if placed:
             camera = (
                 camera.moved(pl.CameraPart.LENS, shift=(0.2, 0.1, 0.1), tilt=(0.01, 0.02, 0.1))
@@ -328,7 +314,7 @@ def test_unavailable_channels_are_left_out():
     with pytest.raises(pl.errors.InvalidValueError, match="nothing of .*DEPTH.* can be found"):
         ground_truth(None, camera, truth=Truth.DEPTH)
     # A conventional camera has no microlenses.
-    bare = pl.PlenopticCamera(lens=the_lens(), sensor=pl.Sensor((32, 32), 0.1), stop_to_microlenses=134.6)
+    bare = bare_camera(shape=(32, 32), pitch=0.1)
     truth = ground_truth(plane(-404.0), bare)
     assert truth.kinds == Truth.ALL & ~(Truth.MICROLENS | Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     np.testing.assert_allclose(truth.depth, 404.0, rtol=1e-14)
@@ -352,14 +338,13 @@ WANTED = Truth.POSITION | Truth.MICROLENS | Truth.DISPARITY | Truth.CHORD_DISPAR
 LEANING = pl.Scene([pl.quad((-900, -900, -380.0), (1800, 0, -90), (0, 1800, 200), material=pl.Emissive(1.0))])
 SMALL = {"shape": (400, 400)}
 TILTED = pl.optics.Placement(rotation=rotation_about_axes((0.01, 0.02, 0.05)), shift=(0.03, -0.02, 0.01))
+PLACED = {"microlenses_placement": TILTED, "sensor_placement": TILTED}
 CAMERAS = {
-    "hexagonal": reference_camera(**SMALL),
-    "Keplerian, square": reference_camera(b=2.3, lattice=pl.Lattice.SQUARE, **SMALL).focused_at(z=-300.0),
-    "rectangular": reference_camera(lattice=pl.Lattice.RECTANGULAR, pitch=(0.2, 0.25), **SMALL),
+    "hexagonal": camera_with(**SMALL),
+    "Keplerian, square": camera_with(b=2.3, lattice=pl.Lattice.SQUARE, **SMALL).focused_at(z=-300.0),
+    "rectangular": camera_with(lattice=pl.Lattice.RECTANGULAR, pitch=(0.2, 0.25), **SMALL),
     "out of place": dataclasses.replace(
-        reference_camera(imperfections=pl.MicrolensImperfections(decentre=0.002, seed=3), **SMALL),
-        microlenses_placement=TILTED,
-        sensor_placement=TILTED,
+        camera_with(imperfections=pl.MicrolensImperfections(decentre=0.002, seed=3), **SMALL), **PLACED
     ),
 }
 

@@ -6,6 +6,7 @@ import signal
 
 import numpy as np
 import pytest
+from camera_helpers import camera_with
 
 import plenoptic as pl
 from plenoptic.camera.camera_record import camera_record
@@ -49,18 +50,19 @@ def two_rims(camera):
     return dataclasses.replace(camera, lens=lens.moved(camera.lens.iris + 1, shift=(6.0, 0.0, 0.0)))
 
 
+UNEVEN = pl.MicrolensImperfections(pitch_jitter=0.004, decentre=0.004, seed=3)
 CAMERAS = {
-    **{f"{b} {stop}": camera_of(stop, b) for b in (2.0, 1.7) for stop in (5.0, 2.3, 1.5, 1.0, 0.5, 0.2, 0.1)},
-    "blades": camera_of(pl.PolygonStop(blades=6, semi_diameter=1.0), 2.0),
-    "star": camera_of(pl.StarStop(points=8, semi_diameter=1.0, inner_semi_diameter=0.3), 2.0),
-    "ring": camera_of(ring(0.2), 2.0),
-    "tilted": tilted(camera_of(1.0)),
-    "small pixels": camera_of(0.5, 2.0, aperture=0.5),
-    "irregular": camera_of(0.5, imperfections=pl.MicrolensImperfections(pitch_jitter=0.004, decentre=0.004, seed=3)),
-    "multi-focus": camera_of(1.0, focal_lengths=(1.7, 2.0, 2.4), lattice=pl.Lattice.SQUARE),
-    "two rims": two_rims(camera_of(5.0, 2.0)),
-    "wide open": camera_of(17.1, 0.45, focal_lengths=(0.45,), sensor=pl.Sensor((5000, 5000), 0.01)),
-    "thick": camera_of(1.0, 2.0, model=pl.optics.MicrolensModel.SPHERICAL),
+    **{f"{b} {stop}": camera_with(b, stop) for b in (2.0, 1.7) for stop in (5.0, 2.3, 1.5, 1.0, 0.5, 0.2, 0.1)},
+    "blades": camera_with(2.0, pl.PolygonStop(blades=6, semi_diameter=1.0)),
+    "star": camera_with(2.0, pl.StarStop(points=8, semi_diameter=1.0, inner_semi_diameter=0.3)),
+    "ring": camera_with(2.0, ring(0.2)),
+    "tilted": tilted(camera_with(stop=1.0)),
+    "small pixels": camera_with(2.0, 0.5, pixels={"pixel_aperture": (0.5, 0.5)}),
+    "irregular": camera_with(stop=0.5, imperfections=UNEVEN),
+    "multi-focus": camera_with(stop=1.0, focal_lengths=(1.7, 2.0, 2.4), lattice=pl.Lattice.SQUARE),
+    "two rims": two_rims(camera_with(2.0, 5.0)),
+    "wide open": camera_with(0.45, 17.1, focal_lengths=(0.45,), shape=(5000, 5000)),
+    "thick": camera_with(2.0, 1.0, model=pl.optics.MicrolensModel.SPHERICAL),
 }
 
 QUICK = ["2.0 0.1", "1.7 2.3", "star", "tilted", "irregular", "multi-focus", "wide open", "thick"]
@@ -100,8 +102,8 @@ def test_rays_start_at_the_centre_or_inside_the_sensitive_area():
 def test_states_tell_the_dark_from_the_background():
     ball = pl.Scene([pl.sphere(0.7, center=(0.0, 0.0, -404.0), segments=(64, 32))])
     region = np.s_[220:290, 220:290]
-    truth = pl.ground_truth(ball, camera_of(1.0), region=region)
-    empty = pl.ground_truth(None, camera_of(1.0), region=region, truth=Truth.STATE)
+    truth = pl.ground_truth(ball, camera_with(stop=1.0), region=region)
+    empty = pl.ground_truth(None, camera_with(stop=1.0), region=region, truth=Truth.STATE)
     counts = np.bincount(truth.state.ravel(), minlength=4) / truth.state.size
     assert counts[PixelState.DARK] > 0.5 and counts[PixelState.UNKNOWN] < 0.1
     assert counts[PixelState.EMPTY] > 0.02 and counts[PixelState.SEEN] > 0.005
@@ -132,7 +134,7 @@ def test_object_shares_equal_those_of_rendered_light(stop):
     # are within 0.06 or so of 4096; the plane is out of focus, so that its edge is many pixels wide.
     bright = pl.quad((0, -400, -500), (400, 0, 0), (0, 800, 0), material=pl.Emissive(1.0))
     dark = pl.quad((-400, -400, -500), (400, 0, 0), (0, 800, 0), material=pl.Lambertian(0.5))
-    camera, region = camera_of(stop), np.s_[248:264, 240:272]
+    camera, region = camera_with(stop=stop), np.s_[248:264, 240:272]
     truth = pl.ground_truth(pl.Scene([bright, dark]), camera, region=region, truth=Truth.OBJECT | Truth.OBJECT_SHARE)
     shot = pl.render(pl.Scene([bright, dark]), camera, samples=4096, region=region, truth=Truth.NONE, progress=False)
     white = pl.render_white(camera, samples=4096, region=region, progress=False)

@@ -49,13 +49,8 @@ def installed(folder, *wanted):
 
 
 def camera_of(shape, **array):
-    return pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=3.5)),
-        microlenses=pl.MicrolensArray(pitch=0.147, focal_lengths=(1.2,), **array),
-        sensor=pl.Sensor(shape=shape, pixel_pitch=0.01),
-        stop_to_microlenses=134.6,
-        microlenses_to_sensor=1.2,
-    )
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=3.5))
+    return pl.PlenopticCamera(lens, pl.Sensor(shape, 0.01), 134.6, pl.MicrolensArray(0.147, (1.2,), **array), 1.2)
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from honesty import counts_of
 
 import plenoptic as pl
 from plenoptic.rendering.schedule import tile_jobs
@@ -26,11 +27,6 @@ def white(region=MIDDLE, **settings):
 
 def shoot(scene, region=MIDDLE, **settings):
     return pl.render(scene, CAMERA, region=region, **{"truth": pl.Truth.NONE, "progress": False, **settings})
-
-
-def counts_of(shot):
-    """(H, W)"""
-    return np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts
 
 
 def same_bits(a, b):

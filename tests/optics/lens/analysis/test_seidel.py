@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_fields import ASPHERIC, GLASS
 
 import plenoptic as pl
 from plenoptic.aberrations import SeidelSums, seidel_sums
@@ -20,14 +21,7 @@ from plenoptic.optics.lens.elements import opened
 from plenoptic.optics.lens.trace import traced_part
 
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
-GLASS = pl.ConstantMedium(1.6)
 WATER = pl.ConstantMedium(1.333)
-ASPHERIC = pl.LensStack(
-    [pl.Surface(45.0, 6.0, GLASS, semi_diameter=14.0, conic=-0.7, aspheric=(1e-4, 2e-6, -1e-9)),
-     pl.Surface(-200.0, 9.0, semi_diameter=14.0, conic=2.0), pl.CircularStop(4.0, thickness=5.0),
-     pl.Surface(-60.0, 4.0, GLASS, semi_diameter=14.0), pl.Surface(-50.0, semi_diameter=14.0, conic=-3.0)],
-    name="aspheric",
-)  # fmt: skip
 IN_WATER = pl.LensStack(
     [pl.Surface(60.0, 6.0, pl.ConstantMedium(1.9), semi_diameter=14.0, conic=-0.7),
      pl.Surface(-300.0, 9.0, WATER, semi_diameter=14.0), pl.CircularStop(4.0, thickness=5.0),
