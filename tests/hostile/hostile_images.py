@@ -77,15 +77,9 @@ def webp(columns, rows):
     return b"RIFF" + struct.pack("<I", 12 + len(size)) + b"WEBPVP8L" + struct.pack("<I", len(size)) + size
 
 
-READERS = {
-    "Texture": pl.Texture.load,
-    "EnvironmentMap": pl.EnvironmentMap.load,
-    "MaskStop": lambda path: pl.optics.MaskStop.load(path, 3.0),
-    "Exposure": pl.Exposure.load,
-    "RawImage": pl.sensor.RawImage.load,
-    "linear": pl.images.read_linear,
-    "channels": pl.images.read_channels,
-}
+READERS = {"Texture": pl.Texture.load, "EnvironmentMap": pl.EnvironmentMap.load}
+READERS |= {"MaskStop": lambda path: pl.optics.MaskStop.load(path, 3.0), "Exposure": pl.Exposure.load}
+READERS |= {"RawImage": pl.sensor.RawImage.load, "linear": pl.images.read_linear, "channels": pl.images.read_channels}
 
 
 def image(name, content, reader="Texture"):

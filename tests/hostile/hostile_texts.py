@@ -11,6 +11,7 @@ from plenoptic.rendering.schedule.checkpoint import KIND
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 FACE = "f 1 2 3\n"
+BODY = CORNERS + FACE
 OUTSIDE = "lies outside of"
 PLY = "ply\nformat {} 1.0\n{}element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
 PLY_FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
@@ -94,30 +95,34 @@ def large(name):
     return make
 
 
-LITTLE = "binary_little_endian"
+def absolute_materials(folder):
+    return f"mtllib {folder.parent}/secret.mtl\n{BODY}"
+
+
+AGAIN = "".join(f"mtllib {'./' * k}a.mtl\n" for k in range(1, 3000))
+LIST, SPACES, LITTLE = "property list uchar int a\n", " " * 100_000, "binary_little_endian"
+SPACED = f"comment texturefile{SPACES}a{SPACES}b\n"
+SOLID = "solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid a\n"
+SURFACES = "".join(f"SURF {k}\n CURV 0.01\n DISZ 1\n" for k in range(100_000))
+TOO_MANY = "a.csv, line 100001: there are 100000 surfaces and stops; a lens has at most 10000"
+NO_NUMBER = checkpoint_record([("a", "<f8", (0, 10**18, 10**18))], 0)
 TABLE = "radius;thickness;material;index;v-no;sa\n"
 ZMX = "MODE SEQ\nUNIT MM\n"
 TEXTS = {
-    "obj: a good file": (obj(CORNERS + FACE), None),
-    "obj: materials of the parent folder": (obj(f"mtllib ../secret.mtl\n{CORNERS}{FACE}"), OUTSIDE),
-    "obj: materials by an absolute path": (
-        written("a.obj", lambda folder: f"mtllib {folder.parent}/secret.mtl\n{CORNERS}{FACE}"),
-        OUTSIDE,
-    ),
-    "obj: materials from a device": (obj(f"mtllib /dev/zero\n{CORNERS}{FACE}"), OUTSIDE),
-    "obj: materials in a folder": (obj(f"mtllib .\n{CORNERS}{FACE}"), "is a folder"),
-    "obj: materials again and again": (
-        obj("".join(f"mtllib {'./' * k}a.mtl\n" for k in range(1, 3000)) + CORNERS + FACE, "# " + "x" * 100_000),
-        "the limit is 268435456",
-    ),
+    "obj: a good file": (obj(BODY), None),
+    "obj: materials of the parent folder": (obj(f"mtllib ../secret.mtl\n{BODY}"), OUTSIDE),
+    "obj: materials by an absolute path": (written("a.obj", absolute_materials), OUTSIDE),
+    "obj: materials from a device": (obj(f"mtllib /dev/zero\n{BODY}"), OUTSIDE),
+    "obj: materials in a folder": (obj(f"mtllib .\n{BODY}"), "is a folder"),
+    "obj: materials again and again": (obj(AGAIN + BODY, "# " + "x" * 100_000), "the limit is 268435456"),
     "obj: map of the parent folder": (textured("../secret.png"), OUTSIDE),
     "obj: map of the parent folder, backslashes": (textured("..\\secret.png"), OUTSIDE),
     "obj: map that is a link out": (textured("secret.bin"), OUTSIDE),
     "obj: map that is a pipe": (named_pipe, "pipe.png' is no file"),
     "obj: map that is missing": (textured("C:\\a.png"), "does not exist"),
     "obj: a pipe": (pipe("a.obj"), "a.obj' is no file"),
-    "obj: spaces in a name": (obj(f"mtllib a{' ' * 100_000}b\n{CORNERS}{FACE}"), "a.obj"),
-    "obj: spaces before a comment": (obj(CORNERS + FACE + ("f " + " " * 1000 + "\n") * 100 + " " * 10**6), None),
+    "obj: spaces in a name": (obj(f"mtllib a{SPACES}b\n{BODY}"), "a.obj"),
+    "obj: spaces before a comment": (obj(BODY + ("f " + " " * 1000 + "\n") * 100 + " " * 10**6), None),
     "obj: index beyond": (obj(CORNERS + "f 1 2 1000000000000\n"), "a.obj"),
     "obj: index beyond any number": (obj(CORNERS + f"f 1 2 {10**40}\n"), "a.obj"),
     "obj: no vertices": (obj(FACE), "a.obj"),
@@ -132,41 +137,23 @@ TEXTS = {
     "ply: 1e30 faces": (ply(LITTLE, 10**30), "a.ply"),
     "ply: -1 faces": (ply("binary_big_endian", -1), "a.ply"),
     "ply: endless header": (written("a.ply", PLY.format("ascii", "comment\n" * 200_000)), "a.ply"),
-    "ply: 990 lists": (
-        written("a.ply", PLY.format(LITTLE, "") + "property list uchar int a\n" * 990 + PLY_FACES.format(1)),
-        "991 lists",
-    ),
-    "ply: spaces in a comment": (
-        written("a.ply", PLY.format("ascii", f"comment texturefile{' ' * 100_000}a{' ' * 100_000}b\n")),
-        "a.ply",
-    ),
+    "ply: 990 lists": (written("a.ply", PLY.format(LITTLE, "") + LIST * 990 + PLY_FACES.format(1)), "991 lists"),
+    "ply: spaces in a comment": (written("a.ply", PLY.format("ascii", SPACED)), "a.ply"),
     "ply: a pipe": (pipe("a.ply"), "a.ply' is no file"),
     "stl: 4e9 triangles": (written("a.stl", bytes(80) + b"\xff\xff\xff\xff" + bytes(50)), "cut off"),
-    "stl: 100 000 solids": (
-        written("a.stl", "solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid a\n" * 100_000),
-        "100000 parts",
-    ),
+    "stl: 100 000 solids": (written("a.stl", SOLID * 100_000), "100000 parts"),
     "lens: a pipe": (pipe("a.json"), "a.json' is no file"),
     "lens: a device": (lambda folder: lambda: pl.load_lens("/dev/zero.csv"), "does not exist"),
     "lens: a hole": (large("a.zmx"), "the limit is 4194304"),
     "lens: brackets": (written("a.json", "[" * 10**6), "a.json"),
-    "lens: 1e5 surfaces in a table": (
-        written("a.csv", TABLE + "10;1;;1.5;;1\n" * 100_000),
-        "a.csv, line 100001: there are 100000 surfaces and stops; a lens has at most 10000",
-    ),
-    "lens: 1e5 surfaces of Zemax": (
-        written("a.zmx", ZMX + "".join(f"SURF {k}\n CURV 0.01\n DISZ 1\n" for k in range(100_000))),
-        "a.zmx, line .*: there are 10001 surfaces",
-    ),
+    "lens: 1e5 surfaces in a table": (written("a.csv", TABLE + "10;1;;1.5;;1\n" * 100_000), TOO_MANY),
+    "lens: 1e5 surfaces of Zemax": (written("a.zmx", ZMX + SURFACES), "a.zmx, line .*: there are 10001 surfaces"),
     "lens: numbers of 1e5 digits": (written("a.csv", f"{TABLE}{'9' * 100_000};1;;1.5;;1\n"), "a.csv"),
     "glasses: a pipe": (pipe("a.agf"), "a.agf' is no file"),
     "glasses: 1e5 names": (written("a.agf", "NM A 2 517642 1.5168 64.17\n" * 100_000), None),
     "glasses: a number of 1e5 digits": (written("a.agf", f"NM A {'9' * 100_000} 517642 1.5 64\n"), "a.agf"),
     "checkpoint: 1e18 numbers": (checkpoint(checkpoint_record([("a", "<f8", (10**9, 10**9))], 8 * 10**18)), None),
-    "checkpoint: no number, in rows of 1e18": (
-        checkpoint(checkpoint_record([("a", "<f8", (0, 10**18, 10**18))], 0)),
-        "cannot be read",
-    ),
+    "checkpoint: no number, in rows of 1e18": (checkpoint(NO_NUMBER), "cannot be read"),
     "checkpoint: objects": (checkpoint(checkpoint_record([("a", "|O", (1,))], 8, bytes(8))), None),
     "checkpoint: a thousand marks": (checkpoint(1000 * b"\x93plenoptic rec\r\n"), None),
     "checkpoint: brackets": (checkpoint(b"", b"[" * 10**6), "cannot be understood"),

@@ -7,14 +7,8 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.core.kernels.polygons import cut
-from plenoptic.optics.microlens.lattice import (
-    cell_polygon,
-    default_pattern,
-    lattice_basis,
-    polygon_area,
-    polygon_edges,
-    regular_polygon,
-)
+from plenoptic.optics.microlens import lattice as lattices
+from plenoptic.optics.microlens.lattice import cell_polygon, lattice_basis, polygon_area, polygon_edges
 
 EPS = np.finfo(float).eps
 HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
@@ -68,7 +62,7 @@ def test_edges_are_half_way_to_neighbours():
 
 def test_neighbours_of_a_hexagonal_lattice_differ():
     for types in [3, 4, 5, 7]:
-        pattern = default_pattern(types)
+        pattern = lattices.default_pattern(types)
         for (i, j), (di, dj) in itertools.product(np.ndindex(types, types), NEIGHBOURS[HEXAGONAL]):
             assert pattern[i, j] != pattern[(i + di) % types, (j + dj) % types], types
         # All types are equally frequent.
@@ -77,7 +71,7 @@ def test_neighbours_of_a_hexagonal_lattice_differ():
 
 def test_three_types_surround_each_other_in_turn():
     # As in the multi-focus cameras of Raytrix: around each lens the two other types alternate.
-    pattern = default_pattern(3)
+    pattern = lattices.default_pattern(3)
     for i, j in np.ndindex(3, 3):
         ring = [pattern[(i + di) % 3, (j + dj) % 3] for di, dj in NEIGHBOURS[HEXAGONAL]]
         assert ring[0::2] == [ring[0]] * 3 and ring[1::2] == [ring[1]] * 3
@@ -85,7 +79,7 @@ def test_three_types_surround_each_other_in_turn():
 
 
 def test_two_types_are_a_checkerboard():
-    pattern = default_pattern(2)
+    pattern = lattices.default_pattern(2)
     for (i, j), (di, dj) in itertools.product(np.ndindex(2, 2), NEIGHBOURS[SQUARE]):
         assert pattern[i, j] != pattern[(i + di) % 2, (j + dj) % 2]
 
@@ -109,7 +103,7 @@ def test_a_pattern_repeats_over_the_array():
 def test_cuts_one_after_the_other_keep_what_lies_within_all(seed, size):
     rng = np.random.default_rng(seed)
     sides, count = int(rng.integers(3, 13)), int(rng.integers(1, 5))
-    corners = regular_polygon(sides, size, rng.uniform(0, 6))
+    corners = lattices.regular_polygon(sides, size, rng.uniform(0, 6))
     edges = rng.normal(size=(count, 3)) * [1.0, 1.0, size]
     polygon = cut_polygon(corners, edges)
     bounds = np.concatenate([polygon_edges(corners), edges])
