@@ -20,10 +20,8 @@ AIMED = (90, 180, 360)
 def tables(*, quick):
     side, seeds, converged = (16, 2, 256) if quick else (128, 5, 1 << 12)
     rows = [row for subject in subjects(side) for row in _rows(subject, range(seeds), converged)]
-    columns = (
-        "scene | target % | reported % | true % | samples on average | paths of a pixel | CPU s | "
-        "over fixed | from | to"
-    )
+    columns = "scene | target % | reported % | true % | samples on average | paths of a pixel | CPU s | "
+    columns += "over fixed | from | to"
     remark = (
         f"{side} x {side} pixels, one thread, {seeds} seeds, calls in turns, each with a camera of its own. True "
         f"errors are RMS over seeds and lit pixels against {converged} samples of another seed. Over fixed: CPU time "
@@ -38,12 +36,8 @@ def subjects(side):
     lamp = pl.QuadLight.facing((20, 30, -360), (0, 0, -404), (12, 12), radiance=20.0)
     small = pl.QuadLight.facing((-4, 0, -402), (0, 0, -404), (1, 1), radiance=40.0)
     plate = pl.quad((0.5, -0.5, -404), (0, 0, 0.5), (0, 9, 0), material=pl.Lambertian(0.3))
-    scenes = {
-        "white": None,
-        "matt board": pl.Scene([wall], [lamp]),
-        "dim and bright": pl.Scene([wall, plate], [small], background=0.05),
-        "`objects`": pl.objects_scene(),
-    }
+    scenes = {"white": None, "matt board": pl.Scene([wall], [lamp])}
+    scenes |= {"dim and bright": pl.Scene([wall, plate], [small], background=0.05), "`objects`": pl.objects_scene()}
     camera = reference.camera()
     return [Subject(name, scene, camera, reference.middle(side)) for name, scene in scenes.items()]
 

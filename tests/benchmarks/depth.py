@@ -12,10 +12,8 @@ from timing import timed
 import plenoptic as pl
 
 _TRUTH = pl.Truth.CHORD_DISPARITY | pl.Truth.DEPTH | pl.Truth.MICROLENS
-_COLUMNS = (
-    "camera | scene | kept % | bias % | Rel7 % | Rel3 % | Rel1 % | error / stated | confidence | depth error % | "
-    "ms a pixel"
-)
+_COLUMNS = "camera | scene | kept % | bias % | Rel7 % | Rel3 % | Rel1 % | error / stated | confidence | "
+_COLUMNS += "depth error % | ms a pixel"
 _REMARK = (
     "Pixels within 7/22 of a pitch of the centres of microlens images. Bias: median of disparity over the chord's, "
     "less 1; Rel: pixels whose relative error is larger; error / stated: RMS of error over standard error, of pixels "

@@ -31,10 +31,8 @@ def tables(*, quick):
     rows = [*_rows("`objects`", scene, {RAYS: scene.of(RAYS)})]
     for of in (uncut, white):
         rows += _rows("white", of, {RAYS: white.of(RAYS), UNCUT: uncut.of(UNCUT)})
-    columns = (
-        "scene | bends | samples | CPU us per pixel and sample | noise % | bias % | CPU at equal noise | "
-        "over that where nothing is certain"
-    )
+    columns = "scene | bends | samples | CPU us per pixel and sample | noise % | bias % | CPU at equal noise | "
+    columns += "over that where nothing is certain"
     remark = (
         f"The reference camera at 550 nm, central {side} x {side} pixels, {seeds} seeds, one thread, without setting "
         "up. Noise and bias are relative RMS over lit pixels, the bias beside bends at microlenses. CPU at equal noise "

@@ -19,10 +19,8 @@ def tables(*, quick):
     aims = [(subject, (4 * targets[0],) if quick else targets) for subject, targets in subjects(side)]
     rows = [_row(subject, target) for subject, targets in aims for target in targets]
     held = [sum(row[i] == "yes" for row in rows) for i in (4, 8)]
-    columns = (
-        "scene, target | CPU s estimated | from, to | CPU s | holds | samples estimated | from, to | samples | holds | "
-        "CPU s of the estimate"
-    )
+    columns = "scene, target | CPU s estimated | from, to | CPU s | holds | samples estimated | from, to | samples | "
+    columns += "holds | CPU s of the estimate"
     remark = f"Of {len(rows)} intervals of CPU time {held[0]} hold, of those of samples {held[1]}; 8 of 10 are wanted."
     yield Table(f"Estimates where a target error ends a render, {side} x {side} pixels", columns, rows, [remark])
 

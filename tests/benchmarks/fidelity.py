@@ -8,12 +8,8 @@ from table import Table
 import plenoptic as pl
 from plenoptic.study import Variant
 
-MICROLENSES = {
-    "SPHERICAL": {"thickness": 0.1, "index": 1.5},
-    "FLAT_HIGH_INDEX": {"thickness": 0.01, "index": 200.0},
-    "THIN": {},
-    "PINHOLE": {},
-}
+MICROLENSES = {"SPHERICAL": {"thickness": 0.1, "index": 1.5}, "FLAT_HIGH_INDEX": {"thickness": 0.01, "index": 200.0}}
+MICROLENSES |= {"THIN": {}, "PINHOLE": {}}
 
 
 def tables(*, quick):

@@ -28,10 +28,8 @@ def tables(*, quick):
         "these end, in all directions above the surface; shadow rays go from there to a lamp of 40 x 40 mm. One "
         f"thread, bundles of {BUNDLE}, the best of 5."
     )
-    columns = (
-        "scene | triangles | stored | tables: s | MB | Embree: wall s | CPU s | MB | peak MB | "
-        "million rays a CPU-second: first | random | shadow"
-    )
+    columns = "scene | triangles | stored | tables: s | MB | Embree: wall s | CPU s | MB | peak MB | "
+    columns += "million rays a CPU-second: first | random | shadow"
     yield Table("Large scenes, each in a process of its own", columns, rows, [remark])
 
 

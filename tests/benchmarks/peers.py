@@ -42,10 +42,8 @@ def tables(*, quick):
             at_several += [row for samples in several for row in shown.errors(samples, seeds)]
         means += shown.compared()
         del shown
-    columns = (
-        "scene | samples | program | CPU ms per pixel | median relative error % | relative RMS error % | "
-        "RMS^2 x CPU, us per pixel | over plenoptic's"
-    )
+    columns = "scene | samples | program | CPU ms per pixel | median relative error % | relative RMS error % | "
+    columns += "RMS^2 x CPU, us per pixel | over plenoptic's"
     remark = (
         f"{SIDE} x {SIDE} pixels through a thin lens, at most {BOUNCES} bounces, each program with its own Russian "
         f"roulette, one thread, whole warm calls in turns, one replicate. Lit pixels, mean of the channels, against a "

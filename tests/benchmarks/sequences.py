@@ -14,10 +14,8 @@ from plenoptic.scene.cache import prepared_scene
 
 def tables(*, quick):
     rows = [(name, *prepared(scene, moves)) for name, (scene, moves) in scenes(quick=quick).items()]
-    remark = (
-        "Frame, camera, tables and trees, in one thread of Python; the best of 5 next frames. The camera and one "
-        "object move. With copies: the mesh transformed, in a scene and a camera of their own."
-    )
+    remark = "Frame, camera, tables and trees, in one thread of Python; the best of 5 next frames. The camera and one "
+    remark += "object move. With copies: the mesh transformed, in a scene and a camera of their own."
     columns = "scene | triangles | moving | frame 0 | the next ones | with copies instead"
     yield Table("What stands before the rays of a frame, in CPU-ms", columns, rows, [remark])
     remark = "128 x 128 pixels of the reference camera; the best of 3."
@@ -76,13 +74,9 @@ def blurred(samples):
     moving, still = open_[3], sequence(life, "red")[3]
     unmoved = dataclasses.replace(open_, camera_motion=None)[3]
     held = dataclasses.replace(open_, motions={})[3]
-    cases = {
-        "no sequence": (life, still.camera),
-        "a frame without a shutter": (still.scene, still.camera),
-        "the camera": (held.scene, held.camera),
-        "an object": (unmoved.scene, unmoved.camera),
-        "both": (moving.scene, moving.camera),
-    }
+    cases = {"no sequence": (life, still.camera), "a frame without a shutter": (still.scene, still.camera)}
+    cases |= {"the camera": (held.scene, held.camera), "an object": (unmoved.scene, unmoved.camera)}
+    cases |= {"both": (moving.scene, moving.camera)}
     how = {"samples": samples, "region": region, "threads": 1, "truth": pl.Truth.NONE, "progress": False}
     for name, shown in cases.items():
         _, *costs = (timed(pl.render, *shown, **how) for _ in range(4))  # the first one compiles

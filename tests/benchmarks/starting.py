@@ -48,10 +48,8 @@ def starting(*, runs, scenes):
             rows.append((f"first rendering of {name}, empty cache", 1, *in_new_process(code, cache=cache), "11"))
             warm = [in_new_process(code, cache=cache) for _ in range(min(runs, 3))]
         rows.append((f"first rendering of {name}, warm cache", len(warm), *_medians(warm), "3"))
-    remark = (
-        "Renderings have 32 x 32 pixels and 8 samples, and take all processors; importing and making camera and "
-        "scene included, and in the CPU time the processes that help to compile."
-    )
+    remark = "Renderings have 32 x 32 pixels and 8 samples, and take all processors; importing and making camera and "
+    remark += "scene included, and in the CPU time the processes that help to compile."
     return Table("Starting, in new processes", "what | runs | wall s | CPU s | wanted: wall s below", rows, [remark])
 
 

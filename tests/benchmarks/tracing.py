@@ -60,10 +60,8 @@ def beside_batoid(n, *, rounds):
         work = 1e-6 * n * refracting(lens)
         for program, cost in costs.items():
             rows.append((name, refracting(lens), program, *cost, work / cost.cpu, cost.cpu / costs[OURS].cpu))
-    columns = (
-        "lens | refracting surfaces | program | wall s | CPU s | million ray-surfaces per CPU-second | times "
-        "plenoptic's CPU time"
-    )
+    columns = "lens | refracting surfaces | program | wall s | CPU s | million ray-surfaces per CPU-second | times "
+    columns += "plenoptic's CPU time"
     wanted = (
         f"Wanted: {WANTED} times batoid, {FEW} with few surfaces. Only refracting surfaces count; the stop comes "
         f"on top in `{OURS}` and in `{CLIPPING}`, while `{BARE}` clips nothing and is timed without the copy of "

@@ -29,10 +29,8 @@ def tables(*, quick):
         told, whole = once.samplings[0], once.whole()
         errors = [100 * value for value in (told.error, off(whole, twice.whole()), off(whole, rays))]
         rows.append((name, "{} x {}".format(*told.shape.tolist()), cpu, int(peak), *errors))
-    remark = (
-        "Light in other places, over all light, against twice as dense samples and against rays. The peak is that "
-        "of a process of its own, some 200 MiB of which are libraries."
-    )
+    remark = "Light in other places, over all light, against twice as dense samples and against rays. The peak is that "
+    remark += "of a process of its own, some 200 MiB of which are libraries."
     columns = "camera | samples | CPU s | peak MiB | stated error, % | twice as dense, % | rays, %"
     yield Table("Images of points as waves, 587.6 nm, pixels of 10 um", columns, rows, [remark])
 
