@@ -42,25 +42,20 @@ def ball(index=1.8, stop=9.0):
 
 
 COLOURS = {"sensitivity": pl.sensitivities.cie_1931()}
-CAMERAS = {
-    "2.0": CAMERA,
-    "1.0, small stop": camera_with(2.0, 1.0),
-    "small stop": camera_with(stop=1.0),
-    "tiny stop": camera_with(stop=0.1),
-    "barrel": camera_with(stop=14.0),
+CAMERAS = {"2.0": CAMERA, "1.0, small stop": camera_with(2.0, 1.0), "small stop": camera_with(stop=1.0)}
+CAMERAS |= {"tiny stop": camera_with(stop=0.1), "barrel": camera_with(stop=14.0)}
+CAMERAS |= {"overlap": camera_with(stop=8.0, pitch=0.1), "ball": bare_camera(ball(), 40.0)}
+CAMERAS |= {"no array": bare_camera(z=123.3), "no array, barrel": bare_camera(the_lens(17.0), 123.3)}
+CAMERAS |= {
+    "types": camera_with(focal_lengths=(1.6, 2.0, 2.4)),
     "blades": camera_with(stop=pl.PolygonStop(6, 5.0, rotation=0.2)),
     "pinholes": camera_with(stop=0.5, model=pl.optics.MicrolensModel.PINHOLE),
-    "overlap": camera_with(stop=8.0, pitch=0.1),
-    "types": camera_with(focal_lengths=(1.6, 2.0, 2.4)),
     "spoiled": camera_with(imperfections=pl.MicrolensImperfections(pitch_jitter=0.003, dark=0.2, missing=0.1)),
     "tilted array": CAMERA.moved(pl.CameraPart.MICROLENSES, tilt=(0.02, -0.01, 0.3)),
     "tilted sensor": CAMERA.moved(pl.CameraPart.SENSOR, tilt=(0.02, -0.01, 0.3), shift=(0.0, 0.1, 0.02)),
     "displaced stop": camera_with(lens=the_lens().moved(5, shift=(1.0, 0.5, 0.0))),
-    "no array": bare_camera(z=123.3),
-    "no array, barrel": bare_camera(the_lens(17.0), 123.3),
     "colours": dataclasses.replace(camera_with(stop=3.0), **COLOURS),
     "thin lens": camera_with(lens=the_lens(model=pl.LensModel.THIN)),
-    "ball": bare_camera(ball(), 40.0),
     "large sensor": dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(8192, 8192), pixel_pitch=0.003)),
 }
 MORE_CAMERAS = {

@@ -110,13 +110,8 @@ def test_clear_gaps_pass_what_opaque_ones_stop():
         )
         # What passes beside the openings is what flat glass would pass there.
         none = {"imperfections": pl.MicrolensImperfections(missing=1.0)}
-        whole, open_, shut, plain, flat = (
-            white(each, 32, region, seed)
-            for each, seed in (
-                *((full, 1), (clear, 0), (opaque, 0)),
-                *((with_array(full, **none), 0), (with_array(opaque, **none), 0)),
-            )
-        )
+        shown = (full, 1), (clear, 0), (opaque, 0), (with_array(full, **none), 0), (with_array(opaque, **none), 0)
+        whole, open_, shut, plain, flat = (white(each, 32, region, seed) for each, seed in shown)
         # All light of the cells arrives somewhere: with clear gaps, the mean over a large region is that of full
         # lenses. 9025 pixels of 32 paths know their sum to 0.24 %, and what passes beside the openings to 0.7 %.
         agree(open_, whole, relative=0.01)

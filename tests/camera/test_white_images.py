@@ -97,13 +97,9 @@ def test_microlenses_get_what_stops_and_rims_leave_open():
         assert error < 0.01 * expected, height
 
 
-STOPS = {
-    "round": pl.CircularStop(5.0),
-    "6 blades": pl.PolygonStop(6, 5.0, rotation=0.2),
-    "12 blades": pl.PolygonStop(12, 5.0),
-    "star": pl.StarStop(5, 5.0, 2.5, rotation=0.3),
-    "curved blades": pl.PolygonStop(5, 5.0, blade_radius=7.0),
-}
+STOPS = {"round": pl.CircularStop(5.0), "6 blades": pl.PolygonStop(6, 5.0, rotation=0.2)}
+STOPS |= {"12 blades": pl.PolygonStop(12, 5.0), "star": pl.StarStop(5, 5.0, 2.5, rotation=0.3)}
+STOPS |= {"curved blades": pl.PolygonStop(5, 5.0, blade_radius=7.0)}
 
 
 def assert_shape(camera, centre, half, holes, name):

@@ -205,13 +205,9 @@ def test_the_table_is_the_smoothest_that_measures_right():
     assert (np.round(basis_table.PARTS) == basis_table.PARTS).all()
 
 
-SAMPLED = [
-    *(make() for make in PRESETS.values()),
-    Sensitivity([500.0, 500.4, 700.0], [0.0, 1.0, 0.0]),
-    Sensitivity(
-        [400.0, 450.0, 451.0, 600.0, 601.0, 700.0], [[1, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 1, 1], [0, 1, 2]]
-    ),
-]
+STEPS = [[1, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 1, 1], [0, 1, 2]]
+SAMPLED = [*(make() for make in PRESETS.values()), Sensitivity([500.0, 500.4, 700.0], [0.0, 1.0, 0.0])]
+SAMPLED += [Sensitivity([400.0, 450.0, 451.0, 600.0, 601.0, 700.0], STEPS)]
 
 
 def test_white_is_measured_as_one_in_every_channel():

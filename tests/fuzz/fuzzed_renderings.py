@@ -54,13 +54,8 @@ def a_case(rnd, camera, scale, *, common):
 
 def some_options(rnd, shape):
     """Options of `render` and `render_white`."""
-    options = {
-        "samples": rnd.randint(1, 40),
-        "replicates": rnd.randint(1, 10),
-        "seed": rnd.choice([0, 1, 2**64 - 1]),
-        "sampler": rnd.choice(list(pl.rendering.Sampler)),
-        "threads": rnd.choice([1, 1, 1, 2]),
-    }
+    options = {"samples": rnd.randint(1, 40), "replicates": rnd.randint(1, 10), "seed": rnd.choice([0, 1, 2**64 - 1])}
+    options |= {"sampler": rnd.choice(list(pl.rendering.Sampler)), "threads": rnd.choice([1, 1, 1, 2])}
     if chance(rnd, 4):
         row, column = rnd.randint(0, shape[0] - 1), rnd.randint(0, shape[1] - 1)
         options["region"] = np.s_[row : row + rnd.randint(1, 4), column:]

@@ -9,23 +9,19 @@ import dataclasses
 import faulthandler
 import math
 import os
-import sys
 import threading
 import time
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzzed_cameras import CENTRED, MOVED, Glass, a_lens
+from fuzzed_numbers import length
+from fuzzed_renderings import check_case, check_refusal, some_cases
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-
-sys.path.insert(0, str(Path(__file__).parent))
-from fuzzed_cameras import CENTRED, MOVED, Glass, a_lens  # noqa: E402
-from fuzzed_numbers import length  # noqa: E402
-from fuzzed_renderings import check_case, check_refusal, some_cases  # noqa: E402
 
 CAMERAS = int(os.environ.get("PLENOPTIC_FUZZED_CAMERAS", "60"))
 """Of the slow run, each before three scenes. 840 of them, 2000 renderings and more, take half an hour."""
@@ -38,14 +34,8 @@ SLOW = 30.0
 
 def fuzzing(examples):
     """The same examples every time. They are not shrunk: each is drawn from one number, and another is another one."""
-    return settings(
-        phases=[Phase.generate],
-        max_examples=examples,
-        derandomize=True,
-        print_blob=True,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-    )
+    how = {"phases": [Phase.generate], "derandomize": True, "print_blob": True, "database": None}
+    return settings(max_examples=examples, suppress_health_check=list(HealthCheck), **how)
 
 
 @pytest.fixture

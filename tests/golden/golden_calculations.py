@@ -122,15 +122,10 @@ def of_lens(lens, name):
     criteria = [look.best_focus(lens, rays=1024, criterion=criterion) for criterion in pl.FocusCriterion]
     found.append({f"{name}.best_focus": np.array(criteria)})
     if all(part.placement is None for part in lens.elements):
-        results = {
-            "distortion": look.distortion(lens, fields),
-            "curvature": look.field_curvature(lens, fields),
-            "coma": look.coma(lens, fields[1:]),
-            "vignetting": look.vignetting(lens, fields),
-            "illumination": look.relative_illumination(lens, fields),
-            "seidel": look.seidel_sums(lens, field=0.1),
-            "colour": look.chromatic_shift(lens, field=0.1),
-        }
+        results = {"distortion": look.distortion(lens, fields), "curvature": look.field_curvature(lens, fields)}
+        results |= {"coma": look.coma(lens, fields[1:]), "vignetting": look.vignetting(lens, fields)}
+        results |= {"illumination": look.relative_illumination(lens, fields)}
+        results |= {"seidel": look.seidel_sums(lens, field=0.1), "colour": look.chromatic_shift(lens, field=0.1)}
         found += [numbers(result, f"{name}.{key}") for key, result in results.items()]
         found.append({f"{name}.colour_sums": look.colour_sums(lens, field=0.1)})
     condition = pl.optics.conditioning(lens, rays_towards_iris(lens, -404.0, seed=0, wavelength=587.6))
@@ -178,16 +173,10 @@ def targets():
 
 def scattering():
     """Distributions of materials by themselves."""
-    materials = {
-        "matt": pl.Lambertian((0.8, 0.3, 0.2)),
-        "grooves": pl.materials.RoughDiffuse(0.6, 0.7),
-        "metal": pl.Conductor(alpha=0.3, index=0.2 + 3.4j),
-        "mirror": pl.Conductor((0.9, 0.8, 0.7)),
-        "glass": pl.Dielectric(1.5),
-        "rough glass": pl.Dielectric(1.5, 0.3),
-        "pane": pl.materials.ThinGlass(1.5, 0.9),
-        "paint": pl.MetallicRoughness((0.8, 0.4, 0.2), 0.3, 0.4),
-    }
+    materials = {"matt": pl.Lambertian((0.8, 0.3, 0.2)), "grooves": pl.materials.RoughDiffuse(0.6, 0.7)}
+    materials |= {"metal": pl.Conductor(alpha=0.3, index=0.2 + 3.4j), "mirror": pl.Conductor((0.9, 0.8, 0.7))}
+    materials |= {"glass": pl.Dielectric(1.5), "rough glass": pl.Dielectric(1.5, 0.3)}
+    materials |= {"pane": pl.materials.ThinGlass(1.5, 0.9), "paint": pl.MetallicRoughness((0.8, 0.4, 0.2), 0.3, 0.4)}
     points = pl.sampling.sobol_points(64)
     viewers = np.column_stack([points[:, 0] - 0.5, points[:, 1] - 0.5, 0.05 + points[:, 2]])
     found = [

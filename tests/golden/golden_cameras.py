@@ -50,13 +50,9 @@ def free():
     rng = np.random.default_rng(5)
     grid = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-3, 4)), axis=-1).reshape(-1, 2)
     centres = 0.2 * grid + rng.uniform(-0.03, 0.03, (len(grid), 2))
-    wrong = pl.optics.MicrolensDeviations(
-        index=[(24, 0), (17, 0), (25, 0)],
-        shift=[(0.01, 0.0), (0.0, -0.02), (0.005, 0.005)],
-        decentre=[(0.0, 0.004), (0.002, 0.0), (0.0, 0.0)],
-        focal_length_factor=[1.1, math.inf, 0.9],
-        transmission=[0.5, 1.0, 0.7],
-    )
+    moved = {"shift": [(0.01, 0.0), (0.0, -0.02), (0.005, 0.005)], "decentre": [(0.0, 0.004), (0.002, 0.0), (0.0, 0.0)]}
+    weak = {"focal_length_factor": [1.1, math.inf, 0.9], "transmission": [0.5, 1.0, 0.7]}
+    wrong = pl.optics.MicrolensDeviations(index=[(24, 0), (17, 0), (25, 0)], **moved, **weak)
     lens = GAUSS.with_stop(pl.StarStop(5, 6.0, 3.0, rotation=0.3)).with_model(pl.LensModel.THIN)
     listed = {"centres": centres, "types": np.arange(49) % 3, "imperfections": wrong}
     array = pl.MicrolensArray(0.4, (2.0, 1.7, -4.0), pl.Lattice.FREE, **listed)
@@ -101,13 +97,9 @@ def conventional(sensitivity=None):
 def aspheric_lens():
     """Conics and even aspheres of catalogue glass: about 100 mm of focal length."""
     crown, flint = pl.glass("N-BK7"), pl.glass("F2")
-    return pl.LensStack(
-        [
-            pl.Surface(62.0, 8.0, crown, semi_diameter=18.0, conic=-0.8, aspheric=(1e-6, -2e-10, 1e-13)),
-            pl.Surface(-90.0, 3.0, flint, semi_diameter=18.0),
-            pl.Surface(-400.0, 6.0, semi_diameter=18.0, conic=-3.0),
-            pl.CircularStop(8.0, 5.0),
-            pl.Surface(150.0, 5.0, crown, semi_diameter=16.0, conic=0.4),
-            pl.Surface(-300.0, semi_diameter=16.0, aspheric=(0.0, 3e-10)),
-        ]
-    )
+    front = pl.Surface(62.0, 8.0, crown, semi_diameter=18.0, conic=-0.8, aspheric=(1e-6, -2e-10, 1e-13))
+    middle = pl.Surface(-90.0, 3.0, flint, semi_diameter=18.0)
+    back = pl.Surface(-400.0, 6.0, semi_diameter=18.0, conic=-3.0)
+    behind = pl.Surface(150.0, 5.0, crown, semi_diameter=16.0, conic=0.4)
+    last = pl.Surface(-300.0, semi_diameter=16.0, aspheric=(0.0, 3e-10))
+    return pl.LensStack([front, middle, back, pl.CircularStop(8.0, 5.0), behind, last])

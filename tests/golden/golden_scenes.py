@@ -63,12 +63,8 @@ def under_water():
 def metals():
     """Rough metals by index and by colour, and a mirror."""
     gold = (0.18 + 3.42j, 0.42 + 2.35j, 1.37 + 1.77j)
-    bodies = [
-        ball(pl.Conductor(index=gold, alpha=0.2), -3.0),
-        ball(pl.Conductor((0.9, 0.7, 0.5), alpha=0.4), 3.0),
-        ball(pl.Conductor(0.95), 0.0, 4.0, radius=1.5),
-        wall(pl.Lambertian((0.6, 0.5, 0.4))),
-    ]
+    bodies = [ball(pl.Conductor(index=gold, alpha=0.2), -3.0), ball(pl.Conductor((0.9, 0.7, 0.5), alpha=0.4), 3.0)]
+    bodies += [ball(pl.Conductor(0.95), 0.0, 4.0, radius=1.5), wall(pl.Lambertian((0.6, 0.5, 0.4)))]
     return pl.Scene(bodies, [lamp((6.0, 5.0, 4.0))], background=0.2)
 
 

@@ -16,12 +16,8 @@ def _shot(channels=1, *, error=True, depth=True, region=None):
     image = np.arange(np.prod(shape), dtype=float).reshape(shape)
     where = np.full(shape[:2], 400.0)
     where[0] = np.inf
-    return pl.Exposure(
-        image,
-        standard_error=0.01 * image if error else None,
-        truth=GroundTruth(depth=where) if depth else None,
-        region=region,
-    )
+    error, truth = 0.01 * image if error else None, GroundTruth(depth=where) if depth else None
+    return pl.Exposure(image, standard_error=error, truth=truth, region=region)
 
 
 def _panels(shot):

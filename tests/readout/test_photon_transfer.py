@@ -22,16 +22,8 @@ NUMBERS = {"gain": 0.3, "black_level": 200.0, "bits": 14, "colour_filters": Baye
 NOISE = {"read_noise": 8.0, "dark_current": 60.0, "prnu": 0.015, "dsnu": 10.0, "dead": 0.1, "hot": 0.1}
 SENSOR = SensorModel(**LIGHT, **NUMBERS, **NOISE)
 
-CHANGES = [
-    {},
-    {"shot_noise": ShotNoise.NONE},
-    {"read_noise": 0.0},
-    {"prnu": 0.0},
-    {"dsnu": 0.0},
-    {"prnu": 0.0, "dsnu": 0.0},
-    {"dark_current": 0.0, "bits": None, "hot": 0.0},
-    {"bits": 16, "gain": 1.0},
-]
+CHANGES = [{}, {"shot_noise": ShotNoise.NONE}, {"read_noise": 0.0}, {"prnu": 0.0}, {"dsnu": 0.0}]
+CHANGES += [{"prnu": 0.0, "dsnu": 0.0}, {"dark_current": 0.0, "bits": None, "hot": 0.0}, {"bits": 16, "gain": 1.0}]
 
 
 def test_moments_follow_the_closed_form():

@@ -17,12 +17,8 @@ CIRCLE, SQUARE = ApertureShape.CIRCLE, ApertureShape.SQUARE
 ROUND, FILLED = MicrolensAperture(CIRCLE, math.pi / 4), MicrolensAperture(SQUARE, 1.0)
 PIXELS = 20
 """Pixels of a microlens along a side: whatever leaves a pixel lands between there and the neighbours' images."""
-CAMERAS = {
-    "R12": (2.4, 5.5e-3, 0.767, 0.778),
-    "README": (7.8, 10e-3, 0.648, 0.664),
-    "Illum": (2.0, 1.4e-3, 0.479, 0.503),
-    "microscope": (20.0, 7.4e-3, 0.252, 0.291),
-}
+CAMERAS = {"R12": (2.4, 5.5e-3, 0.767, 0.778), "README": (7.8, 10e-3, 0.648, 0.664)}
+CAMERAS |= {"Illum": (2.0, 1.4e-3, 0.479, 0.503), "microscope": (20.0, 7.4e-3, 0.252, 0.291)}
 """f-numbers of microlenses, pixel pitches in mm, light that stays in its pixel by round and by square ones."""
 
 

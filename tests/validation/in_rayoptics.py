@@ -22,15 +22,11 @@ heights to eps FAR = 2e-7 mm of some 10 mm."""
 
 GLASS = pl.ConstantMedium(1.6)
 ASPHERIC = pl.LensStack(
-    [
-        pl.Surface(45.0, 6.0, GLASS, semi_diameter=14.0, conic=-0.7, aspheric=(0.0, 2e-6, -1e-9)),
-        pl.Surface(-200.0, 9.0, semi_diameter=14.0, conic=2.0),
-        pl.CircularStop(4.0, thickness=5.0),
-        pl.Surface(-60.0, 4.0, GLASS, semi_diameter=14.0, aspheric=(0.0, -1e-6)),
-        pl.Surface(-50.0, semi_diameter=14.0, conic=-3.0),
-    ],
-    name="aspheric",
-)
+    [pl.Surface(45.0, 6.0, GLASS, semi_diameter=14.0, conic=-0.7, aspheric=(0.0, 2e-6, -1e-9)),
+     pl.Surface(-200.0, 9.0, semi_diameter=14.0, conic=2.0), pl.CircularStop(4.0, thickness=5.0),
+     pl.Surface(-60.0, 4.0, GLASS, semi_diameter=14.0, aspheric=(0.0, -1e-6)),
+     pl.Surface(-50.0, semi_diameter=14.0, conic=-3.0)], name="aspheric",
+)  # fmt: skip
 # All in air: rayoptics 0.9.8 finds the entrance pupil elsewhere if the object is in another medium, dividing by its
 # index where it should multiply.
 LENSES = [*(pl.load_lens(name) for name in pl.lens_names() if not name.startswith("mirror")), ASPHERIC]

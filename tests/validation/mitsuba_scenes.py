@@ -14,11 +14,7 @@ VIEWED_FROM = 404 * np.array([0.1, 0.42, 0.9]) / np.linalg.norm([0.1, 0.42, 0.9]
 def camera(semi_diameter=2.0, pixel_pitch=0.15, position=VIEWED_FROM, pixels=48):
     """The double Gauss as a thin lens that looks down at the origin, 404 mm away; 22 mm there fill the picture."""
     lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter))
-    design = pl.PlenopticCamera(
-        lens=lens.with_model(pl.LensModel.THIN),
-        sensor=pl.Sensor(shape=(pixels, pixels), pixel_pitch=pixel_pitch),
-        stop_to_microlenses=130.0,
-    )
+    design = pl.PlenopticCamera(lens.with_model(pl.LensModel.THIN), pl.Sensor((pixels, pixels), pixel_pitch), 130.0)
     return design.focused_at(z=-404.0).posed(position=position, look_at=(0, 0, 0), up=(0, 1, 0))
 
 
@@ -99,23 +95,19 @@ def mirrors():
     Where small mirrors hide each other, Mitsuba takes light and view as independent of each other. At the angles to the
     normals seen here, up to 60 degrees, and alpha up to 0.2 that makes no more than 1e-3.
     """
-    bodies = [
-        tilted_box((7, 7, 3), (-6, 4, 0), pl.Conductor(0.9), turn=(20, -25)),
-        tilted_box((8, 7, 3), (6, 4, 0), pl.Conductor((0.9, 0.6, 0.3), alpha=0.2), turn=(-25, -20)),
-        pl.sphere(4.0, center=(0, -5, 1), material=pl.Conductor(0.8, alpha=0.1)),
-    ]
-    return pl.Scene([*bodies, wall((0.3, 0.5, 0.7)), floor(0.7)], [lamp(3.0)], background=0.2)
+    flat = tilted_box((7, 7, 3), (-6, 4, 0), pl.Conductor(0.9), turn=(20, -25))
+    tinted = tilted_box((8, 7, 3), (6, 4, 0), pl.Conductor((0.9, 0.6, 0.3), alpha=0.2), turn=(-25, -20))
+    ball = pl.sphere(4.0, center=(0, -5, 1), material=pl.Conductor(0.8, alpha=0.1))
+    return pl.Scene([flat, tinted, ball, wall((0.3, 0.5, 0.7)), floor(0.7)], [lamp(3.0)], background=0.2)
 
 
 GOLD = (0.18 + 3.42j, 0.42 + 2.35j, 1.37 + 1.77j)
 
 
 def metals():
-    bodies = [
-        tilted_box((8, 8, 3), (-6, 2, 0), pl.Conductor(index=GOLD, alpha=0.15), turn=(40, -30)),
-        tilted_box((8, 8, 3), (6, 2, 0), pl.Conductor(0.9, index=1.2 + 7.0j), turn=(-50, -10)),
-    ]
-    return pl.Scene([*bodies, wall((0.7, 0.5, 0.3)), floor()], [lamp()], background=0.3)
+    gold = tilted_box((8, 8, 3), (-6, 2, 0), pl.Conductor(index=GOLD, alpha=0.15), turn=(40, -30))
+    silver = tilted_box((8, 8, 3), (6, 2, 0), pl.Conductor(0.9, index=1.2 + 7.0j), turn=(-50, -10))
+    return pl.Scene([gold, silver, wall((0.7, 0.5, 0.3)), floor()], [lamp()], background=0.3)
 
 
 def large_lamp():
@@ -125,28 +117,22 @@ def large_lamp():
 
 def glass():
     """A ball and a slab, and the light that they gather below and behind them."""
-    bodies = [
-        pl.sphere(4.0, center=(-5, -2, 0), segments=(256, 128), material=pl.Dielectric(1.5)),
-        tilted_box((7, 9, 3), (5, -2, 0), pl.Dielectric(1.7), turn=(35, 10)),
-    ]
-    return pl.Scene([*bodies, wall((0.7, 0.4, 0.3)), floor(0.7)], [large_lamp()], background=0.1)
+    ball = pl.sphere(4.0, center=(-5, -2, 0), segments=(256, 128), material=pl.Dielectric(1.5))
+    slab = tilted_box((7, 9, 3), (5, -2, 0), pl.Dielectric(1.7), turn=(35, 10))
+    return pl.Scene([ball, slab, wall((0.7, 0.4, 0.3)), floor(0.7)], [large_lamp()], background=0.1)
 
 
 def coloured_glass():
     """Absorbing bodies; Mitsuba has a medium in them that scatters nothing."""
-    bodies = [
-        tilted_box(7, (-5, -3, 2), pl.Dielectric(1.3, absorption=(0.05, 0.2, 0.01))),
-        tilted_box((6, 6, 3), (6, -1, 2), pl.Dielectric(1.5, absorption=0.15), turn=(-20, 20)),
-    ]
-    return pl.Scene([*bodies, wall(0.7), floor(0.7)], [large_lamp()], background=0.5)
+    blue = tilted_box(7, (-5, -3, 2), pl.Dielectric(1.3, absorption=(0.05, 0.2, 0.01)))
+    grey = tilted_box((6, 6, 3), (6, -1, 2), pl.Dielectric(1.5, absorption=0.15), turn=(-20, 20))
+    return pl.Scene([blue, grey, wall(0.7), floor(0.7)], [large_lamp()], background=0.5)
 
 
 def frosted_glass():
-    bodies = [
-        tilted_box((10, 10, 2), (-5, 0, 3), pl.Dielectric(1.5, alpha=0.15), turn=(20, 15)),
-        tilted_box((7, 7, 4), (7, -2, 3), pl.Dielectric(1.33, alpha=0.3), turn=(-30, 10)),
-    ]
-    return pl.Scene([*bodies, wall((0.8, 0.4, 0.2)), floor(0.7)], [large_lamp()], background=0.3)
+    plate = tilted_box((10, 10, 2), (-5, 0, 3), pl.Dielectric(1.5, alpha=0.15), turn=(20, 15))
+    block = tilted_box((7, 7, 4), (7, -2, 3), pl.Dielectric(1.33, alpha=0.3), turn=(-30, 10))
+    return pl.Scene([plate, block, wall((0.8, 0.4, 0.2)), floor(0.7)], [large_lamp()], background=0.3)
 
 
 def small_lights():
@@ -237,11 +223,9 @@ def many_lights():
         size = tuple(random.uniform(0.5, 4, 2))
         radiance = tuple(10 ** random.uniform(-0.5, 1.5) * random.uniform(0.3, 1, 3))
         lamps.append(pl.QuadLight.facing(place, (0, 0, 0), size, radiance=radiance))
-    bodies = [
-        tilted_box(6, (-5, -3, 0), pl.Lambertian(0.7)),
-        pl.sphere(4.0, center=(5, 3, 0), material=pl.Lambertian(0.8)),
-    ]
-    return pl.Scene([*bodies, wall(), floor()], lamps)
+    block = tilted_box(6, (-5, -3, 0), pl.Lambertian(0.7))
+    ball = pl.sphere(4.0, center=(5, 3, 0), material=pl.Lambertian(0.8))
+    return pl.Scene([block, ball, wall(), floor()], lamps)
 
 
 def objects():

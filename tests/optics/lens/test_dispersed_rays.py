@@ -25,14 +25,9 @@ FRONT = pl.Surface(-120.0, 8.0, pl.glass("N-BK7"), semi_diameter=16.0)
 BACK = pl.Surface(-180.0, 8.0, pl.optics.MIRROR, semi_diameter=16.0)
 MANGIN = pl.LensStack([pl.CircularStop(12.0, thickness=5.0), FRONT, BACK, pl.Surface(120.0, semi_diameter=16.0)])
 
-LENSES = {
-    "double gauss": GAUSS,
-    "conic and asphere": shaped(),
-    "Mangin mirror": MANGIN,
-    "moved": shaped().moved(2, shift=(0.1, 0.0, 0.0), tilt=(0.0, 0.01, 0.0)),
-    "paraxial": GAUSS.with_model(pl.LensModel.PARAXIAL),
-    "thin": GAUSS.with_model(pl.LensModel.THIN),
-}
+LENSES = {"double gauss": GAUSS, "conic and asphere": shaped(), "Mangin mirror": MANGIN}
+LENSES |= {"moved": shaped().moved(2, shift=(0.1, 0.0, 0.0), tilt=(0.0, 0.01, 0.0))}
+LENSES |= {"paraxial": GAUSS.with_model(pl.LensModel.PARAXIAL), "thin": GAUSS.with_model(pl.LensModel.THIN)}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "moved")) for name in LENSES])

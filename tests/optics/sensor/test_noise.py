@@ -60,14 +60,9 @@ def test_normals_have_the_moments_of_a_normal_variable():
 def test_numbers_of_different_keys_do_not_correlate():
     n = 256
     first = normals((n, n, 3), seed=5)
-    others = {
-        "next row": normals((n, n, 3), seed=5, row=1),
-        "next column": normals((n, n, 3), seed=5, column=1),
-        "next channel": np.roll(first, 1, axis=2),
-        "next seed": normals((n, n, 3), seed=6),
-        "next purpose": normals((n, n, 3), seed=5, purpose=2),
-        "rows for columns": first.transpose(1, 0, 2),
-    }
+    others = {"next row": normals((n, n, 3), seed=5, row=1), "next column": normals((n, n, 3), seed=5, column=1)}
+    others |= {"next channel": np.roll(first, 1, axis=2), "next seed": normals((n, n, 3), seed=6)}
+    others |= {"next purpose": normals((n, n, 3), seed=5, purpose=2), "rows for columns": first.transpose(1, 0, 2)}
     for name, other in others.items():
         product = first * other
         if name == "rows for columns":  # each pair counts twice, and the diagonal is its own

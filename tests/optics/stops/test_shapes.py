@@ -47,13 +47,9 @@ def any_mask(seed, rows, columns, size):
 
 
 MASKS = st.builds(any_mask, st.integers(0, 1000), st.integers(1, 9), st.integers(1, 9), SIZES)
-SHAPES = {
-    "straight": pl.PolygonStop(4, 4.0, 0.2),
-    "curved outwards": pl.PolygonStop(5, 4.0, 0.3, blade_radius=6.0),
-    "curved inwards": pl.PolygonStop(7, 4.0, 0.3, blade_radius=-9.0),
-    "star": StarStop(5, 4.0, 2.0, 0.3),
-    "mask": MaskStop(RNG.choice([0.0, 0.4, 1.0], (13, 9)), 4.0),
-}
+SHAPES = {"straight": pl.PolygonStop(4, 4.0, 0.2), "curved outwards": pl.PolygonStop(5, 4.0, 0.3, blade_radius=6.0)}
+SHAPES |= {"curved inwards": pl.PolygonStop(7, 4.0, 0.3, blade_radius=-9.0), "star": StarStop(5, 4.0, 2.0, 0.3)}
+SHAPES |= {"mask": MaskStop(RNG.choice([0.0, 0.4, 1.0], (13, 9)), 4.0)}
 
 
 @given(stop=st.one_of(STOPS, CURVED, STARS))

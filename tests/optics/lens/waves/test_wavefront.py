@@ -73,21 +73,13 @@ def test_slopes_are_ray_aberrations():
             assert np.abs(expected).max() > 1e-7, field
 
 
-FRINGE = {
-    1: lambda r, t: 1.0 + 0 * r,
-    2: lambda r, t: r * np.cos(t),
-    3: lambda r, t: r * np.sin(t),
-    4: lambda r, t: 2 * r**2 - 1,
-    5: lambda r, t: r**2 * np.cos(2 * t),
-    7: lambda r, t: (3 * r**2 - 2) * r * np.cos(t),
-    8: lambda r, t: (3 * r**2 - 2) * r * np.sin(t),
-    9: lambda r, t: 6 * r**4 - 6 * r**2 + 1,
-    10: lambda r, t: r**3 * np.cos(3 * t),
-    16: lambda r, t: 20 * r**6 - 30 * r**4 + 12 * r**2 - 1,
-    17: lambda r, t: r**4 * np.cos(4 * t),
-    25: lambda r, t: 70 * r**8 - 140 * r**6 + 90 * r**4 - 20 * r**2 + 1,
-    36: lambda r, t: 252 * r**10 - 630 * r**8 + 560 * r**6 - 210 * r**4 + 30 * r**2 - 1,
-}
+FRINGE = {1: lambda r, t: 1.0 + 0 * r, 2: lambda r, t: r * np.cos(t), 3: lambda r, t: r * np.sin(t)}
+FRINGE |= {4: lambda r, t: 2 * r**2 - 1, 5: lambda r, t: r**2 * np.cos(2 * t)}
+FRINGE |= {7: lambda r, t: (3 * r**2 - 2) * r * np.cos(t), 8: lambda r, t: (3 * r**2 - 2) * r * np.sin(t)}
+FRINGE |= {9: lambda r, t: 6 * r**4 - 6 * r**2 + 1, 10: lambda r, t: r**3 * np.cos(3 * t)}
+FRINGE |= {16: lambda r, t: 20 * r**6 - 30 * r**4 + 12 * r**2 - 1, 17: lambda r, t: r**4 * np.cos(4 * t)}
+FRINGE |= {25: lambda r, t: 70 * r**8 - 140 * r**6 + 90 * r**4 - 20 * r**2 + 1}
+FRINGE |= {36: lambda r, t: 252 * r**10 - 630 * r**8 + 560 * r**6 - 210 * r**4 + 30 * r**2 - 1}
 
 
 def test_fringe_polynomials_are_those_of_the_table():
