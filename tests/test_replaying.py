@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from pinholes import pinhole
 
 import plenoptic as pl
 from plenoptic.camera.assembly import rigid
@@ -69,7 +68,7 @@ def assert_connected(way, camera):
     if sensor is None:
         assert way.ending is PathEnding.UNLIT_PIXEL and not way.contribution.any()
         return
-    assert isinstance(sensor, events.SensorPoint) and isinstance(array, MicrolensPassage)
+    assert isinstance(sensor, SensorPoint) and isinstance(array, MicrolensPassage)
     assert_on_pixel(sensor, camera)
     lens = [event for event in rest if isinstance(event, ElementPassage)]
     world = next((event for event in rest if isinstance(event, WorldRay)), None)
@@ -289,13 +288,21 @@ def test_a_saved_exposure_is_replayed_to_the_same_bits(tmp_path):
     assert replay_all(loaded, scene, paths) == replay_all(shot, scene, paths)
 
 
+def pinhole(half=0.2, pixels=2):
+    return pl.PlenopticCamera(
+        lens=pl.no_lens(1e-4),
+        sensor=pl.Sensor(shape=(pixels, pixels), pixel_pitch=20.0 * half / pixels),
+        stop_to_microlenses=10.0,
+    )
+
+
 @pytest.mark.slow
 def test_the_events_of_a_room_are_what_the_scene_says():
     scene = lit_room()
     shot = pl.render(scene, pinhole(0.03, 4), samples=32, max_bounces=30, truth=pl.Truth.NONE, progress=False)
     ways = assert_replayed(shot, scene)
     meetings = [event for way in ways for event in way.bounces]
-    assert {event.light.kind for event in meetings if event.light is not None} == set(events.DrawnKind)
+    assert {event.light.kind for event in meetings if event.light is not None} == set(DrawnKind)
     lamps = [light.mesh() for light in scene.lights if isinstance(light, pl.QuadLight | pl.lights.SphereLight)]
     for event in meetings:
         place = event.place
@@ -309,7 +316,7 @@ def test_the_events_of_a_room_are_what_the_scene_says():
         np.testing.assert_allclose(corners.T @ inside[0], event.point, atol=1e-8)
         assert inside[0].min() > -1e-3
         if event.light is not None and event.light.light is not None:
-            light, sun = scene.lights[event.light.light], event.light.kind is events.DrawnKind.SUN
+            light, sun = scene.lights[event.light.light], event.light.kind is DrawnKind.SUN
             assert isinstance(light, pl.SunLight if sun else pl.lights.PointLight | pl.lights.SpotLight)
             if not sun and event.light.point is not None:
                 np.testing.assert_array_equal(event.light.point, light.position)
@@ -327,7 +334,7 @@ def test_the_events_of_a_room_are_what_the_scene_says():
 def test_mirrors_reflect():
     mirror = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Conductor(0.9))
     scene = pl.Scene([mirror.rotated_deg((1, 0, 0), 20)], background=1.0)
-    shot = pl.render(scene, pinhole(pixels=2), samples=4, truth=pl.Truth.NONE, progress=False)
+    shot = pl.render(scene, pinhole(), samples=4, truth=pl.Truth.NONE, progress=False)
     for way in assert_replayed(shot, scene):
         (meeting,) = way.bounces
         before, normal = next(e.direction for e in way.events if isinstance(e, WorldRay)), meeting.shading_normal
@@ -342,14 +349,14 @@ def test_roulette_and_the_last_bounce_end_paths():
     room = pl.box(200.0, material=pl.Lambertian(0.5))
     scene = pl.Scene([room], [pl.lights.SphereLight((20, 30, -50), 3.0, radiance=100.0)])
     for most, expected in ((1, PathEnding.MAX_BOUNCES), (2, PathEnding.MAX_BOUNCES), (200, PathEnding.ROULETTE)):
-        shot = pl.render(scene, pinhole(pixels=2), samples=64, max_bounces=most, truth=pl.Truth.NONE, progress=False)
+        shot = pl.render(scene, pinhole(), samples=64, max_bounces=most, truth=pl.Truth.NONE, progress=False)
         ways = assert_replayed(shot, scene)
         assert {way.ending for way in ways} - {PathEnding.ABSORBED, PathEnding.LOST} == {expected}
         assert all(len(way.bounces) == most + 1 for way in ways if way.ending is PathEnding.MAX_BOUNCES)
         # From the fourth surface on, half of the paths go on: 1 more of 256 paths beyond 4 + 12 once in 16.
         assert all(4 <= len(way.bounces) <= 30 for way in ways if way.ending is PathEnding.ROULETTE)
     point = pl.Scene([room], [pl.lights.PointLight((20, 30, -50), 100.0)])
-    shot = pl.render(point, pinhole(pixels=2), samples=8, max_bounces=1, truth=pl.Truth.NONE, progress=False)
+    shot = pl.render(point, pinhole(), samples=8, max_bounces=1, truth=pl.Truth.NONE, progress=False)
     assert {way.ending for way in assert_replayed(shot, point)} - {PathEnding.LOST} == {PathEnding.NOTHING_AHEAD}
 
 
@@ -358,7 +365,7 @@ def test_paths_that_are_not_finite_show_where_they_broke():
     # A lamp of 1e307 closely above the patch of 0.16 mm that is seen: over r^2 < 0.013 that is beyond float64.
     ground = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Lambertian(0.8))
     scene = pl.Scene([ground], [pl.lights.PointLight((0, 0, -39.99), 1e307)], background=0.1)
-    shot = pl.render(scene, pinhole(0.002, 2), samples=32, truth=pl.Truth.NONE, progress=False)
+    shot = pl.render(scene, pinhole(0.002), samples=32, truth=pl.Truth.NONE, progress=False)
     assert shot.stats.nonfinite and shot.stats.nonfinite_paths and np.isfinite(shot.image).all()
     for way in replay_all(shot, scene, shot.stats.nonfinite_paths):
         assert not way.finite and way.ending is PathEnding.NOT_FINITE

@@ -2,11 +2,11 @@
 
 import dataclasses
 import math
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from camera_helpers import bare_camera, camera_with, the_lens
-from pinholes import irradiance_of_polygon
 
 import plenoptic as pl
 from plenoptic.camera.sampling import pupil_margins
@@ -45,7 +45,7 @@ def test_white_pixel_is_projected_solid_angle_of_its_cell():
     # the centre, so a pixel of 1e-4 mm is off by O((1e-4 / 1.7)^2) = 3e-9 of it.
     expected = hexagon_solid_angle(0.217, 1.7)
     assert expected == pytest.approx(0.0140472, abs=5e-8)
-    camera = dataclasses.replace(camera_with(), sensor=pl.Sensor((1, 1), 1e-4))
+    camera = reference_camera(shape=(1, 1), pitch=1e-4)
     white = pl.render_white(camera, samples=1 << 14, replicates=8, progress=False)  # a block has one pixel
     error = float(white.standard_error[0, 0, 0])
     assert error < 1e-6
@@ -56,7 +56,7 @@ def test_white_pixel_is_projected_solid_angle_of_its_cell():
 def test_conventional_camera_measures_projected_solid_angle_of_its_pupil():
     # On the axis, the exit pupil is a disc of semi-diameter a at distance d: E = pi a^2 / (a^2 + d^2), exactly where
     # pupil imaging is perfect. A narrow stop makes it so up to its spherical aberration, O((stop / 100)^2).
-    camera = bare_camera(the_lens(1.0), shape=(1, 1), pitch=1e-3)
+    camera = conventional(1.0, 1, 1e-3)
     points = pl.paraxial.cardinal_points(camera.lens)
     a, d = points.exit_pupil_semi_diameter, 134.6 - points.exit_pupil
     white = pl.render_white(camera, samples=1 << 14, progress=False)
@@ -67,7 +67,7 @@ def test_conventional_camera_measures_projected_solid_angle_of_its_pupil():
 def test_uniform_scene_is_its_radiance_times_white():
     region = np.s_[240:272, 300:332]
     for mode, lattice in (((1.7, 5.0), pl.Lattice.HEXAGONAL), ((2.0, 4.25), pl.Lattice.SQUARE)):
-        camera = camera_with(*mode, lattice=lattice)
+        camera = reference_camera(*mode, lattice=lattice)
         white = pl.render_white(camera, samples=64, region=region, seed=1, progress=False)
         scene = pl.Scene(background=2.5)
         shot = pl.render(scene, camera, samples=64, region=region, seed=2, progress=False)
@@ -80,7 +80,7 @@ def test_uniform_scene_is_its_radiance_times_white():
 
 
 def test_the_same_seed_makes_light_of_all_radiances_alike():
-    camera, settings = camera_with(), {"samples": 16, "region": np.s_[250:260, 250:260], "progress": False}
+    camera, settings = reference_camera(), {"samples": 16, "region": np.s_[250:260, 250:260], "progress": False}
     one, four, little = (pl.render(pl.Scene(background=r), camera, **settings).image for r in (1.0, 4.0, 2.0**-20))
     np.testing.assert_array_equal(four, 4.0 * one)
     np.testing.assert_array_equal(little, 2.0**-20 * one)
@@ -104,7 +104,7 @@ def microlens_image_pitch(camera):
 
 def test_microlens_images_repeat_at_the_reference_pitch():
     for mode, expected in (((1.7, 5.0), 21.987), ((2.0, 4.25), 22.038)):
-        assert microlens_image_pitch(camera_with(*mode)) == pytest.approx(expected, abs=0.01), mode
+        assert microlens_image_pitch(reference_camera(*mode)) == pytest.approx(expected, abs=0.01), mode
 
 
 def small_light(x, y, z, size):
@@ -150,7 +150,7 @@ def test_disparity_between_neighbouring_microlenses_in_mode_2():
 def test_direction_in_mode_1_decides_the_place_under_the_microlens():
     # With the sensor in the focal plane, a point imaged on the array (a = 0) lights the whole image of the one
     # microlens above it; one imaged behind spreads over its neighbours.
-    camera = camera_with(2.0, 4.25, shape=(64, 64)).focused_at(z=-404.0)
+    camera = reference_camera(2.0, 4.25, shape=(64, 64)).focused_at(z=-404.0)
     spots = spots_by_microlens(camera, small_light(0, 0, -404, 0.2), 1.0)
     brightest = max(spots.values(), key=lambda s: s[1])
     assert brightest[1] / sum(s[1] for s in spots.values()) > 0.99
@@ -159,8 +159,7 @@ def test_direction_in_mode_1_decides_the_place_under_the_microlens():
 
 def test_image_stands_upright_and_is_not_mirrored():
     # A light up and to the right of the axis appears in the upper right of the image, with and without microlenses.
-    bare = bare_camera(the_lens(2.0), 130.0, (32, 32), 0.16).focused_at(z=-404.0)
-    for camera in (bare, camera_with()):
+    for camera in (conventional(2.0, 32, 0.16, 130.0).focused_at(z=-404.0), reference_camera()):
         shot = pl.render(small_light(5.0, 3.0, -404, 0.5), camera, samples=4, progress=False)
         row, column = np.argwhere(shot.image[:, :, 0] > 0).mean(axis=0)
         height, width = camera.sensor.shape
@@ -170,7 +169,7 @@ def test_image_stands_upright_and_is_not_mirrored():
 
 
 def test_pose_moves_the_camera_and_not_the_picture():
-    camera = camera_with()
+    camera = reference_camera()
     region = np.s_[200:220, 300:320]
     # Without onward rays: the frame in which their directions are drawn would turn with the scene.
     scene = pl.Scene(pl.objects_scene().meshes, pl.objects_scene().lights)
@@ -190,14 +189,14 @@ def test_pose_moves_the_camera_and_not_the_picture():
 
 def test_depth_of_a_plane_is_exact():
     region = np.s_[200:232, 200:232]
-    shot = pl.render(pl.shapes.white_plane(), camera_with(), samples=1, region=region, progress=False)
+    shot = pl.render(pl.shapes.white_plane(), reference_camera(), samples=1, region=region, progress=False)
     finite = np.isfinite(shot.depth)
     assert finite.mean() > 0.95
     # A few roundings of coordinates near 404.
     np.testing.assert_allclose(shot.depth[finite], 404.0, rtol=8 * np.finfo(float).eps)
     # Nothing in view is infinitely far.
     behind = pl.Scene([pl.box(10.0, center=(0, 0, 500), material=pl.Emissive(1.0))])
-    camera, settings = camera_with(), {"samples": 1, "region": np.s_[:8, :8], "progress": False}
+    camera, settings = reference_camera(), {"samples": 1, "region": np.s_[:8, :8], "progress": False}
     shot = pl.render(behind, camera, **settings)
     assert np.all(np.isinf(shot.depth)) and not shot.image.any()
     # Depth is left out on request, and without meshes.
@@ -225,7 +224,7 @@ def test_bits_do_not_depend_on_what_fits_into_a_batch(monkeypatch, sampler):
 
 def true_over_stated_on_check():
     """RMS of the true error over that of the standard error, four seeds."""
-    scene, camera = pl.check_scene(), camera_with()
+    scene, camera = pl.check_scene(), reference_camera()
     settings = {"region": np.s_[240:288, 240:288], "truth": Truth.NONE, "progress": False}
     reference = pl.render(scene, camera, samples=1 << 12, seed=99, **settings)
     true, stated = [], []
@@ -243,7 +242,7 @@ def test_standard_error_is_honest_on_check():
 
 
 def test_statistics_count_every_path():
-    shot = pl.render_white(camera_with(), samples=16, region=np.s_[240:272, 240:272], progress=False)
+    shot = pl.render_white(reference_camera(), samples=16, region=np.s_[240:272, 240:272], progress=False)
     stats = shot.stats
     assert stats.paths_through_lens + sum(count for _, _, count in stats.lost) == stats.paths
     assert stats.paths <= 32 * 32 * 16 and stats.nonfinite == 0
@@ -252,7 +251,7 @@ def test_statistics_count_every_path():
     # Numbers may come from NumPy; an error needs two replicates, which have a sample each.
     for samples, replicates, left in ((1, 8, 1), (np.int64(8), np.int32(1), 1), (3, 8, 3)):
         settings = {"seed": 2**64 - 1, "region": np.s_[:4, :4], "progress": False}
-        shot = pl.render_white(camera_with(), samples=samples, replicates=replicates, **settings)
+        shot = pl.render_white(reference_camera(), samples=samples, replicates=replicates, **settings)
         assert (shot.standard_error is None) == (left == 1) and shot.replicates == left and shot.seed == 2**64 - 1
 
 
@@ -260,12 +259,12 @@ def test_spherical_microlenses_approach_thin_ones():
     # A higher index makes the same focal length with a flatter sphere. Its edge stands at the sag h = r^2 / (2 R) above
     # or below the plane, which changes the solid angle by about 2 h / b: 0.9 % for index 1.5, a tenth of it for 6.
     settings = {"samples": 512, "region": np.s_[250:262, 250:262], "progress": False}
-    thin = pl.render_white(camera_with(), **settings).image.sum(dtype=np.float64)
+    thin = pl.render_white(reference_camera(), **settings).image.sum(dtype=np.float64)
     for side in pl.optics.ConvexSide:
         off = []
         for index in (1.5, 6.0):
             lenses = {"model": pl.optics.MicrolensModel.SPHERICAL, "thickness": 0.05, "index": index}
-            spherical = pl.render_white(camera_with(**lenses, convex_side=side), **settings)
+            spherical = pl.render_white(reference_camera(**lenses, convex_side=side), **settings)
             off.append(abs(spherical.image.sum(dtype=np.float64) / thin - 1))
             assert spherical.stats.lost_by_cause["outside_microlens"] < 0.05 * spherical.stats.paths
         assert 0.003 < off[0] < 0.011 and off[1] < 0.2 * off[0], side
@@ -275,7 +274,7 @@ def test_pinholes_show_the_pupil_under_every_microlens():
     # Microlens images are the exit pupil seen through a point: at b = 1.7 from pinholes at 128.5 from the pupil they
     # have the semi-diameter 7.76 * 1.7 / 128.5 = 0.1027 mm; the light is that of the cell where they are lit.
     # 22 rows and 38 columns are a period of the hexagonal lattice: two microlens images.
-    camera = camera_with(model=pl.optics.MicrolensModel.PINHOLE)
+    camera = reference_camera(model=pl.optics.MicrolensModel.PINHOLE)
     white = pl.render_white(camera, samples=64, region=np.s_[245:267, 237:275], progress=False)
     points = pl.paraxial.cardinal_points(camera.lens)
     radius = points.exit_pupil_semi_diameter * 1.7 / (123.3 - points.exit_pupil)
@@ -289,7 +288,7 @@ def test_all_light_through_an_array_arrives_somewhere():
     # within edge effects of the patch.
     def white(side, samples=16, **changes):
         region = np.s_[side:356, side:356]
-        return pl.render_white(camera_with(**changes), samples=samples, region=region, progress=False).image
+        return pl.render_white(reference_camera(**changes), samples=samples, region=region, progress=False).image
 
     sums = [white(156, focal_lengths=(f,)).mean(dtype=np.float64) for f in (2.0, 1.2)]
     assert sums[0] == pytest.approx(sums[1], rel=0.01)
@@ -300,7 +299,9 @@ def test_all_light_through_an_array_arrives_somewhere():
 
 
 def test_impossible_arguments_are_refused_before_anything_runs():
-    crowded = camera_with(shape=(4, 4), pitch=1e-5, focal_lengths=(1e-3,))
+    crowded = dataclasses.replace(
+        reference_camera(shape=(4, 4)), microlenses=pl.MicrolensArray(pitch=1e-5, focal_lengths=(1e-3,))
+    )
     for arguments, message in (
         ({"samples": 0}, "samples is 0; it must be at least 1"),
         ({"seed": -1}, "seed is -1"),
@@ -311,7 +312,7 @@ def test_impossible_arguments_are_refused_before_anything_runs():
         ({"camera": crowded}, "each pixel sees about"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
-            pl.render_white(**{"camera": camera_with(), "samples": 1, "progress": False, **arguments})
+            pl.render_white(**{"camera": reference_camera(), "samples": 1, "progress": False, **arguments})
 
 
 BLOCK = pl.box((4, 4, 4), center=(0, 0, -402), material=pl.Lambertian(0.7))
@@ -319,7 +320,7 @@ BLOCK = pl.box((4, 4, 4), center=(0, 0, -402), material=pl.Lambertian(0.7))
 
 def seen_on_a_floor(half, lights=(), background=1.0, place=None):
     """A block on a floor in a wide view, in a place of the world."""
-    camera = bare_camera(shape=(8, 8), pitch=0.4)
+    camera = conventional(5.0, 8, 0.4)
     meshes = [pl.quad((-half, -half, -404), (2 * half, 0, 0), (0, 2 * half, 0), material=pl.Lambertian(0.7)), BLOCK]
     if place is not None:
         camera, meshes = camera.posed(place, place - [0, 0, 1]), [mesh.translated(*place) for mesh in meshes]
@@ -359,7 +360,8 @@ def brute_force_irradiance(camera, x, n=400_000):
 def test_steep_rear_surfaces_are_seen_to_their_rim():
     # The Topogon's last surface is a deep cap: from far off the axis, light that passes near its rim crosses the plane
     # of its vertex far outside the semi-diameter.
-    camera = bare_camera(pl.load_lens("topogon-100mm-f6.3"), 95.1, (1, 241), 1.0)
+    lens = pl.load_lens("topogon-100mm-f6.3")
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(1, 241), pixel_pitch=1.0), stop_to_microlenses=95.1)
     for x in (60.0, 85.0):
         column = round(-x + 120)
         shot = pl.render_white(camera, samples=4096, region=np.s_[:, column : column + 1], progress=False)
@@ -373,7 +375,7 @@ def test_fast_spherical_microlenses_lose_no_light_to_the_bounds(monkeypatch):
     # f/1.4 plano-convex lenses, strongly aberrated: pixels between the microlens images are fed by rays whose ideal
     # counterparts miss the pupil. Widening all margins must not change the image.
     model = pl.optics.MicrolensModel.SPHERICAL
-    camera = camera_with(0.3, 17.1, focal_lengths=(0.3,), model=model, thickness=0.2)
+    camera = reference_camera(0.3, 17.1, focal_lengths=(0.3,), model=model, thickness=0.2)
     settings = {"region": np.s_[100:108, 0:8], "progress": False}
     shot = pl.render_white(camera, samples=1024, **settings)
     margins, widened = pupil_margins.aberration_margins, []

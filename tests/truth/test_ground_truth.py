@@ -57,7 +57,7 @@ def test_normals_of_a_sphere_are_those_of_its_facets():
     # Facets of 128 x 64 segments are turned from the sphere by at most half their diagonal, 0.5 hypot(2 pi / 128,
     # pi / 64) = 0.035.
     ball = pl.sphere(60.0, center=(5.0, -3.0, -500.0), material=pl.Lambertian(0.5))
-    truth = ground_truth(pl.Scene([ball], background=1.0), reference_camera(), region=np.s_[::1, 250:262])
+    truth = ground_truth(pl.Scene([ball], background=1.0), camera_with(), region=np.s_[::1, 250:262])
     is_hit = np.isfinite(truth.depth)
     outwards = (truth.position[is_hit] - [5.0, -3.0, -500.0]) / 60.0
     normal = truth.normal[is_hit]
@@ -82,7 +82,7 @@ def test_objects_and_materials_have_the_numbers_of_the_scene():
         for x, y, material in ((0, 0, grey), (-200, 0, red), (-200, -200, grey))
     ]
     lamp = pl.QuadLight((0, -200, -404.0), (200, 0, 0), (0, 200, 0), radiance=1.0)
-    truth = ground_truth(pl.Scene(quads, lights=[lamp]), reference_camera())
+    truth = ground_truth(pl.Scene(quads, lights=[lamp]), camera_with())
     is_hit = np.isfinite(truth.depth)
     x, y = truth.position[..., 0], truth.position[..., 1]
     expected = np.select([(x > 0) & (y > 0), (x < 0) & (y > 0), (x < 0) & (y < 0)], [0, 1, 2], 3)
@@ -108,7 +108,7 @@ def test_a_pixel_belongs_to_the_microlens_whose_image_is_nearest():
     # The exit pupil lies 128.5 mm before the array: images of centres are enlarged by 1 + b / 128.5, to within
     # the pupil's aberrations. Halfway between images either may give more light.
     for array in ARRAYS:
-        camera = reference_camera(**array)
+        camera = camera_with(**array)
         microlenses_ = camera.microlenses
         truth = ground_truth(None, camera, region=np.s_[40:60, 40:60])
         assert truth.kinds == Truth.MICROLENS | Truth.INCIDENCE_ANGLE | Truth.STATE
@@ -137,7 +137,7 @@ def test_free_microlenses_have_their_numbers():
     free = camera_with(lattice=pl.Lattice.FREE, centres=centres, types=types, focal_lengths=(2.0, 2.0), pitch=0.2)
     region = np.s_[60:90, 400:420]
     regular_truth, free_truth = (
-        ground_truth(None, reference_camera(), region=region),
+        ground_truth(None, camera_with(), region=region),
         ground_truth(None, free, region=region),
     )
     lit = regular_truth.microlens_type >= 0
@@ -173,8 +173,8 @@ def test_angles_of_incidence_without_microlenses_are_those_from_the_exit_pupil()
 def test_angles_of_incidence_lead_through_the_microlens():
     # The exit pupil's image on a microlens of 0.217 mm is all of it for pixels near the centre of its image: the lit
     # centroid is the centre of the cell there, and the path from the pixel to it is straight.
-    thin, region = reference_camera(), np.s_[248:264, 120:136]
-    thick = reference_camera(model=pl.optics.MicrolensModel.SPHERICAL)
+    thin, region = camera_with(), np.s_[248:264, 120:136]
+    thick = camera_with(model=pl.optics.MicrolensModel.SPHERICAL)
     for camera in (thin, *(camera_.moved(pl.CameraPart.SENSOR, tilt=(0.05, -0.03, 0.4)) for camera_ in (thin, thick))):
         truth = ground_truth(None, camera, truth=Truth.INCIDENCE_ANGLE | Truth.MICROLENS, region=region)
         rows, columns = np.mgrid[region]
@@ -218,8 +218,8 @@ def middle_of(camera):
 
 
 def test_a_point_imaged_on_the_array_has_no_virtual_depth_and_stands_still_in_views():
-    lens = the_lens(THIN_LENS)
-    camera = reference_camera(lens=lens, b=2.0, to_array=thin_image(lens, -404.0))
+    lens = the_lens(model=THIN_LENS)
+    camera = camera_with(lens=lens, b=2.0, to_array=thin_image(lens, -404.0))
     truth, is_hit = middle_of(camera)
     np.testing.assert_allclose(truth.virtual_depth[is_hit], 0.0, atol=1e-9)
     np.testing.assert_allclose(truth.view_disparity[is_hit], 0.0, atol=1e-9)
@@ -228,7 +228,7 @@ def test_a_point_imaged_on_the_array_has_no_virtual_depth_and_stands_still_in_vi
 
 def test_without_main_lens_the_scene_is_its_own_image():
     # A camera array: a is minus the distance from the array to the plane.
-    truth, is_hit = middle_of(reference_camera(lens=the_lens(pl.LensModel.NONE, stop=16.0), to_array=40.0, b=2.0))
+    truth, is_hit = middle_of(camera_with(lens=the_lens(16.0, pl.LensModel.NONE), to_array=40.0, b=2.0))
     np.testing.assert_allclose(truth.virtual_depth[is_hit], -444.0 / 2.0, rtol=3e-9)
 
 
@@ -295,7 +295,7 @@ def test_what_a_pixel_sees_through_a_pinhole_is_projected_onto_its_centre():
 
 
 def test_a_rendering_has_the_same_truth_and_only_requested_channels():
-    camera, scene, region = reference_camera(), pl.objects_scene(), np.s_[230:250, 240:280]
+    camera, scene, region = camera_with(), pl.objects_scene(), np.s_[230:250, 240:280]
     whole = ground_truth(scene, camera, region=region)
     requested = Truth.NORMAL | Truth.DISPARITY
     shot = pl.render(scene, camera, samples=1, region=region, truth=requested, tile_side=7, progress=False)
@@ -308,7 +308,7 @@ def test_a_rendering_has_the_same_truth_and_only_requested_channels():
 
 
 def test_unavailable_channels_are_left_out():
-    camera, region = reference_camera(), np.s_[250:254, 250:254]
+    camera, region = camera_with(), np.s_[250:254, 250:254]
     shot = pl.render(pl.Scene(background=1.0), camera, samples=1, region=region, truth=Truth.ALL, progress=False)
     assert shot.truth == ground_truth(None, camera, region=region)
     with pytest.raises(pl.errors.InvalidValueError, match="nothing of .*DEPTH.* can be found"):
@@ -381,12 +381,12 @@ def test_disparity_of_chords_is_that_of_projections_through_neighbours():
 def test_without_aberrations_disparity_of_chords_is_that_of_rays_near_the_pixels_own():
     # Both are pitch / (v pixel pitch); derivatives of the latter are differences, good to 1e-8 of it.
     for model, region in ((THIN_LENS, np.s_[100:130, 20:60]), (pl.LensModel.NONE, np.s_[190:200, 190:200])):
-        truth = ground_truth(LEANING, reference_camera(lens=the_lens(model), **SMALL), truth=WANTED, region=region)
+        truth = ground_truth(LEANING, camera_with(lens=the_lens(model=model), **SMALL), truth=WANTED, region=region)
         is_hit = np.isfinite(truth.disparity)
         assert is_hit.any() and np.array_equal(np.isfinite(truth.chord_disparity), is_hit)
         assert np.abs(truth.chord_disparity / truth.disparity - 1)[is_hit].max() < 1e-7
     # Lenses without a lattice have no neighbours.
     centres = pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)).lenses((-1.0, -1.0), (1.0, 1.0)).design
-    free = reference_camera(pitch=0.12, lattice=pl.Lattice.FREE, centres=centres, **SMALL)
+    free = camera_with(pitch=0.12, lattice=pl.Lattice.FREE, centres=centres, **SMALL)
     truth = ground_truth(LEANING, free, truth=WANTED, region=np.s_[184:216, 184:216])
     assert np.isfinite(truth.disparity).any() and np.isnan(truth.chord_disparity).all()

@@ -6,7 +6,6 @@ import signal
 import statistics
 import time
 
-import fake_client
 import numpy as np
 import pytest
 

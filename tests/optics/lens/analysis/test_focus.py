@@ -125,7 +125,7 @@ def test_images_at_infinity_before_the_lens_and_nowhere():
     for call, text in (
         (lambda: pl.aberrations.through_focus(PARAXIAL, z_object=z), "parallel"),
         (lambda: best_focus(GAUSS, field=(0.0, 1.3)), r"0 of 0 rays from the field \(0.0, 1.3\) pass the lens"),
-        (lambda: best_focus(GAUSS, criterion="rms"), r"criterion is 'rms'; it must be pl.FocusCriterion\.PARAXIAL or"),
+        (lambda: best_focus(GAUSS, criterion="rms"), r"criterion is 'rms'; it must be FocusCriterion\.PARAXIAL or"),
         (lambda: best_focus(NONE), nothing),
         (lambda: paraxial_focus(NONE, -404.0), nothing),
         (lambda: front_focus(NONE), nothing),
