@@ -127,7 +127,7 @@ def _from_tree(tree: Any) -> Any:
     if not isinstance(cls, type) or (kind == "enum") != issubclass(cls, enum.IntEnum):
         raise ValueError(f"{name!r} is no {kind} of this package")
     if kind == "enum":
-        return cls[argument]  # type: ignore[index]
+        return cls[_RENAMED_MEMBERS.get((name, argument), argument)]  # type: ignore[index]
     return cls(**{field: _from_tree(item) for field, item in argument.items()})
 
 

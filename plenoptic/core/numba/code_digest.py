@@ -6,6 +6,7 @@ they name. Comments, docstrings and line numbers do not enter, nor do functions 
 
 from __future__ import annotations
 
+import dis
 import enum
 import functools
 import hashlib
@@ -72,9 +73,13 @@ def _text_and_callees(function: _Function) -> tuple[str, tuple[_Function, ...]]:
     text, callees = [_full_name(function), bytecode_text(function.__code__), _value_text(function.__defaults__)], []
     for name, value in _named_values(function, {name: cell.cell_contents for name, cell in closure.items()}):
         callee = getattr(value, "py_func", None)
-        text.append(f"{name}: {_full_name(callee) if callee else _value_text(value)}")
         if callee:
             callees.append(callee)
+        try:
+            text.append(f"{name}: {_full_name(callee) if callee else _value_text(value)}")
+        except UnknownValueError:
+            if name not in _attributes(function.__code__):
+                raise
     return "\n".join(text), tuple(callees)
 
 
@@ -102,6 +107,13 @@ def _named_members(module: ModuleType, names: list[str]) -> Iterator[tuple[str, 
 def _names(code: CodeType) -> set[str]:
     inner = (one for one in code.co_consts if isinstance(one, CodeType))
     return set(code.co_names).union(*map(_names, inner))
+
+
+def _attributes(code: CodeType) -> set[str]:
+    """Names of attributes only: a global of the same name is not used."""
+    inner = [one for one in code.co_consts if isinstance(one, CodeType)]
+    used = {one.argval for one in dis.get_instructions(code) if one.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
+    return (set(code.co_names) - used).union(*map(_attributes, inner))
 
 
 def _value_text(value: Any) -> str:

@@ -106,6 +106,14 @@ def test_values_of_a_closure_enter():
     assert len({code_digest(made(value)) for value in (1, 1.0, np.float32(1), (1,), None, "1")}) == 6
 
 
+def test_attributes_are_no_globals_of_the_same_name():
+    namespace = {"__name__": "edited", "item": object()}  # an object has no digest
+    exec("def first(x):\n    return x.item\n\ndef second(x):\n    return item", namespace)
+    assert code_digest(namespace["first"])
+    with pytest.raises(UnknownValueError):
+        code_digest(namespace["second"])
+
+
 def test_values_without_a_digest_are_refused():
     thing = object()
     with pytest.raises(UnknownValueError, match="type object have no digest"):

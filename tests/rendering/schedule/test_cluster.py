@@ -29,7 +29,7 @@ def test_any_order_of_results_gives_the_same_bits(fake):
         fake.calls.clear()
         one, other = small(**budget), small(client=fake, **budget)
         assert_same(one, other)
-        assert other.stats.threads == 2 and fake.calls.count("carry_out") >= 3, budget
+        assert other.stats.threads == 2 and fake.calls.count("run_jobs") >= 3, budget
     options = {"samples": 16, "region": np.s_[240:264, 240:264], "tile_side": 8, "progress": False}
     one, other = (pl.render_white(pl.camera.example_camera(), client=client, **options) for client in (None, fake))
     assert one.image.tobytes() == other.image.tobytes()
@@ -72,7 +72,7 @@ def test_ground_truth_has_the_same_bits(fake, monkeypatch):
     options = {"region": np.s_[240:264, 240:264], "progress": False}
     one = pl.ground_truth(pl.objects_scene(), pl.camera.example_camera(), **options)
     other = pl.ground_truth(pl.objects_scene(), pl.camera.example_camera(), client=fake, **options)
-    assert fake.calls.count("carry_out") >= 3
+    assert fake.calls.count("run_jobs") >= 3
     for name in one.__dataclass_fields__:
         a, b = getattr(one, name), getattr(other, name)
         assert (a is None and b is None) or a.tobytes() == b.tobytes(), name
