@@ -55,8 +55,8 @@ plane_moves_along_u camera/sampling/kernels/aperture_planes.py: camera/test_aper
 - nx * transfer.x_by_v + ny * transfer.y_by_v
 + nx * transfer.x_by_v + ny * transfer.y_by_u
 point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_aperture_regions.py camera/psf
-- root = math.sqrt(min(max(left / twice, 0.0), 1.0)) if twice > 0.0 else 0.0
-+ root = min(max(left / twice, 0.0), 1.0) if twice > 0.0 else 0.0
+- root = math.sqrt(min(max(remaining / twice, 0.0), 1.0)) if twice > 0.0 else 0.0
++ root = min(max(remaining / twice, 0.0), 1.0) if twice > 0.0 else 0.0
 projection_axes camera/points/projection.py: camera/points/test_projection.py camera/points
 - (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1]))
 + (np.abs(rows.position) <= 0.5 * np.array(sensor.size))
@@ -91,14 +91,14 @@ light_in_a_liquid scene/materials/kernels/absorption.py: rendering/integrator sc
 - row_vector(rows, i, NORMAL)) < 0.0:
 + row_vector(rows, i, NORMAL)) > 0.0:
 pooled_error rendering/film.py: rendering/test_film.py rendering/test_standard_error.py
-- pooled = (single + _SHARED * alike) / (1.0 + _SHARED) * (between / within)[..., None]
-+ pooled = (single + _SHARED * alike) * (between / within)[..., None]
+- pooled = (independent + _BLOCK_WEIGHT * block_mean) / (1.0 + _BLOCK_WEIGHT) * (between / within)[..., None]
++ pooled = (independent + _BLOCK_WEIGHT * block_mean) * (between / within)[..., None]
 expected_with_noise core/relative_error.py: rendering/test_rare_light.py core/test_relative_error.py
-- shown = np.maximum(between - diagonal_sums(noise) / most, 0.0)
-+ shown = np.maximum(between, 0.0)
+- signal_variance = np.maximum(between - diagonal_sums(noise) / divisor, 0.0)
++ signal_variance = np.maximum(between, 0.0)
 own_colour_decides rendering/schedule/progress.py: rendering/schedule/test_progress.py rendering/test_render.py
-- others = here[(colours == 1 - colour) & ~np.isnan(here)]
-+ others = here[(colours == colour) & ~np.isnan(here)]
+- other_squares = tile_squares[(colours == 1 - colour) & ~np.isnan(tile_squares)]
++ other_squares = tile_squares[(colours == colour) & ~np.isnan(tile_squares)]
 estimated_samples rendering/estimation/decisions.py: rendering/test_estimate.py
 - at * np.maximum(over, 1.0) ** (1 / falls)
 + at * np.maximum(over, 1.0) ** falls
