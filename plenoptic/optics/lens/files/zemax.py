@@ -211,8 +211,8 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
             shape = ZEMAX[kind](shape)
     with name_line_in_errors(where, row.lines.get("PARM", row.lines["SURF"])):
         aspheric = _even_terms(shape)
-    row = row._replace(curvature=shape.curvature, conic=shape.conic, aspheric=aspheric)
-    return row._replace(freeform=shape.freeform, offset=shape.offset)
+    base = {"curvature": shape.curvature, "conic": shape.conic, "aspheric": aspheric}
+    return row._replace(**base, freeform=shape.freeform, offset=shape.offset)
 
 
 def _type(line: Line, number: int) -> str:
