@@ -23,7 +23,7 @@ Element: TypeAlias = Surface | Stop
 
 def is_centred(element: Element) -> bool:
     """True if an element is rotationally symmetric about the lens's axis."""
-    return element.placement is None and not (isinstance(element, Surface) and element.freeform is not None)
+    return element.placement is None and not (isinstance(element, Surface) and element.departure is not None)
 
 
 def opened(elements: Sequence[Element]) -> list[Element]:

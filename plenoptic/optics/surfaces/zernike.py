@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,6 @@ from plenoptic.core.values import Floats, broadcast, coefficients, positive, set
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape
 from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
-from plenoptic.optics.surfaces.zemax_shape import ZemaxShape
 
 ZERNIKE = 1
 """Kind of the freeform term, for kernels."""
@@ -70,7 +69,7 @@ class ZernikeSag:
     >>> astigmatism = pl.optics.ZernikeSag([0, 0, 0, 0, 0, 1e-3], norm_radius=10.0)     # sqrt(6) rho^2 cos(2 phi)
     >>> (1e3 * astigmatism.sag([10.0, 0.0], [0.0, 10.0])).round(4).tolist()
     [2.4495, -2.4495]
-    >>> front = pl.Surface(50.0, semi_diameter=10.0, freeform=astigmatism)
+    >>> front = pl.Surface(50.0, semi_diameter=10.0, departure=astigmatism)
     >>> bool(front.sag(10.0, 0.0) > front.sag(0.0, 10.0))
     True
     """
@@ -154,10 +153,12 @@ class ZernikeSag:
         pairs = np.stack([p, q], axis=1).ravel().tolist()
         return (float(ZERNIKE), 1.0 / self.norm_radius, float(p.shape[0]), float(p.shape[1]), *pairs)
 
-    @staticmethod
-    def from_zemax(shape: ZemaxShape) -> ZemaxShape:
-        """Shape of a surface of type SZERNSAG: number of terms, norm radius and coefficients from XDAT 1, 2, 3 ..."""
-        extra, unit = shape.extra, shape.unit
+    @classmethod
+    def from_zemax(cls, extra: Mapping[int, float], unit: float) -> tuple[ZernikeSag | None, float]:
+        """Freeform term of a surface of type SZERNSAG, and its omitted sag at the vertex in mm.
+
+        `extra` is its XDAT: the number of terms, the norm radius, and the coefficients, in units of `unit` mm.
+        """
         if 1 not in extra or not float(extra[1]).is_integer() or extra[1] < 0:
             raise PrescriptionError("XDAT 1, the number of Zernike terms, is missing or no such number; give it")
         last = 2 + int(extra[1])
@@ -168,13 +169,13 @@ class ZernikeSag:
             )
         terms = {j - 2: a * unit for j, a in extra.items() if 2 < j <= last and a != 0}
         if not terms:
-            return shape
+            return None, 0.0
         if max(terms) > MAX_TERMS:
             raise PrescriptionError(f"XDAT {max(terms) + 2} is Zernike term {max(terms)}; at most {MAX_TERMS} are read")
         if 2 not in extra:
             raise PrescriptionError("XDAT 2, the norm radius of the Zernike terms, is missing; give it")
-        sag = ZernikeSag([terms.get(j, 0.0) for j in range(1, max(terms) + 1)], extra[2] * unit)
-        return shape._replace(freeform=sag, offset=sag.offset)
+        sag = cls([terms.get(j, 0.0) for j in range(1, max(terms) + 1)], extra[2] * unit)
+        return sag, sag.offset
 
 
 def degree_and_order(j: int) -> tuple[int, int]:

@@ -132,7 +132,7 @@ def require_axis(lens: LensStack, what: str) -> None:
     if free:
         raise InvalidValueError(
             f"surface {free[0]} of {lens.name!r} has no rotational symmetry; {what} that of a lens with an axis: leave "
-            "out its freeform term, or look at spot diagrams"
+            "out its departure, or look at spot diagrams"
         )
     if lens.model is LensModel.NONE:
         raise InvalidValueError(f"the model of {lens.name!r} is NONE, which images nothing; use lens.with_model(EXACT)")

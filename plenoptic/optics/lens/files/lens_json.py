@@ -1,7 +1,7 @@
 """The package's own lens files: JSON with one element per line.
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
-Defaults are left out, so `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `freeform`,
+Defaults are left out, so `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `departure`,
 `blade_radius` and `placement` stand only where they say something. Stops are circle, polygon, star, mask or ring; the
 `transmission` of a mask is a list of its rows. A medium is one of
 
@@ -233,7 +233,7 @@ _OPTIONAL: dict[str, Callable[[Any, str], Any]] = {
     "conic": _number,
     "aspheric": _numbers,
     "depth": _number,
-    "freeform": _value,
+    "departure": _value,
     "placement": _placement,
 }
 """Fields of a surface that may be left out, and how they are read."""
@@ -247,7 +247,7 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
         row = {"radius": radius, **size, "medium": _medium_to_json(element.medium, f"behind element {i}")}
         members = {name: getattr(element, name) for name in ("conic", "aspheric", "depth")}
         row |= {name: item for name, item in members.items() if item not in (0.0, (), None)}
-        row |= {"freeform": json.loads(describe(element.freeform))} if element.freeform is not None else {}
+        row |= {"departure": json.loads(describe(element.departure))} if element.departure is not None else {}
     else:
         row = _stop_to_json(element, size)
     if element.placement is not None:
@@ -293,8 +293,6 @@ def _stop_from_json(data: Mapping[str, Any]) -> Stop:
 def _element_from_json(data: Any) -> Element:
     if isinstance(data, dict) and "stop" in data:
         return _stop_from_json(data)
-    if isinstance(data, dict) and "departure" in data:  # the former name of the freeform term
-        data = {("freeform" if name == "departure" else name): field for name, field in data.items()}
     row = _fields(data, "it", "radius thickness semi_diameter medium", " ".join(_OPTIONAL))
     radius = math.inf if row["radius"] is None else _number(row["radius"], "radius")
     thickness, semi_diameter = (_number(row[name], name) for name in _SIZE)

@@ -54,7 +54,6 @@ from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.freeform_registry import ZEMAX
-from plenoptic.optics.surfaces.zemax_shape import ZemaxShape
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
@@ -62,6 +61,7 @@ _BREAK = "COORDBRK"
 _TYPES = {
     "DGRATING": "a grating",
     "TOROIDAL": "a toroid",
+    "BICONICX": "a biconic surface",
     "QED_TYPE": "an asphere in Forbes's polynomials",
     "ODDASPHE": "an asphere with odd powers",
     "XASPHERE": "an extended asphere",
@@ -190,29 +190,29 @@ class _Glasses:
 
 def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glasses) -> Row:
     row = Row(number, {line.keyword: line.number for line in block})
-    kind, parameters, extra = "STANDARD", dict[int, float](), dict[int, float]()
+    kind, terms, extra = "STANDARD", [0.0] * _TERMS, dict[int, float]()
     # TYPE first, which says what PARM and XDAT mean.
     for line in sorted(block, key=lambda line: line.keyword != "TYPE"):
         with name_line_in_errors(where, line.number):
             if line.keyword == "TYPE":
                 kind = _type(line, number)
+            elif line.keyword == "PARM" and kind == _BREAK:
+                extra[int(line.real(0))] = line.real(1)
             elif line.keyword == "PARM" and kind != "STANDARD":
-                parameters[int(line.real(0))] = line.real(1)
+                _set_term(terms, line)
             elif line.keyword == "XDAT" and kind in ZEMAX:
                 extra[int(line.real(0))] = line.real(1)
             else:
                 row = _with_line(row, line, unit, glasses)
-    if kind == _BREAK:
-        decentre = (parameters.get(i, 0.0) * unit for i in (1, 2))
-        return row._replace(turn=(*decentre, *(parameters.get(i, 0.0) for i in (3, 4, 5, 6))))
-    shape = ZemaxShape(row.curvature, row.conic, parameters, extra, unit)
     if kind in ZEMAX:
         with name_line_in_errors(where, row.lines.get("XDAT", row.lines["SURF"])):
-            shape = ZEMAX[kind](shape)
-    with name_line_in_errors(where, row.lines.get("PARM", row.lines["SURF"])):
-        aspheric = _even_terms(shape)
-    base = {"curvature": shape.curvature, "conic": shape.conic, "aspheric": aspheric}
-    return row._replace(**base, freeform=shape.freeform, offset=shape.offset)
+            departure, offset = ZEMAX[kind](extra, unit)
+            row = row._replace(departure=departure, offset=offset)
+    if kind == _BREAK:
+        decentre = (extra.get(i, 0.0) * unit for i in (1, 2))
+        return row._replace(turn=(*decentre, *(extra.get(i, 0.0) for i in (3, 4, 5, 6))))
+    # z and r scale alike: a_i of r^(2 i) is in unit^(1 - 2 i).
+    return row._replace(aspheric=tuple(a * unit ** (1 - 2 * i) for i, a in enumerate(terms, start=1)))
 
 
 def _type(line: Line, number: int) -> str:
@@ -225,15 +225,13 @@ def _type(line: Line, number: int) -> str:
     return kind
 
 
-def _even_terms(shape: ZemaxShape) -> tuple[float, ...]:
-    """Coefficients a_i of r^(2 i) in mm^(1 - 2 i), from PARM i."""
-    for i, coefficient in shape.parameters.items():
-        if coefficient != 0 and not 1 <= i <= _TERMS:
-            statement = f"PARM {i} is {coefficient:g}"
-            raise PrescriptionError(
-                f"{statement}; only PARM 1 to {_TERMS}, those of even aspheres, are read: set it to 0"
-            )
-    return tuple(shape.parameters.get(i, 0.0) * shape.unit ** (1 - 2 * i) for i in range(1, _TERMS + 1))
+def _set_term(terms: list[float], line: Line) -> None:
+    i, coefficient = line.real(0), line.real(1)
+    if i in range(1, _TERMS + 1):
+        terms[int(i) - 1] = coefficient
+    elif coefficient != 0:
+        statement = f"PARM {line.word(0)[:40]} is {coefficient:g}"
+        raise PrescriptionError(f"{statement}; only PARM 1 to {_TERMS}, those of even aspheres, are read: set it to 0")
 
 
 def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:

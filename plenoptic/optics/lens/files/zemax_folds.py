@@ -96,7 +96,7 @@ def _facing(row: Row, sense: float) -> Row:
     return row._replace(
         curvature=-row.curvature,
         aspheric=tuple(-a for a in row.aspheric),
-        freeform=None if row.freeform is None else row.freeform.inverted,
+        departure=None if row.departure is None else row.departure.inverted,
         offset=-row.offset,
     )
 

@@ -1,0 +1,16 @@
+"""Freeform term of a surface's sag at one point: the kernels of all kinds behind one function."""
+
+from __future__ import annotations
+
+from plenoptic.core.numba.jit import device
+from plenoptic.optics.lens.kernels.zernike import zernike_at
+from plenoptic.optics.lens.record import DEPARTURE_KIND
+from plenoptic.optics.surfaces.zernike import ZERNIKE
+
+
+@device
+def departure_at(x, y, numbers):
+    """Added sag and its derivatives by x and y; `numbers` is a row of `LensRecord.departure`."""
+    if numbers[DEPARTURE_KIND] == ZERNIKE:
+        return zernike_at(x, y, numbers)
+    return 0.0, 0.0, 0.0
