@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, kinds, noted
+from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, kinds, probe_rays
 from plenoptic.optics.lens.checks.finding import FindingKind
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
@@ -286,7 +286,7 @@ def test_notes_and_colour():
     lens = freeform_lens()
     assert [finding.elements for finding in lens.check() if finding.kind is FindingKind.VERTEX] == [(0,)]
     rays = pl.RayBundle([[1.0, 2.0, -50.0], [0.0, -3.0, -50.0]], [[0.0, 0.0, 1.0], [0.01, 0.05, 1.0]])
-    notes = noted(lens_record(lens, rays.wavelength, reverse=False), blocks_of(rays), 2)
+    notes = probe_rays(lens_record(lens, rays.wavelength, reverse=False), blocks_of(rays), 2)
     normal = np.column_stack([*-lens.elements[0].gradient(*traced_part(lens, rays, 0, 0).origin[:, :2].T), np.ones(2)])
     cosine = np.einsum("ij,ij->i", normal, rays.direction) / np.linalg.norm(normal, axis=1)
     assert notes.incidence[0] == pytest.approx(1.0 / cosine, rel=1e-12)

@@ -122,17 +122,16 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
 def require_axis(lens: LensStack, what: str) -> None:
     """Raise an error where a lens has no axis of symmetry, or is left out, so that `what` is undefined."""
     check_kind(lens, "lens", LensStack, "camera.lens")
-    moved = [i for i, element in enumerate(lens.elements) if element.placement is not None]
-    if moved:
-        raise InvalidValueError(
-            f"element {moved[0]} of {lens.name!r} is decentred or tilted; {what} that of a centred lens: leave out its "
-            "placement, or look at spot diagrams"
+    off_axis = next(((i, element) for i, element in enumerate(lens.elements) if not is_centred(element)), None)
+    if off_axis is not None:
+        i, element = off_axis
+        placed = element.placement is not None
+        fault, cause = (
+            ("is decentred or tilted", "placement") if placed else ("has no rotational symmetry", "departure")
         )
-    free = [i for i, element in enumerate(lens.elements) if not is_centred(element)]
-    if free:
         raise InvalidValueError(
-            f"surface {free[0]} of {lens.name!r} has no rotational symmetry; {what} that of a lens with an axis: leave "
-            "out its departure, or look at spot diagrams"
+            f"element {i} of {lens.name!r} {fault}; {what} that of a lens with an axis: leave out its {cause}, or look "
+            "at spot diagrams"
         )
     if lens.model is LensModel.NONE:
         raise InvalidValueError(f"the model of {lens.name!r} is NONE, which images nothing; use lens.with_model(EXACT)")

@@ -8,15 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.lost_rays import Lost, by_cause, check_lost, in_words, lost_rays
+from plenoptic.core.lost_rays import Lost, by_cause, in_words, lost_rays
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, check_kind, frozen_array, set_field, value, whole
-from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.conditioning_rows import Notes, blocks_of, kinds, largest_and, noted
+from plenoptic.core.values import Floats, check_kind, result
+from plenoptic.optics.lens.analysis.conditioning_rows import ProbeRecords, blocks_of, kinds, largest_and, probe_rays
 from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.stack import LensStack
-
-_MEASURED = ("incidence", "refraction", "cancellation", "newton", "search")
 
 
 class Condition(enum.IntEnum):
@@ -42,7 +39,7 @@ class Worst(NamedTuple):
     number: float
 
 
-@value
+@result
 class Conditioning:
     r"""Conditioning of rays at each element that they meet; made by `conditioning`. Printed, it is a table.
 
@@ -60,7 +57,7 @@ class Conditioning:
     Columns are [largest, median] over the rays that pass the element, nan where there are none; for the steps,
     [largest, mean] over those that come to it.
 
-    Parameters
+    Attributes
     ----------
     elements : (n,) array of int
         Indices in `LensStack.elements`, in the order in which rays meet them. Models other than EXACT have fewer.
@@ -104,19 +101,6 @@ class Conditioning:
     searched: NDArray[np.int64]
     lost: Lost = ()
 
-    def __post_init__(self) -> None:
-        set_field(self, "elements", frozen_array(self.elements, name="elements", shape=(None,), dtype=np.int64))
-        n = len(self.elements)
-        set_field(self, "kinds", tuple(str(kind) for kind in self.kinds))
-        if len(self.kinds) != n:
-            raise InvalidValueError(f"kinds has {len(self.kinds)} entries; it must have one for each of {n} elements")
-        set_field(self, "rays", whole(self.rays, "rays", at_least=0))
-        for name in ("reached", "searched"):
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n,), dtype=np.int64))
-        for name in _MEASURED:
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n, 2)))
-        set_field(self, "lost", check_lost(self.lost))
-
     @property
     def digits_lost(self) -> Floats:
         """(n, 2): largest and median number of decimal digits that cancellation takes, of the 15.7 of float64."""
@@ -155,9 +139,8 @@ class Conditioning:
 
     def __str__(self) -> str:
         rows = [_HEAD, *(self._row(i) for i in range(len(self.elements)))]
-        before = self.lost_at(None)
-        if before:
-            rows.append(("", "before the lens", *([""] * 7), in_words(before)))
+        if lost_before := self.lost_at(None):
+            rows.append(("", "before the lens", *([""] * 7), in_words(lost_before)))
         widths = [max(len(row[column]) for row in rows) for column in range(len(_HEAD) - 1)]
         lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]).rstrip() for row in rows]
         worst = self.worst
@@ -221,22 +204,22 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
     """
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
     check_kind(rays, "rays", RayBundle, "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
-    return conditioning_of(noted(lens_record(lens, rays.wavelength, reverse=reverse), blocks_of(rays), len(rays)))
+    return conditioning_of(probe_rays(lens_record(lens, rays.wavelength, reverse=reverse), blocks_of(rays), len(rays)))
 
 
-def conditioning_of(notes: Notes) -> Conditioning:
+def conditioning_of(records: ProbeRecords) -> Conditioning:
     """Conditioning for each element, from the records of rays."""
-    is_hit = ~np.isnan(notes.newton)
+    is_hit = ~np.isnan(records.newton)
     return Conditioning(
-        elements=notes.lens.rows["surface_index"].copy(),
-        kinds=kinds(notes.lens),
-        rays=len(notes.codes),
+        elements=records.lens.rows["surface_index"].copy(),
+        kinds=kinds(records.lens),
+        rays=len(records.codes),
         reached=is_hit.sum(axis=1),
-        incidence=largest_and(np.median, notes.incidence),
-        refraction=largest_and(np.median, notes.refraction),
-        cancellation=largest_and(np.median, notes.cancellation),
-        newton=largest_and(np.mean, notes.newton),
-        search=largest_and(np.mean, notes.search),
-        searched=(notes.search > 0).sum(axis=1),
-        lost=lost_rays(np.bincount(notes.codes)),
+        incidence=largest_and(np.median, records.incidence),
+        refraction=largest_and(np.median, records.refraction),
+        cancellation=largest_and(np.median, records.cancellation),
+        newton=largest_and(np.mean, records.newton),
+        search=largest_and(np.mean, records.search),
+        searched=(records.search > 0).sum(axis=1),
+        lost=lost_rays(np.bincount(records.codes)),
     )

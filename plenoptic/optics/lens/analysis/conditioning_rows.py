@@ -15,10 +15,10 @@ from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, IDEAL, SPH
 from plenoptic.optics.lens.record import LensRecord
 
 CHUNK = 64
-"""Blocks of 256 rays that are followed together: with ten elements 8 MB of notes."""
+"""Blocks of 256 rays that are followed together: with ten elements 8 MB of records."""
 
 
-class Notes(NamedTuple):
+class ProbeRecords(NamedTuple):
     """Records of rays; arrays (elements, rays) in the order of travel, nan where a ray did not pass the element."""
 
     lens: LensRecord
@@ -44,8 +44,8 @@ def blocks_of(rays: RayBundle) -> Floats:
     return np.ascontiguousarray(rows.reshape(RAY // BLOCK, -1, BLOCK).transpose(1, 0, 2)).reshape(-1)
 
 
-def noted(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | None = None) -> Notes:
-    """Trace the first n rays of a bundle in place and note how each element treats them; see `fill_conditions`."""
+def probe_rays(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | None = None) -> ProbeRecords:
+    """Trace the first n rays of a bundle in place and record their conditioning; see `fill_conditions`."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
     from plenoptic.optics.lens.kernels.conditioning import fill_conditions
     from plenoptic.optics.lens.kernels.notes import INCIDENCE, LOG, NEWTON, REACH, REFRACTION, STEPS
@@ -61,7 +61,7 @@ def noted(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | N
     rays = columns.reshape(LOG, elements, -1)[:, :, :n]
     codes = blocks.reshape(-1, RAY)[:, STATUS:].reshape(-1)[:n].astype(np.int64)
     cancellation = rays[REACH] / sizes(lens)[:, None]
-    return Notes(lens, rays[INCIDENCE], rays[REFRACTION], cancellation, rays[NEWTON], rays[STEPS], codes)
+    return ProbeRecords(lens, rays[INCIDENCE], rays[REFRACTION], cancellation, rays[NEWTON], rays[STEPS], codes)
 
 
 def sizes(lens: LensRecord) -> Floats:
@@ -81,7 +81,6 @@ def kinds(lens: LensRecord) -> tuple[str, ...]:
 
 def largest_and(typical: Callable[[Floats], Any], numbers: Floats) -> Floats:
     """(n, 2) of (n, rays): the largest number and the mean or median, without rays that are nan; nan where all are."""
-    known_rows = (row[~np.isnan(row)] for row in numbers)
-    return np.array([(row.max(), typical(row)) if len(row) else (math.nan, math.nan) for row in known_rows]).reshape(
-        -1, 2
-    )
+    passing = (row[~np.isnan(row)] for row in numbers)
+    pairs = [(row.max(), typical(row)) if len(row) else (math.nan, math.nan) for row in passing]
+    return np.array(pairs).reshape(-1, 2)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from plenoptic.core.values import Floats, finite, frozen_array, numbers, result, set_field, value
+from plenoptic.core.values import Floats, finite, frozen_array, numbers, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
@@ -19,11 +19,11 @@ _SUMS = ("spherical", "coma", "astigmatism", "petzval", "distortion")
 _LINES = (F_LINE, D_LINE, C_LINE)
 
 
-@value
+@result
 class SeidelSums:
     """Seidel's sums S_I to S_V, element by element, in mm. See `seidel_sums`, which makes it.
 
-    Parameters
+    Attributes
     ----------
     spherical, coma, astigmatism, petzval, distortion : (n,) arrays
         S_I, S_II, S_III, S_IV and S_V of each element in mm, as Welford defines them; 0 for stops.
@@ -45,12 +45,6 @@ class SeidelSums:
     distortion: Floats
     aperture: float
     wavelength: float
-
-    def __post_init__(self) -> None:
-        for name in _SUMS:
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(np.size(self.spherical),)))
-        for name in ("aperture", "wavelength"):
-            set_field(self, name, finite(getattr(self, name), name))
 
     @property
     def table(self) -> Floats:

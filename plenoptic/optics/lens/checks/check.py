@@ -43,19 +43,10 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
     wave = positive(wavelength, "wavelength", "nm")
     lens.indices(wave)
     with np.errstate(all="ignore"):  # of numbers near the largest and smallest there are
-        all_findings = [
-            *_edges(lens),
-            *_collisions(lens),
-            *_stop_planes(lens),
-            *_shapes(lens),
-            *_glass_numbers(lens),
-            *_places(lens, wave),
-            *_aperture(lens),
-            *ray_findings(lens, wave),
-        ]
-        reflecting = {
-            i for finding in all_findings if finding.kind is FindingKind.TOTAL_REFLECTION for i in finding.elements
-        }
+        by_prescription = (_edges, _collisions, _stop_planes, _shapes, _glass_numbers, _aperture)
+        all_findings = [finding for check in by_prescription for finding in check(lens)]
+        all_findings += [*_positions(lens, wave), *ray_findings(lens, wave)]
+        reflecting = {i for each in all_findings if each.kind is FindingKind.TOTAL_REFLECTION for i in each.elements}
         all_findings += condition_findings(lens, wave, leave_out=reflecting)
     return tuple(sorted(all_findings, key=lambda finding: (finding.kind, finding.elements)))
 
@@ -282,7 +273,7 @@ def _differ(one: tuple[float, float], other: tuple[float, float]) -> bool:
     )
 
 
-def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
+def _positions(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     """An iris far outside the lens, and an image inside it."""
     points, z = cardinal_points(lens, wavelength), lens.vertices
     (first, _), (last, rear) = _surfaces(lens)[0], _surfaces(lens)[-1]
@@ -305,25 +296,20 @@ def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
 
 def _aperture(lens: LensStack) -> Iterator[Finding]:
     """An iris of another size than the lens's file says."""
-    specification, size, kind, iris = (
-        lens.specification,
-        lens.stop.semi_diameter,
-        FindingKind.APERTURE,
-        (lens.iris_index,),
-    )
-    stated, asked = (
-        (specification.stop_semi_diameter, specification.entrance_pupil_diameter)
-        if specification is not None
-        else (None, None)
-    )
+    specification, size, iris = lens.specification, lens.stop.semi_diameter, (lens.iris_index,)
+    if specification is None:
+        return
+    stated, asked = specification.stop_semi_diameter, specification.entrance_pupil_diameter
     message = f"the iris has a semi-diameter of {size:.4g} mm, and its file says "
     if stated is not None and abs(size - stated) > _OTHER_SIZE * stated:
         remedy = "which its system aperture overrules; load_lens(path, stop_size=pl.optics.StopSize.DIAMETER) takes it"
-        yield Finding(kind, iris, f"{message}{stated:.4g} mm, {remedy}")
-    if specification is not None and asked is not None:
+        yield Finding(FindingKind.APERTURE, iris, f"{message}{stated:.4g} mm, {remedy}")
+    if asked is not None:
         points = cardinal_points(lens, specification.wavelengths[0])
         pupil, length = 2.0 * points.entrance_pupil_semi_diameter, abs(points.efl)
         if abs(pupil - asked) > _OTHER_SIZE * asked:
             request = f"that the entrance pupil is {asked:.4g} mm wide (f/{length / asked:.3g}), which it makes "
             remedy = "lens.with_stop() gives it another iris"
-            yield Finding(kind, iris, f"{message}{request}{pupil:.4g} mm (f/{length / pupil:.3g}); {remedy}")
+            yield Finding(
+                FindingKind.APERTURE, iris, f"{message}{request}{pupil:.4g} mm (f/{length / pupil:.3g}); {remedy}"
+            )

@@ -10,7 +10,7 @@ import numpy as np
 
 from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, noted, sizes
+from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, probe_rays, sizes
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
 from plenoptic.optics.lens.elements import opened
 from plenoptic.optics.lens.files.infer_stop import basis_rays
@@ -38,6 +38,22 @@ _LOST_IN_THE_LENS = (RayStatus.TOTAL_REFLECTION, RayStatus.MISSED)
 _GRAZING = 10.0
 _NEAR_CRITICAL = 10.0
 _CANCELLED = 1e4
+
+_GRAZING_SENTENCE = (
+    "rays that pass the lens meet element {at} at up to {degrees:.4g} degrees from its normal, which magnifies their "
+    "errors there {number:.3g} times (1 / cos i), and more than {limit:g} times is too much; reduce its semi-diameter "
+    "or check the radii"
+)
+_NEAR_CRITICAL_SENTENCE = (
+    "rays that pass the lens are nearly totally reflected at surface {at}, which magnifies errors of their direction "
+    "{number:.3g} times (n cos i / (n' cos i')), and more than {limit:g} times is too much; reduce its semi-diameter "
+    "or check the radii"
+)
+_CANCELLED_SENTENCE = (
+    "rays come to element {at} over lengths that add up to {number:.3g} times its size of {size:.3g} mm, so that "
+    "{digits:.2g} of 15.7 decimal digits are lost, and more than 4 are too many; reduce the gaps beside it, or check "
+    "the units"
+)
 
 
 def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
@@ -177,34 +193,17 @@ def condition_findings(lens: LensStack, wavelength: float, *, leave_out: Collect
     if not len(rays):
         return
     record = lens_record(lens, wavelength, reverse=False, first=0, last=len(lens.elements) - 1)
-    notes = noted(record, blocks_of(rays), len(rays))
+    records = probe_rays(record, blocks_of(rays), len(rays))
     considered = [i not in leave_out for i in range(len(lens.elements))]
-    for kind, numbers, limit in (
-        (FindingKind.GRAZING, notes.incidence, _GRAZING),
-        (FindingKind.NEAR_TOTAL_REFLECTION, notes.refraction, _NEAR_CRITICAL),
-        (FindingKind.CANCELLATION, notes.cancellation, _CANCELLED),
+    for kind, numbers, limit, sentence in (
+        (FindingKind.GRAZING, records.incidence, _GRAZING, _GRAZING_SENTENCE),
+        (FindingKind.NEAR_TOTAL_REFLECTION, records.refraction, _NEAR_CRITICAL, _NEAR_CRITICAL_SENTENCE),
+        (FindingKind.CANCELLATION, records.cancellation, _CANCELLED, _CANCELLED_SENTENCE),
     ):
         largest = np.where(considered, np.nan_to_num(numbers, nan=0.0, posinf=math.inf).max(axis=1), 0.0)
-        at = int(np.argmax(largest))
-        if largest[at] > limit:
-            yield Finding(kind, (at,), _sentence(kind, at, float(largest[at]), limit, float(sizes(record)[at])))
-
-
-def _sentence(kind: FindingKind, at: int, number: float, limit: float, size: float) -> str:
-    if kind is FindingKind.GRAZING:
-        return (
-            f"rays that pass the lens meet element {at} at up to {math.degrees(math.acos(1.0 / number)):.4g} degrees "
-            f"from its normal, which magnifies their errors there {number:.3g} times (1 / cos i), and more than "
-            f"{limit:g} times is too much; reduce its semi-diameter or check the radii"
-        )
-    if kind is FindingKind.NEAR_TOTAL_REFLECTION:
-        return (
-            f"rays that pass the lens are nearly totally reflected at surface {at}, which magnifies errors of their "
-            f"direction {number:.3g} times (n cos i / (n' cos i')), and more than {limit:g} times is too much; reduce "
-            "its semi-diameter or check the radii"
-        )
-    return (
-        f"rays come to element {at} over lengths that add up to {number:.3g} times its size of {size:.3g} mm, so that "
-        f"{math.log10(number):.2g} of 15.7 decimal digits are lost, and more than {math.log10(limit):g} are too many; "
-        "reduce the gaps beside it, or check the units"
-    )
+        at, number = int(np.argmax(largest)), float(largest.max())
+        if number > limit:
+            degrees, digits = math.degrees(math.acos(1.0 / number)), math.log10(number)
+            size = float(sizes(record)[at])
+            message = sentence.format(at=at, number=number, limit=limit, degrees=degrees, digits=digits, size=size)
+            yield Finding(kind, (at,), message)
