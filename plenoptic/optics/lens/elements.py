@@ -26,7 +26,7 @@ def is_centred(element: Element) -> bool:
     return element.placement is None and not (isinstance(element, Surface) and element.departure is not None)
 
 
-def opened(elements: Sequence[Element]) -> list[Element]:
+def with_round_stops(elements: Sequence[Element]) -> list[Element]:
     """Elements with circles around their masks and rings, of whose holes rays in one plane say little."""
     return [circle_around(element) if isinstance(element, MaskStop | RingStop) else element for element in elements]
 

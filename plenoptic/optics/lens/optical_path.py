@@ -12,10 +12,10 @@ from plenoptic.core.values import Floats, check_kind, positions
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.element_record import PathWorkspace
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import RayArrays, in_chunks, traced_by
+from plenoptic.optics.lens.trace import RayArrays, in_chunks, trace_record
 
 _TOLERANCE = 1e-9
 """Of the way from a point, by which rays may pass it."""
@@ -78,7 +78,7 @@ def optical_path(
 
 def _ideal(lens: LensStack, rays: RayBundle, point: Floats, *, reverse: bool) -> tuple[RayBundle, Floats]:
     """From the point to its image each path is as long as that of the ray through the principal points."""
-    behind = traced_by(lens_record(lens, rays.wavelength, reverse=reverse), rays)
+    behind = trace_record(lens_record(lens, rays.wavelength, reverse=reverse), rays)
     index = float(lens.indices(rays.wavelength)[0])
     check_from(rays, point, np.abs(lens.vertices).max() + 1.0)
     if lens.model is LensModel.NONE:
@@ -152,7 +152,7 @@ def _exact(record: LensRecord, rays: RayBundle, indices: Floats) -> tuple[RayBun
 def paths_of_part(
     lens: LensStack, rays: RayBundle, first: int, last: int, *, reverse: bool = False, clipping: bool = True
 ) -> tuple[RayBundle, Floats]:
-    """Trace as `trace.traced_part`, with optical paths."""
+    """Trace as `trace.trace_part`, with optical paths."""
     record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
     index = lens.indices(rays.wavelength)[first : last + 2]
     return _exact(record.completed, rays, np.ascontiguousarray(index[:0:-1] if reverse else index[:-1]))

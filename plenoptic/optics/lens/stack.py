@@ -376,9 +376,9 @@ class LensStack:
         >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
         (['OK', 'CLIPPED'], [-1, 0])
         """
-        from plenoptic.optics.lens.trace import traced  # knows this class
+        from plenoptic.optics.lens.trace import trace_rays  # knows this class
 
-        return traced(self, rays, reverse=False, threads=threads)
+        return trace_rays(self, rays, reverse=False, threads=threads)
 
     def trace_reverse(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
         """Trace rays through the lens towards the scene; otherwise as `trace`.
@@ -390,9 +390,9 @@ class LensStack:
         >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
         array([[   0.,    0., -404.]])
         """
-        from plenoptic.optics.lens.trace import traced  # knows this class
+        from plenoptic.optics.lens.trace import trace_rays  # knows this class
 
-        return traced(self, rays, reverse=True, threads=threads)
+        return trace_rays(self, rays, reverse=True, threads=threads)
 
 
 def _check_stop(stop: Stop) -> None:

@@ -17,7 +17,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.elements import is_centred
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -95,7 +95,7 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     incident = rays
     for k in reversed(order) if reverse else order:
         before, after = (index[k + 1], index[k]) if reverse else (index[k], index[k + 1])
-        outgoing = traced_part(lens, incident, k, k, reverse=reverse, clipping=False)
+        outgoing = trace_part(lens, incident, k, k, reverse=reverse, clipping=False)
         element, vertex = lens.elements[k], np.array([0.0, 0.0, lens.vertices[k]])
         reflects = isinstance(element, Surface) and isinstance(element.medium, Mirror)
         # A mirror's points are seen in its plane from behind, in front of it as they are.

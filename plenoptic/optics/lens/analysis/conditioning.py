@@ -12,7 +12,7 @@ from plenoptic.core.lost_rays import Lost, by_cause, in_words, lost_rays
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, result
 from plenoptic.optics.lens.analysis.conditioning_rows import ProbeRecords, blocks_of, kinds, largest_and, probe_rays
-from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, IDEAL, SPHERE
-from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.lens.lens_record import LensRecord
 
 CHUNK = 64
 """Blocks of 256 rays that are followed together: with ten elements 8 MB of records."""
@@ -47,8 +47,8 @@ def blocks_of(rays: RayBundle) -> Floats:
 def probe_rays(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | None = None) -> ProbeRecords:
     """Trace the first n rays of a bundle in place and record their conditioning; see `fill_conditions`."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
-    from plenoptic.optics.lens.kernels.conditioning import fill_conditions
     from plenoptic.optics.lens.kernels.notes import INCIDENCE, LOG, NEWTON, REACH, REFRACTION, STEPS
+    from plenoptic.optics.lens.kernels.trace import fill_conditions
 
     elements, whole = len(lens.rows), blocks.size // RAY
     columns = np.empty((LOG, elements, whole, BLOCK))

@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, number, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.fields import checked_fields, chief_rays, image_plane, unclipped
-from plenoptic.optics.lens.elements import opened
+from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, chief_rays, image_plane, trace_past_rims
+from plenoptic.optics.lens.elements import with_round_stops
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 _ZOOMS, _ZOOM = 3, 129
 """A limit is looked for in 129 places, then in 129 between two of them, and once more: to 1 in 2 million."""
@@ -63,16 +63,16 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     check_kind(lens, "lens", LensStack, "camera.lens")
     z_object = number(z_object, "z_object")
     iris, last = lens.iris_index, len(lens.elements) - 1
-    lens = dataclasses.replace(lens, elements=opened(lens.elements))
+    lens = dataclasses.replace(lens, elements=with_round_stops(lens.elements))
     low, high, field = 0.0, math.radians(89.9), 0.0
     centre = np.zeros(3) if lens.stop.placement is None else np.asarray(lens.stop.placement.shift)
     for _ in range(_ZOOMS):
         angle = np.linspace(low, high, _ZOOM)
         along = np.column_stack([np.zeros(_ZOOM), np.sin(angle), -np.cos(angle)])
         rays = RayBundle(np.broadcast_to(centre, along.shape), along, wavelength)
-        front = traced_part(lens, rays, 0, iris - 1, reverse=True) if iris > 0 else rays
+        front = trace_part(lens, rays, 0, iris - 1, reverse=True) if iris > 0 else rays
         back = RayBundle(rays.origin, -along, wavelength)
-        rear = traced_part(lens, back, iris + 1, last) if iris < last else back
+        rear = trace_part(lens, back, iris + 1, last) if iris < last else back
         stopped = np.flatnonzero((front.status != 0) | (rear.status != 0))
         beyond = int(stopped[0]) if stopped.size else _ZOOM
         if beyond == 0:
@@ -253,7 +253,7 @@ def relative_illumination(
     radii, cells = checked_fields(lens, fields, z_object), whole(grid, "grid", at_least=8, at_most=MOST_ACROSS)
     z_image = image_plane(lens, z_object, wavelength)
     with_axis = np.concatenate([[0.0], radii])
-    points = unclipped(lens, chief_rays(lens, with_axis, z_object, wavelength)).at_z(z_image)
+    points = trace_past_rims(lens, chief_rays(lens, with_axis, z_object, wavelength)).at_z(z_image)
     areas = np.array([_projected_solid_angle(lens, point, cells, wavelength) for point in points])
     (on_axis, axis_error), (area, error) = areas[0], areas[1:].T
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.fields import checked_fields, field_curvature
+from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, field_curvature
 from plenoptic.optics.lens.analysis.illumination import largest_field
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, fan
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +47,7 @@ def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
     lost_at = lens.with_model(LensModel.EXACT).trace(rays).lost_at
     bundle, points = rays, [rays.origin]
     for k in range(elements):
-        bundle = traced_part(lens, bundle, k, k, clipping=False)
+        bundle = trace_part(lens, bundle, k, k, clipping=False)
         points.append(bundle.origin)
     points.append(bundle.at_z(z_end))
     paths = np.stack(points, axis=1)
@@ -122,7 +122,7 @@ def layout(
     exact, paths = lens.with_model(LensModel.EXACT), []
     for field in radii.tolist():
         aimed = aimed_rays(exact, field=(0.0, field), pupil=pupil, z_object=place, wavelength=wavelength)
-        first = traced_part(lens, aimed, 0, 0, clipping=False).origin
+        first = trace_part(lens, aimed, 0, 0, clipping=False).origin
         lead = max(_LEAD * lens.length, _LEAD_OF_ALL * (z_end - float(lens.vertices[0])))
         started = _start_rays(aimed, first, lead, parallel=parallel)
         polylines = ray_paths(exact, started, z_end=z_end)

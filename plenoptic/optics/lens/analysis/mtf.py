@@ -25,8 +25,8 @@ from plenoptic.core.values import (
     wavelength_in_nm,
 )
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import imaged_point, working_f_number
-from plenoptic.optics.lens.analysis.spots import SpotDiagram, jackknife_error, spots_of, without_one
+from plenoptic.optics.lens.analysis.best_focus import imaged_point, working_f_number
+from plenoptic.optics.lens.analysis.spot_diagram import SpotDiagram, jackknife_error, spots_of, without_one
 from plenoptic.optics.lens.pupil.beam import REPLICATES, ImagedPoint, meridian
 from plenoptic.optics.lens.stack import LensStack
 

@@ -12,13 +12,13 @@ from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, probe_rays, sizes
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
-from plenoptic.optics.lens.elements import opened
+from plenoptic.optics.lens.elements import with_round_stops
 from plenoptic.optics.lens.files.infer_stop import basis_rays
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.record import lens_record
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 from plenoptic.optics.surfaces.surface import Surface
 
 _FILLED = 0.95
@@ -82,7 +82,7 @@ def _passing_rays(lens: LensStack, angle: Floats, heights: int, wavelength: floa
     places = np.linspace(-0.98, 0.98, heights) * lens.stop.inner_radius
     fans = [_fan(lens, angle, wavelength, reverse=True, height=float(height)) for height in places]
     origin, direction = (np.concatenate([getattr(fan, name) for fan in fans]) for name in ("origin", "direction"))
-    ahead = traced_part(lens, RayBundle(origin, direction, wavelength), 0, lens.iris_index, reverse=True)
+    ahead = trace_part(lens, RayBundle(origin, direction, wavelength), 0, lens.iris_index, reverse=True)
     ahead = ahead.selected(ahead.status == RayStatus.OK)
     reversed_rays = RayBundle(ahead.origin, -ahead.direction, wavelength)
     return reversed_rays.selected(lens.trace(reversed_rays).status == RayStatus.OK)
@@ -113,7 +113,7 @@ def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, s
 def _exact_without_masks(lens: LensStack) -> LensStack:
     """The lens with circles around its masks and rings."""
     exact = lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT)
-    elements = opened(exact.elements)
+    elements = with_round_stops(exact.elements)
     return exact if elements == list(exact.elements) else dataclasses.replace(exact, elements=elements)
 
 
@@ -123,7 +123,7 @@ def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: 
     passing = int(lost[0]) - 1 if len(lost) else -1
     if passing < 0 or whole.lost_at[passing + 1] == lens.iris_index:
         return
-    at_iris = traced_part(lens, rays, 0, lens.iris_index, clipping=False)
+    at_iris = trace_part(lens, rays, 0, lens.iris_index, clipping=False)
     filled = float(np.hypot(at_iris.origin[passing, 0], at_iris.origin[passing, 1])) / lens.stop.inner_radius
     at, status = int(whole.lost_at[passing + 1]), RayStatus(int(whole.status[passing + 1]))
     if status in _LOST_IN_THE_LENS:
@@ -147,8 +147,8 @@ def _chief_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     """Rays through the centre of the iris, ever steeper, should end at a rim, in front of the iris or behind it."""
     angle = np.radians(np.linspace(0.0, _WIDEST_OUTSIDE if _iris_is_outside(lens) else _WIDEST, _RAYS))
     last = len(lens.elements) - 1
-    behind = traced_part(lens, _fan(lens, angle, wavelength, reverse=False), lens.iris_index, last)
-    before = traced_part(lens, _fan(lens, angle, wavelength, reverse=True), 0, lens.iris_index, reverse=True)
+    behind = trace_part(lens, _fan(lens, angle, wavelength, reverse=False), lens.iris_index, last)
+    before = trace_part(lens, _fan(lens, angle, wavelength, reverse=True), 0, lens.iris_index, reverse=True)
     lost = np.flatnonzero((before.status != RayStatus.OK) | (behind.status != RayStatus.OK))
     if not len(lost):
         return

@@ -48,8 +48,8 @@ from plenoptic.optics.glass.bundled import bundled_glass
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.elements import check_count
-from plenoptic.optics.lens.files.zemax_folds import is_folded, unfolded
-from plenoptic.optics.lens.files.zemax_stack import Row, stacked
+from plenoptic.optics.lens.files.zemax_folds import is_folded, unfold
+from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
@@ -99,12 +99,12 @@ def lens_from_zmx(
     blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV")]
     rows, turned = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)], False
     if is_folded(rows):
-        rows, turned = unfolded(rows, where)
+        rows, turned = unfold(rows, where)
     names = [line.rest for line in head if line.keyword == "NAME" and line.rest]
     notes = [line.rest.partition(" ")[2].strip() for line in head if line.keyword == "NOTE"]
     source = "; ".join([where, *filter(None, notes)])
     system = read_system(head, where, unit)
-    lens = stacked(rows, system, where, (names or [where.rpartition(".")[0]])[0], source, stop_size=stop_size)
+    lens = lens_of_rows(rows, system, where, (names or [where.rpartition(".")[0]])[0], source, stop_size=stop_size)
     left_out = [*system.left_out, *left_out, *(["tilt and decentre of the image (COORDBRK)"] * turned)]
     if len(system.fields) and lens.specification is not None and not len(lens.specification.fields):
         left_out.append(f"fields of type {system.field_type} (FTYP)")

@@ -28,7 +28,7 @@ def is_folded(rows: list[Row]) -> bool:
     return any(row.turn is not None or row.is_mirror for row in rows)
 
 
-def unfolded(rows: list[Row], where: str) -> tuple[list[Row], bool]:
+def unfold(rows: list[Row], where: str) -> tuple[list[Row], bool]:
     """Rows with breaks and plane mirrors as rows that vanish, and whether the image stands off the axis."""
     origin, axes, along = np.zeros(3), np.eye(3), 0.0
     # From places in the file to places in the unfolded path, and whether light goes along the axis or against it.

@@ -89,7 +89,9 @@ class _Piece(NamedTuple):
     size_is_known: bool
 
 
-def stacked(rows: list[Row], system: System, where: str, name: str, source: str, *, stop_size: StopSize) -> LensStack:
+def lens_of_rows(
+    rows: list[Row], system: System, where: str, name: str, source: str, *, stop_size: StopSize
+) -> LensStack:
     """The lens of the rows, of which the first is the object and the last the image."""
     flagged = [row for row in rows if row.is_stop]
     if len(flagged) > 1:

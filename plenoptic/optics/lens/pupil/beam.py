@@ -23,7 +23,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.outline import normals_of, polygon_around
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 REPLICATES = 32
 """Independent scramblings of the sampling points, from which errors are estimated. From 8 of them, errors of all fields
@@ -236,8 +236,8 @@ def light_at_iris(lens: LensStack, beam: Pencil) -> Floats:
     if len(unknown):
         again = beam.entering.selected(unknown)
         if iris > 0 and lens.model is LensModel.EXACT:
-            again = traced_part(lens, again, 0, iris - 1, clipping=False)
-        light[unknown] = traced_part(lens, again, iris, iris).weight
+            again = trace_part(lens, again, 0, iris - 1, clipping=False)
+        light[unknown] = trace_part(lens, again, iris, iris).weight
     return light
 
 

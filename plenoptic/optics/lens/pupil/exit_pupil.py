@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.element_record import CIRCLE, FREEFORM
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.lens_record import FRAME, MOVED, LensRecord, lens_record
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.outline import (
     DARK,
     SIDES,
     Guess,
     Outline,
-    Sight,
+    PupilRays,
+    light_outline,
     normals_of,
-    outlined,
     polygon_around,
     up_to_stops,
 )
-from plenoptic.optics.lens.record import FRAME, MOVED, LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -236,7 +236,7 @@ def _followed_outlines(
 
     def seen(radius: float, heading: Place | None) -> Outline:
         reach = 1.02 * (rear[0] + rear[1] * radius)
-        sight, grazing = Sight(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
+        sight, grazing = PupilRays(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
         rim = _around((0.0, 0.0, reach), _WHOLE)
         guesses = [rim]
         if math.isfinite(exit_pupil) and exit_pupil != z_plane:
@@ -246,7 +246,7 @@ def _followed_outlines(
             guesses.append(_around((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
         if heading is not None:
             guesses.append(_around(heading, _COARSE))
-        return outlined(sight._replace(known=grazing[sight.fates(grazing).code == 0]), guesses, rim, _FINE)
+        return light_outline(sight._replace(known=grazing[sight.fates(grazing).code == 0]), guesses, rim, _FINE)
 
     outlines: list[Outline] = []
     centre, heading = None, None

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import CIRCLE
-from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.lens.lens_record import LensRecord
 
 SIDES = 16
 """Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
@@ -79,7 +79,7 @@ def up_to_stops(lens: LensRecord) -> tuple[LensRecord, ...]:
     return tuple(lens.part(first, end) for first, end in itertools.pairwise(ends))
 
 
-class Sight(NamedTuple):
+class PupilRays(NamedTuple):
     """Rays of one point."""
 
     lens: tuple[LensRecord, ...]
@@ -159,7 +159,7 @@ class _Lit(NamedTuple):
         return np.concatenate([self.points, self.beside])
 
 
-def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outline:
+def light_outline(sight: PupilRays, guesses: list[Guess], rim: Guess, fine: int) -> Outline:
     """Outline of the passing light, wider by a step of a grid of `fine` x `fine` rays over the light.
 
     The guesses are looked at one after the other, and after the first light only those whose middle is outside of it: a
@@ -180,7 +180,7 @@ def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outli
     return outline
 
 
-def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
+def _with(found: Outline, sight: PupilRays, lit: _Lit, fine: int) -> Outline:
     """Outline that also holds the points found by a grid."""
     normals = normals_of(SIDES)
     if not (lit.all @ normals.T > found.support).any():
@@ -196,7 +196,7 @@ def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
     return Outline(support, lit.parted or inside.parted or found is not DARK)
 
 
-def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
+def _grown(sight: PupilRays, guess: Guess, rim: Guess) -> _Lit:
     """Passing part of a grid that grows where light reaches its border, at most up to the box `rim`."""
     low, high = guess.low, guess.high
     while True:
@@ -212,7 +212,7 @@ def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
         high = np.where(grow_high, np.minimum(high + width, rim.high), high)
 
 
-def _lit(sight: Sight, box: Guess, lines: int | None) -> _Lit:
+def _lit(sight: PupilRays, box: Guess, lines: int | None) -> _Lit:
     """Passing part of a grid over a box, and between its neighbours on every `lines`-th line; None: on no line."""
     n = box.rays
     x, y = (np.linspace(box.low[k], box.high[k], n) for k in range(2))
@@ -246,7 +246,7 @@ def _span(passes: NDArray[np.bool_]) -> int:
     return int((lit.shape[1] - lit.argmax(axis=1) - lit[:, ::-1].argmax(axis=1)).sum())
 
 
-def _between(sight: Sight, points: Floats, fates: Fates, lines: int) -> Floats:
+def _between(sight: PupilRays, points: Floats, fates: Fates, lines: int) -> Floats:
     """Points (m, 2) that pass between neighbours on every so many lines of a grid of points (n, n, 2)."""
     pairs = []
     for before, after in ((np.s_[:-1, ::lines], np.s_[1:, ::lines]), (np.s_[::lines, :-1], np.s_[::lines, 1:])):

@@ -18,10 +18,10 @@ import numpy as np
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.pupil.iris_points import hexapolar
-from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.trace import trace_record
 
 _DIFFERENCE = 1e-6
 """Step in rad of the difference quotients: their error of 1e-6 lets each of Newton's steps gain six digits."""
@@ -98,7 +98,7 @@ def traced_through(
     n, contiguous = len(origin), (np.ascontiguousarray(origin).view(), np.ascontiguousarray(direction).view())
     status, lost_at = np.zeros(n, dtype=np.uint8), np.full(n, -1, dtype=np.int16)
     rays = RayBundle._from_arrays(*contiguous, wavelength, np.ones(n), status, lost_at)
-    out = traced_by(lens, rays, threads=1 if n <= _CHUNK else None)
+    out = trace_record(lens, rays, threads=1 if n <= _CHUNK else None)
     return out.origin, out.direction
 
 

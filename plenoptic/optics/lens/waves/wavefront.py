@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, frozen_array, result, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import imaged_point
+from plenoptic.optics.lens.analysis.best_focus import imaged_point
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.optical_path import paths_of_part
@@ -21,7 +21,7 @@ from plenoptic.optics.lens.pupil.beam import ImagedPoint, field_text
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, fitted, zernike
+from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, fit_zernike, zernike
 
 _STEP = 1e-4
 """Of the iris's semi-diameter: between rays whose differences tell how light spreads."""
@@ -118,7 +118,7 @@ class Wavefront:
             Where fewer rays than terms pass.
         """
         count = whole(terms, "terms", at_least=1)
-        return fitted(self.pupil, self.opd, np.ones(len(self.opd)), count, order)
+        return fit_zernike(self.pupil, self.opd, np.ones(len(self.opd)), count, order)
 
     def point_spread(self, points: ArrayLike) -> Floats:
         """Intensity at points around the image, over that of the same light without aberrations in the image point.

@@ -13,8 +13,8 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics import Condition, FindingKind, conditioning
 from plenoptic.optics.lens.analysis.conditioning_rows import ProbeRecords, blocks_of, probe_rays, sizes
 from plenoptic.optics.lens.checks.check import findings
-from plenoptic.optics.lens.record import lens_record
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.lens_record import lens_record
+from plenoptic.optics.lens.trace import trace_part
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "validation"))
 from rounding_study import rounding_cases
@@ -84,7 +84,7 @@ def test_numbers_are_what_a_small_change_of_the_ray_is_magnified_by():
         rays = beam(n, 12.0, 0.6, z=1.0)
         if reverse:
             rays = pl.RayBundle(rays.origin + np.array([0, 0, 10.0]), -rays.direction)
-        met = traced_part(lens, rays, 1, 1, reverse=reverse)
+        met = trace_part(lens, rays, 1, 1, reverse=reverse)
         kept = met.status == 0
         assert kept.sum() > n / 2, (name, reverse)
         d, hit = rays.direction[kept], met.origin[kept]
@@ -98,10 +98,10 @@ def test_numbers_are_what_a_small_change_of_the_ray_is_magnified_by():
         across /= np.linalg.norm(across, axis=1)[:, None]
         ok = np.linalg.norm(np.cross(normal, d), axis=1) > 1e-3
         # Central differences: an error of some step^2, and of rounding eps x 20 mm / step = 4e-9, times 1 / cos.
-        shifted = [traced_part(lens, pl.RayBundle(hit + s * step * across, d), 1, 1, reverse=reverse) for s in (1, -1)]
+        shifted = [trace_part(lens, pl.RayBundle(hit + s * step * across, d), 1, 1, reverse=reverse) for s in (1, -1)]
         apart = np.linalg.norm(shifted[0].origin - shifted[1].origin, axis=1) / (2 * step)
         np.testing.assert_allclose(apart[ok], 1 / cos_i[ok], rtol=1e-6)
-        turned = [traced_part(lens, pl.RayBundle(hit, d + s * step * across), 1, 1, reverse=reverse) for s in (1, -1)]
+        turned = [trace_part(lens, pl.RayBundle(hit, d + s * step * across), 1, 1, reverse=reverse) for s in (1, -1)]
         change = np.linalg.norm(turned[0].direction - turned[1].direction, axis=1) / (2 * step)
         np.testing.assert_allclose(change[ok], notes.refraction[0, kept][ok], rtol=1e-6)
 
@@ -128,7 +128,7 @@ def exactly(name, n=8):
     setup = CASES[name].setup(np.random.default_rng(3), n)
     k, reverse = setup.first, setup.reverse
     notes = at_element(setup.lens, setup.rays, k, reverse=reverse)
-    traced = traced_part(setup.lens, setup.rays, k, k, reverse=reverse)
+    traced = trace_part(setup.lens, setup.rays, k, k, reverse=reverse)
     true = trace_exactly(setup.lens, setup.rays, k, k, reverse=reverse)
     both = [i for i in range(n) if traced.status[i] == 0 and true[i].status == 0]
     return setup, notes, float(sizes(notes.lens)[0]), traced, true, both
@@ -187,7 +187,7 @@ def test_spheres_take_no_steps_and_strong_aspheres_more():
 def test_searches_and_their_failures_are_counted():
     setup = CASES["wild numbers, asphere"].setup(np.random.default_rng(0), 2000)
     notes = at_element(setup.lens, setup.rays, setup.first)
-    status = traced_part(setup.lens, setup.rays, setup.first, setup.first).status
+    status = trace_part(setup.lens, setup.rays, setup.first, setup.first).status
     failed = status == pl.RayStatus.NOT_CONVERGED
     assert failed.sum() > 5
     # A ray ends NOT_CONVERGED after 400 steps, or where rounding leads past the surface: after a step at least.

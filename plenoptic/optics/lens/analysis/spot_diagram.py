@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import MAX_POINTS, Floats, read_only, result, whole
 from plenoptic.core.warn import warn
-from plenoptic.optics.lens.analysis.focus import imaged_point, working_f_number
+from plenoptic.optics.lens.analysis.best_focus import imaged_point, working_f_number
 from plenoptic.optics.lens.pupil.beam import REPLICATES, ImagedPoint, field_text, meridian, passing_light
 from plenoptic.optics.lens.pupil.iris_points import INSIDE
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
