@@ -11,8 +11,7 @@ from plenoptic.camera.camera_rays import CameraRays
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.optics.lens.analysis.conditioning import Conditioning, conditioning_of
-from plenoptic.optics.lens.analysis.conditioning_rows import probe_rays
+from plenoptic.optics.lens.analysis.conditioning import Conditioning, conditioning_of, probe_rays
 
 _PER_PIXEL = 4
 """Paths of a pixel if there are enough pixels: more pixels are more representative than more paths of each."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, kinds, probe_rays
+from plenoptic.optics.lens.analysis.conditioning import blocks_of, kinds, probe_rays
 from plenoptic.optics.lens.checks.finding import FindingKind
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens

@@ -1,7 +1,6 @@
 """Field, vignetting and illumination of the image.
 
-Fields lie along +y: half angles in rad of objects infinitely far away, otherwise heights in mm of points in the plane
-z_object.
+Fields are those of `field_aberrations`.
 """
 
 from __future__ import annotations
@@ -271,7 +270,11 @@ def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelengt
     aimed = aimed_rays_reverse(
         lens, image_point=point[:2], z_image=float(point[2]), pupil=hexapolar(4), wavelength=wavelength
     )
-    low, high = _box(aimed.direction[aimed.status == 0, :2], _AROUND)
+    low, high = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
+    if (aimed.status == 0).any():
+        iris = aimed.direction[aimed.status == 0, :2]
+        around = _AROUND * np.ptp(iris, axis=0)
+        low, high = iris.min(axis=0) - around, iris.max(axis=0) + around
     for n in (_COARSE, cells):
         # Off the centre, so that a symmetric outline does not meet the grid symmetrically.
         offsets = np.add.outer([0.5 - 0.13, 0.5 + 0.29], np.arange(n)) / n
@@ -285,11 +288,3 @@ def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelengt
             return 0.0, 0.0
         low, high = passed.min(axis=0) - step, passed.max(axis=0) + step
     return light * float(step[0] * step[1]), _COUNTING / len(passed) ** 0.75
-
-
-def _box(points: Floats, share: float) -> tuple[Floats, Floats]:
-    """Corners of a box around points (n, 2), enlarged by a share of its size; of none, all direction cosines."""
-    if len(points) == 0:
-        return np.array([-1.0, -1.0]), np.array([1.0, 1.0])
-    low, high = points.min(axis=0), points.max(axis=0)
-    return low - share * (high - low), high + share * (high - low)

@@ -230,8 +230,8 @@ def mtf(
     f_number, diffraction = working_f_number(lens, point.z_object, reference), np.full(len(checked), np.nan)
     if math.isfinite(f_number):
         diffraction = diffraction_mtf(checked, f_number=f_number, wavelength=reference)
-    errors = {"tangential_error": tangential_error, "sagittal_error": sagittal_error}
-    return Mtf(checked, tangential, sagittal, **errors, diffraction=diffraction, **point.result_fields)
+    errors = tangential_error, sagittal_error
+    return Mtf(checked, tangential, sagittal, *errors, diffraction, **point.result_fields)
 
 
 def checked_frequencies(frequencies: ArrayLike) -> Floats:

@@ -13,7 +13,6 @@ from plenoptic.core.warn import warn
 from plenoptic.optics.lens.analysis.best_focus import imaged_point, working_f_number
 from plenoptic.optics.lens.pupil.beam import REPLICATES, ImagedPoint, field_text, meridian, passing_light
 from plenoptic.optics.lens.pupil.iris_points import INSIDE
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
 
 AIRY = 1.2196698912665045
@@ -278,8 +277,7 @@ def ray_fan(
     axes = np.array([[along[1], -along[0]], along])
     inside = INSIDE * pupil[:, None]
     lines = np.concatenate([np.zeros((1, 2)), inside * axes[1], inside * axes[0]])
-    source = {"field": point.field, "pupil": lines, "z_object": point.z_object}
-    aimed = [aimed_rays(lens, wavelength=w, **source) for w in point.wavelengths]
+    aimed = [point.rays(lens, lines, wave) for wave in point.wavelengths]
     hits = np.array([lens.trace(rays).at_z(point.z_image)[:, :2] for rays in aimed])
     chief = hits[0, 0]
     aberration = (hits[:, 1:] - chief) @ axes.T

@@ -18,6 +18,7 @@ from plenoptic.optics.lens.checks.finding import Finding, FindingKind
 from plenoptic.optics.lens.checks.rays import condition_findings, ray_findings
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -153,10 +154,7 @@ def _points_on(element: Element) -> Floats:
     inside = np.hypot(x, y) <= element.semi_diameter
     x, y = x[inside], y[inside]
     z = _sag_at(element, x, y) if isinstance(element, Surface) else np.zeros_like(x)
-    points = np.column_stack([x, y, z])
-    if element.placement is not None:
-        points = points @ np.asarray(element.placement.rotation).T + np.asarray(element.placement.shift)
-    return points
+    return to_lens_axes(element.placement, np.column_stack([x, y, z]))
 
 
 def _axes_of(element: Element, points: Floats, z: float) -> Floats:

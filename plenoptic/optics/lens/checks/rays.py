@@ -10,13 +10,14 @@ import numpy as np
 
 from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, probe_rays, sizes
+from plenoptic.optics.lens.analysis.conditioning import blocks_of, probe_rays, sizes
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
 from plenoptic.optics.lens.elements import with_round_stops
 from plenoptic.optics.lens.files.infer_stop import basis_rays
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_part
 from plenoptic.optics.surfaces.surface import Surface
@@ -172,10 +173,7 @@ def _iris_is_outside(lens: LensStack) -> bool:
 
 def _fan(lens: LensStack, angle: Floats, wavelength: float, *, reverse: bool, height: float = 0.0) -> RayBundle:
     """Rays through a point of the iris, at angles from the axis towards +y."""
-    placement = lens.stop.placement
-    point = np.array([0.0, height, 0.0])
-    if placement is not None:
-        point = point @ np.asarray(placement.rotation).T + placement.shift
+    point = to_lens_axes(lens.stop.placement, np.array([0.0, height, 0.0]))
     side = -1.0 if reverse else 1.0
     direction = np.stack([np.zeros_like(angle), side * np.sin(angle), side * np.cos(angle)], axis=1)
     return RayBundle(np.tile(point, (len(angle), 1)), direction, wavelength)

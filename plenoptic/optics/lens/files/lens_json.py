@@ -39,6 +39,12 @@ _FORMAT = "plenoptic-lens-1"
 _UNREADABLE = (FileError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
 """Errors of constructors, which check all numbers of a file."""
 _NAMED: dict[str, Medium] = {"air": AIR, "mirror": MIRROR}
+_SHORT_FORMS: tuple[tuple[type[Medium], dict[str, str]], ...] = (
+    (ConstantMedium, {"index": "refractive_index"}),
+    (ModelGlass, {"name": "name", "nd": "nd", "vd": "vd"}),
+    (Schott, {"name": "name", "schott": "coefficients", "wavelength_range": "wavelength_range"}),
+)
+"""Keys of media in a file, and their fields."""
 
 
 def json_of_lens(lens: LensStack) -> str:
@@ -114,15 +120,12 @@ def _medium_to_json(medium: Medium, where: str) -> Any:
     for name, constant in _NAMED.items():
         if medium == constant:
             return name
-    if isinstance(medium, ConstantMedium):
-        return {"index": medium.refractive_index}
-    if isinstance(medium, ModelGlass):
-        return {"name": medium.name, "nd": medium.nd, "vd": medium.vd}
+    for kind, keys in _SHORT_FORMS:
+        if isinstance(medium, kind):
+            return {key: getattr(medium, field) for key, field in keys.items()}
     if isinstance(medium, Sellmeier):
         formula = {"sellmeier": {"b": medium.b, "c": medium.c}}
         return {"name": medium.name, **formula, "wavelength_range": medium.wavelength_range}
-    if isinstance(medium, Schott):
-        return {"name": medium.name, "schott": medium.coefficients, "wavelength_range": medium.wavelength_range}
     try:
         return to_tree(medium)
     except InvalidValueError:
@@ -136,17 +139,13 @@ def _medium_from_json(data: Any) -> Medium:
     if isinstance(data, str) and data in _NAMED:
         return _NAMED[data]
     keys = set(data) if isinstance(data, dict) else set()
-    if "index" in keys:
-        return ConstantMedium(_fields(data, "medium", "index")["index"])
+    for kind, fields in _SHORT_FORMS:
+        if keys == set(fields):
+            return kind(**{field: data[key] for key, field in fields.items()})
     if "sellmeier" in keys:
         glass = _fields(data, "medium", "name sellmeier wavelength_range")
         terms = _fields(glass["sellmeier"], "sellmeier", "b c")
         return Sellmeier(terms["b"], terms["c"], glass["name"], glass["wavelength_range"])
-    if "schott" in keys:
-        glass = _fields(data, "medium", "name schott wavelength_range")
-        return Schott(glass["schott"], glass["name"], glass["wavelength_range"])
-    if "nd" in keys:
-        return ModelGlass(**_fields(data, "medium", "name nd vd"))
     if keys == {"value"}:
         medium = from_tree(data)
         if not isinstance(medium, Medium):

@@ -39,6 +39,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
 from plenoptic.core.values import wrong_kind
@@ -93,8 +94,14 @@ def lens_from_zmx(
             if line.keyword == "MODE" and line.word(0).upper() != "SEQ":
                 raise PrescriptionError(f"MODE is {line.word(0)[:40]!r}; only sequential files, MODE SEQ, can be read")
             if line.keyword == "UNIT":
-                unit = _unit(line.word(0))
-    media = _Glasses(glasses, " ".join(line.rest for line in head if line.keyword == "GCAT"))
+                name = line.word(0)
+                if name.upper() not in _UNITS:
+                    raise PrescriptionError(f"UNIT is {name[:40]!r}; it must be one of {', '.join(_UNITS)}")
+                unit = _UNITS[name.upper()]
+    if isinstance(glasses, str) or not (glasses is None or hasattr(glasses, "__getitem__")):
+        raise wrong_kind(glasses, "glasses", "mapping from names to media", 'pl.optics.load_glasses("schott.agf")')
+    makers = " ".join(line.rest for line in head if line.keyword == "GCAT")
+    media = _Glasses({} if glasses is None else glasses, makers)
     left_out = _left_out(blocks)
     blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV")]
     rows, turned = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)], False
@@ -149,21 +156,12 @@ def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
     return head, blocks
 
 
-def _unit(name: str) -> float:
-    if name.upper() not in _UNITS:
-        raise PrescriptionError(f"UNIT is {name[:40]!r}; it must be one of {', '.join(_UNITS)}")
-    return _UNITS[name.upper()]
+class _Glasses(NamedTuple):
+    """Catalogues in which glasses are looked up by name."""
 
-
-class _Glasses:
-    """Glasses by name, each looked up once."""
-
-    def __init__(self, own: Mapping[str, Medium] | GlassCatalogue | None, catalogues: str) -> None:
-        if isinstance(own, str) or not (own is None or hasattr(own, "__getitem__")):
-            raise wrong_kind(own, "glasses", "mapping from names to media", 'pl.optics.load_glasses("schott.agf")')
-        self._own: Mapping[str, Medium] | GlassCatalogue = {} if own is None else own
-        self._catalogues = catalogues
-        self._found: dict[str, Medium] = {}
+    first: Mapping[str, Medium] | GlassCatalogue
+    makers: str
+    """Names of the bundled ones that are looked up next."""
 
     def medium(self, line: Line) -> Medium:
         """The medium of a GLAS line."""
@@ -171,17 +169,14 @@ class _Glasses:
         if name.upper() == "___BLANK":
             nd, vd = line.real(3), line.real(4) if len(line.words) > 4 else 0.0
             return ModelGlass(nd, vd) if vd != 0 else ConstantMedium(nd)
-        if name not in self._found:
-            self._found[name] = self._own[name] if name in self._own else self._bundled_glass(name)
-        return self._found[name]
-
-    def _bundled_glass(self, name: str) -> Medium:
+        if name in self.first:
+            return self.first[name]
         try:
-            return bundled_glass(name, self._catalogues.split())
+            return bundled_glass(name, self.makers.split())
         except PrescriptionError:
             raise
         except InvalidValueError as error:
-            origin = f"; the file names the catalogues {self._catalogues[:80]}" if self._catalogues else ""
+            origin = f"; the file names the catalogues {self.makers[:80]}" if self.makers else ""
             unknown = str(error).partition("; pl.optics.glass_names()")[0]
             raise PrescriptionError(
                 f"{unknown}{origin}: give the maker's AGF file, load_lens(path, glasses=pl.optics.load_glasses(agf))"

@@ -96,6 +96,10 @@ class ImagedPoint(NamedTuple):
         """Fields of the results of analyses."""
         return self._asdict() | {"field": np.array(self.field)}
 
+    def rays(self, lens: LensStack, pupil: Floats, wavelength: float) -> RayBundle:
+        """Rays of the point before the lens through points (n, 2) of the iris; see `aimed_rays`."""
+        return aimed_rays(lens, field=self.field, pupil=pupil, z_object=self.z_object, wavelength=wavelength)
+
 
 def field_text(field: Sequence[float] | Floats, z_object: float) -> str:
     """An object point with its unit."""
@@ -141,12 +145,11 @@ def pencil(
     of a finite one evenly over the direction cosines, as a Lambertian patch of the object plane sends them.
     """
     rim = np.asarray(lens.stop.outline(_RIM)) / lens.stop.semi_diameter
-    source = {"field": point.field, "z_object": point.z_object, "wavelength": wavelength}
-    chief = aimed_rays(lens, pupil=np.zeros((1, 2)), **source)
+    chief = point.rays(lens, np.zeros((1, 2)), wavelength)
     if chief.status[0] != 0:
         return None
     for part in _PARTS_OF_IRIS:
-        aimed = aimed_rays(lens, pupil=part * rim, **source)
+        aimed = point.rays(lens, part * rim, wavelength)
         if np.count_nonzero(aimed.status == 0) >= _RIM // 2:
             break
         # Few rays reach the edge of the iris: begin further inside, and let the region grow.

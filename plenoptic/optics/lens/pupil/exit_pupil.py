@@ -194,7 +194,11 @@ def _all_round(
     if lens.frames is None and lens.departure is None:
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
-    outlines = [_followed_outlines(_rotate(lens, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
+    (exit_pupil, size, x, y), outlines = pupil, []
+    for angle in angles:
+        cos, sin = math.cos(angle), math.sin(angle)
+        turned = (exit_pupil, size, cos * x + sin * y, cos * y - sin * x)
+        outlines.append(_followed_outlines(_rotate(lens, angle), rho, turned, z, z_plane, rear))
     supports = np.array([support for support, _ in outlines])
     largest = supports.max(axis=0)
     smallest = np.where(np.isfinite(supports), supports, np.inf).min(axis=0)
@@ -215,12 +219,6 @@ def _rotate(lens: LensRecord, angle: float) -> LensRecord:
         frame[:9] = (turn @ frame[:9].reshape(3, 3)).ravel()
         frame[9:12] = turn @ frame[9:12]
     return lens._replace(frames=frames)
-
-
-def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
-    z, size, x, y = pupil
-    cos, sin = math.cos(angle), math.sin(angle)
-    return z, size, cos * x + sin * y, cos * y - sin * x
 
 
 def _followed_outlines(

@@ -19,6 +19,7 @@ import numpy as np
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
+from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.pupil.iris_points import hexapolar
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_record
@@ -165,10 +166,7 @@ def _newton(half: Half, points: Floats, start: Floats) -> tuple[Floats, Floats]:
 def points_of(lens: LensStack, pupil: Floats) -> Floats:
     """Points (n, 3) in the lens frame of points (n, 2) of the iris in units of its semi-diameter."""
     points = np.column_stack([lens.stop.semi_diameter * pupil, np.zeros(len(pupil))])
-    placement = lens.stop.placement
-    if placement is None:
-        return points
-    return np.asarray(points @ np.asarray(placement.rotation).T + placement.shift)
+    return to_lens_axes(lens.stop.placement, points)
 
 
 def _chief_guess(half: Half, centre: Floats) -> Floats:

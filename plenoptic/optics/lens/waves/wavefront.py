@@ -19,7 +19,6 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.optical_path import paths_of_part
 from plenoptic.optics.lens.pupil.beam import ImagedPoint, field_text
 from plenoptic.optics.lens.pupil.iris_points import square_grid
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, fit_zernike, zernike
 
@@ -279,7 +278,7 @@ def rays_to_sphere(lens: LensStack, point: ImagedPoint, wavelength: float, pupil
     """Trace rays through points (n, 2) of the iris, each with two neighbours, to the sphere around the image point."""
     n, steps = len(pupil), _STEP * np.eye(2)
     points = np.concatenate([pupil, pupil + steps[0], pupil + steps[1], np.zeros((1, 2))])
-    entering = aimed_rays(lens, field=point.field, pupil=points, z_object=point.z_object, wavelength=wavelength)
+    entering = point.rays(lens, points, wavelength)
     # What rays stand for does not depend on whether their neighbours pass, nor what they are compared with on whether
     # something hides the middle of the iris.
     behind, path = paths_of_part(lens, entering, 0, len(lens.elements) - 1, clipping=False)

@@ -11,7 +11,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import Condition, FindingKind, conditioning
-from plenoptic.optics.lens.analysis.conditioning_rows import ProbeRecords, blocks_of, probe_rays, sizes
+from plenoptic.optics.lens.analysis.conditioning import ProbeRecords, blocks_of, probe_rays, sizes
 from plenoptic.optics.lens.checks.check import findings
 from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.trace import trace_part
