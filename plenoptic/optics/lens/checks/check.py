@@ -239,20 +239,16 @@ def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
                 by_name.setdefault(name, []).append((i, *numbers))
     for name, entries in by_name.items():
         bundled = _nd_vd(name)
-        for i, nd, vd in entries:
-            if bundled is not None and _differ((nd, vd), bundled):
-                message = (
-                    f"the glass {name[:40]} behind surface {i} has n_d {nd:.4f} and V_d {vd:.2f}, the bundled one of "
-                    f"that name {bundled[0]:.4f} and {bundled[1]:.2f}; it may be a misprint, or another glass"
-                )
-                yield Finding(FindingKind.GLASS, (i,), message)
-        for (i, nd, vd), (j, other_nd, other_vd) in combinations(entries, 2):
+        sources: list[tuple[str, tuple[int, ...], tuple[float, float]]]
+        sources = [(f"behind surface {i}", (i,), (nd, vd)) for i, nd, vd in entries]
+        sources += [("as the bundled one of that name", (), bundled)] if bundled is not None else []
+        for (place, surface, (nd, vd)), (other_place, other_surface, (other_nd, other_vd)) in combinations(sources, 2):
             if _differ((nd, vd), (other_nd, other_vd)):
                 message = (
-                    f"the glass {name[:40]} has n_d {nd:.4f} and V_d {vd:.2f} behind surface {i}, and {other_nd:.4f} "
-                    f"and {other_vd:.2f} behind surface {j}; one of them may be a misprint"
+                    f"the glass {name[:40]} has n_d {nd:.4f} and V_d {vd:.2f} {place}, and {other_nd:.4f} and "
+                    f"{other_vd:.2f} {other_place}; it may be a misprint, or another glass"
                 )
-                yield Finding(FindingKind.GLASS, (i, j), message)
+                yield Finding(FindingKind.GLASS, surface + other_surface, message)
 
 
 def _nd_vd(medium: Medium | str) -> tuple[float, float] | None:

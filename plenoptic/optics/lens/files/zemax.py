@@ -59,17 +59,6 @@ from plenoptic.optics.surfaces.freeform_registry import ZEMAX
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
 _BREAK = "COORDBRK"
-_TYPES = {
-    "DGRATING": "a grating",
-    "TOROIDAL": "a toroid",
-    "BICONICX": "a biconic surface",
-    "QED_TYPE": "an asphere in Forbes's polynomials",
-    "ODDASPHE": "an asphere with odd powers",
-    "XASPHERE": "an extended asphere",
-    "PARAXIAL": "an ideal lens",
-    "USERSURF": "a user's own surface",
-}
-"""What surfaces are that cannot be read."""
 _REFUSED = {
     **dict.fromkeys(("SQOB", "ELOB", "USOB"), "obscurations that are not round"),
     **dict.fromkeys(("USAP", "UDAD"), "user-defined apertures"),
@@ -214,9 +203,9 @@ def _type(line: Line, number: int) -> str:
     kind = line.word(0).upper()
     types = ("STANDARD", "EVENASPH", _BREAK, *ZEMAX)
     if kind not in types:
-        what = f"{_TYPES[kind]} ({kind})" if kind in _TYPES else f"of type {kind[:40]}"
-        listed = " and ".join([", ".join(types[:-1]), types[-1]])
-        raise PrescriptionError(f"surface {number} is {what}; only {listed} surfaces can be read")
+        raise PrescriptionError(
+            f"surface {number} is of type {kind[:40]}; the surfaces that can be read are {', '.join(types)}"
+        )
     return kind
 
 

@@ -78,13 +78,13 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
 
 def entering_polygon(where: Entrance, point: Floats) -> Floats | None:
     """Corners (SIDES, 2) of a polygon on the plane of the entrance that all rays from a point pass; None if dark."""
-    sight = PupilRays(where.parts, point, where.z)
+    rays = PupilRays(where.parts, point, where.z)
     with np.errstate(all="ignore"):  # a point too far away for its squares is out of sight
         low, high = _rim_box(where, point)
         rim, box = Guess(low, high, _COARSE), _pupil_box(where, point)
-        outline = light_outline(sight, [rim] if box is None else [rim, Guess(*box, _COARSE)], rim, _FINE)
+        outline = light_outline(rays, [rim] if box is None else [rim, Guess(*box, _COARSE)], rim, _FINE)
         if outline is DARK:
-            outline = light_outline(sight, [rim._replace(rays=_DENSE)], rim, _FINE)
+            outline = light_outline(rays, [rim._replace(rays=_DENSE)], rim, _FINE)
     return None if outline is DARK else polygon_around(outline.support)
 
 

@@ -234,7 +234,7 @@ def _followed_outlines(
 
     def seen(radius: float, heading: Place | None) -> Outline:
         reach = 1.02 * (rear[0] + rear[1] * radius)
-        sight, grazing = PupilRays(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
+        rays, grazing = PupilRays(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
         rim = _around((0.0, 0.0, reach), _WHOLE)
         guesses = [rim]
         if math.isfinite(exit_pupil) and exit_pupil != z_plane:
@@ -244,7 +244,7 @@ def _followed_outlines(
             guesses.append(_around((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
         if heading is not None:
             guesses.append(_around(heading, _COARSE))
-        return light_outline(sight._replace(known=grazing[sight.fates(grazing).code == 0]), guesses, rim, _FINE)
+        return light_outline(rays._replace(lit=grazing[rays.fates(grazing).code == 0]), guesses, rim, _FINE)
 
     outlines: list[Outline] = []
     centre, heading = None, None

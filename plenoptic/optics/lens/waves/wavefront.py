@@ -286,7 +286,8 @@ def rays_to_sphere(lens: LensStack, point: ImagedPoint, wavelength: float, pupil
         raise InvalidValueError(f"there is no chief ray from the field {point.field}; give one that the lens images")
     chief = behind.selected(np.arange(len(points)) == 3 * n)
     image, index = chief.at_z(point.z_image)[0], float(lens.indices(wavelength)[-1])
-    radius = _radius(chief, image, cardinal_points(lens, wavelength).exit_pupil)
+    exit_pupil = cardinal_points(lens, wavelength).exit_pupil
+    radius = math.inf if math.isinf(exit_pupil) else float((image[2] - exit_pupil) / chief.direction[0, 2])
     lengths, toward = to_sphere(behind, path, image, radius, index)
     passing = lens.trace(entering.selected(np.arange(len(points)) < n))
     finite_object = math.isfinite(point.z_object)
@@ -329,10 +330,3 @@ def to_sphere(behind: RayBundle, path: Floats, image: Floats, radius: float, ind
     with np.errstate(invalid="ignore"):
         more = h2 / (radius + math.copysign(1.0, radius) * np.sqrt(radius**2 - h2))
     return path - index * (along - more), (across - (radius - more)[:, None] * behind.direction) / radius
-
-
-def _radius(chief: RayBundle, image: Floats, exit_pupil: float) -> float:
-    """From the image to the exit pupil along the chief ray."""
-    if math.isinf(exit_pupil):
-        return math.inf
-    return float((image[2] - exit_pupil) / chief.direction[0, 2])
