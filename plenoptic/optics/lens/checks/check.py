@@ -242,13 +242,13 @@ def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
         sources: list[tuple[str, tuple[int, ...], tuple[float, float]]]
         sources = [(f"behind surface {i}", (i,), (nd, vd)) for i, nd, vd in entries]
         sources += [("as the bundled one of that name", (), bundled)] if bundled is not None else []
-        for (place, surface, (nd, vd)), (other_place, other_surface, (other_nd, other_vd)) in combinations(sources, 2):
+        for (place, first, (nd, vd)), (other_place, second, (other_nd, other_vd)) in combinations(sources, 2):
             if _differ((nd, vd), (other_nd, other_vd)):
                 message = (
                     f"the glass {name[:40]} has n_d {nd:.4f} and V_d {vd:.2f} {place}, and {other_nd:.4f} and "
                     f"{other_vd:.2f} {other_place}; it may be a misprint, or another glass"
                 )
-                yield Finding(FindingKind.GLASS, surface + other_surface, message)
+                yield Finding(FindingKind.GLASS, first + second, message)
 
 
 def _nd_vd(medium: Medium | str) -> tuple[float, float] | None:
