@@ -59,7 +59,7 @@ def test_impossible_questions_of_colour_are_refused():
     for call, message in (
         (lambda: shift(GAUSS, reference=500.0), "one of the wavelengths"),
         (lambda: shift(GAUSS, wavelengths=[]), "wavelength is an empty sequence"),
-        (lambda: shift(GAUSS, wavelengths=["blue"]), "wavelengths is not"),
+        (lambda: shift(GAUSS, wavelengths=["blue"]), "wavelength is .blue.; it must be a number"),
         (lambda: shift(GAUSS, wavelengths=[100.0]), "100"),
         (lambda: pl.aberrations.colour_sums(GAUSS, field=0.1, wavelengths=(500.0,)), "must be three"),
         (lambda: shift(plate, field=0.1), "light leaves the lens parallel"),
