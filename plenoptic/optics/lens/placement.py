@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import (
     Floats,
+    Given,
     coefficients,
     coordinate,
     frozen_array,
@@ -83,8 +84,8 @@ class Placement:
     [0.1, 0.0, 0.0]
     """
 
-    shift: ArrayLike = (0.0, 0.0, 0.0)
-    rotation: ArrayLike = _IDENTITY
+    shift: Given[Floats, ArrayLike] = Given(default=(0.0, 0.0, 0.0))
+    rotation: Given[Floats, ArrayLike] = Given(default=_IDENTITY)
 
     def __post_init__(self) -> None:
         shift = positions(self.shift, name="shift", shape=(3,))
@@ -103,12 +104,12 @@ class Placement:
     @property
     def is_identity(self) -> bool:
         """True if the element stands exactly as without a placement."""
-        return bool(np.all(np.asarray(self.shift) == 0) and np.array_equal(self.rotation, np.eye(3)))
+        return bool(np.all(self.shift == 0) and np.array_equal(self.rotation, np.eye(3)))
 
 
 def to_lens_axes(placement: Placement | None, points: Floats) -> Floats:
     """Points (..., 3) of an element in the axes of the lens, from its place on the axis."""
-    return points if placement is None else np.asarray(points @ np.asarray(placement.rotation).T + placement.shift)
+    return points if placement is None else np.asarray(points @ placement.rotation.T + placement.shift)
 
 
 def kept_placement(placement: Placement | None) -> Placement | None:

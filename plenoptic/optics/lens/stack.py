@@ -204,14 +204,14 @@ class LensStack:
         if not chosen:
             raise PrescriptionError(f"which is {which!r}; it must name elements, from 0 to {len(elements) - 1}")
         check_one_space(elements, chosen)
-        turn, along = rotation_about_axes(tilt), np.asarray(Placement(shift=shift).shift)
+        turn, along = rotation_about_axes(tilt), Placement(shift=shift).shift
         vertices = np.zeros((len(elements), 3))
         vertices[:, 2] = self.vertices
         centre = vertices[min(chosen)] if pivot is None else np.array([0.0, 0.0, finite(pivot, "pivot")])
         for i in set(chosen):
             before = elements[i].placement or Placement()
-            moved = turn @ (vertices[i] + np.asarray(before.shift) - centre) + centre + along - vertices[i]
-            placement = Placement(moved, turn @ np.asarray(before.rotation))
+            moved = turn @ (vertices[i] + before.shift - centre) + centre + along - vertices[i]
+            placement = Placement(moved, turn @ before.rotation)
             elements[i] = dataclasses.replace(elements[i], placement=placement)
         return dataclasses.replace(self, elements=elements)
 

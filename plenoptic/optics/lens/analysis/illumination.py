@@ -64,7 +64,7 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     iris, last = lens.iris_index, len(lens.elements) - 1
     lens = dataclasses.replace(lens, elements=with_round_stops(lens.elements))
     low, high, field = 0.0, math.radians(89.9), 0.0
-    centre = np.zeros(3) if lens.stop.placement is None else np.asarray(lens.stop.placement.shift)
+    centre = np.zeros(3) if lens.stop.placement is None else lens.stop.placement.shift
     for _ in range(_ZOOMS):
         angle = np.linspace(low, high, _ZOOM)
         along = np.column_stack([np.zeros(_ZOOM), np.sin(angle), -np.cos(angle)])

@@ -161,7 +161,7 @@ def _axes_of(element: Element, points: Floats, z: float) -> Floats:
     """Points of the lens frame in the axes of an element whose place is z."""
     local = points - [0.0, 0.0, z]
     if element.placement is not None:
-        local = (local - np.asarray(element.placement.shift)) @ np.asarray(element.placement.rotation)
+        local = (local - element.placement.shift) @ element.placement.rotation
     return np.asarray(local)
 
 

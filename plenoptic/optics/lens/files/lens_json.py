@@ -175,9 +175,8 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
     else:
         row = _stop_to_json(element, size)
     if element.placement is not None:
-        # frozen_array keeps both as arrays.
         shift, rotation = element.placement.shift, element.placement.rotation
-        row["placement"] = {"shift": shift.tolist(), "rotation": rotation.tolist()}  # type: ignore[union-attr]
+        row["placement"] = {"shift": shift.tolist(), "rotation": rotation.tolist()}
     return row
 
 

@@ -41,7 +41,7 @@ def unfold(rows: list[Row], where: str) -> tuple[list[Row], bool]:
         gap = row.gap * sense if row is not rows[-1] else 0.0
         place = _placement(axes_seen @ origin + offset - (0.0, 0.0, along), axes_seen @ axes * (1.0, 1.0, sense))
         facing, curved = sense, row.is_mirror and not row.is_plane
-        fold = Mirror() if place is None else Mirror(np.asarray(place.rotation)[:, 2])
+        fold = Mirror() if place is None else Mirror(place.rotation[:, 2])
         if row.is_mirror:
             if row.is_plane and row.is_stop:
                 raise PrescriptionError(

@@ -51,7 +51,7 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
     record = lens_record(lens, wavelength, reverse=False, round_stops=True)
     points = cardinal_points(lens, wavelength)
     size, placed = points.entrance_pupil_semi_diameter, lens.stop.placement
-    shift = np.zeros(2) if placed is None else np.asarray(placed.shift)[:2] * (size / lens.stop.semi_diameter)
+    shift = np.zeros(2) if placed is None else placed.shift[:2] * (size / lens.stop.semi_diameter)
     pupil = (points.entrance_pupil, size, shift)
     z, axis = float(record.rows[0]["z"]), np.zeros(2)
     if lens.model is not LensModel.EXACT:
@@ -69,7 +69,7 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
         added = 2.0 * first.departure.bounds(reach).height  # from one side of a height to the other
         low, high = low - added, high + added
     if first.placement is not None:
-        shift, turn = np.asarray(first.placement.shift), np.asarray(first.placement.rotation)
+        shift, turn = first.placement.shift, first.placement.rotation
         sine = float(np.hypot(turn[2, 0], turn[2, 1]))
         low, high = low + float(shift[2]) - sine * reach, high + float(shift[2]) + sine * reach
         axis, reach = shift[:2], reach + sine * float(np.abs(sag).max())

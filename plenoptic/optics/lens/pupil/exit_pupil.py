@@ -92,7 +92,7 @@ def pupil_bounds(
     # Where the iris is, its image is: shifted with it, magnified.
     shift, placed = np.zeros(2), lens.stop.placement
     if placed is not None:
-        shift = points.pupil_magnification * np.asarray(placed.shift)[:2]
+        shift = points.pupil_magnification * placed.shift[:2]
     pupil = (points.exit_pupil, points.exit_pupil_semi_diameter, *shift.tolist())
     rear, z = rear_reach(lens, z_plane, wavelength), float(lens.vertices[-1])
     return _traced_bounds(_ByContent(record), pupil, rear, z, z_plane, largest_radius, cell_radius)
@@ -118,7 +118,7 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
         depth = float(last.sag(reach)) if last.depth is None else math.copysign(last.depth, last.radius)
         tilted += 0.0 if last.departure is None else 2.0 * last.departure.bounds(reach).height
     if last.placement is not None:
-        shift, turn = np.asarray(last.placement.shift), np.asarray(last.placement.rotation)
+        shift, turn = last.placement.shift, last.placement.rotation
         tilted += reach * float(np.hypot(turn[2, 0], turn[2, 1]))
         depth, reach = depth + float(shift[2]), reach + float(np.hypot(shift[0], shift[1]))
     near, far = (_project(gap, depth + side, reach) for side in (tilted, -tilted))

@@ -44,7 +44,7 @@ def _wavefront(lens: LensStack, towards: Floats, points: Floats) -> float:
     across = math.hypot(towards[0], towards[1])
     reach = [float(np.nanmax(points @ towards, initial=-math.inf))]
     for element, profile in zip(lens.elements, lens.profiles(9), strict=True):
-        aside = 0.0 if element.placement is None else float(np.hypot(*np.asarray(element.placement.shift)[:2]))
+        aside = 0.0 if element.placement is None else float(np.hypot(*element.placement.shift[:2]))
         reach.append(float(np.max((np.abs(profile[:, 1]) + aside) * across + profile[:, 0] * towards[2])))
     return max(reach) + _CLEARANCE
 
