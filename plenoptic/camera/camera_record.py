@@ -18,7 +18,7 @@ from plenoptic.camera.sampling.region_method import bounds_reason
 from plenoptic.camera.sampling.sampling_records import Openings
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import LensRecord, lens_record
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.microlens_record import (
     ArrayRecord,

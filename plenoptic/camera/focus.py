@@ -9,7 +9,7 @@ from plenoptic.camera.gaussian import sharp_image
 from plenoptic.camera.units import metres_hint
 from plenoptic.core.values import number, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import best_focus, front_focus
+from plenoptic.optics.lens.analysis.best_focus import best_focus, front_focus
 from plenoptic.optics.lens.models import FocusCriterion
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.optics.lens.analysis.focus import paraxial_focus
+from plenoptic.optics.lens.analysis.best_focus import paraxial_focus
 from plenoptic.optics.lens.gaussian.matrices import over, transfer_matrix
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification, object_position
 from plenoptic.optics.lens.models import LensModel

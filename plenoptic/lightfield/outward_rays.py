@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import lens_record
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.lens_record import lens_record
+from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.microlens.array import MicrolensArray
 
 _POINTS = 64
@@ -26,7 +26,9 @@ def chief_rays(
     Rims are ignored unless `clipping` is set.
     """
     reverse = lens_record(axes.camera.lens, axes.camera.wavelength, reverse=True, clipping=clipping)
-    return traced_by(reverse, _towards_scene(axes, *rays_at_array(axes, array, pixel, on_array)[:2]), threads=threads)
+    return trace_record(
+        reverse, _towards_scene(axes, *rays_at_array(axes, array, pixel, on_array)[:2]), threads=threads
+    )
 
 
 def aperture_rays(
@@ -46,7 +48,7 @@ def aperture_rays(
         (positions[:, None] + aperture_points).reshape(-1, 2),
         (slopes[:, None] + deviation[:, None, None] * aperture_points).reshape(-1, 2),
     )
-    return traced_by(lens_record(camera.lens, camera.wavelength, reverse=True), rays, threads=threads)
+    return trace_record(lens_record(camera.lens, camera.wavelength, reverse=True), rays, threads=threads)
 
 
 def plane_intersections(rays: RayBundle, z: float | Floats) -> Floats:

@@ -13,7 +13,7 @@ from plenoptic.plots.canvas import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.optics.lens.analysis.fields import Coma, DepthDistortion, Distortion, FieldCurvature
+    from plenoptic.optics.lens.analysis.field_aberrations import Coma, DepthDistortion, Distortion, FieldCurvature
     from plenoptic.optics.lens.analysis.illumination import RelativeIllumination, Vignetting
 
 _SAGITTAL, _TANGENTIAL, _OTHER = "#1f5fbf", "#c23b2c", "#888888"

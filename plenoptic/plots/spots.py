@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from plenoptic.optics.lens.analysis.focus import ThroughFocus
-    from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram
+    from plenoptic.optics.lens.analysis.best_focus import ThroughFocus
+    from plenoptic.optics.lens.analysis.spot_diagram import RayFan, SpotDiagram
 
 MICROMETRES = 1e3
 _MOST_DOTS = 3000

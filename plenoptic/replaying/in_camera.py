@@ -15,7 +15,7 @@ from plenoptic.camera.sampling.sampling_records import Batch, IlluminatedPixels
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import ElementKind
-from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.lens.lens_record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.rendering.tile import Tile
 from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint

@@ -18,7 +18,7 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, result
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.trace import trace_record
 from plenoptic.sequences.sequence import Frame
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.ground_truth import Arrays, compute_in_strips, truth_record
@@ -200,14 +200,14 @@ def _chief_rays(tables: ForwardRecord, points: Floats, lenses: NDArray[np.int64]
         aim, centre = through_iris(tables, entrance.bare)
         entering = aim_rays(entrance, aim, points, np.tile(centre, (len(points), 1)), start)
         rays = entrance.through(points, entering)
-        position = straight_to_sensor(tables, traced_by(entrance.bare, rays))
+        position = straight_to_sensor(tables, trace_record(entrance.bare, rays))
     else:
         through = ThroughArray(array_axes(tables.camera), array)
         centres = through.axes.local(lenses_at(array, lenses).axis)
         entering = aim_rays(entrance, Aim(entrance.bare, through.intersections), points, centres, start)
         rays = entrance.through(points, entering)
-        position = through.sensor_points(centres, traced_by(entrance.bare, rays))
+        position = through.sensor_points(centres, trace_record(entrance.bare, rays))
     half = 0.5 * np.array(tables.camera.sensor.size[::-1])
     with np.errstate(invalid="ignore"):
         lands = (np.abs(position) <= half).all(axis=1)
-    return _Chief(position, entering, (traced_by(entrance.lens, rays).status == 0) & lands)
+    return _Chief(position, entering, (trace_record(entrance.lens, rays).status == 0) & lands)

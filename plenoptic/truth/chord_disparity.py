@@ -22,7 +22,7 @@ from plenoptic.camera.points.projection_rows import lenses_at
 from plenoptic.camera.psf.sensor_hits import forward_record
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.microlens.lattice import Lattice, neighbour_steps
 
 _TRIALS = 20
@@ -98,7 +98,7 @@ def _chief_rays(record: ChordRecord, points: Floats, centres: Floats, first_entr
     n_lenses, h = len(points) // len(first_entry), _STEP * entrance.size
 
     def trace_to_array(rows: NDArray[np.int64], entry: Floats) -> tuple[RayBundle, Floats]:
-        behind_lens = traced_by(entrance.bare, entrance.through(points[rows], entry))
+        behind_lens = trace_record(entrance.bare, entrance.through(points[rows], entry))
         return behind_lens, through.intersections(behind_lens)
 
     rows = np.arange(len(points))

@@ -21,7 +21,7 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
 from plenoptic.truth.chord_disparity import chord_record
 from plenoptic.truth.lookups import lens_numbers

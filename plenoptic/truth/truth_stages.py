@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.lens.lens_record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.microlens_record import ArrayRecord
 from plenoptic.scene.geometry.record import Hits

@@ -9,7 +9,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import paraxial_focus
+from plenoptic.optics.lens.analysis.best_focus import paraxial_focus
 from plenoptic.optics.lens.waves.wavefront import wavefront
 from plenoptic.wave.beam import beam_of
 from plenoptic.wave.field import plane_waves, through_array, to_sensor

@@ -12,7 +12,7 @@ from plenoptic.camera.gaussian import image_plane, paraxial_cone, sharp_image
 from plenoptic.camera.report.illumination import traced_slope, with_semi_diameter
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import best_focus
+from plenoptic.optics.lens.analysis.best_focus import best_focus
 from plenoptic.optics.lens.models import FocusCriterion, LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray

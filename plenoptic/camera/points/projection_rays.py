@@ -13,8 +13,8 @@ from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import IDEAL
-from plenoptic.optics.lens.record import LensRecord, lens_record
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
+from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.microlens.array import MicrolensArray
 
 AIM_TOLERANCE = 1e-10
@@ -103,7 +103,7 @@ def aim_rays(entrance: EntranceRays, aim: Aim, points: Floats, targets: Floats, 
         """Residuals (n, 2) and Jacobians (n, 2, 2)."""
         trial_points = np.concatenate([entry, entry + right, entry + up])
         rays = entrance.through(np.tile(points[rows], (3, 1)), trial_points)
-        position, position_right, position_up = aim.intersections(traced_by(aim.lens, rays)).reshape(3, -1, 2)
+        position, position_right, position_up = aim.intersections(trace_record(aim.lens, rays)).reshape(3, -1, 2)
         return targets[rows] - position, np.stack([position_right - position, position_up - position], axis=-1) / h
 
     limit = AIM_TOLERANCE + 64 * np.finfo(float).eps * (np.abs(targets).max(axis=1, initial=0.0) + size)

@@ -21,7 +21,7 @@ from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, ray_tasks, tra
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lenslets import Lenslets, lenses_of
 
@@ -114,8 +114,8 @@ def _rows_through_iris(record: ForwardRecord, points: Floats, light: Light) -> R
     rays = entrance.through(points, entering)
     moments = np.zeros((n, REPLICATES, 3))
     moments[light.keys[:, 0]] = light.moments
-    position = straight_to_sensor(record, traced_by(entrance.bare, rays))
-    return Rows(np.arange(n), None, position, traced_by(entrance.lens, rays).status == 0, moments, entering)
+    position = straight_to_sensor(record, trace_record(entrance.bare, rays))
+    return Rows(np.arange(n), None, position, trace_record(entrance.lens, rays).status == 0, moments, entering)
 
 
 def straight_to_sensor(record: ForwardRecord, behind: RayBundle) -> Floats:
@@ -143,20 +143,20 @@ def _rows_through_microlenses(
     number, centres = keys[:, 0], axes.local(lenses_at(array, keys[:, 1:]).axis)
     aim = Aim(entrance.bare, through.intersections)
     entering = aim_rays(entrance, aim, points[number], centres, _nearest_rays(bundles, number, centres, passing=False))
-    passes = traced_by(entrance.lens, entrance.through(points[number], entering)).status == 0
+    passes = trace_record(entrance.lens, entrance.through(points[number], entering)).status == 0
     lit, passing_entry = (moments[:, :, 0] > 0).any(axis=1), _nearest_rays(bundles, number, centres, passing=True)
     # Strong lenses have several rays from a point to a microlens: if there is light, use one that passes.
     retry = np.flatnonzero(lit & ~passes & np.isfinite(passing_entry).all(axis=1))
     if len(retry):
         other_entry = aim_rays(entrance, aim, points[number[retry]], centres[retry], passing_entry[retry])
-        is_unvignetted = traced_by(entrance.lens, entrance.through(points[number[retry]], other_entry)).status == 0
+        is_unvignetted = trace_record(entrance.lens, entrance.through(points[number[retry]], other_entry)).status == 0
         entering[retry[is_unvignetted]], passes[retry[is_unvignetted]] = other_entry[is_unvignetted], True
     rays, selected = entrance.through(points[number], entering), passes | lit
     shadow = np.where(passes[:, None], entering, passing_entry)
     return Rows(
         point=number[selected],
         lens=keys[selected, 1:],
-        position=through.sensor_points(centres, traced_by(entrance.bare, rays))[selected],
+        position=through.sensor_points(centres, trace_record(entrance.bare, rays))[selected],
         passes=passes[selected],
         moments=moments[selected],
         entering=np.where(np.isfinite(shadow), shadow, entering)[selected],
@@ -185,10 +185,10 @@ def _trace_bundles(tasks: list[Task], entrance: EntranceRays, through: ThroughAr
     entering = np.stack([_ring_points(firsts[k].polygon) for k in number])
     points = np.repeat([firsts[k].point for k in number], entering.shape[1], axis=0)
     rays = entrance.through(points, entering.reshape(-1, 2))
-    traced = traced_by(entrance.bare, rays)
+    traced = trace_record(entrance.bare, rays)
     arriving = through.intersections(traced)
     on_sensor = through.sensor_points(arriving, traced).reshape(entering.shape)
-    passing = (traced_by(entrance.lens, rays).status == 0).reshape(entering.shape[:2])
+    passing = (trace_record(entrance.lens, rays).status == 0).reshape(entering.shape[:2])
     return PointBundles(number, entering, arriving.reshape(entering.shape), on_sensor, passing)
 
 

@@ -22,9 +22,9 @@ from plenoptic.camera.units import metres_hint
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.diffraction.far_field import FarField
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entering_polygon, entrance
-from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.microlens_record import ResponseRecord
 

@@ -22,7 +22,7 @@ from plenoptic.camera.gaussian import (
 )
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import best_focus
+from plenoptic.optics.lens.analysis.best_focus import best_focus
 from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.models import FocusCriterion, LensModel
 

@@ -25,7 +25,7 @@ from plenoptic.camera.sampling.sampling_records import (
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.record import MOVED
+from plenoptic.optics.lens.lens_record import MOVED
 from plenoptic.optics.microlens.microlens_record import MICROLENS
 
 _TOGETHER = 512

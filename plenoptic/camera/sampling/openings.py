@@ -6,9 +6,9 @@ import numpy as np
 
 from plenoptic.camera.sampling.sampling_records import Openings
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.lens_record import lens_record, shown_stop
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.outline import normals_of
-from plenoptic.optics.lens.record import lens_record, shown_stop
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.polygon import PolygonStop, convex_hull

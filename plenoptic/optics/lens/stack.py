@@ -204,14 +204,14 @@ class LensStack:
         if not chosen:
             raise PrescriptionError(f"which is {which!r}; it must name elements, from 0 to {len(elements) - 1}")
         check_one_space(elements, chosen)
-        turn, along = rotation_about_axes(tilt), np.asarray(Placement(shift=shift).shift)
+        turn, along = rotation_about_axes(tilt), Placement(shift=shift).shift
         vertices = np.zeros((len(elements), 3))
         vertices[:, 2] = self.vertices
         centre = vertices[min(chosen)] if pivot is None else np.array([0.0, 0.0, finite(pivot, "pivot")])
         for i in set(chosen):
             before = elements[i].placement or Placement()
-            moved = turn @ (vertices[i] + np.asarray(before.shift) - centre) + centre + along - vertices[i]
-            placement = Placement(moved, turn @ np.asarray(before.rotation))
+            moved = turn @ (vertices[i] + before.shift - centre) + centre + along - vertices[i]
+            placement = Placement(moved, turn @ before.rotation)
             elements[i] = dataclasses.replace(elements[i], placement=placement)
         return dataclasses.replace(self, elements=elements)
 
@@ -376,9 +376,9 @@ class LensStack:
         >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
         (['OK', 'CLIPPED'], [-1, 0])
         """
-        from plenoptic.optics.lens.trace import traced  # knows this class
+        from plenoptic.optics.lens.trace import trace_rays  # knows this class
 
-        return traced(self, rays, reverse=False, threads=threads)
+        return trace_rays(self, rays, reverse=False, threads=threads)
 
     def trace_reverse(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
         """Trace rays through the lens towards the scene; otherwise as `trace`.
@@ -390,9 +390,9 @@ class LensStack:
         >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
         array([[   0.,    0., -404.]])
         """
-        from plenoptic.optics.lens.trace import traced  # knows this class
+        from plenoptic.optics.lens.trace import trace_rays  # knows this class
 
-        return traced(self, rays, reverse=True, threads=threads)
+        return trace_rays(self, rays, reverse=True, threads=threads)
 
 
 def _check_stop(stop: Stop) -> None:

@@ -24,7 +24,7 @@ from plenoptic.core.kernels.ray_blocks import (
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.departure import departure_at
 from plenoptic.optics.lens.kernels.notes import NEWTON, STEPS
-from plenoptic.optics.lens.record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
+from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
 NEWTON_STEPS = 12
 """Steps that all rays of a block may take together; those that need more are looked at one by one."""

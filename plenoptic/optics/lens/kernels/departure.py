@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.zernike import zernike_at
-from plenoptic.optics.lens.record import DEPARTURE_KIND
+from plenoptic.optics.lens.lens_record import DEPARTURE_KIND
 from plenoptic.optics.surfaces.zernike import ZERNIKE
 
 

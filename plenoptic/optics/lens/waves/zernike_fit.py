@@ -140,7 +140,7 @@ def _place(term: int, order: ZernikeOrder) -> tuple[int, int]:
     return 2 * group - m, -m if left % 2 and m else m
 
 
-def fitted(
+def fit_zernike(
     points: Floats, values: Floats, weight: Floats, terms: int, order: ZernikeOrder = ZernikeOrder.NOLL
 ) -> ZernikeFit:
     """The sum of terms 1 ... `terms` that is nearest to values at points (n, 2), of weights (n,)."""

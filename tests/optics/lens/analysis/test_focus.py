@@ -11,7 +11,7 @@ import plenoptic as pl
 from plenoptic import CircularStop, ConstantMedium, LensModel, LensStack, RayBundle, Surface, load_lens
 from plenoptic.aberrations import spot_diagram
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import best_focus, front_focus, paraxial_focus, working_f_number
+from plenoptic.optics.lens.analysis.best_focus import best_focus, front_focus, paraxial_focus, working_f_number
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.pupil.beam import REPLICATES
 

@@ -184,7 +184,7 @@ def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, re
     for i, element in enumerate(lens.elements[first : last + 1], start=first):
         row = element.row()._replace(z=float(vertices[i]), surface_index=i)
         if element.placement is not None:
-            turn, shift = np.ravel(element.placement.rotation).tolist(), np.asarray(element.placement.shift).tolist()
+            turn, shift = element.placement.rotation.ravel().tolist(), element.placement.shift.tolist()
             row = row._replace(frame=(*turn, *shift, 1.0))
         if isinstance(element, Surface):
             row = row._replace(index_ratio=float(index[i + 1] / index[i] if reverse else index[i] / index[i + 1]))
@@ -201,7 +201,7 @@ def _between_spaces(placement: Placement | None, mirror: Mirror) -> tuple[float,
     t + R q for q = R' U R p + R' (U t - t). The inverse of that reflection is itself.
     """
     where = Placement() if placement is None else placement
-    turn, shift = np.asarray(where.rotation), np.asarray(where.shift)
+    turn, shift = where.rotation, where.shift
     linear, offset = turn.T @ mirror.unfolding @ turn, turn.T @ (mirror.unfolding @ shift - shift)
     return (*linear.ravel().tolist(), *offset.tolist(), 1.0)
 

@@ -9,19 +9,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, check_kind, choice, frozen_array, result
+from plenoptic.core.values import Floats, check_kind, choice, finite, frozen_array, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
 from plenoptic.optics.lens.models import FocusCriterion, LensModel
-from plenoptic.optics.lens.pupil.beam import checked_point, checked_wavelengths, passing_light
+from plenoptic.optics.lens.pupil.beam import ImagedPoint, checked_point, checked_wavelengths, passing_light
 from plenoptic.optics.lens.stack import LensStack
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _SEARCH_STEPS = 80
+"""Golden sections: 0.618^80 is 2e-17 of the first interval."""
 _REPLICATES = 8
 """Fewer than for errors, which are not asked for here: fewer sets of points are more even."""
-"""Golden sections: 0.618^80 is 2e-17 of the first interval."""
 
 
 def _needs_a_lens(lens: LensStack) -> None:
@@ -57,6 +57,21 @@ def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) 
         return math.inf
     # Newton's form, which has no difference of reciprocals.
     return points.rear_focus + points.efl**2 / (distance - points.efl)
+
+
+def imaged_point(
+    lens: LensStack, field: Sequence[float], z_object: float, z_image: float | None, wavelength: float | Sequence[float]
+) -> ImagedPoint:
+    """An object point, wavelengths and image plane, by default the paraxial one of the first wavelength; or an error.
+
+    Parameters as those of `spot_diagram`.
+    """
+    point, z = checked_point(lens, field, z_object)
+    wavelengths = checked_wavelengths(wavelength)
+    plane = paraxial_focus(lens, z, wavelengths[0]) if z_image is None else finite(z_image, "z_image")
+    if not math.isfinite(plane):
+        raise InvalidValueError(f"the object at z = {z:g} mm has its paraxial image at infinity; give z_image, in mm")
+    return ImagedPoint(point, z, plane, wavelengths)
 
 
 def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
@@ -133,7 +148,7 @@ def best_focus(
     return beam.z + (_least_radius(beam) if kind is FocusCriterion.GEOMETRIC_SPOT else beam.sharpest)
 
 
-class _Beam(NamedTuple):
+class _StraightRays(NamedTuple):
     """Straight rays behind the lens, heights and slopes from their centroid's, in a plane near the image."""
 
     z: float
@@ -157,22 +172,14 @@ class _Beam(NamedTuple):
 
 def _beam(
     lens: LensStack, field: Sequence[float], z_object: float, wavelength: float | Sequence[float], rays: int, seed: int
-) -> _Beam:
+) -> _StraightRays:
     point, z = checked_point(lens, field, z_object)
     wavelengths = checked_wavelengths(wavelength)
     guess = paraxial_focus(lens, z, wavelengths[0])
     # Near the image, heights and slopes are not correlated much, and nothing cancels.
     z_near = guess if math.isfinite(guess) else float(lens.vertices[-1])
-    light = passing_light(
-        lens,
-        field=point,
-        z_object=z,
-        z_image=z_near,
-        wavelengths=wavelengths,
-        rays=rays,
-        seed=seed,
-        replicates=_REPLICATES,
-    )
+    source = ImagedPoint(point, z, z_near, wavelengths)
+    light = passing_light(lens, source, rays=rays, seed=seed, replicates=_REPLICATES)
     if len(light.points) < 2:
         raise InvalidValueError(
             f"{len(light.points)} of {light.emitted} rays from the field {point} pass the lens; give a field that the "
@@ -181,7 +188,7 @@ def _beam(
     total = light.weight.sum()
     heights = light.points - light.weight @ light.points / total
     slopes = light.slopes - light.weight @ light.slopes / total
-    return _Beam(z_near, heights, slopes, light.weight)
+    return _StraightRays(z_near, heights, slopes, light.weight)
 
 
 @result
@@ -257,11 +264,11 @@ def through_focus(
         offsets = beam.heights + plane * beam.slopes
         r2 = np.einsum("ij,ij->i", offsets, offsets)
         rms[i], geometric[i] = math.sqrt(float(beam.weight @ r2) / total), math.sqrt(float(r2.max()))
-    point, place = checked_point(lens, field, z_object)
-    return ThroughFocus(planes, rms, geometric, best, np.asarray(point), place)
+    point, z_point = checked_point(lens, field, z_object)
+    return ThroughFocus(planes, rms, geometric, best, np.asarray(point), z_point)
 
 
-def _least_radius(beam: _Beam) -> float:
+def _least_radius(beam: _StraightRays) -> float:
     """Distance behind z at which the largest distance from the centroid, a convex function of the plane, is least."""
 
     def radius2(z: float) -> float:

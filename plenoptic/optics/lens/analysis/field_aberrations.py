@@ -21,7 +21,7 @@ from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_posit
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse, chief_ray
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 
 class Projection(enum.IntEnum):
@@ -78,11 +78,11 @@ def image_plane(lens: LensStack, z_object: float, wavelength: float) -> float:
     return z
 
 
-def unclipped(lens: LensStack, rays: RayBundle) -> RayBundle:
+def trace_past_rims(lens: LensStack, rays: RayBundle) -> RayBundle:
     """Trace a bundle past all rims; through a model that is not exact, as it is."""
     if lens.model is not LensModel.EXACT:
         return lens.trace(rays)
-    return traced_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
+    return trace_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
 
 
 def chief_rays(lens: LensStack, fields: Floats, z_object: float, wavelength: float) -> RayBundle:
@@ -180,7 +180,7 @@ def distortion(
                 "Projection.EQUIDISTANT"
             )
         heights = -ideal.height(cardinal_points(lens, wavelength).efl, radii)
-    out = unclipped(lens, chief_rays(lens, radii, z_object, wavelength))
+    out = trace_past_rims(lens, chief_rays(lens, radii, z_object, wavelength))
     return Distortion(radii, out.at_z(z_image)[:, 1], heights, ideal, z_image, z_object)
 
 
@@ -314,7 +314,7 @@ def coma(
     y = np.empty((len(radii), 5))
     for i, field in enumerate(radii.tolist()):
         rays = aimed_rays(lens, field=(0.0, field), pupil=pupil, z_object=z_object, wavelength=wavelength)
-        y[i] = unclipped(lens, rays).at_z(z_image)[:, 1]
+        y[i] = trace_past_rims(lens, rays).at_z(z_image)[:, 1]
     return Coma(radii, (y[:, 1] + y[:, 2]) / 2 - y[:, 0], (y[:, 3] + y[:, 4]) / 2 - y[:, 0], size, z_image, z_object)
 
 

@@ -8,13 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.values import MAX_POINTS, Floats, finite, read_only, result, whole
+from plenoptic.core.values import MAX_POINTS, Floats, read_only, result, whole
 from plenoptic.core.warn import warn
-from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import paraxial_focus, working_f_number
-from plenoptic.optics.lens.pupil.beam import REPLICATES, checked_point, checked_wavelengths, meridian, passing_light
+from plenoptic.optics.lens.analysis.best_focus import imaged_point, working_f_number
+from plenoptic.optics.lens.pupil.beam import REPLICATES, ImagedPoint, field_text, meridian, passing_light
 from plenoptic.optics.lens.pupil.iris_points import INSIDE
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
 
 AIRY = 1.2196698912665045
@@ -100,11 +98,9 @@ class SpotDiagram:
         return self.x - x, self.y - y
 
     def __repr__(self) -> str:
-        unit = "rad" if math.isinf(self.z_object) else "mm"
-        x, y = self.field
         return (
-            f"<SpotDiagram: {len(self.x)} rays from ({x:g}, {y:g}) {unit} on z = {self.z_image:.6g} mm, "
-            f"RMS radius {1e3 * self.rms_radius:.4g} um>"
+            f"<SpotDiagram: {len(self.x)} rays from {field_text(self.field, self.z_object)} on z = "
+            f"{self.z_image:.6g} mm, RMS radius {1e3 * self.rms_radius:.4g} um>"
         )
 
 
@@ -121,18 +117,6 @@ def jackknife_error(estimates: Floats) -> Floats:
     """
     n = estimates.shape[-1]
     return np.asarray(np.sqrt((n - 1) * np.var(estimates, axis=-1)))
-
-
-def image_plane(lens: LensStack, z_image: float | None, z_object: float, wavelength: float) -> float:
-    """The z asked for, or that of the paraxial image, mm."""
-    if z_image is not None:
-        return finite(z_image, "z_image")
-    focus = paraxial_focus(lens, z_object, wavelength)
-    if not math.isfinite(focus):
-        raise InvalidValueError(
-            f"the object at z = {z_object:g} mm has its paraxial image at infinity; give z_image, in mm"
-        )
-    return focus
 
 
 def spot_diagram(
@@ -192,14 +176,16 @@ def spot_diagram(
     >>> spot.rms_radius_error < 0.01 * spot.rms_radius < spot.geometric_radius
     True
     """
-    point, z = checked_point(lens, field, z_object)
-    wavelengths = checked_wavelengths(wavelength)
-    z_spot = image_plane(lens, z_image, z, wavelengths[0])
-    light = passing_light(lens, field=point, z_object=z, z_image=z_spot, wavelengths=wavelengths, rays=rays, seed=seed)
+    return spots_of(lens, imaged_point(lens, field, z_object, z_image, wavelength), rays, seed)
+
+
+def spots_of(lens: LensStack, point: ImagedPoint, rays: int, seed: int) -> SpotDiagram:
+    """Spot diagram of an object point; see `spot_diagram`."""
+    light = passing_light(lens, point, rays=rays, seed=seed)
     total = float(light.weight.sum())
     if total == 0:
-        unit = "rad, not degrees" if math.isinf(z) else "mm"
-        warn(f"no light from the field {point} ({unit}) passes {lens.name or 'the lens'}; choose a smaller field")
+        unit = "rad, not degrees" if math.isinf(point.z_object) else "mm"
+        warn(f"no light from the field {point.field} ({unit}) passes {lens.name or 'the lens'}; choose a smaller field")
     passing, through_iris = without_one([light.weight], light.replicate)[0], light.through_iris
     emitted = float(through_iris.sum())
     remaining = emitted - through_iris
@@ -212,13 +198,10 @@ def spot_diagram(
         colour=light.colour,
         replicate=light.replicate,
         chief=light.chief,
-        field=np.array(point),
-        z_object=z,
-        z_image=z_spot,
-        wavelengths=wavelengths,
         fraction=min(total / emitted, 1.0) if emitted > 0 else 0.0,
         fraction_error=error,
-        airy_radius=AIRY * 1e-6 * wavelengths[0] * working_f_number(lens, z, wavelengths[0]),
+        airy_radius=AIRY * 1e-6 * point.wavelengths[0] * working_f_number(lens, point.z_object, point.wavelengths[0]),
+        **point.result_fields,
     )
 
 
@@ -286,18 +269,16 @@ def ray_fan(
     >>> bool(fan.tangential[0, -1, 1] < 0)          # undercorrected: the marginal ray crosses the axis too early
     True
     """
-    point, z = checked_point(lens, field, z_object)
-    wavelengths = checked_wavelengths(wavelength)
-    z_fan = image_plane(lens, z_image, z, wavelengths[0])
+    point = imaged_point(lens, field, z_object, z_image, wavelength)
     n = whole(points, "points", at_least=2, at_most=MAX_POINTS)
     pupil = np.linspace(-1.0, 1.0, n)
-    along = meridian(point)
+    along = meridian(point.field)
     # One row of the matrix each: the axes of the image plane, sagittal and tangential.
     axes = np.array([[along[1], -along[0]], along])
     inside = INSIDE * pupil[:, None]
     lines = np.concatenate([np.zeros((1, 2)), inside * axes[1], inside * axes[0]])
-    aimed = [aimed_rays(lens, field=point, pupil=lines, z_object=z, wavelength=w) for w in wavelengths]
-    hits = np.array([lens.trace(rays).at_z(z_fan)[:, :2] for rays in aimed])
+    aimed = [point.rays(lens, lines, wave) for wave in point.wavelengths]
+    hits = np.array([lens.trace(rays).at_z(point.z_image)[:, :2] for rays in aimed])
     chief = hits[0, 0]
     aberration = (hits[:, 1:] - chief) @ axes.T
-    return RayFan(pupil, aberration[:, :n], aberration[:, n:], chief, np.array(point), z, z_fan, wavelengths)
+    return RayFan(pupil, aberration[:, :n], aberration[:, n:], chief, **point.result_fields)
