@@ -377,7 +377,7 @@ class PlenopticCamera:
         >>> f"{least_confused.stop_to_microlenses:.2f} mm"
         '134.53 mm'
         """
-        from plenoptic.camera.focus import focused_stop_to_microlenses  # knows this class
+        from plenoptic.camera.gaussian import focused_stop_to_microlenses  # knows this class
 
         moved = focused_stop_to_microlenses(self, z, criterion, microlens_type)
         return dataclasses.replace(self, stop_to_microlenses=moved)

@@ -96,13 +96,13 @@ class Source(NamedTuple):
     """Optional inputs."""
 
 
-_STATES = Source("states", Needs.NOTHING, "lookups", Needs.MESHES)
-_SHARES = Source("object_shares", Needs.MESHES, "lookups")
-_SENSOR = Source("sensor", Needs.NOTHING, "kernels.incidence")
-_CELLS = Source("cells", Needs.MICROLENSES, "lookups")
-_HITS = Source("hits", Needs.MESHES, "lookups")
+_STATES = Source("states", Needs.NOTHING, "truth_stages", Needs.MESHES)
+_SHARES = Source("object_shares", Needs.MESHES, "truth_stages")
+_SENSOR = Source("sensor", Needs.NOTHING, "kernels.depth")
+_CELLS = Source("cells", Needs.MICROLENSES, "truth_stages")
+_HITS = Source("hits", Needs.MESHES, "truth_stages")
 _POINTS = Source("points", Needs.MESHES, "kernels.depth")
-_CHORDS = Source("chords", Needs.MESHES | Needs.MICROLENSES, "lookups")
+_CHORDS = Source("chords", Needs.MESHES | Needs.MICROLENSES, "truth_stages")
 _IMAGES = Source("images", Needs.MESHES | Needs.MICROLENSES, "kernels.virtual_depth")
 
 

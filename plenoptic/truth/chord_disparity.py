@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.projection_rays import (
+from plenoptic.camera.points.projection_rows import (
     AIM_TOLERANCE,
     Aim,
     EntranceRays,
     ThroughArray,
     aim_rays,
     entrance_rays,
+    lenses_at,
     solve_2x2,
 )
-from plenoptic.camera.points.projection_rows import lenses_at
 from plenoptic.camera.psf.sensor_hits import forward_record
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.camera_rays import fill_through_array
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.sampling.aperture_regions import aperture_regions
 from plenoptic.camera.sampling.sampling_records import IlluminatedPixels
-from plenoptic.camera.sampling.through_array import fill_through_array
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS
 from plenoptic.core.values import Floats
 

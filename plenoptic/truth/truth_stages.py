@@ -15,9 +15,11 @@ from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.lenslets import types_of
 from plenoptic.optics.microlens.microlens_record import ArrayRecord
 from plenoptic.scene.geometry.record import Hits
-from plenoptic.truth.channels import Truth
+from plenoptic.truth.channels import PixelState, Truth
 from plenoptic.truth.representative_rays import RepresentativeRays
 
 if TYPE_CHECKING:
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
 SLOPE_STEP = 1e-5
 """Slope difference of neighbouring rays, and their separation over the distance of the lens, for finite differences.
 Errors are of the order of its square, 1e-10, and of the rounding of coordinates over it."""
-
 _CHUNK = 1 << 10
 """Pixels whose neighbouring rays are traced together."""
 
@@ -297,3 +298,63 @@ class PixelStages:
         rays = self.rays.blocks.reshape(-1, 8, BLOCK).swapaxes(1, 2).reshape(-1, 8)[self.hits.pixels]
         t = (z - rays[:, 2]) / rays[:, 5]
         return np.asarray(rays[:, :2] + t[:, np.newaxis] * rays[:, 3:5])
+
+
+def fill_normal(normals: Floats, hits: SurfaceHits) -> None:
+    """Fill the unit normals of the triangles in the world, towards the visible side."""
+    from plenoptic.scene.geometry.kernels import interaction
+
+    interaction.fill_normals(normals, hits.pixels, hits.hits, hits.rays, hits.scene.geometry)
+
+
+def fill_object(numbers: NDArray[np.int32], hits: SurfaceHits) -> None:
+    """Fill the indices of the meshes."""
+    assert hits.scene.triangle_mesh is not None
+    numbers[hits.pixels] = hits.scene.triangle_mesh[hits.hits.triangle]
+
+
+def fill_material(numbers: NDArray[np.int32], hits: SurfaceHits) -> None:
+    """Fill the indices of the materials."""
+    assert hits.scene.geometry is not None
+    numbers[hits.pixels] = hits.scene.geometry.triangle_material[hits.hits.triangle]
+
+
+def fill_microlens(indices: NDArray[np.int32], cells: LitCells) -> None:
+    """Fill the lattice indices of the microlenses; in FREE lattices (number, 0)."""
+    indices[cells.lit] = cells.indices()
+
+
+def fill_microlens_type(types: NDArray[np.int32], cells: LitCells) -> None:
+    """Fill the types of the microlenses: rows of the array's focal lengths."""
+    types[cells.lit] = types_of(cells.array, cells.indices())
+
+
+def fill_state(states: NDArray[np.int32], pixels: PixelStates) -> None:
+    """Fill the states of the pixels."""
+    states[pixels.dark] = PixelState.DARK
+    states[pixels.lit] = PixelState.EMPTY
+    states[pixels.hit_pixels] = PixelState.SEEN
+
+
+def fill_object_share(shares: Floats, object_shares: ObjectShares) -> None:
+    """Fill the fractions of light from the pixels' objects."""
+    shares[object_shares.pixels] = object_shares.fraction
+
+
+def fill_chord_disparity(disparities: Floats, chords: Chords) -> None:
+    """Fill the disparities by chief rays."""
+    disparities[chords.pixels] = chords.disparity
+
+
+def lens_numbers(camera: CameraRecord) -> NDArray[np.int64] | None:
+    """Indices of the listed microlenses of a FREE array, those up to some distance along x and y, in order.
+
+    None for other lattices.
+    """
+    array = camera.microlenses
+    if array is None or array.lattice is not Lattice.FREE:
+        return None
+    assert array.centres is not None
+    assert camera.array is not None and camera.array.lens_table is not None
+    distance = np.abs(np.asarray(array.centres)).max(axis=1)
+    return np.sort(np.argsort(distance, kind="stable")[: len(camera.array.lens_table.lenses)])

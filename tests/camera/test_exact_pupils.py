@@ -17,7 +17,7 @@ from plenoptic.camera.camera_rays import CameraRays
 from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.camera.sampling.through_array import fill_through_array
+from plenoptic.camera.camera_rays import fill_through_array
 from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.lens.pupil.outline import polygon_around

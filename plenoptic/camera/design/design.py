@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from plenoptic.camera.design.equations import DesignTargets, check_count, check_targets, template_array, valid_lengths
 from plenoptic.camera.design.search import CameraDesign, Search
-from plenoptic.camera.design.targets import DesignTargets, check_count, check_targets, template_array, valid_lengths
 from plenoptic.camera.gaussian import CameraKind, neighbour_distance
 from plenoptic.core.values import check_kind, choice, positive, wavelength_in_nm
 from plenoptic.optics.lens.models import FocusCriterion

@@ -6,8 +6,7 @@ import dataclasses
 import math
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.design.equations import MainLensState, solve
-from plenoptic.camera.design.targets import FIELDS, DesignTargets, Numbers
+from plenoptic.camera.design.equations import FIELDS, DesignTargets, MainLensState, Numbers, solve
 from plenoptic.camera.gaussian import image_plane, paraxial_cone, sharp_image
 from plenoptic.camera.report.illumination import traced_slope, with_semi_diameter
 from plenoptic.core.values import value

@@ -154,9 +154,9 @@ def _ray_transfers(
     camera: CameraRecord, candidates: Candidates, corners: Floats, centres: Floats, half: _GroupHalf
 ) -> NDArray[np.void]:
     """Linear ray transfers of candidates to the elements of the lens; candidates get their first one and number."""
+    from plenoptic.camera.camera_rays import fill_through_array
     from plenoptic.camera.sampling.kernels import ray_transfer as kernels
     from plenoptic.camera.sampling.kernels.aperture_regions import MAX_PIECES, fill_boxes
-    from plenoptic.camera.sampling.through_array import fill_through_array
 
     group, openings = np.repeat(np.arange(len(centres)), np.diff(candidates.first)), camera.openings
     pending = np.flatnonzero((np.diff(candidates.first)[group] <= MAX_PIECES) & (candidates.rows["disconnected"] == 0))

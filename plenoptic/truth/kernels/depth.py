@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, L, M, N, X, Y, Z
+from plenoptic.core.kernels.vectors import cross, dot, vector
 from plenoptic.core.numba.jit import device, kernel
 
 
@@ -64,3 +65,13 @@ def fill_position(positions, hit):
                     + hit.rotation[axis, 2] * z
                     + hit.position[axis]
                 )
+
+
+@kernel
+def fill_incidence_angle(angles, sensor):
+    """Fill the angles between rays and the sensor's normal in radians; by the tangent, exact for small angles."""
+    normal = vector(sensor.normal, 0)
+    for p in sensor.pixels:
+        ray = vector(sensor.directions[p], 0)
+        across = cross(ray, normal)
+        angles[p] = math.atan2(math.sqrt(dot(across, across)), dot(ray, normal))

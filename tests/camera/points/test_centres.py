@@ -13,7 +13,7 @@ from plenoptic.camera.camera import CameraPart
 from plenoptic.camera.points import centroids
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.points.centroids import centroids_at, moment_points
-from plenoptic.camera.points.chief_rays import aimed_slopes
+from plenoptic.camera.points.centres import aimed_slopes
 from plenoptic.optics.microlens.lattice import polygon_moments
 
 ORTHOGONAL, CHIEF_RAY, CENTROID = CentreMethod
