@@ -51,7 +51,7 @@ glass_resonance optics/glass/dispersion.py: optics/glass
 choice_in_a_piece camera/sampling/kernels/camera_samples.py: camera/test_aperture_regions.py rendering/test_render.py
 - return total_area, k, target_area - area_before
 + return total_area, k, target_area
-plane_moves_along_u camera/sampling/kernels/aperture_regions.py: camera/test_aperture_regions.py rendering/test_render.py
+plane_moves_along_u camera/sampling/kernels/aperture_regions.py: camera/test_aperture_regions.py rendering
 - nx * transfer.x_by_v + ny * transfer.y_by_v
 + nx * transfer.x_by_v + ny * transfer.y_by_u
 point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_aperture_regions.py camera/psf

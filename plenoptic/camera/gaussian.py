@@ -1,4 +1,4 @@
-"""Gaussian optics of a camera: exit pupil, cone of light, conjugate planes, focusing, and the kind of a plenoptic camera.
+"""Gaussian optics of a camera: exit pupil, cone of light, conjugate planes, focusing, and the camera's kind.
 
 All of it is on the axis of the camera as designed: placements of the array and the sensor do not matter.
 """

@@ -19,8 +19,7 @@ from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.rendering.tile import Tile
 from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
-from plenoptic.truth.truth_stages import fill_microlens, fill_microlens_type, lens_numbers
-from plenoptic.truth.truth_stages import LitCells
+from plenoptic.truth.truth_stages import LitCells, fill_microlens, fill_microlens_type, lens_numbers
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
 """Where a path is lost by these, it has no point on the element."""

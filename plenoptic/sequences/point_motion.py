@@ -11,8 +11,15 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.points.projection import are_occluded
-from plenoptic.camera.points.projection_rows import Aim, ThroughArray, aim_rays, entrance_rays, through_iris
-from plenoptic.camera.points.projection_rows import lenses_at, straight_to_sensor
+from plenoptic.camera.points.projection_rows import (
+    Aim,
+    ThroughArray,
+    aim_rays,
+    entrance_rays,
+    lenses_at,
+    straight_to_sensor,
+    through_iris,
+)
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress

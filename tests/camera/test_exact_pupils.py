@@ -13,11 +13,10 @@ from camera_helpers import CAMERA, agree, bare_camera, camera_with, compiled_ane
 import plenoptic as pl
 from plenoptic.camera import cache
 from plenoptic.camera import camera_record as record
-from plenoptic.camera.camera_rays import CameraRays
+from plenoptic.camera.camera_rays import CameraRays, fill_through_array
 from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.camera.camera_rays import fill_through_array
 from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.lens.pupil.outline import polygon_around

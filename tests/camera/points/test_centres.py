@@ -11,9 +11,8 @@ import plenoptic as pl
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import CameraPart
 from plenoptic.camera.points import centroids
-from plenoptic.camera.points.centres import CentreMethod, microlens_centres
+from plenoptic.camera.points.centres import CentreMethod, aimed_slopes, microlens_centres
 from plenoptic.camera.points.centroids import centroids_at, moment_points
-from plenoptic.camera.points.centres import aimed_slopes
 from plenoptic.optics.microlens.lattice import polygon_moments
 
 ORTHOGONAL, CHIEF_RAY, CENTROID = CentreMethod

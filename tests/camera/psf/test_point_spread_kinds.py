@@ -10,9 +10,8 @@ from camera_helpers import bare_camera, camera_with, in_blocks, in_world, out_of
 import plenoptic as pl
 from plenoptic.camera.camera import CameraPart
 from plenoptic.camera.camera_record import camera_record
-from plenoptic.camera.psf.sensor_hits import fill_through_array_forward
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.camera.psf.sensor_hits import forward_record
+from plenoptic.camera.psf.sensor_hits import fill_through_array_forward, forward_record
 from plenoptic.optics import ApertureShape, Blemishes, BlemishSite, Gaps, MicrolensAperture, MicrolensDeviations
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_thin
