@@ -49,8 +49,8 @@ glass_resonance optics/glass/dispersion.py: optics/glass
 - + k[3] / (w * w - k[4] ** 2),
 + + k[3] / (w * w - k[4]),
 choice_in_a_piece camera/sampling/kernels/camera_samples.py: camera/test_aperture_regions.py rendering/test_render.py
-- return total_area, k, target_area - area_before
-+ return total_area, k, target_area
+- remainder -= pieces[k - 1].area
++ remainder -= 0.0
 plane_moves_along_u camera/sampling/kernels/aperture_regions.py: camera/test_aperture_regions.py rendering
 - nx * transfer.x_by_v + ny * transfer.y_by_v
 + nx * transfer.x_by_v + ny * transfer.y_by_u

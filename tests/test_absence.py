@@ -443,11 +443,11 @@ OF_THE_CAMERA = {
     *(
         "sobol.fill_net",
         "candidates.fill_cells",
-        "pixel_regions.fill_regions",
+        "aperture_regions.fill_regions",
         "ideal_microlenses.fill_thin",
         "trace.fill_traced",
     ),
-    *("paths.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
+    *("camera_samples.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
 OF_OPENINGS = {
     *(

@@ -111,6 +111,14 @@ def assembly(camera: PlenopticCamera) -> Assembly:
     )
 
 
+def lens_to_world(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
+    """Rigid motion from the lens's axes to the world; None if they are the same."""
+    if camera.pose is None:
+        return parts.lens_to_camera
+    pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
+    return pose if parts.lens_to_camera is None else pose.of(parts.lens_to_camera)
+
+
 def _plane_coefficients(sensor: Rigid) -> tuple[float, Floats | None]:
     """Plane of the sensor as distance and slopes: z = distance + tilt . (x, y)."""
     normal = sensor.turn[:, 2]

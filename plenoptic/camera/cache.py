@@ -11,8 +11,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.assembly import lens_to_world
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.camera_record import CameraRecord, camera_record, lens_to_world
+from plenoptic.camera.camera_record import CameraRecord, camera_record
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import IlluminatedPixels, Regions
 from plenoptic.core.last_result import LastResultCache

@@ -313,9 +313,10 @@ class PlenopticCamera:
         >>> [ax.get_xlabel() for ax in camera.layout().axes]
         ['z / mm (scene on the left, iris at 0)', 'distance behind the array / mm']
         """
-        from plenoptic.camera.report.layout import camera_layout  # knows this class
+        from plenoptic.camera.report.layout import section_rays  # knows this class
+        from plenoptic.plots.camera_layout import plot_camera_layout
 
-        return camera_layout(self, figure)
+        return plot_camera_layout(self, section_rays(self), figure)
 
     def _repr_html_(self) -> str:
         from plenoptic.camera.report.html import camera_html  # knows this class

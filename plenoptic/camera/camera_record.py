@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.assembly import Assembly, Rigid, assembly
+from plenoptic.camera.assembly import Assembly, assembly, lens_to_world
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.diffraction import DeflectionRecord, IrisRecord, deflection_record, iris_record
 from plenoptic.camera.dust import PlacedDust, placed_dust
@@ -19,13 +19,7 @@ from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.microlens_record import (
-    ArrayRecord,
-    ResponseRecord,
-    SensorPlane,
-    array_record,
-    possible_powers,
-)
+from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane, array_record
 from plenoptic.optics.stops.stop_registry import Stop, is_convex
 
 
@@ -148,7 +142,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
     if array is None:
         bounds = sensor_bounds(camera, parts, wavelengths)
     else:
-        array_limits = array_bounds(camera, array, parts, possible_powers(array), wavelengths)
+        array_limits = array_bounds(camera, array, parts, wavelengths)
         bounds, margin = array_limits.pupil, array_limits.margin
         microlens_record = array_record(
             array,
@@ -184,14 +178,6 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         diffraction_kernel=kernel,
         iris=iris_record(camera, path_wavelengths),
     )
-
-
-def lens_to_world(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
-    """Rigid motion from the lens's axes to the world; None if they are the same."""
-    if camera.pose is None:
-        return parts.lens_to_camera
-    pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
-    return pose if parts.lens_to_camera is None else pose.of(parts.lens_to_camera)
 
 
 def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:

@@ -194,7 +194,7 @@ def _axes_on(geometry: Geometry, hits: Hits) -> Floats:
 
 def _seen(tables: ForwardRecord, points: Floats) -> Floats:
     """World points in the lens's axes; nan where they do not lie in front of it."""
-    pose, placed = tables.camera.pose, tables.array.parts.lens_to_camera
+    pose, placed = tables.camera.pose, tables.parts.lens_to_camera
     local = points if pose is None else pose.to_camera(points)
     local = local if placed is None else placed.inverse().points(local)
     return np.where(local[:, 2:] < tables.entrance.z, local, np.nan)

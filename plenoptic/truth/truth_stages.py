@@ -95,13 +95,13 @@ class PixelStates(NamedTuple):
     """(m,): pixels whose rays hit a surface."""
 
 
-class ObjectShares(NamedTuple):
-    """Fractions of light from the pixels' objects."""
+class HitValues(NamedTuple):
+    """Values of a channel at the hits of the representative rays."""
 
     pixels: NDArray[np.int64]
     """(m,): pixels whose rays hit a surface."""
-    fraction: Floats
-    """(m,): fraction of the light."""
+    values: Floats
+    """(m,)"""
 
 
 class HitPoints(NamedTuple):
@@ -143,15 +143,6 @@ class ImagePoints(NamedTuple):
     """Smaller pitch of the microlenses over that of the pixels."""
 
 
-class Chords(NamedTuple):
-    """Disparities by chief rays."""
-
-    pixels: NDArray[np.int64]
-    """(m,): pixels whose rays hit a surface."""
-    disparity: Floats
-    """(m,): pixels."""
-
-
 class PixelStages:
     """Stages for some pixels; each is a property that is computed once."""
 
@@ -171,11 +162,9 @@ class PixelStages:
     def _sensor_distance(self) -> Floats:
         """Distance (n,) of each ray's start behind the array's rear principal plane, mm."""
         plane, starts = self._camera.sensor.plane, self.rays.starts
-        return (
-            np.full(len(starts), plane.distance)
-            if plane.tilt is None
-            else plane.distance + (starts[:, 0] * plane.tilt[0] + starts[:, 1] * plane.tilt[1])
-        )
+        if plane.tilt is None:
+            return np.full(len(starts), plane.distance)
+        return np.asarray(plane.distance + (starts[:, 0] * plane.tilt[0] + starts[:, 1] * plane.tilt[1]))
 
     @cached_property
     def sensor(self) -> SensorRays:
@@ -224,15 +213,15 @@ class PixelStages:
         return PixelStates(rays.dark, ~rays.lost, self.hits.pixels if meshes else np.empty(0, dtype=np.int64))
 
     @cached_property
-    def object_shares(self) -> ObjectShares:
+    def object_shares(self) -> HitValues:
         """Fractions of the light that come from the objects hit by the representative rays."""
         from plenoptic.truth.object_share import object_shares
 
         hits, intersector = self.hits, self._intersector
         assert hits.scene.triangle_mesh is not None and intersector is not None
         objects = hits.scene.triangle_mesh[hits.hits.triangle]
-        fraction = object_shares(self._camera, hits.scene, intersector, self._pixels[hits.pixels], objects)
-        return ObjectShares(hits.pixels, fraction)
+        shares = object_shares(self._camera, hits.scene, intersector, self._pixels[hits.pixels], objects)
+        return HitValues(hits.pixels, shares)
 
     @cached_property
     def points(self) -> HitPoints:
@@ -272,17 +261,16 @@ class PixelStages:
         return ImagePoints(distance, self._sensor_distance, min(camera.microlenses.pitches) / camera.sensor.pitch)
 
     @cached_property
-    def chords(self) -> Chords:
+    def chords(self) -> HitValues:
         """Disparities of the hit points between neighbouring microlenses, by chief rays."""
         from plenoptic.truth.chord_disparity import chord_disparities
 
         record, hit_points = self._truth.chords, self.points
         if record is None:
-            return Chords(np.empty(0, dtype=np.int64), np.empty(0))
-        lenses, entering = self.lenses[hit_points.pixels], self.entering(record.entrance.z)
-        return Chords(
-            hit_points.pixels, chord_disparities(record, hit_points.points[hit_points.pixels], lenses, entering)
-        )
+            return HitValues(np.empty(0, dtype=np.int64), np.empty(0))
+        pixels, entering = hit_points.pixels, self.entering(record.entrance.z)
+        disparities = chord_disparities(record, hit_points.points[pixels], self.lenses[pixels], entering)
+        return HitValues(pixels, disparities)
 
     @cached_property
     def lenses(self) -> NDArray[np.int64]:
@@ -336,14 +324,12 @@ def fill_state(states: NDArray[np.int32], pixels: PixelStates) -> None:
     states[pixels.hit_pixels] = PixelState.SEEN
 
 
-def fill_object_share(shares: Floats, object_shares: ObjectShares) -> None:
-    """Fill the fractions of light from the pixels' objects."""
-    shares[object_shares.pixels] = object_shares.fraction
+def fill_object_share(channel: Floats, hits: HitValues) -> None:
+    """Fill values at hits: the fractions of light from the pixels' objects."""
+    channel[hits.pixels] = hits.values
 
 
-def fill_chord_disparity(disparities: Floats, chords: Chords) -> None:
-    """Fill the disparities by chief rays."""
-    disparities[chords.pixels] = chords.disparity
+fill_chord_disparity = fill_object_share
 
 
 def lens_numbers(camera: CameraRecord) -> NDArray[np.int64] | None:

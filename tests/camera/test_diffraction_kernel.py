@@ -119,7 +119,9 @@ def test_drawn_deflections_represent_all_samples_in_any_batches(samples, replica
         order = [(s, i) for s in range(drawn.streams) for i in range(longest) if i * drawn.streams + s < n]
         for k, (_, index) in enumerate(order):
             blocks[6 * 256 + k] = drawn.first_index + index + 1
-        film_sums.fill_samples(sums, film_sums.Light(blocks, None, None, None), 0, n, drawn, batch, DEFLECTION_INTERVAL)
+        film_sums.fill_deflected_sums(
+            sums, film_sums.Light(blocks, None, None, None), 0, n, drawn, batch, DEFLECTION_INTERVAL
+        )
         totals += sums[0][0, :, 0]
     indices_of_replicate = [np.arange(len(range(r, samples, replicates))) for r in range(replicates)]
     assert_allclose(totals, [(indices // DEFLECTION_INTERVAL + 1).sum() for indices in indices_of_replicate])

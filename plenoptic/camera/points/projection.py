@@ -221,7 +221,7 @@ def are_occluded(record: ForwardRecord, points: Floats, entering: Floats, prepar
     scene_record, intersector = prepared.record, prepared.intersector
     if intersector is None:
         return np.zeros(len(points), dtype=bool)
-    lens_pose, pose = record.array.parts.lens_to_camera, record.camera.pose
+    lens_pose, pose = record.parts.lens_to_camera, record.camera.pose
     through = np.column_stack([entering, np.full(len(points), record.entrance.z)])
     through = through if lens_pose is None else lens_pose.points(through)
     through = through if pose is None else pose.to_world(through)

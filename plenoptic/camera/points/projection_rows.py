@@ -235,7 +235,7 @@ def _rows_through_iris(record: ForwardRecord, points: Floats, light: Light) -> R
 
 def straight_to_sensor(record: ForwardRecord, behind: RayBundle) -> Floats:
     """Intersections (n, 2) of rays behind the lens with the sensor, in its own axes, without microlenses."""
-    parts = record.array.parts
+    parts = record.parts
     to_sensor = parts.sensor_to_local.inverse()
     origin = to_sensor.points(behind.origin - np.array([0.0, 0.0, parts.z_plane]))
     direction = to_sensor.directions(behind.direction)

@@ -47,29 +47,6 @@ _REACH_FACTOR = 1.25
 """Factor on the distance from the axis up to which microlenses are listed, for thick ones."""
 
 
-class ForwardArray(NamedTuple):
-    """Array and sensor for forward tracing; lengths in mm, in the local axes of `Assembly`."""
-
-    parts: Assembly
-    microlenses: MicrolensArray | None
-    array: ArrayRecord | None
-    differs: bool
-    """True if microlenses differ or do not fill their cells."""
-    sensor: SensorPlane
-
-
-def forward_array(camera: PlenopticCamera, parts: Assembly) -> ForwardArray:
-    """Compile array and sensor for forward tracing."""
-    array, sensor = camera.microlenses, SensorPlane(parts.distance, parts.tilt, _to_sensor(parts))
-    if array is None:
-        return ForwardArray(parts, None, None, False, sensor)
-    reach = 0.0 if array.lattice is not Lattice.FREE and array.imperfections is None else _reach(camera, parts, array)
-    record = array_forward_record(
-        array, turn=parts.array_turn, origin=parts.array_origin, reach=reach, wavelength=camera.wavelength
-    )
-    return ForwardArray(parts, array, record, differs_forward(record), sensor)
-
-
 def _to_sensor(parts: Assembly) -> Floats | None:
     """Matrix from points x, y, 1 of the sensor in local axes to its own; None if they are the same."""
     turn, shift = parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
@@ -100,21 +77,21 @@ def _reach(camera: PlenopticCamera, parts: Assembly, array: MicrolensArray) -> f
     return reach
 
 
-def fill_through_array_forward(blocks: Floats, forward: ForwardArray) -> None:
+def fill_through_array_forward(blocks: Floats, record: ForwardRecord) -> None:
     """Trace rays behind the lens, in its axes, to points on the sensor; see `to_sensor`."""
     from plenoptic.optics.microlens.kernels.to_sensor import fill_in_array_axes, fill_straight_forward
 
-    parts, array, sensor = forward.parts, forward.array, forward.sensor
+    parts, array, sensor, microlenses = record.parts, record.array, record.sensor, record.camera.microlenses
     z = parts.z_plane
-    if array is None or forward.microlenses is None:
+    if array is None or microlenses is None:
         fill_straight_forward(blocks, sensor._replace(distance=z + parts.distance))
         return
     if parts.frame is not None:
         fill_in_array_axes(blocks, parts.frame)
         z = 0.0
-    to_sensor = forward.microlenses.model.rules.to_sensor
+    to_sensor = microlenses.model.rules.to_sensor
     assert to_sensor is not None
-    to_sensor(blocks, ArrayCrossing(array, sensor, z), forward.differs)
+    to_sensor(blocks, ArrayCrossing(array, sensor, z), differs_forward(array))
 
 
 class SensorDeflection(NamedTuple):
@@ -130,16 +107,19 @@ class SensorDeflection(NamedTuple):
 
 
 class ForwardRecord(NamedTuple):
-    """Record of a camera for forward tracing."""
+    """Record of a camera for forward tracing; lengths in mm, array and sensor in the local axes of `Assembly`."""
 
     camera: PlenopticCamera
+    parts: Assembly
     lens: LensRecord
     ideal: bool
     """True if the main lens is ideal."""
     facing: Floats | None
     """(3,): the camera's axis, the normal of emitters, in the lens's axes; None if it is the lens's axis."""
     entrance: Entrance
-    array: ForwardArray
+    array: ArrayRecord | None
+    """None without microlenses."""
+    sensor: SensorPlane
     opening: Floats | None = None
     """(2,): half height and half width of a pixel's sensitive area, over the pitch; None: the whole pixel."""
     response: ResponseRecord | None = None
@@ -176,33 +156,40 @@ class LandedRays(NamedTuple):
 
 def forward_record(camera: PlenopticCamera) -> ForwardRecord:
     """Compile a camera for forward tracing, without dust, diffraction and the response of pixels."""
-    lens, parts = camera.lens, assembly(camera)
-    lens_pose = parts.lens_to_camera
+    lens, array, parts = camera.lens, camera.microlenses, assembly(camera)
+    lens_pose, array_record = parts.lens_to_camera, None
+    if array is not None:
+        differs = array.lattice is Lattice.FREE or array.imperfections is not None
+        reach = _reach(camera, parts, array) if differs else 0.0
+        array_record = array_forward_record(
+            array, turn=parts.array_turn, origin=parts.array_origin, reach=reach, wavelength=camera.wavelength
+        )
     return ForwardRecord(
         camera,
+        parts,
         lens_record(lens, camera.wavelength, reverse=False),
         lens.model in (LensModel.THIN, LensModel.PARAXIAL),
         None if lens_pose is None or lens_pose.turn[2, 2] == 1.0 else lens_pose.turn[2].copy(),
         entrance(lens, camera.wavelength),
-        forward_array(camera, parts),
+        array_record,
+        SensorPlane(parts.distance, parts.tilt, _to_sensor(parts)),
     )
 
 
 def radiometric_record(camera: PlenopticCamera) -> ForwardRecord:
     """Compile a camera for forward tracing with the losses of `render`: dust, openings and response of pixels."""
     record, sensor = forward_record(camera), camera.sensor
-    parts = record.array.parts
     return record._replace(
         opening=None if sensor.fill_factor == 1 else 0.5 * np.array(sensor.pixel_aperture[::-1]),
-        response=response_record(camera, parts),
-        dust=placed_dust(camera, parts),
+        response=response_record(camera, record.parts),
+        dust=placed_dust(camera, record.parts),
     )
 
 
 def diffraction_record(camera: PlenopticCamera) -> ForwardRecord:
     """Compile a camera for forward tracing with losses and, if enabled, diffraction at iris and microlenses."""
     record = radiometric_record(camera)._replace(iris=iris_record(camera, (camera.wavelength,)))
-    parts = record.array.parts
+    parts = record.parts
     diffraction_at_array = deflection_record(camera, parts, (camera.wavelength,))
     if diffraction_at_array is None:
         return record
@@ -225,9 +212,9 @@ def _fill_losses_behind_array(blocks: Floats, aims: Floats, record: ForwardRecor
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
     from plenoptic.optics.microlens.kernels.to_sensor import fill_aims
 
-    parts, sensor = record.array.parts, record.array.sensor._replace(axes=None)
+    parts, sensor = record.parts, record.sensor._replace(axes=None)
     placement = None
-    if record.array.sensor.axes is not None:
+    if record.sensor.axes is not None:
         placement = np.column_stack([parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]])
     fill_aims(aims, blocks, sensor, placement)
     fill_losses_before_array(aims, sensor, record.response, record.dust)
@@ -237,7 +224,7 @@ def _fill_losses_behind_array(blocks: Floats, aims: Floats, record: ForwardRecor
 
 def in_lens_axes(record: ForwardRecord, points: Floats) -> Floats:
     """Transform world points to the lens's axes; raise an InvalidValueError if one is not in front of the lens."""
-    pose, lens_pose = record.camera.pose, record.array.parts.lens_to_camera
+    pose, lens_pose = record.camera.pose, record.parts.lens_to_camera
     in_lens = points if pose is None else pose.to_camera(points)
     in_lens = in_lens if lens_pose is None else lens_pose.inverse().points(in_lens)
     behind = np.flatnonzero(~(in_lens[:, 2] < record.entrance.z))
@@ -294,7 +281,7 @@ def trace_task(record: ForwardRecord, task: Task, seed: np.uint64) -> LandedRays
         if record.ideal:
             to_sensor.fill_ideal_weights(bundle)
         fill_dust_at_lens(bundle, dust, BlemishSite.LENS_REAR)
-        fill_through_array_forward(bundle, record.array)
+        fill_through_array_forward(bundle, record)
         if record.has_losses_before_array:
             _fill_losses_behind_array(bundle, aims[: bundle.size], record)
         if record.deflection is not None:

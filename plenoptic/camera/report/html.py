@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from plenoptic.camera.gaussian import camera_cone, kind_of, plane_of_focus
 from plenoptic.camera.report.findings import CameraFindingKind
-from plenoptic.camera.report.layout import camera_layout
 from plenoptic.camera.report.text import KIND_NAMES, report_sections, report_title
 from plenoptic.core.last_result import LastResultCache
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
@@ -40,7 +39,7 @@ def _camera_html(camera: PlenopticCamera) -> str:
     title = _title(camera)
     alt = f"Section of a camera with the rays of one pixel: {title}"
     size = SIZES[camera.microlenses is not None]
-    picture = picture_html(lambda figure: camera_layout(camera, figure), size=size, alt=alt, text="")
+    picture = picture_html(lambda figure: camera.layout(figure=figure), size=size, alt=alt, text="")
     return heading_html(title) + picture + table_html((), _key_numbers(camera))
 
 

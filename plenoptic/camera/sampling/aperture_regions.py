@@ -32,8 +32,8 @@ _TOGETHER = 512
 """Candidates whose rays are traced together."""
 _BORDER = NEAR // GROUP_SIDE + 1
 """Groups on each side of the sensor."""
-_PASSES, _SLACK = 4, 2e-3
-"""Most fits of a candidate's ray transfers, and the relative margin below which it is not fitted again."""
+_PASSES = 4
+"""Most fits of a candidate's ray transfers."""
 
 
 def pixel_centres(camera: CameraRecord, rows: tuple[int, int], columns: tuple[int, int]) -> Floats:
@@ -59,21 +59,10 @@ MAX_CELLS = 100_000
 
 
 def cells_per_pixel(camera: CameraRecord) -> float:
-    """Approximate number of microlenses tested for each pixel, at least 1.
+    """Approximate upper bound on the number of microlenses tested for each pixel, at least 1.
 
     Raises an InvalidValueError above `MAX_CELLS`.
     """
-    count = _estimate_cells(camera)
-    if count > MAX_CELLS:
-        raise InvalidValueError(
-            f"each pixel sees about {count:.3g} microlenses, and the limit is {MAX_CELLS}; their pitch is too small, "
-            "or their images overlap too much: check the units, close the stop or reduce microlenses_to_sensor"
-        )
-    return count
-
-
-def _estimate_cells(camera: CameraRecord) -> float:
-    """Approximate upper bound on the number of microlenses that illuminate a pixel."""
     array, pupil = camera.array, camera.pupil
     if array is None:
         return 1.0
@@ -85,16 +74,21 @@ def _estimate_cells(camera: CameraRecord) -> float:
     area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.lens_table
     if listed is not None:
         area = float(listed.bins.width**2 * (len(listed.bins.first) - 1) / max(len(listed.lenses), 1))
-    return 1.0 + float(np.pi * search**2 / area)
+    count = 1.0 + float(np.pi * search**2 / area)
+    if count > MAX_CELLS:
+        raise InvalidValueError(
+            f"each pixel sees about {count:.3g} microlenses, and the limit is {MAX_CELLS}; their pitch is too small, "
+            "or their images overlap too much: check the units, close the stop or reduce microlenses_to_sensor"
+        )
+    return count
 
 
 class _GroupHalf(NamedTuple):
-    """Half sides of a group in local x and y in mm, rays per candidate, and the relative margin to reach."""
+    """Half sides of a group in local x and y in mm, and rays per candidate."""
 
     x: float
     y: float
     rays: int
-    slack: float
 
 
 def _group_points(camera: CameraRecord, points: Floats) -> tuple[Floats, NDArray[np.int64]]:
@@ -154,7 +148,7 @@ def _ray_transfers(
     camera: CameraRecord, candidates: Candidates, corners: Floats, centres: Floats, half: _GroupHalf
 ) -> NDArray[np.void]:
     """Linear ray transfers of candidates to the elements of the lens; candidates get their first one and number."""
-    from plenoptic.camera.camera_rays import fill_through_array
+    from plenoptic.camera.camera_rays import fill_through_array  # samples regions itself
     from plenoptic.camera.sampling.kernels import ray_transfer as kernels
     from plenoptic.camera.sampling.kernels.aperture_regions import MAX_PIECES, fill_boxes
 
@@ -204,7 +198,7 @@ def aperture_regions(
         turn = camera.parts.sensor_to_local.turn
         sides = 0.5 * GROUP_SIDE * camera.sensor.pitch * np.abs(turn[:2, :2]).sum(axis=1)
         colours = 1 if camera.dispersed is None else 3
-        size = _GroupHalf(float(sides[0]), float(sides[1]), RAYS * colours, _SLACK)
+        size = _GroupHalf(float(sides[0]), float(sides[1]), RAYS * colours)
         candidates, corners = _candidates(camera, centres, float(np.hypot(*sides)))
         transfers = _ray_transfers(camera, candidates, corners, centres, size)
     else:

@@ -9,13 +9,14 @@ import numpy as np
 from plenoptic.camera.assembly import Assembly, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.diffraction import deflection_reach
+from plenoptic.camera.sampling.region_method import ray_height_factors
 from plenoptic.camera.sampling.sampling_records import GROUP_SIDE
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds, rear_reach
 from plenoptic.optics.lens.pupil.outline import polygon_around
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import largest_offset
-from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens
+from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens, possible_powers
 from plenoptic.optics.microlens.model_rules import ArrayCrossing
 
 _N_AIMS, _N_OFFSETS = 33, 49
@@ -44,7 +45,7 @@ def sensor_bounds(camera: PlenopticCamera, parts: Assembly, wavelengths: tuple[f
 
 
 def array_bounds(
-    camera: PlenopticCamera, array: MicrolensArray, parts: Assembly, powers: Floats, wavelengths: tuple[float, ...]
+    camera: PlenopticCamera, array: MicrolensArray, parts: Assembly, wavelengths: tuple[float, ...]
 ) -> ArrayBounds:
     """Outlines of the pupil for all cells in use, and margins for the rays of real microlenses.
 
@@ -57,7 +58,8 @@ def array_bounds(
     ratio = pupil_distance / float(corners[:, 2].min())
     sensor_radius = float(np.hypot(*parts.local_to_lens.points(corners)[:, :2].T).max())
     tilt = float(np.hypot(*parts.local_to_lens.turn[2, :2]))
-    strongest = max(abs(_ray_height_factor(array, power, pupil_distance, ratio)) for power in powers)
+    powers, height_factors = possible_powers(array), ray_height_factors(array, pupil_distance, ratio)
+    strongest = float(np.abs(height_factors).max())
     decentre_margin = largest_offset(array.imperfections) * max(
         abs(pupil_distance * power) for power in (*powers, (1 + ratio) / pupil_distance)
     )
@@ -73,14 +75,12 @@ def array_bounds(
             return ArrayBounds(bounds, margin, lateral, widest)
         reach = float(bounds.reach.max()) + widest
         distance = pupil_distance / ratio
-        height_factors = [
-            (power, _ray_height_factor(array, power, pupil_distance, ratio)) for power in powers if power > 0
-        ]
         disperses = any(array.index_at(wavelength) != array.index for wavelength in wavelengths)
         margins = [
             aberration_margins(array, wavelength, power, distance, pupil_distance, height_factor, reach)
             for wavelength in (wavelengths if disperses else wavelengths[:1])
-            for power, height_factor in height_factors
+            for power, height_factor in zip(powers, height_factors, strict=True)
+            if power > 0
         ]
         margin, lateral = (1.0 + tilt) * max(m[0] for m in margins), (1.0 + tilt) * max(m[1] for m in margins)
 
@@ -147,11 +147,6 @@ def _chromatic_margin(
     change = max(abs(array.power_factor(wavelength) - 1.0) for wavelength in wavelengths)
     height = array.cell_radius + largest_offset(array.imperfections)
     return _SAFETY * abs(pupil_distance) * change * float(np.abs(powers).max()) * height
-
-
-def _ray_height_factor(array: MicrolensArray, power: float, pupil_distance: float, ratio: float) -> float:
-    """Displacement of a ray on the plane of the outlines per displacement of its point in the cell."""
-    return 1.0 + ratio - pupil_distance * power if array.model.focuses else 0.0
 
 
 def _envelope(

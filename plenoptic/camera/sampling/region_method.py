@@ -80,7 +80,8 @@ def microlenses_near(camera: PlenopticCamera) -> float:
         return 1.0
     distance = parts.z_plane - float(camera.lens.vertices[-1])
     ratio = distance / parts.distance
-    height = _pupil_reach(camera, parts.z_plane) + _ray_height_factor(array, distance, ratio) * array.cell_radius
+    strongest = float(np.abs(ray_height_factors(array, distance, ratio)).max())
+    height = _pupil_reach(camera, parts.z_plane) + strongest * array.cell_radius
     search = (height + ratio * camera.sensor.pixel_pitch) / (1.0 + ratio) + array.cell_radius
     area = math.prod(array.pitches) if array.lattice is Lattice.FREE else array.cell_area
     return 1.0 + math.pi * search**2 / area
@@ -96,11 +97,13 @@ def _pupil_reach(camera: PlenopticCamera, z_plane: float) -> float:
     return min(pupil_radius, rim_radius) if math.isfinite(pupil_radius) else rim_radius
 
 
-def _ray_height_factor(array: MicrolensArray, distance: float, ratio: float) -> float:
-    """Displacement of a ray on the plane of the last vertex per displacement of its point in the cell."""
-    if not array.model.focuses:
-        return 0.0
-    return float(np.abs(1.0 + ratio - distance * possible_powers(array)).max())
+def ray_height_factors(array: MicrolensArray, distance: float, ratio: float) -> Floats:
+    """Displacement of rays on the plane of the last vertex per displacement of their point in a cell.
+
+    One for each of the `possible_powers`; `ratio` is the distance of that plane over that of the sensor.
+    """
+    powers = possible_powers(array)
+    return np.asarray(1.0 + ratio - distance * powers if array.model.focuses else np.zeros_like(powers))
 
 
 def bounds_reason(camera: PlenopticCamera, *, with_core: bool) -> str:
@@ -140,7 +143,6 @@ def no_core_reason(camera: PlenopticCamera) -> str:
     # Displacements on the pupil, over a microlens and over a pixel.
     distance = parts.z_plane - float(camera.lens.vertices[-1])
     ratio, pixel = distance / parts.distance, 0.5 * camera.sensor.pixel_pitch * max(camera.sensor.pixel_aperture)
-    varies_over_pixel = (
-        array.model.focuses and _ray_height_factor(array, distance, ratio) * array.cell_radius < ratio * pixel
-    )
+    height = float(np.abs(ray_height_factors(array, distance, ratio)).max()) * array.cell_radius
+    varies_over_pixel = array.model.focuses and height < ratio * pixel
     return "vignetting changes more over a pixel than over a microlens" if varies_over_pixel else ""

@@ -129,7 +129,7 @@ def half_shut(stop=3.6):
 def test_centroids_converge_with_finer_lines():
     camera = half_shut()
     points = np.array([[0.0, 0.0], [2.0, 1.0], [4.0, -3.0], [-5.0, 2.0]])
-    coarse, fine = (centroids_of(camera, points, lines=n, places=m) for n, m in ((32, 24), (160, 60)))
+    coarse, fine = (centroids_of(camera, points, n_lines=n, n_places=m) for n, m in ((32, 24), (160, 60)))
     # Documented: some 0.01 pixels.
     assert np.abs(coarse - fine).max() < 0.02 * PIXEL
     assert np.abs(fine[0]).max() < 1e-5  # on the axis, by symmetry; halving eight times leaves some 1e-5
@@ -280,7 +280,7 @@ def test_impossible_questions_say_what_to_do():
     camera, (white, narrow) = the_camera(shape=(64, 64)), (pl.Exposure(np.ones((64, n, 1))) for n in (64, 63))
     for camera_, options, message in (
         ((bare_camera(),), {}, "no microlenses"),
-        ((camera,), {"white": white}, "does not look at it"),
+        ((camera,), {"white": white}, "does not use it"),
         ((camera, CENTROID), {"white": narrow}, "render it with this camera"),
         ((camera, 7), {}, "method is 7"),
     ):

@@ -247,7 +247,7 @@ def forwards(camera, z, x, y, u, v):
     """Place on the sensor, slopes, weight, index and status of rays of weight 1 that start at z of the lens's axes."""
     n, one = 1 / np.sqrt(1 + u * u + v * v), np.ones(x.size)
     blocks = in_blocks(np.stack([x, y, z * one, u * n, v * n, n, one, 0 * one]))
-    fill_through_array_forward(blocks, forward_record(camera).array)
+    fill_through_array_forward(blocks, forward_record(camera))
     out = out_of_blocks(blocks, x.size)
     return out[:2], out[3:5], out[6], out[[2, 5]], out[7]
 

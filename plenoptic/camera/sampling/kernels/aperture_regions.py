@@ -16,6 +16,8 @@ _MAX_MOVING_PLANES = 24
 """Most planes that clip a piece differently at each point of the pixel; with more, none does."""
 _FEW_PLANES = 6
 """With more planes, the piece is taken as the image of the stop, which moves as a whole, if that needs fewer planes."""
+_SLACK = 2e-3
+"""Relative margin of a candidate below which its ray transfers are not fitted again."""
 _FIXED = 1e-3
 """Displacement over a pixel, relative to the piece, below which a plane counts as fixed."""
 MAX_CORNERS = 64
@@ -127,9 +129,9 @@ def fill_candidate_polygon(polygon, corners, candidate):
 
 
 @device
-def clip_outermost(polygon, n, planes, first, end, half):
+def clip_outermost(polygon, n, planes, count, half):
     """Clip a polygon with planes, each at its outermost position over the pixel; return the number of corners."""
-    for j in range(first, end):
+    for j in range(count):
         if 0 < n < MAX_CORNERS:
             n = cut(polygon, 0, n, planes[j, A], planes[j, B], planes[j, LIMIT] + sweep_of(planes[j], half))
     return n
@@ -161,15 +163,6 @@ def fill_moving_box(box, motion, transfer, candidate, shape, half):
     return 4
 
 
-@device
-def clip_at_centre(polygon, n, planes, first, end):
-    """Clip a polygon with planes at their position for the pixel's centre; return the number of corners."""
-    for j in range(first, end):
-        if 0 < n < MAX_CORNERS:
-            n = cut(polygon, 0, n, planes[j, A], planes[j, B], planes[j, LIMIT])
-    return n
-
-
 @kernel
 def fill_boxes(candidates, chosen, corners, transfers, edges, half):
     """Set the bounding boxes of the light of candidates `chosen` (n,).
@@ -185,13 +178,13 @@ def fill_boxes(candidates, chosen, corners, transfers, edges, half):
         count, n = 0, fill_candidate_polygon(polygon, corners, candidate)
         for j in range(candidate.first_transfer, candidate.first_transfer + candidate.transfers):
             count = fill_planes(planes, count, transfers[j], edges, candidate, (polygon, n), ((0.0, 0.0), size))
-        n = clip_outermost(polygon, n, planes, 0, count, size)
+        n = clip_outermost(polygon, n, planes, count, size)
         if n < 3:
             candidate.transfers = -1
             continue
         area_before = candidate.half_x * candidate.half_y
         set_box(candidate, polygon, n)
-        if candidate.half_x * candidate.half_y < 0.5 * area_before and candidate.slack > half.slack:
+        if candidate.half_x * candidate.half_y < 0.5 * area_before and candidate.slack > _SLACK:
             chosen[n_shrunk] = chosen[k]
             n_shrunk += 1
     return n_shrunk
@@ -269,7 +262,7 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             count, n = 0, fill_candidate_polygon(polygon, corners, candidate)
             for j in range(candidate.first_transfer, candidate.first_transfer + candidate.transfers):
                 count = fill_planes(planes, count, transfers[j], edges, candidate, (polygon, n), (centre, half))
-            n = clip_outermost(polygon, n, planes, 0, count, half)
+            n = clip_outermost(polygon, n, planes, count, half)
             piece_area = area_of(polygon, 0, n) if n >= 3 else 0.0
             if not piece_area > 0.0:
                 continue
@@ -283,7 +276,8 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             motion[:] = 0.0
             if n_cuts > _FEW_PLANES and candidate.transfers == 1:
                 m = fill_moving_box(box, motion, transfers[candidate.first_transfer], candidate, (polygon, n), half)
-                m = clip_at_centre(box, m, planes, 0, count)
+                # At the pixel's centre.
+                m = clip_outermost(box, m, planes, count, (0.0, 0.0))
                 end_plane = _store_moving_edges(regions.planes, first_plane, box, m, motion, corners, candidate, half)
                 if 3 <= m < MAX_CORNERS and end_plane - first_plane < n_cuts:
                     n, piece_area = m, area_of(box, 0, m)
