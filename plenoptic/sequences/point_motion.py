@@ -144,9 +144,8 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
     def work(pixels: Floats, rays: RepresentativeRays) -> Arrays:
         stages, n = PixelStages(record, scene.record, intersector, finding, pixels, rays), len(pixels)
         lanes, lenses = stages.hits.pixels, None if record.array is None else stages.lenses[stages.hits.pixels]
-        before_points = stages.points.points[lanes]
-        after_points = _carry(stages.world_points()[lanes], stages.hits.hits, *places)
-        before = _chief_rays(tables[0], before_points, lenses, stages.entering(tables[0].entrance.z))
+        after_points = _carry(stages.world_points, stages.hits.hits, *places)
+        before = _chief_rays(tables[0], stages.points, lenses, stages.entering(tables[0].entrance.z))
         after = _chief_rays(tables[1], _seen(tables[1], after_points), lenses, before.entering)
         found = {"position": np.full((n, 3), np.nan), "shift": np.full((n, 2), np.nan), "visible": np.zeros(n, bool)}
         found["position"][lanes] = after_points

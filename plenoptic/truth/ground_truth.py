@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,7 +22,6 @@ from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import lens_record
-from plenoptic.scene.scene import Scene
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
 from plenoptic.truth.chord_disparity import chord_record
 from plenoptic.truth.representative_rays import RepresentativeRays, representative_rays
@@ -54,7 +52,7 @@ def truth_record(camera: PlenopticCamera, record: CameraRecord, requested: Truth
     axes = np.concatenate([np.eye(3), [[0.0, 0.0, record.z_plane]]])
     if record.frame is not None:
         axes = np.concatenate([record.frame[:9].reshape(3, 3).T, record.frame[None, 9:]])
-    images = any(channel.source.stage == "images" for channel in channels_of(requested).values())
+    images = requested & (Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     return TruthRecord(
         requested=requested,
         frame=None if lens_pose is None else np.concatenate([lens_pose.turn.ravel(), lens_pose.shift]),
@@ -81,16 +79,8 @@ def compute_truth(
     arrays = empty_truth(truth.requested, (len(pixels),))
     stages = PixelStages(record, scene, intersector, truth, pixels, rays)
     for name, array in arrays.items():
-        fill, stage = channel_filler(name)
-        fill(array, getattr(stages, stage))
+        getattr(stages, f"fill_{name}")(array)
     return arrays
-
-
-def channel_filler(name: str) -> tuple[Callable[[NDArray[Any], Any], None], str]:
-    """Function that fills a channel, and the stage that it reads; kernels are loaded here."""
-    source = CHANNELS[name].source
-    module = importlib.import_module(f"plenoptic.truth.{source.filled_in}")
-    return getattr(module, f"fill_{name}"), source.stage
 
 
 def ground_truth(
@@ -240,8 +230,8 @@ def strip_worker(job: tuple[Scene | None, PlenopticCamera, Truth]) -> Callable[[
     cells_per_pixel(record)
     truth_parameters = truth_record(camera, record, requested)
     assert truth_parameters is not None
-    sources = [channel.source for channel in channels_of(requested).values()]
-    if _has_meshes(scene) and any((source.needs | source.uses) & Needs.MESHES for source in sources):
+    needs_meshes = any(channel.needs & Needs.MESHES for channel in channels_of(requested).values())
+    if (needs_meshes or requested & Truth.STATE) and _has_meshes(scene):
         from plenoptic.scene.cache import prepared_scene
 
         assert scene is not None

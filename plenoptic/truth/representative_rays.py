@@ -179,8 +179,8 @@ def _replace_rays(
     """Replace the rays `rows` by rays `indices` of another set."""
     rays.starts[rows], rays.aims[rows] = source.starts[indices], source.aims[indices]
     rays.cells[rows] = source.cells[indices]
-    _set_fields(rays.before, rows, _fields(source.before, indices))
-    _set_fields(rays.blocks, rows, _fields(source.blocks, indices))
+    _set_fields(rays.before, rows, ray_fields(source.before, indices))
+    _set_fields(rays.blocks, rows, ray_fields(source.blocks, indices))
 
 
 def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[RepresentativeRays, Floats]:
@@ -199,7 +199,7 @@ def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[
     rays = StartRays(blocks, lenslets, cells, np.empty(n), np.empty(n, dtype=np.int64))
     representative_ray.fill_centroid_rays(rays, starts, probes, aims, regions)
     all_indices = np.arange(n)
-    aimed = _fields(blocks, all_indices)
+    aimed = ray_fields(blocks, all_indices)
     before = _trace(blocks, lenslets, camera)
     missed = np.flatnonzero(_are_lost(blocks, n) & (rays.nearest >= 0))
     if missed.size:
@@ -225,7 +225,7 @@ def _are_lost(blocks: Floats, n: int) -> NDArray[np.bool_]:
     return np.asarray(blocks.reshape(-1, 8, BLOCK)[:, STATUS // BLOCK].reshape(-1)[:n] != 0)
 
 
-def _fields(blocks: Floats, indices: NDArray[np.int64]) -> Floats:
+def ray_fields(blocks: Floats, indices: NDArray[np.int64]) -> Floats:
     """Fields (m, 8) of some rays of a bundle: x, y, z, direction, weight and status."""
     return blocks.reshape(-1, 8, BLOCK)[indices // BLOCK, :, indices % BLOCK]
 

@@ -100,27 +100,3 @@ def fill_landed(hits, blocks, n, rows, columns, pitch, opening):
         else:
             beside_sensor += 1
     return landed_rays, beside_sensor, beside_opening
-
-
-@kernel
-def extent(hits):
-    """First and last row, first and last column of hits."""
-    top = bottom = hits[0].row
-    left = right = hits[0].column
-    for k in range(hits.size):
-        row, column = hits[k].row, hits[k].column
-        top, bottom = min(top, row), max(bottom, row)
-        left, right = min(left, column), max(right, column)
-    return top, bottom, left, right
-
-
-@kernel
-def fill_crop(crop, moments, hits, row, column):
-    """Add hits to the pixels of a crop with its upper left pixel at (row, column), and to the sums of w, w x, w y."""
-    for k in range(hits.size):
-        hit = hits[k]
-        w = hit.weight
-        crop[hit.row - row, hit.column - column] += w
-        moments[0] += w
-        moments[1] += w * hit.x
-        moments[2] += w * hit.y
