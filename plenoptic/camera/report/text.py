@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from plenoptic.camera.report.focus import MicrolensFocus
@@ -16,20 +16,8 @@ KIND_NAMES = ("conventional camera", "plenoptic camera 1.0", "focused plenoptic 
           "focused plenoptic camera, Galilean", "camera array without main lens")  # fmt: skip
 
 
-class ReportRow(NamedTuple):
-    """Number of a report with its unit, and the same in another unit."""
-
-    label: str
-    number: str
-    unit: str
-    also: str
-
-
-class ReportSection(NamedTuple):
-    """Title and rows of a section of a report."""
-
-    title: str
-    rows: list[ReportRow]
+ReportRow = tuple[str, str, str, str]
+"""Label, number and unit of a property, and the same in mm."""
 
 
 def report_text(report: CameraReport) -> str:
@@ -52,8 +40,8 @@ def report_title(report: CameraReport) -> str:
     return f"CameraReport: {KIND_NAMES[report.kind]}, at {report.wavelength:g} nm"
 
 
-def report_sections(report: CameraReport) -> list[ReportSection]:
-    """Sections of a report with all numbers that apply to the camera."""
+def report_sections(report: CameraReport) -> list[tuple[str, list[ReportRow]]]:
+    """Titles and rows of the sections of a report, with all numbers that apply to the camera."""
     plane = "sensor" if report.microlenses is None else "array"
     lens = [
         _row("focal length", report.efl, "mm"),
@@ -69,7 +57,7 @@ def report_sections(report: CameraReport) -> list[ReportSection]:
     if report.microlenses is not None:
         sections.append(("microlens images", _image_rows(report)))
     sections += [_focus_section(report, focus) for focus in report.focus]
-    return [ReportSection(title, [row for row in rows if row is not None]) for title, rows in sections]
+    return [(title, [row for row in rows if row is not None]) for title, rows in sections]
 
 
 def _image_rows(report: CameraReport) -> list[ReportRow | None]:
@@ -116,4 +104,4 @@ def _row(label: str, number: float | None, unit: str = "", millimetres: float | 
     if number is None:
         return None
     text = "none" if math.isnan(number) else f"{100.0 * number if unit == '%' else number:.6g}"
-    return ReportRow(label, text, unit, "" if millimetres is None else f"({millimetres:.6g} mm)")
+    return label, text, unit, ("" if millimetres is None else f"({millimetres:.6g} mm)")
