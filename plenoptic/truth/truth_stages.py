@@ -5,7 +5,6 @@ A stage runs when the first channel reads it.
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -131,31 +130,37 @@ class PixelStages:
         return self.hits.scene.triangle_mesh[self.hits.hits.triangle]
 
     @cached_property
-    def _hitting_rays(self) -> Floats:
-        """Fields (m, 8) of the rays with a hit, in front of the lens, in its axes."""
-        return ray_fields(self.rays.blocks, self.hits.pixels)
-
-    @cached_property
     def points(self) -> Floats:
         """Hit points (m, 3) in the lens's axes."""
-        rays = self._hitting_rays
-        return np.asarray(rays[:, :3] + self.hits.distance[:, None] * rays[:, 3:6])
+        from plenoptic.truth.kernels.hit_points import fill_hit_points
+
+        points = np.empty((len(self.hits.pixels), 3))
+        fill_hit_points(points, self.rays.blocks, self.hits.pixels, self.hits.distance)
+        return points
 
     @property
     def world_points(self) -> Floats:
         """Hit points (m, 3) in the world."""
-        rotation, position = self._camera.rotation, self._camera.position
-        return self.points if rotation is None or position is None else _rigid(rotation, position, self.points)
+        return self._in_axes(self._camera.rotation, self._camera.position)
 
     @property
     def _camera_points(self) -> Floats:
         """Hit points (m, 3) in the camera's frame."""
         frame = self._truth.frame
-        return self.points if frame is None else _rigid(frame[:9].reshape(3, 3), frame[9:], self.points)
+        return self.points if frame is None else self._in_axes(frame[:9].reshape(3, 3), frame[9:])
+
+    def _in_axes(self, rotation: Floats | None, shift: Floats | None) -> Floats:
+        from plenoptic.truth.kernels.hit_points import fill_in_axes
+
+        if rotation is None:
+            return self.points
+        moved = np.empty_like(self.points)
+        fill_in_axes(moved, self.points, rotation, shift)
+        return moved
 
     def entering(self, z: float) -> Floats:
         """Intersections (m, 2) of rays with a hit with the plane z in front of the lens, in the lens's axes."""
-        rays = self._hitting_rays
+        rays = ray_fields(self.rays.blocks, self.hits.pixels)
         t = (z - rays[:, 2]) / rays[:, 5]
         return np.asarray(rays[:, :2] + t[:, np.newaxis] * rays[:, 3:5])
 
@@ -186,8 +191,11 @@ class PixelStages:
 
     def fill_distance(self, distances: Floats) -> None:
         """Fill the distances from the camera's origin, mm."""
-        x, y, z = self._camera_points.T
-        distances[self.hits.pixels] = np.sqrt(x * x + y * y + z * z)
+        from plenoptic.truth.kernels.hit_points import fill_norms
+
+        norms = np.empty(len(self.hits.pixels))
+        fill_norms(norms, self._camera_points)
+        distances[self.hits.pixels] = norms
 
     def fill_position(self, positions: Floats) -> None:
         """Fill the positions in the world, mm."""
@@ -240,12 +248,12 @@ class PixelStages:
             disparities[pixels] = chord_disparities(record, self.points, self.lenses[pixels], entering)
 
     def fill_incidence_angle(self, angles: Floats) -> None:
-        """Fill the angles between rays and the sensor's normal in radians; by the tangent, exact for small angles."""
-        pixels, normal = np.flatnonzero(~self.rays.lost), -self._camera.parts.sensor_to_local.turn[:, 2]
-        rays = np.column_stack([self.rays.aims - self.rays.starts, -self._sensor_distance])[pixels]
-        (x, y, z), (u, v, w) = np.cross(rays, normal).T, rays.T
-        along = u * normal[0] + v * normal[1] + w * normal[2]
-        angles[pixels] = list(map(math.atan2, np.sqrt(x * x + y * y + z * z), along))
+        """Fill the angles between rays and the sensor's normal, in radians."""
+        from plenoptic.truth.kernels.hit_points import fill_incidence
+
+        directions = np.column_stack([self.rays.aims - self.rays.starts, -self._sensor_distance])
+        normal = np.ascontiguousarray(-self._camera.parts.sensor_to_local.turn[:, 2])
+        fill_incidence(angles, np.flatnonzero(~self.rays.lost), directions, normal)
 
     def fill_state(self, states: NDArray[np.int32]) -> None:
         """Fill the states of the pixels."""
@@ -262,12 +270,6 @@ class PixelStages:
         assert intersector is not None
         pixels = self._pixels[hits.pixels]
         shares[hits.pixels] = object_shares(self._camera, hits.scene, intersector, pixels, self._objects)
-
-
-def _rigid(rotation: Floats, shift: Floats, points: Floats) -> Floats:
-    """Rotate and shift points (m, 3). Matrix products would round differently for one point than for many."""
-    x, y, z = points.T[:, :, None]
-    return np.asarray(rotation[:, 0] * x + rotation[:, 1] * y + rotation[:, 2] * z + shift)
 
 
 def lattice_indices(camera: CameraRecord, cells: Floats, numbers: NDArray[np.int64] | None) -> NDArray[np.int64]:

@@ -42,16 +42,16 @@ class Spot(NamedTuple):
 
 def _trace_crop(record: ForwardRecord, task: Task, seed: np.uint64) -> SensorCrop:
     """Trace one task and sum its light over pixels."""
+    from plenoptic.camera.psf.kernels.source_rays import fill_crop
+
     rays = trace_task(record, task, seed)
     rows, counts = rays.rows, np.append(rays.counts, [rays.beside_opening, rays.beside_sensor, len(rays.rows)])
     if not len(rows):
         return SensorCrop(np.zeros(2, np.int64), np.zeros((0, 0)), np.zeros(3), counts)
-    pixels, weight = np.stack([rows["row"], rows["column"]]), rows["weight"]
+    pixels = np.stack([rows["row"], rows["column"]])
     corner = pixels.min(axis=1)
-    shape = pixels.max(axis=1) + 1 - corner
-    index = np.ravel_multi_index(tuple(pixels - corner[:, None]), shape.tolist())
-    sums = np.bincount(index, weight, minlength=shape.prod()).reshape(shape)
-    moments = np.array([np.cumsum(terms)[-1] for terms in (weight, weight * rows["x"], weight * rows["y"])])
+    sums, moments = np.zeros(pixels.max(axis=1) + 1 - corner), np.zeros(3)
+    fill_crop(sums, moments, rows, *corner)
     return SensorCrop(corner, sums, moments, counts)
 
 

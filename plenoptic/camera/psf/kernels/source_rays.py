@@ -1,4 +1,4 @@
-"""Rays of point sources: their start and deflection. The kernels."""
+"""Rays of point sources: their start and deflection, and the sums of their light. The kernels."""
 
 from __future__ import annotations
 
@@ -70,3 +70,15 @@ def fill_iris_deflections(blocks, start, n, seed, task, iris):
         by_x, by_y, _, _ = sample_deflection(iris.field, sample(index, 2, key), sample(index, 3, key))
         ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
         deflect_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
+
+
+@kernel
+def fill_crop(crop, moments, hits, row, column):
+    """Add hits to the pixels of a crop with its upper left pixel at (row, column), and to the sums of w, w x, w y."""
+    for k in range(hits.size):
+        hit = hits[k]
+        w = hit.weight
+        crop[hit.row - row, hit.column - column] += w
+        moments[0] += w
+        moments[1] += w * hit.x
+        moments[2] += w * hit.y
