@@ -104,12 +104,8 @@ def ground_truth(
         Requested channels. Unavailable ones, such as the virtual depth of a camera without microlenses, are left out.
     region : (slice, slice), optional
         Rows and columns of the sensor, such as ``np.s_[256:384, 192:320]``; bit-identical to the whole image.
-    threads : int, optional
-        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
-    client : distributed.Client, optional
-        Client of a dask cluster whose workers compute it, as for `render`.
-    progress : bool, optional
-        True: show a progress bar, or that kernels are compiled, from the second second on.
+    threads, client, progress : optional
+        As for `render`. The result does not depend on them.
 
     Returns
     -------

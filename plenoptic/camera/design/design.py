@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from plenoptic.camera.design.equations import DesignTargets, check_count, check_targets, template_array, valid_lengths
+from plenoptic.camera.design.equations import FIELDS, DesignTargets, check_count, check_targets, template_array
 from plenoptic.camera.design.search import CameraDesign, Search
 from plenoptic.camera.gaussian import CameraKind, neighbour_distance
-from plenoptic.core.values import check_kind, choice, positive, wavelength_in_nm
+from plenoptic.core.values import check_kind, choice, length_in_mm, positive, wavelength_in_nm
 from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -105,15 +105,14 @@ def design_camera(  # noqa: PLR0913
     check_targets(targets, lens)
     wave = wavelength_in_nm(wavelength)
     template = template_array(microlenses, pitch, focal_length, lattice)
-    fixed = valid_lengths(
-        {
-            "h": semi_diameter,
-            "L": stop_to_microlenses,
-            "b": microlenses_to_sensor,
-            "p": pitch if microlenses is None else neighbour_distance(microlenses),
-            "f": focal_length if microlenses is None else microlenses.focal_length / microlenses.power_factor(wave),
-        }
-    )
+    lengths = {"h": semi_diameter, "L": stop_to_microlenses, "b": microlenses_to_sensor}
+    fixed = {u: length_in_mm(x, FIELDS[u]) for u, x in lengths.items() if x is not None}
+    if microlenses is not None:
+        fixed |= {"p": neighbour_distance(template), "f": template.focal_length / template.power_factor(wave)}
+    if pitch is not None:
+        fixed["p"] = float(pitch)
+    if focal_length is not None:
+        fixed["f"] = float(focal_length)
     if "h" not in fixed and (targets.image_fill is None or len(targets.names) <= 4 - len(fixed)):
         fixed["h"] = lens.stop.semi_diameter
     check_count(targets, fixed)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from plenoptic.camera.gaussian import CameraKind
-from plenoptic.core.values import check_kind, choice, finite, length_in_mm, number, positive
+from plenoptic.core.values import check_kind, choice, number, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.models import LensModel
@@ -103,17 +103,8 @@ def template_array(
         return microlenses
     if choice(lattice, Lattice, "lattice") in (Lattice.RECTANGULAR, Lattice.FREE):
         raise InvalidValueError(f"lattice is {lattice!r}, which needs more than a pitch; give microlenses")
-    pitch = 1.0 if pitch is None else length_in_mm(pitch, "pitch")
-    focal_length = 0.0 if focal_length is None else finite(focal_length, "focal_length")
-    return MicrolensArray(pitch=pitch, focal_lengths=(focal_length or 1.0,), lattice=lattice)
-
-
-def valid_lengths(numbers: dict[str, float | None]) -> Numbers:
-    """Fixed numbers of a design; InvalidValueError if one is impossible."""
-    fixed = {u: x for u, x in numbers.items() if x is not None}
-    if fixed.get("f") == 0:
-        raise InvalidValueError(f"{FIELDS['f']} is 0 mm; it must be another number")
-    return {u: finite(x, FIELDS[u]) if u == "f" else length_in_mm(x, FIELDS[u]) for u, x in fixed.items()}
+    pitch, focal_length = 1.0 if pitch is None else pitch, 1.0 if focal_length is None else focal_length
+    return MicrolensArray(pitch=pitch, focal_lengths=(focal_length,), lattice=lattice)
 
 
 def check_count(targets: DesignTargets, fixed: Numbers) -> None:

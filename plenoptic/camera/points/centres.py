@@ -285,9 +285,6 @@ def _lenses_near_sensor(axes: ArrayAxes, array: MicrolensArray, margin: float) -
     lens_corners = axis_point + (corners - axis_point) / max(_image_spacing(axes), _MIN_IMAGE_SPACING)
     corners_on_array = axes.on_array(np.concatenate([corners, lens_corners]))
     low, high = corners_on_array.min(axis=0), corners_on_array.max(axis=0)
-    margin_ = (
-        _SEARCH_MARGIN * (high - low)
-        + max(array.pitches)
-        + margin * (high - low).max() / (corners.max() - corners.min())
-    )
-    return array.lenses(low - margin_, np.maximum(high + margin_, low - margin_))
+    margin *= (high - low).max() / (corners.max() - corners.min())
+    reach = _SEARCH_MARGIN * (high - low) + max(array.pitches) + margin
+    return array.lenses(low - reach, np.maximum(high + reach, low - reach))

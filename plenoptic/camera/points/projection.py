@@ -114,10 +114,8 @@ def project(
         such as the point's own surface, do not occlude it.
     rays : int, optional
         Rays per point for `light` and `centroid`, rounded up to a multiple of 32. `position` does not depend on them.
-    threads : int, optional
-        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
-    progress : bool, optional
-        True: show a progress bar, or that kernels are compiled, from the second second on.
+    threads, progress : optional
+        As for `render`. The result does not depend on them.
 
     Returns
     -------

@@ -60,10 +60,8 @@ def point_spread(
         Seed of the random numbers, at least 0. Each point has independent ones.
     replicates : int, optional
         Independent scramblings of the sampling points, at least 1, for the standard error.
-    threads : int, optional
-        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
-    progress : bool, optional
-        True: show a progress bar, or that kernels are compiled, from the second second on.
+    threads, progress : optional
+        As for `render`. The result does not depend on them.
 
     Returns
     -------

@@ -1,4 +1,10 @@
-"""Aperture regions: the part of the microlens plane that illuminates each pixel."""
+"""Aperture regions: the part of the microlens plane that illuminates each pixel.
+
+The steps are functions of this module: *groups* of pixels; *candidates*, the microlenses that may illuminate a group,
+by bounds on the pupil; *linear ray transfers* from a group through a candidate to the elements of the lens; and the
+*pieces* of each pixel's region, polygons and the planes that clip them, from transfers and the openings of elements.
+Where bounds on the pupil suffice, each pixel is a group, and its candidates are the pieces.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +28,7 @@ from plenoptic.camera.sampling.sampling_records import (
     Regions,
     SourcePixels,
 )
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
+from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.record import MOVED
@@ -168,7 +174,9 @@ def _ray_transfers(
                 waves[:n_rays].reshape(-1, half.rays)[:] = np.repeat([last // 2, 0, last], half.rays // 3)
             kernels.fill_transfer_rays(blocks, lenslets, candidates, chosen, centres[group[chosen]], half)
             fill_through_array(blocks, lenslets, camera, waves)
-            kernels.fill_unclipped(blocks)
+            # The rim of a microlens does not clip rays of the design, which may pass beside it.
+            status = blocks.reshape(-1, RAY // BLOCK, BLOCK)[:, STATUS // BLOCK]
+            status[status == OUTSIDE_MICROLENS] = 0.0
             points = _element_intersections(camera, blocks, waves)
             arguments = candidates, chosen, points, openings, half
             while (end := kernels.fill_ray_transfers(transfers, used, *arguments)) > len(transfers):

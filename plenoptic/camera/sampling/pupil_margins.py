@@ -129,10 +129,8 @@ def aberration_margins(
         if not deviation.size:
             break
         converged = deviation.max() <= 1.01 * margin
-        margin, lateral = (
-            max(margin, _SAFETY * float(deviation.max())),
-            max(lateral, _SAFETY * float(displacement.max())),
-        )
+        margin = max(margin, _SAFETY * float(deviation.max()))
+        lateral = max(lateral, _SAFETY * float(displacement.max()))
         if converged:
             break
     return margin, lateral

@@ -62,14 +62,10 @@ def _append_plane(planes, n, transfer, edge, centre):
     """
     nx, ny, distance, sagitta = edge
     if n < MAX_PLANES:
-        planes[n, A], planes[n, B] = (
-            nx * transfer.x_by_x + ny * transfer.y_by_x,
-            nx * transfer.x_by_y + ny * transfer.y_by_y,
-        )
-        planes[n, S], planes[n, T] = (
-            nx * transfer.x_by_u + ny * transfer.y_by_u,
-            nx * transfer.x_by_v + ny * transfer.y_by_v,
-        )
+        planes[n, A] = nx * transfer.x_by_x + ny * transfer.y_by_x
+        planes[n, B] = nx * transfer.x_by_y + ny * transfer.y_by_y
+        planes[n, S] = nx * transfer.x_by_u + ny * transfer.y_by_u
+        planes[n, T] = nx * transfer.x_by_v + ny * transfer.y_by_v
         planes[n, GAP] = sagitta + 2.0 * transfer.margin
         planes[n, LIMIT] = distance + transfer.margin - nx * transfer.x - ny * transfer.y
         planes[n, LIMIT] -= planes[n, S] * centre[0] + planes[n, T] * centre[1]
@@ -87,10 +83,8 @@ def fill_planes(planes, count, transfer, edges, candidate, shape, where):
     (polygon, n), (centre, half) = shape, where
     x = transfer.x + transfer.x_by_x * candidate.x + transfer.x_by_y * candidate.y
     y = transfer.y + transfer.y_by_x * candidate.x + transfer.y_by_y * candidate.y
-    x, y = (
-        x + transfer.x_by_u * centre[0] + transfer.x_by_v * centre[1],
-        y + transfer.y_by_u * centre[0] + transfer.y_by_v * centre[1],
-    )
+    x = x + transfer.x_by_u * centre[0] + transfer.x_by_v * centre[1]
+    y = y + transfer.y_by_u * centre[0] + transfer.y_by_v * centre[1]
     reach = 0.0
     for q in range(n):
         dx, dy = polygon[0, q] - candidate.x, polygon[1, q] - candidate.y
@@ -152,10 +146,8 @@ def fill_moving_box(box, motion, transfer, candidate, shape, half):
     motion[1] = (transfer.x_by_y * transfer.y_by_v - transfer.y_by_y * transfer.x_by_v) / det
     motion[2] = (transfer.y_by_x * transfer.x_by_u - transfer.x_by_x * transfer.y_by_u) / det
     motion[3] = (transfer.y_by_x * transfer.x_by_v - transfer.x_by_x * transfer.y_by_v) / det
-    by_x, by_y = (
-        abs(motion[0]) * half[0] + abs(motion[1]) * half[1],
-        abs(motion[2]) * half[0] + abs(motion[3]) * half[1],
-    )
+    by_x = abs(motion[0]) * half[0] + abs(motion[1]) * half[1]
+    by_y = abs(motion[2]) * half[0] + abs(motion[3]) * half[1]
     left, right = -polygon_reach(polygon, n, -1.0, 0.0) - by_x, polygon_reach(polygon, n, 1.0, 0.0) + by_x
     low, high = -polygon_reach(polygon, n, 0.0, -1.0) - by_y, polygon_reach(polygon, n, 0.0, 1.0) + by_y
     box[0, 0], box[0, 1], box[0, 2], box[0, 3] = left, right, right, left
@@ -269,10 +261,8 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             has_core = with_core and candidate.complete == 1 and count < MAX_PLANES
             for j in range(0 if has_core else count):
                 planes[j, GAP] = 0.0
-            first_plane, n_cuts = (
-                end_plane,
-                0 if not varies else _count_clipping_planes(polygon, n, planes, count, half),
-            )
+            first_plane = end_plane
+            n_cuts = _count_clipping_planes(polygon, n, planes, count, half) if varies else 0
             motion[:] = 0.0
             if n_cuts > _FEW_PLANES and candidate.transfers == 1:
                 m = fill_moving_box(box, motion, transfers[candidate.first_transfer], candidate, (polygon, n), half)

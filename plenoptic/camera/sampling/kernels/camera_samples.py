@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from plenoptic.camera.sampling.kernels.aperture_regions import MAX_PIECES
-from plenoptic.camera.sampling.kernels.path_indices import path_indices, replicate_size
 from plenoptic.camera.sampling.kernels.unvignetted_core import (
     MAX_CLIPPED_CORNERS,
     MAX_RIMS,
@@ -45,6 +44,30 @@ DEFLECTION_SET = WAVELENGTH_SET + 1
 """Set of sampling points for diffraction deflections."""
 _UNSET, _OUTSIDE, _DISTANT = -3, -2, -1
 """In place of the index of a source pixel: none yet; too far outside the sensor; farther than `NEAR`."""
+
+
+@device
+def path_indices(path, samples, replicates):
+    """Pixel, replicate and index in the replicate of path `path` of a tile.
+
+    Paths run over pixels, in a pixel over replicates, in a replicate over its samples; the first
+    `samples % replicates` replicates have one sample more than the others.
+    """
+    pixel = path // samples
+    index = path - pixel * samples
+    short_size, n_long = samples // replicates, samples % replicates
+    end_of_long = n_long * (short_size + 1)
+    if index < end_of_long:
+        replicate = index // (short_size + 1)
+        return pixel, replicate, index - replicate * (short_size + 1)
+    replicate = n_long + (index - end_of_long) // short_size
+    return pixel, replicate, index - end_of_long - (replicate - n_long) * short_size
+
+
+@device
+def replicate_size(replicate, samples, replicates):
+    """Number of samples of a replicate of a pixel."""
+    return samples // replicates + (1 if replicate < samples % replicates else 0)
 
 
 @device
