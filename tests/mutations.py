@@ -60,7 +60,7 @@ point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_
 projection_axes camera/points/projection.py: camera/points/test_projection.py camera/points
 - (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1]))
 + (np.abs(rows.position) <= 0.5 * np.array(sensor.size))
-spread_error camera/psf/spots.py: camera/psf
+spread_error camera/psf/psf_results.py: camera/psf
 - error = np.sqrt(squares / (max(len(crops) - 1, 1) * len(crops)))
 + error = np.sqrt(squares / max(len(crops) - 1, 1))
 far_field_tail optics/diffraction/kernels/far_field.py: optics/diffraction rendering/test_diffraction.py

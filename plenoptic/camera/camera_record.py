@@ -12,8 +12,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.diffraction import DeflectionRecord, IrisRecord, deflection_record, iris_record
 from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.diffraction_kernel import DiffractionKernel, diffraction_kernel
-from plenoptic.camera.sampling.pupil_margins import array_bounds, sensor_bounds
-from plenoptic.camera.sampling.region_method import bounds_reason, openings
+from plenoptic.camera.sampling.region_bounds import array_bounds, bounds_reason, openings, sensor_bounds
 from plenoptic.camera.sampling.sampling_records import Openings
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_at, trace_rows
 from plenoptic.camera.psf.point_spread import world_points
+from plenoptic.camera.psf.psf_results import centroids
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
-from plenoptic.camera.psf.spots import centroids
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, result, whole

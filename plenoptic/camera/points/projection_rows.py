@@ -29,8 +29,7 @@ _RING_RADII = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Radii of the rings of entry points, relative to the corners of the polygon through which light enters."""
 _BOX_FACTOR = 1.25
 """Factor on the size of the box around the light in which microlenses are searched."""
-AIM_TOLERANCE = 1e-10
-"""Largest distance in mm of an aimed ray from its target, in addition to the rounding of coordinates."""
+_AIM_TOLERANCE = 1e-10
 _TRIALS = 40
 _STEP = 1e-5
 """Distance of the rays for finite differences, over the size of the entrance pupil."""
@@ -107,18 +106,13 @@ def aim_rays(entrance: EntranceRays, aim: Aim, points: Floats, targets: Floats, 
 
     Newton's method from `start` (n, 2), with steps reduced until the residual decreases.
     """
-    size = entrance.size
-    h = _STEP * size
-    right, up = np.array([[h, 0.0], [0.0, h]])
+    size, limit = entrance.size, aim_tolerance(entrance, targets)
 
     def evaluate(entry: Floats, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """Residuals (n, 2) and Jacobians (n, 2, 2)."""
-        trial_points = np.concatenate([entry, entry + right, entry + up])
-        rays = entrance.through(np.tile(points[rows], (3, 1)), trial_points)
-        position, position_right, position_up = aim.intersections(traced_by(aim.lens, rays)).reshape(3, -1, 2)
-        return targets[rows] - position, np.stack([position_right - position, position_up - position], axis=-1) / h
+        position, jacobian = trace_to_target(entrance, aim, points[rows], entry)
+        return targets[rows] - position, jacobian
 
-    limit = AIM_TOLERANCE + 64 * np.finfo(float).eps * (np.abs(targets).max(axis=1, initial=0.0) + size)
     entry_points, step_fraction = start.copy(), np.ones(len(points))
     with np.errstate(all="ignore"):
         residual, jacobian = evaluate(entry_points, np.arange(len(points)))
@@ -139,6 +133,22 @@ def aim_rays(entrance: EntranceRays, aim: Aim, points: Floats, targets: Floats, 
             step_fraction[active] = np.where(improved, 1.0, 0.25 * step_fraction[active])
         entry_points[~(np.hypot(*residual.T) <= limit)] = np.nan
     return entry_points
+
+
+def aim_tolerance(entrance: EntranceRays, targets: Floats) -> Floats:
+    """Largest distance (n,) in mm of aimed rays from their targets (n, 2), above the rounding of coordinates."""
+    rounding = 64 * np.finfo(float).eps * (np.abs(targets).max(axis=1, initial=0.0) + entrance.size)
+    return np.asarray(_AIM_TOLERANCE + rounding)
+
+
+def trace_to_target(entrance: EntranceRays, aim: Aim, points: Floats, entry: Floats) -> tuple[Floats, Floats]:
+    """Intersections (n, 2) with the target surface of rays that enter at `entry`, and their Jacobians (n, 2, 2)."""
+    h = _STEP * entrance.size
+    right, up = np.array([[h, 0.0], [0.0, h]])
+    entries = np.concatenate([entry, entry + right, entry + up])
+    rays = entrance.through(np.tile(points, (3, 1)), entries)
+    position, position_right, position_up = aim.intersections(traced_by(aim.lens, rays)).reshape(3, -1, 2)
+    return position, np.stack([position_right - position, position_up - position], axis=-1) / h
 
 
 def solve_2x2(matrix: Floats, right: Floats) -> Floats:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from plenoptic.camera.gaussian import camera_cone, kind_of, plane_of_focus
 from plenoptic.camera.report.findings import CameraFindingKind
-from plenoptic.camera.report.text import KIND_NAMES, report_sections, report_title
+from plenoptic.camera.report.report import KIND_NAMES, report_sections, report_title
 from plenoptic.core.last_result import LastResultCache
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
