@@ -168,27 +168,18 @@ class _Openings(NamedTuple):
         return camera.lens.trace_reverse(rays).weight
 
 
-def centroids_at(
-    axes: ArrayAxes,
-    array: MicrolensArray,
-    points: Floats,
-    power: float,
-    offsets: Floats,
-    *,
-    n_lines: int = LINES,
-    n_places: int = PLACES,
-) -> Floats:
+def centroids_at(axes: ArrayAxes, array: MicrolensArray, points: Floats, power: float, offsets: Floats) -> Floats:
     """Centroids (n, 2) on the sensor for microlenses of a power in 1/mm with their centres at local points (n, 2).
 
     `offsets` (k, 2) are points of their openings, on the array, from these centres.
     """
     bounds = _bounds(axes, array, points)
     offsets = offsets @ axes.parts.array_turn.T
-    chunk = max(1, _RAYS // (len(offsets) * n_lines * n_places))
+    chunk = max(1, _RAYS // (len(offsets) * LINES * PLACES))
     parts = []
     for k in range(0, len(points), chunk):
         openings = _narrow_boxes(_sample_openings(axes, points[k : k + chunk], offsets, bounds))
-        sums = _light_moments(openings, len(offsets), power, n_lines, n_places)
+        sums = _light_moments(openings, len(offsets), power)
         with np.errstate(invalid="ignore", divide="ignore"):
             parts.append(sums[:, 1:] / sums[:, :1])
     return np.concatenate(parts)
@@ -253,14 +244,14 @@ def moment_points(variance: Floats) -> Floats:
     return np.array([[x, 0.0], [-x, 0.0], [0.0, y], [0.0, -y]])
 
 
-def _light_moments(openings: _Openings, points_per_lens: int, power: float, n_lines: int, n_places: int) -> Floats:
+def _light_moments(openings: _Openings, points_per_lens: int, power: float) -> Floats:
     """Moments (n, 3) of the light of microlenses: light, and light times x and y on the sensor.
 
     The light of a ray is its etendue at the sensor, as in `render`. An ideal microlens conserves du dv of the slopes
     u, v, not the projected solid angle du dv cos^4. An area dA of the plane across the lens at the distance r has the
     projected solid angle dA cos(lens) cos(array) / r^2.
     """
-    rows, first, last, y, step, passed = _lit_intervals(openings, n_lines, n_places)
+    rows, first, last, y, step, passed = _lit_intervals(openings)
     axes, start = openings.axes, openings.start[rows]
     grey = bool((passed != 1.0).any())
     lens = rows // points_per_lens
@@ -282,23 +273,21 @@ def _light_moments(openings: _Openings, points_per_lens: int, power: float, n_li
     return sums
 
 
-def _lit_intervals(
-    openings: _Openings, n_lines: int, n_places: int
-) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats, Floats]:
+def _lit_intervals(openings: _Openings) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats, Floats]:
     """Intervals of constant transmission on lines across the pupil, seen from each point of each opening.
 
     For each interval: index of the point, its two ends along the line, the line's position, the distance between lines,
     and the transmission.
     """
     n = len(openings.start)
-    step = (openings.high - openings.low) / np.array([n_places - 1, n_lines])
+    step = (openings.high - openings.low) / np.array([PLACES - 1, LINES])
     # One more point at each end, in the dark: every line then begins and ends in the dark.
-    x = openings.low[:, :1] + step[:, :1] * np.arange(-1, n_places + 1)
-    y = openings.low[:, 1:] + step[:, 1:] * (np.arange(n_lines) + 0.5)
-    shape = (n, n_lines, n_places)
+    x = openings.low[:, :1] + step[:, :1] * np.arange(-1, PLACES + 1)
+    y = openings.low[:, 1:] + step[:, 1:] * (np.arange(LINES) + 0.5)
+    shape = (n, LINES, PLACES)
     rows = np.broadcast_to(np.arange(n)[:, None, None], shape).ravel()
     along, across = (np.broadcast_to(g, shape).ravel() for g in (x[:, None, 1:-1], y[:, :, None]))
-    transmission = np.zeros((n, n_lines, n_places + 2))
+    transmission = np.zeros((n, LINES, PLACES + 2))
     transmission[:, :, 1:-1] = openings.light(rows, along, across).reshape(shape)
     rows, line, position = np.nonzero(transmission[:, :, 1:] != transmission[:, :, :-1])
     before, after = x[rows, position], x[rows, position + 1]

@@ -154,9 +154,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     slope = cone.slope if walls else illumination.traced_slope(lens, z, wavelength)
     stretch = 1.0 if array is None else 1.0 + camera.microlenses_to_sensor * cone.vergence
     corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))
-    light = illumination.corner_light(lens, corner, z, wavelength)
-    if walls:
-        light = light._replace(pupil_fraction=1.0, chief_angle=0.0)
+    pupil_fraction, chief_angle = (1.0, 0.0) if walls else illumination.corner_light(lens, corner, z, wavelength)
     points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
     types = (0,) if array is None else range(len(array.focal_lengths))
     focus = tuple(microlens_focus(camera, type_, cone) for type_ in types)
@@ -172,8 +170,8 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
         array_plane=None if array is None or points is None else plane_in_front(camera, z),
         focus=focus,
         clearance=illumination.clearance(camera),
-        corner_pupil_fraction=light.pupil_fraction,
-        corner_chief_angle=light.chief_angle,
+        corner_pupil_fraction=pupil_fraction,
+        corner_chief_angle=chief_angle,
         wavelength=wavelength,
     )
     return dataclasses.replace(report, warnings=camera_findings(camera, report))
