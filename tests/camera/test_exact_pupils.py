@@ -197,7 +197,7 @@ def blind(made, camera):
     a, b = rear_reach(camera.lens, plane, camera.wavelength)
     bins = len(made.pupil.reach)
     support = np.full(made.pupil.support.shape, 1.1 * (a + b * bins * made.pupil.step))
-    everything = {"support": support, "corners": polygon_around(support), "parted": np.zeros(bins, dtype=np.bool_)}
+    everything = {"support": support, "corners": polygon_around(support), "disconnected": np.zeros(bins, dtype=np.bool_)}
     return made._replace(exact=False, pupil=made.pupil._replace(**everything, reach=1.1 * support[:, 0]))
 
 
