@@ -114,7 +114,7 @@ class CameraReport:
         return report_text(self)
 
     def _repr_html_(self) -> str:
-        from plenoptic.camera.report.html import report_html
+        from plenoptic.camera.report.html import report_html  # knows this class
 
         return report_html(self)
 
