@@ -251,6 +251,7 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             candidate = candidates.rows[c]
             if candidate.transfers < 0:
                 continue
+            # The polygon that holds the light of all points of the pixel.
             count, n = 0, fill_candidate_polygon(polygon, corners, candidate)
             for j in range(candidate.first_transfer, candidate.first_transfer + candidate.transfers):
                 count = fill_planes(planes, count, transfers[j], edges, candidate, (polygon, n), (centre, half))
@@ -258,6 +259,7 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             piece_area = area_of(polygon, 0, n) if n >= 3 else 0.0
             if not piece_area > 0.0:
                 continue
+            # The planes that clip it further for single points.
             has_core = with_core and candidate.complete == 1 and count < MAX_PLANES
             for j in range(0 if has_core else count):
                 planes[j, GAP] = 0.0
@@ -265,8 +267,8 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             n_cuts = _count_clipping_planes(polygon, n, planes, count, half) if varies else 0
             motion[:] = 0.0
             if n_cuts > _FEW_PLANES and candidate.transfers == 1:
+                # The image of the stop at the pixel's centre, which moves as a whole and is clipped by the cell's edges.
                 m = fill_moving_box(box, motion, transfers[candidate.first_transfer], candidate, (polygon, n), half)
-                # At the pixel's centre.
                 m = clip_outermost(box, m, planes, count, (0.0, 0.0))
                 end_plane = _store_moving_edges(regions.planes, first_plane, box, m, motion, corners, candidate, half)
                 if 3 <= m < MAX_CORNERS and end_plane - first_plane < n_cuts:
@@ -284,6 +286,7 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             if 0 < n_cuts <= (MAX_CORE_PLANES if has_core else _MAX_MOVING_PLANES):
                 end_plane = _store_clipping_planes(regions.planes, first_plane, polygon, n, planes, count, half)
             has_core = has_core and abs(n_cuts) <= MAX_CORE_PLANES
+            # The piece with its corners.
             area += piece_area
             if used < pieces.size:
                 piece = pieces[used]

@@ -248,6 +248,7 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
         for k in range(run):
             at = path - start + k
             ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK
+            # A point on the pixel.
             across, down = u[0, k] - 0.5, u[1, k] - 0.5
             dx, dy = pixel.width * across, pixel.height * down
             if pixel.skew is not None:
@@ -255,6 +256,7 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
             in_pixel, on_sensor, random = (dx, dy), (centres[p, 0] + dx, centres[p, 1] + dy), (u[2, k], u[3, k])
             previous_source, source = source, p
             if sources is not None:
+                # The point at which its light was aimed, before diffraction.
                 point = set_index(batch.first_index + index + k, deflection_key, DEFLECTION_SET)
                 wavelength = at_wavelength(sources.deflection.wavelengths, deflected.waves, at)
                 u_deflection = sample(point, 0, deflection_key), sample(point, 1, deflection_key)
@@ -271,25 +273,27 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
                         ray[Z + i], ray[N + i] = weights
                     continue
                 in_pixel = on_sensor[0] - sources.centres[source, 0], on_sensor[1] - sources.centres[source, 1]
+            # The region of that point.
             if source != previous_source:
                 low, high = first[source], first[source + 1]
                 constant = _is_constant(pieces, low, high)
                 if core is not None:
                     for c in range(min(high - low, MAX_PIECES)):
                         split.corners[c, 2] = 0
+            # A point in the region.
+            region, start_point = (low, high), (on_sensor, in_pixel)
             if core is not None:
                 core_ray = core[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
                 if high - low <= MAX_PIECES:
-                    split_region(split, regions, (low, high), in_pixel)
-                    chosen = aim_with_core(ray, core_ray, i, split, regions, (low, high), (on_sensor, in_pixel), random)
+                    split_region(split, regions, region, in_pixel)
+                    chosen = aim_with_core(ray, core_ray, i, split, regions, region, start_point, random)
                 else:
-                    chosen = aim_sample(ray, i, regions, (low, high), (on_sensor, in_pixel), random)
+                    chosen = aim_sample(ray, i, regions, region, start_point, random)
                     set_aimed_ray(core_ray, i, pieces[chosen], (0.0, 0.0), on_sensor, 0.0)
             elif constant:
-                chosen = aim_sample(ray, i, regions, (low, high), (on_sensor, in_pixel), random)
+                chosen = aim_sample(ray, i, regions, region, start_point, random)
             else:
-                workspace = polygon, counts, areas
-                chosen = _aim_varying(ray, i, workspace, regions, (low, high), (on_sensor, in_pixel), random)
+                chosen = _aim_varying(ray, i, (polygon, counts, areas), regions, region, start_point, random)
             if details is not None:
                 lenslets[at] = details[chosen]
                 if sources is not None:
