@@ -267,7 +267,7 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             n_cuts = _count_clipping_planes(polygon, n, planes, count, half) if varies else 0
             motion[:] = 0.0
             if n_cuts > _FEW_PLANES and candidate.transfers == 1:
-                # The image of the stop at the pixel's centre, which moves as a whole and is clipped by the cell's edges.
+                # The image of the stop at the pixel's centre: it moves as a whole and is clipped by the cell's edges.
                 m = fill_moving_box(box, motion, transfers[candidate.first_transfer], candidate, (polygon, n), half)
                 m = clip_outermost(box, m, planes, count, (0.0, 0.0))
                 end_plane = _store_moving_edges(regions.planes, first_plane, box, m, motion, corners, candidate, half)
