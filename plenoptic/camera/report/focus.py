@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import Any
 
 from plenoptic.camera import gaussian
 from plenoptic.camera.camera import PlenopticCamera
@@ -17,6 +19,14 @@ _STEPS = 8
 """Most corrections of the traced focus; each reduces the error ten to a thousand times."""
 _TOLERANCE = 1e-10
 """Relative error of the traced image position at which the search ends."""
+
+
+def report_row(label: str, unit: str = "", section: str = "") -> Any:
+    """Dataclass field that is a row of a section of the printed report.
+
+    {plane} stands for the array, or the sensor without one; {views} for the unit of disparity.
+    """
+    return dataclasses.field(metadata={"section": section, "label": label, "unit": unit})
 
 
 @value
@@ -75,23 +85,24 @@ class MicrolensFocus:
     hand-held plenoptic camera, Stanford CTSR 2005-02.
     """
 
+    _: dataclasses.KW_ONLY
     type: int
     kind: CameraKind
     focal_length: float | None
-    image_distance: float
-    virtual_depth: float | None
-    z: float
-    z_traced: float
-    z_far: float
-    z_near: float
-    magnification: float
-    object_sampling: float
-    lenses_across: float
-    lenses_seeing: float
-    disparity: float | None
-    disparity_far: float | None
-    disparity_near: float | None
-    effective_resolution: float | None
+    z: float = report_row("plane in focus, paraxial: z", "mm")
+    z_traced: float = report_row("plane in focus, traced: z", "mm")
+    z_far: float = report_row("depth of field, far: z", "mm")
+    z_near: float = report_row("depth of field, near: z", "mm")
+    magnification: float = report_row("magnification of the main lens")
+    object_sampling: float = report_row("sampling distance in that plane", "mm")
+    image_distance: float = report_row("image behind the array", "mm")
+    virtual_depth: float | None = report_row("virtual depth")
+    lenses_across: float = report_row("microlenses across that see a point")
+    lenses_seeing: float = report_row("microlenses that see a point")
+    disparity: float | None = report_row("disparity", "{views}")
+    disparity_far: float | None = report_row("disparity at the far limit", "{views}")
+    disparity_near: float | None = report_row("disparity at the near limit", "{views}")
+    effective_resolution: float | None = report_row("effective resolution along an axis", "%")
 
 
 def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> MicrolensFocus:

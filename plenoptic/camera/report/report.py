@@ -15,7 +15,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import CameraKind, Cone, camera_cone, neighbour_distance, opening_width, plane_in_front
 from plenoptic.camera.report import illumination
 from plenoptic.camera.report.findings import CameraFinding, camera_findings
-from plenoptic.camera.report.focus import MicrolensFocus, microlens_focus
+from plenoptic.camera.report.focus import MicrolensFocus, microlens_focus, report_row
 from plenoptic.core.values import check_kind, value
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
@@ -25,6 +25,8 @@ _LABEL = 44
 _WIDTH = 110
 KIND_NAMES = ("conventional camera", "plenoptic camera 1.0", "focused plenoptic camera, Keplerian",
           "focused plenoptic camera, Galilean", "camera array without main lens")  # fmt: skip
+_LENS, _IMAGES = "main lens", "microlens images"
+"""Sections of a report."""
 ReportRow = tuple[str, str, str, str]
 """Label, number and unit of a property, and the same in mm."""
 
@@ -85,28 +87,29 @@ class CameraReport:
         Warnings.
     """
 
+    _: dataclasses.KW_ONLY
     kind: CameraKind
-    efl: float | None
-    f_number: float | None
-    exit_pupil_distance: float
-    working_f_number_paraxial: float
-    working_f_number: float
-    microlens_f_number: float | None
-    f_number_match: float | None
+    efl: float | None = report_row("focal length", "mm", _LENS)
+    f_number: float | None = report_row("f-number for infinity", "", _LENS)
+    exit_pupil_distance: float = report_row("exit pupil to {plane}", "mm", _LENS)
+    working_f_number_paraxial: float = report_row("working f-number at the {plane}, paraxial", "", _LENS)
+    working_f_number: float = report_row("working f-number at the {plane}, traced", "", _LENS)
+    microlens_f_number: float | None = report_row("microlens f-number", "", _IMAGES)
+    f_number_match: float | None = report_row("f-number match (microlens / main lens)", "", _IMAGES)
     image_diameter: float | None
-    image_diameter_pixels: float | None
+    image_diameter_pixels: float | None = report_row("diameter", "pixels", _IMAGES)
     image_pitch: float | None
-    image_pitch_pixels: float | None
-    image_fill: float | None
-    image_border_pixels: float | None
-    dark_fraction: float | None
-    overlap_fraction: float | None
-    microlenses: int | None
-    array_plane: float | None
+    image_pitch_pixels: float | None = report_row("distance of neighbours", "pixels", _IMAGES)
+    image_fill: float | None = report_row("diameter over distance", "", _IMAGES)
+    image_border_pixels: float | None = report_row("border that fades out", "pixels", _IMAGES)
+    dark_fraction: float | None = report_row("dark part of the sensor", "%", _IMAGES)
+    overlap_fraction: float | None = report_row("part lit by several microlenses", "%", _IMAGES)
+    microlenses: int | None = report_row("microlenses with their image on the sensor", "", _IMAGES)
+    array_plane: float | None = report_row("plane imaged onto the array (v = 0): z", "mm", _IMAGES)
     focus: tuple[MicrolensFocus, ...]
-    clearance: float
-    corner_pupil_fraction: float
-    corner_chief_angle: float
+    clearance: float = report_row("clearance from lens to {plane}", "mm", _LENS)
+    corner_pupil_fraction: float = report_row("part of the iris seen from the corner", "%", _LENS)
+    corner_chief_angle: float = report_row("angle of the chief ray in the corner", "deg", _LENS)
     wavelength: float
     warnings: tuple[CameraFinding, ...] = ()
 
@@ -177,7 +180,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     return dataclasses.replace(report, warnings=camera_findings(camera, report))
 
 
-_IMAGES = ("microlens_f_number", "f_number_match", "image_diameter", "image_diameter_pixels", "image_pitch",
+_IMAGE_NUMBERS = ("microlens_f_number", "f_number_match", "image_diameter", "image_diameter_pixels", "image_pitch",
            "image_pitch_pixels", "image_fill", "image_border_pixels", "dark_fraction", "overlap_fraction",
            "microlenses")  # fmt: skip
 
@@ -185,7 +188,7 @@ _IMAGES = ("microlens_f_number", "f_number_match", "image_diameter", "image_diam
 def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[str, Any]:
     array, b, q = camera.microlenses, camera.microlenses_to_sensor, camera.sensor.pixel_pitch
     if array is None:
-        return dict.fromkeys(_IMAGES)
+        return dict.fromkeys(_IMAGE_NUMBERS)
     p, stretch = neighbour_distance(array), 1.0 + b * cone.vergence
     diameter, pitch = 2.0 * b * slope, p * abs(stretch)
     # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.
@@ -195,7 +198,9 @@ def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[st
         dark = overlap = 0.0
     numbers = (b / p, diameter / p, diameter, diameter / q, pitch, pitch / q, diameter / pitch, border / q)
     return dict(
-        zip(_IMAGES, (*numbers, dark, overlap, illumination.images_on_sensor(camera, cone.vergence)), strict=True)
+        zip(
+            _IMAGE_NUMBERS, (*numbers, dark, overlap, illumination.images_on_sensor(camera, cone.vergence)), strict=True
+        )
     )
 
 
@@ -221,66 +226,32 @@ def report_title(report: CameraReport) -> str:
 
 def report_sections(report: CameraReport) -> list[tuple[str, list[ReportRow]]]:
     """Titles and rows of the sections of a report, with all numbers that apply to the camera."""
-    plane = "sensor" if report.microlenses is None else "array"
-    lens = [
-        _row("focal length", report.efl, "mm"),
-        _row("f-number for infinity", report.f_number),
-        _row(f"exit pupil to {plane}", report.exit_pupil_distance, "mm"),
-        _row(f"working f-number at the {plane}, paraxial", report.working_f_number_paraxial),
-        _row(f"working f-number at the {plane}, traced", report.working_f_number),
-        _row(f"clearance from lens to {plane}", report.clearance, "mm"),
-        _row("part of the iris seen from the corner", report.corner_pupil_fraction, "%"),
-        _row("angle of the chief ray in the corner", math.degrees(report.corner_chief_angle), "deg"),
-    ]
-    sections = [("main lens", lens)]
-    if report.microlenses is not None:
-        sections.append(("microlens images", _image_rows(report)))
-    sections += [_focus_section(report, focus) for focus in report.focus]
-    return [(title, [row for row in rows if row is not None]) for title, rows in sections]
+    titles = (_LENS,) if report.microlenses is None else (_LENS, _IMAGES)
+    sections = [(title, _rows(report, title, plane="sensor" if len(titles) == 1 else "array")) for title in titles]
+    for focus in report.focus:
+        if focus.focal_length is None:
+            hidden = ("image_distance", "lenses_across", "lenses_seeing")
+            sections.append(("focus", _rows(focus, hidden=hidden)))
+        else:
+            of_type = f"type {focus.type}, " if len(report.focus) > 1 else ""
+            title = f"focus of microlenses ({of_type}f = {focus.focal_length:g} mm, {focus.kind.name})"
+            first = focus.kind is CameraKind.PLENOPTIC_1
+            sections.append((title, _rows(focus, views="microlenses per view" if first else "pixels per microlens")))
+    return sections
 
 
-def _image_rows(report: CameraReport) -> list[ReportRow | None]:
-    return [
-        _row("microlens f-number", report.microlens_f_number),
-        _row("f-number match (microlens / main lens)", report.f_number_match),
-        _row("diameter", report.image_diameter_pixels, "pixels", report.image_diameter),
-        _row("distance of neighbours", report.image_pitch_pixels, "pixels", report.image_pitch),
-        _row("diameter over distance", report.image_fill),
-        _row("border that fades out", report.image_border_pixels, "pixels"),
-        _row("dark part of the sensor", report.dark_fraction, "%"),
-        _row("part lit by several microlenses", report.overlap_fraction, "%"),
-        _row("microlenses with their image on the sensor", report.microlenses),
-        _row("plane imaged onto the array (v = 0): z", report.array_plane, "mm"),
-    ]
-
-
-def _focus_section(report: CameraReport, focus: MicrolensFocus) -> tuple[str, list[ReportRow | None]]:
-    title = "focus"
-    if focus.focal_length is not None:
-        of_type = f"type {focus.type}, " if len(report.focus) > 1 else ""
-        title = f"focus of microlenses ({of_type}f = {focus.focal_length:g} mm, {focus.kind.name})"
-    views = "microlenses per view" if focus.kind == 1 else "pixels per microlens"
-    return title, [
-        _row("plane in focus, paraxial: z", focus.z, "mm"),
-        _row("plane in focus, traced: z", focus.z_traced, "mm"),
-        _row("depth of field, far: z", focus.z_far, "mm"),
-        _row("depth of field, near: z", focus.z_near, "mm"),
-        _row("magnification of the main lens", focus.magnification),
-        _row("sampling distance in that plane", focus.object_sampling, "mm"),
-        None if focus.focal_length is None else _row("image behind the array", focus.image_distance, "mm"),
-        _row("virtual depth", focus.virtual_depth),
-        None if focus.focal_length is None else _row("microlenses across that see a point", focus.lenses_across),
-        None if focus.focal_length is None else _row("microlenses that see a point", focus.lenses_seeing),
-        _row("disparity", focus.disparity, views),
-        _row("disparity at the far limit", focus.disparity_far, views),
-        _row("disparity at the near limit", focus.disparity_near, views),
-        _row("effective resolution along an axis", focus.effective_resolution, "%"),
-    ]
-
-
-def _row(label: str, number: float | None, unit: str = "", millimetres: float | None = None) -> ReportRow | None:
-    """Row of a report; None if the number does not apply to the camera."""
-    if number is None:
-        return None
-    text = "none" if math.isnan(number) else f"{100.0 * number if unit == '%' else number:.6g}"
-    return label, text, unit, ("" if millimetres is None else f"({millimetres:.6g} mm)")
+def _rows(
+    part: CameraReport | MicrolensFocus, section: str = "", *, hidden: tuple[str, ...] = (), **words: str
+) -> list[ReportRow]:
+    """Rows of a section, from fields made by `report_row` that are not None; `words` stand in labels and units."""
+    rows = []
+    for field in dataclasses.fields(part):
+        number, unit = getattr(part, field.name), field.metadata.get("unit", "")
+        if number is None or field.name in hidden or field.metadata.get("section") != section:
+            continue
+        converted = 100.0 * number if unit == "%" else math.degrees(number) if unit == "deg" else number
+        text = "none" if math.isnan(number) else f"{converted:.6g}"
+        length = getattr(part, field.name.removesuffix("_pixels"), None) if unit == "pixels" else None
+        also = "" if length is None else f"({length:.6g} mm)"
+        rows.append((field.metadata["label"].format(**words), text, unit.format(**words), also))
+    return rows
