@@ -32,7 +32,6 @@ from plenoptic.optics.microlens.imperfections import extreme_factors, largest_of
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane
 from plenoptic.optics.microlens.model_rules import ArrayCrossing
-from plenoptic.optics.sensor.sensor import Sensor
 
 BUNDLE = 1 << 13
 """Rays that go through the stages together."""
@@ -264,11 +263,12 @@ def trace_task(record: ForwardRecord, task: Task, seed: np.uint64) -> LandedRays
     from plenoptic.optics.lens.kernels.trace import fill_traced
     from plenoptic.optics.microlens.kernels import to_sensor
 
-    dust, hits = record.dust, [np.empty(0, HIT)]
+    sensor, dust = record.camera.sensor, record.dust
+    rows = np.empty(task.n, HIT)
     counts = np.zeros(CAUSES * (len(record.camera.lens.elements) + 1), dtype=np.int64)
     blocks = np.empty(-(-min(BUNDLE, task.n) // BLOCK) * RAY)
     aims = np.empty(blocks.size if record.has_losses_before_array else 0)
-    n_beside_sensor = n_beside_opening = 0
+    n_landed = n_beside_sensor = n_beside_opening = 0
     for start in range(0, task.n, BUNDLE):
         n = min(BUNDLE, task.n - start)
         bundle = blocks[: -(-n // BLOCK) * RAY]
@@ -286,27 +286,9 @@ def trace_task(record: ForwardRecord, task: Task, seed: np.uint64) -> LandedRays
         if record.deflection is not None:
             source_rays.fill_deflections(bundle, start, n, seed, task, record.deflection)
         fill_status_counts(counts, bundle, n)
-        fields = bundle.reshape(-1, RAY // BLOCK, BLOCK).swapaxes(0, 1).reshape(RAY // BLOCK, -1)[:, :n]
-        landed, beside_sensor, beside_opening = _hits(fields, record.camera.sensor, record.opening)
-        hits.append(landed)
-        n_beside_sensor, n_beside_opening = n_beside_sensor + beside_sensor, n_beside_opening + beside_opening
-    return LandedRays(np.concatenate(hits), counts, n_beside_sensor, n_beside_opening)
-
-
-def _hits(fields: Floats, sensor: Sensor, opening: Floats | None) -> tuple[NDArray[np.void], int, int]:
-    """Rays (k,) of HIT that reach the sensor; number of rays beside the sensor, and on pixels beside their openings.
-
-    `fields` (8, n) are rays in the sensor's axes; see `microlens.kernels.to_sensor`. `opening`: see `ForwardRecord`.
-    """
-    x, y, first, _, _, second, weight, _ = fields[:, fields[-1] == 0.0]
-    rows, columns = sensor.shape
-    row, column = 0.5 * rows + y / sensor.pixel_pitch, 0.5 * columns - x / sensor.pixel_pitch
-    on_sensor = (row >= 0.0) & (row < rows) & (column >= 0.0) & (column < columns)
-    landed = on_sensor
-    if opening is not None:
-        down, across = row - np.floor(row) - 0.5, column - np.floor(column) - 0.5
-        landed = on_sensor & (np.abs(down) <= opening[0]) & (np.abs(across) <= opening[1])
-    hits = np.empty(np.count_nonzero(landed), HIT)
-    for name, values in zip(HIT.names or (), (x, y, weight, first, second, row, column), strict=True):
-        hits[name] = np.floor(values[landed]) if name in ("row", "column") else values[landed]
-    return hits, int((~on_sensor).sum()), int((on_sensor & ~landed).sum())
+        landed, beside_sensor, beside_opening = source_rays.fill_landed(
+            rows[n_landed:], bundle, n, *sensor.shape, sensor.pixel_pitch, record.opening
+        )
+        n_landed, n_beside_sensor = n_landed + landed, n_beside_sensor + beside_sensor
+        n_beside_opening += beside_opening
+    return LandedRays(rows[:n_landed], counts, n_beside_sensor, n_beside_opening)

@@ -1,4 +1,4 @@
-"""Rays of point sources: their start and deflection, and the sums of their light. The kernels."""
+"""Rays of point sources: their start, deflection, arrival on the sensor and sums of light. The kernels."""
 
 from __future__ import annotations
 
@@ -70,6 +70,36 @@ def fill_iris_deflections(blocks, start, n, seed, task, iris):
         by_x, by_y, _, _ = sample_deflection(iris.field, sample(index, 2, key), sample(index, 3, key))
         ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
         deflect_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
+
+
+@kernel
+def fill_landed(hits, blocks, n, rows, columns, pitch, opening):
+    """Fill rows of HIT for rays that reach the sensor.
+
+    Returns the number of these rays, of rays beside the sensor, and of rays on a pixel but outside its `opening`: half
+    its height and half its width over the pitch; None for a fill factor of 1.
+    """
+    landed_rays = beside_sensor = beside_opening = 0
+    for k in range(n):
+        base = (k // BLOCK) * RAY + k % BLOCK
+        if blocks[base + STATUS] != 0.0:
+            continue
+        x, y = blocks[base + X], blocks[base + Y]
+        column, row = 0.5 * columns - x / pitch, 0.5 * rows + y / pitch
+        if 0.0 <= row < rows and 0.0 <= column < columns:
+            if opening is not None:
+                down, across = row - math.floor(row) - 0.5, column - math.floor(column) - 0.5
+                if abs(down) > opening[0] or abs(across) > opening[1]:
+                    beside_opening += 1
+                    continue
+            hit = hits[landed_rays]
+            hit.x, hit.y, hit.weight = x, y, blocks[base + WEIGHT]
+            hit.first, hit.second = int(blocks[base + Z]), int(blocks[base + N])
+            hit.row, hit.column = math.floor(row), math.floor(column)
+            landed_rays += 1
+        else:
+            beside_sensor += 1
+    return landed_rays, beside_sensor, beside_opening
 
 
 @kernel
