@@ -97,25 +97,18 @@ def _lost_rays(pixels: Floats) -> RepresentativeRays:
 
 def representative_rays(camera: CameraRecord, pixels: Floats, illuminated: IlluminatedPixels) -> RepresentativeRays:
     """Find the representative rays of pixels with centres (n, 2), some of which are illuminated."""
-    rays = _find_rays(
-        camera,
-        pixels,
-        illuminated.place,
-        np.arange(len(illuminated.place)),
-        illuminated.centres[:, None],
-        illuminated,
-        _PROBES,
-    )
-    rays.dark[illuminated.place] = False
+    place, centres = illuminated.place, illuminated.centres[:, None]
+    rays = _find_rays(camera, pixels, place, np.arange(len(place)), centres, illuminated, _PROBES)
+    rays.dark[place] = False
     for make_starts, probes in ((_aimed_starts, _DENSE_PROBES), (_spread_starts, _SHIFTED_PROBES)):
-        remaining = np.flatnonzero(rays.lost[illuminated.place])
+        remaining = np.flatnonzero(rays.lost[place])
         if not remaining.size:
             break
         starts, all_indices = make_starts(camera, remaining, illuminated), np.arange(len(remaining))
-        centres = illuminated.centres[remaining]
-        candidates = _find_rays(camera, centres, all_indices, remaining, starts, illuminated, probes)
+        pixels = illuminated.centres[remaining]
+        candidates = _find_rays(camera, pixels, all_indices, remaining, starts, illuminated, probes)
         lit = np.flatnonzero(~candidates.lost)
-        _replace_rays(rays, illuminated.place[remaining[lit]], candidates, lit)
+        _replace_rays(rays, place[remaining[lit]], candidates, lit)
     return rays
 
 
