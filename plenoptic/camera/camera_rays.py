@@ -43,7 +43,7 @@ def fill_through_array(
     `waves` are the indices of their wavelengths; None for the camera's wavelength.
     """
     array, sensor = camera.array, camera.sensor.plane
-    z_plane = camera.z_plane if camera.frame is None else 0.0
+    z_plane = camera.parts.z_plane if camera.frame is None else 0.0
     if array is None or camera.microlenses is None:
         to_lens.fill_straight(blocks, sensor, z_plane)
         return

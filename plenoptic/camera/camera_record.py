@@ -98,8 +98,6 @@ class CameraRecord(NamedTuple):
     """The lens at those wavelengths."""
     dust: tuple[PlacedDust, ...]
     parts: Assembly
-    z_plane: float
-    """z in mm of the start of rays towards the lens: the front principal plane, or the last lens vertex."""
     microlenses: MicrolensArray | None
     rotation: Floats | None
     """Rotation from the lens's axes to the world; None if they are the same."""
@@ -165,7 +163,6 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         dispersed=None if colour is None else lens_record(lens, colour.wavelengths, reverse=True),
         dust=placed_dust(camera, parts),
         parts=parts,
-        z_plane=parts.z_plane,
         microlenses=array,
         rotation=None if world is None else world.turn,
         position=None if world is None else world.shift,

@@ -101,7 +101,7 @@ def _in_camera(camera: CameraRecord, point: Floats) -> Floats:
     """A point in local axes, z from the array's front principal plane, in the camera's."""
     frame = camera.frame
     if frame is None:
-        return _moved_point(camera, np.array([point[0], point[1], point[2] + camera.z_plane]))
+        return _moved_point(camera, np.array([point[0], point[1], point[2] + camera.parts.z_plane]))
     return _moved_point(camera, frame[:9].reshape(3, 3) @ point + frame[9:])
 
 

@@ -49,7 +49,7 @@ def truth_record(camera: PlenopticCamera, record: CameraRecord, requested: Truth
         return None
     parts = record.parts
     lens_pose = parts.lens_to_camera
-    axes = np.concatenate([np.eye(3), [[0.0, 0.0, record.z_plane]]])
+    axes = np.concatenate([np.eye(3), [[0.0, 0.0, record.parts.z_plane]]])
     if record.frame is not None:
         axes = np.concatenate([record.frame[:9].reshape(3, 3).T, record.frame[None, 9:]])
     images = requested & (Truth.VIRTUAL_DEPTH | Truth.DISPARITY)

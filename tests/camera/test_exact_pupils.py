@@ -193,11 +193,11 @@ def blind(made, camera):
 
     Paths are drawn over all microlenses near a pixel, whole, from which rays may reach the lens's last element.
     """
-    plane = made.z_plane + (made.parts.distance if made.array is None else 0.0)
+    plane = made.parts.z_plane + (made.parts.distance if made.array is None else 0.0)
     a, b = rear_reach(camera.lens, plane, camera.wavelength)
     bins = len(made.pupil.reach)
     support = np.full(made.pupil.support.shape, 1.1 * (a + b * bins * made.pupil.step))
-    everything = {"support": support, "corners": polygon_around(support), "disconnected": np.zeros(bins, dtype=np.bool_)}
+    everything = {"support": support, "corners": polygon_around(support), "disconnected": np.zeros(bins, dtype=bool)}
     return made._replace(exact=False, pupil=made.pupil._replace(**everything, reach=1.1 * support[:, 0]))
 
 

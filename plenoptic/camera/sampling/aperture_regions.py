@@ -72,7 +72,7 @@ def cells_per_pixel(camera: CameraRecord) -> float:
     array, pupil = camera.array, camera.pupil
     if array is None:
         return 1.0
-    distance = camera.z_plane - pupil.z
+    distance = camera.parts.z_plane - pupil.z
     ratio = distance / camera.sensor.plane.distance
     height_factor = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
     reach = float(pupil.reach.max()) + pupil.margin + height_factor * array.opening.radius
