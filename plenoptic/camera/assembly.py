@@ -66,8 +66,8 @@ class Assembly(NamedTuple):
     """(12,) rotation row by row and shift from local to lens axes; None if they differ in
     `z_plane` alone."""
     z_plane: float
-    """z in mm of the start of rays towards the lens, in its axes: of the array's front principal plane, at its centre if it
-    is tilted; without microlenses, of the last lens vertex."""
+    """z in mm of the start of rays towards the lens, in its axes, of the array's front principal plane, at its
+    centre if it is tilted; without microlenses, of the last lens vertex."""
     array_turn: Floats
     """(2, 2): the array's axes in the local ones."""
     array_origin: Floats
