@@ -12,7 +12,6 @@ from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.diffraction import Diffraction, check_diffraction
 from plenoptic.camera.dust import check_blemishes
 from plenoptic.camera.shutter import Shutter
-from plenoptic.camera.units import metres_hint
 from plenoptic.core.color.spectra import Sensitivity
 from plenoptic.core.motions.pose import Pose as Pose  # public there too
 from plenoptic.core.values import SMALLEST_LENGTH, choice, coordinate, set_field, value, wavelength_in_nm
@@ -313,9 +312,10 @@ class PlenopticCamera:
         >>> [ax.get_xlabel() for ax in camera.layout().axes]
         ['z / mm (scene on the left, iris at 0)', 'distance behind the array / mm']
         """
-        from plenoptic.camera.report.layout import camera_layout  # knows this class
+        from plenoptic.camera.report.layout import section_rays  # knows this class
+        from plenoptic.plots.camera_layout import plot_camera_layout
 
-        return camera_layout(self, figure)
+        return plot_camera_layout(self, section_rays(self), figure)
 
     def _repr_html_(self) -> str:
         from plenoptic.camera.report.html import camera_html  # knows this class
@@ -377,7 +377,17 @@ class PlenopticCamera:
         >>> f"{least_confused.stop_to_microlenses:.2f} mm"
         '134.53 mm'
         """
-        from plenoptic.camera.focus import focused_stop_to_microlenses  # knows this class
+        from plenoptic.camera.gaussian import focused_stop_to_microlenses  # knows this class
 
         moved = focused_stop_to_microlenses(self, z, criterion, microlens_type)
         return dataclasses.replace(self, stop_to_microlenses=moved)
+
+
+def metres_hint(length: float, limit: float) -> str:
+    """End of an error message about a length that must exceed `limit` mm: a hint if it would in metres; else empty.
+
+    A length below a fiftieth of the limit is hardly meant in mm.
+    """
+    if 0 < length / limit < 0.02 and 1e3 * length / limit > 1:
+        return f"; {length:g} looks like metres: give {1e3 * length:g}, and all other lengths in mm too"
+    return ""

@@ -124,7 +124,7 @@ class LightField:
         >>> field.truth(pl.shapes.white_plane(), 1, 0).depth[3, 3].round(9).item()
         404.0
         """
-        from plenoptic.truth.view_truth import truth_along
+        from plenoptic.truth.ground_truth import truth_along
 
         if self.camera is None:
             raise InvalidValueError("the light field names no camera, so that its rays are unknown; decode a raw image")

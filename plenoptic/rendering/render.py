@@ -6,8 +6,7 @@ import os
 from typing import TYPE_CHECKING
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.plausibility import warn_if_implausible
+from plenoptic.camera.checks import check_scene_and_camera, warn_if_implausible
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject

@@ -17,10 +17,10 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import ElementKind
 from plenoptic.optics.lens.lens_record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
+from plenoptic.optics.microlens.lenslets import types_of
 from plenoptic.rendering.tile import Tile
 from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
-from plenoptic.truth.lookups import fill_microlens, fill_microlens_type, lens_numbers
-from plenoptic.truth.truth_stages import LitCells
+from plenoptic.truth.truth_stages import lattice_indices, lens_numbers
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
 """Where a path is lost by these, it has no point on the element."""
@@ -101,7 +101,7 @@ def _in_camera(camera: CameraRecord, point: Floats) -> Floats:
     """A point in local axes, z from the array's front principal plane, in the camera's."""
     frame = camera.frame
     if frame is None:
-        return _moved_point(camera, np.array([point[0], point[1], point[2] + camera.z_plane]))
+        return _moved_point(camera, np.array([point[0], point[1], point[2] + camera.parts.z_plane]))
     return _moved_point(camera, frame[:9].reshape(3, 3) @ point + frame[9:])
 
 
@@ -127,11 +127,8 @@ def _microlens(
         return None, None
     # The aimed sample holds its optical axis, which imperfections may move; the cell stays.
     cell = (aimed.point[2], aimed.direction[2], -1) if own is None else own[0][["cell_x", "cell_y", "row"]].tolist()
-    cells = LitCells(np.ones(1, bool), np.array([cell]), camera.microlenses, camera.array, lens_numbers(camera))
-    index, kind = np.empty((1, 2), dtype=np.int32), np.empty(1, dtype=np.int32)
-    fill_microlens(index, cells)
-    fill_microlens_type(kind, cells)
-    return (int(index[0, 0]), int(index[0, 1])), int(kind[0])
+    index = lattice_indices(camera, np.array([cell]), lens_numbers(camera))
+    return (int(index[0, 0]), int(index[0, 1])), int(types_of(camera.microlenses, index)[0])
 
 
 def _lens_events(

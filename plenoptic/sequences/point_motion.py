@@ -11,8 +11,15 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.points.projection import are_occluded
-from plenoptic.camera.points.projection_rays import Aim, ThroughArray, aim_rays, entrance_rays, through_iris
-from plenoptic.camera.points.projection_rows import lenses_at, straight_to_sensor
+from plenoptic.camera.points.projection_rows import (
+    Aim,
+    ThroughArray,
+    aim_rays,
+    entrance_rays,
+    lenses_at,
+    straight_to_sensor,
+    through_iris,
+)
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
@@ -137,9 +144,8 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
     def work(pixels: Floats, rays: RepresentativeRays) -> Arrays:
         stages, n = PixelStages(record, scene.record, intersector, finding, pixels, rays), len(pixels)
         lanes, lenses = stages.hits.pixels, None if record.array is None else stages.lenses[stages.hits.pixels]
-        before_points = stages.points.points[lanes]
-        after_points = _carry(stages.world_points()[lanes], stages.hits.hits, *places)
-        before = _chief_rays(tables[0], before_points, lenses, stages.entering(tables[0].entrance.z))
+        after_points = _carry(stages.world_points, stages.hits.hits, *places)
+        before = _chief_rays(tables[0], stages.points, lenses, stages.entering(tables[0].entrance.z))
         after = _chief_rays(tables[1], _seen(tables[1], after_points), lenses, before.entering)
         found = {"position": np.full((n, 3), np.nan), "shift": np.full((n, 2), np.nan), "visible": np.zeros(n, bool)}
         found["position"][lanes] = after_points
@@ -187,7 +193,7 @@ def _axes_on(geometry: Geometry, hits: Hits) -> Floats:
 
 def _seen(tables: ForwardRecord, points: Floats) -> Floats:
     """World points in the lens's axes; nan where they do not lie in front of it."""
-    pose, placed = tables.camera.pose, tables.array.parts.lens_to_camera
+    pose, placed = tables.camera.pose, tables.parts.lens_to_camera
     local = points if pose is None else pose.to_camera(points)
     local = local if placed is None else placed.inverse().points(local)
     return np.where(local[:, 2:] < tables.entrance.z, local, np.nan)

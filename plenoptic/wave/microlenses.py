@@ -150,7 +150,7 @@ def inside_edges(x: Floats, y: Floats, edges: Floats, width: Floats) -> Floats:
 def microlenses_around(record: ForwardRecord, low: Floats, high: Floats) -> Microlenses:
     """Microlenses that light in a box of the sensor's axes can meet."""
     camera: PlenopticCamera = record.camera
-    parts, array = record.array.parts, camera.microlenses
+    parts, array = record.parts, camera.microlenses
     assert array is not None
     back = parts.sensor_to_local.turn[:2, :2].T
     turn = back @ parts.array_turn

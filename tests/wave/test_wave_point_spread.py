@@ -217,7 +217,7 @@ def fields(camera, point):
     """Beam, grid, and the field behind the array and on the sensor, with the grid's carrier."""
     beam = beam_of(camera, np.array(point))
     lenses = microlenses_around(beam.record, *lit_box(beam))
-    grid = grid_for(beam, lenses, beam.record.array.parts.distance, OVERSAMPLING)
+    grid = grid_for(beam, lenses, beam.record.parts.distance, OVERSAMPLING)
     waves = through_array(plane_waves(beam, grid).waves, beam, grid, lenses).waves
     behind = np.fft.ifft2(waves, norm="ortho").copy()
     to_sensor(waves, beam, grid)

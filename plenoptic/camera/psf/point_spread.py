@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.psf.psf_results import CameraSpread, LandingPoints
+from plenoptic.camera.psf.psf_results import CameraSpread, LandingPoints, to_camera_spread, trace_spots
 from plenoptic.camera.psf.sensor_hits import (
     HIT,
     diffraction_record,
@@ -25,7 +25,6 @@ from plenoptic.camera.psf.sensor_hits import (
     ray_tasks,
     trace_task,
 )
-from plenoptic.camera.psf.spots import to_camera_spread, trace_spots
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import MAX_POINTS, Floats, check_kind, frozen_array, seed_number, whole
@@ -60,10 +59,8 @@ def point_spread(
         Seed of the random numbers, at least 0. Each point has independent ones.
     replicates : int, optional
         Independent scramblings of the sampling points, at least 1, for the standard error.
-    threads : int, optional
-        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
-    progress : bool, optional
-        True: show a progress bar, or that kernels are compiled, from the second second on.
+    threads, progress : optional
+        As for `render`. The result does not depend on them.
 
     Returns
     -------

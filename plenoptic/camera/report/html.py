@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from plenoptic.camera.gaussian import camera_cone, kind_of, plane_of_focus
 from plenoptic.camera.report.findings import CameraFindingKind
-from plenoptic.camera.report.layout import camera_layout
-from plenoptic.camera.report.text import KIND_NAMES, report_sections, report_title
+from plenoptic.camera.report.report import KIND_NAMES, report_sections, report_title
 from plenoptic.core.last_result import LastResultCache
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
@@ -19,7 +18,6 @@ from plenoptic.plots.notebook.html import heading_html, list_html, picture_html,
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.camera.report.report import CameraReport
-    from plenoptic.optics.microlens.array import MicrolensArray
 
 _Row = tuple[str, str]
 
@@ -37,20 +35,16 @@ _MOST_SERIOUS = (
 
 
 def _camera_html(camera: PlenopticCamera) -> str:
-    title = _title(camera)
+    kind = kind_of(camera, None if camera.microlenses is None else camera.microlenses.focal_length)
+    title = f"{KIND_NAMES[kind]}, {camera.lens.name or 'unnamed lens'}"
     alt = f"Section of a camera with the rays of one pixel: {title}"
     size = SIZES[camera.microlenses is not None]
-    picture = picture_html(lambda figure: camera_layout(camera, figure), size=size, alt=alt, text="")
+    picture = picture_html(lambda figure: camera.layout(figure=figure), size=size, alt=alt, text="")
     return heading_html(title) + picture + table_html((), _key_numbers(camera))
 
 
 camera_html = LastResultCache(_camera_html)
 """Picture and key numbers of a camera, by Gaussian optics, without compilation."""
-
-
-def _title(camera: PlenopticCamera) -> str:
-    kind = kind_of(camera, None if camera.microlenses is None else camera.microlenses.focal_length)
-    return f"{KIND_NAMES[kind]}, {camera.lens.name or 'unnamed lens'}"
 
 
 def _key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
@@ -63,7 +57,13 @@ def _key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
         f"{camera.stop_to_microlenses:.6g} mm, f/{0.5 / camera_cone(camera).slope:.3g} there",
     )
     if array is not None:
-        yield from _array_numbers(camera, array)
+        pitch = " x ".join(f"{p:g}" for p in dict.fromkeys(array.pitches))
+        yield (
+            "microlenses",
+            f"{array.lattice.name.lower()}, pitch {pitch} mm, {array.model.name.lower().replace('_', ' ')}",
+        )
+        yield "their focal lengths", f"{', '.join(f'{f:g}' for f in array.focal_lengths)} mm"
+        yield "array to sensor", f"{camera.microlenses_to_sensor:.5g} mm"
     height, width = sensor.size
     yield "sensor", f"{sensor.shape[0]} x {sensor.shape[1]} pixels, {height:.4g} x {width:.4g} mm"
     yield "pixel pitch", f"{1e3 * sensor.pixel_pitch:.4g} µm"
@@ -75,13 +75,6 @@ def _key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
     displaced = [n for n in ("lens", "microlenses", "sensor") if getattr(camera, f"{n}_placement") is not None]
     if displaced:
         yield "out of place", ", ".join(displaced)
-
-
-def _array_numbers(camera: PlenopticCamera, array: MicrolensArray) -> Iterator[_Row]:
-    pitch = " x ".join(f"{p:g}" for p in dict.fromkeys(array.pitches))
-    yield "microlenses", f"{array.lattice.name.lower()}, pitch {pitch} mm, {array.model.name.lower().replace('_', ' ')}"
-    yield "their focal lengths", f"{', '.join(f'{f:g}' for f in array.focal_lengths)} mm"
-    yield "array to sensor", f"{camera.microlenses_to_sensor:.5g} mm"
 
 
 def _focus(camera: PlenopticCamera) -> str:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -133,17 +132,12 @@ def _opening_points(array: MicrolensArray) -> Floats:
     return np.asarray(np.concatenate([points[inside_edges], corners]))
 
 
-class Corner(NamedTuple):
-    """Vignetting at the darkest corner of the sensor."""
+def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelength: float) -> tuple[float, float]:
+    """Vignetting at the darkest of the points (+-x, +-y) of a plane; nan if no ray can be aimed.
 
-    pupil_fraction: float
-    """Unvignetted fraction of the light through the iris, each point weighted by its transmission."""
-    chief_angle: float
-    """Angle between chief ray and axis, behind the lens, in radians."""
-
-
-def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelength: float) -> Corner:
-    """Vignetting at the darkest of the points (+-x, +-y) of a plane; nan if no ray can be aimed."""
+    Returns the unvignetted fraction of the light through the iris, each point weighted by its transmission, and the
+    angle between chief ray and axis, behind the lens, in radians.
+    """
     grid = square_grid(_CORNER_GRID)
     iris_points = lens.stop.semi_diameter * grid.T
     transmission = lens.stop.transmission_at(*iris_points)
@@ -156,11 +150,11 @@ def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelen
         try:
             rays = aimed_rays_reverse(lens, image_point=(x, y), z_image=z, pupil=points, wavelength=wavelength)
         except InvalidValueError:
-            return Corner(math.nan, math.nan)
+            return math.nan, math.nan
         light = opened_lens.trace_reverse(rays).weight[1:]
         fractions.append(float(transmission @ light / transmission.sum()) if len(grid) else math.nan)
         angles.append(math.acos(min(1.0, -float(rays.direction[0, 2]))))
-    return Corner(min(fractions), max(angles))
+    return min(fractions), max(angles)
 
 
 def clearance(camera: PlenopticCamera) -> float:

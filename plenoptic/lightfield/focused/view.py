@@ -68,7 +68,7 @@ class View:
         >>> view.truth(pl.shapes.white_plane()).depth[9, 9].round(6).item()
         404.0
         """
-        from plenoptic.truth.view_truth import truth_along
+        from plenoptic.truth.ground_truth import truth_along
 
         axes = array_axes(self.camera)
         pupil = paraxial_pupil(self.camera)

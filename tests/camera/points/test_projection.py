@@ -10,7 +10,7 @@ from camera_helpers import bare_camera, camera_with, in_world, pairs, refused, t
 import plenoptic as pl
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection import project
-from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aim_rays
+from plenoptic.camera.points.projection_rows import Aim, EntranceRays, ThroughArray, aim_rays
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.trace import trace_record
