@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.gaussian import lateral_magnification, object_plane
+from plenoptic.camera.gaussian import image_plane, lateral_magnification, object_plane
 from plenoptic.camera.points.projection_rows import lenses_at
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.object_planes import lens_front_z
 from plenoptic.lightfield.outward_rays import aperture_rays, chief_rays, plane_intersections
 from plenoptic.optics.microlens.array import MicrolensArray
 
@@ -63,14 +62,31 @@ weighted means of two.
 """
 
 
-def object_plane_pair(camera: PlenopticCamera, virtual_depths: tuple[float, float], sign: float) -> PlanePair:
+def lens_front_z(camera: PlenopticCamera) -> float:
+    """Axial position of the front of the lens in its own axes, mm."""
+    return min(0.0, float(camera.lens.vertices[0]))
+
+
+def image_distance_behind_array(camera: PlenopticCamera, z: float) -> float:
+    """Distance of a plane's paraxial image behind the array, mm, negative in front of it.
+
+    Raises InvalidValueError for a plane behind the front of the lens.
+    """
+    front = lens_front_z(camera)
+    if not z < front:
+        raise InvalidValueError(
+            f"z is {z:g} mm; the plane must lie in front of the camera, beyond its lens at z = {front:g} mm"
+        )
+    return image_plane(camera.lens, z, camera.wavelength) - camera.stop_to_microlenses
+
+
+def object_plane_pair(camera: PlenopticCamera, virtual_depths: tuple[float, float]) -> PlanePair:
     """Two object planes in front of the lens whose virtual depths, of one sign, lie within a range."""
-    low, high = virtual_depths
-    b = camera.microlenses_to_sensor
-    planes = planes_before_lens(camera, sign * b / np.linspace(1.0 / high, 1.0 / low, _TRIALS))
+    far, near = sorted(virtual_depths, key=abs, reverse=True)
+    planes = planes_before_lens(camera, camera.microlenses_to_sensor / np.linspace(1.0 / far, 1.0 / near, _TRIALS))
     if len(planes) < 2:
         raise InvalidValueError(
-            f"planes at virtual depths {low:g} to {high:g} do not lie in front of the lens; give the virtual depths of "
+            f"planes at virtual depths {near:g} to {far:g} do not lie in front of the lens; give the virtual depths of "
             "the scene, or focus the camera on it"
         )
     return planes[len(planes) // 4], planes[-1 - len(planes) // 4]

@@ -28,8 +28,8 @@ from plenoptic.lightfield.focused.splats import (
     surface_depth,
 )
 from plenoptic.lightfield.focused.view import View
-from plenoptic.lightfield.micro_image_matching import focused_array
-from plenoptic.lightfield.object_planes import image_distance_behind_array
+from plenoptic.lightfield.matching.micro_images import focused_array
+from plenoptic.lightfield.pinhole_model import image_distance_behind_array
 from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, checked_viewpoint, raw_arrays, relative_light
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.rendering.exposure import Exposure
