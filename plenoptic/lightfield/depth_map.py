@@ -16,7 +16,7 @@ from plenoptic.lightfield.epipolar import default_range, match_views, view_depth
 from plenoptic.lightfield.matching.consensus import consensus
 from plenoptic.lightfield.matching.micro_images import focused_array, image_side, micro_images
 from plenoptic.lightfield.matching.steps import Matcher, match_images, match_stack
-from plenoptic.lightfield.pinhole_model import chord_disparity, object_depths, object_plane_pair
+from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, object_plane_pair
 from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays, relative_light
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
@@ -177,15 +177,15 @@ def _depth_of_raw_image(
     axes: ArrayAxes, raw: RawArrays, virtual_depths: tuple[float, float], *, radius: int, matcher: Matcher, threads: int
 ) -> DepthMap:
     """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
-    planes, array = object_plane_pair(axes.camera, virtual_depths), focused_array(axes.camera)
-    micro = micro_images(axes, raw, planes, virtual_depths, window_radius=radius, threads=threads)
+    array, planes = focused_array(axes.camera), object_plane_pair(axes.camera, virtual_depths)
+    model = PinholeModel(axes, array, planes, threads)
+    micro = micro_images(model, raw, virtual_depths, radius)
     disparity, error, confidence = consensus(match_stack(micro.stack, matcher, threads), micro, raw.shot.shape)
     lit, lens, pitch = (micro.row, micro.column), micro.lit[0], micro.stack.pitch
     pixel, per_pitch = np.column_stack(lit) + np.array(raw.first), disparity[lit] / pitch
     depths = np.full_like(disparity, np.nan)
-    depths[lit] = object_depths(axes, array, pixel, micro.on_array[lens], per_pitch, planes, threads)
-    chord = chord_disparity(axes, array, pixel, micro.index[lens], micro.steps, per_pitch, planes, threads)
-    disparity[lit] = chord * pitch
+    depths[lit] = object_depths(model, pixel, micro.on_array[lens], per_pitch)
+    disparity[lit] = pitch * chord_disparity(model, pixel, micro.index[lens], micro.steps, per_pitch)
     with np.errstate(divide="ignore"):
         return DepthMap(disparity, error, confidence, pitch / disparity, depths)
 

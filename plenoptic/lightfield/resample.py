@@ -14,8 +14,6 @@ from plenoptic.optics.microlens.lattice import Lattice, rows_of
 
 _ROUNDING = 1e-9
 """Weights below it count as 0, so that a pixel at a microlens depends on no other."""
-
-
 _NEIGHBOURS = 24
 """Microlenses that are interpolated for a pixel; more changed no measured error."""
 _REACH = 3
@@ -72,7 +70,7 @@ class Resampling:
             (values - self.prediction.interpolate(values)) ** 2 - variance - self.prediction.interpolate(variance, 2)
         )
         unresolved = np.where(np.isfinite(excess), np.maximum(excess, 0.0), np.nan)
-        mean_unresolved = self.smooth.normalise().mean_of_valid(unresolved)
+        mean_unresolved = self.smooth.mean_of_valid(unresolved)
         distance_weight = np.clip(1.0 - (self.smooth.weight**2).sum(axis=1), 0.0, 1.0)
         return np.asarray((_DOUBT**2 * distance_weight[:, None] * mean_unresolved).reshape(self.rows, self.columns, -1))
 
@@ -96,21 +94,15 @@ class Weights(NamedTuple):
             total += np.where(weight != 0, weight * padded[self.source[:, k]], 0.0)
         return total
 
-    def normalise(self) -> Weights:
-        """The absolute weights, normalised."""
-        weight = np.abs(self.weight)
-        return Weights(self.source, weight / weight.sum(axis=1, keepdims=True))
-
     def mean_of_valid(self, values: Floats) -> Floats:
-        """Weighted mean over the valid values alone; 0 without one."""
+        """Mean of the valid values (m, C) alone, with the absolute weights; 0 without one."""
+        weight = np.abs(self.weight)
+        absolute = Weights(self.source, weight / weight.sum(axis=1, keepdims=True))
         valid = np.isfinite(values)
-        total = self.interpolate(np.where(valid, values, 0.0))
-        weight = self._present(valid)
+        total = absolute.interpolate(np.where(valid, values, 0.0))
+        present = np.vstack([valid, np.zeros((1, valid.shape[1]), dtype=bool)])[self.source]
+        weight = np.einsum("nk,nkc->nc", absolute.weight, present)
         return np.where(weight > 0, np.nan_to_num(total) / np.where(weight > 0, weight, 1.0), 0.0)
-
-    def _present(self, valid: NDArray[np.bool_]) -> Floats:
-        padded = np.vstack([valid, np.zeros((1, valid.shape[1]), dtype=bool)])
-        return np.asarray(np.einsum("nk,nkc->nc", self.weight, padded[self.source]))
 
 
 def resampling(
@@ -118,23 +110,21 @@ def resampling(
     index: NDArray[np.int64],
     spacing: float | None,
     *,
-    places: Floats | None = None,
-    turn: Floats | None = None,
-    origin: Floats | None = None,
+    positions: Floats | None = None,
+    basis: Floats | None = None,
     errors: bool = True,
 ) -> Resampling:
     """Weights that resample views of the microlenses `index` (n, 2) to a grid with a spacing in mm.
 
     Without a spacing, lattices with vectors along x and y keep their own, and others get square pixels of the area of a
     cell. Pixels lie at whole multiples of the spacing from the array's origin, so that views of a region are parts of
-    the views of the whole, except at its border. `places` (n, 2) are the actual positions of the microlenses, by
-    default those of the lattice, rotated by `turn` (2, 2) about `origin`. Without `errors`, no interpolation error is
-    estimated.
+    the views of the whole, except at its border. `positions` (n, 2) are the actual positions of the microlenses, by
+    default those of the lattice, and `basis` (2, 2) its vectors, by default the array's. Without `errors`, no
+    interpolation error is estimated.
     """
-    start = np.zeros(2) if origin is None else origin
-    basis = array.basis if turn is None else array.basis @ turn.T
+    basis = array.basis if basis is None else basis
     design = index @ basis
-    positions = design if places is None else places - start
+    positions = design if positions is None else positions
     size = np.abs(basis)
     axis_parallel = (
         min(np.delete(size.ravel(), (0, 3)).max(), np.delete(size.ravel(), (1, 2)).max()) < _ROUNDING * size.max()
@@ -160,7 +150,7 @@ def resampling(
     if linear.weight.max(axis=1).min() < 1.0 - _ROUNDING:
         smooth = _cubic(lenses, points, on_lattice, include_self=True)
         prediction = _cubic(lenses, positions, index.astype(np.float64), include_self=False) if errors else None
-    return Resampling(len(y), len(x), linear, smooth, prediction, np.array([x[0], y[0]]) + start, pixel_spacing)
+    return Resampling(len(y), len(x), linear, smooth, prediction, np.array([x[0], y[0]]), pixel_spacing)
 
 
 class Lenses(NamedTuple):

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.values import Floats, frozen_array, plain_array, positive, result, whole
 from plenoptic.errors import InvalidValueError
 
-_PIXELS = (0.07, 0.03, 0.01)
+_LIMITS = (0.07, 0.03, 0.01)
+"""Errors that are exceeded, in pixels and relative to the disparity."""
 _MAX_TYPES = 1024
-_RELATIVE = (0.07, 0.03, 0.01)
 _CLIP = 0.05
 """Bumpiness at which a pixel's contribution is clipped."""
 
@@ -56,8 +56,8 @@ class DisparityScores:
 
     def __str__(self) -> str:
         heading = f"{'':8}{'pixels':>9}{'kept %':>8}{'MSE x100':>10}"
-        heading += "".join(f"{f'Bad{part:g}':>9}" for part in _PIXELS) + f"{'Q25':>9}"
-        heading += "".join(f"{f'Rel{100 * part:.0f}':>8}" for part in _RELATIVE) + f"{'bias %':>9}{'bumpy':>8}"
+        heading += "".join(f"{f'Bad{part:g}':>9}" for part in _LIMITS) + f"{'Q25':>9}"
+        heading += "".join(f"{f'Rel{100 * part:.0f}':>8}" for part in _LIMITS) + f"{'bias %':>9}{'bumpy':>8}"
         rows = [("all", self), *((f"type {number}", scores) for number, scores in enumerate(self.of_types))]
         return "\n".join([heading, *(scores._line(name) for name, scores in rows)])
 
@@ -121,10 +121,8 @@ def disparity_scores(
     count = int(lens_types.max(initial=-1)) + 1
     if count > _MAX_TYPES:
         raise InvalidValueError(f"types has {count - 1}; types are counted from 0, {_MAX_TYPES} at most")
-    scores_of_types = tuple(
-        _scores(estimated, true_disparity, mask & (lens_types == lens_type)) for lens_type in range(count)
-    )
-    return dataclasses.replace(scores, of_types=scores_of_types)
+    of_types = (_scores(estimated, true_disparity, mask & (lens_types == lens_type)) for lens_type in range(count))
+    return dataclasses.replace(scores, of_types=tuple(of_types))
 
 
 def disparity_edges(truth: ArrayLike, *, step: float = 0.05, reach: int = 2) -> NDArray[np.bool_]:
@@ -210,15 +208,14 @@ def _scores(estimated: Floats, true_disparity: Floats, mask: NDArray[np.bool_]) 
         pixels=int(both.sum()),
         kept=float(both.sum() / with_truth.sum()),
         mse=float(100 * np.mean(error**2)),
-        bad=_percent_above(error, _PIXELS),
+        bad=_percent_above_limits(error),
         q25=float(100 * np.percentile(error, 25)),
-        relative=_percent_above(relative, _RELATIVE),
+        relative=_percent_above_limits(relative),
         bias=float(np.median(ratio) - 1) if ratio.size else np.nan,
         bumpiness=_bumpiness(estimated - true_disparity, both),
     )
 
 
-def _percent_above(error: Floats, limits: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Percent of errors above each limit."""
-    first, second, third = (float(100 * np.mean(error > limit)) if error.size else np.nan for limit in limits)
+def _percent_above_limits(error: Floats) -> tuple[float, float, float]:
+    first, second, third = (float(100 * np.mean(error > limit)) if error.size else np.nan for limit in _LIMITS)
     return first, second, third

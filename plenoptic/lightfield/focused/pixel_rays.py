@@ -74,9 +74,7 @@ def pixel_rays(axes: ArrayAxes, array: MicrolensArray, raw: RawArrays, pupil: Pu
     shape = np.array(raw.shot.shape[:2])
     radius = _radius(camera, array, pupil)
     centres = microlens_centres(camera, CentreMethod.CHIEF_RAY, margin=max(array.pitches))
-    inside_image = np.flatnonzero(
-        ((centres.pixel >= first - radius) & (centres.pixel <= first + shape - 1 + radius)).all(axis=1)
-    )
+    inside_image = np.flatnonzero(raw.near(centres.pixel, radius))
     centre = centres.pixel[inside_image][:, :, None, None]
     step = np.arange(-math.ceil(radius), math.ceil(radius) + 1)
     # In sensor pixels, so that a region has the same rounding as the whole.

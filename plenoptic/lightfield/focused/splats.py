@@ -62,6 +62,7 @@ class Window(NamedTuple):
     transparent_density: float
     opaque_density: float
     terms: int
+    """Terms of the fitted function: 6 quadratic, 3 linear."""
     pivot: float
     max_pixel_variance: float
     """Largest variance of a pixel's footprint."""
@@ -76,17 +77,6 @@ class Near(NamedTuple):
     down: Floats
     along: Floats
     fit_weight: Floats
-
-
-class Surfaces(NamedTuple):
-    """Properties of all samples of a picture."""
-
-    depth: float
-    """Largest difference of nearness within a surface."""
-    area: float
-    """Area of the picture per sample."""
-    terms: int
-    """Terms of the fitted function: 6 quadratic, 3 linear."""
 
 
 class Canvas(NamedTuple):
@@ -111,17 +101,6 @@ class Grid(NamedTuple):
         return np.stack(np.broadcast_arrays(-x[None, :], y[:, None]), axis=-1)
 
 
-class Footprint(NamedTuple):
-    """Blur of a sample by its pixel and its microlens: variances on the array in mm^2 along each axis."""
-
-    pixel: Floats
-    lens: Floats
-
-    def blur(self) -> Floats:
-        """Radius of a point's image, in pixels of the raw image."""
-        return np.asarray(np.sqrt(self.lens / (3.0 * self.pixel)))
-
-
 def grid_of(rays: PixelRays, spacing: float) -> Grid:
     """The grid that covers the microlenses; pixels lie at whole multiples of the spacing."""
     positions = rays.through * (-1.0, 1.0) / spacing
@@ -132,17 +111,18 @@ def grid_of(rays: PixelRays, spacing: float) -> Grid:
 
 def footprints(
     array: MicrolensArray, rays: PixelRays, pupil: Pupil, nearness: Floats, pixel: float, wavelength: float
-) -> Footprint:
-    """Footprints of pixels of side `pixel` at a nearness a / (1 + a V); the image lies a behind the array.
+) -> tuple[Floats, Floats]:
+    """Variances of footprints on the array along each axis, mm^2: by the pixel of side `pixel`, and by its microlens.
 
-    V is the vergence of the pupil. From the image a pixel is p a / b large, and the microlens aperture w is w (1 - a /
-    a_f), with 1/a_f = 1/b - 1/f. The pupil sees both smaller by 1 + a V.
+    The nearness is a / (1 + a V); the image lies a behind the array, and V is the vergence of the pupil. From the image
+    a pixel is p a / b large, and the microlens aperture w is w (1 - a / a_f), with 1/a_f = 1/b - 1/f. The pupil sees
+    both smaller by 1 + a V.
     """
     focal = np.array(array.focal_lengths_at(wavelength))[rays.type]
     vergence = pupil.vergence + 1.0 / rays.to_sensor - 1.0 / focal
     pixel_width, aperture_width = pixel * nearness / rays.to_sensor, opening_width(array) * (1.0 - vergence * nearness)
     # Variances of a square and of a disc.
-    return Footprint(pixel_width**2 / 12.0, aperture_width**2 / 16.0)
+    return pixel_width**2 / 12.0, aperture_width**2 / 16.0
 
 
 def surface_depth(pupil: Pupil, spacing: float) -> float:
@@ -172,12 +152,15 @@ def sort_by_cell(
     return first, numbers[np.argsort(flat, kind="stable")]
 
 
-def splat_picture(splats: Splats, grid: Grid, surfaces: Surfaces, threads: int) -> Canvas:
-    """Render the picture of the samples."""
+def splat_picture(splats: Splats, grid: Grid, depth: float, area: float, terms: int, threads: int) -> Canvas:
+    """Render the picture of samples that stand for a mean area each, by functions of 6 or 3 terms.
+
+    Within a surface, nearness differs by up to `depth`.
+    """
     from plenoptic.lightfield.kernels.splat import WIDENINGS, WIDER, fill_view
 
-    width, largest = max(_WIDTH, _SAMPLES * math.sqrt(surfaces.area)), float(splats.pixel.max(initial=0.0))
-    window = Window(grid.shape, width, _CUT, surfaces.depth, _TRANSPARENT, _OPAQUE, surfaces.terms, _PIVOT, largest)
+    width, largest = max(_WIDTH, _SAMPLES * math.sqrt(area)), float(splats.pixel.max(initial=0.0))
+    window = Window(grid.shape, width, _CUT, depth, _TRANSPARENT, _OPAQUE, terms, _PIVOT, largest)
     shape = (*grid.shape, splats.radiance.shape[1])
     variance = None if splats.variance is None else np.empty(shape)
     canvas = Canvas(np.empty(shape), variance, np.empty(grid.shape), np.empty(grid.shape))

@@ -15,12 +15,11 @@ from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.focused.edges import correct_edges, edge_weights, mean_light
+from plenoptic.lightfield.focused.edges import correct_edges, edge_weights
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil, paraxial_pupil, pixel_rays
 from plenoptic.lightfield.focused.splats import (
     Grid,
     Splats,
-    Surfaces,
     footprints,
     grid_of,
     sort_splats,
@@ -53,15 +52,6 @@ class RawRays(NamedTuple):
     pupil: Pupil
     planes: RawArrays
     rays: PixelRays
-
-
-class Focus(NamedTuple):
-    """Disparities at which pictures are in focus."""
-
-    disparity: Floats
-    """(n,): disparity of the rays, in pitches."""
-    everywhere: bool
-    """True if each pixel has its own disparity (total focus)."""
 
 
 class Samples(NamedTuple):
@@ -153,10 +143,7 @@ def render_view(  # noqa: PLR0913
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> camera = pl.PlenopticCamera(
-    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(96, 96), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera(shape=(96, 96))
     >>> shot = pl.render(pl.check_scene(), camera, samples=64, progress=False, truth=pl.Truth.CHORD_DISPARITY)
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> view = pl.lightfield.render_view(shot, white, shot.truth.chord_disparity)
@@ -167,7 +154,7 @@ def render_view(  # noqa: PLR0913
     radius = math.inf if aperture is None else positive(aperture, "aperture")
     pupil_point = checked_viewpoint(viewpoint)
     with CallProgress("rendering the view", kind="camera", show=progress):
-        samples = picture_samples(raw, picture_focus(raw, disparity, z), spacing)
+        samples = picture_samples(raw, *picture_focus(raw, disparity, z), spacing)
         return render_from_viewpoint(samples, pupil_point, radius, thread_count(threads))
 
 
@@ -183,8 +170,8 @@ def render_from_viewpoint(samples: Samples, viewpoint: tuple[float, float], aper
     )
     on_array = rays.through + (viewpoint_slope - rays.pupil) * splats.nearness[:, None]
     area = _area_per_sample(samples.raw, aperture) / grid.spacing**2
-    surfaces = Surfaces(surface_depth(pupil, grid.spacing), area, terms)
-    canvas = splat_picture(sort_splats(grid, on_array, splats), grid, surfaces, threads)
+    splats, depth = sort_splats(grid, on_array, splats), surface_depth(pupil, grid.spacing)
+    canvas = splat_picture(splats, grid, depth, area, terms, threads)
     if not np.isfinite(canvas.picture).any():
         warn(
             f"the picture from viewpoint {viewpoint} is empty: no pixel's light passes there, or the samples are too "
@@ -215,10 +202,13 @@ def raw_rays(
     return RawRays(chosen, array, pupil, arrays, pixel_rays(array_axes(chosen), array, arrays, pupil))
 
 
-def picture_focus(raw: RawRays, disparity: ArrayLike | None, z: float | None = None) -> Focus:
-    """Focus of a picture, from disparities or from a plane; raise InvalidValueError unless exactly one is given."""
+def picture_focus(raw: RawRays, disparity: ArrayLike | None, z: float | None = None) -> tuple[Floats, bool]:
+    """Disparities (n,) of the rays at which a picture is in focus, in pitches; True if each pixel has its own.
+
+    Raises InvalidValueError unless exactly one of disparity and plane is given.
+    """
     if z is not None and disparity is None:
-        return Focus(_disparities_of_plane(raw, finite(z, "z")), False)
+        return _disparities_of_plane(raw, finite(z, "z")), False
     if z is not None or disparity is None:
         raise InvalidValueError(
             "give either disparity, of each pixel or one, or z=, the plane in mm; a truth has chord_disparity after "
@@ -238,7 +228,7 @@ def picture_focus(raw: RawRays, disparity: ArrayLike | None, z: float | None = N
             f"disparity is {median:.3g} pixels in the median, and must lie between 0 and the pitch of "
             f"{1.0 / in_pitches:.3g}; give the disparity of a DepthMap, or a plane in mm as z="
         )
-    return Focus(raw.rays.at(np.broadcast_to(disparities, shape)) * in_pitches, disparities.ndim > 0)
+    return raw.rays.at(np.broadcast_to(disparities, shape)) * in_pitches, disparities.ndim > 0
 
 
 def _disparities_of_plane(raw: RawRays, z: float) -> Floats:
@@ -250,10 +240,9 @@ def _disparities_of_plane(raw: RawRays, z: float) -> Floats:
     return raw.rays.to_sensor / behind
 
 
-def picture_samples(raw: RawRays, focus: Focus, pixel_spacing: float | None) -> Samples:
-    """Rays as samples of pictures; their positions and density depend on the viewpoint."""
+def picture_samples(raw: RawRays, disparity: Floats, everywhere: bool, pixel_spacing: float | None) -> Samples:
+    """Rays as samples of pictures, see `picture_focus`; their positions and density depend on the viewpoint."""
     camera, array, pupil, arrays, rays = raw
-    disparity, everywhere = focus
     spacing = (
         min(array.pitches) / _PIXELS_PER_PITCH if pixel_spacing is None else length_in_mm(pixel_spacing, "spacing")
     )
@@ -270,13 +259,13 @@ def picture_samples(raw: RawRays, focus: Focus, pixel_spacing: float | None) -> 
     with np.errstate(divide="ignore", invalid="ignore"):
         nearness = rays.to_sensor / (disparity + rays.to_sensor * pupil.vergence)
         if everywhere:
-            nearness = correct_edges(rays, nearness, mean_light(radiance, variance), spacing, depth)
+            nearness = correct_edges(rays, nearness, radiance, variance, spacing, depth)
             disparity = rays.to_sensor * (1.0 / nearness - pupil.vergence)
-    footprint = footprints(array, rays, pupil, nearness, pixel, camera.wavelength)
+    of_pixel, of_lens = footprints(array, rays, pupil, nearness, pixel, camera.wavelength)
     if everywhere:
-        weight = (weight * footprint.pixel / (footprint.pixel + footprint.lens)) ** 2 * edge_weights(
-            rays, nearness, footprint.blur(), depth
-        )
+        # The radius of a point's image in pixels, from the variances of a disc and of a square.
+        blur = np.sqrt(of_lens / (3.0 * of_pixel))
+        weight = (weight * of_pixel / (of_pixel + of_lens)) ** 2 * edge_weights(rays, nearness, blur, depth)
     splats = Splats(
         first=np.empty(0, dtype=np.int64),
         offset=np.empty((0, 2)),
@@ -284,8 +273,8 @@ def picture_samples(raw: RawRays, focus: Focus, pixel_spacing: float | None) -> 
         disparity=disparity * min(array.pitches) / pixel,
         weight=weight,
         area=np.empty(0),
-        pixel=footprint.pixel / spacing**2,
-        spread=(footprint.pixel + footprint.lens) / spacing**2,
+        pixel=of_pixel / spacing**2,
+        spread=(of_pixel + of_lens) / spacing**2,
         radiance=radiance,
         variance=variance,
     )

@@ -62,7 +62,7 @@ def render_views(
     """
     count = odd_count(views)
     raw = raw_rays(shot, white, camera)
-    samples = picture_samples(raw, picture_focus(raw, disparity), spacing)
+    samples = picture_samples(raw, *picture_focus(raw, disparity), spacing)
     positions = np.linspace(-_WIDTH, _WIDTH, count) if count > 1 else np.zeros(1)
     # Offsets increase to the right in the image, and in an upright pupil.
     scale = raw.pupil.slope * raw.camera.microlenses_to_sensor / raw.camera.sensor.pixel_pitch

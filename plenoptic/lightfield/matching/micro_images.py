@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import CameraKind, kind_of
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
@@ -17,7 +16,7 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.image_stack import ImageStack, blur_levels, extrapolate_border, noise_variance
 from plenoptic.lightfield.outward_rays import aperture_variance
-from plenoptic.lightfield.pinhole_model import PlanePair, displacement
+from plenoptic.lightfield.pinhole_model import PinholeModel, trace_displacement
 from plenoptic.lightfield.raw_arrays import RawArrays
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice, neighbour_steps, rows_of
@@ -93,20 +92,13 @@ def _kinds(camera: PlenopticCamera, array: MicrolensArray) -> set[CameraKind]:
 
 
 def micro_images(
-    axes: ArrayAxes,
-    raw: RawArrays,
-    planes: PlanePair,
-    virtual_depths: tuple[float, float],
-    *,
-    window_radius: int,
-    threads: int,
+    model: PinholeModel, raw: RawArrays, virtual_depths: tuple[float, float], window_radius: int
 ) -> MicroImages:
     """Cut a devignetted raw image into micro images, to be matched within a range of virtual depths of one sign."""
-    camera, array = axes.camera, focused_array(axes.camera)
+    camera, array = model.axes.camera, model.array
     pitch = min(array.pitches) / camera.sensor.pixel_pitch
     centres = microlens_centres(camera, CentreMethod.CHIEF_RAY)
-    first, shape = np.array(raw.first), raw.shot.shape[:2]
-    inside_image = ((centres.pixel >= first) & (centres.pixel <= first + np.array(shape) - 1)).all(axis=1)
+    first, shape, inside_image = np.array(raw.first), raw.shot.shape[:2], raw.near(centres.pixel, 0.0)
     if np.count_nonzero(inside_image) < 3:
         raise InvalidValueError("the image holds fewer than three microlens images; take a larger region")
     index, on_array, types = (part[inside_image] for part in (centres.index, centres.on_array, centres.type))
@@ -138,12 +130,12 @@ def micro_images(
     )
     steps, row, column = neighbour_steps(array.lattice), rows[lens, y, 0], columns[lens, 0, x]
     micro = MicroImages(stack, (lens, y, x), row, column, orthogonal - first, on_array, index, types, steps)
-    stack = _mask_and_displace(axes, micro, raw, planes, radii < _CENTRE_RADIUS * pitch, threads)
+    stack = _mask_and_displace(model, micro, raw, radii < _CENTRE_RADIUS * pitch)
     return micro._replace(stack=_with_blur(stack, camera, array, types))
 
 
 def _mask_and_displace(
-    axes: ArrayAxes, micro: MicroImages, raw: RawArrays, planes: PlanePair, central: NDArray[np.bool_], threads: int
+    model: PinholeModel, micro: MicroImages, raw: RawArrays, central: NDArray[np.bool_]
 ) -> ImageStack:
     """The stack without pixels lit by neighbours, with displacement from the pinhole model.
 
@@ -151,13 +143,11 @@ def _mask_and_displace(
     """
     stack, lens = micro.stack, micro.lit[0]
     pixel = np.column_stack([micro.row, micro.column]) + np.array(raw.first)
-    real = displacement(
-        axes, focused_array(axes.camera), pixel, micro.on_array[lens], micro.type[lens], planes, threads
-    )
+    passed, displacement = trace_displacement(model, pixel, micro.on_array[lens], micro.type[lens])
     throughput, light = (np.zeros(stack.mask.shape) for _ in range(2))
     coefficients = np.full((*stack.mask.shape, 2, 2), np.nan)
-    throughput[micro.lit], light[micro.lit] = real.throughput, raw.white[micro.row, micro.column].mean(axis=1)
-    coefficients[micro.lit] = real.coefficients
+    throughput[micro.lit], light[micro.lit] = passed, raw.white[micro.row, micro.column].mean(axis=1)
+    coefficients[micro.lit] = displacement
     lit = stack.mask > 0
     central_light, central_throughput = (
         np.where(lit & central, plane, 0.0).sum(axis=(1, 2), keepdims=True) for plane in (light, throughput)
