@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.lightfield.kernels.cubic import cubic_weights
+from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row
 from plenoptic.lightfield.kernels.subpixel import blur_levels
 
 _UNKNOWN = -2.0
@@ -25,39 +25,23 @@ def _fill_shifted(shifted, shifted_mask, values, mask, down, right, shape):
     rows, columns = shape
     top, left = math.floor(down), math.floor(right)
     (a0, a1, a2, a3), _ = cubic_weights(down - top)
-    (b0, b1, b2, b3), _ = cubic_weights(right - left)
+    weights, _ = cubic_weights(right - left)
     top, left = int(top), int(left)
     for y in range(rows):
         r = y + top
-        inside = 1 <= r < rows - 2
         for x in range(columns):
             shifted_mask[y, x] = 0
-        if not inside:
+        if not 1 <= r < rows - 2:
             continue
-        first, last = max(0, 1 - left), min(columns, columns - 2 - left)
-        for x in range(first, last):
+        for x in range(max(0, 1 - left), min(columns, columns - 2 - left)):
             c = x + left
             shifted_mask[y, x] = mask[r, c] & mask[r, c + 1] & mask[r + 1, c] & mask[r + 1, c + 1]
-            above = (
-                b0 * values[r - 1, c - 1]
-                + b1 * values[r - 1, c]
-                + b2 * values[r - 1, c + 1]
-                + b3 * values[r - 1, c + 2]
+            shifted[y, x] = (
+                a0 * interpolate_row(values, r - 1, c, weights)
+                + a1 * interpolate_row(values, r, c, weights)
+                + a2 * interpolate_row(values, r + 1, c, weights)
+                + a3 * interpolate_row(values, r + 2, c, weights)
             )
-            centre = b0 * values[r, c - 1] + b1 * values[r, c] + b2 * values[r, c + 1] + b3 * values[r, c + 2]
-            below = (
-                b0 * values[r + 1, c - 1]
-                + b1 * values[r + 1, c]
-                + b2 * values[r + 1, c + 1]
-                + b3 * values[r + 1, c + 2]
-            )
-            far_below = (
-                b0 * values[r + 2, c - 1]
-                + b1 * values[r + 2, c]
-                + b2 * values[r + 2, c + 1]
-                + b3 * values[r + 2, c + 2]
-            )
-            shifted[y, x] = a0 * above + a1 * centre + a2 * below + a3 * far_below
 
 
 @device

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.lightfield.kernels.cubic import cubic_weights
+from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row
 
 _STEPS = 3
 _MIN_VALID = 0.25
@@ -43,10 +43,7 @@ def _image_displacement(stack, m, j, pixel, d):
     xx = math.floor(x + stack.base[j, 1] - d * stack.step[j, 1] + 0.5)
     if not (0 <= yy < stack.values.shape[1] and 0 <= xx < stack.values.shape[2]):
         return math.nan, math.nan, math.nan, math.nan
-    displacement, other_displacement = (
-        stack.residual_displacement[m, y, x],
-        stack.residual_displacement[other, yy, xx],
-    )
+    displacement, other_displacement = stack.residual_displacement[m, y, x], stack.residual_displacement[other, yy, xx]
     down, right = other_displacement[1, 0] - displacement[1, 0], other_displacement[1, 1] - displacement[1, 1]
     return (
         other_displacement[0, 0] - displacement[0, 0] + per_pitch * down,
@@ -73,7 +70,7 @@ def _window(stack, start, slopes, m, j, pixel, d):
         down, right, sy, sx = down + more_down, right + more_right, sy - by_down, sx - by_right
     top, left = math.floor(down), math.floor(right)
     (a0, a1, a2, a3), (e0, e1, e2, e3) = cubic_weights(down - top)
-    (b0, b1, b2, b3), (f0, f1, f2, f3) = cubic_weights(right - left)
+    weights, derivatives = cubic_weights(right - left)
     top, left = int(top), int(left)
     n, p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     window_values, values, other_mask = stack.values[m], stack.values[other], stack.mask[other]
@@ -86,32 +83,19 @@ def _window(stack, start, slopes, m, j, pixel, d):
             slopes[slot] = math.nan
             slot += 1
             r, c = yy + top, xx + left
-            if not (1 <= r < rows - 2 and 1 <= c < columns - 2):
+            if not (1 <= r < rows - 2 and 1 <= c < columns - 2 and 0 <= yy < rows and 0 <= xx < columns):
                 continue
-            if not (0 <= yy < rows and 0 <= xx < columns and abs(start[yy, xx] - start[y, x]) <= tolerance):
-                continue
-            if not (
-                stack.mask[m, yy, xx]
-                & other_mask[r, c]
-                & other_mask[r, c + 1]
-                & other_mask[r + 1, c]
-                & other_mask[r + 1, c + 1]
-            ):
+            valid = other_mask[r, c] & other_mask[r, c + 1] & other_mask[r + 1, c] & other_mask[r + 1, c + 1]
+            if not (stack.mask[m, yy, xx] & valid and abs(start[yy, xx] - start[y, x]) <= tolerance):
                 continue
             v, vy, vx = 0.0, 0.0, 0.0
             for i in range(4):
                 w = a0 if i == 0 else a1 if i == 1 else a2 if i == 2 else a3
                 e = e0 if i == 0 else e1 if i == 1 else e2 if i == 2 else e3
-                g0, g1, g2, g3 = (
-                    values[r - 1 + i, c - 1],
-                    values[r - 1 + i, c],
-                    values[r - 1 + i, c + 1],
-                    values[r - 1 + i, c + 2],
-                )
-                along = b0 * g0 + b1 * g1 + b2 * g2 + b3 * g3
+                along = interpolate_row(values, r - 1 + i, c, weights)
                 v += w * along
                 vy += e * along
-                vx += w * (f0 * g0 + f1 * g1 + f2 * g2 + f3 * g3)
+                vx += w * interpolate_row(values, r - 1 + i, c, derivatives)
             value, slope = window_values[yy, xx], -(sy * vy + sx * vx)
             slopes[slot - 1] = slope
             n += 1.0
