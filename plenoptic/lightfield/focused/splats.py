@@ -18,14 +18,8 @@ _WIDTH = 0.6
 """Standard deviation of a window's weights, in pixels of the picture."""
 _SAMPLES = 1.2
 """The same in units of the sample spacing (root of the area per sample), if that is larger."""
-_CUT = 3.0
-"""Radius of a window over its width."""
 _DEPTH = 1.0
 """Largest difference in pixels, within a surface, between rays through the centre and the rim of the pupil."""
-_TRANSPARENT, _OPAQUE = 0.1, 0.65
-"""Sample density, relative to that of an unoccluded surface, at which a surface is invisible or fills a pixel."""
-_PIVOT = 0.1
-"""Minimum pivot: samples determine a function if each term varies by as much beyond the terms before it."""
 _ROWS = 8
 """Rows of the picture in one task."""
 
@@ -56,14 +50,10 @@ class Window(NamedTuple):
 
     shape: tuple[int, int]
     width: float
-    cut: float
     depth: float
     """Largest difference of nearness within a surface."""
-    transparent_density: float
-    opaque_density: float
     terms: int
     """Terms of the fitted function: 6 quadratic, 3 linear."""
-    pivot: float
     max_pixel_variance: float
     """Largest variance of a pixel's footprint."""
 
@@ -157,14 +147,14 @@ def splat_picture(splats: Splats, grid: Grid, depth: float, area: float, terms: 
 
     Within a surface, nearness differs by up to `depth`.
     """
-    from plenoptic.lightfield.kernels.splat import WIDENINGS, WIDER, fill_view
+    from plenoptic.lightfield.kernels.splat import CUT, WIDENINGS, WIDER, fill_view
 
     width, largest = max(_WIDTH, _SAMPLES * math.sqrt(area)), float(splats.pixel.max(initial=0.0))
-    window = Window(grid.shape, width, _CUT, depth, _TRANSPARENT, _OPAQUE, terms, _PIVOT, largest)
+    window = Window(grid.shape, width, depth, terms, largest)
     shape = (*grid.shape, splats.radiance.shape[1])
     variance = None if splats.variance is None else np.empty(shape)
     canvas = Canvas(np.empty(shape), variance, np.empty(grid.shape), np.empty(grid.shape))
-    reach = math.ceil(_CUT * max(width * WIDER ** (WIDENINGS - 1), math.hypot(width, math.sqrt(largest))))
+    reach = math.ceil(CUT * max(width * WIDER ** (WIDENINGS - 1), math.hypot(width, math.sqrt(largest))))
     capacity = _max_samples(splats.first, grid.shape, reach)
 
     def fill_rows(row: int) -> None:
