@@ -14,7 +14,7 @@ from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, checked_viewpoint, raw_arrays, relative_light
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, checked_viewpoint, raw_arrays
 from plenoptic.lightfield.resample import Resampling, resampling
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.models import LensModel
@@ -113,7 +113,7 @@ def decode(  # noqa: PLR0913
     >>> field.pupil[8, 4, 0].round(2).item(), [round(d, 2) for d in field.disparity_at(-300.0)]
     (0.42, [0.33, 0.33])
     """
-    raw, camera = raw_arrays(shot, white, relative_light(least_light)), camera_of(shot, camera)
+    raw, camera = raw_arrays(shot, white, least_light), camera_of(shot, camera)
     array, axes, pupil_point = _unfocused_array(camera), array_axes(camera), checked_viewpoint(viewpoint)
     pixel_spacing = None if spacing is None else length_in_mm(spacing, "spacing")
     offsets = _offsets(camera, array, views, positive(step, "step", "pixels"), pupil_point)

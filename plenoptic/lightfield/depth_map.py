@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from plenoptic.camera.assembly import ArrayAxes, array_axes
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
@@ -14,10 +14,10 @@ from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.epipolar import default_range, match_views, view_depths
 from plenoptic.lightfield.matching.consensus import consensus
-from plenoptic.lightfield.matching.micro_images import focused_array, image_side, micro_images
+from plenoptic.lightfield.matching.micro_images import MicroImages, focused_array, image_side, micro_images
 from plenoptic.lightfield.matching.steps import Matcher, match_images, match_stack
 from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, object_plane_pair
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays, relative_light
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
@@ -155,32 +155,26 @@ def depth(  # noqa: PLR0913
             raise InvalidValueError("views have no virtual depth; give disparity_range= in pixels")
         disparities = default_range(image) if disparity_range is None else _range(disparity_range, "disparity_range")
         with CallProgress("matching", kind="light field", show=progress):
-            return _depth_of_views(image, disparities, radius, matcher)
+            matches = match_views(image, disparities, radius, matcher)
+            unknown = np.full(matches.disparity.shape, np.nan)
+            return DepthMap(*matches, unknown, view_depths(image, matches.disparity))
     check_kind(image, "image", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
     if disparity_range is not None:
         raise InvalidValueError("a raw image is searched by virtual depth; give virtual_depth_range=")
-    raw = raw_arrays(image, white, relative_light(min_relative_light, "min_relative_light"))
-    axes, workers = array_axes(camera_of(image, camera)), thread_count(threads)
+    raw = raw_arrays(image, white, min_relative_light, "min_relative_light")
+    camera, workers = camera_of(image, camera), thread_count(threads)
     with CallProgress("matching", kind="camera", show=progress):
-        virtual_depths = _virtual_depths(axes.camera, virtual_depth_range)
-        return _depth_of_raw_image(axes, raw, virtual_depths, radius=radius, matcher=matcher, threads=workers)
+        array, virtual_depths = focused_array(camera), _virtual_depths(camera, virtual_depth_range)
+        model = PinholeModel(array_axes(camera), array, object_plane_pair(camera, virtual_depths), workers)
+        return _depth_of_raw_image(model, raw, micro_images(model, raw, virtual_depths, radius), matcher)
 
 
-def _depth_of_views(field: LightField, disparities: tuple[float, float], radius: int, matcher: Matcher) -> DepthMap:
-    matches = match_views(field, disparities, radius, matcher)
-    return DepthMap(*matches, np.full(matches.disparity.shape, np.nan), view_depths(field, matches.disparity))
-
-
-def _depth_of_raw_image(
-    axes: ArrayAxes, raw: RawArrays, virtual_depths: tuple[float, float], *, radius: int, matcher: Matcher, threads: int
-) -> DepthMap:
+def _depth_of_raw_image(model: PinholeModel, raw: RawArrays, micro: MicroImages, matcher: Matcher) -> DepthMap:
     """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
-    array, planes = focused_array(axes.camera), object_plane_pair(axes.camera, virtual_depths)
-    model = PinholeModel(axes, array, planes, threads)
-    micro = micro_images(model, raw, virtual_depths, radius)
-    disparity, error, confidence = consensus(match_stack(micro.stack, matcher, threads), micro, raw.shot.shape)
+    matches = match_stack(micro.stack, matcher, model.threads)
+    disparity, error, confidence = consensus(matches, micro, raw.shot.shape)
     lit, lens, pitch = (micro.row, micro.column), micro.lit[0], micro.stack.pitch
     pixel, per_pitch = np.column_stack(lit) + np.array(raw.first), disparity[lit] / pitch
     depths = np.full_like(disparity, np.nan)

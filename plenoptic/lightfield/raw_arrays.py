@@ -82,8 +82,14 @@ def _corners(point: Floats, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], 
     return rows, columns, weights
 
 
-def raw_arrays(shot: Exposure, white: Exposure, min_relative_light: float) -> RawArrays:
-    """Crop the white image to the pixels of the shot; pixels below `least_light` of its 99th percentile are dark."""
+def raw_arrays(shot: Exposure, white: Exposure, least_light: float, name: str = "least_light") -> RawArrays:
+    """Crop the white image to the pixels of the shot; pixels below a fraction of its 99th percentile are dark.
+
+    Raises InvalidValueError unless the fraction, an argument of a given name, lies in (0, 1].
+    """
+    min_relative_light = finite(least_light, name)
+    if not 0 < min_relative_light <= 1:
+        raise InvalidValueError(f"{name} is {min_relative_light:g}; it must be above 0 and at most 1")
     crop, first = crop_in_white_image(shot, white)
 
     def plane(image: NDArray[np.float32]) -> Floats:
@@ -101,14 +107,6 @@ def raw_arrays(shot: Exposure, white: Exposure, min_relative_light: float) -> Ra
         first=first,
         least=min_relative_light * full_light,
     )
-
-
-def relative_light(fraction: float, name: str = "least_light") -> float:
-    """Return a fraction of full light that lies in (0, 1]; raise InvalidValueError otherwise."""
-    light = finite(fraction, name)
-    if not 0 < light <= 1:
-        raise InvalidValueError(f"{name} is {light:g}; it must be above 0 and at most 1")
-    return light
 
 
 def camera_of(shot: Exposure, camera: PlenopticCamera | None) -> PlenopticCamera:

@@ -55,18 +55,12 @@ class DisparityScores:
     of_types: tuple[DisparityScores, ...] = ()
 
     def __str__(self) -> str:
-        heading = f"{'':8}{'pixels':>9}{'kept %':>8}{'MSE x100':>10}"
-        heading += "".join(f"{f'Bad{part:g}':>9}" for part in _LIMITS) + f"{'Q25':>9}"
-        heading += "".join(f"{f'Rel{100 * part:.0f}':>8}" for part in _LIMITS) + f"{'bias %':>9}{'bumpy':>8}"
-        rows = [("all", self), *((f"type {number}", scores) for number, scores in enumerate(self.of_types))]
-        return "\n".join([heading, *(scores._line(name) for name, scores in rows)])
-
-    def _line(self, name: str) -> str:
-        numbers = f"{name:8}{self.pixels:9d}{100 * self.kept:8.2f}{self.mse:10.4g}"
-        numbers += "".join(f"{part:9.2f}" for part in self.bad) + f"{self.q25:9.3g}"
-        return (
-            numbers + "".join(f"{part:8.2f}" for part in self.relative) + f"{100 * self.bias:9.3f}{self.bumpiness:8.3f}"
-        )
+        bad, relative = [f"Bad{limit:g}" for limit in _LIMITS], [f"Rel{100 * limit:.0f}" for limit in _LIMITS]
+        rows = [["", "pixels", "kept %", "MSE x100", *bad, "Q25", *relative, "bias %", "bumpy"]]
+        for name, part in [("all", self), *((f"type {number}", part) for number, part in enumerate(self.of_types))]:
+            numbers = (*part.bad, part.q25, *part.relative, 100 * part.bias, part.bumpiness)
+            rows.append([name, str(part.pixels), *(f"{x:.4g}" for x in (100 * part.kept, part.mse, *numbers))])
+        return "\n".join(f"{row[0]:8}" + "".join(f"{text:>9}" for text in row[1:]) for row in rows)
 
 
 def disparity_scores(

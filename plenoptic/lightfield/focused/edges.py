@@ -68,7 +68,7 @@ def correct_edges(
 
 def _picture_positions(rays: PixelRays, nearness: Floats, spacing: float) -> Floats:
     """Positions (n, 2) of pixels as seen from the centre of the pupil: down and along, in pixels of the picture."""
-    return np.asarray((rays.through - rays.pupil * nearness[:, None])[:, ::-1] * (1.0, -1.0) / spacing)
+    return np.asarray((rays.through - rays.at_pupil * nearness[:, None])[:, ::-1] * (1.0, -1.0) / spacing)
 
 
 def _in_cells(rays: PixelRays, nearness: Floats, light: Floats, spacing: float) -> Cells:

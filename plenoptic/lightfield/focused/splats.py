@@ -12,7 +12,6 @@ from plenoptic.camera.gaussian import opening_width
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil
-from plenoptic.optics.microlens.array import MicrolensArray
 
 _WIDTH = 0.6
 """Standard deviation of a window's weights, in pixels of the picture."""
@@ -99,18 +98,17 @@ def grid_of(rays: PixelRays, spacing: float) -> Grid:
     return Grid((int(low[1]), int(low[0])), (rows, columns), spacing)
 
 
-def footprints(
-    array: MicrolensArray, rays: PixelRays, pupil: Pupil, nearness: Floats, pixel: float, wavelength: float
-) -> tuple[Floats, Floats]:
-    """Variances of footprints on the array along each axis, mm^2: by the pixel of side `pixel`, and by its microlens.
+def footprints(rays: PixelRays, nearness: Floats) -> tuple[Floats, Floats]:
+    """Variances of footprints on the array along each axis, mm^2: by the pixel, and by its microlens.
 
     The nearness is a / (1 + a V); the image lies a behind the array, and V is the vergence of the pupil. From the image
     a pixel is p a / b large, and the microlens aperture w is w (1 - a / a_f), with 1/a_f = 1/b - 1/f. The pupil sees
     both smaller by 1 + a V.
     """
-    focal = np.array(array.focal_lengths_at(wavelength))[rays.type]
-    vergence = pupil.vergence + 1.0 / rays.to_sensor - 1.0 / focal
-    pixel_width, aperture_width = pixel * nearness / rays.to_sensor, opening_width(array) * (1.0 - vergence * nearness)
+    focal = np.array(rays.array.focal_lengths_at(rays.camera.wavelength))[rays.type]
+    vergence = rays.pupil.vergence + 1.0 / rays.to_sensor - 1.0 / focal
+    pixel_width = rays.camera.sensor.pixel_pitch * nearness / rays.to_sensor
+    aperture_width = opening_width(rays.array) * (1.0 - vergence * nearness)
     # Variances of a square and of a disc.
     return pixel_width**2 / 12.0, aperture_width**2 / 16.0
 
@@ -121,7 +119,7 @@ def surface_depth(pupil: Pupil, spacing: float) -> float:
 
 
 def sort_splats(grid: Grid, on_array: Floats, samples: Splats) -> Splats:
-    """Sort the samples on a grid by cell; `first` and `place` follow from `on_array` (n, 2)."""
+    """Sort the samples on a grid by cell; `first` and `offset` follow from `on_array` (n, 2)."""
     positions = on_array[:, ::-1] * (1.0, -1.0) / grid.spacing
     with np.errstate(invalid="ignore"):
         nearest = np.rint(positions)
