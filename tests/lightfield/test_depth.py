@@ -11,6 +11,7 @@ from hypothesis import given, strategies
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield import depth, disparity_edges, disparity_scores
+from plenoptic.lightfield.reading import light_field
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
@@ -168,12 +169,7 @@ def field(disparity, slant=0.0, count=5, steps=1.0):
     down = row + v * (disparity + slant * x)
     angle = np.multiply.outer(down, waves[:, 0]) + np.multiply.outer(x, waves[:, 1])
     views = (2 + 0.2 * np.cos(angle + phase).sum(axis=-1, keepdims=True)).astype(np.float32)
-    nothing, nowhere = np.full((40, 48, 2), np.nan), np.full((count, count, 2), np.nan)
-    return pl.lightfield.LightField(
-        **{"views": views, "standard_error": None, "u": offsets, "v": offsets, "pixel": nothing, "on_array": nothing},
-        **{"exit_pupil": nowhere, "pupil": nowhere, "origin": np.full(2, np.nan), "spacing": (np.nan, np.nan)},
-        **{"object_spacing": (np.nan, np.nan), "z_focus": np.nan, "camera": None},
-    )
+    return dataclasses.replace(light_field(views), u=offsets, v=offsets)
 
 
 def test_slopes_of_epipolar_lines():
