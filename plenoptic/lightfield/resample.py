@@ -160,11 +160,15 @@ class Lenses(NamedTuple):
     positions: Floats
     basis: Floats
 
+    def around(self, points: Floats, nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
+        """Rows (n, k) of the microlenses at lattice nodes (n, k, 2), -1 for none, and their offsets from points."""
+        rows = rows_of(self.lattice_index, nodes)
+        return rows, np.where(rows[..., None] >= 0, self.positions[rows], nodes @ self.basis) - points[:, None]
+
 
 def _linear(lenses: Lenses, points: Floats, nodes: NDArray[np.int64], weight: Floats) -> Weights:
     """Weights of the corners of a mesh, with the least change that reproduces linear functions at actual positions."""
-    rows = rows_of(lenses.lattice_index, nodes)
-    offset = np.where(rows[..., None] >= 0, lenses.positions[rows], nodes @ lenses.basis) - points[:, None]
+    rows, offset = lenses.around(points, nodes)
     scale = float(np.abs(lenses.basis).max())
     table = np.concatenate([np.ones((*rows.shape, 1)), offset / scale], axis=2)
     error = np.array([1.0, 0.0, 0.0]) - np.einsum("nk,nkc->nc", weight, table)
@@ -178,11 +182,10 @@ def _linear(lenses: Lenses, points: Floats, nodes: NDArray[np.int64], weight: Fl
 
 
 def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, include_self: bool) -> Weights:
-    """Weights of the nearest microlenses for each point (n, 2): cubic radial basis functions that reproduce linear
-    ones.
+    """Weights of the nearest microlenses for points (n, 2): cubic radial basis functions that reproduce linear ones.
 
-    Without `own`, the microlens at the point itself is left out. G. B. Wright, Radial Basis Function Interpolation, PhD
-    thesis, University of Colorado (2003), section 2.
+    Without `include_self`, the microlens at the point itself is left out. G. B. Wright, Radial Basis Function
+    Interpolation, PhD thesis, University of Colorado (2003), section 2.
     """
     blocks = range(0, len(points), _BLOCK)
     parts = [_cubic_block(lenses, points[k : k + _BLOCK], on_lattice[k : k + _BLOCK], include_self) for k in blocks]
@@ -191,15 +194,12 @@ def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, include_self: 
 
 def _cubic_block(lenses: Lenses, points: Floats, on_lattice: Floats, include_self: bool) -> Weights:
     steps = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    nodes = np.rint(on_lattice).astype(np.int64)[:, None] + steps
-    rows = rows_of(lenses.lattice_index, nodes)
-    scale = float(np.sqrt(abs(np.linalg.det(lenses.basis))))
-    offset = (np.where(rows[..., None] >= 0, lenses.positions[rows], nodes @ lenses.basis) - points[:, None]) / scale
+    rows, offset = lenses.around(points, np.rint(on_lattice).astype(np.int64)[:, None] + steps)
+    offset = offset / float(np.sqrt(abs(np.linalg.det(lenses.basis))))
     squared_distance = (offset**2).sum(axis=2)
     # Distances that differ by rounding alone keep the order of the lattice.
-    order = np.argsort(np.round(squared_distance, 9), axis=1, kind="stable")[
-        :, slice(int(not include_self), _NEIGHBOURS + int(not include_self))
-    ]
+    first = 0 if include_self else 1
+    order = np.argsort(np.round(squared_distance, 9), axis=1, kind="stable")[:, first : first + _NEIGHBOURS]
     rows, offset = np.take_along_axis(rows, order, axis=1), np.take_along_axis(offset, order[..., None], axis=1)
     count, n_lenses = rows.shape
     table = np.zeros((count, n_lenses + 3, n_lenses + 3))
@@ -208,9 +208,7 @@ def _cubic_block(lenses: Lenses, points: Floats, on_lattice: Floats, include_sel
     table[:, :n_lenses, n_lenses:], table[:, n_lenses:, :n_lenses] = linear, linear.transpose(0, 2, 1)
     right_side = np.zeros((count, n_lenses + 3, 1))
     right_side[:, :n_lenses, 0], right_side[:, n_lenses, 0] = np.linalg.norm(offset, axis=2) ** 3, 1.0
-    weight = np.linalg.solve(table, right_side)[:, :n_lenses, 0]
-    significant = np.where(np.abs(weight) > _ROUNDING, weight, 0.0)
-    return Weights(rows, np.asarray(significant / significant.sum(axis=1, keepdims=True)))
+    return Weights(rows, _drop_rounding(np.linalg.solve(table, right_side)[:, :n_lenses, 0]))
 
 
 def _triangle(point: Floats) -> tuple[NDArray[np.int64], Floats]:
@@ -243,5 +241,5 @@ def _split(point: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 
 def _drop_rounding(weight: Floats) -> Floats:
-    significant = np.where(weight > _ROUNDING, weight, 0.0)
+    significant = np.where(np.abs(weight) > _ROUNDING, weight, 0.0)
     return np.asarray(significant / significant.sum(axis=1, keepdims=True))

@@ -122,11 +122,10 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
 def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
     """Context of the original render; raise InvalidValueError if the exposure does not store it."""
     check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera, samples=64)")
-    camera, settings, seed = exposure.camera, exposure.settings, exposure.seed
-    replicates, samples = exposure.replicates, exposure.samples
-    if camera is None or settings is None or seed is None or replicates is None or samples is None:
-        needed = ("camera", "settings", "seed", "replicates", "samples")
-        missing = ", ".join(name for name in needed if getattr(exposure, name) is None)
+    needed = {name: getattr(exposure, name) for name in ("camera", "settings", "seed", "replicates", "samples")}
+    camera, settings, seed, replicates, samples = needed.values()
+    if None in needed.values():
+        missing = ", ".join(name for name, item in needed.items() if item is None)
         raise InvalidValueError(
             f"the exposure does not know its {missing}; only what `render` made can be replayed, or an .exr file to "
             "which that was saved"
