@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.object_planes import image_distance_behind_array
+from plenoptic.lightfield.pinhole_model import image_distance_behind_array
 from plenoptic.truth.channels import GroundTruth, Truth
 
 if TYPE_CHECKING:
