@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, Rigid, assembly
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.diffraction import DeflectionRecord, IrisRecord, deflection_record, iris_record
 from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.diffraction_kernel import DiffractionKernel, diffraction_kernel
@@ -28,6 +27,9 @@ from plenoptic.optics.microlens.microlens_record import (
     possible_powers,
 )
 from plenoptic.optics.stops.stop_registry import Stop, is_convex
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 
 class PixelRecord(NamedTuple):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import sharp_image
 from plenoptic.camera.units import metres_hint
 from plenoptic.core.values import number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import best_focus, front_focus
 from plenoptic.optics.lens.models import FocusCriterion
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 
 def focused_stop_to_microlenses(

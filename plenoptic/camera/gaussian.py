@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.optics.lens.analysis.focus import paraxial_focus
 from plenoptic.optics.lens.gaussian.matrices import over, transfer_matrix
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification, object_position
@@ -20,6 +19,9 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 SAME_FOCUS = 1e-9
 """Relative difference of b and f up to which microlenses count as focused at infinity, as in `focused_at`."""

@@ -34,8 +34,8 @@ _ENOUGH = 0.7
 _FRAME = "#ff6b00"
 _BRIGHTENED = 1 / 2.2
 """Power with which raw images are shown, as photographs are."""
-PANEL = (3.2, 3.3)
-"""Inches, in notebooks."""
+_PANEL, RAW_SIZE = (3.2, 3.3), (2.2 * 3.2, 3.3)
+"""Inches, in notebooks: of a panel of an exposure, and of a raw image."""
 
 
 class _Frame(NamedTuple):
@@ -114,7 +114,12 @@ def _truth(exposure: Exposure) -> tuple[str, NDArray[Any], str] | None:
     return None if name is None else (name.replace("_", " "), plain[name], units[name])
 
 
-def panels_of(exposure: Exposure) -> int:
+def notebook_size(exposure: Exposure) -> tuple[float, float]:
+    """Inches of an exposure's figure in notebooks."""
+    return _PANEL[0] * _panels_of(exposure), _PANEL[1]
+
+
+def _panels_of(exposure: Exposure) -> int:
     """Number of panels that `plot_exposure` draws."""
     return 1 + sum(part is not None for part in (_detail_of(exposure.image), exposure.standard_error, _truth(exposure)))
 
@@ -149,7 +154,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     """
     check_has(exposure, "exposure", "Exposure", "pl.Exposure(image)", "standard_error")
     image, counts = exposure.image, exposure.sample_counts
-    window, truth, panels = _detail_of(image), _truth(exposure), panels_of(exposure)
+    window, truth, panels = _detail_of(image), _truth(exposure), _panels_of(exposure)
     figure = figure_or_new(figure, (4.6 * panels, 4.2))
     frame = _Frame.of(image, exposure.region)
     full = figure.add_subplot(1, panels, 1, xlabel="column / pixel", ylabel="row / pixel")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.files import images
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import fields_from_metadata, fields_to_metadata
@@ -258,11 +259,7 @@ class RawImage:
             facts.append(region_text(self.region))
         return ", ".join(facts)
 
-    def _repr_html_(self) -> str:
-        """The numbers above the black level and a detail of them, with one line of facts, for notebooks."""
-        from plenoptic.plots.notebook.pictures import raw_html
-
-        return raw_html(self)
+    _repr_html_ = picture_of
 
 
 def _checked_data(given: Any, model: SensorModel) -> NDArray[Any]:

@@ -8,8 +8,8 @@ from camera_helpers import CAMERA as GALILEAN
 from camera_helpers import bare_camera
 
 import plenoptic as pl
-from plenoptic.camera.report.html import report_html
 from plenoptic.camera.report.layout import camera_frustum, section_rays
+from plenoptic.plots.notebook.camera_html import report_html
 
 LENS, SENSOR, ARRAY = GALILEAN.lens, GALILEAN.sensor, GALILEAN.microlenses
 ONE, CONVENTIONAL = pl.PlenopticCamera(LENS, SENSOR, 134.6, ARRAY, 2.0), bare_camera()

@@ -16,6 +16,7 @@ from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids
 from plenoptic.camera.points.chief_rays import chief_slopes
 from plenoptic.camera.points.white_centroids import white_centroids
+from plenoptic.core.display import picture_of
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, choice, coordinate, result
 from plenoptic.errors import InvalidValueError
@@ -83,10 +84,7 @@ class MicrolensCentres:
     def __repr__(self) -> str:
         return f"MicrolensCentres({len(self)} microlenses, {self.method.name})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import centres_html
-
-        return centres_html(self)
+    _repr_html_ = picture_of
 
 
 def microlens_centres(

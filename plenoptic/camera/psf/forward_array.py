@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -16,6 +15,9 @@ from plenoptic.optics.microlens.imperfections import extreme_factors, largest_of
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.microlens_record import ArrayRecord, SensorPlane
 from plenoptic.optics.microlens.model_rules import ArrayCrossing
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _REACH_FACTOR = 1.25
 """Factor on the distance from the axis up to which microlenses are listed, for thick ones."""

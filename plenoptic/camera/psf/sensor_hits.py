@@ -6,13 +6,12 @@ then those of the renderer, in the opposite order.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import assembly
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.camera_record import response_record
 from plenoptic.camera.diffraction import IrisRecord, deflection_record, iris_record
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dust_at_lens, placed_dust
@@ -27,6 +26,9 @@ from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entering_polygo
 from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.microlens_record import ResponseRecord
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 BUNDLE = 1 << 13
 """Rays that go through the stages together."""

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import groupby
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.psf.psf_results import CameraSpread
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, trace_task
 from plenoptic.core.kernels.ray_blocks import CAUSES
 from plenoptic.core.lost_rays import cause_and_element
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 
 class SensorCrop(NamedTuple):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import (
     SAME_FOCUS,
     CameraKind,
@@ -25,6 +25,9 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.focus import best_focus
 from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.models import FocusCriterion, LensModel
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _STEPS = 8
 """Most corrections of the traced focus; each reduces the error ten to a thousand times."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from plenoptic.optics.lens.analysis.few_rays import few_reverse_rays
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.lenslets import Lenslets
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _PIXEL_HEIGHT = 0.6
 """Height above the sensor's centre of the pixel whose rays are drawn, over half the sensor's height."""
@@ -152,10 +149,3 @@ def _through_iris(
     towards = -np.column_stack([slopes, np.ones(len(points))])
     traced, directions = few_reverse_rays(lens, start, towards, camera.wavelength, clipping=clipping)
     return traced[:, -1], directions
-
-
-def camera_layout(camera: PlenopticCamera, figure: Figure | None = None) -> Figure:
-    """Draw a camera with the rays of one pixel; see `PlenopticCamera.layout`."""
-    from plenoptic.plots.camera_layout import plot_camera_layout
-
-    return plot_camera_layout(camera, section_rays(camera), figure)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from plenoptic.camera.assembly import Assembly, sensor_corners
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.diffraction import deflection_reach
 from plenoptic.camera.sampling.sampling_records import GROUP_SIDE
 from plenoptic.core.values import Floats, read_only
@@ -17,6 +16,9 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import largest_offset
 from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens
 from plenoptic.optics.microlens.model_rules import ArrayCrossing
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _N_AIMS, _N_OFFSETS = 33, 49
 _SAFETY = 1.25

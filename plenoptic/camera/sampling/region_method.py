@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plenoptic.camera.assembly import assembly
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.sampling.openings import openings
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
@@ -15,6 +15,9 @@ from plenoptic.optics.microlens.aperture import ApertureShape, Walls, has_clear_
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.microlens_record import possible_powers
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _MAX_NEAR, _MAX_NEAR_WITH_CORE = 12.0, 48.0
 """Most microlenses near a pixel on the axis for which polygons are clipped for each path, without and with unvignetted

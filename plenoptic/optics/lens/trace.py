@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,9 @@ from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.optics.lens.record import LensRecord, lens_record
-from plenoptic.optics.lens.stack import LensStack
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 CHUNK = 1 << 15
 """Rays that one thread takes at a time: a few milliseconds of work."""

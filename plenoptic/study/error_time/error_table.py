@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from plenoptic.core.display import draw
 from plenoptic.core.values import set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.schedule.budget import checked_target
@@ -166,9 +167,8 @@ class ErrorTable:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Error against CPU time, see `plot_error_against_time`."""
-        from plenoptic.plots.error_time import plot_error_against_time
-
-        return plot_error_against_time(self, ax)
+        axes: Axes = draw(self, ax)
+        return axes
 
     def __repr__(self) -> str:
         samples, errors = [row.samples for row in self.rows], [row.error for row in self.rows]

@@ -1,4 +1,4 @@
-"""HTML of a camera and its report, for notebooks."""
+"""Key numbers of a camera and HTML of its report, for notebooks."""
 
 from __future__ import annotations
 
@@ -8,13 +8,10 @@ from typing import TYPE_CHECKING
 
 from plenoptic.camera.gaussian import camera_cone, kind_of, plane_of_focus
 from plenoptic.camera.report.findings import CameraFindingKind
-from plenoptic.camera.report.layout import camera_layout
 from plenoptic.camera.report.text import KIND_NAMES, report_sections, report_title
-from plenoptic.core.last_result import LastResultCache
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.plots.camera_layout import SIZES
-from plenoptic.plots.notebook.html import heading_html, list_html, picture_html, table_html
+from plenoptic.plots.notebook.html import heading_html, list_html, table_html
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -36,24 +33,14 @@ _MOST_SERIOUS = (
 """Findings that spoil a camera, then those that waste a part of it; others follow in the order of their kinds."""
 
 
-def _camera_html(camera: PlenopticCamera) -> str:
-    title = _title(camera)
-    alt = f"Section of a camera with the rays of one pixel: {title}"
-    size = SIZES[camera.microlenses is not None]
-    picture = picture_html(lambda figure: camera_layout(camera, figure), size=size, alt=alt, text="")
-    return heading_html(title) + picture + table_html((), _key_numbers(camera))
-
-
-camera_html = LastResultCache(_camera_html)
-"""Picture and key numbers of a camera, by Gaussian optics, without compilation."""
-
-
-def _title(camera: PlenopticCamera) -> str:
+def title_of(camera: PlenopticCamera) -> str:
+    """Kind of a camera and the name of its lens."""
     kind = kind_of(camera, None if camera.microlenses is None else camera.microlenses.focal_length)
     return f"{KIND_NAMES[kind]}, {camera.lens.name or 'unnamed lens'}"
 
 
-def _key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
+def key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
+    """Labels and values of the rows of the table of a camera."""
     array, sensor, image_plane = camera.microlenses, camera.sensor, "sensor" if camera.microlenses is None else "array"
     if camera.lens.model is not LensModel.NONE:
         points = cardinal_points(camera.lens, camera.wavelength)
