@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.values import Floats, check_has
-from plenoptic.plots.canvas import COLOURS, axes_or_new, figure_or_new, pixel_extent
+from plenoptic.plots.canvas import COLOURS, axes_or_new, draw_map, figure_or_new, pixel_extent
 from plenoptic.plots.lens import plot_lens
 
 if TYPE_CHECKING:
@@ -137,10 +137,8 @@ def plot_camera_spread(spread: CameraSpread | WaveSpread, ax: Axes | None = None
     image, row, column = _together(spread)
     # Brightness by the root: the light of a point is a few bright pixels and a faint flare.
     scale = PowerNorm(0.5, vmin=0.0, vmax=float(image.max()) or 1.0)
-    drawn = ax.imshow(
-        image, interpolation="nearest", cmap="inferno", norm=scale, extent=pixel_extent(row, column, image.shape)
-    )
-    ax.figure.colorbar(drawn, ax=ax, label="light per area / (sr/mm²)", shrink=0.8)
+    extent, unit = pixel_extent(row, column, image.shape), "light per area / (sr/mm²)"
+    draw_map(ax, image, unit, _title(spread), extent=extent, cmap="inferno", norm=scale)
     if not image.any():
         ax.text(0.5, 0.5, "no light", transform=ax.transAxes, ha="center", va="center", color="white")
     ax.locator_params(integer=True, min_n_ticks=1)
@@ -148,7 +146,6 @@ def plot_camera_spread(spread: CameraSpread | WaveSpread, ax: Axes | None = None
         places = _pixels(spread.centroid, spread.sensor)
         ax.plot(places[:, 1], places[:, 0], linestyle="none", marker="+", color=_MARK, markersize=9)
     ax.set(xlabel="column / pixel", ylabel="row / pixel")
-    ax.set_title(_title(spread), fontsize="medium")
     return ax
 
 
