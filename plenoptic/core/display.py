@@ -10,7 +10,7 @@ _DISPLAYS = "plenoptic.plots.notebook.displays"
 
 
 def picture_of(value: object) -> str:
-    """HTML or SVG of a value, for notebooks."""
+    """HTML of a value, for notebooks."""
     text: str = importlib.import_module(_DISPLAYS).PICTURES[type(value).__name__](value)
     return text
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats
 from plenoptic.plots.canvas import figure_or_new
-from plenoptic.plots.lens import fill_glass, plot_lens, unfolded
+from plenoptic.plots.lens import plot_lens, unfolded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,6 @@ def _line(at: Any, half: float) -> Floats:
 
 
 def _draw_section(camera: PlenopticCamera, rays: SectionRays, ax: Axes) -> None:
-    fill_glass(camera.lens, ax)
     plot_lens(camera.lens, ax)
     half = 0.5 * camera.sensor.size[0]
     paths = np.concatenate([rays.paths, _extend(camera, rays)[:, None]], axis=1)

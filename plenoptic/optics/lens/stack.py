@@ -286,7 +286,7 @@ class LensStack:
             text += f", as {self.model.name}"
         return f"<LensStack {self.name!r}: {text}>"
 
-    _repr_svg_ = picture_of
+    _repr_html_ = picture_of
 
     def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
         """Check the lens at a wavelength in nm; the result is empty where nothing is implausible.

@@ -93,7 +93,7 @@ PICTURES: dict[str, Callable[[Any], str]] = {
     "CameraReport": report_html,
     "DepthMap": _figure(lightfield.plot_depth_map, _MAPS, "Depth, disparity and confidence"),
     "Exposure": _figure(exposure.plot_exposure, exposure.notebook_size, "An exposure"),
-    "LensStack": lens.lens_svg,
+    "LensStack": _axes(lens.plot_lens, (6.0, 3.6), "Section of a lens"),
     "LightField": _figure(
         lightfield.plot_light_field,
         lightfield.light_field_size,
