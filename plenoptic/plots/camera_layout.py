@@ -122,20 +122,8 @@ def _draw_pixels(camera: PlenopticCamera, rays: SectionRays, sensor: Any, reach:
     if 2.0 * reach / pitch <= _MOST_PIXELS:
         borders = placed(np.arange(np.ceil(ends[0] / pitch), np.floor(ends[1] / pitch) + 1) * pitch)
         ax.hlines(borders[:, 1], borders[:, 2], borders[:, 2] + thick, color=_SENSOR, linewidth=0.5)
-    ax.fill(
-        [*edges[:, 2], *(edges[::-1, 2] + thick)],
-        [*edges[:, 1], *edges[::-1, 1]],
-        color=_PIXEL,
-        linewidth=0,
-        zorder=2.5,
-    )
-    ax.annotate(
-        "pixel",
-        (edges[0, 2] + thick, edges[:, 1].mean()),
-        (4, 0),
-        textcoords="offset points",
-        va="center",
-        fontsize="small",
-        color=_PIXEL,
-    )
+    corners = np.concatenate([edges[:, 1:], edges[::-1, 1:] + [0.0, thick]])
+    ax.fill(corners[:, 1], corners[:, 0], color=_PIXEL, linewidth=0, zorder=2.5)
+    place, text = (edges[0, 2] + thick, edges[:, 1].mean()), {"va": "center", "fontsize": "small", "color": _PIXEL}
+    ax.annotate("pixel", place, (4, 0), textcoords="offset points", **text)
     ax.margins(x=0.16)  # room for that word

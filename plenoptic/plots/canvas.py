@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,10 +66,21 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
     if figure is not None:
         return figure
     plt = pyplot()
-    from plenoptic.plots.notebook.shown_once import ShownOnce
-
-    figure_of_pyplot: Figure = plt.figure(figsize=size, layout="constrained", FigureClass=ShownOnce)
+    figure_of_pyplot: Figure = plt.figure(figsize=size, layout="constrained")
+    figure_of_pyplot._repr_mimebundle_ = partial(_leave_pyplot, figure_of_pyplot)
     return figure_of_pyplot
+
+
+def _leave_pyplot(figure: Figure, **_: Any) -> dict[str, Any]:
+    """Close a figure that a notebook shows as a cell's result; IPython's own display of it stays as it is.
+
+    The inline backend shows all of pyplot's figures at the end of a cell, one that was just shown as its result too.
+    """
+    import matplotlib as mpl
+
+    if "inline" in mpl.get_backend():
+        pyplot().close(figure)
+    return {}
 
 
 def draw_map(ax: Axes, values: NDArray[Any], unit: str, title: str = "", **shown: Any) -> None:

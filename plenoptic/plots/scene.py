@@ -50,8 +50,8 @@ _HUGE, _FLAT = 10.0, 20
 """What is larger than all the rest by more, and has few triangles, is cut: grounds, backdrops, skies."""
 _AROUND = 0.75
 """Around the field of a camera in the plane in focus, over its size: what the front view shows."""
-_UNITS = ((1e6, "km"), (1e4, "m"), (0.05, "mm"), (0.0, "µm"))
-_MILLIMETRES = {"km": 1e6, "m": 1e3, "mm": 1.0, "µm": 1e-3}
+_UNITS = ((1e6, "km", 1e6), (1e4, "m", 1e3), (0.05, "mm", 1.0), (0.0, "µm", 1e-3))
+"""Extent from which on a unit is used, its name, and its length, mm."""
 
 
 def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: Figure | None = None) -> Figure:
@@ -96,8 +96,8 @@ def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: F
         if camera is not None and side.across == "x":
             part = _around_field(frustums[-1], box)
             drawn = shapes if part is box else shapes_of(scene, part[:, :2])
-        unit = next(name for extent, name in _UNITS if np.ptp(part, axis=0).max() >= extent)
-        scale = _MILLIMETRES[unit]
+        size = np.ptp(part, axis=0).max()
+        unit, scale = next((name, length) for extent, name, length in _UNITS if size >= extent)
         _draw_side(ax, side, drawn, part, scale)
         for frustum, ends in zip(frustums, fields, strict=True):
             _draw_frustum(ax, side, frustum, ends, scale)

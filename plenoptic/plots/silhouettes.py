@@ -124,17 +124,17 @@ def painted(shapes: list[Shape], right: Floats, up: Floats, box: Floats, size: t
     spans = [np.prod(np.ptp(shape.bounds @ across.T, axis=0)) for shape in shapes]
     for k in np.argsort(spans, kind="stable")[::-1].tolist():
         triangles, points = places[k]
-        mask = _mask(triangles, points, size)
-        if mask is not None:
-            _paint(canvas, *mask, shapes[k])
+        if (covered := _mask(triangles, points, size)) is not None:
+            mask, rim, window = covered
+            _paint(canvas[window], mask, rim, shapes[k])
     return canvas[::-1]
 
 
 def _mask(
     triangles: Floats, points: Floats, size: tuple[int, int]
-) -> tuple[NDArray[np.bool_], tuple[slice, slice]] | None:
-    """Pixels that a shape covers, within the rows and columns around it; None where it is not in the picture."""
-    from PIL import Image, ImageDraw
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], tuple[slice, slice]] | None:
+    """Pixels that a shape covers and those of its rim, within a window around it; None if it is not in the picture."""
+    from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
     rows, columns = size
     everything = np.concatenate([triangles.reshape(-1, 2), points])
@@ -142,36 +142,20 @@ def _mask(
     high = np.minimum(np.ceil(everything.max(axis=0)).astype(int) + 3, (columns, rows))
     if (low >= high).any():
         return None
-    wide, tall = (high - low).tolist()
-    image = Image.new("L", (wide, tall))
-    draw = ImageDraw.Draw(image)
+    surface, dots = (Image.new("L", tuple((high - low).tolist())) for _ in range(2))
     # Far outside of the picture, coordinates would leave the whole numbers of the drawing library.
-    pixels = np.clip(triangles - low, -1e6, 1e6)
-    for corners in pixels.reshape(-1, 6).tolist():
-        draw.polygon(corners, fill=1, outline=1)
-    mask = np.array(image, dtype=bool)
-    if len(points):
-        x, y = np.floor(points - low).astype(int).T
-        inside = (x >= 0) & (y >= 0) & (x < wide) & (y < tall)
-        dots = np.zeros_like(mask)
-        dots[y[inside], x[inside]] = True
-        mask |= _grown(dots)
-    return mask, (slice(low[1], high[1]), slice(low[0], high[0]))
+    corners, places = (np.clip(part - low, -1e6, 1e6) for part in (triangles, points))
+    draw = ImageDraw.Draw(surface)
+    for triangle in corners.reshape(-1, 6).tolist():
+        draw.polygon(triangle, fill=1, outline=1)
+    ImageDraw.Draw(dots).point(np.floor(places).ravel().tolist(), fill=1)
+    full = ImageChops.lighter(surface, dots.filter(ImageFilter.MaxFilter(3)))
+    mask, inside = (np.array(image, dtype=bool) for image in (full, full.filter(ImageFilter.MinFilter(3))))
+    return mask, mask & ~inside, (slice(low[1], high[1]), slice(low[0], high[0]))
 
 
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The mask with all pixels beside it."""
-    for axis in (0, 1):
-        wide = np.pad(mask, [(1, 1) if k == axis else (0, 0) for k in (0, 1)])
-        ahead, behind = (np.take(wide, np.arange(n, n + mask.shape[axis]), axis) for n in (0, 2))
-        mask = mask | ahead | behind
-    return mask
-
-
-def _paint(canvas: Floats, mask: NDArray[np.bool_], window: tuple[slice, slice], shape: Shape) -> None:
-    """Paint a shape over the picture, its rim darker."""
-    rim = mask & _grown(~mask)
-    part = canvas[window]
+def _paint(part: Floats, mask: NDArray[np.bool_], rim: NDArray[np.bool_], shape: Shape) -> None:
+    """Paint a shape over a part of the picture, its rim darker."""
     for where, colour, alpha in ((mask & ~rim, shape.colour, shape.opacity), (rim, 0.45 * shape.colour, 0.95)):
         below = part[where]
         over = alpha + below[:, 3:] * (1.0 - alpha)
