@@ -39,10 +39,10 @@ def plot_camera_layout(camera: PlenopticCamera, rays: SectionRays, figure: Figur
     """
     figure = figure_or_new(figure, SIZES[rays.array is not None])
     if rays.array is None:
-        _draw_section(camera, rays, figure.subplots())
+        draw_section(camera, rays, figure.subplots())
         return figure
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
-    _draw_section(camera, rays, left)
+    draw_section(camera, rays, left)
     _draw_detail(camera, rays, right)
     return figure
 
@@ -52,7 +52,8 @@ def _line(at: Any, half: float) -> Floats:
     return np.asarray(at.points(np.array([[0.0, -half, 0.0], [0.0, half, 0.0]])))
 
 
-def _draw_section(camera: PlenopticCamera, rays: SectionRays, ax: Axes) -> None:
+def draw_section(camera: PlenopticCamera, rays: SectionRays, ax: Axes) -> None:
+    """Draw lens, array and sensor as built, true to scale, and the rays."""
     plot_lens(camera.lens, ax)
     half = 0.5 * camera.sensor.size[0]
     paths = np.concatenate([rays.paths, _extend(camera, rays)[:, None]], axis=1)

@@ -25,8 +25,7 @@ def plot_point_spread(spread: PointSpread | WaveSpread, ax: Axes | None = None) 
     Parameters
     ----------
     spread : PointSpread or WaveSpread
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -66,8 +65,7 @@ def plot_mtf(mtfs: Mtf | WaveMtf | Sequence[Mtf | WaveMtf], ax: Axes | None = No
     ----------
     mtfs : Mtf, WaveMtf or a sequence of them
         For example one for each field. Those of one field have one colour.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------

@@ -29,8 +29,7 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     ----------
     table : ErrorTable
         Table of `pl.study.error_against_time`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -75,8 +74,7 @@ def plot_error_studies(tables: Sequence[ErrorTable], figure: Figure | None = Non
     Parameters
     ----------
     tables : sequence of ErrorTable
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new one if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------

@@ -145,8 +145,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     Parameters
     ----------
     exposure : Exposure
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -223,8 +222,7 @@ def plot_raw(raw: RawImage, *, figure: Figure | None = None) -> Figure:
     Parameters
     ----------
     raw : RawImage
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------

@@ -40,8 +40,7 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     lens : LensStack
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -95,8 +94,7 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     ----------
     stop : Stop
         Its placement is left out.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------

@@ -39,8 +39,7 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
     field : LightField
     every : int, optional
         Draw every second, third, ... view, counted from the central one.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -84,8 +83,7 @@ def plot_light_field(field: LightField, *, figure: Figure | None = None) -> Figu
     Parameters
     ----------
     field : LightField
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -147,8 +145,7 @@ def plot_view(view: View, *, figure: Figure | None = None) -> Figure:
     Parameters
     ----------
     view : View
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -180,8 +177,7 @@ def plot_depth_map(found: DepthMap, *, figure: Figure | None = None) -> Figure:
     Parameters
     ----------
     found : DepthMap
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------

@@ -32,8 +32,7 @@ def plot_centres(centres: MicrolensCentres, *, figure: Figure | None = None) -> 
     Parameters
     ----------
     centres : MicrolensCentres
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -106,8 +105,7 @@ def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     projection : Projection
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------

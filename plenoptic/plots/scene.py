@@ -64,8 +64,7 @@ def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: F
         everything shines through. Of very many triangles the largest are drawn, and points of the others.
     camera : PlenopticCamera, optional
         Its field is drawn to the plane in focus, which is red; those of the scene's `views` always.
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------

@@ -89,9 +89,9 @@ def test_key_numbers_are_those_of_the_report():
     assert "at infinity" in horizon._repr_html_()
 
 
-def test_reports_begin_with_the_gravest():
+def test_reports_begin_with_their_warnings():
     kinds = pl.camera.CameraFindingKind
     findings = [pl.camera.CameraFinding(kind, f"about <{kind.name}>") for kind in (kinds.DARK_GAPS, kinds.INSIDE_LENS)]
     html = report_html(dataclasses.replace(GALILEAN.report(), warnings=tuple(findings)))
-    assert html.index("INSIDE_LENS") < html.index("DARK_GAPS") < html.index("focal length")
+    assert html.index("DARK_GAPS") < html.index("INSIDE_LENS") < html.index("focal length")
     assert "about &lt;DARK_GAPS&gt;" in html

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from plenoptic.camera.gaussian import camera_cone, kind_of, plane_of_focus
-from plenoptic.camera.report.findings import CameraFindingKind
 from plenoptic.camera.report.text import KIND_NAMES, report_sections, report_title
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
@@ -19,18 +18,6 @@ if TYPE_CHECKING:
     from plenoptic.optics.microlens.array import MicrolensArray
 
 _Row = tuple[str, str]
-
-_MOST_SERIOUS = (
-    CameraFindingKind.INSIDE_LENS,
-    CameraFindingKind.FOCUS_OUT_OF_REACH,
-    CameraFindingKind.OUT_OF_PLACE,
-    CameraFindingKind.FEW_VIEWS,
-    CameraFindingKind.FEW_PIXELS,
-    CameraFindingKind.OVERLAP,
-    CameraFindingKind.DARK_GAPS,
-    CameraFindingKind.CUT_OFF_IMAGES,
-)
-"""Findings that spoil a camera, then those that waste a part of it; others follow in the order of their kinds."""
 
 
 def title_of(camera: PlenopticCamera) -> str:
@@ -81,11 +68,9 @@ def _focus(camera: PlenopticCamera) -> str:
 
 
 def report_html(report: CameraReport) -> str:
-    """HTML of a report: findings, the most serious first, then all numbers."""
-    order = [*_MOST_SERIOUS, *(kind for kind in CameraFindingKind if kind not in _MOST_SERIOUS)]
-    findings = sorted(report.warnings, key=lambda finding: order.index(finding.kind))
+    """HTML of a report: findings, then all numbers."""
     parts = [heading_html(report_title(report))]
-    parts.append(list_html((f"{finding.kind.name}: {finding}" for finding in findings), title="warnings"))
+    parts.append(list_html((f"{finding.kind.name}: {finding}" for finding in report.warnings), title="warnings"))
     for title, rows in report_sections(report):
         cells = [(label, " ".join(part for part in values if part)) for label, *values in rows]
         parts.append(table_html((), cells, caption=title))
