@@ -13,6 +13,7 @@ from plenoptic.camera.diffraction import Diffraction, check_diffraction
 from plenoptic.camera.dust import check_blemishes
 from plenoptic.camera.shutter import Shutter
 from plenoptic.core.color.spectra import Sensitivity
+from plenoptic.core.display import draw, picture_of
 from plenoptic.core.motions.pose import Pose as Pose  # public there too
 from plenoptic.core.values import SMALLEST_LENGTH, choice, coordinate, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
@@ -312,15 +313,10 @@ class PlenopticCamera:
         >>> [ax.get_xlabel() for ax in camera.layout().axes]
         ['z / mm (scene on the left, iris at 0)', 'distance behind the array / mm']
         """
-        from plenoptic.camera.report.layout import section_rays  # knows this class
-        from plenoptic.plots.camera_layout import plot_camera_layout
+        drawn: Figure = draw(self, figure)
+        return drawn
 
-        return plot_camera_layout(self, section_rays(self), figure)
-
-    def _repr_html_(self) -> str:
-        from plenoptic.camera.report.html import camera_html  # knows this class
-
-        return camera_html(self)
+    _repr_html_ = picture_of
 
     def report(self) -> CameraReport:
         """First-order properties of the camera, and warnings of common pitfalls; see `camera_report`.

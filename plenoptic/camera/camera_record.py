@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane, array_record
 from plenoptic.optics.stops.stop_registry import Stop, is_convex
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 
 class PixelRecord(NamedTuple):

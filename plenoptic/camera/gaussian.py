@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 SAME_FOCUS = 1e-9
 """Relative difference of b and f up to which microlenses count as focused at infinity, as in `focused_at`."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
@@ -57,10 +58,7 @@ class DepthMap:
         rows, columns = self.disparity.shape
         return f"DepthMap({rows} x {columns})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import depth_map_html
-
-        return depth_map_html(self)
+    _repr_html_ = picture_of
 
 
 def depth(  # noqa: PLR0913

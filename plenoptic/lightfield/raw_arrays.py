@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import Floats, check_kind, coordinate, finite, numbers, value
+from plenoptic.core.values import Floats, check_has, coordinate, finite, numbers, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.exposure import Exposure
+
+if TYPE_CHECKING:
+    from plenoptic.rendering.exposure import Exposure
 
 _BRIGHT = 99.0
 """Percentile of the white image taken as full light."""
@@ -130,8 +133,8 @@ def crop_in_white_image(shot: Exposure, white: Exposure) -> tuple[tuple[slice, s
 
     Raises InvalidValueError if the white image shows a scene, is of another camera, or does not cover the shot.
     """
-    check_kind(shot, "shot", Exposure, "pl.render(scene, camera)")
-    check_kind(white, "white", Exposure, "pl.render_white(camera)")
+    check_has(shot, "shot", "Exposure", "pl.render(scene, camera)", "white", "camera", "region")
+    check_has(white, "white", "Exposure", "pl.render_white(camera)", "white", "camera", "region")
     if white.white is False:
         raise InvalidValueError("the white image shows a scene; give one of pl.render_white(camera)")
     if isinstance(shot.camera, PlenopticCamera) and isinstance(white.camera, PlenopticCamera):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.gaussian import model_pupil
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.pinhole_model import image_distance_behind_array
@@ -245,7 +246,4 @@ class LightField:
         across, down, rows, columns, channels = self.views.shape
         return f"LightField({across} x {down} views of {rows} x {columns} x {channels})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import light_field_html
-
-        return light_field_html(self)
+    _repr_html_ = picture_of

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.files import images
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import fields_from_metadata, fields_to_metadata
@@ -253,10 +254,7 @@ class RawImage:
             facts.append(region_text(self.region))
         return f"RawImage({', '.join(facts)})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import raw_html
-
-        return raw_html(self)
+    _repr_html_ = picture_of
 
 
 def _checked_data(values: Any, model: SensorModel) -> NDArray[Any]:

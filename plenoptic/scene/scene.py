@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.values import Floats, Given, check_kind, numbers, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
@@ -93,10 +94,7 @@ class Scene:
         ]
         return f"Scene({', '.join(part for part in parts if part)})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import scene_html
-
-        return scene_html(self)
+    _repr_html_ = picture_of
 
     @classmethod
     def load(

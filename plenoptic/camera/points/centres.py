@@ -15,6 +15,7 @@ from plenoptic.camera.assembly import ArrayAxes, array_axes, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids, white_centroids
+from plenoptic.core.display import picture_of
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, choice, coordinate, result
 from plenoptic.errors import InvalidValueError
@@ -146,10 +147,7 @@ class MicrolensCentres:
     def __repr__(self) -> str:
         return f"MicrolensCentres({len(self)} microlenses, {self.method.name})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import centres_html
-
-        return centres_html(self)
+    _repr_html_ = picture_of
 
 
 def microlens_centres(

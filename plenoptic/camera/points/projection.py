@@ -13,6 +13,7 @@ from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_at,
 from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.psf_results import centroids
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
+from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, result, whole
@@ -87,10 +88,7 @@ class Projection:
         n_visible, points = int(np.count_nonzero(self.visible)), len(self.points)
         return f"Projection({points} point{'s' * (points != 1)}, {len(self)} rows, {n_visible} of them visible)"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import projection_html
-
-        return projection_html(self)
+    _repr_html_ = picture_of
 
 
 def project(

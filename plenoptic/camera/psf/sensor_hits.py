@@ -6,7 +6,7 @@ then those of the renderer, in the opposite order.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,9 @@ from plenoptic.optics.microlens.imperfections import extreme_factors, largest_of
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane
 from plenoptic.optics.microlens.model_rules import ArrayCrossing
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 BUNDLE = 1 << 13
 """Rays that go through the stages together."""

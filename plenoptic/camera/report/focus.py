@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plenoptic.camera import gaussian
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import CameraKind, Cone
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.best_focus import best_focus
 from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.models import FocusCriterion, LensModel
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _STEPS = 8
 """Most corrections of the traced focus; each reduces the error ten to a thousand times."""

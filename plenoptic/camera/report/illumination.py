@@ -8,10 +8,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import Cone, neighbour_distance, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -22,6 +22,9 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.stops.circle import CircularStop
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _RIM = 1.0 - 1e-9
 """Relative radius at which the rim of the iris is aimed at, so that rounding does not clip the ray."""

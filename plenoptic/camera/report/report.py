@@ -16,6 +16,7 @@ from plenoptic.camera.gaussian import CameraKind, Cone, camera_cone, neighbour_d
 from plenoptic.camera.report import illumination
 from plenoptic.camera.report.findings import CameraFinding, camera_findings
 from plenoptic.camera.report.focus import MicrolensFocus, microlens_focus, report_row
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import check_kind, value
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
@@ -116,10 +117,7 @@ class CameraReport:
     def __repr__(self) -> str:
         return report_text(self)
 
-    def _repr_html_(self) -> str:
-        from plenoptic.camera.report.html import report_html  # knows this class
-
-        return report_html(self)
+    _repr_html_ = picture_of
 
 
 def camera_report(camera: PlenopticCamera) -> CameraReport:

@@ -7,12 +7,11 @@ pupil seen from the microlenses in use, and margins for rays of real microlenses
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from plenoptic.camera.assembly import Assembly, assembly, sensor_corners
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.diffraction import deflection_reach
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.sampling.sampling_records import GROUP_SIDE, Openings
@@ -32,6 +31,9 @@ from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.polygon import PolygonStop, convex_hull
 from plenoptic.optics.stops.stop_registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _N_AIMS, _N_OFFSETS = 33, 49
 _SAFETY = 1.25

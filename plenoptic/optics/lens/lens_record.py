@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,12 @@ from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, IDEAL, Ele
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
-from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.stops.stop_registry import Stop
 from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 ROW = np.dtype(
     [

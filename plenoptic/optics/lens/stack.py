@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import draw, picture_of
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import MAX_POINTS, Floats, check_kind, choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
@@ -285,10 +286,7 @@ class LensStack:
             text += f", as {self.model.name}"
         return f"<LensStack {self.name!r}: {text}>"
 
-    def _repr_svg_(self) -> str:
-        from plenoptic.plots.lens import lens_svg
-
-        return lens_svg(self)
+    _repr_html_ = picture_of
 
     def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
         """Check the lens at a wavelength in nm; the result is empty where nothing is implausible.
@@ -348,9 +346,10 @@ class LensStack:
         >>> [text.get_text() for text in ax.get_legend().get_texts()]
         ['0°', '11.5°']
         """
-        from plenoptic.optics.lens.analysis.layout import layout  # knows this class
-
-        return layout(self, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image, ax=ax)
+        drawn: Axes = draw(
+            self, ax, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image
+        )
+        return drawn
 
     def trace(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
         """Trace rays through the lens towards the sensor.

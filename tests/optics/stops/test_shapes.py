@@ -296,7 +296,7 @@ def test_bounds_are_made_of_the_circle_around():
 def test_lenses_draw_and_check_with_any_stop():
     for name, stop in SHAPES.items():
         lens = GAUSS.with_stop(stop)
-        assert lens._repr_svg_().startswith("<svg") and lens.check() == (), name
+        assert lens.check() == (), name
         vignetting = pl.aberrations.vignetting(lens, [0.0], grid=64)
         assert (vignetting.fraction[0], vignetting.standard_error[0]) == (1.0, 0.0), name  # on the axis all is filled
         assert plot_stop(lens.stop).get_title() == type(lens.stop).__name__, name

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, check_kind, whole
+from plenoptic.core.values import Floats, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, field_curvature
 from plenoptic.optics.lens.analysis.illumination import largest_field
@@ -19,9 +19,6 @@ from plenoptic.optics.lens.pupil.iris_points import INSIDE, fan
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_part
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _MOST_RAYS = 10_000
 """Of a field in a picture, where they are lines."""
@@ -34,6 +31,17 @@ _LEAD_OF_ALL = 0.15
 _SHARP, _OPEN, _TRIED = 0.05, 1.0 / 3.0, 25
 """A field is worth drawing, out of 25 tried, where both foci are within 5 % of the focal length of the image plane and
 a third of the diameter of the iris gets light."""
+
+
+class LensLayout(NamedTuple):
+    """Rays through a lens, for a figure."""
+
+    paths: list[Floats]
+    """(n_rays, n_points, 3) for each field: points x, y, z in mm, to the first nan."""
+    labels: list[str]
+    """Names of the fields."""
+    z_image: float | None
+    """Image plane, mm; None without one."""
 
 
 def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
@@ -90,7 +98,7 @@ def _start_rays(rays: RayBundle, first: Floats, lead: float, *, parallel: bool) 
     return RayBundle(origin, rays.direction, rays.wavelength, status=rays.status)
 
 
-def layout(
+def lens_layout(
     lens: LensStack,
     *,
     fields: ArrayLike | None = None,
@@ -98,12 +106,8 @@ def layout(
     rays: int = 7,
     wavelength: float = 587.6,
     z_image: float | None = None,
-    ax: Axes | None = None,
-) -> Axes:
-    """Draw a lens with a fan of real rays for each of some fields, true to scale; see `LensStack.layout`."""
-    from plenoptic.plots.lens import plot_layout
-
-    check_kind(lens, "lens", LensStack, "camera.lens")
+) -> LensLayout:
+    """Trace a fan of real rays for each of some fields; see `LensStack.layout`."""
     (first_vertex, last_vertex), z = lens.vertices[[0, -1]].tolist(), z_object
     if z is None:
         points = cardinal_points(lens, wavelength)
@@ -128,4 +132,4 @@ def layout(
         # Rays that pass beside the lens are not drawn.
         paths.append(polylines[np.isfinite(polylines[:, 2, 2])])
     labels = [f"{math.degrees(field):.3g}°" if parallel else f"{field:.3g} mm" for field in radii.tolist()]
-    return plot_layout(lens, paths, labels=labels, z_image=plane, ax=ax)
+    return LensLayout(paths, labels, plane)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plenoptic.core.values import Floats, finite, number, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.matrices import bending, end_surfaces, transfer_matrix, without_rounding
-from plenoptic.optics.lens.stack import LensStack
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 
 @result

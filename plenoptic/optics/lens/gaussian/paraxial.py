@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from plenoptic.core.values import Floats, finite, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, marginal_ray
 from plenoptic.optics.lens.gaussian.matrices import end_surfaces, over, position, transfer_matrix, without_rounding
-from plenoptic.optics.lens.stack import LensStack
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 _LONGEST = len("entrance_pupil_semi_diameter")
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.pupil.iris_points import hexapolar
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_record
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 _DIFFERENCE = 1e-6
 """Step in rad of the difference quotients: their error of 1e-6 lets each of Newton's steps gain six digits."""

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, checked_shape, choice, coefficients, length_in_mm, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import rotation_about_axes
@@ -87,10 +88,7 @@ class WaveSpread:
             f"{self.strehl:.3g}, {100 * self.outside:.2g} % outside>"
         )
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import spread_html
-
-        return spread_html(self)
+    _repr_html_ = picture_of
 
 
 def wave_spread(  # noqa: PLR0913

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, frozen_array, result, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
@@ -148,10 +149,7 @@ class Wavefront:
             f"RMS {self.rms:.3g} waves, peak to valley {self.peak_to_valley:.3g}, Strehl {self.strehl:.3g}>"
         )
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import wavefront_html
-
-        return wavefront_html(self)
+    _repr_html_ = picture_of
 
 
 def farther(toward: Floats, radius: float, point: Floats) -> Floats:

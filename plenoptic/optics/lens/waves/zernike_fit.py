@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, choice, frozen_array, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.surfaces.zernike import MAX_TERMS, ZernikeSag, degree_and_order
@@ -93,10 +94,7 @@ class ZernikeFit:
         head = f"ZernikeFit, {self.order.name} order, waves; residual {self.residual:.2g} RMS"
         return "\n".join([head, *rows])
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import zernike_html
-
-        return zernike_html(self)
+    _repr_html_ = picture_of
 
 
 def zernike(term: int, x: ArrayLike, y: ArrayLike, *, order: ZernikeOrder = ZernikeOrder.NOLL) -> Floats:

@@ -1,4 +1,4 @@
-"""HTML of a camera and its report, for notebooks."""
+"""Key numbers of a camera and HTML of its report, for notebooks."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from plenoptic.camera.gaussian import camera_cone, kind_of, plane_of_focus
-from plenoptic.camera.report.findings import CameraFindingKind
 from plenoptic.camera.report.report import KIND_NAMES, report_sections, report_title
-from plenoptic.core.last_result import LastResultCache
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.plots.camera_layout import SIZES
-from plenoptic.plots.notebook.html import heading_html, list_html, picture_html, table_html
+from plenoptic.plots.notebook.html import heading_html, list_html, table_html
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -21,33 +18,15 @@ if TYPE_CHECKING:
 
 _Row = tuple[str, str]
 
-_MOST_SERIOUS = (
-    CameraFindingKind.INSIDE_LENS,
-    CameraFindingKind.FOCUS_OUT_OF_REACH,
-    CameraFindingKind.OUT_OF_PLACE,
-    CameraFindingKind.FEW_VIEWS,
-    CameraFindingKind.FEW_PIXELS,
-    CameraFindingKind.OVERLAP,
-    CameraFindingKind.DARK_GAPS,
-    CameraFindingKind.CUT_OFF_IMAGES,
-)
-"""Findings that spoil a camera, then those that waste a part of it; others follow in the order of their kinds."""
 
-
-def _camera_html(camera: PlenopticCamera) -> str:
+def title_of(camera: PlenopticCamera) -> str:
+    """Kind of a camera and the name of its lens."""
     kind = kind_of(camera, None if camera.microlenses is None else camera.microlenses.focal_length)
-    title = f"{KIND_NAMES[kind]}, {camera.lens.name or 'unnamed lens'}"
-    alt = f"Section of a camera with the rays of one pixel: {title}"
-    size = SIZES[camera.microlenses is not None]
-    picture = picture_html(lambda figure: camera.layout(figure=figure), size=size, alt=alt, text="")
-    return heading_html(title) + picture + table_html((), _key_numbers(camera))
+    return f"{KIND_NAMES[kind]}, {camera.lens.name or 'unnamed lens'}"
 
 
-camera_html = LastResultCache(_camera_html)
-"""Picture and key numbers of a camera, by Gaussian optics, without compilation."""
-
-
-def _key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
+def key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
+    """Labels and values of the rows of the table of a camera."""
     array, sensor, image_plane = camera.microlenses, camera.sensor, "sensor" if camera.microlenses is None else "array"
     if camera.lens.model is not LensModel.NONE:
         points = cardinal_points(camera.lens, camera.wavelength)
@@ -87,11 +66,9 @@ def _focus(camera: PlenopticCamera) -> str:
 
 
 def report_html(report: CameraReport) -> str:
-    """HTML of a report: findings, the most serious first, then all numbers."""
-    order = [*_MOST_SERIOUS, *(kind for kind in CameraFindingKind if kind not in _MOST_SERIOUS)]
-    findings = sorted(report.warnings, key=lambda finding: order.index(finding.kind))
+    """HTML of a report: findings, then all numbers."""
     parts = [heading_html(report_title(report))]
-    parts.append(list_html((f"{finding.kind.name}: {finding}" for finding in findings), title="warnings"))
+    parts.append(list_html((f"{finding.kind.name}: {finding}" for finding in report.warnings), title="warnings"))
     for title, rows in report_sections(report):
         cells = [(label, " ".join(part for part in values if part)) for label, *values in rows]
         parts.append(table_html((), cells, caption=title))

@@ -1,14 +1,17 @@
-"""Outlines of meshes seen along an axis, as pixels: of large meshes the largest triangles and points of the others."""
+"""Meshes seen along an axis: of large ones the largest triangles and points of the others."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.values import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _TRIANGLES, _FEWEST = 6000, 40
 """Triangles of a scene that are drawn as such, and the least of a mesh."""
@@ -18,6 +21,8 @@ _PLACES = 400
 """Instances that are drawn, as boxes where their triangles are too many."""
 _BOX = np.array([[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
                  [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 3, 7], [1, 7, 5]])  # fmt: skip
+_SHADE = 0.5
+"""Brightness of faces seen from the edge over that of faces seen from the front."""
 _LIGHT, _GLASS = (1.0, 0.83, 0.23), (0.72, 0.90, 0.95)
 
 
@@ -30,7 +35,6 @@ class Shape(NamedTuple):
     """(m, 3)"""
     colour: Floats
     """(3,) sRGB, 0 to 1."""
-    opacity: float
     bounds: Floats
     """(2, 3): of all that is drawn."""
 
@@ -60,10 +64,10 @@ def shapes_of(scene: Any, window: Floats | None = None) -> list[Shape]:
             if window is not None and len(faces) > triangles:
                 faces = _within(vertices, faces, window)
             drawn, dots = _largest(vertices, faces, triangles, points)
-        colour, opacity = (np.array(_LIGHT), 0.9) if k >= lights else _look(mesh.material.row())
+        colour = np.array(_LIGHT) if k >= lights else _colour(mesh.material.row())
         if len(drawn):
             box = around([drawn.reshape(-1, 3), *([dots] if len(dots) else [])])
-            shapes.append(Shape(drawn, dots, colour, opacity, box))
+            shapes.append(Shape(drawn, dots, colour, box))
     return shapes
 
 
@@ -101,78 +105,37 @@ def _places(part: Any, corners: Floats | None, triangles: int) -> Floats:
     return np.asarray(moved.reshape(-1, 3, 3))
 
 
-def _look(row: Any) -> tuple[Floats, float]:
-    """Colour and opacity of a material by its row."""
+def _colour(row: Any) -> Floats:
+    """Colour of a material by its row, sRGB."""
     if np.any(np.asarray(row.glass_index)) or row.pane_index:
-        return np.array(_GLASS), 0.45
+        return np.array(_GLASS)
     shines = hasattr(row.emission, "texels") or np.any(row.emission)
     colour = row.emission if shines else row.base_color
     if hasattr(colour, "texels"):
         colour = np.asarray(colour.texels).reshape(-1, np.shape(colour.texels)[-1]).mean(axis=0)
     full = np.broadcast_to(np.asarray(colour, dtype=np.float64).ravel(), (3,))
-    return np.asarray(linear_to_srgb(np.clip(full, 0.0, 1.0))), 0.75
+    return np.asarray(linear_to_srgb(np.clip(full, 0.0, 1.0)))
 
 
-def painted(shapes: list[Shape], right: Floats, up: Floats, box: Floats, size: tuple[int, int]) -> Floats:
-    """(rows, columns, 4): the shapes seen with some directions to the right and up, the largest behind.
+def draw_shapes(ax: Axes, shapes: list[Shape], right: Floats, up: Floats, unit: float) -> None:
+    """Draw shapes seen with some directions to the right and up, the largest behind, lit from where they are seen.
 
-    `box` (2, 2) is the extent of the picture: least and greatest along right, then along up, mm.
+    `unit` is that of the axes, mm.
     """
-    canvas, across = np.zeros((*size, 4)), np.stack([right, up])
-    low, scale = box[:, 0], np.array(size[::-1]) / np.ptp(box, axis=1)
-    places = [((s.triangles @ across.T - low) * scale, (s.points @ across.T - low) * scale) for s in shapes]
-    spans = [np.prod(np.ptp(shape.bounds @ across.T, axis=0)) for shape in shapes]
+    from matplotlib.collections import PolyCollection
+
+    across, towards = np.stack([right, up], axis=1), np.cross(right, up)
+    spans = [np.prod(np.ptp(shape.bounds @ across, axis=0)) for shape in shapes]
     for k in np.argsort(spans, kind="stable")[::-1].tolist():
-        triangles, points = places[k]
-        mask = _mask(triangles, points, size)
-        if mask is not None:
-            _paint(canvas, *mask, shapes[k])
-    return canvas[::-1]
-
-
-def _mask(
-    triangles: Floats, points: Floats, size: tuple[int, int]
-) -> tuple[NDArray[np.bool_], tuple[slice, slice]] | None:
-    """Pixels that a shape covers, within the rows and columns around it; None where it is not in the picture."""
-    from PIL import Image, ImageDraw
-
-    rows, columns = size
-    everything = np.concatenate([triangles.reshape(-1, 2), points])
-    low = np.maximum(np.floor(everything.min(axis=0)).astype(int) - 2, 0)
-    high = np.minimum(np.ceil(everything.max(axis=0)).astype(int) + 3, (columns, rows))
-    if (low >= high).any():
-        return None
-    wide, tall = (high - low).tolist()
-    image = Image.new("L", (wide, tall))
-    draw = ImageDraw.Draw(image)
-    # Far outside of the picture, coordinates would leave the whole numbers of the drawing library.
-    pixels = np.clip(triangles - low, -1e6, 1e6)
-    for corners in pixels.reshape(-1, 6).tolist():
-        draw.polygon(corners, fill=1, outline=1)
-    mask = np.array(image, dtype=bool)
-    if len(points):
-        x, y = np.floor(points - low).astype(int).T
-        inside = (x >= 0) & (y >= 0) & (x < wide) & (y < tall)
-        dots = np.zeros_like(mask)
-        dots[y[inside], x[inside]] = True
-        mask |= _grown(dots)
-    return mask, (slice(low[1], high[1]), slice(low[0], high[0]))
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The mask with all pixels beside it."""
-    for axis in (0, 1):
-        wide = np.pad(mask, [(1, 1) if k == axis else (0, 0) for k in (0, 1)])
-        ahead, behind = (np.take(wide, np.arange(n, n + mask.shape[axis]), axis) for n in (0, 2))
-        mask = mask | ahead | behind
-    return mask
-
-
-def _paint(canvas: Floats, mask: NDArray[np.bool_], window: tuple[slice, slice], shape: Shape) -> None:
-    """Paint a shape over the picture, its rim darker."""
-    rim = mask & _grown(~mask)
-    part = canvas[window]
-    for where, colour, alpha in ((mask & ~rim, shape.colour, shape.opacity), (rim, 0.45 * shape.colour, 0.95)):
-        below = part[where]
-        over = alpha + below[:, 3:] * (1.0 - alpha)
-        part[where] = np.hstack([(alpha * colour + below[:, 3:] * (1.0 - alpha) * below[:, :3]) / over, over])
+        shape = shapes[k]
+        triangles = shape.triangles[np.argsort(shape.triangles.mean(axis=1) @ towards, kind="stable")]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        lengths = np.linalg.norm(normals, axis=1)
+        cosines = np.abs(normals @ towards) / np.where(lengths > 0, lengths, 1.0)
+        colours, faces = shape.colour * (_SHADE + (1.0 - _SHADE) * cosines[:, None]), triangles @ across / unit
+        dots = shape.points @ across / unit
+        ax.plot(
+            dots[:, 0], dots[:, 1], linestyle="none", marker="s", markersize=0.8, color=shape.colour, rasterized=True
+        )
+        style: dict[str, Any] = {"edgecolors": "face", "linewidths": 0.3, "antialiased": False, "rasterized": True}
+        ax.add_collection(PolyCollection(faces, facecolors=colours, **style))
