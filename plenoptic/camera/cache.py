@@ -6,19 +6,21 @@ import copy
 import dataclasses
 import operator
 from collections.abc import Hashable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import lens_to_world
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.camera_record import CameraRecord, camera_record
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import IlluminatedPixels, Regions
 from plenoptic.core.last_result import LastResultCache
 from plenoptic.core.values import Floats
 from plenoptic.optics.sensor.sensor import Sensor
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 MAX_CACHED_BYTES = 1 << 28
 """Size of the cache of illuminated pixels, some 500 bytes each; tiles beyond it are computed again for each use."""

@@ -12,6 +12,7 @@ from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.diffraction import Diffraction, check_diffraction
 from plenoptic.camera.dust import check_blemishes
 from plenoptic.camera.shutter import Shutter
+from plenoptic.camera.units import metres_hint
 from plenoptic.core.color.spectra import Sensitivity
 from plenoptic.core.display import draw, picture_of
 from plenoptic.core.motions.pose import Pose as Pose  # public there too
@@ -377,13 +378,3 @@ class PlenopticCamera:
 
         moved = focused_stop_to_microlenses(self, z, criterion, microlens_type)
         return dataclasses.replace(self, stop_to_microlenses=moved)
-
-
-def metres_hint(length: float, limit: float) -> str:
-    """End of an error message about a length that must exceed `limit` mm: a hint if it would in metres; else empty.
-
-    A length below a fiftieth of the limit is hardly meant in mm.
-    """
-    if 0 < length / limit < 0.02 and 1e3 * length / limit > 1:
-        return f"; {length:g} looks like metres: give {1e3 * length:g}, and all other lengths in mm too"
-    return ""

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Assembly, assembly, lens_to_world
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.diffraction import DeflectionRecord, IrisRecord, deflection_record, iris_record
 from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.diffraction_kernel import DiffractionKernel, diffraction_kernel

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.camera import PlenopticCamera, metres_hint
+from plenoptic.camera.units import metres_hint
 from plenoptic.core.values import number, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.best_focus import best_focus, front_focus, paraxial_focus

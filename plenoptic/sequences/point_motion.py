@@ -143,9 +143,9 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
     def work(pixels: Floats, rays: RepresentativeRays) -> Arrays:
         stages, n = PixelStages(record, scene.record, intersector, finding, pixels, rays), len(pixels)
         lanes, lenses = stages.hits.pixels, None if record.array is None else stages.lenses[stages.hits.pixels]
-        points = _move_with_triangles(stages.world_points()[lanes], stages.hits.hits, *geometries)
+        points = _move_with_triangles(stages.world_points, stages.hits.hits, *geometries)
         entering = stages.entering(tables[0].entrance.z)
-        before = _chief_rays(tables[0], stages.points.points[lanes], lenses, entering)
+        before = _chief_rays(tables[0], stages.points, lenses, entering)
         after = _chief_rays(tables[1], _in_lens_axes(tables[1], points), lenses, before.entering)
         position, shift, visible = np.full((n, 3), np.nan), np.full((n, 2), np.nan), np.zeros(n, bool)
         position[lanes] = points
@@ -192,7 +192,7 @@ def _axes_on(geometry: Geometry, hits: Hits) -> Floats:
 
 def _in_lens_axes(tables: ForwardRecord, points: Floats) -> Floats:
     """World points (m, 3) in the lens's axes; nan unless they lie in front of it."""
-    pose, placed = tables.camera.pose, tables.array.parts.lens_to_camera
+    pose, placed = tables.camera.pose, tables.parts.lens_to_camera
     local = points if pose is None else pose.to_camera(points)
     local = local if placed is None else placed.inverse().points(local)
     return np.where(local[:, 2:] < tables.entrance.z, local, np.nan)

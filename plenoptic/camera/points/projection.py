@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_at, trace_rows
 from plenoptic.camera.psf.point_spread import world_points
 from plenoptic.camera.psf.psf_results import centroids
@@ -16,9 +15,10 @@ from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_l
 from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
-from plenoptic.core.values import Floats, check_kind, result, whole
+from plenoptic.core.values import Floats, check_has, check_kind, result, whole
 
 if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.scene import Scene
 
@@ -151,7 +151,7 @@ def project(
     >>> middle.pixel.round(6).tolist(), bool(np.abs(middle.centroid_pixel - middle.pixel).max() < 1e-3)
     ([[255.5, 255.5]], True)
     """
-    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+    check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
     world, _ = world_points(points)
     rays_per_replicate = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)

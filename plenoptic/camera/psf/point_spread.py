@@ -12,10 +12,11 @@ cos(theta) dOmega over the directions that end in the pixel, over the pixel's ar
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.psf.psf_results import CameraSpread, LandingPoints, to_camera_spread, trace_spots
 from plenoptic.camera.psf.sensor_hits import (
     HIT,
@@ -27,8 +28,11 @@ from plenoptic.camera.psf.sensor_hits import (
 )
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.progress.bar import CallProgress
-from plenoptic.core.values import MAX_POINTS, Floats, check_kind, frozen_array, seed_number, whole
+from plenoptic.core.values import MAX_POINTS, Floats, check_has, frozen_array, seed_number, whole
 from plenoptic.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 
 def point_spread(
@@ -135,7 +139,7 @@ def landing_points(
 
 def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats, bool]:
     """Points (n, 3) in the world, and True if the argument is an array of points."""
-    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+    check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
     array = camera.microlenses
     if array is not None and array.model.rules.to_sensor is None:
         raise InvalidValueError(

@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, trace_task
 from plenoptic.core.kernels.ray_blocks import CAUSES
 from plenoptic.core.lost_rays import cause_and_element
@@ -18,6 +17,9 @@ from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.sensor import Sensor
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 
 @result

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from plenoptic.camera.assembly import Rigid, assembly, lens_to_world, rigid
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import Cone, camera_cone, opening_width, plane_of_focus
 from plenoptic.core.rays import Frustum
 from plenoptic.core.values import Floats
@@ -16,6 +15,9 @@ from plenoptic.optics.lens.analysis.few_rays import few_reverse_rays
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.lenslets import Lenslets
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _PIXEL_HEIGHT = 0.6
 """Height above the sensor's centre of the pixel whose rays are drawn, over half the sensor's height."""

@@ -9,18 +9,20 @@ from __future__ import annotations
 import dataclasses
 import math
 import textwrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import CameraKind, Cone, camera_cone, neighbour_distance, opening_width, plane_in_front
 from plenoptic.camera.report import illumination
 from plenoptic.camera.report.findings import CameraFinding, camera_findings
 from plenoptic.camera.report.focus import MicrolensFocus, microlens_focus, report_row
 from plenoptic.core.display import picture_of
-from plenoptic.core.values import check_kind, value
+from plenoptic.core.values import check_has, value
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _LABEL = 44
 _WIDTH = 110
@@ -148,7 +150,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     >>> [finding.kind.name for finding in report.warnings]
     ['OVERLAP']
     """
-    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+    check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
     lens, array, wavelength = camera.lens, camera.microlenses, camera.wavelength
     z = camera.stop_to_microlenses
     cone, walls = camera_cone(camera), array is not None and array.walls is Walls.OPAQUE
