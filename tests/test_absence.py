@@ -24,9 +24,9 @@ from plenoptic.core.numba.jit import device
 from plenoptic.optics.diffraction.far_field import far_field
 from plenoptic.optics.microlens.aperture import Opening
 from plenoptic.optics.microlens.microlens_record import MICROLENS, SensorPlane
-from plenoptic.scene.lights.record import POINT_LIGHT, SUN_LIGHT, Environment
-from plenoptic.scene.materials.record import Alpha
-from plenoptic.scene.textures.record import TEXTURE, TextureColumn
+from plenoptic.scene.lights.light_records import POINT_LIGHT, SUN_LIGHT, Environment
+from plenoptic.scene.materials.material_records import Alpha
+from plenoptic.scene.textures.texture_records import TEXTURE, TextureColumn
 
 TOLERANCE = 0.02
 """Of the number of instructions: registers that are assigned otherwise cost a few moves."""

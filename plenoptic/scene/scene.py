@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.values import Floats, Given, check_kind, numbers, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.compile import SceneRecord, box_around, build_record
 from plenoptic.scene.file_cameras import View
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
@@ -21,6 +20,7 @@ from plenoptic.scene.geometry.moves import similarity
 from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.registry import LIGHTS, AreaLight, Light
 from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.scene_record import SceneRecord, box_around, build_record
 from plenoptic.scene.textures.color import Colour
 
 _NAME_LENGTH = 100

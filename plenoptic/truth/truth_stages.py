@@ -16,13 +16,13 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.lens.record import LensRecord
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.microlens_record import ArrayRecord
-from plenoptic.scene.geometry.record import Hits
+from plenoptic.scene.geometry.geometry_records import Hits
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.representative_rays import RepresentativeRays
 
 if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
+    from plenoptic.scene.scene_record import SceneRecord
     from plenoptic.truth.chord_disparity import ChordRecord
 
 SLOPE_STEP = 1e-5

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, contiguous
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
-from plenoptic.scene.geometry.compile import geometry_record, part_of
-from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
+from plenoptic.scene.geometry.build_geometry import geometry_record, part_of
+from plenoptic.scene.geometry.geometry_records import Geometry, Hits, InstanceRecord
 
 
 class MovingMesh(NamedTuple):

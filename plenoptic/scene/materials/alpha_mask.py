@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
-from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.geometry.record import Hits, PathKeys, Shadows
+from plenoptic.scene.geometry.geometry_records import Hits, PathKeys, Shadows
+from plenoptic.scene.scene_record import SceneRecord
 
 SALTS = 1 << 10
 """Surfaces that one path can meet without being stopped, until random numbers repeat."""

@@ -10,7 +10,7 @@ from plenoptic.core.kernels.vectors import dot, fill_vector, negate, row_vector,
 from plenoptic.core.kernels.wavelengths import wavelength_index
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, to_local
-from plenoptic.scene.geometry.record import NORMAL, SHADING_NORMAL
+from plenoptic.scene.geometry.geometry_records import NORMAL, SHADING_NORMAL
 from plenoptic.scene.materials.kernels.bsdf import sample, surface_at
 
 _ROULETTE, _LOBE = np.uint64(311), np.uint64(312)

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from plenoptic.core.kernels.vectors import vector
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.core.values import Floats
-from plenoptic.scene.geometry.compile import ChildMesh, child_meshes, part_of
+from plenoptic.scene.geometry.build_geometry import ChildMesh, child_meshes, part_of
+from plenoptic.scene.geometry.geometry_records import Geometry, Hits, InstanceRecord
 from plenoptic.scene.geometry.kernels.grown import fill_grown
 from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
-from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
 
 _VERTEX, _INDEX, _FLOAT3, _UINT3, _FLOAT3X4 = 1, 0, 0x9003, 0x5003, 0x9134
 _TRIANGLE, _INSTANCED = 0, 121

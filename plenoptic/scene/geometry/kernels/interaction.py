@@ -1,4 +1,4 @@
-"""Kernels of surface interactions. See `scene.geometry.record` for the records that they read and fill."""
+"""Kernels of surface interactions. See `scene.geometry.geometry_records` for the records that they read and fill."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, vector
 from plenoptic.core.numba.jit import kernel
+from plenoptic.scene.geometry.geometry_records import FRONT, NORMAL, OFFSET, POINT, SHADING_NORMAL, UV
 from plenoptic.scene.geometry.kernels.intersect import (
     NEAR_EDGE,
     corners,
@@ -18,7 +19,6 @@ from plenoptic.scene.geometry.kernels.intersect import (
     ray_offset,
     transform_normal,
 )
-from plenoptic.scene.geometry.record import FRONT, NORMAL, OFFSET, POINT, SHADING_NORMAL, UV
 
 
 @kernel

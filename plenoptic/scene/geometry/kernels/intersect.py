@@ -9,7 +9,7 @@ import math
 
 from plenoptic.core.kernels.vectors import absolute, add, cross, dot, row_vector, scale, sub
 from plenoptic.core.numba.jit import device
-from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, RAY_OFFSET, RAY_OFFSET_64
+from plenoptic.scene.geometry.geometry_records import INSTANCE_DISTANCE, RAY_OFFSET, RAY_OFFSET_64
 
 SHADOW_END = 1.0 - 2.0**-18
 """Where shadow rays end, as a part of the way to the light: float32 must not find the light itself in between."""

@@ -12,10 +12,10 @@ import numpy as np
 from plenoptic.core.kernels.vectors import dot, row_vector, sub
 from plenoptic.core.kernels.wavelengths import row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
+from plenoptic.scene.geometry.geometry_records import FRONT, NORMAL, POINT
 from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle, is_mirrored
-from plenoptic.scene.geometry.record import FRONT, NORMAL, POINT
-from plenoptic.scene.lights.record import DIRECTION, END
-from plenoptic.scene.materials.record import INSIDE
+from plenoptic.scene.lights.light_records import DIRECTION, END
+from plenoptic.scene.materials.material_records import INSIDE
 
 
 @kernel

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from plenoptic.core.numba.jit import device
-from plenoptic.scene.lights.record import DELTA
+from plenoptic.scene.lights.light_records import DELTA
 from plenoptic.scene.materials.kernels.fresnel import conductor
 from plenoptic.scene.materials.kernels.microfacets import half_way, nothing, sample_reflected, smith_lambda
-from plenoptic.scene.materials.record import EXTINCTION, INDEX, SMOOTH
+from plenoptic.scene.materials.material_records import EXTINCTION, INDEX, SMOOTH
 
 
 @device

@@ -9,8 +9,15 @@ import numpy as np
 from plenoptic.core.kernels.vectors import add, cross, dot, fill_vector, row_vector, scale, sub
 from plenoptic.core.kernels.wavelengths import one_channel, row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
+from plenoptic.scene.geometry.geometry_records import (
+    FRONT,
+    INTERACTION_COLUMNS,
+    METALLIC,
+    ROUGHNESS,
+    SHADING_NORMAL,
+    UV,
+)
 from plenoptic.scene.geometry.kernels.intersect import corners
-from plenoptic.scene.geometry.record import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS, SHADING_NORMAL, UV
 from plenoptic.scene.textures.kernels.lookup import fill_texel
 
 

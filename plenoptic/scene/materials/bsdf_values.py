@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, frozen_array, numbers
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.materials.compile import bsdf_record
+from plenoptic.scene.materials.build_materials import bsdf_record
 from plenoptic.scene.materials.diffuse import Lambertian
-from plenoptic.scene.materials.record import Bsdf
+from plenoptic.scene.materials.material_records import Bsdf
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
 

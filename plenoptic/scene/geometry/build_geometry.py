@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, read_only
-from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, Geometry, InstanceRecord
+from plenoptic.scene.geometry.geometry_records import INSTANCE_DISTANCE, Geometry, InstanceRecord
 
 _LARGEST_SCALE = 1e10
 _LARGEST_SPREAD = 16.0
