@@ -14,6 +14,7 @@ from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.values import Floats, Given, check_kind, numbers, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.file_cameras import View
+from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.moves import similarity
@@ -126,8 +127,6 @@ class Scene:
         >>> pl.Scene.load("duck.glb", unit="cm", background=1.0)  # doctest: +SKIP
         Scene(1 mesh, 4212 triangles, background 1.0)
         """
-        from plenoptic.scene.files.load import load_file
-
         contents = load_file(path, unit=unit, material=material, limits=limits)
         return cls(contents.meshes, (*contents.lights, *lights), background, contents.views)
 

@@ -6,6 +6,7 @@ they name. Comments, docstrings and line numbers do not enter, nor do functions 
 
 from __future__ import annotations
 
+import dis
 import enum
 import functools
 import hashlib
@@ -80,8 +81,8 @@ def _text_and_callees(function: _Function) -> tuple[str, tuple[_Function, ...]]:
 
 def _named_values(function: _Function, closure: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Global variables and those of the closure that a function names, and the members of modules among them."""
-    names = sorted({*_names(function.__code__), *closure})
-    for name in names:
+    loaded, names = _names(function.__code__)
+    for name in sorted({*loaded, *closure}):
         value = closure.get(name, function.__globals__.get(name, _ABSENT))
         if isinstance(value, ModuleType):
             yield from _named_members(value, names)
@@ -99,9 +100,13 @@ def _named_members(module: ModuleType, names: list[str]) -> Iterator[tuple[str, 
             yield from _named_members(value, names)
 
 
-def _names(code: CodeType) -> set[str]:
-    inner = (one for one in code.co_consts if isinstance(one, CodeType))
-    return set(code.co_names).union(*map(_names, inner))
+def _names(code: CodeType) -> tuple[set[str], list[str]]:
+    """Names of global variables, and all names, which include those of attributes."""
+    loaded = {one.argval for one in dis.get_instructions(code) if one.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
+    names = set(code.co_names)
+    for inner in (_names(one) for one in code.co_consts if isinstance(one, CodeType)):
+        loaded, names = loaded | inner[0], names.union(inner[1])
+    return loaded, sorted(names)
 
 
 def _value_text(value: Any) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from plenoptic.core.color.srgb import srgb_to_linear
 from plenoptic.core.files.file_limits import FileReader
 from plenoptic.errors import FileError, PlenopticError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, file_texture
@@ -167,8 +168,6 @@ def _ply_texture(header: str, reader: FileReader) -> Lambertian | None:
 
 def _vertex_colour(visual: Any) -> Lambertian:
     """The one colour of a part without material, sRGB-encoded; grey where it has many or none."""
-    from plenoptic.core.color.srgb import srgb_to_linear
-
     if visual.kind not in ("vertex", "face"):
         return Lambertian()
     codes = np.asarray(visual.vertex_colors if visual.kind == "vertex" else visual.face_colors)[:, :3]

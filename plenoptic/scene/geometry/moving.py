@@ -11,6 +11,8 @@ from plenoptic.core.values import Floats, contiguous
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
 from plenoptic.scene.geometry.build_geometry import geometry_record, part_of
 from plenoptic.scene.geometry.geometry_records import Geometry, Hits, InstanceRecord
+from plenoptic.scene.geometry.kernels.interaction import fill_distances
+from plenoptic.scene.geometry.kernels.moving import fill_in_frame, fill_nearer
 
 
 class MovingMesh(NamedTuple):
@@ -55,8 +57,6 @@ class MovingTriangles:
 
     def fill_closest(self, hits: Hits, rays: Floats) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
-        from plenoptic.scene.geometry.kernels import interaction, moving
-
         assert hits.instance is not None
         hits.triangle[:] = hits.instance[:] = -1
         reached, local = np.empty(len(rays)), np.empty((len(rays), 6))
@@ -64,23 +64,21 @@ class MovingTriangles:
             self._still.fill_closest(hits, rays)
             placed = hits.instance >= 0
             hits.instance[placed] = self._rows[hits.instance[placed]]
-        interaction.fill_distances(reached, hits, rays, self._geometry)
+        fill_distances(reached, hits, rays, self._geometry)
         triangles = np.empty(len(rays), dtype=np.int32)
         for mesh in self.meshes:
-            moving.fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
+            fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
             mesh.tree.fill_closest(Hits(triangles, None, None), local)
-            moving.fill_nearer(hits, reached, triangles, local, self._geometry, mesh.first, mesh.row)
+            fill_nearer(hits, reached, triangles, local, self._geometry, mesh.first, mesh.row)
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
-        from plenoptic.scene.geometry.kernels import moving
-
         blocked[:] = 0
         if self._still is not None:
             self._still.fill_blocked(blocked, rays)
         local, more = np.empty((len(rays), 6)), np.empty_like(blocked)
         for mesh in self.meshes:
-            moving.fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
+            fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
             mesh.tree.fill_blocked(more, local)
             blocked |= more
 

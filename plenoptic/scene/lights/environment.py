@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
+from plenoptic.core.files.images import read_linear
 from plenoptic.core.motions.rotation import rotation_about
 from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
 from plenoptic.errors import FileError, InvalidValueError, SceneError
@@ -125,12 +126,10 @@ class EnvironmentMap:
         >>> pl.EnvironmentMap.load("workshop_2k.hdr")  # doctest: +SKIP
         EnvironmentMap(texels=<1024 x 2048 x 3 float32>)
         """
-        from plenoptic.core.files import images
-
         try:
-            return cls(images.read_linear(path, max_pixels=MAX_TEXELS, limits=limits), rotation)
+            return cls(read_linear(path, max_pixels=MAX_TEXELS, limits=limits), rotation)
         except SceneError as error:
-            raise FileError(f"{path}: {error}: EnvironmentMap(np.clip(pl.images.read_linear(path), ...))") from error
+            raise FileError(f"{path}: {error}: EnvironmentMap(np.clip(pl.read_linear(path), ...))") from error
 
     @property
     def is_grey(self) -> bool:
