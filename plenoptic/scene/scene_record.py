@@ -127,13 +127,13 @@ def build_record(
     meshes: Sequence[Mesh | Instances],
     lights: Sequence[Light],
     background: Background | None,
-    known: CompiledMeshes | None = None,
+    previous: CompiledMeshes | None = None,
 ) -> tuple[SceneRecord, CompiledMeshes]:
-    """Compile meshes, lights and a background (None: black), with the `known` surfaces where they are of the same
+    """Compile meshes, lights and a background (None: black), with the `previous` surfaces where they are of the same
     meshes.
     """
     shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
-    surfaces = known if known is not None and known.are(meshes, shapes) else build_surfaces(meshes, shapes)
+    surfaces = previous if previous is not None and previous.are(meshes, shapes) else build_surfaces(meshes, shapes)
     rows, columns = surfaces.textures.rows, surfaces.textures
     channels = 1 if all(row.is_grey for row in rows) and _all_grey(lights, background) else 3
     instanced = [mesh for mesh in meshes if isinstance(mesh, Instances)]

@@ -103,8 +103,8 @@ def compile_in_parallel(run: Callable[[], object], *, threads: int, shown: bool 
 
     `run` renders no pixel. `shown`: a bar shows the time left.
     """
-    wanted = (shown or threads > 1) and "helper_processes" in deviations()
-    tasks = _list_tasks(run) if wanted else []
+    in_parallel = (shown or threads > 1) and "helper_processes" in deviations()
+    tasks = _list_tasks(run) if in_parallel else []
     if not tasks:
         yield
         return

@@ -130,11 +130,8 @@ def _obj_materials(content: bytes, reader: FileReader) -> Mapping[str, Material]
     described: dict[str, dict[str, str]] = {}
     for library_name in _said(text, "mtllib"):
         # A name may hold spaces, and a line several names.
-        for name in (
-            [library_name]
-            if len(library_name.split()) < 2 or reader.resolve(library_name).is_file()
-            else library_name.split()
-        ):
+        names = library_name.split()
+        for name in [library_name] if len(names) < 2 or reader.resolve(library_name).is_file() else names:
             library = reader.resolve(name)
             if not os.path.lexists(library):
                 raise FileError(f"its material file {name!r} is missing; put it beside the file, {REPLACE}")

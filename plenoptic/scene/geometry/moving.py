@@ -35,17 +35,17 @@ class MovingMesh(NamedTuple):
 class MovingTriangles:
     """An `Intersector` of a scene in which instances move. Where rays have times of their own, see `along`."""
 
-    def __init__(self, geometry: Geometry, instances: InstanceRecord, known: MovingTriangles | None = None) -> None:
-        """Build trees, or take those of a scene `known` that differs in the poses of moving objects."""
+    def __init__(self, geometry: Geometry, instances: InstanceRecord, previous: MovingTriangles | None = None) -> None:
+        """Build trees, or take those of a scene `previous` that differs in the poses of moving objects."""
         assert instances.moving is not None
         still = instances.moving < 0
         self._geometry, self._record, self._plain = geometry, instances.some(still), instances.plain
         self._rows = np.flatnonzero(still).astype(np.int32)
         self._path: NDArray[np.int64] | None = None
-        if known is not None and not known.shares(self):
-            known = None
-        self._still: Intersector | None = self._tree_of_rest() if known is None else known._still
-        trees = {} if known is None else {mesh.first: (mesh.tree, mesh.middle) for mesh in known.meshes}
+        if previous is not None and not previous.shares(self):
+            previous = None
+        self._still: Intersector | None = self._tree_of_rest() if previous is None else previous._still
+        trees = {} if previous is None else {mesh.first: (mesh.tree, mesh.middle) for mesh in previous.meshes}
         meshes = []
         for row in np.flatnonzero(~still).tolist():
             first, motion = int(instances.first[row]), int(instances.moving[row])

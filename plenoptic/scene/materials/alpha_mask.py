@@ -9,7 +9,7 @@ from plenoptic.core.values import Floats
 from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.geometry.geometry_records import Hits, PathKeys, Shadows
 from plenoptic.scene.geometry.kernels.interaction import fill_distances, meets_back
-from plenoptic.scene.materials.kernels.alpha import follow
+from plenoptic.scene.materials.kernels.alpha import advance_rays
 from plenoptic.scene.scene_record import SceneRecord
 
 SALTS = 1 << 10
@@ -31,7 +31,7 @@ def skip_transparent(
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     while len(which):
         keys = None if keys is None else keys._replace(salt=salt)
-        passed = follow(again, rays, hits, which, keys, None, scene.geometry, scene.alpha)
+        passed = advance_rays(again, rays, hits, which, keys, None, scene.geometry, scene.alpha)
         which, salt = again[:passed].copy(), salt + 1
         _meet_again(scene, intersector, hits, rays, which)
 
@@ -45,7 +45,7 @@ def attenuate_shadows(
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     intersector.fill_closest(hits, rays)
     while len(which):
-        passed = follow(again, rays, hits, which, None, shadows, scene.geometry, scene.alpha)
+        passed = advance_rays(again, rays, hits, which, None, shadows, scene.geometry, scene.alpha)
         which = again[:passed].copy()
         _meet_again(scene, intersector, hits, rays, which)
 

@@ -13,7 +13,7 @@ from plenoptic.scene.files.gltf.file import GltfFile, entry_of
 
 PLACE = 700
 """Bytes that a place costs; see `Instances`."""
-_INSTANCED = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
+_IDENTITY = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 
 
 class PlacedNode(NamedTuple):
@@ -74,10 +74,9 @@ def _roots(file: GltfFile, above: list[int | None]) -> list[int]:
 
 def _local(nodes: list[Mapping[str, Any]]) -> Floats:
     """(n, 4, 4): the frame of each node in that of its parent: matrices by columns, or translation, rotation, scale."""
-    identity = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}
     parts = (
         np.array([_numbers(node, name, number, one) for number, node in enumerate(nodes)]).reshape(-1, len(one))
-        for name, one in identity.items()
+        for name, one in _IDENTITY.items()
     )
     matrices = composed(*parts)
     for number, node in enumerate(nodes):
@@ -117,17 +116,12 @@ def copies(node: PlacedNode, file: GltfFile) -> Floats:
     described = node.described.get("extensions", {}).get("EXT_mesh_gpu_instancing")
     if described is None:
         return node.matrix[None]
-    columns = {
-        name: file.array(number).astype(np.float64)
-        for name, number in described["attributes"].items()
-        if name in _INSTANCED
-    }
-    count = max((len(array) for array in columns.values()), default=1)
+    accessors = {name.lower(): number for name, number in described["attributes"].items()}
+    columns = {name: file.array(accessors[name]).astype(np.float64) for name in _IDENTITY if name in accessors}
+    count = max(map(len, columns.values()), default=1)
     for name, array in columns.items():
-        if array.shape != (count, _INSTANCED[name]):
+        if array.shape != (count, len(_IDENTITY[name])):
             raise FileError(f"its instances have {name} of the shape {array.shape} for {count} places; export it again")
     file.reader.take(PLACE * count, f"{count} instances")
-    translations = columns.get("TRANSLATION", np.zeros((count, 3)))
-    rotations = columns.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
-    scales = columns.get("SCALE", np.ones((count, 3)))
-    return np.asarray(node.matrix @ composed(translations, rotations, scales))
+    parts = (columns.get(name, np.tile(one, (count, 1))) for name, one in _IDENTITY.items())
+    return np.asarray(node.matrix @ composed(*parts))

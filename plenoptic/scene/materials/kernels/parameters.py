@@ -99,8 +99,8 @@ def apply_normal_map(interactions, hits, rays, geometry, texture):
         triangle = corners(vertices, triangles, k, instance_to_world, instance)
         side = 1.0 if rows[i, FRONT] > 0.0 else -1.0
         n = scale(row_vector(rows, i, SHADING_NORMAL), side)
-        found, tangent, bitangent = _tangents(triangle, n, uv, triangles, k)
-        if not found:
+        has_tangents, tangent, bitangent = _tangents(triangle, n, uv, triangles, k)
+        if not has_tangents:
             continue
         x, y, z = 2.0 * texel[0] - 1.0, 2.0 * texel[1] - 1.0, 2.0 * texel[2] - 1.0
         v = add(add(scale(tangent, x), scale(bitangent, y)), scale(n, z))
