@@ -42,7 +42,7 @@ def _reversed_tables() -> np.ndarray:
     numbers = _direction_numbers()
     flipped = np.array([int(f"{number:032b}"[::-1], 2) for number in numbers.ravel().tolist()], dtype=np.uint32)
     bits = np.arange(256)[:, None] >> np.arange(8) & 1
-    return np.bitwise_xor.reduce(flipped.reshape(DIMENSIONS, 4, 1, 8) * bits.astype(np.uint32), axis=-1)
+    return np.asarray(np.bitwise_xor.reduce(flipped.reshape(DIMENSIONS, 4, 1, 8) * bits.astype(np.uint32), axis=-1))
 
 
 _TABLES = _reversed_tables()

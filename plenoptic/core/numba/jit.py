@@ -11,7 +11,8 @@ class _Compiled:
     """A function that Numba compiles, with the attributes of its dispatcher, which is made when it is needed."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        functools.update_wrapper(self, function)
+        wrapper: Any = self
+        functools.update_wrapper(wrapper, function)
         self.py_func = function
 
     def __getattr__(self, name: str) -> Any:

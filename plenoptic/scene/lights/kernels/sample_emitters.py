@@ -9,9 +9,8 @@ import math
 
 import numpy as np
 
-from plenoptic.core.kernels.frames import frame_about
 from plenoptic.core.kernels.sincos import turn
-from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, sub
+from plenoptic.core.kernels.vectors import add, dot, fill_vector, frame_about, row_vector, scale, sub
 from plenoptic.core.kernels.wavelengths import one_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.scene.geometry.geometry_records import POINT as INTERACTION_POINT
