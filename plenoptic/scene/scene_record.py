@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plenoptic.core.motions.motion import Motion
 from plenoptic.core.values import Floats, contiguous
 from plenoptic.errors import SceneError
-from plenoptic.scene.geometry.build_geometry import geometry_record, placed
+from plenoptic.scene.geometry.build_geometry import add_instances, geometry_record
 from plenoptic.scene.geometry.geometry_records import Geometry, InstanceRecord
 from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.mesh import Mesh
@@ -139,7 +139,7 @@ def build_record(
     instanced = [mesh for mesh in meshes if isinstance(mesh, Instances)]
     instances, geometry = instance_record(instanced, surfaces.first), surfaces.geometry
     if geometry is not None and instances is not None:
-        geometry = placed(geometry, instances)
+        geometry = add_instances(geometry, instances)
     bsdf = bsdf_record(surfaces.materials, channels)
     absorption = color_rows([row.absorption for row in rows], channels)
     radiance = color_rows([mean_colour(row.emission) for row in rows], channels)

@@ -90,18 +90,15 @@ class MovingTriangles:
 
     def shares(self, other: MovingTriangles) -> bool:
         """True if both have the same triangles, and the same of them stand still."""
-        mine, theirs = self._record, other._record
-        one, two = self._geometry, other._geometry
-        if self._plain != other._plain:
-            return False
-        pairs: list[tuple[Any, Any]] = [
-            (one.vertices, two.vertices),
-            (one.triangles, two.triangles),
-            (one.middle, two.middle),
-        ]
-        if mine is not None and theirs is not None:
-            pairs += [(mine.matrices, theirs.matrices), (mine.first, theirs.first)]
-        return (mine is None) == (theirs is None) and all(a is b or np.array_equal(a, b) for a, b in pairs)
+        mine, theirs = self._still_arrays(), other._still_arrays()
+        is_alike = self._plain == other._plain and len(mine) == len(theirs)
+        return is_alike and all(a is b or np.array_equal(a, b) for a, b in zip(mine, theirs, strict=True))
+
+    def _still_arrays(self) -> list[NDArray[Any]]:
+        """Arrays of the triangles and of the instances that stand still."""
+        geometry, record = self._geometry, self._record
+        instances = [] if record is None else [record.matrices, record.first]
+        return [geometry.vertices, geometry.triangles, geometry.middle, *instances]
 
     def _tree_of_rest(self) -> Intersector | None:
         """Intersector of the triangles that stand still; None where none does."""

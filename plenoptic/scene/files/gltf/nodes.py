@@ -28,7 +28,7 @@ def placed_nodes(file: GltfFile) -> list[PlacedNode]:
 
     A `FileError` for a node that hangs on two others, or on itself.
     """
-    nodes = [file.described("nodes", number) for number in range(len(file.header.get("nodes", ())))]
+    nodes = [file.entry("nodes", number) for number in range(len(file.header.get("nodes", ())))]
     above = _parents(nodes)
     local, placed = _local(nodes), []
     waiting = [(number, np.eye(4)) for number in reversed(_roots(file, above))]
@@ -62,9 +62,9 @@ def _roots(file: GltfFile, above: list[int | None]) -> list[int]:
     """The nodes that hang on no other, of the scene to show; of the whole file where it has no scenes."""
     if not file.header.get("scenes"):
         return [number for number, parent in enumerate(above) if parent is None]
-    roots = file.described("scenes", file.header.get("scene", 0)).get("nodes", ())
+    roots = file.entry("scenes", file.header.get("scene", 0)).get("nodes", ())
     for number in roots:
-        file.described("nodes", number)
+        file.entry("nodes", number)
         if above[number] is not None:
             raise FileError(f"its scene begins with node {number}, which hangs on another; export it again")
     if len(set(roots)) < len(roots):
@@ -78,7 +78,7 @@ def _local(nodes: list[Mapping[str, Any]]) -> Floats:
         np.array([_numbers(node, name, number, one) for number, node in enumerate(nodes)]).reshape(-1, len(one))
         for name, one in _IDENTITY.items()
     )
-    matrices = composed(*parts)
+    matrices = compose_matrices(*parts)
     for number, node in enumerate(nodes):
         if "matrix" in node:
             matrices[number] = np.reshape(_numbers(node, "matrix", number, (0,) * 16), (4, 4)).T
@@ -96,7 +96,7 @@ def _numbers(node: Mapping[str, Any], name: str, number: int, default: tuple[flo
     return tuple(map(float, values))
 
 
-def composed(translations: Floats, rotations: Floats, scales: Floats) -> Floats:
+def compose_matrices(translations: Floats, rotations: Floats, scales: Floats) -> Floats:
     """(n, 4, 4) matrices of (n, 3) translations, (n, 4) quaternions (x, y, z, w) and (n, 3) scales."""
     x, y, z, w = (rotations / np.linalg.norm(rotations, axis=1, keepdims=True)).T
     rows = [
@@ -124,4 +124,4 @@ def copies(node: PlacedNode, file: GltfFile) -> Floats:
             raise FileError(f"its instances have {name} of the shape {array.shape} for {count} places; export it again")
     file.reader.take(PLACE * count, f"{count} instances")
     parts = (columns.get(name, np.tile(one, (count, 1))) for name, one in _IDENTITY.items())
-    return np.asarray(node.matrix @ composed(*parts))
+    return np.asarray(node.matrix @ compose_matrices(*parts))
