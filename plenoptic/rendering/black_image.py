@@ -18,8 +18,8 @@ from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, UnseenSceneWarning
 from plenoptic.rendering.context import RenderContext, batch_of
 from plenoptic.rendering.tile import Tile, status_codes
+from plenoptic.scene.geometry.geometry_records import NORMAL, OFFSET, POINT
 from plenoptic.scene.geometry.mesh import Mesh
-from plenoptic.scene.geometry.record import NORMAL, OFFSET, POINT
 from plenoptic.scene.lights.environment import ConstantBackground
 from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
 from plenoptic.scene.lights.spot import SpotLight
@@ -28,7 +28,7 @@ from plenoptic.scene.textures.color import mean_colour
 if TYPE_CHECKING:
     from plenoptic.rendering.integrator.ray_queue import RayQueue
     from plenoptic.rendering.schedule.progress import Progress
-    from plenoptic.scene.geometry.record import Hits, Interactions
+    from plenoptic.scene.geometry.geometry_records import Hits, Interactions
     from plenoptic.scene.scene import Scene
 
 _PIXELS, _SAMPLES, _CELLS = 256, 16, 1 << 14

@@ -13,13 +13,13 @@ from plenoptic.rendering.integrator.path import PathIntegrator
 from plenoptic.rendering.integrator.ray_queue import RayQueue, ShadowRays
 from plenoptic.rendering.plan.stages import Plan, Stage
 from plenoptic.replaying.events import DirectLight, DrawnKind, Escape, Meeting, PathEnding, Place
-from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.geometry.geometry_records import SHADING_NORMAL, Hits, Interactions
 from plenoptic.scene.geometry.instance import Instances
-from plenoptic.scene.geometry.record import SHADING_NORMAL, Hits, Interactions
-from plenoptic.scene.lights.record import END, DrawnLights
+from plenoptic.scene.lights.light_records import END, DrawnLights
 from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
+from plenoptic.scene.scene_record import SceneRecord
 
 if TYPE_CHECKING:
     from plenoptic.rendering.integrator.moving_paths import MovingPaths

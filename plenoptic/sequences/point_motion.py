@@ -33,7 +33,7 @@ from plenoptic.truth.representative_rays import RepresentativeRays
 from plenoptic.truth.truth_stages import PixelStages
 
 if TYPE_CHECKING:
-    from plenoptic.scene.geometry.record import Geometry, Hits
+    from plenoptic.scene.geometry.geometry_records import Geometry, Hits
 
 
 @result

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     import distributed
 
     from plenoptic.core.engines.dask_engine import DaskCluster
-    from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
     from plenoptic.scene.scene import Scene
+    from plenoptic.scene.scene_record import SceneRecord
 
 _STRIP = 1 << 13
 """Pixels of a strip, the unit of work of one thread."""

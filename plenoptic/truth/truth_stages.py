@@ -16,13 +16,13 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.lens.lens_record import LensRecord
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.lenslets import types_of
-from plenoptic.scene.geometry.record import Hits
+from plenoptic.scene.geometry.geometry_records import Hits
 from plenoptic.truth.channels import PixelState, Truth
 from plenoptic.truth.representative_rays import RepresentativeRays, ray_fields
 
 if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
+    from plenoptic.scene.scene_record import SceneRecord
     from plenoptic.truth.chord_disparity import ChordRecord
 
 SLOPE_STEP = 1e-5

@@ -37,7 +37,7 @@ def times(factor):
 once, twice = times(1.0), times(2.0)
 
 class Pair(NamedTuple):
-    first: float
+    kernel: float  # also a global variable
     second: float
 
 @device
@@ -57,7 +57,7 @@ def fill_scaled(x, out):
 @kernel
 def fill_pairs(x, out):
     for i in range(x.size):
-        out[i] = pair(x[i]).second
+        out[i] = pair(x[i]).second - pair(x[i]).kernel
 
 @kernel
 def fill_table(x, out):

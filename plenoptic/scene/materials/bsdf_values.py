@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, frozen_array, numbers
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.materials.compile import bsdf_record
+from plenoptic.scene.materials.build_materials import bsdf_record
 from plenoptic.scene.materials.diffuse import Lambertian
-from plenoptic.scene.materials.record import Bsdf
+from plenoptic.scene.materials.kernels.bsdf import fill_evaluated, fill_sampled
+from plenoptic.scene.materials.material_records import Bsdf
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
 
@@ -69,15 +70,13 @@ def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, f
     >>> at_60_degrees.value.round(6).tolist()             # 0.8 / pi cos 60
     [[0.127324]]
     """
-    from plenoptic.scene.materials.kernels import bsdf
-
     viewers, lights = _to_viewer(to_viewer), _directions(to_light, "to_light")
     if 1 not in (len(viewers), len(lights)) and len(viewers) != len(lights):
         raise InvalidValueError(f"to_viewer has {len(viewers)} rows and to_light {len(lights)}; give as many, or one")
     viewers, lights = np.broadcast_arrays(viewers, lights)
     record = _record(material)
     scattered = Scattered(np.empty((len(viewers), record.base_color.shape[1])), np.empty(len(viewers)))
-    bsdf.fill_evaluated(*scattered, np.ascontiguousarray(viewers), np.ascontiguousarray(lights), bool(front), record)
+    fill_evaluated(*scattered, np.ascontiguousarray(viewers), np.ascontiguousarray(lights), bool(front), record)
     return scattered
 
 
@@ -105,8 +104,6 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
     >>> (drawn.to_light + 0.0).tolist(), drawn.weight.tolist(), drawn.density.tolist()
     ([[-0.6, 0.0, 0.8]], [[0.9]], [inf])
     """
-    from plenoptic.scene.materials.kernels import bsdf
-
     random_points = frozen_array(points, name="points", shape=(None, 3))
     if not np.all((random_points >= 0) & (random_points < 1)):
         raise InvalidValueError(
@@ -119,7 +116,7 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
         np.empty((len(random_points), record.base_color.shape[1])),
         np.empty(len(random_points)),
     )
-    bsdf.fill_sampled(*drawn, np.ascontiguousarray(viewers), random_points, bool(front), record)
+    fill_sampled(*drawn, np.ascontiguousarray(viewers), random_points, bool(front), record)
     return drawn
 
 

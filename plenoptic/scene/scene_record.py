@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 from plenoptic.core.motions.motion import Motion
 from plenoptic.core.values import Floats, contiguous
 from plenoptic.errors import SceneError
-from plenoptic.scene.geometry.compile import geometry_record, placed
+from plenoptic.scene.geometry.build_geometry import add_instances, geometry_record
+from plenoptic.scene.geometry.geometry_records import Geometry, InstanceRecord
 from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.mesh import Mesh
-from plenoptic.scene.geometry.record import Geometry, InstanceRecord
-from plenoptic.scene.lights.compile import Emitters, environment_record, lights_record
+from plenoptic.scene.lights.build_lights import Emitters, environment_record, lights_record
 from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
-from plenoptic.scene.lights.record import Lights, Sky
+from plenoptic.scene.lights.light_records import Lights, Sky
 from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
-from plenoptic.scene.materials.compile import alpha_record, bsdf_record, color_rows
-from plenoptic.scene.materials.record import EXTRA_SHARES, Alpha, Bsdf, Emission, MaterialRow
+from plenoptic.scene.materials.build_materials import alpha_record, bsdf_record, color_rows
+from plenoptic.scene.materials.material_records import EXTRA_SHARES, Alpha, Bsdf, Emission, MaterialRow
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.textures.color import is_grey, mean_colour
-from plenoptic.scene.textures.record import TEXTURE, TextureColumn, Textures
 from plenoptic.scene.textures.texture import Texture
+from plenoptic.scene.textures.texture_records import TEXTURE, TextureColumn, Textures
 
 _FIELDS = {"extra_shares": EXTRA_SHARES}
 """What members of `Textures` gather several fields of rows."""
@@ -62,7 +62,7 @@ class SceneRecord(NamedTuple):
     """What is drawn directly, and the sky."""
 
 
-class Surfaces(NamedTuple):
+class CompiledMeshes(NamedTuple):
     """Compiled meshes in their own frames: scenes that differ in poses and lights share them."""
 
     meshes: tuple[weakref.ref[Mesh], ...]
@@ -93,7 +93,7 @@ def _mesh_of(part: Mesh | Instances) -> Mesh:
     return part.mesh if isinstance(part, Instances) else part
 
 
-def build_surfaces(meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]) -> Surfaces:
+def build_surfaces(meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]) -> CompiledMeshes:
     """Compile meshes and the shapes of lights."""
     parts, first_of, numbers = _order(meshes, shapes)
     index: dict[Material, int] = {}
@@ -111,7 +111,7 @@ def build_surfaces(meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]) -
             normals=_per_vertex(parts, "normals", 3),
         )
         triangle_mesh = contiguous(np.repeat(np.array(numbers, dtype=np.int32), counts))
-    return Surfaces(
+    return CompiledMeshes(
         meshes=tuple(weakref.ref(_mesh_of(mesh)) for mesh in meshes),
         repeated=tuple(isinstance(mesh, Instances) for mesh in meshes),
         shapes=tuple(shapes),
@@ -127,19 +127,19 @@ def build_record(
     meshes: Sequence[Mesh | Instances],
     lights: Sequence[Light],
     background: Background | None,
-    known: Surfaces | None = None,
-) -> tuple[SceneRecord, Surfaces]:
-    """Compile meshes, lights and a background (None: black), with the `known` surfaces where they are of the same
+    previous: CompiledMeshes | None = None,
+) -> tuple[SceneRecord, CompiledMeshes]:
+    """Compile meshes, lights and a background (None: black), with the `previous` surfaces where they are of the same
     meshes.
     """
     shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
-    surfaces = known if known is not None and known.are(meshes, shapes) else build_surfaces(meshes, shapes)
+    surfaces = previous if previous is not None and previous.are(meshes, shapes) else build_surfaces(meshes, shapes)
     rows, columns = surfaces.textures.rows, surfaces.textures
     channels = 1 if all(row.is_grey for row in rows) and _all_grey(lights, background) else 3
     instanced = [mesh for mesh in meshes if isinstance(mesh, Instances)]
     instances, geometry = instance_record(instanced, surfaces.first), surfaces.geometry
     if geometry is not None and instances is not None:
-        geometry = placed(geometry, instances)
+        geometry = add_instances(geometry, instances)
     bsdf = bsdf_record(surfaces.materials, channels)
     absorption = color_rows([row.absorption for row in rows], channels)
     radiance = color_rows([mean_colour(row.emission) for row in rows], channels)

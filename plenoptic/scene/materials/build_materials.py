@@ -1,4 +1,4 @@
-"""Materials as columns of numbers; see `scene.materials.record`."""
+"""Materials as columns of numbers; see `scene.materials.material_records`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from plenoptic.core.values import Floats, contiguous
-from plenoptic.scene.materials.record import EXTRA_SHARES, SHARES, Alpha, Bsdf, MaterialRow
+from plenoptic.scene.materials.material_records import EXTRA_SHARES, SHARES, Alpha, Bsdf, MaterialRow
 from plenoptic.scene.materials.registry import CONDUCTOR, DIELECTRIC, LAMBERTIAN, MATERIALS, THIN_DIELECTRIC, Material
 from plenoptic.scene.textures.color import Colour
-from plenoptic.scene.textures.record import TextureColumn
 from plenoptic.scene.textures.texture import Texture
+from plenoptic.scene.textures.texture_records import TextureColumn
 
 
 def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, read_only
-from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, Geometry, InstanceRecord
+from plenoptic.scene.geometry.geometry_records import INSTANCE_DISTANCE, Geometry, InstanceRecord
 
 _LARGEST_SCALE = 1e10
 _LARGEST_SPREAD = 16.0
@@ -30,10 +30,10 @@ def geometry_record(
     """The record of triangles; see `Geometry` for shapes."""
     middle = read_only(middle_of(vertices, triangles))
     geometry = Geometry(vertices, triangles, triangle_material, uv, normals, None, middle)
-    return geometry if instances is None else placed(geometry, instances)
+    return geometry if instances is None else add_instances(geometry, instances)
 
 
-def placed(geometry: Geometry, instances: InstanceRecord) -> Geometry:
+def add_instances(geometry: Geometry, instances: InstanceRecord) -> Geometry:
     """The same triangles with instances of some of them."""
     middle = middle_of(geometry.vertices, geometry.triangles, instances)
     rows = np.column_stack([instances.matrices, np.zeros(len(instances.matrices))])

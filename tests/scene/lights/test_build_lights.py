@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scene_helpers import CORNERS, GREY, area_vectors, square
 
 import plenoptic as pl
-from plenoptic.scene.lights.record import ENVIRONMENT, POINT, SUN, TRIANGLE
+from plenoptic.scene.lights.light_records import ENVIRONMENT, POINT, SUN, TRIANGLE
 
 
 def record_of(meshes=(), lights=(), background=None, floor=GREY):

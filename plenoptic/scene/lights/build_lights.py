@@ -1,4 +1,4 @@
-"""The lights of a scene as one table of probabilities, and rows for each kind; see `scene.lights.record`."""
+"""The lights of a scene as one table of probabilities, and rows for each kind; see `scene.lights.light_records`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, contiguous
-from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, RAY_OFFSET, RAY_OFFSET_64, Geometry, InstanceRecord
+from plenoptic.scene.geometry.geometry_records import (
+    INSTANCE_DISTANCE,
+    RAY_OFFSET,
+    RAY_OFFSET_64,
+    Geometry,
+    InstanceRecord,
+)
 from plenoptic.scene.lights.environment import EnvironmentMap
 from plenoptic.scene.lights.fields import channel_mean
-from plenoptic.scene.lights.record import (
+from plenoptic.scene.lights.light_records import (
     AREA_COLUMNS,
     CORNER,
     EDGE_1,
@@ -33,7 +39,7 @@ from plenoptic.scene.lights.record import (
     Sky,
 )
 from plenoptic.scene.lights.registry import DistantLight, Light, PositionalLight
-from plenoptic.scene.materials.compile import color_rows
+from plenoptic.scene.materials.build_materials import color_rows
 
 _FEWEST, _MOST = 0.1, 0.9
 """Share of the draws that goes to distant lights (suns, environment) where there are near ones too. Their power

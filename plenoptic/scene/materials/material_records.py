@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.scene.textures.color import Colour, is_grey
-from plenoptic.scene.textures.record import TextureColumn
 from plenoptic.scene.textures.texture import Texture
+from plenoptic.scene.textures.texture_records import TextureColumn
 
 Index = complex | tuple[complex, complex, complex]
 
@@ -139,7 +139,7 @@ class Alpha(NamedTuple):
     """None where no texture gives an opacity."""
 
 
-class Surface(NamedTuple):
+class SurfaceMaterial(NamedTuple):
     """Material at one point, inside kernels: numbers only; None for properties that no material of a scene has."""
 
     kind: int | None
