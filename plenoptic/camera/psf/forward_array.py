@@ -15,7 +15,7 @@ from plenoptic.optics.microlens.forward_record import differs_forward, forward_r
 from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.microlens_record import ArrayRecord, SensorPlane
-from plenoptic.optics.microlens.model_rules import ArrayCrossing
+from plenoptic.optics.microlens.model_records import ArrayCrossing
 
 _REACH_FACTOR = 1.25
 """Factor on the distance from the axis up to which microlenses are listed, for thick ones."""
@@ -86,6 +86,4 @@ def fill_through_array_forward(blocks: Floats, forward: ForwardArray) -> None:
     if parts.frame is not None:
         fill_in_array_axes(blocks, parts.frame)
         z = 0.0
-    to_sensor = forward.microlenses.model.rules.to_sensor
-    assert to_sensor is not None
-    to_sensor(blocks, ArrayCrossing(array, sensor, z), forward.differs)
+    forward.microlenses.model.refraction.to_sensor(blocks, ArrayCrossing(array, sensor, z), forward.differs)

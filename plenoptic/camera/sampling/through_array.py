@@ -10,7 +10,7 @@ from plenoptic.camera.dust import BETWEEN, PlacedDust
 from plenoptic.core.values import Floats
 from plenoptic.optics.microlens.kernels import to_lens
 from plenoptic.optics.microlens.microlens_record import ResponseRecord, SensorPlane
-from plenoptic.optics.microlens.model_rules import ArrayCrossing
+from plenoptic.optics.microlens.model_records import ArrayCrossing
 
 
 def fill_losses_before_array(
@@ -40,6 +40,6 @@ def fill_through_array(
         return
     if array.walls is not None and lenslets is not None:
         to_lens.fill_walls(blocks, lenslets, array.cell, array.cells)
-    camera.microlenses.model.rules.to_lens(blocks, lenslets, ArrayCrossing(array, sensor, z_plane), waves)
+    camera.microlenses.model.refraction.to_lens(blocks, lenslets, ArrayCrossing(array, sensor, z_plane), waves)
     if camera.frame is not None:
         to_lens.fill_in_lens_axes(blocks, camera.frame)
