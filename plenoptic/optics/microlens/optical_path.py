@@ -115,8 +115,9 @@ def _trace(array: MicrolensArray, rays: RayBundle, source: Floats | None) -> tup
         array, turn=np.eye(2), origin=np.zeros(2), reach=_reach(array, forward), wavelength=rays.wavelength
     )
     traced = TracedPaths(np.full(len(rays), np.nan), np.empty((len(rays), 5)))
-    index = array.index_at(rays.wavelength)
-    behind = array.model.refraction.trace_rays(forward, traced, record, differs_forward(record), index)
+    behind = array.model.refraction.trace_rays(
+        forward, traced, record, differs_forward(record), array.index_at(rays.wavelength)
+    )
     lost = behind.status != 0
     weight = np.where(lost, 0.0, rays.weight)
     if array.imperfections is not None:
