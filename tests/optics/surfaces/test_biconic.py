@@ -11,7 +11,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
-from plenoptic.optics.lens.kernels.biconic import biconic_at
+from plenoptic.optics.lens.kernels.biconic import biconic_at, biconic_bending
 from plenoptic.optics.lens.record import FIRST_NUMBER
 from plenoptic.optics.lens.trace import traced_part
 
@@ -79,6 +79,8 @@ def test_sag_derivatives_and_bounds():
                 value,
                 bound,
             )
+        within = [biconic_bending.py_func(r2, row) for r2 in x * x + y * y]
+        assert np.all(np.linalg.norm(hessian, ord=2, axis=(1, 2)) <= np.multiply(within, 1 + 1e-9)), name
         assert term.vertex == (0.0, 0.0, 1 / term.radius_x, 0.0, 1 / term.radius_y)
         assert term.inverted.sag(x, y) == pytest.approx(-term.sag(x, y), rel=0, abs=0)
 
@@ -120,7 +122,9 @@ def test_equal_sections_are_a_conic():
         near = np.hypot(*ours.origin[both, :2].T) < 0.999 * size
         p, q = (rays.origin[both][near] for rays in (ours, conics))
         same = np.abs(p - q).max(axis=1) <= 1e-9 * size
-        assert both.sum() > 0.2 * len(both) and same.mean() > (1.0 if slant < 20 else 0.9) - 1e-9, case
+        # Grazing light from glass is reflected, or meets the rim from outside.
+        assert both.sum() > (0.2 if slant < 20 else 0.01) * len(both), case
+        assert same.mean() > (1.0 if slant < 20 else 0.9) - 1e-9, case
         bent = np.abs(ours.direction[both][near] - conics.direction[both][near]).max(axis=1)
         assert np.all(bent[same] <= 1e-8), case
 
@@ -179,7 +183,7 @@ def test_numbers_that_cannot_be_are_refused():
 
 def test_json_keeps_every_bit(tmp_path):
     lens = biconic(BiconicSag(INF, 1.0 / 3.0, -0.1, 0.7), 0.2)
-    pl.save_lens(tmp_path / "lens.json", lens)
+    pl.save_lens(lens, tmp_path / "lens.json")
     assert pl.load_lens(tmp_path / "lens.json") == lens
 
 
@@ -211,7 +215,7 @@ def test_zemax_files_are_read():
         assert lens_from_zmx(ZMX.replace(old, new), "mine.zmx").elements[0].departure == expected, new
     with pytest.raises(pl.errors.PrescriptionError, match="PARM 3 is 1; only PARM 1 to 2 of BICONICX surfaces"):
         lens_from_zmx(ZMX.replace("PARM 2 0.25", "PARM 3 1"), "mine.zmx")
-    with pytest.raises(pl.errors.PrescriptionError, match="line 6: departure BiconicSag.* no finite height and slope"):
+    with pytest.raises(pl.errors.PrescriptionError, match="line 7: departure BiconicSag.* no finite height and slope"):
         lens_from_zmx(ZMX.replace("PARM 1 3.0", "PARM 1 0.9"), "mine.zmx")
     with pytest.raises(pl.errors.PrescriptionError, match="element 0 has no rotational symmetry"):
         zmx_of_lens(lens_from_zmx(ZMX, "mine.zmx"))
