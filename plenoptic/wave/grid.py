@@ -126,5 +126,5 @@ def _middle(shape: tuple[int, int], half: Floats) -> tuple[slice, slice]:
 def fast_length(minimum: int) -> int:
     """Smallest even number of at least `minimum` whose prime factors are 2, 3 and 5."""
     n = minimum.bit_length() + 1
-    products = (2**i * 3**j * 5**k for i in range(1, n + 1) for j in range(n) for k in range(n))
+    products: list[int] = [2**i * 3**j * 5**k for i in range(1, n + 1) for j in range(n) for k in range(n)]
     return min(length for length in products if length >= minimum)

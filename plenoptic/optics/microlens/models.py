@@ -48,7 +48,7 @@ class MicrolensModel(enum.IntEnum):
         return self.refraction.is_flat
 
 
-_REFRACTION = {
+_REFRACTION: dict[MicrolensModel, IdealMicrolenses | PlanoConvexMicrolenses] = {
     MicrolensModel.PINHOLE: IdealMicrolenses(focuses=False),
     MicrolensModel.THIN: IdealMicrolenses(focuses=True),
     MicrolensModel.FLAT_HIGH_INDEX: PlanoConvexMicrolenses(is_flat=True),

@@ -136,14 +136,14 @@ def _bounds(cx: float, cy: float, kx: float, ky: float, radius: float) -> Freefo
     r *= radius
     shares = np.array([cosine2, 1.0 - cosine2])
     steep2 = [np.outer((c * r) ** 2, share) for c, share in zip((cx, cy), shares, strict=True)]
-    a_sizes = [np.outer(c * r * r, share) for c, share in zip((cx, cy), shares, strict=True)]
-    b_sizes = [kx * steep2[0], ky * steep2[1]]
-    b = _cells(sum(b_sizes))
+    a_x, a_y = (np.outer(c * r * r, share) for c, share in zip((cx, cy), shares, strict=True))
+    b_x, b_y = kx * steep2[0], ky * steep2[1]
+    b = _cells(b_x + b_y)
     if not b.max() <= 1.0 - _LEAST_W2:
         return FreeformBounds(math.inf, math.inf, math.inf, math.inf)
     w = np.sqrt(1.0 - b)
     h, h1, h2 = 1.0 / (1.0 + w), 0.5 / (w * (1.0 + w) ** 2), 0.25 * (1.0 + 3.0 * w) / (w * (1.0 + w)) ** 3
-    a = _cells(sum(a_sizes))
+    a = _cells(a_x + a_y)
     slopes, second = [], []
     for c, k, share, squares in ((cx, kx, shares[0], steep2[0]), (cy, ky, shares[1], steep2[1])):
         scaled, q = _times(c, a), _cells(squares)
@@ -156,7 +156,7 @@ def _bounds(cx: float, cy: float, kx: float, ky: float, radius: float) -> Freefo
     along, across, oblique = *second, 4.0 * np.sqrt(_cells(steep2[0])[1] * _cells(steep2[1])[1]) * _size(mixed)
     bending = 0.5 * (along + across) + np.hypot(0.5 * (along - across), oblique)
     # Some eps of the sum of the sizes of the terms of A and B, and half of one of 1 - B.
-    terms_a, terms_b = (sum(_size(_cells(part)) for part in sizes) for sizes in (a_sizes, b_sizes))
+    terms_a, terms_b = (_size(_cells(abs(x) + abs(y))) for x, y in ((a_x, a_y), (b_x, b_y)))
     rounding = 6.0 * terms_a * h[1] + _size(_times(a, h1)) * (6.0 * terms_b + 2.0)
     return FreeformBounds(
         _MARGIN * float(np.hypot(*slopes).max()),
