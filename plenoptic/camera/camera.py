@@ -150,7 +150,7 @@ class PlenopticCamera:
                     "and give the distance from stop to sensor as stop_to_microlenses"
                 )
         else:
-            depths = array.model.rules.depths(array)
+            depths = array.model.refraction.depths(array)
             front -= depths.front
             clearance = max(depths.rear, SMALLEST_LENGTH)
             if not self.microlenses_to_sensor > clearance:

@@ -16,7 +16,7 @@ from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.kernels import to_lens
 from plenoptic.optics.microlens.microlens_record import ResponseRecord, SensorPlane
-from plenoptic.optics.microlens.model_rules import ArrayCrossing
+from plenoptic.optics.microlens.model_records import ArrayCrossing
 
 _GUIDES = 1024
 """Entries of the guide table for cumulative probabilities; see `fill_waves`."""
@@ -49,7 +49,7 @@ def fill_through_array(
         return
     if array.walls is not None and lenslets is not None:
         to_lens.fill_walls(blocks, lenslets, array.cell, array.cells)
-    camera.microlenses.model.rules.to_lens(blocks, lenslets, ArrayCrossing(array, sensor, z_plane), waves)
+    camera.microlenses.model.refraction.to_lens(blocks, lenslets, ArrayCrossing(array, sensor, z_plane), waves)
     if camera.frame is not None:
         to_lens.fill_in_lens_axes(blocks, camera.frame)
 

@@ -74,12 +74,13 @@ def rays_at_array(
     # Pixel coordinates may be fractional.
     on_sensor = camera.sensor.centre_of(pixel[:, 0], pixel[:, 1])  # type: ignore[arg-type]
     start = parts.sensor_to_local.points(np.column_stack([on_sensor, np.zeros(len(pixel))]))
-    slopes, rules = np.zeros_like(passed), array.model.rules
+    slopes, refraction = np.zeros_like(passed), array.model.refraction
     # A plate's displacement of a ray depends on its slope, which depends on the displacement: iterate.
     for _ in range(3):
-        rear = rules.shift_chief_rays(array, passed, slopes, camera.wavelength, True)
+        rear = refraction.shift_chief_rays(array, passed, slopes, camera.wavelength, True)
         slopes = (start[:, :2] - rear) / start[:, 2:]
-    return 2.0 * passed - rules.shift_chief_rays(array, passed, slopes, camera.wavelength, False), slopes, start[:, 2]
+    front = refraction.shift_chief_rays(array, passed, slopes, camera.wavelength, False)
+    return 2.0 * passed - front, slopes, start[:, 2]
 
 
 def _towards_scene(axes: ArrayAxes, positions: Floats, slopes: Floats) -> RayBundle:

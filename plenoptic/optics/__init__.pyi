@@ -49,6 +49,7 @@ from .stops.mask import MaskStop as MaskStop
 from .stops.polygon import PolygonStop as PolygonStop
 from .stops.ring import RingStop as RingStop
 from .stops.star import StarStop as StarStop
+from .surfaces.biconic import BiconicSag as BiconicSag
 from .surfaces.mirror import MIRROR as MIRROR
 from .surfaces.mirror import Mirror as Mirror
 from .surfaces.surface import Surface as Surface

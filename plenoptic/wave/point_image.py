@@ -109,7 +109,7 @@ class _Image(NamedTuple):
 def _check_camera(camera: PlenopticCamera) -> None:
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     array = camera.microlenses
-    if array is not None and array.model.rules.to_sensor is None:
+    if array is not None and not array.model.focuses:
         raise InvalidValueError(
             f"the microlenses have the model {array.model.name}, and no light passes a hole without extent; choose THIN"
         )

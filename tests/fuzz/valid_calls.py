@@ -36,6 +36,8 @@ Surface.zernike: pl.Surface(radius=50.0, thickness=3.0, semi_diameter=9.0, depar
 pl.Surface(50.0, semi_diameter=9.0).sag(r=[1.0, 2.0], y=[0.0, 1.0])
 pl.Surface(50.0, semi_diameter=9.0).slope(r=[1.0, 2.0])
 pl.Surface(50.0, semi_diameter=9.0).gradient(x=[1.0, 2.0], y=[0.0, 1.0])
+Surface.biconic: pl.Surface(radius=math.inf, thickness=3.0, semi_diameter=9.0, departure=optics.BiconicSag(50.0, -90.0))
+optics.BiconicSag(radius_x=math.inf, radius_y=20.0, conic_x=0.5, conic_y=-1.0)
 optics.ZernikeSag(coefficients=[0.0, 0.0, 0.001], norm_radius=10.0)
 optics.Placement(shift=(0.1, 0.0, 0.0), rotation=np.eye(3))
 pl.LensStack(elements=list(lens().elements), iris=lens().iris, name="a", ambient=optics.AIR, model=pl.LensModel.EXACT)

@@ -247,7 +247,7 @@ def _centres(
     is_orthogonal = array.walls is Walls.OPAQUE or method is CentreMethod.ORTHOGONAL
     slopes = np.zeros_like(centres) if is_orthogonal else chief_slopes(axes, centres)
     position = axes.on_sensor(
-        array.model.rules.shift_chief_rays(array, centres, slopes, camera.wavelength, True), slopes
+        array.model.refraction.shift_chief_rays(array, centres, slopes, camera.wavelength, True), slopes
     )
     if method is CentreMethod.CENTROID:
         if white is None:

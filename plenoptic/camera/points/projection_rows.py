@@ -90,7 +90,9 @@ class ThroughArray(NamedTuple):
         return self.axes.on_sensor(self._shift_chief_rays(centres, slopes, True), slopes)
 
     def _shift_chief_rays(self, points: Floats, slopes: Floats, rear: bool) -> Floats:
-        return self.array.model.rules.shift_chief_rays(self.array, points, slopes, self.axes.camera.wavelength, rear)
+        return self.array.model.refraction.shift_chief_rays(
+            self.array, points, slopes, self.axes.camera.wavelength, rear
+        )
 
 
 def through_iris(record: ForwardRecord, bare: LensRecord) -> tuple[Aim, Floats]:

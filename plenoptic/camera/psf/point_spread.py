@@ -141,7 +141,7 @@ def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats,
     """Points (n, 3) in the world, and True if the argument is an array of points."""
     check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
     array = camera.microlenses
-    if array is not None and array.model.rules.to_sensor is None:
+    if array is not None and not array.model.focuses:
         raise InvalidValueError(
             f"the microlenses have the model {array.model.name}, and no ray from a point meets a hole without extent; "
             "render a small emitter instead, or choose THIN"

@@ -31,7 +31,7 @@ from plenoptic.optics.microlens.forward_record import forward_record as array_fo
 from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane
-from plenoptic.optics.microlens.model_rules import ArrayCrossing
+from plenoptic.optics.microlens.model_records import ArrayCrossing
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -91,7 +91,7 @@ def fill_through_array_forward(blocks: Floats, record: ForwardRecord) -> None:
     if parts.frame is not None:
         fill_in_array_axes(blocks, parts.frame)
         z = 0.0
-    to_sensor = microlenses.model.rules.to_sensor
+    to_sensor = microlenses.model.refraction.to_sensor
     assert to_sensor is not None
     to_sensor(blocks, ArrayCrossing(array, sensor, z), differs_forward(array))
 

@@ -165,7 +165,7 @@ def clearance(camera: PlenopticCamera) -> float:
     array = camera.microlenses
     front = camera.stop_to_microlenses
     if array is not None:
-        front -= array.model.rules.depths(array).front
+        front -= array.model.refraction.depths(array).front
     if camera.lens.model is LensModel.NONE:
         return front - float(camera.lens.vertices[-1])
     return front - max(float(profile[:, 0].max()) for profile in camera.lens.profiles())

@@ -26,7 +26,7 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.imperfections import largest_offset
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens, possible_powers
-from plenoptic.optics.microlens.model_rules import ArrayCrossing
+from plenoptic.optics.microlens.model_records import ArrayCrossing
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.polygon import PolygonStop, convex_hull
 from plenoptic.optics.stops.stop_registry import Stop
@@ -236,7 +236,7 @@ def aberration_margins(
     """
     from plenoptic.core.kernels.ray_blocks import BLOCK
 
-    rules = array.model.rules
+    refraction = array.model.refraction
     lens = ArrayCrossing(lone_lens(array, power, wavelength), SensorPlane(distance, None), pupil_distance)
     aims = np.linspace(-1.5 * array.cell_radius, 1.5 * array.cell_radius, _N_AIMS)
     margin = lateral = 0.0
@@ -248,10 +248,12 @@ def aberration_margins(
         for row, column in ((0, dx), (1, dy), (3, dx - sx), (4, dy)):
             fields[row, : dx.size] = column
         blocks = np.ascontiguousarray(fields.reshape(8, -1, BLOCK).transpose(1, 0, 2))
-        rules.to_lens(blocks.reshape(-1), None, lens, None)
+        refraction.to_lens(blocks.reshape(-1), None, lens, None)
         x, y, z, u, v, w, _, status = blocks.transpose(1, 0, 2).reshape(8, -1)[:, : dx.size]
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            exit_x, exit_y = rules.exit_points(array, power, (dx, dy), ((dx - sx) / distance, dy / distance), (x, y))
+            exit_x, exit_y = refraction.exit_points(
+                array, power, (dx, dy), ((dx - sx) / distance, dy / distance), (x, y)
+            )
             t = -z / w
             real_x, real_y = x + t * u, y + t * v
             valid = (status == 0) & (np.hypot(exit_x, exit_y) <= array.cell_radius)
@@ -274,7 +276,7 @@ def _chromatic_margin(
     array: MicrolensArray, powers: Floats, wavelengths: tuple[float, ...], pupil_distance: float
 ) -> float:
     """Lateral colour of ideal microlenses against 587.6 nm, on the plane of the outlines, in mm."""
-    if not array.model.rules.is_thin:
+    if not array.model.refraction.is_thin:
         return 0.0
     change = max(abs(array.power_factor(wavelength) - 1.0) for wavelength in wavelengths)
     height = array.cell_radius + largest_offset(array.imperfections)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import Floats, broadcast, coefficients, positive, set_field, value
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape
+from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape, ZemaxNumbers
 from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
 
 ZERNIKE = 1
@@ -154,11 +154,12 @@ class ZernikeSag:
         return (float(ZERNIKE), 1.0 / self.norm_radius, float(p.shape[0]), float(p.shape[1]), *pairs)
 
     @classmethod
-    def from_zemax(cls, extra: Mapping[int, float], unit: float) -> tuple[ZernikeSag | None, float]:
+    def from_zemax(cls, surface: ZemaxNumbers) -> tuple[ZernikeSag | None, float]:
         """Freeform term of a surface of type SZERNSAG, and its omitted sag at the vertex in mm.
 
-        `extra` is its XDAT: the number of terms, the norm radius, and the coefficients, in units of `unit` mm.
+        XDAT are the number of terms, the norm radius, and the coefficients.
         """
+        extra, unit = surface.extra, surface.unit
         if 1 not in extra or not float(extra[1]).is_integer() or extra[1] < 0:
             raise PrescriptionError("XDAT 1, the number of Zernike terms, is missing or no such number; give it")
         last = 2 + int(extra[1])

@@ -1,4 +1,4 @@
-"""Zernike surfaces: laws of the polynomials and of refraction, and the limits that are aspheres."""
+"""Freeform surfaces: laws of refraction, of Zernike polynomials, and the limits that are aspheres."""
 
 import dataclasses
 import itertools
@@ -30,6 +30,8 @@ SHAPES = {
     "mild": {**MILD, "departure": ZernikeSag(RNG.normal(size=28) * 2e-3, 10.0)},
     "steep": {"radius": math.inf, "semi_diameter": 8.0, "departure": ZernikeSag(RNG.normal(size=15) * 0.15, 9.0)},
     "high": {"radius": -30.0, "semi_diameter": 9.0, "conic": 1.5, "departure": ZernikeSag([0] * 78 + [1e-3] * 13, 9)},
+    "biconic": {"radius": math.inf, "semi_diameter": 9.0, "departure": pl.optics.BiconicSag(12.0, -20.0, -0.5, 0.3)},
+    "cylinder": {"radius": math.inf, "semi_diameter": 9.0, "departure": pl.optics.BiconicSag(math.inf, 9.5)},
     "to the equator": {"radius": 12, "semi_diameter": 12, "departure": ZernikeSag([0, 0, 0, 0.02, 0.05, -0.03], 12)},
 }
 AT_EQUATOR = {"to the equator": 2e-3}
@@ -336,7 +338,7 @@ def test_zemax_files_that_cannot_be_read():
         ("XDAT 1 6.0", "XDAT 1 7.0", "line 13.*there are 7 Zernike terms, and XDAT 9, the last of them, is missing"),
         ("XDAT 1 6.0", "XDAT 1 1e15 ", "XDAT 1000000000000002, the last of them, is missing"),
         *(("XDAT 1 6.0", wrong, number) for wrong in ("XDAT 1 5.5", "XDAT 1 -6.0", "XDAT 90 6.0")),
-        ("SZERNSAG", "FZERNSAG", "the surfaces that can be read are STANDARD, EVENASPH, COORDBRK, SZERNSAG"),
+        ("SZERNSAG", "FZERNSAG", "the surfaces that can be read are STANDARD, EVENASPH, COORDBRK, SZERNSAG, BICONICX"),
     ):
         with pytest.raises(pl.errors.PrescriptionError, match=message):
             lens_from_zmx(ZMX.replace(old, new), "mine.zmx")

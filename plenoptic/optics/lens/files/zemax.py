@@ -5,8 +5,9 @@ the lens, nor are the gaps next to them. A glass on the object is the medium aro
 
 - TYPE STANDARD, EVENASPH and SZERNSAG, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS; lengths are converted
   from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean square 1 over the disc of the norm radius: XDAT 1 is
-  their number, XDAT 2 the norm radius, XDAT 3 and on the terms; their sag at the vertex moves the surface. All other
-  types are refused, and so are tilted surfaces (SCBD), and apertures and obscurations that are not round.
+  their number, XDAT 2 the norm radius, XDAT 3 and on the terms; their sag at the vertex moves the surface.
+- TYPE BICONICX: CURV and CONI along y, PARM 1 the radius along x (0: flat) and PARM 2 the conic constant along x.
+- All other types are refused, and so are tilted surfaces (SCBD), and apertures and obscurations that are not round.
 - COORDBRK: the elements that follow are placed as it says (`Placement`). Mirrors (GLAS MIRROR) are unfolded: plane ones
   vanish, curved ones reflect (`Mirror`). See `zemax_folds`.
 - Solves and pickups count with the value that the file holds, several configurations as the one that it was saved in.
@@ -54,6 +55,7 @@ from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.surfaces.freeform_bounds import ZemaxNumbers
 from plenoptic.optics.surfaces.freeform_registry import ZEMAX
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
@@ -174,29 +176,30 @@ class _Glasses(NamedTuple):
 
 def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glasses) -> Row:
     row = Row(number, {line.keyword: line.number for line in block})
-    kind, terms, extra = "STANDARD", [0.0] * _TERMS, dict[int, float]()
+    kind, parameters, extra = "STANDARD", dict[int, float](), dict[int, float]()
     # TYPE first, which says what PARM and XDAT mean.
     for line in sorted(block, key=lambda line: line.keyword != "TYPE"):
         with name_line_in_errors(where, line.number):
             if line.keyword == "TYPE":
                 kind = _type(line, number)
-            elif line.keyword == "PARM" and kind == _BREAK:
-                extra[int(line.real(0))] = line.real(1)
             elif line.keyword == "PARM" and kind != "STANDARD":
-                _set_term(terms, line)
+                _set_parameter(parameters, line, kind)
             elif line.keyword == "XDAT" and kind in ZEMAX:
                 extra[int(line.real(0))] = line.real(1)
             else:
                 row = _with_line(row, line, unit, glasses)
-    if kind in ZEMAX:
-        with name_line_in_errors(where, row.lines.get("XDAT", row.lines["SURF"])):
-            departure, offset = ZEMAX[kind](extra, unit)
-            row = row._replace(departure=departure, offset=offset)
     if kind == _BREAK:
-        decentre = (extra.get(i, 0.0) * unit for i in (1, 2))
-        return row._replace(turn=(*decentre, *(extra.get(i, 0.0) for i in (3, 4, 5, 6))))
+        decentre = (parameters.get(i, 0.0) * unit for i in (1, 2))
+        return row._replace(turn=(*decentre, *(parameters.get(i, 0.0) for i in (3, 4, 5, 6))))
+    if kind in ZEMAX:
+        shape = ZemaxNumbers(row.curvature, row.conic, parameters, extra, unit)
+        with name_line_in_errors(where, row.lines.get("XDAT", row.lines["SURF"])):
+            departure, offset = ZEMAX[kind].read(shape)
+        row = row._replace(departure=departure, offset=offset)
+        if ZEMAX[kind].is_whole:
+            return row._replace(curvature=0.0, conic=0.0)
     # z and r scale alike: a_i of r^(2 i) is in unit^(1 - 2 i).
-    return row._replace(aspheric=tuple(a * unit ** (1 - 2 * i) for i, a in enumerate(terms, start=1)))
+    return row._replace(aspheric=tuple(parameters.get(i, 0.0) * unit ** (1 - 2 * i) for i in range(1, _TERMS + 1)))
 
 
 def _type(line: Line, number: int) -> str:
@@ -209,13 +212,14 @@ def _type(line: Line, number: int) -> str:
     return kind
 
 
-def _set_term(terms: list[float], line: Line) -> None:
-    i, coefficient = line.real(0), line.real(1)
-    if i in range(1, _TERMS + 1):
-        terms[int(i) - 1] = coefficient
-    elif coefficient != 0:
-        statement = f"PARM {line.word(0)[:40]} is {coefficient:g}"
-        raise PrescriptionError(f"{statement}; only PARM 1 to {_TERMS}, those of even aspheres, are read: set it to 0")
+def _set_parameter(parameters: dict[int, float], line: Line, kind: str) -> None:
+    i, number = line.real(0), line.real(1)
+    count = ZEMAX[kind].n_parameters if kind in ZEMAX else _TERMS
+    if kind == _BREAK or i in range(1, count + 1):
+        parameters[int(i)] = number
+    elif number != 0:
+        statement = f"PARM {line.word(0)[:40]} is {number:g}"
+        raise PrescriptionError(f"{statement}; only PARM 1 to {count} of {kind} surfaces are read: set it to 0")
 
 
 def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
