@@ -43,7 +43,7 @@ class ElementRow(NamedTuple):
     max_depth: float = math.inf
     conic: float = 0.0
     aspheric: tuple[float, ...] = ()
-    departure: tuple[float, ...] = ()
+    freeform: tuple[float, ...] = ()
     edges: tuple[tuple[float, ...], ...] = ()
     cells: Floats | None = None
     """Transmission of the cells of a mask stop."""

@@ -73,7 +73,7 @@ def use(made):
         made.check()
         made.trace(rays(), threads=1)
         # Cameras look at freeform lenses from 16 sides, for seconds.
-        made = {"lens": made} if all(getattr(e, "departure", None) is None for e in made.elements) else None
+        made = {"lens": made} if all(getattr(e, "freeform", None) is None for e in made.elements) else None
     parts = {pl.Sensor: "sensor", pl.MicrolensArray: "microlenses", pl.Pose: "pose", sensor.Sensitivity: "sensitivity"}
     parts[pl.Blemishes] = "blemishes"
     if type(made) in parts:

@@ -56,7 +56,7 @@ def openings(lens: LensStack, wavelength: float | Floats) -> Openings:
         if isinstance(element, Stop) and np.isfinite(semi_diameter2[k]):
             edges[k], exact[k] = _edges(shown_stop(lens, float(np.ravel(wavelength)[0]))[0] if ideal else element)
         elif isinstance(element, Surface) and not ideal:
-            exact[k] = element.depth is None and element.departure is None
+            exact[k] = element.depth is None and element.freeform is None
     return Openings(
         elements=tuple(bare.part(k, k + 1) for k in range(len(bare.rows))),
         semi_diameter2=np.ascontiguousarray(semi_diameter2),

@@ -35,7 +35,8 @@ _DTYPES = (
 )
 
 _RENAMED_MEMBERS = {("Caustics", "KEPT"): "INCLUDE", ("Caustics", "LEFT_OUT"): "EXCLUDE"}
-"""Present names of enum members that older files contain."""
+_RENAMED_FIELDS = {("Surface", "departure"): "freeform"}
+"""Present names of enum members, and of fields, that older files contain."""
 
 
 def describe(value: Any) -> str:
@@ -129,7 +130,7 @@ def _from_tree(tree: Any) -> Any:
         raise ValueError(f"{name!r} is no {kind} of this package")
     if kind == "enum":
         return cls[_RENAMED_MEMBERS.get((name, argument), argument)]  # type: ignore[index]
-    return cls(**{field: _from_tree(item) for field, item in argument.items()})
+    return cls(**{_RENAMED_FIELDS.get((name, field), field): _from_tree(item) for field, item in argument.items()})
 
 
 def _array_from_tree(*, dtype: str, shape: list[int], values: list[Any]) -> np.ndarray[Any, Any]:

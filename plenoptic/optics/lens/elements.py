@@ -24,7 +24,7 @@ Element: TypeAlias = Surface | Stop
 
 def is_centred(element: Element) -> bool:
     """True if an element is rotationally symmetric about the lens's axis."""
-    return element.placement is None and not (isinstance(element, Surface) and element.departure is not None)
+    return element.placement is None and not (isinstance(element, Surface) and element.freeform is not None)
 
 
 def with_round_stops(elements: Sequence[Element]) -> list[Element]:

@@ -46,11 +46,11 @@ MASK_HEAD = 4
 """Numbers of a mask before its cells: where they begin in `masks`, rows, columns, and cells per mm."""
 
 STEEPEST, SHARPEST, TALLEST, FIRST_TERM = range(4)
-"""Where aspheric numbers, and those of a departure, have the largest slope, second derivative and sag inside the
+"""Where aspheric numbers, and those of a freeform term, have the largest slope, second derivative and sag inside the
 semi-diameter, and where the coefficients begin."""
 
-ROUNDING, DEPARTURE_KIND, FIRST_NUMBER = range(3, 6)
-"""Where the numbers of a departure have the other bound, its kind, and its own numbers."""
+ROUNDING, FREEFORM_KIND, FIRST_NUMBER = range(3, 6)
+"""Where the numbers of a freeform term have the other bound, its kind, and its own numbers."""
 
 
 class LensRecord(NamedTuple):
@@ -68,9 +68,9 @@ class LensRecord(NamedTuple):
     aspheric: Floats | None
     """(n, FIRST_TERM + terms): the largest slope, the largest second derivative by r and the largest sag of an asphere,
     in size, and its coefficients of r^2, r^4, ...; None without aspheres."""
-    departure: Floats | None
+    freeform: Floats | None
     """(n, numbers) of surfaces without rotational symmetry: like `aspheric`, then what rounding may leave of the added
-    sag, the kind of departure, and its own numbers; None without them."""
+    sag, the kind of freeform term, and its own numbers; None without them."""
     frames: Floats | None
     """(n, FRAME) placements; None where all elements are centred."""
     mirrors: Floats | None
@@ -99,7 +99,7 @@ class LensRecord(NamedTuple):
 
     def part(self, begin: int, end: int) -> LensRecord:
         """Elements begin ... end - 1; where the lens has masks, from the first one on."""
-        by_element = ("rows", "conic", "aspheric", "departure", "frames", "mirrors", "index_ratios")
+        by_element = ("rows", "conic", "aspheric", "freeform", "frames", "mirrors", "index_ratios")
         cut = {name: column[begin:end] for name in by_element if (column := getattr(self, name)) is not None}
         return self._replace(first_edge=self.first_edge[begin : end + 1], **cut)
 
@@ -154,7 +154,7 @@ def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
         first_edge=np.cumsum([0, *(len(row.edges) for row in rows)], dtype=np.int64),
         conic=np.array([row.conic for row in rows]) if shaped else None,
         aspheric=_pad([row.aspheric for row in rows]),
-        departure=_pad([row.departure for row in rows]),
+        freeform=_pad([row.freeform for row in rows]),
         frames=np.array([row.frame or still for row in rows]) if any(row.frame for row in rows) else None,
         mirrors=np.array([row.mirror or still for row in rows]) if any(row.mirror for row in rows) else None,
         masks=_masks(rows),

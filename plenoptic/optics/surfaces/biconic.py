@@ -55,7 +55,7 @@ class BiconicSag:
     --------
     >>> import plenoptic as pl
     >>> cylinder = pl.optics.BiconicSag(math.inf, 5.0)
-    >>> front = pl.Surface(math.inf, semi_diameter=4.0, departure=cylinder)
+    >>> front = pl.Surface(math.inf, semi_diameter=4.0, freeform=cylinder)
     >>> front.sag([3.0, 0.0], [0.0, 3.0]).round(12).tolist()
     [0.0, 1.0]
     """

@@ -52,7 +52,7 @@ class Surface:
         For a sphere or ellipsoid that extends beyond its equator (hyper-hemispheres, balls): distance of its rim from
         the vertex along the axis, in mm. `semi_diameter` is then that of the equator. None: the surface ends at the
         semi-diameter, on the vertex's side of the equator.
-    departure : ZernikeSag or BiconicSag, optional
+    freeform : ZernikeSag or BiconicSag, optional
         Freeform term: sag without rotational symmetry, added to the conic or asphere. None: no term. A biconic or a
         cylinder is a BiconicSag on a plane.
     placement : Placement, optional
@@ -86,7 +86,7 @@ class Surface:
     conic: float = dataclasses.field(default=0.0, kw_only=True)
     aspheric: Sequence[float] = dataclasses.field(default=(), kw_only=True)
     depth: float | None = dataclasses.field(default=None, kw_only=True)
-    departure: FreeformTerm | None = dataclasses.field(default=None, kw_only=True)
+    freeform: FreeformTerm | None = dataclasses.field(default=None, kw_only=True)
     placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -100,12 +100,12 @@ class Surface:
                 f"semi_diameter {self.semi_diameter:g} mm exceeds the {what} {self.equator:g} mm; "
                 f"reduce it to {self.equator:g} or less"
             )
-        if not (self.departure is None or isinstance(self.departure, FREEFORM_TERMS)):
+        if not (self.freeform is None or isinstance(self.freeform, FREEFORM_TERMS)):
             kinds = " or ".join(kind.__name__ for kind in FREEFORM_TERMS) or "None"
-            raise PrescriptionError(f"departure is {self.departure!r}; it must be {kinds}")
-        if self.departure is not None and not np.isfinite(self.departure.bounds(self.semi_diameter)).all():
+            raise PrescriptionError(f"freeform is {self.freeform!r}; it must be {kinds}")
+        if self.freeform is not None and not np.isfinite(self.freeform.bounds(self.semi_diameter)).all():
             raise PrescriptionError(
-                f"departure {self.departure!r} gives no finite height and slope up to the semi-diameter "
+                f"freeform {self.freeform!r} gives no finite height and slope up to the semi-diameter "
                 f"{self.semi_diameter:g} mm; correct it"
             )
         if self.depth is not None:
@@ -132,7 +132,7 @@ class Surface:
     def _checked_depth(self, depth: float) -> float:
         rim = length_in_mm(depth, "depth")
         pole = abs(self.radius) / (1.0 + self.conic) if self.conic > -1 else math.inf
-        if self.aspheric or self.departure is not None or not math.isfinite(pole):
+        if self.aspheric or self.freeform is not None or not math.isfinite(pole):
             raise PrescriptionError(
                 f"depth is {rim:g} mm on a surface without equator; spheres and ellipsoids have one: leave it out"
             )
@@ -154,7 +154,7 @@ class Surface:
 
         For a freeform surface the mean over all directions.
         """
-        freeform = 0.0 if self.departure is None else self.departure.vertex.curvature
+        freeform = 0.0 if self.freeform is None else self.freeform.vertex.curvature
         return self.curvature + (2.0 * self.aspheric[0] if self.aspheric else 0.0) + freeform
 
     def signed_index(self, behind: float) -> float:
@@ -166,7 +166,7 @@ class Surface:
         """The surface as described in the frame behind it: a mirror reflected in its own plane, others unchanged."""
         if not isinstance(self.medium, Mirror):
             return self
-        term, placement = self.departure, self.placement
+        term, placement = self.freeform, self.placement
         if placement is not None:
             unfolding, flip = self.medium.unfolding, np.diag([1.0, 1.0, -1.0])
             shift, rotation = np.asarray(placement.shift), np.asarray(placement.rotation)
@@ -175,7 +175,7 @@ class Surface:
             self,
             radius=-self.radius,
             aspheric=tuple(-a for a in self.aspheric),
-            departure=None if term is None else term.inverted,
+            freeform=None if term is None else term.inverted,
             placement=placement,
         )
 
@@ -187,20 +187,20 @@ class Surface:
             max_depth = abs(self.curvature) * (1.0 + self.conic) * self.depth + EQUATOR_TOLERANCE
             semi_diameter2 = math.inf
         row = ElementRow(SPHERE, semi_diameter2, self.curvature, max_depth, self.conic)
-        if self.aspheric or self.departure is not None:
+        if self.aspheric or self.freeform is not None:
             terms = tuple(self.aspheric) or (0.0,)
             bounds = asphere_bounds(self.curvature, self.conic, terms, self.semi_diameter)
             row = row._replace(kind=ASPHERE, aspheric=(*bounds, *terms))
-            if self.departure is None:
+            if self.freeform is None:
                 return row
-            freeform_bounds = self.departure.bounds(self.semi_diameter)
-            return row._replace(kind=FREEFORM, departure=(*freeform_bounds, *self.departure.numbers()))
+            freeform_bounds = self.freeform.bounds(self.semi_diameter)
+            return row._replace(kind=FREEFORM, freeform=(*freeform_bounds, *self.freeform.numbers()))
         return row if self.conic == 0 or self.curvature == 0 else row._replace(kind=CONIC)
 
     @property
     def osculating(self) -> Surface:
         """Osculating sphere or plane at the vertex."""
-        if not self.conic and not self.aspheric and self.departure is None:
+        if not self.conic and not self.aspheric and self.freeform is None:
             return self
         radius = 1.0 / self.vertex_curvature if self.vertex_curvature else math.inf
         size = min(self.semi_diameter, abs(radius))
@@ -233,7 +233,7 @@ class Surface:
         height = self._conic_sag(distance)
         for i, a in enumerate(self.aspheric):
             height = height + a * distance ** (2 * i + 2)
-        return height if self.departure is None else height + self.departure.sag(x, across)
+        return height if self.freeform is None else height + self.freeform.sag(x, across)
 
     def _conic_sag(self, distance: Floats) -> Floats:
         # The radius, in place of the curvature, is exact at the equator, too. Separate roots, and all lengths over 4,
@@ -260,7 +260,7 @@ class Surface:
         0.75
         """
         distance = numbers(r, "r")
-        dataclasses.replace(self, departure=None).sag(distance)
+        dataclasses.replace(self, freeform=None).sag(distance)
         steep = distance * self.curvature
         with np.errstate(divide="ignore"):
             angle = np.asarray(steep / np.sqrt(np.maximum(1.0 - (1.0 + self.conic) * steep * steep, 0.0)))
@@ -280,4 +280,4 @@ class Surface:
         along = np.stack(broadcast(x=x, y=y))
         r = np.hypot(*along)
         slope = self.slope(r) / np.where(r > 0, r, 1.0) * along
-        return np.asarray(slope if self.departure is None else slope + self.departure.gradient(*along))
+        return np.asarray(slope if self.freeform is None else slope + self.freeform.gradient(*along))

@@ -69,7 +69,7 @@ class ZernikeSag:
     >>> astigmatism = pl.optics.ZernikeSag([0, 0, 0, 0, 0, 1e-3], norm_radius=10.0)     # sqrt(6) rho^2 cos(2 phi)
     >>> (1e3 * astigmatism.sag([10.0, 0.0], [0.0, 10.0])).round(4).tolist()
     [2.4495, -2.4495]
-    >>> front = pl.Surface(50.0, semi_diameter=10.0, departure=astigmatism)
+    >>> front = pl.Surface(50.0, semi_diameter=10.0, freeform=astigmatism)
     >>> bool(front.sag(10.0, 0.0) > front.sag(0.0, 10.0))
     True
     """

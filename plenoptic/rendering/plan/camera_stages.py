@@ -122,7 +122,7 @@ def _lens(camera: PlenopticCamera) -> list[Decision]:
     exact = lens.model is LensModel.EXACT
     stops = [e for e in lens.elements if not isinstance(e, Surface) and circle_around(e) is not e]
     surfaces = [e for e in lens.elements if isinstance(e, Surface)]
-    shaped = sum(1 for e in surfaces if e.aspheric or e.conic or e.departure is not None)
+    shaped = sum(1 for e in surfaces if e.aspheric or e.conic or e.freeform is not None)
     moved = sum(1 for e in lens.elements if e.placement is not None)
     ideal = f"{lens.model.name} stands for the lens"
     mirrors = sum(isinstance(e.medium, Mirror) for e in surfaces)

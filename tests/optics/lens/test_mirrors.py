@@ -33,7 +33,7 @@ def folded() -> pl.LensStack:
     """An asphere and a surface without symmetry, both out of place, and a glass between them."""
     bump = pl.optics.ZernikeSag([0, 0, 0, 0, 1e-3, 2e-3, 1e-3], norm_radius=20.0)
     asphere = pl.Surface(-300.0, 60.0, MIRROR, semi_diameter=20.0, conic=-0.7, aspheric=(0.0, 1e-8))
-    freeform = pl.Surface(500.0, 50.0, MIRROR, semi_diameter=20.0, departure=bump)
+    freeform = pl.Surface(500.0, 50.0, MIRROR, semi_diameter=20.0, freeform=bump)
     glass = pl.Surface(80.0, 5.0, GLASS, semi_diameter=20.0), pl.Surface(-90.0, semi_diameter=20.0)
     stack = pl.LensStack([pl.CircularStop(8.0, thickness=20.0), asphere, freeform, *glass])
     return stack.moved(1, tilt=(0.02, -0.01, 0.0), shift=(0.3, 0.2, 0.1)).moved(2, tilt=(0.0, 0.03, 0.0))

@@ -27,8 +27,8 @@ def kinds():
     gauss = found["double-gauss-100mm-f2"]
     turned = gauss.moved(2, shift=(0.3, -0.2, 0.1), tilt=(0.02, -0.01, 0.0))
     found["decentred and tilted"] = turned.moved(7, tilt=(0, 0.03, 0))
-    departure = pl.optics.ZernikeSag((0.0, 0.0, 0.0, 1e-3, 5e-3, -2e-3), 25.0)
-    bent = dataclasses.replace(gauss.elements[0], departure=departure)
+    freeform = pl.optics.ZernikeSag((0.0, 0.0, 0.0, 1e-3, 5e-3, -2e-3), 25.0)
+    bent = dataclasses.replace(gauss.elements[0], freeform=freeform)
     found["freeform"] = dataclasses.replace(gauss, elements=(bent, *gauss.elements[1:]))
     return found
 

@@ -21,7 +21,7 @@ def surface_record(curvatures, ratios, vertices, *, s=1.0):
     """Bare surfaces in air or glass, without a stop: what no LensStack can be."""
     numbers = enumerate(zip(vertices, curvatures, ratios, strict=True))
     rows = np.array([(SPHERE, z, c, ratio, math.inf, math.inf, i) for i, (z, c, ratio) in numbers], ROW)
-    none = dict.fromkeys(("conic", "aspheric", "departure", "frames", "mirrors", "masks", "index_ratios"))
+    none = dict.fromkeys(("conic", "aspheric", "freeform", "frames", "mirrors", "masks", "index_ratios"))
     first_edge = np.zeros(len(rows) + 1, dtype=np.int64)
     return LensRecord(rows=rows, edges=np.zeros((0, 4)), first_edge=first_edge, direction=s, **none)
 

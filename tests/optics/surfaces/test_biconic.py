@@ -92,7 +92,7 @@ def one_surface(index=1.6, **shape):
 
 
 def biconic(term, size):
-    return one_surface(radius=INF, semi_diameter=size, departure=term)
+    return one_surface(radius=INF, semi_diameter=size, freeform=term)
 
 
 def beam(size, n, s=1.0, slant=1.0):
@@ -185,6 +185,9 @@ def test_json_keeps_every_bit(tmp_path):
     lens = biconic(BiconicSag(INF, 1.0 / 3.0, -0.1, 0.7), 0.2)
     pl.save_lens(lens, tmp_path / "lens.json")
     assert pl.load_lens(tmp_path / "lens.json") == lens
+    text = (tmp_path / "lens.json").read_text(encoding="utf-8").replace('"freeform"', '"departure"')
+    (tmp_path / "before.json").write_text(text, encoding="utf-8")  # as earlier versions wrote it
+    assert "departure" in text and pl.load_lens(tmp_path / "before.json") == lens
 
 
 ZMX = (
@@ -196,15 +199,11 @@ ZMX = (
 
 def test_zemax_files_are_read():
     surface = lens_from_zmx(ZMX, "mine.zmx").elements[0]
-    term = surface.departure
+    term = surface.freeform
     assert (term.radius_x, term.radius_y) == pytest.approx((30.0, 50.0), rel=4 * EPS)
     assert (term.conic_x, term.conic_y) == (0.25, -0.5)
     assert surface == pl.Surface(
-        INF,
-        surface.thickness,
-        surface.medium,
-        semi_diameter=10.0,
-        departure=BiconicSag(30.0, term.radius_y, 0.25, -0.5),
+        INF, surface.thickness, surface.medium, semi_diameter=10.0, freeform=BiconicSag(30.0, term.radius_y, 0.25, -0.5)
     )
     for old, new, expected in (
         ("PARM 1 3.0", "PARM 1 0.0", BiconicSag(INF, term.radius_y, 0.25, -0.5)),
@@ -212,10 +211,10 @@ def test_zemax_files_are_read():
         ("CURV 0.2", "CURV 0", BiconicSag(30.0, INF, 0.25, -0.5)),
         ("CURV 0.2\nCONI -0.5\nPARM 1 3.0", "CURV 0", None),
     ):
-        assert lens_from_zmx(ZMX.replace(old, new), "mine.zmx").elements[0].departure == expected, new
+        assert lens_from_zmx(ZMX.replace(old, new), "mine.zmx").elements[0].freeform == expected, new
     with pytest.raises(pl.errors.PrescriptionError, match="PARM 3 is 1; only PARM 1 to 2 of BICONICX surfaces"):
         lens_from_zmx(ZMX.replace("PARM 2 0.25", "PARM 3 1"), "mine.zmx")
-    with pytest.raises(pl.errors.PrescriptionError, match="line 7: departure BiconicSag.* no finite height and slope"):
+    with pytest.raises(pl.errors.PrescriptionError, match="line 7: freeform BiconicSag.* no finite height and slope"):
         lens_from_zmx(ZMX.replace("PARM 1 3.0", "PARM 1 0.9"), "mine.zmx")
     with pytest.raises(pl.errors.PrescriptionError, match="element 0 has no rotational symmetry"):
         zmx_of_lens(lens_from_zmx(ZMX, "mine.zmx"))
@@ -223,8 +222,8 @@ def test_zemax_files_are_read():
 
 def test_a_mirror_behind_a_mirror_is_seen_from_the_other_side():
     term = BiconicSag(-300.0, -200.0, -1.0, 0.5)
-    mirror = pl.Surface(INF, 50.0, pl.optics.MIRROR, semi_diameter=20.0, departure=term)
-    assert mirror.from_behind == dataclasses.replace(mirror, departure=BiconicSag(300.0, 200.0, -1.0, 0.5))
+    mirror = pl.Surface(INF, 50.0, pl.optics.MIRROR, semi_diameter=20.0, freeform=term)
+    assert mirror.from_behind == dataclasses.replace(mirror, freeform=BiconicSag(300.0, 200.0, -1.0, 0.5))
     lens = pl.LensStack([pl.CircularStop(10.0, 60.0), mirror, pl.Surface(INF, semi_diameter=30.0)])
     h = 1e-3
     out = lens.trace(pl.RayBundle([[h, 0.0, -1.0], [0.0, h, -1.0]], [[0.0, 0.0, 1.0]] * 2))

@@ -27,12 +27,12 @@ RNG = np.random.default_rng(11)
 
 MILD = {"radius": 50.0, "semi_diameter": 10.0, "conic": -0.5, "aspheric": (0.0, 1e-6)}
 SHAPES = {
-    "mild": {**MILD, "departure": ZernikeSag(RNG.normal(size=28) * 2e-3, 10.0)},
-    "steep": {"radius": math.inf, "semi_diameter": 8.0, "departure": ZernikeSag(RNG.normal(size=15) * 0.15, 9.0)},
-    "high": {"radius": -30.0, "semi_diameter": 9.0, "conic": 1.5, "departure": ZernikeSag([0] * 78 + [1e-3] * 13, 9)},
-    "biconic": {"radius": math.inf, "semi_diameter": 9.0, "departure": pl.optics.BiconicSag(12.0, -20.0, -0.5, 0.3)},
-    "cylinder": {"radius": math.inf, "semi_diameter": 9.0, "departure": pl.optics.BiconicSag(math.inf, 9.5)},
-    "to the equator": {"radius": 12, "semi_diameter": 12, "departure": ZernikeSag([0, 0, 0, 0.02, 0.05, -0.03], 12)},
+    "mild": {**MILD, "freeform": ZernikeSag(RNG.normal(size=28) * 2e-3, 10.0)},
+    "steep": {"radius": math.inf, "semi_diameter": 8.0, "freeform": ZernikeSag(RNG.normal(size=15) * 0.15, 9.0)},
+    "high": {"radius": -30.0, "semi_diameter": 9.0, "conic": 1.5, "freeform": ZernikeSag([0] * 78 + [1e-3] * 13, 9)},
+    "biconic": {"radius": math.inf, "semi_diameter": 9.0, "freeform": pl.optics.BiconicSag(12.0, -20.0, -0.5, 0.3)},
+    "cylinder": {"radius": math.inf, "semi_diameter": 9.0, "freeform": pl.optics.BiconicSag(math.inf, 9.5)},
+    "to the equator": {"radius": 12, "semi_diameter": 12, "freeform": ZernikeSag([0, 0, 0, 0.02, 0.05, -0.03], 12)},
 }
 AT_EQUATOR = {"to the equator": 2e-3}
 """Part of the rays that no crossing is found for where the sag has no derivative: as many as with an asphere there."""
@@ -99,35 +99,35 @@ def test_terms_are_nolls():
 
 def test_derivatives_and_bounds():
     for name, shape in SHAPES.items():
-        departure, size = shape["departure"], shape["semi_diameter"]
+        freeform, size = shape["freeform"], shape["semi_diameter"]
         r, phi = size * np.sqrt(RNG.uniform(size=4000)), RNG.uniform(0, 2 * math.pi, 4000)
         r[:400] = size
         x, y = r * np.cos(phi), r * np.sin(phi)
         h = 1e-4 * size
-        gradient = departure.gradient(x, y)
-        right, left, up, down = (departure.sag(x + dx, y + dy) for dx, dy in ((h, 0), (-h, 0), (0, h), (0, -h)))
-        bounds = departure.bounds(size)
+        gradient = freeform.gradient(x, y)
+        right, left, up, down = (freeform.sag(x + dx, y + dy) for dx, dy in ((h, 0), (-h, 0), (0, h), (0, -h)))
+        bounds = freeform.bounds(size)
         # Central differences: h^2 / 6 of the third derivative, some degree^3 times the sag, and rounding over h.
         error = 1e-8 * 12**3 * bounds.slope + 4 * (bounds.rounding + EPS * bounds.height) / h
         assert gradient == pytest.approx(np.stack([right - left, up - down]) / (2 * h), abs=error), name
-        change = np.stack([departure.gradient(x + h, y) - departure.gradient(x - h, y), np.zeros((2, len(x)))])
-        change[1] = departure.gradient(x, y + h) - departure.gradient(x, y - h)
+        change = np.stack([freeform.gradient(x + h, y) - freeform.gradient(x - h, y), np.zeros((2, len(x)))])
+        change[1] = freeform.gradient(x, y + h) - freeform.gradient(x, y - h)
         bending = np.linalg.norm((change / (2 * h)).transpose(2, 0, 1), ord=2, axis=(1, 2)).max()
-        slope, height = np.hypot(*gradient).max(), np.abs(departure.sag(x, y)).max()
+        slope, height = np.hypot(*gradient).max(), np.abs(freeform.sag(x, y)).max()
         for values, bound in ((slope, bounds.slope), (bending, bounds.bending), (height, bounds.height)):
             # Many terms that do not add up in size anywhere: the sum of their sizes is some times the whole.
             assert values <= bound * (1 + 1e-5) and bound < 6 * values, name
 
 
 def test_the_vertex_is_what_the_derivatives_say():
-    departure, h = ZernikeSag(RNG.normal(size=40) * 1e-2, 7.0), 1e-4
-    dx, dy = departure.gradient(0.0, 0.0)
+    freeform, h = ZernikeSag(RNG.normal(size=40) * 1e-2, 7.0), 1e-4
+    dx, dy = freeform.gradient(0.0, 0.0)
     (dxx, dxy), (dyx, dyy) = (
-        (departure.gradient(*(h * np.eye(2)[k])) - departure.gradient(*(-h * np.eye(2)[k]))) / (2 * h) for k in (0, 1)
+        (freeform.gradient(*(h * np.eye(2)[k])) - freeform.gradient(*(-h * np.eye(2)[k]))) / (2 * h) for k in (0, 1)
     )
-    assert departure.sag(0.0, 0.0) == 0.0
-    assert departure.vertex == pytest.approx((dx, dy, dxx, 0.5 * (dxy + dyx), dyy), rel=1e-5)
-    surface = pl.Surface(40.0, semi_diameter=5.0, departure=departure)
+    assert freeform.sag(0.0, 0.0) == 0.0
+    assert freeform.vertex == pytest.approx((dx, dy, dxx, 0.5 * (dxy + dyx), dyy), rel=1e-5)
+    surface = pl.Surface(40.0, semi_diameter=5.0, freeform=freeform)
     assert surface.vertex_curvature == pytest.approx(1 / 40 + 0.5 * (dxx + dyy), rel=1e-5)
 
 
@@ -144,7 +144,7 @@ def test_snell_and_the_way_back():
         normal = np.column_stack([*-surface.gradient(p[:, 0], p[:, 1]), np.ones(len(p))])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         cos_i = np.abs(np.einsum("ij,ij->i", normal, d))
-        rounding = 64 * EPS * size + 4 * surface.departure.bounds(size).rounding
+        rounding = 64 * EPS * size + 4 * surface.freeform.bounds(size).rounding
         assert np.all(np.abs(p[:, 2] - sag_of(surface, p)) * normal[:, 2] <= rounding / cos_i), (name, reverse)
         n_before, n_behind = (1.6, 1.0) if reverse else (1.0, 1.6)
         off = n_behind * np.cross(normal, bent) - n_before * np.cross(normal, d)
@@ -167,7 +167,7 @@ def test_the_first_crossing_is_found():
         root = half**2 - sin2 * ((p[:, :2] ** 2).sum(axis=1) - size**2)
         crosses = root > 0
         ends = (-half[:, None] + np.sqrt(np.maximum(root, 0.0))[:, None] * [-1.0, 1.0]) / sin2[:, None]
-        tall = 1.01 * np.abs(surface.sag(np.linspace(0, size, 99))).max() + 2 * surface.departure.bounds(size).height
+        tall = 1.01 * np.abs(surface.sag(np.linspace(0, size, 99))).max() + 2 * surface.freeform.bounds(size).height
         near, far = (-tall - p[:, 2]) / d[:, 2], (tall - p[:, 2]) / d[:, 2]
         t = np.linspace(np.maximum(ends[:, 0], near), np.minimum(ends[:, 1], far), 4002)[1:-1]
         at = p + t[..., None] * d
@@ -200,8 +200,8 @@ def test_rotational_terms_are_an_even_asphere():
     even = ((2 * z4 - 6 * z11 + 12 * z22) / r2, (6 * z11 - 30 * z22) / r2**2, 20 * z22 / r2**3)
     base, aspheric = {"radius": 40.0, "semi_diameter": size, "conic": -0.7}, {"aspheric": (0.0, 1e-5)}
     none = ZernikeSag([], 5.0), ZernikeSag([0.3], 5.0)  # piston alone moves nothing
-    same = [({"departure": ZernikeSag(terms, 10.0)}, {"aspheric": even})]
-    same += [({"departure": sag, **more}, more) for sag in none for more in ({}, aspheric)]
+    same = [({"freeform": ZernikeSag(terms, 10.0)}, {"aspheric": even})]
+    same += [({"freeform": sag, **more}, more) for sag in none for more in ({}, aspheric)]
     for pair, reverse in itertools.product(same, (False, True)):
         rays = beam(size, 3000, -1.0 if reverse else 1.0, slant=3.0)
         one, other = (one_surface(**base, **more) for more in pair)
@@ -222,7 +222,7 @@ def test_turned_terms_are_a_turned_surface():
     for (n, m), j in numbers.items():
         turned[j] += terms[j] * math.cos(m * turn)
         turned[numbers[n, -m]] += terms[j] * math.sin(m * turn) * (m != 0)
-    lens, other = (one_surface(radius=50.0, semi_diameter=9.0, departure=ZernikeSag(k, 9.0)) for k in (terms, turned))
+    lens, other = (one_surface(radius=50.0, semi_diameter=9.0, freeform=ZernikeSag(k, 9.0)) for k in (terms, turned))
     matrix = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
     rays = beam(6.0, 500, slant=0.3)
     out = trace_part(lens, rays, 2, 2)
@@ -235,8 +235,8 @@ def test_turned_terms_are_a_turned_surface():
 
 def freeform_lens():
     glass = pl.ConstantMedium(1.5)
-    departure = ZernikeSag([0, 0, 0, 0, 0.01, 0.02, 0.02, 0], 9.0)
-    front = pl.Surface(60.0, 4.0, glass, semi_diameter=9.0, departure=departure)
+    freeform = ZernikeSag([0, 0, 0, 0, 0.01, 0.02, 0.02, 0], 9.0)
+    front = pl.Surface(60.0, 4.0, glass, semi_diameter=9.0, freeform=freeform)
     return pl.LensStack([front, pl.Surface(-60.0, 6.0, semi_diameter=9.0), pl.CircularStop(5.0)], name="free")
 
 
@@ -267,7 +267,7 @@ def test_what_needs_an_axis_is_refused():
     profile = lens.profiles()[0]
     assert profile[:, 0] - lens.vertices[0] == pytest.approx(lens.elements[0].sag(0.0, profile[:, 1]))
     surface = lens.elements[0]
-    assert surface.osculating == dataclasses.replace(surface, departure=None)
+    assert surface.osculating == dataclasses.replace(surface, freeform=None)
 
 
 def test_what_cannot_be_is_refused():
@@ -276,8 +276,8 @@ def test_what_cannot_be_is_refused():
         (lambda: ZernikeSag([1.0], 0.0), "norm_radius"),
         (lambda: ZernikeSag([1.0], 1e-160), "norm_radius is 1e-160 mm; it must be from 1e-09"),
         (lambda: ZernikeSag([1.0], 1e300), "norm_radius"),
-        (lambda: pl.Surface(9.0, semi_diameter=9.0, depth=10.0, departure=ZernikeSag([], 9.0)), "without equator"),
-        (lambda: pl.Surface(9.0, semi_diameter=5.0, departure=ZernikeSag([0, 0, 0, 1e300], 1e-9)), "no finite height"),
+        (lambda: pl.Surface(9.0, semi_diameter=9.0, depth=10.0, freeform=ZernikeSag([], 9.0)), "without equator"),
+        (lambda: pl.Surface(9.0, semi_diameter=5.0, freeform=ZernikeSag([0, 0, 0, 1e300], 1e-9)), "no finite height"),
     ]:
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             made()
@@ -311,23 +311,23 @@ ZMX = (
 def test_zemax_files_are_read():
     lens = lens_from_zmx(ZMX, "mine.zmx")
     surface = lens.elements[0]
-    departure = surface.departure
-    assert departure.norm_radius == pytest.approx(11.0)
-    assert departure.coefficients == pytest.approx((0, 0, 0, 0.02, 0, -0.01))
+    freeform = surface.freeform
+    assert freeform.norm_radius == pytest.approx(11.0)
+    assert freeform.coefficients == pytest.approx((0, 0, 0, 0.02, 0, -0.01))
     assert surface.aspheric == pytest.approx((0.0, 1e-6)) and surface.radius == pytest.approx(50.0)
     # Zemax's surface goes through Z4(0) = -sqrt(3) at its place: the vertex lies that far in front of it.
     z = lens.vertices
     offset = -0.02 * math.sqrt(3)
     assert z[1] - z[0] == pytest.approx(4.0 - offset) and z[2] - z[1] == pytest.approx(5.0)
     height = surface.sag(3.0, -2.0) + z[0]
-    conic_sag = dataclasses.replace(surface, departure=None).sag(math.hypot(3, 2))
+    conic_sag = dataclasses.replace(surface, freeform=None).sag(math.hypot(3, 2))
     rho, phi = math.hypot(3, 2) / 11, math.atan2(-2, 3)
     conic_sag += 0.02 * zernike(4, rho, phi) - 0.01 * zernike(6, rho, phi)
     assert height == pytest.approx(-9.0 + conic_sag)
     with pytest.raises(pl.errors.PrescriptionError, match="element 0 has no rotational symmetry"):
         zmx_of_lens(lens)
     for nothing in (re.sub(r"(XDAT [68]) \S+", r"\1 0", ZMX), ZMX.replace("XDAT 1 6.0", "XDAT 1 0.0")):
-        assert lens_from_zmx(nothing, "mine.zmx").elements[0].departure is None
+        assert lens_from_zmx(nothing, "mine.zmx").elements[0].freeform is None
 
 
 def test_zemax_files_that_cannot_be_read():

@@ -127,7 +127,7 @@ def require_axis(lens: LensStack, what: str) -> None:
         i, element = off_axis
         placed = element.placement is not None
         fault, cause = (
-            ("is decentred or tilted", "placement") if placed else ("has no rotational symmetry", "departure")
+            ("is decentred or tilted", "placement") if placed else ("has no rotational symmetry", "freeform term")
         )
         raise InvalidValueError(
             f"element {i} of {lens.name!r} {fault}; {what} that of a lens with an axis: leave out its {cause}, or look "

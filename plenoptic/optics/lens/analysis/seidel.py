@@ -158,10 +158,10 @@ def _spherical_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay,
 
 def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, i: int) -> Floats:
     """Contribution of the r^4 term beyond that of the sphere of the same vertex curvature."""
-    if surface.departure is not None:
+    if surface.freeform is not None:
         raise InvalidValueError(
-            f"surface {i} has no rotational symmetry, so that Seidel sums are not defined; leave out its departure, or "
-            "look at spot diagrams"
+            f"surface {i} has no rotational symmetry, so that Seidel sums are not defined; leave out its freeform "
+            "term, or look at spot diagrams"
         )
     fourth = surface.aspheric[1] if len(surface.aspheric) > 1 else 0.0
     excess = ((1.0 + surface.conic) * surface.curvature**3 - surface.vertex_curvature**3) / 8.0 + fourth

@@ -59,7 +59,7 @@ def _surfaces(lens: LensStack) -> list[tuple[int, Surface]]:
 def _sag_around(surface: Surface, r: ArrayLike) -> Floats:
     """Sag at distances from the axis, (azimuths, n); one azimuth stands for all of a surface of revolution."""
     r = np.atleast_1d(r)
-    if surface.departure is None:
+    if surface.freeform is None:
         return surface.sag(r)[None]
     return surface.sag(np.outer(np.cos(_AZIMUTHS), r), np.outer(np.sin(_AZIMUTHS), r))
 
@@ -141,10 +141,10 @@ def _sag_at(surface: Surface, x: Floats, y: Floats) -> Floats:
     """Sag at points; beyond the semi-diameter that at the rim."""
     r = np.hypot(x, y)
     within = np.minimum(r, surface.semi_diameter)
-    if surface.departure is None:
+    if surface.freeform is None:
         return surface.sag(within)
     scale = within / np.where(r > 0, r, 1.0)
-    return dataclasses.replace(surface, departure=None).sag(within) + surface.departure.sag(scale * x, scale * y)
+    return dataclasses.replace(surface, freeform=None).sag(within) + surface.freeform.sag(scale * x, scale * y)
 
 
 def _points_on(element: Element) -> Floats:
@@ -198,11 +198,11 @@ def _shapes(lens: LensStack) -> Iterator[Finding]:
                 "where it runs parallel to the axis; reduce it"
             )
             yield Finding(FindingKind.EQUATOR, (i,), message)
-        if surface.departure is not None:
+        if surface.freeform is not None:
             yield from _vertex(i, surface)
-        if surface.aspheric or surface.departure is not None:
+        if surface.aspheric or surface.freeform is not None:
             r = np.linspace(0.0, surface.semi_diameter, _PLACES)
-            azimuths = _AZIMUTHS if surface.departure is not None else np.zeros(1)
+            azimuths = _AZIMUTHS if surface.freeform is not None else np.zeros(1)
             gradient = surface.gradient(np.outer(np.cos(azimuths), r), np.outer(np.sin(azimuths), r))
             slopes = np.hypot(*gradient).max(axis=0)
             if slopes.max() > _STEEPEST:
@@ -216,8 +216,8 @@ def _shapes(lens: LensStack) -> Iterator[Finding]:
 
 def _vertex(i: int, surface: Surface) -> Iterator[Finding]:
     """A surface that turns or splits the rays along the axis, of which Gaussian data know nothing."""
-    assert surface.departure is not None
-    shape = surface.departure.vertex
+    assert surface.freeform is not None
+    shape = surface.freeform.vertex
     tilt, split = math.hypot(shape.dx, shape.dy), math.hypot(0.5 * (shape.dxx - shape.dyy), shape.dxy)
     if tilt > _TILTED or split * surface.semi_diameter > _TILTED:
         message = (

@@ -1,7 +1,7 @@
 """The package's own lens files: JSON with one element per line.
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
-Defaults are left out, so `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `departure`,
+Defaults are left out, so `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `freeform`,
 `blade_radius` and `placement` stand only where they say something. Stops are circle, polygon, star, mask or ring; the
 `transmission` of a mask is a list of its rows. A medium is one of
 
@@ -171,7 +171,7 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
         row = {"radius": radius, **size, "medium": _medium_to_json(element.medium, f"behind element {i}")}
         members = {name: getattr(element, name) for name in ("conic", "aspheric", "depth")}
         row |= {name: item for name, item in members.items() if item not in (0.0, (), None)}
-        row |= {"departure": to_tree(element.departure)} if element.departure is not None else {}
+        row |= {"freeform": to_tree(element.freeform)} if element.freeform is not None else {}
     else:
         row = _stop_to_json(element, size)
     if element.placement is not None:
@@ -208,8 +208,8 @@ def _element_from_json(data: Any, i: int) -> Element:
             return STOPS[row.pop("stop")](**row)
         row["radius"] = math.inf if row["radius"] is None else row["radius"]
         row["medium"] = _medium_from_json(row["medium"])
-        if "departure" in row:
-            row["departure"] = from_tree(row["departure"])
+        if "freeform" in row:
+            row["freeform"] = from_tree(row["freeform"])
         return Surface(**row)
     except _UNREADABLE as error:
         raise PrescriptionError(f"element {i}: {error}") from None
@@ -219,7 +219,9 @@ def _element_fields(data: Any) -> dict[str, Any]:
     """A copy of an element's object, with the keys that its kind has."""
     if not (isinstance(data, dict) and "stop" in data):
         keys = "radius thickness semi_diameter medium"
-        return dict(_fields(data, "it", keys, "conic aspheric depth departure placement"))
+        if isinstance(data, dict) and "departure" in data:  # the former name
+            data = {"freeform" if name == "departure" else name: field for name, field in data.items()}
+        return dict(_fields(data, "it", keys, "conic aspheric depth freeform placement"))
     name = data["stop"]
     if not (isinstance(name, str) and name in STOPS):
         first, *middle, last = (f'"{kind}"' for kind in STOPS)

@@ -194,8 +194,8 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
     if kind in ZEMAX:
         shape = ZemaxNumbers(row.curvature, row.conic, parameters, extra, unit)
         with name_line_in_errors(where, row.lines.get("XDAT", row.lines["SURF"])):
-            departure, offset = ZEMAX[kind].read(shape)
-        row = row._replace(departure=departure, offset=offset)
+            freeform, offset = ZEMAX[kind].read(shape)
+        row = row._replace(freeform=freeform, offset=offset)
         if ZEMAX[kind].is_whole:
             return row._replace(curvature=0.0, conic=0.0)
     # z and r scale alike: a_i of r^(2 i) is in unit^(1 - 2 i).

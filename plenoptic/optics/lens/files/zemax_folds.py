@@ -84,7 +84,7 @@ def _facing(row: Row, sense: float) -> Row:
     return row._replace(
         curvature=-row.curvature,
         aspheric=tuple(-a for a in row.aspheric),
-        departure=None if row.departure is None else row.departure.inverted,
+        freeform=None if row.freeform is None else row.freeform.inverted,
         offset=-row.offset,
     )
 

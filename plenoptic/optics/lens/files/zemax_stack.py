@@ -47,9 +47,9 @@ class Row(NamedTuple):
     curvature: float = 0.0
     conic: float = 0.0
     aspheric: tuple[float, ...] = ()
-    departure: FreeformTerm | None = None
+    freeform: FreeformTerm | None = None
     offset: float = 0.0
-    """Sag at the vertex, which a departure leaves out: the surface stands so far behind its place."""
+    """Sag at the vertex in mm that the freeform term leaves out: the surface stands so far behind its place."""
     gap: float = 0.0
     medium: Medium = AIR
     diameter: float = 0.0
@@ -72,7 +72,7 @@ class Row(NamedTuple):
     @property
     def is_plane(self) -> bool:
         """True if the row has no curvature at all."""
-        return self.curvature == 0 and not any(self.aspheric) and self.departure is None
+        return self.curvature == 0 and not any(self.aspheric) and self.freeform is None
 
 
 class _As(enum.Enum):
@@ -187,7 +187,7 @@ def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
             semi_diameter=size,
             conic=row.conic,
             aspheric=row.aspheric,
-            departure=row.departure,
+            freeform=row.freeform,
             placement=row.placement,
         )
         return _Piece(surface, row, has_size)

@@ -22,7 +22,7 @@ from plenoptic.core.kernels.ray_blocks import (
     Z,
 )
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.kernels.departure import departure_at, departure_bending
+from plenoptic.optics.lens.kernels.freeform_term import freeform_bending, freeform_term_at
 from plenoptic.optics.lens.kernels.notes import NEWTON, STEPS
 from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
@@ -115,7 +115,7 @@ def _rounding(r2, z, conic, aspheric):
 
 
 @device
-def first_crossing(point, direction, conic, aspheric, departure, semi_diameter2, s, steps):
+def first_crossing(point, direction, conic, aspheric, freeform, semi_diameter2, s, steps):
     """First intersection of a ray with the surface within the clear cylinder, in the direction of the stack.
 
     Returns the distance along the ray and a status: NOT_CONVERGED where the limit of iterations is reached, CLIPPED
@@ -134,14 +134,14 @@ def first_crossing(point, direction, conic, aspheric, departure, semi_diameter2,
     end = (-half + root) / sin2 if sin2 > 0.0 else math.inf
     # A ray nearly along the axis leaves the cylinder far away: the surface lies within its own largest sag.
     tall = aspheric[TALLEST] + TINY
-    if departure is not None:
-        tall += departure[TALLEST]
+    if freeform is not None:
+        tall += freeform[TALLEST]
     if n != 0.0:
         near, far = (-tall - z) / n, (tall - z) / n
         begin, end = max(begin, min(near, far)), min(end, max(near, far))
     if not begin <= end:
         return 0.0, CLIPPED
-    return _climb((begin, end), (point, direction), conic, aspheric, departure, semi_diameter2, s, steps)
+    return _climb((begin, end), (point, direction), conic, aspheric, freeform, semi_diameter2, s, steps)
 
 
 @device
@@ -174,7 +174,7 @@ def _safe_step(gap, rate, sharp):
 
 
 @device
-def _climb(bounds, ray, conic, aspheric, departure, semi_diameter2, s, steps):
+def _climb(bounds, ray, conic, aspheric, freeform, semi_diameter2, s, steps):
     """From the first of the bounds on, step by step, to where s (z - sag) first comes from below 0 to above.
 
     With f and g the function and its derivative and M a bound on its second derivative, f + g h + M h^2 / 2 is an upper
@@ -185,8 +185,8 @@ def _climb(bounds, ray, conic, aspheric, departure, semi_diameter2, s, steps):
     ((x, y, z), (l, m, n)), (begin, end) = ray, bounds
     sin2 = l * l + m * m
     whole = sin2 * aspheric[SHARPEST]
-    if departure is not None:
-        whole += sin2 * departure[SHARPEST]
+    if freeform is not None:
+        whole += sin2 * freeform[SHARPEST]
     below = False
     t = begin
     for _ in range(MOST_STEPS):
@@ -202,12 +202,12 @@ def _climb(bounds, ray, conic, aspheric, departure, semi_diameter2, s, steps):
         close = EPS * (abs(px) + abs(py) + abs(pz)) + TINY
         rounding = _rounding(r2, pz, conic, aspheric)
         ahead, sharp, farthest2 = _bend_ahead(math.sqrt(r2), half, sin2, conic, aspheric, semi_diameter2)
-        if departure is not None:
-            added, dx, dy = departure_at(px, py, departure)
+        if freeform is not None:
+            added, dx, dy = freeform_term_at(px, py, freeform)
             f -= s * added
             g -= s * (dx * l + dy * m)
-            rounding += departure[ROUNDING] + EPS * abs(added)
-            sharp += sin2 * departure_bending(farthest2, departure)
+            rounding += freeform[ROUNDING] + EPS * abs(added)
+            sharp += sin2 * freeform_bending(farthest2, freeform)
         if abs(f) <= rounding:
             if below or g > 0.0:
                 return t, 0.0

@@ -16,27 +16,27 @@ from plenoptic.optics.lens.kernels.conic_asphere import (
     height,
     to_conic_of_asphere,
 )
-from plenoptic.optics.lens.kernels.departure import departure_at
+from plenoptic.optics.lens.kernels.freeform_term import freeform_term_at
 from plenoptic.optics.lens.kernels.notes import NEWTON, REACH, STEPS, note_reach, note_refraction
 from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
 
 @device
-def freeform_at(x, y, conic, aspheric, departure):
+def freeform_at(x, y, conic, aspheric, freeform):
     """Sag and its derivatives by x and y; `conic` is the curvature and 1 + k."""
     sag, by_r2 = height(x * x + y * y, conic, aspheric)
-    added, dx, dy = departure_at(x, y, departure)
+    added, dx, dy = freeform_term_at(x, y, freeform)
     return sag + added, 2.0 * by_r2 * x + dx, 2.0 * by_r2 * y + dy
 
 
 @device
-def _newton(point, direction, conic, aspheric, departure, semi_diameter2):
+def _newton(point, direction, conic, aspheric, freeform, semi_diameter2):
     """Newton's method from a point of a ray, until the next step would be below rounding: the point and the steps."""
     (x, y, z), (l, m, n) = point, direction
-    sharpest = aspheric[SHARPEST] + departure[SHARPEST]
+    sharpest = aspheric[SHARPEST] + freeform[SHARPEST]
     taken = 0
     for _ in range(NEWTON_STEPS):
-        sag, dx, dy = freeform_at(x, y, conic, aspheric, departure)
+        sag, dx, dy = freeform_at(x, y, conic, aspheric, freeform)
         slope = n - (dx * l + dy * m)
         step = (sag - z) / slope
         if not (x * x + y * y <= semi_diameter2 and step - step == 0.0):
@@ -52,13 +52,13 @@ def _newton(point, direction, conic, aspheric, departure, semi_diameter2):
 
 
 @device
-def _is_first(point, direction, conic, aspheric, departure, semi_diameter2, s):
+def _is_first(point, direction, conic, aspheric, freeform, semi_diameter2, s):
     """True if a point is certainly the first intersection: on the surface, in the cylinder, of a ray crossing once."""
     (x, y, z), (l, m, n) = point, direction
-    sag, dx, dy = freeform_at(x, y, conic, aspheric, departure)
-    slope, steepest = n - (dx * l + dy * m), aspheric[STEEPEST] + departure[STEEPEST]
+    sag, dx, dy = freeform_at(x, y, conic, aspheric, freeform)
+    slope, steepest = n - (dx * l + dy * m), aspheric[STEEPEST] + freeform[STEEPEST]
     size = (abs(x) + abs(y) + abs(z)) * (1.0 + abs(dx) + abs(dy))
-    rounding = 8.0 * EPS * size + departure[ROUNDING] + AT_VERTEX * (aspheric[TALLEST] + departure[TALLEST])
+    rounding = 8.0 * EPS * size + freeform[ROUNDING] + AT_VERTEX * (aspheric[TALLEST] + freeform[TALLEST])
     # Without a rim the surface goes on where its slope is not known: what Newton's method finds is taken.
     alone = n * n > steepest * steepest * (l * l + m * m) or semi_diameter2 == math.inf
     return abs(z - sag) <= rounding and x * x + y * y <= semi_diameter2 and s * slope > 0.0 and alone
@@ -71,7 +71,7 @@ def refract_freeform(ray, lens, k, index_ratios, s, code, log):
     As for aspheres: of a ray steeper than the surface is anywhere, Newton's method finds the only crossing; all others
     are searched for their first crossing inside the semi-diameter, by steps that surely pass none.
     """
-    row, aspheric, departure = lens.rows[k], lens.aspheric[k], lens.departure[k]
+    row, aspheric, freeform = lens.rows[k], lens.aspheric[k], lens.freeform[k]
     conic, semi_diameter2 = (row.curvature, 1.0 + lens.conic[k]), row.semi_diameter2
     nearest = np.empty((5, BLOCK))
     to_conic_of_asphere(ray, nearest, conic)
@@ -80,16 +80,16 @@ def refract_freeform(ray, lens, k, index_ratios, s, code, log):
             continue
         direction = l, m, n = ray[L + i], ray[M + i], ray[N + i]
         x, y, z, taken = _newton(
-            (ray[X + i], ray[Y + i], ray[Z + i]), direction, conic, aspheric, departure, semi_diameter2
+            (ray[X + i], ray[Y + i], ray[Z + i]), direction, conic, aspheric, freeform, semi_diameter2
         )
         if log is not None:
             log[k, NEWTON, i] = taken
         lost = 0.0
-        if not _is_first((x, y, z), direction, conic, aspheric, departure, semi_diameter2, s):
+        if not _is_first((x, y, z), direction, conic, aspheric, freeform, semi_diameter2, s):
             # From the closest approach: wide steps of Newton's method lead off the ray by their own rounding.
             start = x, y, z = nearest[2, i], nearest[3, i], nearest[4, i]
             steps = None if log is None else log[k, STEPS, i : i + 1]
-            t, lost = first_crossing(start, direction, conic, aspheric, departure, semi_diameter2, s, steps)
+            t, lost = first_crossing(start, direction, conic, aspheric, freeform, semi_diameter2, s, steps)
             finite = x - x == 0.0 and y - y == 0.0 and z - z == 0.0
             x += t * l
             y += t * m
@@ -98,7 +98,7 @@ def refract_freeform(ray, lens, k, index_ratios, s, code, log):
             lost = lost if x * x + y * y <= semi_diameter2 * (1.0 + 16.0 * EPS) or lost != 0.0 else CLIPPED
             lost = lost if lost == 0.0 or finite else NOT_FINITE
         mu = row.index_ratio if index_ratios is None else index_ratios[i]
-        _, dx, dy = freeform_at(x, y, conic, aspheric, departure)
+        _, dx, dy = freeform_at(x, y, conic, aspheric, freeform)
         nz = 1.0 / math.sqrt(1.0 + dx * dx + dy * dy)
         nx, ny = -dx * nz, -dy * nz
         cos_i = s * (nx * l + ny * m + nz * n)
@@ -116,7 +116,7 @@ def refract_freeform(ray, lens, k, index_ratios, s, code, log):
 @device
 def note_freeform(log, arrival, ray, lens, k, index_ratios, place):
     """Record the conditioning at a surface in row k; `place` is the distance from the lens origin that counts."""
-    row, aspheric, departure = lens.rows[k], lens.aspheric[k], lens.departure[k]
+    row, aspheric, freeform = lens.rows[k], lens.aspheric[k], lens.freeform[k]
     c, kz = row.curvature, 1.0 + lens.conic[k]
     for i in range(BLOCK):
         if ray[STATUS + i] != 0.0:
@@ -126,9 +126,9 @@ def note_freeform(log, arrival, ray, lens, k, index_ratios, place):
         for j in range(aspheric.size - 1, FIRST_TERM - 1, -1):
             sizes = sizes * r2 + abs(aspheric[j])
         w = math.sqrt(max(1.0 - kz * c * c * r2, EPS))
-        _, dx, dy = freeform_at(x, y, (c, kz), aspheric, departure)
+        _, dx, dy = freeform_at(x, y, (c, kz), aspheric, freeform)
         length = math.sqrt(1.0 + dx * dx + dy * dy)
-        terms = abs(z) + r2 * (abs(c) / (1.0 + w) * (1.0 + 0.5 / (w * (1.0 + w))) + sizes) + departure[ROUNDING] / EPS
+        terms = abs(z) + r2 * (abs(c) / (1.0 + w) * (1.0 + 0.5 / (w * (1.0 + w))) + sizes) + freeform[ROUNDING] / EPS
         log[k, REACH, i] = note_reach(arrival, i, (x, y, z), terms / length, place)
         mu = row.index_ratio if index_ratios is None else index_ratios[i]
         note_refraction(log[k], arrival, i, (-dx, -dy, 1.0), length, mu)

@@ -67,7 +67,7 @@ def _note(log, arrival, ray, lens, k, index_ratios):
     elif lens.aspheric is not None:
         if row.kind == ASPHERE:
             note_asphere(log[k], arrival, ray, row, (kz, lens.aspheric[k]), index_ratios, place)
-        elif lens.departure is not None:
+        elif lens.freeform is not None:
             note_freeform(log, arrival, ray, lens, k, index_ratios, place)
 
 
@@ -123,7 +123,7 @@ def trace_block(ray, lens, waves, first, index_ratios, log, path):
                 if row.kind == ASPHERE:
                     steps = None if log is None else log[k]
                     refract_asphere(ray, row, lens.conic[k], lens.aspheric[k], index_ratios, s, code, steps)
-                elif lens.departure is not None:
+                elif lens.freeform is not None:
                     refract_freeform(ray, lens, k, index_ratios, s, code, log)
         if path is not None:
             add_path(path, ray, k)

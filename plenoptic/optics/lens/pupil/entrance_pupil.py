@@ -65,8 +65,8 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
         if first.depth is not None:
             sag = np.append(sag, math.copysign(first.depth, first.radius))
     low, high = float(sag.min()), float(sag.max())
-    if isinstance(first, Surface) and first.departure is not None:
-        added = 2.0 * first.departure.bounds(reach).height  # from one side of a height to the other
+    if isinstance(first, Surface) and first.freeform is not None:
+        added = 2.0 * first.freeform.bounds(reach).height  # from one side of a height to the other
         low, high = low - added, high + added
     if first.placement is not None:
         shift, turn = first.placement.shift, first.placement.rotation

@@ -116,7 +116,7 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
     if isinstance(last, Surface):
         last = last.from_behind
         depth = float(last.sag(reach)) if last.depth is None else math.copysign(last.depth, last.radius)
-        tilted += 0.0 if last.departure is None else 2.0 * last.departure.bounds(reach).height
+        tilted += 0.0 if last.freeform is None else 2.0 * last.freeform.bounds(reach).height
     if last.placement is not None:
         shift, turn = last.placement.shift, last.placement.rotation
         tilted += reach * float(np.hypot(turn[2, 0], turn[2, 1]))
@@ -191,7 +191,7 @@ def _all_round(
     A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
     outlines from several azimuths is taken, and widened by a bound of those between them.
     """
-    if lens.frames is None and lens.departure is None:
+    if lens.frames is None and lens.freeform is None:
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     (exit_pupil, size, x, y), outlines = pupil, []
