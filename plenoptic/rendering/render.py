@@ -11,7 +11,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import checked_budget
-from plenoptic.rendering.schedule.scheduler import RenderOptions, run
+from plenoptic.rendering.schedule.run import RenderOptions, run
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth
 
