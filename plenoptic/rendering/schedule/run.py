@@ -221,7 +221,7 @@ def progress_of(
     shape = (end_row - first_row, end_column - first_column)
     radiance = 1.0
     if context.scene is not None:
-        from plenoptic.scene.compile import brightest_radiance
+        from plenoptic.scene.scene_record import brightest_radiance
 
         radiance = brightest_radiance(context.scene)
     return Progress(
