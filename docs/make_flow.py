@@ -8,15 +8,15 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 STAGES = (
-    ("describe", "what the user types:\nfrozen dataclasses", "optics/ scene/ camera/"),
-    ("compile", "read-only records;\nNone for what is absent", "*/record.py\nscene/compile.py"),
+    ("describe", "the user's objects:\nfrozen dataclasses", "optics/ scene/ camera/"),
+    ("compile", "read-only records;\nNone for absent features", "*_record.py\nscene/scene_record.py"),
     ("decide", "which stages run, and why", "rendering/plan/"),
-    ("bound", "what part of the array\nfeeds each pixel", "camera/sampling/"),
+    ("bound", "aperture region\nof each pixel", "camera/sampling/"),
     ("sample", "points on pixel and array,\na wavelength", "camera/sampling/kernels/"),
     ("microlens", "a ray to the lens, and its\nprojected solid angle", "optics/microlens/kernels/"),
     ("transmit", "surfaces and stops;\na status for lost rays", "optics/lens/kernels/"),
     ("intersect", "Embree's triangle,\nthe point in float64", "scene/geometry/"),
-    ("shade", "emission, lights drawn,\nthe next ray", "rendering/integrator/\nscene/*/kernels/"),
+    ("shade", "emission, sampled lights,\nthe next ray", "rendering/integrator/\nscene/*/kernels/"),
     ("accumulate", "sums per pixel, replicate\nand channel; their error", "rendering/film.py"),
 )
 COLUMNS = 5
