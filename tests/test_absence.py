@@ -232,7 +232,7 @@ MODULES = {
     "fill_sums": "rendering.kernels.film_sums",
     "fill_world_rays": "core.kernels.bundles",
     "fill_thin": "optics.microlens.kernels.ideal_microlenses",
-    "fill_traced": "optics.lens.kernels.trace",
+    "fill_through_lens": "optics.lens.kernels.trace",
     "add_emission": "rendering.integrator.kernels.emission",
     "fill_interactions": "scene.geometry.kernels.interaction",
     "fill_parameters": "scene.materials.kernels.parameters",
@@ -249,9 +249,9 @@ FEATURES = [
     ("fill_world_rays", {"rotation": ROWS, "position": COLUMN}),
     ("fill_thin", {"sensor.tilt": COLUMN}),
     ("fill_thin", {"lenslets": OWN}),
-    ("fill_traced", {"lens.conic": COLUMN, "lens.aspheric": ROWS}),
-    ("fill_traced", {"lens.frames": ROWS}),
-    ("fill_traced", {"lens.masks": COLUMN}),
+    ("fill_through_lens", {"lens.conic": COLUMN, "lens.aspheric": ROWS}),
+    ("fill_through_lens", {"lens.frames": ROWS}),
+    ("fill_through_lens", {"lens.masks": COLUMN}),
     ("add_emission", {"geometry.uv": ROWS, "emission.texture": PICTURE}),
     ("add_emission", PLACED),
     ("add_emission", {"sky.background": COLUMN}),
@@ -273,7 +273,7 @@ FEATURES = [
 """A kernel, and its arguments or members of them that are None where nothing needs them, as they are otherwise."""
 
 LARGE = {
-    *("fill_thin: lenslets", "fill_traced: lens.frames", "add_emission: sky.suns, sky.sun_colors"),
+    *("fill_thin: lenslets", "fill_through_lens: lens.frames", "add_emission: sky.suns, sky.sun_colors"),
     *("fill_interactions: hits.instance, geometry.instance_to_world", "eval_direct: bsdf.kind, bsdf.metal_index"),
     "sample_bsdf: bsdf.kind, bsdf.pane_index",
 }
@@ -392,7 +392,10 @@ def test_every_large_feature_is_one():
 @pytest.mark.slow
 def test_what_is_pruned_in_callees_is_cut_there_too(plain):
     # `trace_block` and what it calls lose three features at once.
-    three = "fill_traced", {"lens.conic": COLUMN, "lens.aspheric": ROWS, "lens.frames": ROWS, "lens.masks": COLUMN}
+    three = (
+        "fill_through_lens",
+        {"lens.conic": COLUMN, "lens.aspheric": ROWS, "lens.frames": ROWS, "lens.masks": COLUMN},
+    )
     absent, cut = lacking(*three, plain)
     assert abs(absent / cut - 1) <= TOLERANCE and furnished(*three, plain) > 2 * absent
 
@@ -437,7 +440,7 @@ OF_THE_CAMERA = {
         "candidates.fill_cells",
         "aperture_regions.fill_regions",
         "ideal_microlenses.fill_thin",
-        "trace.fill_traced",
+        "trace.fill_through_lens",
     ),
     *("camera_samples.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }

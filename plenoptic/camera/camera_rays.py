@@ -12,7 +12,7 @@ from plenoptic.camera.sampling.kernels import camera_samples
 from plenoptic.camera.sampling.sampling_records import Batch, DeflectedSamples, IlluminatedPixels
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, X, Y
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.kernels.trace import fill_traced
+from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.kernels import to_lens
 from plenoptic.optics.microlens.microlens_record import ResponseRecord, SensorPlane
@@ -118,7 +118,7 @@ class CameraRays:
     def fill_through_lens(self, bundle: Floats) -> None:
         """Trace a bundle through the lens and the dust on it, then add the weights of the unvignetted core."""
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
-        fill_traced(bundle, self.lens, self.waves)
+        fill_through_lens(bundle, self.lens, self.waves)
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
         if self.core is not None:
             weights, core = bundle.reshape(-1, 8, BLOCK), self.core[: bundle.size].reshape(-1, 8, BLOCK)

@@ -134,7 +134,7 @@ def _lens_events(
     camera: CameraRecord, lens: LensRecord, bundle: Floats, waves: NDArray[np.int64] | None
 ) -> list[Event]:
     """Passages through the elements, up to the one where the path ends."""
-    from plenoptic.optics.lens.kernels.trace import fill_traced
+    from plenoptic.optics.lens.kernels.trace import fill_through_lens
 
     events: list[Event] = []
     before = _first_ray(bundle)
@@ -143,7 +143,7 @@ def _lens_events(
             break
         # From the beginning each time: the rays that a whole trace has there, to the bit.
         part = bundle.copy()
-        fill_traced(part, lens.part(0, last + 1), waves)
+        fill_through_lens(part, lens.part(0, last + 1), waves)
         after = _first_ray(part)
         lost = after.status != 0
         status = RayStatus(int(after.status) % 8)

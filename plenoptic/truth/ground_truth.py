@@ -289,7 +289,7 @@ def _straight_rays(
 ) -> RepresentativeRays:
     """Trace undeviated rays from sensor points through array points, as representative rays."""
     from plenoptic.core.kernels.ray_blocks import BLOCK
-    from plenoptic.optics.lens.kernels.trace import fill_traced
+    from plenoptic.optics.lens.kernels.trace import fill_through_lens
 
     axes, n = array_axes(camera), len(on_sensor)
     is_valid = np.isfinite(on_sensor).all(axis=1) & np.isfinite(on_array).all(axis=1)
@@ -306,6 +306,6 @@ def _straight_rays(
     fields[:n, 7] = ~is_valid
     before = np.ascontiguousarray(fields.reshape(-1, BLOCK, 8).swapaxes(1, 2)).reshape(-1)
     blocks = before.copy()
-    fill_traced(blocks, record.lens, None)
+    fill_through_lens(blocks, record.lens, None)
     cells = np.full((n, 3), np.nan)
     return RepresentativeRays(np.ascontiguousarray(starts[:, :2]), before, blocks, aims, cells, np.zeros(n, dtype=bool))

@@ -206,11 +206,11 @@ def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[
 
 def _trace(blocks: Floats, lenslets: NDArray[np.void] | None, camera: CameraRecord) -> Floats:
     """Trace aimed rays through array and lens; return a copy of them between array and lens."""
-    from plenoptic.optics.lens.kernels.trace import fill_traced
+    from plenoptic.optics.lens.kernels.trace import fill_through_lens
 
     fill_through_array(blocks, lenslets, camera)
     before = blocks.copy()
-    fill_traced(blocks, camera.lens, None)
+    fill_through_lens(blocks, camera.lens, None)
     return before
 
 

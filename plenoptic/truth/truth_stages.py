@@ -171,7 +171,7 @@ class PixelStages:
         From eight rays around each representative ray.
         """
         from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
-        from plenoptic.optics.lens.kernels.trace import fill_traced
+        from plenoptic.optics.lens.kernels.trace import fill_through_lens
         from plenoptic.truth.kernels import virtual_depth
 
         truth, rays, hit_pixels = self._truth, self.rays, self.hits.pixels
@@ -181,7 +181,7 @@ class PixelStages:
             pixels, points = hit_pixels[start : start + _CHUNK], self.points[start : start + _CHUNK]
             blocks = np.empty(-(-len(pixels) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
             virtual_depth.fill_neighbours(blocks, rays.before, pixels, truth.axes, truth.step, SLOPE_STEP)
-            fill_traced(blocks, truth.unvignetted, None)
+            fill_through_lens(blocks, truth.unvignetted, None)
             virtual_depth.fill_image_distances(distance, blocks, rays.blocks, points, pixels, truth.step, SLOPE_STEP)
         return distance
 

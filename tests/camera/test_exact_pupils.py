@@ -17,7 +17,7 @@ from plenoptic.camera.camera_rays import CameraRays, fill_through_array
 from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.optics.lens.kernels.trace import fill_traced
+from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.lens.pupil.outline import polygon_around
 from plenoptic.rendering import Stage
@@ -108,7 +108,7 @@ def count_core_rays(name):
             for k, axis in enumerate(zip(axis_x, axis_y, strict=True)):
                 lenslets[k] = rows_of.get(axis, lenslets[k])
         fill_through_array(core, lenslets, camera, camera_rays.waves)
-        fill_traced(core, camera_rays.lens, camera_rays.waves)
+        fill_through_lens(core, camera_rays.lens, camera_rays.waves)
         lost = out_of_blocks(core, core.size // 8)[7] != 0
         assert not (lost & (weights > 0)).any(), name
         n_core += int((weights > 0).sum())

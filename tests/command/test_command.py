@@ -151,10 +151,10 @@ def test_warnings_take_one_line_and_interrupted_it_ends_with_130(capsys, monkeyp
 
 def test_warm_up_names_scene_and_camera(files, capsys, monkeypatch):
     given = []
-    done = warming.WarmUp(("fill_traced",), 1.5)
+    done = warming.WarmUp(("fill_through_lens",), 1.5)
     monkeypatch.setattr(warming, "warm_up", lambda scene, camera, *, progress: given.append((scene, camera)) or done)
     assert main(["warm-up", "--scene", "wall.obj", "--camera", "shot.exr"]) == 0
-    assert capsys.readouterr().out == "wall.obj, shot.exr: compiled in 1.5 s: fill_traced\n"
+    assert capsys.readouterr().out == "wall.obj, shot.exr: compiled in 1.5 s: fill_through_lens\n"
     assert given[0][1] == CAMERA and len(given[0][0].meshes) == 1
     assert main(["warm-up"]) == 0
     assert len(given) == 1 + 9

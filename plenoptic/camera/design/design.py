@@ -113,7 +113,7 @@ class Search:
                 # No light of the axis passes an iris larger than all rims.
                 raise InvalidValueError(self._vignetting_message(numbers["h"], history)) from None
             history.append(self._step(numbers, camera, lens_state, traced))
-            if self._is_converged(history[-1], tolerance):
+            if self._converges(history[-1], tolerance):
                 return CameraDesign(camera, tuple(FIELDS[u] for u in FIELDS if u not in self.fixed), tuple(history))
             if not math.isfinite(traced.slope):
                 break
@@ -180,7 +180,7 @@ class Search:
             focus = traced.image - n["L"] - sharp_image(camera, n["f"])
         return DesignStep(n["h"], n["L"], n["b"], n["p"], n["f"], focus, fill, traced.shift - before.shift)
 
-    def _is_converged(self, step: DesignStep, tolerance: float) -> bool:
+    def _converges(self, step: DesignStep, tolerance: float) -> bool:
         position_tolerance = tolerance * abs(step.stop_to_microlenses)
         focused = abs(step.focus_error) <= position_tolerance and abs(step.depth_error) <= position_tolerance
         return focused and abs(step.fill_error) <= tolerance

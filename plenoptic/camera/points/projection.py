@@ -159,7 +159,7 @@ def project(
         record = forward_record(camera)
         rows = trace_rows(record, in_lens_axes(record, world), rays_per_replicate, workers)
         projection = _to_projection(record, world, rows)
-        return projection if scene is None else _remove_occluded(record, projection, rows.entering, scene)
+        return projection if scene is None else _keep_visible(record, projection, rows.entering, scene)
 
 
 def _to_projection(record: ForwardRecord, world: Floats, rows: Rows) -> Projection:
@@ -198,7 +198,7 @@ def _to_projection(record: ForwardRecord, world: Floats, rows: Rows) -> Projecti
     )
 
 
-def _remove_occluded(record: ForwardRecord, projection: Projection, entering: Floats, scene: Scene) -> Projection:
+def _keep_visible(record: ForwardRecord, projection: Projection, entering: Floats, scene: Scene) -> Projection:
     """Set `visible` to False for points occluded on the way to the entry points (k, 2) of their rays into the lens."""
     from plenoptic.scene.cache import prepared_scene
     from plenoptic.scene.scene import Scene
@@ -206,11 +206,13 @@ def _remove_occluded(record: ForwardRecord, projection: Projection, entering: Fl
     check_kind(scene, "scene", Scene, "pl.Scene(...)")
     rows, visible = np.flatnonzero(projection.visible), projection.visible.copy()
     points = projection.points[projection.point[rows]]
-    visible[rows] = ~are_occluded(record, points, entering[rows], prepared_scene(scene))
+    visible[rows] = ~occlusion_of_points(record, points, entering[rows], prepared_scene(scene))
     return dataclasses.replace(projection, visible=visible)
 
 
-def are_occluded(record: ForwardRecord, points: Floats, entering: Floats, prepared: PreparedScene) -> NDArray[np.bool_]:
+def occlusion_of_points(
+    record: ForwardRecord, points: Floats, entering: Floats, prepared: PreparedScene
+) -> NDArray[np.bool_]:
     """True (n,) if the scene occludes world points (n, 3) seen from points (n, 2) of the entrance plane."""
     from plenoptic.scene.materials.alpha_mask import attenuate_shadows
 

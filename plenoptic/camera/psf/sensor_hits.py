@@ -263,7 +263,7 @@ def trace_task(record: ForwardRecord, task: Task, seed: np.uint64) -> LandedRays
     from plenoptic.camera.psf.kernels import source_rays
     from plenoptic.core.kernels.bundles import fill_status_counts
     from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY
-    from plenoptic.optics.lens.kernels.trace import fill_traced
+    from plenoptic.optics.lens.kernels.trace import fill_through_lens
     from plenoptic.optics.microlens.kernels import to_sensor
 
     sensor, dust = record.camera.sensor, record.dust
@@ -279,7 +279,7 @@ def trace_task(record: ForwardRecord, task: Task, seed: np.uint64) -> LandedRays
         if record.iris is not None:
             source_rays.fill_iris_deflections(bundle, start, n, seed, task, record.iris)
         fill_dust_at_lens(bundle, dust, BlemishSite.LENS_FRONT)
-        fill_traced(bundle, record.lens, None)
+        fill_through_lens(bundle, record.lens, None)
         if record.ideal:
             to_sensor.fill_ideal_weights(bundle)
         fill_dust_at_lens(bundle, dust, BlemishSite.LENS_REAR)
@@ -289,7 +289,7 @@ def trace_task(record: ForwardRecord, task: Task, seed: np.uint64) -> LandedRays
         if record.deflection is not None:
             source_rays.fill_deflections(bundle, start, n, seed, task, record.deflection)
         fill_status_counts(counts, bundle, n)
-        landed, beside_sensor, beside_opening = source_rays.fill_landed(
+        landed, beside_sensor, beside_opening = source_rays.fill_sensor_hits(
             rows[n_landed:], bundle, n, *sensor.shape, sensor.pixel_pitch, record.opening
         )
         n_landed, n_beside_sensor = n_landed + landed, n_beside_sensor + beside_sensor

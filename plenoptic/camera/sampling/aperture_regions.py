@@ -135,12 +135,12 @@ def _element_intersections(camera: CameraRecord, blocks: Floats, waves: NDArray[
 
     x and y are in the axes of each element.
     """
-    from plenoptic.optics.lens.kernels.trace import fill_traced
+    from plenoptic.optics.lens.kernels.trace import fill_through_lens
 
     fields = blocks.reshape(-1, 8, BLOCK)
     intersections = np.empty((len(camera.openings.elements), 3, len(fields), BLOCK))
     for hit, element in zip(intersections, camera.openings.elements, strict=True):
-        fill_traced(blocks, element, waves)
+        fill_through_lens(blocks, element, waves)
         hit[0], hit[1], hit[2] = fields[:, 0], fields[:, 1], fields[:, STATUS // BLOCK]
         if element.frames is not None and element.frames[0, MOVED] != 0:
             frame = element.frames[0]

@@ -20,7 +20,7 @@ _WORST_COST = 2.0
 
 
 @device
-def _fill_shifted(shifted, shifted_mask, values, mask, down, right, shape):
+def _fill_shift(shifted, shifted_mask, values, mask, down, right, shape):
     """Shift an image by `down` and `right` with cubic convolution; mask pixels whose four nearest are not all valid."""
     rows, columns = shape
     top, left = math.floor(down), math.floor(right)
@@ -143,7 +143,7 @@ def _fill_plane(cost, stack, workspace, m, k):
         if stack.blurred is not None:
             level, other_level = blur_levels(stack, m, other, d)
             values, other_values = stack.blurred[m, level], stack.blurred[other, other_level]
-        _fill_shifted(workspace.shifted, workspace.shifted_mask, other_values, stack.mask[other], down, right, shape)
+        _fill_shift(workspace.shifted, workspace.shifted_mask, other_values, stack.mask[other], down, right, shape)
         noise = stack.noise_variance[m], stack.noise_variance[other]
         _fill_correlation(workspace.scores[count], values, mask, workspace, noise, stack.window_radius, shape)
         count += 1

@@ -165,7 +165,7 @@ def _refine(stack, start, slopes, m, y, x):
 
 
 @kernel
-def fill_refined(matches, start, stack, slopes, first):
+def fill_subpixel(matches, start, stack, slopes, first):
     """Fill `matches` of the images from `first` on, near disparities `start` (images, rows, columns)."""
     images, rows, columns = start.shape
     for i in range(images):

@@ -78,10 +78,10 @@ def refine(stack: ImageStack, disparity: Floats, first: int) -> Matches:
 
     Window pixels of another depth do not count. nan outside the mask of the stack. See `depth`.
     """
-    from plenoptic.lightfield.kernels.subpixel import fill_refined
+    from plenoptic.lightfield.kernels.subpixel import fill_subpixel
 
     matches = Matches(*(np.full(disparity.shape, np.nan) for _ in Matches._fields))
-    fill_refined(matches, disparity, stack, np.empty((2, (2 * stack.window_radius + 1) ** 2)), first)
+    fill_subpixel(matches, disparity, stack, np.empty((2, (2 * stack.window_radius + 1) ** 2)), first)
     return matches._replace(standard_error=_ERROR_RATIO * matches.standard_error)
 
 

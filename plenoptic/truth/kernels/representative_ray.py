@@ -128,7 +128,7 @@ def fill_centroid_rays(rays, starts, probes, aims, regions):
             light, sum_x, sum_y, n_lit, n_probes = 0.0, 0.0, 0.0, 0, 0
             while k < count and _is_same_cell(aims, p * count + k, start):
                 n = p * count + k
-                if _is_unvignetted(probes, aims, n):
+                if _all_pass(probes, aims, n):
                     light += probes[(n // BLOCK) * RAY + n % BLOCK + WEIGHT]
                     sum_x += aims[n, 0]
                     sum_y += aims[n, 1]
@@ -161,7 +161,7 @@ def fill_centroid_rays(rays, starts, probes, aims, regions):
         rays.nearest[p], least_distance = -1, math.inf
         for n in range(low, high):
             offset = math.hypot(aims[n, 0] - aim_x, aims[n, 1] - aim_y)
-            if offset < least_distance and _is_unvignetted(probes, aims, n):
+            if offset < least_distance and _all_pass(probes, aims, n):
                 rays.nearest[p], least_distance = n, offset
     pad(blocks, starts.shape[0])
 
@@ -227,7 +227,7 @@ def fill_aimed_starts(starts, indices, illuminated, pixel, sensor, pupil):
 
 
 @device
-def _is_unvignetted(probes, aims, n):
+def _all_pass(probes, aims, n):
     return probes[(n // BLOCK) * RAY + n % BLOCK + STATUS] == 0.0 and aims[n, 5] > 0.0
 
 

@@ -179,4 +179,4 @@ def test_in_the_package_comments_cost_nothing_and_a_changed_function_its_callers
     path.write_text(head + name + body.replace("math.sqrt(", "1.0 * math.sqrt(", 1), encoding="utf-8")
     after = package_digests(tmp_path)
     changed = {name.rpartition(".")[2] for name in after if after[name] != before[name]}
-    assert changed == callers("refract_sphere") and "fill_traced" in changed and len(changed) < len(before) / 2
+    assert changed == callers("refract_sphere") and "fill_through_lens" in changed and len(changed) < len(before) / 2

@@ -7,7 +7,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
-from plenoptic.optics.lens.kernels.trace import fill_traced
+from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.lens.lens_record import lens_record
 
 WAVELENGTHS = np.array([450.0, 486.1, 546.1, 587.6, 656.3])
@@ -44,7 +44,7 @@ def test_dispersed_rays_are_monochrome_rays_together(name: str):
         blocks = np.ascontiguousarray(rows.reshape(8, -1, BLOCK).transpose(1, 0, 2))
         waves = rng.integers(0, len(WAVELENGTHS), n)
         together = blocks.copy()
-        fill_traced(together.reshape(-1), lens_record(lens, WAVELENGTHS, reverse=reverse), waves)
+        fill_through_lens(together.reshape(-1), lens_record(lens, WAVELENGTHS, reverse=reverse), waves)
         passed = 0
         for number, wavelength in enumerate(WAVELENGTHS):
             alone = blocks.copy()
@@ -54,7 +54,7 @@ def test_dispersed_rays_are_monochrome_rays_together(name: str):
                 first = lens_record(lens, float(WAVELENGTHS[0]), reverse=reverse)
                 first.rows["curvature"] = record.rows["curvature"]
                 record = first
-            fill_traced(alone.reshape(-1), record, None)
+            fill_through_lens(alone.reshape(-1), record, None)
             mine = (waves == number).reshape(-1, BLOCK)
             a, b = together.transpose(1, 0, 2)[:, mine], alone.transpose(1, 0, 2)[:, mine]
             assert np.array_equal(a[7], b[7]), (name, reverse)

@@ -14,7 +14,7 @@ from plenoptic.optics.lens.analysis.conditioning import blocks_of, kinds, probe_
 from plenoptic.optics.lens.checks.finding import FindingKind
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
-from plenoptic.optics.lens.kernels.trace import fill_traced
+from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.pupil.exit_pupil import pupil_bounds
 from plenoptic.optics.lens.pupil.outline import PupilRays, up_to_stops
@@ -294,7 +294,7 @@ def test_notes_and_colour():
     assert notes.incidence[0] == pytest.approx(1.0 / cosine, rel=1e-12)
     assert kinds(notes.lens) == ("freeform", "sphere", "stop")
     blocks = blocks_of(rays)
-    fill_traced(blocks, lens_record(lens, np.array([500.0, 600.0]), reverse=False), np.ones(256, np.int64))
+    fill_through_lens(blocks, lens_record(lens, np.array([500.0, 600.0]), reverse=False), np.ones(256, np.int64))
     out = lens.trace(dataclasses.replace(rays, wavelength=600.0))
     assert blocks[:2] == pytest.approx(out.origin[:, 0], abs=1e-12)
 

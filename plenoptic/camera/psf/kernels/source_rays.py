@@ -73,7 +73,7 @@ def fill_iris_deflections(blocks, start, n, seed, task, iris):
 
 
 @kernel
-def fill_landed(hits, blocks, n, rows, columns, pitch, opening):
+def fill_sensor_hits(hits, blocks, n, rows, columns, pitch, opening):
     """Fill rows of HIT for rays that reach the sensor.
 
     Returns the number of these rays, of rays beside the sensor, and of rays on a pixel but outside its `opening`: half

@@ -80,7 +80,7 @@ def fill_clipped_piece(polygon, first, corners, planes, piece, in_pixel):
 
 
 @device
-def _is_clipped(planes, piece, in_pixel):
+def _clips(planes, piece, in_pixel):
     """True if a plane that moves over the pixel clips a piece, or its core, at this point."""
     clipped = False
     for j in range(piece.first_plane, piece.first_plane + piece.planes):
@@ -152,7 +152,7 @@ def split_region(split, regions, region, in_pixel):
     details = regions.details
     for k in range(region[0], region[1]):
         c, piece = k - region[0], regions.pieces[k]
-        is_clipped = _is_clipped(planes, piece, in_pixel)
+        is_clipped = _clips(planes, piece, in_pixel)
         if is_clipped or split.corners[c, 2] == 0:
             _split_piece(split, c, corners, planes, piece, in_pixel)
             if details is not None:

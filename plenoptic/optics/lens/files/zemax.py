@@ -50,7 +50,7 @@ from plenoptic.optics.glass.bundled import bundled_glass
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.elements import check_count
-from plenoptic.optics.lens.files.zemax_folds import is_folded, unfold
+from plenoptic.optics.lens.files.zemax_folds import has_folds, unfold
 from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
@@ -96,7 +96,7 @@ def lens_from_zmx(
     left_out = _left_out(blocks)
     blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV")]
     rows, turned = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)], False
-    if is_folded(rows):
+    if has_folds(rows):
         rows, turned = unfold(rows, where)
     names = [line.rest for line in head if line.keyword == "NAME" and line.rest]
     notes = [line.rest.partition(" ")[2].strip() for line in head if line.keyword == "NOTE"]

@@ -23,7 +23,7 @@ _ROUNDING = 1e-12
 """mm, and of the elements of a matrix: a placement that differs by less from none is none."""
 
 
-def is_folded(rows: list[Row]) -> bool:
+def has_folds(rows: list[Row]) -> bool:
     """True if any row is a coordinate break or a mirror."""
     return any(row.turn is not None or row.is_mirror for row in rows)
 

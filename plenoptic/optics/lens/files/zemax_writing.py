@@ -90,14 +90,14 @@ def _glass_lines(medium: Medium, i: int) -> list[str]:
             "use .json"
         )
     name = getattr(medium, "name", "")
-    if name and " " not in name and not isinstance(medium, ModelGlass) and _is_bundled(name, medium):
+    if name and " " not in name and not isinstance(medium, ModelGlass) and _in_bundled_catalogue(name, medium):
         return [f"GLAS {name} 0 0 {nd:.5f} {vd:.2f}"]
     if isinstance(medium, ModelGlass):
         nd, vd = medium.nd, medium.vd
     return [f"GLAS ___BLANK 1 0 {nd!r} {vd!r} 0 0 0 0 0"]
 
 
-def _is_bundled(name: str, medium: Medium) -> bool:
+def _in_bundled_catalogue(name: str, medium: Medium) -> bool:
     try:
         bundled = glass(name)
         return all(abs(bundled.index(line) - medium.index(line)) < 1e-6 for line in (D_LINE, F_LINE, C_LINE))

@@ -142,7 +142,7 @@ def trace_block(ray, lens, waves, first, index_ratios, log, path):
 
 
 @kernel
-def fill_traced(blocks, lens, waves):
+def fill_through_lens(blocks, lens, waves):
     """Trace a bundle, shape (n_blocks * RAY,), in place.
 
     With `waves` (rays,), rays have wavelengths of their own, numbers of columns of `lens.index_ratios`; None: one.
@@ -154,7 +154,7 @@ def fill_traced(blocks, lens, waves):
 
 @kernel
 def fill_conditions(blocks, log, lens, waves):
-    """Trace a bundle as `fill_traced` does, and fill `log`.
+    """Trace a bundle as `fill_through_lens` does, and fill `log`.
 
     `log` (n_blocks, elements, LOG, BLOCK), elements in the order of travel; see `notes`.
     """

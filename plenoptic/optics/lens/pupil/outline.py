@@ -94,7 +94,7 @@ class PupilRays(NamedTuple):
     def fates(self, points: Floats) -> Fates:
         """Fates of the rays through points (n, 2)."""
         from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, CLIPPED
-        from plenoptic.optics.lens.kernels.trace import fill_traced
+        from plenoptic.optics.lens.kernels.trace import fill_through_lens
 
         n = len(points)
         count = -(-n // BLOCK)
@@ -109,7 +109,7 @@ class PupilRays(NamedTuple):
         blocks[:, 5] = (dz * per_length).reshape(count, BLOCK)
         blocks[:, 6:] = 0.0
         for part in self.lens:
-            fill_traced(blocks.reshape(-1), part, None)
+            fill_through_lens(blocks.reshape(-1), part, None)
             last, centre = part.rows[-1], (0.0, 0.0) if part.frames is None else part.frames[-1, 9:11]
             if last["kind"] == CIRCLE:
                 code = CAUSES * (last["surface_index"] + 1.0) + CLIPPED

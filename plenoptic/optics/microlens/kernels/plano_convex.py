@@ -137,7 +137,7 @@ def _refract_lenslets(ray, lenslets, flat, bow, mu, mus):
 
 
 @device
-def _refract_curved(ray, lenslets, power, flat, bow, mu, mus):
+def _refract_curved_side(ray, lenslets, power, flat, bow, mu, mus):
     """Refract rays at the curved side, or at the plane that stands for it."""
     if lenslets is not None:
         _refract_lenslets(ray, lenslets, flat, bow, mu, mus)
@@ -189,7 +189,7 @@ def fill_plano_convex(blocks, lenslets, sensor, plate, power, edges, z_array, wa
             ray[M + i] = v * n
             ray[N + i] = -h * n
         if curved_first:
-            _refract_curved(ray, lenses, power, flat, (-1.0, scale), 1.0 / index, entering)
+            _refract_curved_side(ray, lenses, power, flat, (-1.0, scale), 1.0 / index, entering)
             _keep_inside(ray, lenses, centre, edges)
         else:
             refract_sphere(ray, 0.0, 1.0 / index, entering, math.inf, math.inf, -1.0, 0.0)
@@ -198,7 +198,7 @@ def fill_plano_convex(blocks, lenslets, sensor, plate, power, edges, z_array, wa
         if curved_first:
             refract_sphere(ray, 0.0, index, leaving, math.inf, math.inf, -1.0, 0.0)
         else:
-            _refract_curved(ray, lenses, power, flat, (1.0, scale), index, leaving)
+            _refract_curved_side(ray, lenses, power, flat, (1.0, scale), index, leaving)
             _keep_inside(ray, lenses, centre, edges)
         # From the last vertex, the front one, the front principal plane is at 0 or thickness / index.
         z_front = z_array - (thickness / index if curved_first else 0.0)

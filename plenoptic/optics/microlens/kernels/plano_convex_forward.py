@@ -110,7 +110,7 @@ def _refract_each(ray, lens_rows, bow, mu, flat):
 
 
 @device
-def _refract_curved(ray, lens_rows, c, mu, flat, array):
+def _refract_curved_side(ray, lens_rows, c, mu, flat, array):
     """Refract rays at the curved side of equal lenses with vertices in z = 0, in the cell of their intersection."""
     if flat:
         find_cells(ray, lens_rows, 0.0, array.lattice)
@@ -128,7 +128,7 @@ def _refract_curved(ray, lens_rows, c, mu, flat, array):
 
 
 @device
-def _refract_curved_each(ray, lens_rows, bow, mu, plate, array):
+def _refract_curved_sides(ray, lens_rows, bow, mu, plate, array):
     """Refract rays at the curved sides of lenses that differ."""
     find_lenses(ray, lens_rows, 0.0 if plate.flat else bow, plate.towards_scene, array)
     _shift(ray, lens_rows, -1.0)
@@ -158,9 +158,9 @@ def refract_plate(ray, lens_rows, z_front, plate, array, differs, path):
             start_path(path, ray, thickness)
         to_plane(ray, thickness)
     if differs is None:
-        _refract_curved(ray, lens_rows, bow * power, mu, plate.flat, array)
+        _refract_curved_side(ray, lens_rows, bow * power, mu, plate.flat, array)
     else:
-        _refract_curved_each(ray, lens_rows, bow, mu, plate, array)
+        _refract_curved_sides(ray, lens_rows, bow, mu, plate, array)
     if path is not None:
         add_path(path, ray, 0 if curved_first else 1)
         if plate.flat:
