@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes, array_axes
-from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, ray_tasks, trace_task
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, RayTask, ray_tasks, trace_task
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
@@ -160,7 +160,7 @@ def solve_2x2(matrix: Floats, right: Floats) -> Floats:
     return np.asarray(numerators / (a * d - b * c)[:, None])
 
 
-class Light(NamedTuple):
+class SensorLight(NamedTuple):
     """Light of points that reaches the sensor, a row for each point and microlens."""
 
     keys: NDArray[np.int64]
@@ -169,10 +169,10 @@ class Light(NamedTuple):
     """(k, replicates, 3): light, and light times x and y on the sensor, in mm."""
 
 
-def _light_of(record: ForwardRecord, tasks: list[Task], rays_per_replicate: int, threads: int) -> Light:
+def _light_of(record: ForwardRecord, tasks: list[RayTask], rays_per_replicate: int, threads: int) -> SensorLight:
     """Trace tasks with a total of `rays_per_replicate` rays for every point and replicate."""
 
-    def trace_sums(task: Task) -> tuple[NDArray[np.int64], Floats]:
+    def trace_sums(task: RayTask) -> tuple[NDArray[np.int64], Floats]:
         rows = trace_task(record, task, np.uint64(0)).rows
         lens, row_of_lens = _unique_rows(np.column_stack([rows["first"], rows["second"]]))
         sums = np.empty((len(lens), 3))
@@ -188,7 +188,7 @@ def _light_of(record: ForwardRecord, tasks: list[Task], rays_per_replicate: int,
     keys, row = _unique_rows(np.column_stack([number, index]))
     moments = np.zeros((len(keys), REPLICATES, 3))
     np.add.at(moments, (row, replicate), np.concatenate([np.empty((0, 3)), *(sums for _, sums in parts)]))
-    return Light(keys, moments)
+    return SensorLight(keys, moments)
 
 
 def _unique_rows(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -229,7 +229,7 @@ def trace_rows(record: ForwardRecord, points: Floats, rays_per_replicate: int, t
     return _rows_through_microlenses(record, array, points, tasks, light)
 
 
-def _rows_through_iris(record: ForwardRecord, points: Floats, light: Light) -> Rows:
+def _rows_through_iris(record: ForwardRecord, points: Floats, light: SensorLight) -> Rows:
     """Rows of a camera without microlenses, one for each point."""
     entrance, n = entrance_rays(record), len(points)
     aim, centre = through_iris(record, entrance.bare)
@@ -255,7 +255,7 @@ def straight_to_sensor(record: ForwardRecord, behind: RayBundle) -> Floats:
 
 
 def _rows_through_microlenses(
-    record: ForwardRecord, array: MicrolensArray, points: Floats, tasks: list[Task], light: Light
+    record: ForwardRecord, array: MicrolensArray, points: Floats, tasks: list[RayTask], light: SensorLight
 ) -> Rows:
     """Rows of a camera with microlenses: for each microlens that receives a point's light or chief ray."""
     if not tasks:
@@ -305,7 +305,7 @@ class PointBundles(NamedTuple):
     """(m, f): True if the ray is not vignetted."""
 
 
-def _trace_bundles(tasks: list[Task], entrance: EntranceRays, through: ThroughArray) -> PointBundles:
+def _trace_bundles(tasks: list[RayTask], entrance: EntranceRays, through: ThroughArray) -> PointBundles:
     """Trace rings of rays from every visible point."""
     firsts = {task.number: task for task in tasks[::-1]}
     number = np.array(sorted(firsts), dtype=np.int64)

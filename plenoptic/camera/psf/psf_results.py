@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, trace_task
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, RayTask, trace_task
 from plenoptic.core.kernels.ray_blocks import CAUSES
 from plenoptic.core.lost_rays import cause_and_element
 from plenoptic.core.parallel import run_in_order
@@ -203,7 +203,7 @@ class Spot(NamedTuple):
     """(replicates, 3)."""
 
 
-def _trace_crop(record: ForwardRecord, task: Task, seed: np.uint64) -> SensorCrop:
+def _trace_crop(record: ForwardRecord, task: RayTask, seed: np.uint64) -> SensorCrop:
     """Trace one task and sum its light over pixels."""
     from plenoptic.camera.psf.kernels.source_rays import fill_crop
 
@@ -263,11 +263,11 @@ def _to_spot(crops: list[SensorCrop], rays_per_replicate: int) -> Spot:
 
 
 def trace_spots(
-    record: ForwardRecord, tasks: list[Task], rays_per_replicate: int, seed: np.uint64, threads: int
+    record: ForwardRecord, tasks: list[RayTask], rays_per_replicate: int, seed: np.uint64, threads: int
 ) -> Iterator[tuple[int, Spot]]:
     """Trace tasks; yield index and spot of each visible point."""
 
-    def trace_one(task: Task) -> tuple[Task, SensorCrop]:
+    def trace_one(task: RayTask) -> tuple[RayTask, SensorCrop]:
         return task, _trace_crop(record, task, seed)
 
     results = run_in_order(trace_one, tasks, threads=threads)

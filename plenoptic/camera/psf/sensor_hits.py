@@ -135,7 +135,7 @@ class ForwardRecord(NamedTuple):
         return self.response is not None or any(part.site in BETWEEN for part in self.dust)
 
 
-class Task(NamedTuple):
+class RayTask(NamedTuple):
     """Rays first ... first + n - 1 of a replicate of a point, aimed at a polygon of the entrance plane."""
 
     point: Floats
@@ -239,7 +239,7 @@ def in_lens_axes(record: ForwardRecord, points: Floats) -> Floats:
     return in_lens
 
 
-def ray_tasks(record: ForwardRecord, points: Floats, replicates: int, rays_per_replicate: int) -> list[Task]:
+def ray_tasks(record: ForwardRecord, points: Floats, replicates: int, rays_per_replicate: int) -> list[RayTask]:
     """Tasks for points (n, 3) in the lens's axes, in the order of points, replicates and rays.
 
     Points outside the field have no tasks.
@@ -251,14 +251,14 @@ def ray_tasks(record: ForwardRecord, points: Floats, replicates: int, rays_per_r
             continue
         polygon = np.ascontiguousarray(corners.T)
         tasks += [
-            Task(point, polygon, number, replicate, first, min(CHUNK, rays_per_replicate - first))
+            RayTask(point, polygon, number, replicate, first, min(CHUNK, rays_per_replicate - first))
             for replicate in range(replicates)
             for first in range(0, rays_per_replicate, CHUNK)
         ]
     return tasks
 
 
-def trace_task(record: ForwardRecord, task: Task, seed: np.uint64) -> LandedRays:
+def trace_task(record: ForwardRecord, task: RayTask, seed: np.uint64) -> LandedRays:
     """Trace one task through all stages: a pure function of its arguments."""
     from plenoptic.camera.psf.kernels import source_rays
     from plenoptic.core.kernels.bundles import fill_status_counts

@@ -42,7 +42,7 @@ _QUADRATIC, _LINEAR = 6, 3
 """Terms of the fitted functions."""
 
 
-class Samples(NamedTuple):
+class ViewSamples(NamedTuple):
     """Samples of pictures from any viewpoint."""
 
     rays: PixelRays
@@ -146,7 +146,7 @@ def render_view(  # noqa: PLR0913
         return render_from_viewpoint(samples, pupil_point, radius, thread_count(threads))
 
 
-def render_from_viewpoint(samples: Samples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
+def render_from_viewpoint(samples: ViewSamples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
     """The view from a point of the pupil, from pixels whose rays pass within an aperture around it."""
     rays, splats, grid, terms = samples
     camera, array, slope = rays.camera, rays.array, rays.pupil.slope
@@ -223,7 +223,7 @@ def _disparities_of_plane(rays: PixelRays, z: float) -> Floats:
     return rays.to_sensor / behind
 
 
-def picture_samples(rays: PixelRays, disparity: Floats, everywhere: bool, pixel_spacing: float | None) -> Samples:
+def picture_samples(rays: PixelRays, disparity: Floats, everywhere: bool, pixel_spacing: float | None) -> ViewSamples:
     """Rays as samples of pictures, see `picture_focus`; their positions and density depend on the viewpoint."""
     pupil, raw, pitch = rays.pupil, rays.raw, min(rays.array.pitches)
     spacing = pitch / _PIXELS_PER_PITCH if pixel_spacing is None else length_in_mm(pixel_spacing, "spacing")
@@ -258,4 +258,4 @@ def picture_samples(rays: PixelRays, disparity: Floats, everywhere: bool, pixel_
         radiance=radiance,
         variance=variance,
     )
-    return Samples(rays, splats, grid_of(rays, spacing), _QUADRATIC if everywhere else _LINEAR)
+    return ViewSamples(rays, splats, grid_of(rays, spacing), _QUADRATIC if everywhere else _LINEAR)

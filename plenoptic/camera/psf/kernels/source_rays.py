@@ -17,7 +17,7 @@ from plenoptic.optics.diffraction.kernels.far_field import sample_deflection
 
 @kernel
 def fill_source_rays(blocks, start, n, seed, task, z, ideal, facing):
-    """Sample rays start ... start + n - 1 of a `Task` from its point to its polygon on the plane z.
+    """Sample rays start ... start + n - 1 of a `RayTask` from its point to its polygon on the plane z.
 
     WEIGHT is the projected solid angle of a single ray, area cos^4 / height^2; before an `ideal` lens it is
     du dv = area / height^2 (see `microlens.kernels.to_sensor`). Both are for a source whose normal is the z-axis;
@@ -48,7 +48,7 @@ def fill_source_rays(blocks, start, n, seed, task, z, ideal, facing):
 
 @kernel
 def fill_deflections(blocks, start, n, seed, task, deflection):
-    """Displace rays start ... start + n - 1 of a `Task` on the sensor by diffraction at their microlenses."""
+    """Displace rays start ... start + n - 1 of a `RayTask` on the sensor by diffraction at their microlenses."""
     key = set_key(stream(seed, task.number, task.replicate), DEFLECTION_SET)
     to_sensor_axes = deflection.to_sensor_axes
     for k in range(n):
@@ -62,7 +62,7 @@ def fill_deflections(blocks, start, n, seed, task, deflection):
 
 @kernel
 def fill_iris_deflections(blocks, start, n, seed, task, iris):
-    """Deflect rays start ... start + n - 1 of a `Task` at the entrance pupil."""
+    """Deflect rays start ... start + n - 1 of a `RayTask` at the entrance pupil."""
     key = set_key(stream(seed, task.number, task.replicate), DEFLECTION_SET)
     wavelength = iris.wavelengths[0]
     for k in range(n):
