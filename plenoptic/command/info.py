@@ -68,7 +68,7 @@ def _lines(content: Any) -> list[str]:
     from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.lightfield.views import LightField
     from plenoptic.optics.lens.stack import LensStack
-    from plenoptic.package.contents import Package
+    from plenoptic.package.reading import Package
     from plenoptic.rendering.exposure import Exposure
     from plenoptic.scene.files.load import FileContents
 
@@ -92,7 +92,7 @@ def _lines(content: Any) -> list[str]:
 def _store_lines(path: Path) -> list[str]:
     """Arrays and metadata of a store; no pixel is read."""
     from plenoptic.core.files.serialization import fields_from_metadata
-    from plenoptic.core.files.zarr_reading import attributes_of, summarize_store
+    from plenoptic.core.files.zarr_files import attributes_of, summarize_store
 
     arrays, size = summarize_store(path)
     metadata = fields_from_metadata(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))

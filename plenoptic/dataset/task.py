@@ -15,7 +15,7 @@ from plenoptic.core.files.digest import digest
 from plenoptic.core.files.serialization import to_tree
 from plenoptic.core.files.zarr_files import CHUNK
 from plenoptic.core.values import Floats, check_kind, seed_number, wrong_kind
-from plenoptic.dataset.reading import NAME
+from plenoptic.dataset.contents import NAME
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.schedule.identity import identity
 from plenoptic.rendering.settings import RenderSettings

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -25,12 +26,12 @@ from plenoptic.core.files.atomic_file import (
 from plenoptic.core.files.digest import bytes_of
 from plenoptic.core.files.zarr_files import Store, zarr_module
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import DELAY, Poller, load_tqdm
+from plenoptic.core.progress.compiling import compiling_text
 from plenoptic.core.values import check_kind, flag, seed_number
-from plenoptic.dataset.bar import FrameBar
 from plenoptic.dataset.contents import LOG, DataSet
 from plenoptic.dataset.journal import KEPT, Journal
-from plenoptic.dataset.sheet import write_contact_sheet
-from plenoptic.dataset.tables import statistics_of, versions, write_manifest, write_statistics
+from plenoptic.dataset.tables import statistics_of, versions, write_contact_sheet, write_manifest, write_statistics
 from plenoptic.dataset.task import (
     Frames,
     Taking,
@@ -43,11 +44,11 @@ from plenoptic.dataset.task import (
     times_of,
 )
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.exposure_files import MOTION_NAMES, create_store, layout_of
 from plenoptic.rendering.exposure_metadata import pixels_of
 from plenoptic.rendering.render import render
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.settings import RenderSettings
-from plenoptic.rendering.stores import MOTION_NAMES, create_store, layout_of
 from plenoptic.sequences.point_motion import motion_truth
 from plenoptic.sequences.sequence import Frame, Sequence
 from plenoptic.truth.channels import Truth
@@ -145,15 +146,8 @@ def write(  # noqa: PLR0913
     check_kind(settings, "settings", RenderSettings, "pl.rendering.RenderSettings(max_bounces=2)")
     thread_count(threads)
     cluster_of(client, threads)
-    taking = Taking(
-        budget.samples,
-        budget.target_error,
-        budget.replicates,
-        valid_truth(truth),
-        flag(motion, "motion"),
-        seed_number(seed),
-        settings,
-    )
+    shared = (budget.samples, budget.target_error, budget.replicates)
+    taking = Taking(*shared, valid_truth(truth), flag(motion, "motion"), seed_number(seed), settings)
     sequences, show_bar = named_cameras(sequence, cameras), flag(progress, "progress")
     target = _folder(folder)
     with claim_folder(target):
@@ -180,6 +174,17 @@ def _folder(folder: str | os.PathLike[str]) -> Path:
     return target
 
 
+@contextmanager
+def _frame_bar(total: int, *, show: bool) -> Iterator[Any]:
+    """Context manager of a bar over all tasks, with the time left; None if it is not to be shown."""
+    if not show:
+        yield None
+        return
+    bar = load_tqdm()(total=total, unit="part")
+    with bar, Poller(lambda: bar.set_postfix_str(compiling_text("scene", after=DELAY))):
+        yield bar
+
+
 class _Writer:
     """Writer of missing frames."""
 
@@ -195,20 +200,23 @@ class _Writer:
         """Until all is there, or Ctrl-C."""
         tasks = list(tasks_of(self._sequences, motion=self._taking.motion))
         frames: dict[int, dict[str, Frame]] = {}
-        with FrameBar(len(tasks), show=show) as bar:
+        with _frame_bar(len(tasks), show=show) as bar:
             for task in tasks:
                 frames = {k: frames.get(k) or self._frames(k) for k in task.frames}
                 task_frames = [frames[k][task.camera] for k in task.frames]
                 inputs = inputs_of(*task_frames)
                 if self._is_kept(task, task_frames[0].camera, self._journal.of(task, inputs)):
-                    bar.kept()
+                    if bar is not None and not bar.disable:  # the time left is that of tasks to be done
+                        bar.initial += 1
+                        bar.n += 1
                     continue
                 result = self._image(task, *task_frames) if task.image else self._motion(task, *task_frames)
                 if result is None:
                     break
                 self._keep(task, inputs, *result)
                 del result  # before the next one takes memory
-                bar.done()
+                if bar is not None:
+                    bar.update()
 
     def _is_kept(self, task: Task, camera: PlenopticCamera, noted: Mapping[str, Any] | None) -> bool:
         """True if a task is recorded, and its chunks have not been removed since."""
@@ -240,22 +248,16 @@ class _Writer:
     def _image(self, task: Task, frame: Frame) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
         """Render; None where that was interrupted."""
         taking, (rows, columns), (first, end) = self._taking, frame.camera.sensor.shape, task.rows
-        about, settings = {**described_frame(frame), "versions": versions()}, taking.settings
+        about = {**described_frame(frame), "versions": versions()}
         paths = (end - first) * columns * (taking.samples or _USUAL)
         seed = frame_seed(taking.seed, task.frame, list(self._sequences).index(task.camera))
         shot = render(
             frame.scene,
             frame.camera,
-            samples=taking.samples,
-            target_error=taking.target_error,
+            **{name: getattr(taking, name) for name in ("samples", "target_error", "replicates", "truth")},
+            **vars(taking.settings),
             region=None if (first, end) == (0, rows) else np.s_[first:end, :],
             seed=seed,
-            replicates=taking.replicates,
-            sampler=settings.sampler,
-            max_bounces=settings.max_bounces,
-            caustics=settings.caustics,
-            clamp=settings.clamp,
-            truth=taking.truth,
             checkpoint=self._checkpoint(task) if paths >= _LONG else None,
             progress=False,
             **self._workers,

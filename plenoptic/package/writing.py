@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import io
 import os
 import platform
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +17,11 @@ import numpy as np
 from plenoptic import __version__
 from plenoptic.camera.assembly import assembly, rigid
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
+from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files import images
 from plenoptic.core.files.atomic_file import replace_file, replace_folder, write_file, write_json
+from plenoptic.core.files.npz_files import write_npz
 from plenoptic.core.files.value_files import save_value
 from plenoptic.core.values import check_kind, file_path, seed_number
 from plenoptic.errors import FileError, InvalidValueError
@@ -29,7 +29,7 @@ from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise
 from plenoptic.package.calibration import calibration_points, targets_of
-from plenoptic.package.contents import CAMERA, POINTS, PROVENANCE, PROVENANCE_FORMAT, TRUTH, centre_arrays, centre_table
+from plenoptic.package.reading import CAMERA, POINTS, PROVENANCE, PROVENANCE_FORMAT, TRUTH, centre_arrays, centre_table
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.scene.shapes.targets.target import Target
@@ -104,19 +104,14 @@ def write(
     model = _quiet_sensor(exposure) if sensor is None else sensor
     check_kind(model, "sensor", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     zipped = target.suffix.lower() == ".zip"
-    if target.suffix.lower() in _OF_FILES:
-        raise FileError(f"{str(target)!r} ends in {target.suffix}; a package is a folder, or a file that ends in .zip")
-    if zipped and target.is_file() and not _holds_package(target):
-        raise FileError(f"the file {str(target)!r} is something else than a package; choose a new name")
-    if not zipped:
-        _check_replaceable(target)
+    _check_replaceable(target, zipped=zipped)
     with tempfile.TemporaryDirectory() if zipped else replace_folder(target) as location:
         folder = Path(location)
         _fill(folder, exposure, white, tuple(other_whites), model, seed)
         _describe(folder, camera)
         if listed := targets_of(targets):
             write_file(folder / POINTS, calibration_points(camera, listed, scene=scene).to_csv().encode("ascii"))
-        _sign(folder, exposure, None if scene is None else str(_plan(exposure, scene, camera)))
+        _sign(folder, exposure, None if scene is None else str(_plan(exposure, scene, camera)).splitlines())
         if zipped:
             _zip(folder, target)
 
@@ -177,22 +172,18 @@ def _fill(
     if exposure.truth is not None:
         note = {"plenoptic:note": file_comment(exposure.truth)}
         images.write_channels(folder / "truth.exr", file_planes(exposure.truth), note)
-        write_file(folder / TRUTH, _npz(exposure.truth.arrays()))
+        write_npz(folder / TRUTH, exposure.truth.arrays())
 
 
 def _describe(folder: Path, camera: PlenopticCamera) -> None:
     """The camera and the centres of its microlens images."""
     save_value(camera, folder / CAMERA, about=_about(camera))
-    if centres := _centres(camera):
-        arrays = centre_arrays(centres)
-        write_file(folder / "centres.npz", _npz(arrays))
+    if camera.microlenses is not None:
+        walls = camera.microlenses.walls is Walls.OPAQUE
+        methods = [method for method in CentreMethod if not (walls and method is CentreMethod.CENTROID)]
+        arrays = centre_arrays({method: microlens_centres(camera, method) for method in methods})
+        write_npz(folder / "centres.npz", arrays)
         write_file(folder / "centres.csv", centre_table(arrays).encode("ascii"))
-
-
-def _npz(arrays: Mapping[str, Any]) -> bytes:
-    file = io.BytesIO()
-    np.savez_compressed(file, **arrays)
-    return file.getvalue()
 
 
 def _white_name(white: Exposure, taken: Any) -> str:
@@ -202,14 +193,6 @@ def _white_name(white: Exposure, taken: Any) -> str:
     while name in taken:
         name, number = f"{base}_{number}", number + 1
     return name
-
-
-def _centres(camera: PlenopticCamera) -> dict[CentreMethod, MicrolensCentres]:
-    if camera.microlenses is None:
-        return {}
-    walls = camera.microlenses.walls is Walls.OPAQUE
-    methods = [method for method in CentreMethod if not (walls and method is CentreMethod.CENTROID)]
-    return {method: microlens_centres(camera, method) for method in methods}
 
 
 def _about(camera: PlenopticCamera) -> dict[str, Any]:
@@ -251,49 +234,42 @@ def _plan(exposure: Exposure, scene: Scene, camera: PlenopticCamera) -> Any:
     return plan(scene, camera, samples=exposure.samples or 1, replicates=exposure.replicates or 1, **options)
 
 
-def _sign(folder: Path, exposure: Exposure, planned: str | None) -> None:
-    """Write down where everything comes from, with the hash of every file."""
-    files = {file.name: _hash(file) for file in sorted(folder.iterdir())}
-    said = {
+def _sign(folder: Path, exposure: Exposure, plan_lines: list[str] | None) -> None:
+    """Write the provenance: versions, seed, samples, error, plan, and the hash of every file."""
+    files, error = {}, exposure.relative_error
+    for path in sorted(folder.iterdir()):
+        with open(path, "rb") as file:
+            files[path.name] = hashlib.file_digest(file, "sha256").hexdigest()
+    content = {
         "format": PROVENANCE_FORMAT,
         "versions": {"plenoptic": __version__, "numpy": np.__version__, "python": platform.python_version()},
         "seed": exposure.seed,
         "samples": exposure.samples,
         "replicates": exposure.replicates,
-        "relative_error": _finite(exposure.relative_error),
-        "plan": None if planned is None else planned.splitlines(),
+        "relative_error": error if error is not None and np.isfinite(error) else None,
+        "plan": plan_lines,
         "files": files,
     }
-    write_json(folder / PROVENANCE, said)
+    write_json(folder / PROVENANCE, content)
 
 
-def _finite(number: float | None) -> float | None:
-    return number if number is not None and np.isfinite(number) else None
-
-
-def _hash(file: Path) -> str:
-    sha = hashlib.sha256()
-    with open(file, "rb") as opened:
-        while part := opened.read(1 << 20):
-            sha.update(part)
-    return sha.hexdigest()
-
-
-def _check_replaceable(folder: Path) -> None:
-    if not folder.exists() and not folder.is_symlink():
-        return
-    if not folder.is_dir() or folder.is_symlink():
-        raise FileError(f"{str(folder)!r} is no folder; choose another name, or one that ends in .zip")
-    if not (folder / PROVENANCE).is_file() and any(folder.iterdir()):
-        raise FileError(f"the folder {str(folder)!r} holds something else than a package; choose a new one")
-
-
-def _holds_package(file: Path) -> bool:
-    try:
-        with zipfile.ZipFile(file) as archive:
-            return PROVENANCE in archive.namelist()
-    except (OSError, zipfile.BadZipFile):
-        return False
+def _check_replaceable(target: Path, *, zipped: bool) -> None:
+    """Raise FileError if the target is something else than a package."""
+    if target.suffix.lower() in _OF_FILES:
+        raise FileError(f"{str(target)!r} ends in {target.suffix}; a package is a folder, or a file that ends in .zip")
+    if zipped and target.is_file():
+        try:
+            with zipfile.ZipFile(target) as archive:
+                is_package = PROVENANCE in archive.namelist()
+        except (OSError, zipfile.BadZipFile):
+            is_package = False
+        if not is_package:
+            raise FileError(f"the file {str(target)!r} is something else than a package; choose a new name")
+    elif not zipped and (target.exists() or target.is_symlink()):
+        if not target.is_dir() or target.is_symlink():
+            raise FileError(f"{str(target)!r} is no folder; choose another name, or one that ends in .zip")
+        if not (target / PROVENANCE).is_file() and any(target.iterdir()):
+            raise FileError(f"the folder {str(target)!r} holds something else than a package; choose a new one")
 
 
 def _zip(folder: Path, target: Path) -> None:

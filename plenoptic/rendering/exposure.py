@@ -261,7 +261,7 @@ class Exposure:
         ...     pl.Exposure.load(path) == shot
         True
         """
-        from plenoptic.rendering import exposure_files, stores
+        from plenoptic.rendering import exposure_files
 
         ending = exposure_files.checked_ending(path)
         if ending in (".exr", ".zarr"):
@@ -269,7 +269,7 @@ class Exposure:
                 raise InvalidValueError(
                     f"scale is {scale:g}, but {ending} files keep the values as they are; leave it out"
                 )
-            (stores.save_store if ending == ".zarr" else exposure_files.save_exr)(self, path)
+            (exposure_files.save_store if ending == ".zarr" else exposure_files.save_exr)(self, path)
         else:
             exposure_files.save_16bit(self, path, scale, linear=ending != ".png")
 
@@ -290,11 +290,11 @@ class Exposure:
         --------
         See `save`.
         """
-        from plenoptic.rendering import exposure_files, stores
+        from plenoptic.rendering import exposure_files
 
         stored = file_path(path).suffix.lower() == ".zarr"
         with impossible_as_file_error(path):
-            return cls(**(stores.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
+            return cls(**(exposure_files.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
 
     def to_xarray(self) -> xarray.Dataset:
         """The exposure as an xarray dataset, with units and coordinates: rows and columns, mm on the sensor, channels.
@@ -313,7 +313,7 @@ class Exposure:
         >>> float(data.image.sel(row=1, column=2, channel="R"))
         1.0
         """
-        from plenoptic.rendering.stores import dataset_of
+        from plenoptic.rendering.exposure_files import dataset_of
 
         return dataset_of(self)
 

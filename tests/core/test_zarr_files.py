@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.core.files.zarr_files import Store, Variable
-from plenoptic.core.files.zarr_reading import attributes_of, read_arrays
+from plenoptic.core.files.zarr_files import Store, Variable, attributes_of, read_arrays
 
 xarray = pytest.importorskip("xarray", reason="the extra `zarr` installs it")
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")

@@ -2,12 +2,16 @@
 
 A store is a group of version 3 of the format. Its arrays name their dimensions and its attributes name the coordinates,
 so that `xarray.open_zarr` opens the whole store. Chunks are compressed without loss (Blosc with byte shuffle, then
-zstd), and each has a checksum.
+zstd), and each has a checksum. Parts of a store are read by xarray, whole stores and frames here: a store may be
+untrusted, and is checked as files are.
 """
 
 from __future__ import annotations
 
+import json
+import math
 import os
+import stat
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.files.atomic_file import check_folder, sync_files, translate_errors
 from plenoptic.core.files.extras import extra_package
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, read_file
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import file_path, frozen_array, plain_array, whole
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
@@ -30,6 +35,14 @@ EXTRA = "zarr xarray"
 FRAME, ROW, COLUMN = "frame", "row", "column"
 _LEVEL = 3
 """Compression level of zstd: higher ones hardly shrink images."""
+METADATA = "zarr.json"
+"""Metadata file of a store, by which a folder is recognised as one."""
+_CODECS = {"bytes", "transpose", "blosc", "zstd", "gzip", "crc32c"}
+"""Codecs of arrays that are read: those of the format itself."""
+ANY_SIZE = FileLimits(file_size=1 << 62)
+"""Limits for stores of which a part is read."""
+_AT_ONCE = 10
+"""Chunks that zarr reads at a time."""
 Region = tuple[int, int, int, int]
 """First row, end row, first column, end column."""
 
@@ -55,6 +68,11 @@ class Variable(NamedTuple):
         return {"long_name": self.meaning, **({"units": self.unit} if self.unit else {}), **self.more}
 
 
+def coordinate(dimension: str, values: NDArray[Any], meaning: str, unit: str = "1") -> Variable:
+    """Coordinate along a dimension."""
+    return Variable((dimension,), values.shape, values.dtype, 0, meaning, unit, {}, values)
+
+
 class Store:
     """A store that is written region by region; other processes open the same one by `Store(path)`.
 
@@ -67,9 +85,7 @@ class Store:
         self._open()
 
     def _open(self) -> None:
-        with translate_zarr_errors(self.path, "written"):
-            self._group = zarr_module().open_group(self.path, mode="r+", zarr_format=3, use_consolidated=False)
-            arrays = dict(self._group.arrays())
+        self._group, arrays = _open_group(self.path, mode="r+")
         self._arrays = {name: array for name, array in arrays.items() if {ROW, COLUMN} <= {*dimensions_of(array)}}
         if not self._arrays:
             raise FileError(f"{str(self.path)!r} holds no pixels; make a new store")
@@ -141,7 +157,7 @@ class Store:
     def finish(self, names: Collection[str], attributes: Mapping[str, Any]) -> None:
         """Set further attributes, and delete arrays of pixels that are not in `names`; nobody else may write then."""
         with translate_zarr_errors(self.path, "written"):
-            for name in sorted({*self._arrays} - {*names}):
+            for name in self._arrays.keys() - {*names}:
                 del self._group[name], self._arrays[name]
             self._group.attrs.update(attributes)
             _consolidate(self._group)
@@ -163,18 +179,17 @@ class Store:
         checked = {name: self._check(name, values, region) for name, values in arrays.items()}
         self._check_frame(frame)
         leading = () if frame is None else (frame,)
-        blocks = [(name, block) for name in checked for block in _blocks(region)]
+        chunks = [(name, block) for name in checked for block in _blocks(region)]
 
-        def write(task: tuple[str, Region]) -> None:
-            name, (row, end_row, column, end_column) = task
+        def write(chunk: tuple[str, Region]) -> None:
+            name, (row, end_row, column, end_column) = chunk
             target = self._arrays[name]
             part = checked[name][row - region[0] : end_row - region[0], column - region[2] : end_column - region[2]]
-            chunk = frozen_array(part, name=name, shape=part.shape, dtype=target.dtype)
-            target[(*leading, slice(row, end_row), slice(column, end_column))] = chunk
+            values = frozen_array(part, name=name, shape=part.shape, dtype=target.dtype)
+            target[(*leading, slice(row, end_row), slice(column, end_column))] = values
 
         with translate_zarr_errors(self.path, "written"):
-            for _ in run_in_order(write, blocks, threads=min(thread_count(None), len(blocks))):
-                pass
+            list(run_in_order(write, chunks, threads=min(thread_count(None), len(chunks))))
 
     def _check(self, name: str, values: ArrayLike, region: Region) -> NDArray[Any]:
         """The values as an array of pixels, or an error if name, region or shape do not fit the store."""
@@ -190,12 +205,10 @@ class Store:
 
     def _check_frame(self, frame: int | None) -> None:
         n_frames = self.frames
-        if frame is None or n_frames is None:
-            if frame is not None or n_frames is not None:
-                is_one = "no sequence" if n_frames is None else "a sequence"
-                raise InvalidValueError(f"frame is {frame}, and {str(self.path)!r} is {is_one}")
-            return
-        if whole(frame, "frame", at_least=0) >= n_frames:
+        if (frame is None) != (n_frames is None):
+            is_one = "no sequence" if n_frames is None else "a sequence"
+            raise InvalidValueError(f"frame is {frame}, and {str(self.path)!r} is {is_one}")
+        if frame is not None and whole(frame, "frame", at_least=0) >= (n_frames or 0):
             self._open()  # another worker may have extended it
             if frame >= (self.frames or 0):
                 raise InvalidValueError(f"frame is {frame}; the sequence has {self.frames} frames: extend it first")
@@ -209,6 +222,7 @@ def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None
     chunk_sizes = {FRAME: 1, ROW: CHUNK, COLUMN: CHUNK} if variable.values is None else {}
     text = np.dtype(variable.dtype).kind == "U"
     codecs = zarr_module("zarr.codecs")
+    packed = [codecs.BloscCodec(cname="zstd", clevel=_LEVEL, shuffle="shuffle"), codecs.Crc32cCodec()]
     array = group.create_array(
         name,
         shape=shape,
@@ -217,9 +231,7 @@ def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None
         fill_value="" if text else variable.fill,
         dimension_names=dimensions,
         attributes=variable.attributes,
-        compressors="auto"
-        if text
-        else [codecs.BloscCodec(cname="zstd", clevel=_LEVEL, shuffle="shuffle"), codecs.Crc32cCodec()],
+        compressors="auto" if text else packed,
         config={"write_empty_chunks": True},  # so that a chunk exists if and only if it has been written
     )
     if variable.values is not None:
@@ -280,11 +292,109 @@ def translate_zarr_errors(folder: Path, what: str) -> Iterator[None]:
         except Exception as error:  # zarr and its codecs raise errors of many kinds
             reason = " ".join(str(error).split()) or type(error).__name__
             raise FileError(
-                f"{str(folder)!r} cannot be {what} as a zarr store: {reason}; restore it from its origin, should it be "
-                "damaged"
+                f"{str(folder)!r} cannot be {what} as a zarr store: {reason}; if it is damaged, restore it"
             ) from error
 
 
 def zarr_module(name: str = "zarr") -> Any:
     """Module of the package zarr, or an error that says how to install it."""
     return extra_package(name, "a store that ends in .zarr", EXTRA)
+
+
+def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Attributes of a store of any origin; None if a folder or file is no store."""
+    file = file_path(path) / METADATA
+    if not file.is_file():
+        return None
+    try:
+        content = json.loads(read_file(file))
+        return dict(content["attributes"]) if content["node_type"] == "group" else None
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return None
+
+
+def summarize_store(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
+    """A line of text for each array of pixels, by name, and the size of the store on the disk in bytes."""
+    folder = file_path(path)
+    size, lines = _size(folder, ANY_SIZE), {}
+    for name, array in _open_group(folder)[1].items():
+        if array.ndim > 1:  # others are coordinates
+            sides = ", ".join(f"{side} {n}" for side, n in zip(dimensions_of(array), array.shape, strict=True))
+            about = ", ".join(str(array.attrs[key]) for key in ("units", "long_name") if key in array.attrs)
+            lines[name] = f"({sides}) {array.dtype}{about and ', ' + about.removeprefix('1, ')}"
+    return lines, size
+
+
+def array_shapes(path: str | os.PathLike[str], names: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
+    """Shapes of those of the named arrays that a store has; no pixel is read."""
+    _, arrays = _open_group(file_path(path))
+    return {name: tuple(arrays[name].shape) for name in names if name in arrays}
+
+
+def read_arrays(
+    path: str | os.PathLike[str],
+    names: tuple[str, ...],
+    limits: FileLimits = DEFAULT,
+    *,
+    frame: int | None = None,
+    rows: slice = slice(None),
+) -> dict[str, NDArray[Any]]:
+    """Those of the named arrays that a store has: a frame of a sequence, or some rows of a single exposure.
+
+    FileError if they cannot be read, or a frame lacks one.
+    """
+    folder = file_path(path)
+    arrays = {name: array for name, array in _open_group(folder)[1].items() if name in names}
+    if frame is not None and (missing := sorted({*names} - arrays.keys())):
+        raise FileError(f"{str(folder)!r} has no array {', '.join(missing)}; restore it from its origin")
+    parts = [folder] if frame is None else [folder / name / "c" / str(frame) for name in arrays]
+    size, nbytes = sum(_size(part, limits) for part in parts), 0
+    with translate_zarr_errors(folder, "read"):
+        for name, array in arrays.items():
+            codecs = {codec["name"] for codec in array.metadata.to_dict()["codecs"]}
+            if not codecs <= _CODECS or array.dtype.kind not in "biuf":
+                raise FileError(
+                    f"{str(folder / name)!r} is packed by {', '.join(sorted(codecs))}; that is not read here"
+                )
+            first = len(range(*rows.indices(array.shape[0]))) if frame is None else 1
+            numbers = first * math.prod(array.shape[1:]) + math.prod(array.chunks) * _AT_ONCE
+            nbytes += numbers * array.dtype.itemsize
+        check_memory(2 * nbytes, repr(str(folder)), size, limits)  # an exposure copies its arrays
+        if frame is not None:
+            for name, array in arrays.items():
+                _check_chunks(folder / name, array, frame)
+        return {name: np.asarray(array[rows if frame is None else frame]) for name, array in arrays.items()}
+
+
+def _check_chunks(folder: Path, array: Any, frame: int) -> None:
+    """Raise an error if a chunk of a frame is missing: zarr would silently fill it with nan."""
+    for index in np.ndindex(*(-(-n // chunk) for n, chunk in zip(array.shape[1:], array.chunks[1:], strict=True))):
+        key = array.metadata.encode_chunk_key((frame, *index))
+        if not (folder / key).is_file():
+            raise FileError(f"{str(folder / key)!r} is missing; restore it, or call `dataset.write` to render it again")
+
+
+def _open_group(folder: Path, *, mode: str = "r") -> tuple[Any, dict[str, Any]]:
+    """Group of a store, and its arrays by name; an error if one cannot be opened, which zarr would skip."""
+    with translate_zarr_errors(folder, "read"):
+        group = zarr_module().open_group(folder, mode=mode, zarr_format=3, use_consolidated=False)
+        names = sorted(entry.name for entry in folder.iterdir() if (entry / METADATA).is_file())
+        items = {name: group[name] for name in names}
+        return group, {name: item for name, item in items.items() if isinstance(item, zarr_module().Array)}
+
+
+def _size(folder: Path, limits: FileLimits) -> int:
+    """Total bytes of all files; an error if one is no ordinary file, or they exceed the limit."""
+    total = 0
+    with translate_errors(folder, "read"):
+        for path in folder.rglob("*"):
+            status = path.lstat()
+            if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+                raise FileError(f"{str(path)!r} is no ordinary file; a store holds no links")
+            total += status.st_size if stat.S_ISREG(status.st_mode) else 0
+    if total > limits.file_size:
+        raise FileError(
+            f"{str(folder)!r} has {total} bytes; the limit is {limits.file_size}: raise it by "
+            "limits=pl.images.FileLimits(file_size=...), or open it a part at a time by xarray.open_zarr"
+        )
+    return total

@@ -1,60 +1,30 @@
-"""Parts to be merged: exposures in memory, files that are loaded on demand, and stores that are read by rows."""
+"""Parts to be merged: files that are loaded on demand, and stores that are read by rows."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
 
 from plenoptic.errors import FileError
 from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.exposure_files import metadata_of_store, rows_of_store
 from plenoptic.rendering.exposure_metadata import ExposureMetadata, metadata_of, pixels_of
-from plenoptic.rendering.stores import metadata_of_store, rows_of_store
 
 Arrays = Mapping[str, NDArray[Any]]
 
 
-class Part(Protocol):
-    """One of the merged exposures; rows are requested from top to bottom."""
-
-    @property
-    def name(self) -> str:
-        """Name in error messages."""
-        ...
-
-    @property
-    def metadata(self) -> ExposureMetadata:
-        """Metadata of the exposure."""
-        ...
-
-    def rows(self, first: int, end: int) -> Arrays:
-        """Arrays of rows that count from the part's first one."""
-        ...
-
-
-class MemoryPart:
-    """An exposure in memory."""
-
-    def __init__(self, name: str, exposure: Exposure) -> None:
-        self.name, self.metadata = name, metadata_of(exposure)
-        self._arrays = pixels_of(exposure)
-
-    def rows(self, first: int, end: int) -> Arrays:
-        """Views of the arrays."""
-        return {name: array[first:end] for name, array in self._arrays.items()}
-
-
 class FilePart:
-    """A file that is loaded when its first rows are requested, and released after the last ones."""
+    """An exposure that is loaded when its first rows are requested, and released after the last ones."""
 
     def __init__(self, name: str, metadata: ExposureMetadata, load: Callable[[], Exposure]) -> None:
         self.name, self.metadata = name, metadata
         self._load, self._arrays = load, dict[str, NDArray[Any]]()
 
     def rows(self, first: int, end: int) -> Arrays:
-        """Views of the arrays; raises FileError if the file has changed since its metadata were read."""
+        """Views of rows, requested from top to bottom; FileError if the file has changed since `metadata` was read."""
         if not self._arrays:
             exposure = self._load()
             if metadata_of(exposure) != self.metadata:
@@ -75,3 +45,11 @@ class StorePart:
     def rows(self, first: int, end: int) -> Arrays:
         """Read rows from the disk."""
         return pixels_of(rows_of_store(self.name, self.metadata, first, end))
+
+
+Part: TypeAlias = FilePart | StorePart
+
+
+def memory_part(name: str, exposure: Exposure) -> FilePart:
+    """An exposure in memory."""
+    return FilePart(name, metadata_of(exposure), lambda: exposure)
