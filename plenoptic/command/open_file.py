@@ -143,7 +143,7 @@ def _open_image(path: Path) -> OpenFile:
 
 def _open_json(path: Path) -> OpenFile:
     from plenoptic.core.files.file_limits import read_file
-    from plenoptic.core.files.value_files import FORMAT, load_value
+    from plenoptic.core.files.serialization import FORMAT, load_value
     from plenoptic.optics.lens.files.library import load_lens
 
     try:

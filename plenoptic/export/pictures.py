@@ -62,20 +62,6 @@ def write_pfm(path: Path, plane: NDArray[np.floating[Any]]) -> None:
     write_file(path, head + np.ascontiguousarray(plane[::-1], dtype="<f4").tobytes())
 
 
-def read_pfm(path: Path, content: bytes) -> NDArray[np.float32]:
-    """The plane of a portable float map of one channel, the highest row first."""
-    parts = content.split(b"\n", 3)
-    try:
-        (kind, size, order), data = (part.strip() for part in parts[:3]), parts[3]
-        columns, rows = map(int, size.split())
-        if kind != b"Pf" or rows < 1 or columns < 1:
-            raise ValueError("it is not of one channel")
-        plane = np.frombuffer(data, dtype="<f4" if float(order) < 0 else ">f4", count=rows * columns)
-    except (ValueError, IndexError) as error:
-        raise FileError(f"{str(path)!r} is no portable float map: {error}") from None
-    return plane.reshape(rows, columns)[::-1].astype(np.float32)
-
-
 def write_readme(folder: Path, program: str, how: str, cannot: str, more: Mapping[str, Any] | None = None) -> None:
     """Write instructions for starting the program, with the limits of its knowledge."""
     lines = [f"For {program}, by plenoptic {__version__}.", "", how, "", f"What it cannot express: {cannot}"]

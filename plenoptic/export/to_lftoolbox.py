@@ -33,21 +33,10 @@ def lftoolbox(
 
     Parameters
     ----------
-    folder : path-like
-        Is made where it is missing; files of the same name are replaced.
-    shot, white : Exposure
-        Of the same pixels, `shot` with its camera.
-    name : str, optional
-        Of the files.
+    folder, shot, white, name
+        As for `plenopticam`, with the same errors.
     views : int, optional
         As in `pl.lightfield.decode`.
-
-    Raises
-    ------
-    InvalidValueError
-        Without microlenses on a lattice, or where the white image has other pixels.
-    FileError
-        Where a file cannot be written.
 
     Notes
     -----

@@ -111,17 +111,8 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
 
     Parameters
     ----------
-    folder : path-like
-        Is made where it is missing; files of the same name are replaced.
-    shot, white : Exposure
-        As in `napari_lf`, with the sensor in the focal plane of the microlenses.
-
-    Raises
-    ------
-    InvalidValueError
-        For other lattices, several focal lengths, or without a plane in focus.
-    FileError
-        Where a file cannot be written.
+    folder, shot, white
+        As for `napari_lf`, with the same errors; with the sensor in the focal plane of the microlenses.
 
     Notes
     -----

@@ -5,13 +5,13 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.files.atomic_file import write_file, write_json
-from plenoptic.core.values import Floats, check_kind
+from plenoptic.core.files.npz_files import write_npz
+from plenoptic.core.values import check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.pictures import folder_at, write_readme
 from plenoptic.wave.spread_stack import WaveSpreadStack
@@ -101,11 +101,11 @@ def pyolaf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -> N
     patterns = np.zeros((across, across, depths, *parts.shape[-2:]), np.float32)
     for depth, i, j in np.ndindex(depths, across, across):
         patterns[i, j, depth] = _displace(parts[depth, i, j], -int(steps[i]), -int(steps[j]))
-    _write_array(target / "H.npy", patterns)
-    write_json(target / "patterns.json", _said(stack, pixels))
-    write_file(target / "load_patterns.py", _LOAD_PYOLAF.encode("ascii"))
+    file = io.BytesIO()
+    np.save(file, patterns, allow_pickle=False)
+    write_file(target / "H.npy", file.getvalue())
     instruction = "load_patterns.py shows how H.npy becomes H. Lengths in patterns.json: mm."
-    write_readme(target, "pyolaf", instruction, "errors, colour, patterns that change over the image.", {})
+    _write_notes(target, stack, pixels, _LOAD_PYOLAF, "pyolaf", instruction)
 
 
 def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -> None:
@@ -157,27 +157,23 @@ def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -
         coefficients.append(part[rows, columns][sorted_].astype(np.float32))
     spacings = np.linalg.norm(np.diff(stack.points[order[0], 0], axis=0), axis=1)
     coords = 1e3 * (float(spacings.mean()) if across > 1 else 0.0) * (np.arange(across) - 0.5 * (across - 1))
-    file = io.BytesIO()
-    np.savez_compressed(
-        file,
-        places=np.array(places),
-        ends=np.cumsum([len(part) for part in coefficients]),
-        coordinates=np.concatenate(coordinates),
-        coefficients=np.concatenate(coefficients),
-        x_coords=coords,
-        y_coords=coords,
-        z_coords=z - z.mean(),
-        z_center=0.0,
-        um_per_z_slice=float(z[1] - z[0]) if len(z) > 1 else 0.0,
-        supersample_factor=across,
-    )
-    write_file(target / "psf_db.npz", file.getvalue())
-    write_json(target / "patterns.json", _said(stack, pixels))
-    write_file(target / "load_patterns.py", _LOAD_NAPARI.encode("ascii"))
+    arrays = {
+        "places": np.array(places),
+        "ends": np.cumsum([len(part) for part in coefficients]),
+        "coordinates": np.concatenate(coordinates),
+        "coefficients": np.concatenate(coefficients),
+        "x_coords": coords,
+        "y_coords": coords,
+        "z_coords": z - z.mean(),
+        "z_center": 0.0,
+        "um_per_z_slice": float(z[1] - z[0]) if len(z) > 1 else 0.0,
+        "supersample_factor": across,
+    }
+    write_npz(target / "psf_db.npz", arrays)
     instruction = (
         "load_patterns.py gives a calibration of lflib these patterns. Lengths in psf_db.npz: um, in patterns.json: mm."
     )
-    write_readme(target, "napari-LF", instruction, "errors, colour, patterns that change over the image.", {})
+    _write_notes(target, stack, pixels, _LOAD_NAPARI, "napari-LF", instruction)
 
 
 def _check_stack(stack: WaveSpreadStack) -> int:
@@ -205,34 +201,27 @@ def _parts(stack: WaveSpreadStack) -> NDArray[np.float32]:
 
 def _displace(image: NDArray[np.float32], down: int, right: int) -> NDArray[np.float32]:
     """Image moved by pixels; pixels that enter are dark."""
-    displaced = np.zeros_like(image)
     rows, columns = image.shape
-
-    def ends(step: int, size: int) -> tuple[slice, slice]:
-        return slice(max(0, step), min(size, size + step)), slice(max(0, -step), min(size, size - step))
-
-    (to_rows, from_rows), (to_columns, from_columns) = ends(down, rows), ends(right, columns)
-    displaced[to_rows, to_columns] = image[from_rows, from_columns]
-    return displaced
+    padded = np.pad(image, ((max(down, 0), max(-down, 0)), (max(right, 0), max(-right, 0))))
+    return padded[max(-down, 0) :, max(-right, 0) :][:rows, :columns]
 
 
-def _write_array(path: Path, array: NDArray[Any]) -> None:
-    file = io.BytesIO()
-    np.save(file, array, allow_pickle=False)
-    write_file(path, file.getvalue())
-
-
-def _said(stack: WaveSpreadStack, pixels: int) -> dict[str, Any]:
+def _write_notes(
+    target: Path, stack: WaveSpreadStack, pixels: int, script: str, program: str, instruction: str
+) -> None:
+    """Write a description of the patterns, a script that loads them, and instructions."""
     array, camera = stack.camera.microlenses, stack.camera
     assert array is not None
-    first: Floats = stack.points[:, 0, 0]
-    return {
+    content = {
         "z_objects": stack.z_objects.tolist(),
         "across": stack.images.shape[1],
         "pixels_of_a_microlens": pixels,
         "pixel_pitch": camera.sensor.pixel_pitch,
         "pitch": array.pitches[0],
         "wavelength_nm": camera.wavelength,
-        "first_points": first.tolist(),
+        "first_points": stack.points[:, 0, 0].tolist(),
         "error": stack.error,
     }
+    write_json(target / "patterns.json", content)
+    write_file(target / "load_patterns.py", script.encode("ascii"))
+    write_readme(target, program, instruction, "errors, colour, patterns that change over the image.", {})

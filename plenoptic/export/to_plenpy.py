@@ -24,19 +24,8 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
 
     Parameters
     ----------
-    folder : path-like
-        Is made where it is missing; files of the same name are replaced.
-    shot, white : Exposure
-        Of the same pixels, `shot` with its camera.
-    name : str, optional
-        Of the raw image.
-
-    Raises
-    ------
-    InvalidValueError
-        Without microlenses on a lattice, or where the white image has other pixels.
-    FileError
-        Where a file cannot be written.
+    folder, shot, white, name
+        As for `plenopticam`, with the same errors; `name` is that of the raw image.
 
     Notes
     -----

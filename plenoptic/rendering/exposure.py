@@ -15,11 +15,11 @@ from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.relative_error import ImageError, image_error
 from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, seed_number, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.crop import checked_region, region_text, samples_text
-from plenoptic.rendering.exposure_metadata import checked_seed, impossible_as_file_error
+from plenoptic.rendering.crop import checked_region, samples_text
+from plenoptic.rendering.exposure_metadata import checked_seed, impossible_as_file_error, metadata_of
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
-from plenoptic.truth.channels import GroundTruth, truth_names
+from plenoptic.truth.channels import GroundTruth
 
 if TYPE_CHECKING:
     import xarray
@@ -369,24 +369,12 @@ class Exposure:
         return f"Exposure({self._facts()})"
 
     def _facts(self) -> str:
-        facts = [" x ".join(map(str, self.image.shape))]
-        if self.interrupted:
-            facts.append("interrupted")
-        if (samples := self.samples) is not None:
-            counts = self.sample_counts
-            facts.append(f"{samples} sample{'s' * (samples > 1)} per pixel" if counts is None else samples_text(counts))
-        if not self.image.any():
-            facts.append("black")
-        elif (error := self.relative_error) is not None and error < np.inf:
-            suffix = " or more: light is rare" if self.rare_light else ""
-            facts.append(f"relative error {100 * error:.3g} %{suffix}")
-        if self.truth is not None:
-            facts.append(f"with {truth_names(self.truth.kinds)}")
-        if self.region is not None:
-            facts.append(region_text(self.region))
-        if self.stats is not None:
-            facts.append(f"{self.stats.seconds:.3g} s")
-        return ", ".join(facts)
+        counts, quality = self.sample_counts, "" if self.image.any() else "black"
+        if not quality and (error := self.relative_error) is not None and error < np.inf:
+            quality = f"relative error {100 * error:.3g} %{' or more: light is rare' if self.rare_light else ''}"
+        return metadata_of(self).summary(
+            "" if counts is None or self.samples is None else samples_text(counts), quality
+        )
 
     def _repr_html_(self) -> str:
         """Image, a detail, error and truth, with one line of facts, for notebooks."""

@@ -62,7 +62,7 @@ def light_of_rows(arrays: Arrays) -> Floats:
 
 
 def merge_stats(plan: MergePlan, light: Sequence[Sequence[Floats]]) -> RenderStats | None:
-    """Statistics of the merged exposure, None if a part has none; `light`: that of the rows of each part, if clamped."""
+    """Statistics of the merged exposure, None if a part has none; `light` of the rows of each part, if clamped."""
     all_stats = [head.stats for head in plan.metadata if head.stats is not None]
     if len(all_stats) < len(plan.parts):
         return None
