@@ -23,9 +23,9 @@ class Direction(NamedTuple):
     step: tuple[int, int]
     """From a lens to the next one of its row, in lattice indices."""
     row: tuple[int, int]
-    """What of the indices stays along a row: their product with this."""
+    """The product of the indices with this is constant along a row."""
     along: tuple[int, int]
-    """Their product with this is twice the place along a row."""
+    """The product of the indices with this is twice the place along a row."""
 
 
 _SQUARE = (Direction((1, 0), (0, 1), (2, 0)), Direction((0, 1), (1, 0), (0, 2)))
@@ -56,9 +56,14 @@ class LensRows(NamedTuple):
     """Distance of neighbours along a row, and of rows, in pixels."""
 
     @property
+    def array(self) -> MicrolensArray:
+        """The microlenses."""
+        return _array(self.camera)
+
+    @property
     def hexagonal(self) -> bool:
         """True for a hexagonal lattice."""
-        return _array(self.camera).lattice is Lattice.HEXAGONAL
+        return self.array.lattice is Lattice.HEXAGONAL
 
     def turned(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
         """An image (H, W, C) turned as the centres are."""
@@ -136,21 +141,11 @@ def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod
     row = index @ np.array(direction.row)
     next_row = np.linalg.lstsq(np.column_stack([row, twice, np.ones(len(row))]), places, rcond=None)[0][0]
     row = row * int(np.sign(next_row[0]))
-    along = np.array(direction.step) @ steps
-    length = float(np.hypot(*along))
-    row_distance = abs(float(np.linalg.det(steps))) / length
-    return LensRows(
-        camera,
-        turns,
-        index,
-        kind,
-        places,
-        row - row.min(),
-        (twice - twice.min()) // 2,
-        (twice - twice.min()) % 2 == 1,
-        angle,
-        (length, row_distance),
-    )
+    twice = twice - twice.min()
+    length = float(np.hypot(*(np.array(direction.step) @ steps)))
+    pitch = length, abs(float(np.linalg.det(steps))) / length
+    rows = row - row.min(), twice // 2, twice % 2 == 1
+    return LensRows(camera, turns, index, kind, places, *rows, angle, pitch)
 
 
 def _steps(index: NDArray[np.int64], places: Floats) -> Floats:

@@ -14,7 +14,7 @@ from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.files.codes import brightest, codes
 from plenoptic.core.files.images import COLOR_SPACE, LINEAR, write_codes
 from plenoptic.errors import InvalidValueError
-from plenoptic.export.lattice import LensRows, lens_rows
+from plenoptic.export.lattice import lens_rows
 from plenoptic.export.pictures import folder_at, write_readme
 from plenoptic.lightfield.raw_arrays import crop_in_white_image
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
@@ -24,7 +24,6 @@ from plenoptic.rendering.exposure import Exposure
 class _Microscope(NamedTuple):
     """The camera in a microscope's words; lengths in micrometres."""
 
-    lens: LensRows
     magnification: float
     aperture: float
     """NA, in air."""
@@ -71,8 +70,7 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
     ['README.txt', 'dark_frame.tif', 'light_field.tif', 'metadata.txt', 'radiometry_frame.tif']
     """
-    scope = _microscope(shot)
-    target = folder_at(folder)
+    scope, target = _microscope(shot), folder_at(folder)
     scales = _pictures(target, shot, white, ("light_field", "radiometry_frame", "dark_frame"))
     whole_number = max(1, round(scope.magnification))
     said = {
@@ -93,13 +91,10 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
         },
     }
     write_json(target / "metadata.txt", said)
-    instruction = (
-        "Open the folder as a project; lengths in metadata.txt are um, mm for the tube lens, nm for the wavelength."
-    )
     write_readme(
         target,
         "napari-LF",
-        instruction,
+        "Open the folder as a project; lengths in metadata.txt are um, mm for the tube lens, nm for the wavelength.",
         "errors, truth, several focal lengths; a magnification that is no whole number: metadata.txt has the nearest "
         "one from 1, which is wrong by the factor below.",
         scales | {"magnification over that of metadata.txt": scope.magnification / whole_number},
@@ -177,8 +172,7 @@ def _pictures(target: Path, shot: Exposure, white: Exposure, names: tuple[str, .
 
 def _microscope(shot: Exposure) -> _Microscope:
     lens = lens_rows(shot, turn=False)
-    camera, array = lens.camera, lens.camera.microlenses
-    assert array is not None
+    camera, array = lens.camera, lens.array
     if lens.hexagonal or len(array.focal_lengths) > 1 or not math.isclose(*lens.pitch, rel_tol=1e-3):
         raise InvalidValueError(
             f"napari-LF and pyolaf know square lattices of one focal length; this camera has {array.lattice.name} and "
@@ -190,7 +184,6 @@ def _microscope(shot: Exposure) -> _Microscope:
         raise InvalidValueError("no plane is in focus on the array, which a microscope has; see camera.focused_at")
     sine = math.sin(math.atan(points.entrance_pupil_semi_diameter / (points.entrance_pupil - z)))
     return _Microscope(
-        lens=lens,
         magnification=abs(magnification(camera.lens, z, camera.wavelength)),
         aperture=sine,
         tube=200e3,

@@ -160,8 +160,7 @@ def _types(rows: LensRows, first: Floats, steps: Floats) -> list[int]:
 
 def _sharp(rows: LensRows, kind: int) -> tuple[float, float]:
     """Virtual depths that a type of microlens images to within a pixel, between the bounds."""
-    camera, array = rows.camera, rows.camera.microlenses
-    assert array is not None
+    camera, array = rows.camera, rows.array
     b = camera.microlenses_to_sensor
     # A circle of confusion of 1 - b (1/f - 1/(v b)) diameters.
     focus, room = b / array.focal_lengths[kind] - 1.0, camera.sensor.pixel_pitch / max(array.pitches)

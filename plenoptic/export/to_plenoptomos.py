@@ -108,8 +108,7 @@ def _numbers(shot: Exposure) -> dict[str, tuple[Any, dict[str, str]]]:
             f"{'hexagonal' if lens.hexagonal else f'turned by {lens.angle:.3g} rad'}; use pl.package"
         )
     lens, camera = lens.whole(shot.image.shape[:2]).rectangle(), lens.camera
-    array, sensor = camera.microlenses, camera.sensor
-    assert array is not None
+    array, sensor = lens.array, camera.sensor
     across, row_pitch = lens.pitch
     points = cardinal_points(camera.lens, camera.wavelength)
     corner = lens.centre.min(axis=0) + 0.5 - 0.5 * np.array([row_pitch, across])

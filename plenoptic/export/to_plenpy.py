@@ -54,14 +54,12 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
     said = {"camera": {"imageDistance": camera.stop_to_microlenses, "focusDistance": -z if np.isfinite(z) else 1e9}}
     for file in (target / "Images" / f"{name}.json", target / _WHITE / "white.json"):
         write_json(file, said)
-    array = camera.microlenses
-    assert array is not None
     call = f"RayTracerLF(folder, grid_type={'hex' if lens.hexagonal else 'rect'!r}, ml_size={lens.pitch[0]:.6g}, "
     write_readme(
         target,
         "plenpy",
         "from plenpy.cameras.raytracer_lightfield_camera import RayTracerLF\n"
-        f'camera = {call}ml_focal_length={1e-3 * array.focal_lengths[0]:.6g}, format="PNG-PIL")\n'
+        f'camera = {call}ml_focal_length={1e-3 * lens.array.focal_lengths[0]:.6g}, format="PNG-PIL")\n'
         "camera.calibrate()\ncamera.load_sensor_image(0)\ncamera.decode_sensor_image(0)",
         "errors, truth, focal types, centres.",
         {"quarters turned, counter-clockwise": lens.turns, "full code over that of the white image": max(ratio, 1.0)},
