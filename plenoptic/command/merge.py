@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from plenoptic.core.files.zarr_files import Region
     from plenoptic.rendering.exposure import Exposure
     from plenoptic.rendering.exposure_metadata import ExposureMetadata
-    from plenoptic.rendering.merging.parts import Part
+    from plenoptic.rendering.merging.merge_plan import Part
 
 _NAMED = 8
 """Missing parts that a message names."""
@@ -54,7 +54,7 @@ def _part(name: str) -> Part:
     from plenoptic.core.files.zarr_files import attributes_of
     from plenoptic.rendering.exposure_files import metadata_of_image
     from plenoptic.rendering.exposure_metadata import metadata_of
-    from plenoptic.rendering.merging.parts import FilePart, StorePart
+    from plenoptic.rendering.merging.merge_plan import FilePart, StorePart
 
     def load() -> Exposure:
         file = open_file(name)

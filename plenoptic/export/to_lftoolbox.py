@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic import __version__
+from plenoptic.core.files.array_files import matlab_7_3
 from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.files.codes import brightest, codes
-from plenoptic.core.files.matlab import matlab_7_3
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows

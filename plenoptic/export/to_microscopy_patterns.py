@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.files.array_files import write_npz
 from plenoptic.core.files.atomic_file import write_file, write_json
-from plenoptic.core.files.npz_files import write_npz
 from plenoptic.core.values import check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.pictures import folder_at, write_readme

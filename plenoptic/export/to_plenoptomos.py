@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.files.array_files import hdf5
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import brightest, codes
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, read_file
-from plenoptic.core.files.matlab import hdf5
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.export.lattice import lens_rows

@@ -19,9 +19,9 @@ import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres
+from plenoptic.core.files.array_files import read_npz
 from plenoptic.core.files.atomic_file import translate_errors, write_file
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, read_file
-from plenoptic.core.files.npz_files import read_npz
 from plenoptic.core.files.serialization import load_value
 from plenoptic.core.values import file_path, result
 from plenoptic.errors import FileError, InvalidValueError

@@ -20,8 +20,8 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files import images
+from plenoptic.core.files.array_files import write_npz
 from plenoptic.core.files.atomic_file import replace_file, replace_folder, write_file, write_json
-from plenoptic.core.files.npz_files import write_npz
 from plenoptic.core.files.serialization import save_value
 from plenoptic.core.values import check_kind, file_path, seed_number
 from plenoptic.errors import FileError, InvalidValueError

@@ -14,7 +14,7 @@ from plenoptic.rendering import RenderStats
 from plenoptic.rendering.exposure_files import metadata_of_image, metadata_of_store
 from plenoptic.rendering.exposure_metadata import metadata_of
 from plenoptic.rendering.merging.merge import merge_parts, merge_to_store
-from plenoptic.rendering.merging.parts import FilePart, StorePart, memory_part
+from plenoptic.rendering.merging.merge_plan import FilePart, StorePart, memory_part
 
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 

@@ -18,8 +18,7 @@ from plenoptic.core.values import Floats, check_kind
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.exposure_files import check_store, create_store, empty_arrays, texts_of
 from plenoptic.rendering.exposure_metadata import ExposureMetadata, fields_of
-from plenoptic.rendering.merging.merge_plan import MergePlan, plan_merge
-from plenoptic.rendering.merging.parts import Arrays, Part, memory_part
+from plenoptic.rendering.merging.merge_plan import Arrays, MergePlan, Part, memory_part, plan_merge
 from plenoptic.rendering.merging.stacking import light_of_rows, merge_stats, stack_exposures
 
 

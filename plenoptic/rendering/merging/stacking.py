@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
-from plenoptic.rendering.merging.merge_plan import MergePlan
-from plenoptic.rendering.merging.parts import Arrays
+from plenoptic.rendering.merging.merge_plan import Arrays, MergePlan
 from plenoptic.rendering.stats import NAMED, RenderStats, StopReason
 
 _SEVEREST_FIRST = (
