@@ -21,7 +21,7 @@ from plenoptic.core.files.codes import block_means, codes, white_point
 from plenoptic.core.files.zarr_files import CHUNK, translate_zarr_errors, zarr_module
 from plenoptic.dataset.contents import CONTACT_SHEET, FORMAT, MANIFEST, STATISTICS
 from plenoptic.dataset.journal import Journal
-from plenoptic.dataset.task import Frames, Taking, Task, tasks_of
+from plenoptic.dataset.task import FrameOptions, Frames, Task, tasks_of
 from plenoptic.rendering.exposure import Exposure
 
 _COLUMNS = (
@@ -78,9 +78,11 @@ def write_statistics(folder: Path, done: Mapping[Task, Mapping[str, Any]]) -> No
     write_file(folder / STATISTICS, text.getvalue().encode())
 
 
-def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking, journal: Journal) -> dict[str, Any]:
+def write_manifest(
+    folder: Path, sequences: Mapping[str, Frames], options: FrameOptions, journal: Journal
+) -> dict[str, Any]:
     """Write the manifest: the images, the inputs of each, and the hashes of its arrays."""
-    tasks = list(tasks_of(sequences, motion=taking.motion))
+    tasks = list(tasks_of(sequences, motion=options.motion))
     of_image: dict[tuple[int, str], list[Task]] = {}
     for task in tasks:
         of_image.setdefault((task.frame, task.camera), []).append(task)
@@ -118,13 +120,13 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
     manifest = {
         "format": FORMAT,
         "software": f"plenoptic {__version__}",
-        "versions": [journal.items[key] for key in made_by],
+        "versions": [journal.values[key] for key in made_by],
         "units": "lengths mm, times s, angles rad; pose: world = rotation @ camera + position, object_to_world 3 x 4",
         "complete": all(task in records for task in tasks),
         "frames": len(next(iter(sequences.values()))),
-        "made_with": taking.to_tree(),
-        "cameras": {name: [journal.items[key] for key in keys] for name, keys in cameras.items()},
-        "object_names": [journal.items[key] for key in names],
+        "made_with": options.to_tree(),
+        "cameras": {name: [journal.values[key] for key in keys] for name, keys in cameras.items()},
+        "object_names": [journal.values[key] for key in names],
         "images": images,
     }
     write_json(folder / MANIFEST, manifest)
@@ -138,10 +140,10 @@ def _number(key: str, numbers: dict[str, int]) -> int:
 
 def write_contact_sheet(folder: Path, images: Sequence[Mapping[str, Any]]) -> None:
     """Some images of each camera, evenly chosen and of one brightness, with their numbers and times."""
-    of: dict[str, list[Mapping[str, Any]]] = {}
+    by_camera: dict[str, list[Mapping[str, Any]]] = {}
     for image in images:
-        of.setdefault(image["camera"], []).append(image)
-    rows = [_row(folder, name, shots) for name, shots in of.items()]
+        by_camera.setdefault(image["camera"], []).append(image)
+    rows = [_row(folder, name, shots) for name, shots in by_camera.items()]
     if not rows:
         return
     width = max(row.width for row in rows)

@@ -1,4 +1,4 @@
-"""Writing data sets: frame by frame, each noted when it is on the disk."""
+"""Writing data sets: frame by frame, each recorded when it is on the disk."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from plenoptic.core.progress.bar import DELAY, Poller, load_tqdm
 from plenoptic.core.progress.compiling import compiling_text
 from plenoptic.core.values import check_kind, flag, seed_number
 from plenoptic.dataset.contents import LOG, DataSet
-from plenoptic.dataset.journal import KEPT, Journal
+from plenoptic.dataset.journal import SHARED, Journal
 from plenoptic.dataset.tables import statistics_of, versions, write_contact_sheet, write_manifest, write_statistics
 from plenoptic.dataset.task import (
+    FrameOptions,
     Frames,
-    Taking,
     Task,
     described_frame,
     frame_seed,
@@ -94,18 +94,18 @@ def write(  # noqa: PLR0913
     sequence : Sequence, or list of Frame
         Frames in a list may have scenes and cameras of their own; of cameras the sensors have the same shape.
     cameras : mapping from str to PlenopticCamera, optional
-        Those that see the frames of a `Sequence`, each in place of its camera: posed as it is, and moved by
+        Cameras that see the frames of a `Sequence`, each in place of its camera: posed as it is, and moved by
         `camera_motion`. Names are letters, digits, - and _. None: the one of the sequence, called "camera".
     samples, target_error, replicates, truth, threads, client
         As for `render`, of each frame.
     motion : bool
-        Whether to find where the points of pixels are in the next frame: see `motion_truth`.
+        True to compute the positions of the pixels' points in the next frame: see `motion_truth`.
     seed : int
-        From which the seeds of all images are drawn; the manifest names them.
+        Seed from which those of all images are drawn; the manifest lists them.
     settings : RenderSettings, optional
         Further arguments of `render`.
     progress : bool
-        Whether to show a progress bar.
+        True to show a progress bar.
 
     Returns
     -------
@@ -147,17 +147,17 @@ def write(  # noqa: PLR0913
     thread_count(threads)
     cluster_of(client, threads)
     shared = (budget.samples, budget.target_error, budget.replicates)
-    taking = Taking(*shared, valid_truth(truth), flag(motion, "motion"), seed_number(seed), settings)
+    options = FrameOptions(*shared, valid_truth(truth), flag(motion, "motion"), seed_number(seed), settings)
     sequences, show_bar = named_cameras(sequence, cameras), flag(progress, "progress")
     target = _folder(folder)
     with claim_folder(target):
-        journal = Journal(target / LOG, taking.identity(sequences), len(next(iter(sequences.values()))))
+        journal = Journal(target / LOG, options.identity(sequences), len(next(iter(sequences.values()))))
         try:
-            _Writer(target, sequences, taking, journal, {"threads": threads, "client": client}).run(show=show_bar)
+            _Writer(target, sequences, options, journal, {"threads": threads, "client": client}).run(show=show_bar)
         finally:
             journal.close()
         write_statistics(target, journal.done)
-        manifest = write_manifest(target, sequences, taking, journal)
+        manifest = write_manifest(target, sequences, options, journal)
         write_contact_sheet(target, manifest["images"])
     return DataSet(target, MappingProxyType(manifest))
 
@@ -189,23 +189,28 @@ class _Writer:
     """Writer of missing frames."""
 
     def __init__(
-        self, folder: Path, sequences: Mapping[str, Frames], taking: Taking, journal: Journal, workers: dict[str, Any]
+        self,
+        folder: Path,
+        sequences: Mapping[str, Frames],
+        options: FrameOptions,
+        journal: Journal,
+        workers: dict[str, Any],
     ) -> None:
-        self._folder, self._sequences, self._taking = folder, sequences, taking
+        self._folder, self._sequences, self._options = folder, sequences, options
         self._journal, self._workers = journal, workers
-        self._there: dict[str, Store] = {}  # as they were: nothing is changed before all that is noted is known to fit
-        self._stores: dict[str, Store] = {}
+        # Stores are opened as they are to look for chunks, and extended only when a frame is to be written.
+        self._old_stores, self._stores = dict[str, Store](), dict[str, Store]()
 
     def run(self, *, show: bool) -> None:
-        """Until all is there, or Ctrl-C."""
-        tasks = list(tasks_of(self._sequences, motion=self._taking.motion))
+        """Render frames until all are on the disk, or Ctrl-C."""
+        tasks = list(tasks_of(self._sequences, motion=self._options.motion))
         frames: dict[int, dict[str, Frame]] = {}
         with _frame_bar(len(tasks), show=show) as bar:
             for task in tasks:
                 frames = {k: frames.get(k) or self._frames(k) for k in task.frames}
                 task_frames = [frames[k][task.camera] for k in task.frames]
                 inputs = inputs_of(*task_frames)
-                if self._is_kept(task, task_frames[0].camera, self._journal.of(task, inputs)):
+                if self._is_done(task, task_frames[0].camera, self._journal.record_of(task, inputs)):
                     if bar is not None and not bar.disable:  # the time left is that of tasks to be done
                         bar.initial += 1
                         bar.n += 1
@@ -213,19 +218,19 @@ class _Writer:
                 result = self._image(task, *task_frames) if task.image else self._motion(task, *task_frames)
                 if result is None:
                     break
-                self._keep(task, inputs, *result)
+                self._save(task, inputs, *result)
                 del result  # before the next one takes memory
                 if bar is not None:
                     bar.update()
 
-    def _is_kept(self, task: Task, camera: PlenopticCamera, noted: Mapping[str, Any] | None) -> bool:
+    def _is_done(self, task: Task, camera: PlenopticCamera, record: Mapping[str, Any] | None) -> bool:
         """True if a task is recorded, and its chunks have not been removed since."""
-        if noted is None or not self._path(task).exists():
+        if record is None or not self._path(task).exists():
             return False
         region = (*task.rows, 0, camera.sensor.shape[1])
-        if task.camera not in self._there:
-            self._there[task.camera] = Store(self._path(task))
-        return self._there[task.camera].has(region, noted["arrays"], frame=task.frame)
+        if task.camera not in self._old_stores:
+            self._old_stores[task.camera] = Store(self._path(task))
+        return self._old_stores[task.camera].has(region, record["arrays"], frame=task.frame)
 
     def _frames(self, k: int) -> dict[str, Frame]:
         """Frames of all cameras at a time, with one scene, which is compiled once."""
@@ -233,29 +238,29 @@ class _Writer:
         scene = next(iter(frames.values())).scene
         return {name: Frame(scene, frame.camera, frame.time) for name, frame in frames.items()}
 
-    def _keep(self, task: Task, inputs: str, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
-        """Put arrays on the disk, and then note that they are there."""
+    def _save(self, task: Task, inputs: str, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+        """Write arrays to the disk, and then the record of their task."""
         store, sha = self._stores[task.camera], hashlib.sha256()
         columns = next(iter(arrays.values())).shape[1]
         store.put((*task.rows, 0, columns), arrays, frame=task.frame)
         store.flush(task.frame)
         for name in sorted(arrays):
             sha.update(name.encode() + bytes_of(np.ascontiguousarray(arrays[name])))
-        self._journal.note(task, {**facts, "inputs": inputs, "arrays": sorted(arrays), "sha256": sha.hexdigest()})
+        self._journal.add(task, {**facts, "inputs": inputs, "arrays": sorted(arrays), "sha256": sha.hexdigest()})
         if task.image:
             self._checkpoint(task).unlink(missing_ok=True)
 
     def _image(self, task: Task, frame: Frame) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
-        """Render; None where that was interrupted."""
-        taking, (rows, columns), (first, end) = self._taking, frame.camera.sensor.shape, task.rows
+        """Facts and arrays of a rendered image; None if it was interrupted."""
+        options, (rows, columns), (first, end) = self._options, frame.camera.sensor.shape, task.rows
         about = {**described_frame(frame), "versions": versions()}
-        paths = (end - first) * columns * (taking.samples or _USUAL)
-        seed = frame_seed(taking.seed, task.frame, list(self._sequences).index(task.camera))
+        paths = (end - first) * columns * (options.samples or _USUAL)
+        seed = frame_seed(options.seed, task.frame, list(self._sequences).index(task.camera))
         shot = render(
             frame.scene,
             frame.camera,
-            **{name: getattr(taking, name) for name in ("samples", "target_error", "replicates", "truth")},
-            **vars(taking.settings),
+            **{name: getattr(options, name) for name in ("samples", "target_error", "replicates", "truth")},
+            **vars(options.settings),
             region=None if (first, end) == (0, rows) else np.s_[first:end, :],
             seed=seed,
             checkpoint=self._checkpoint(task) if paths >= _LONG else None,
@@ -265,22 +270,22 @@ class _Writer:
         if shot.interrupted:
             return None
         facts = {"seed": seed, "replicates": shot.replicates, "samples": shot.samples, **statistics_of(shot), **about}
-        facts |= {name: self._journal.kept(about[name]) for name in KEPT}
-        return facts, self._fitting(task, frame, shot)
+        facts |= {name: self._journal.share(about[name]) for name in SHARED}
+        return facts, self._arrays(task, frame, shot)
 
-    def _fitting(self, task: Task, frame: Frame, shot: Exposure) -> dict[str, NDArray[Any]]:
-        """The arrays of an image as the store of its camera has them; it is made with the first one."""
+    def _arrays(self, task: Task, frame: Frame, shot: Exposure) -> dict[str, NDArray[Any]]:
+        """Arrays of an image as the store of its camera holds them; the store is made with the first image."""
         arrays = pixels_of(shot)
-        if self._taking.target_error is not None:
+        if self._options.target_error is not None:
             arrays.setdefault("sample_counts", np.full(shot.image.shape[:2], shot.samples, dtype=np.int32))
         path = self._path(task)
         if not path.exists():
             frames = self._sequences[task.camera]
             cameras = (frames.camera,) if isinstance(frames, Sequence) else (each.camera for each in frames)
             microlenses = any(camera.microlenses is not None for camera in cameras)
-            layout = layout_of(shot, self._taking.truth, microlenses=microlenses)
+            layout = layout_of(shot, self._options.truth, microlenses=microlenses)
             layout = layout._replace(shape=frame.camera.sensor.shape, corner=(0, 0))
-            names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._taking.motion else ()))
+            names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._options.motion else ()))
             with replace_folder(path) as new:
                 create_store(new, layout._replace(names=names), {}, times=times_of(self._sequences[task.camera]))
         channels = self._store(task).sizes("image")[-1]

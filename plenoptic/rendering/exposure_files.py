@@ -193,12 +193,12 @@ def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
     """Fields of the exposure in an image file."""
     image, channels, metadata = images.read_picture(path, limits=limits)
     facts = fields_from_metadata(metadata, FACTS)
-    errors = [channels.get(f"error.{name}") for name in CHANNEL_NAMES[image.shape[2]]]
+    errors = [f"error.{name}" for name in CHANNEL_NAMES[image.shape[2]]]
     if "plenoptic:scale" in metadata:
         image = image * np.float32(positive(restore(metadata["plenoptic:scale"]), "scale"))
     return {
         "image": image,
-        "standard_error": None if any(plane is None for plane in errors) else np.stack(errors, axis=-1),
+        "standard_error": np.stack([channels[name] for name in errors], -1) if {*errors} <= {*channels} else None,
         "truth": truth_from_planes(channels),
         "sample_counts": counts_in(channels.get(_SAMPLES), facts.get("samples")),
         **facts,
