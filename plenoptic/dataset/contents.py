@@ -62,7 +62,7 @@ class DataSet:
 
     @property
     def complete(self) -> bool:
-        """True if all frames are present; `write` goes on where they are not."""
+        """True if all frames are present; `write` renders the missing ones."""
         return bool(self.manifest["complete"])
 
     def open(self, camera: str | None = None) -> xarray.Dataset:
@@ -80,7 +80,7 @@ class DataSet:
         Parameters
         ----------
         number : int
-            Of the frame, the first one being 0 and the last one -1.
+            Number of the frame: 0 for the first one, -1 for the last one.
         camera : str, optional
             Its name; None: the only one.
         limits : FileLimits
@@ -89,9 +89,9 @@ class DataSet:
         Raises
         ------
         InvalidValueError
-            Where there is no such frame or camera.
+            If there is no such frame or camera.
         FileError
-            Where files cannot be read.
+            If files cannot be read.
         """
         name, k = self._camera_name(camera), self._frame_number(number)
         about = self._about(name, k)
@@ -160,7 +160,7 @@ def read(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Dat
     Raises
     ------
     FileError
-        Where there is no data set, or its manifest is damaged.
+        If there is no data set, or its manifest is damaged.
 
     Examples
     --------
@@ -180,7 +180,7 @@ def read(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Dat
 
 
 def _check(content: Any) -> None:
-    """An error where something is missing that `DataSet` looks up."""
+    """Raise an error if something is missing that `DataSet` looks up."""
     if content["format"] != FORMAT:
         raise ValueError(f"its format is {content['format']!r:.40}, not {FORMAT!r}")
     count, complete, cameras = content["frames"], content["complete"], content["cameras"]

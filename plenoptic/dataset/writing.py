@@ -81,7 +81,7 @@ def write(  # noqa: PLR0913
     client: distributed.Client | None = None,
     progress: bool = True,
 ) -> DataSet:
-    """Render all frames of a sequence into a folder, and go on where an earlier call ended.
+    """Render all frames of a sequence into a folder, and continue after an earlier call.
 
     It may be killed at any time: rendered frames stay, and called again with the same arguments it renders the rest,
     with the same bits as without a break. A sequence may have become longer meanwhile. Ctrl-C ends it
@@ -114,9 +114,9 @@ def write(  # noqa: PLR0913
     Raises
     ------
     InvalidValueError
-        Where an argument is impossible, or a frame does not fit those before: colours after grey ones.
+        If an argument is impossible, or a frame does not fit those before: colours after grey ones.
     FileError
-        Where the folder holds something else, or data of other inputs, or another program is writing to it.
+        If the folder holds something else, or data of other inputs, or another program is writing to it.
 
     Notes
     -----
@@ -163,7 +163,7 @@ def write(  # noqa: PLR0913
 
 
 def _folder(folder: str | os.PathLike[str]) -> Path:
-    """A folder that is made if there is none; an error where it holds something else than a data set."""
+    """A folder that is made if there is none; FileError if it holds something else than a data set."""
     target = real_path(folder)
     if not target.exists():
         check_folder(target)

@@ -51,7 +51,7 @@ class LensRows(NamedTuple):
     shifted: NDArray[np.bool_]
     """(n,) every other row of hexagonal lattices."""
     angle: float
-    """Of the rows against those of the turned image, counter-clockwise, in radians."""
+    """Angle of the rows to those of the turned image, counter-clockwise, in radians."""
     pitch: tuple[float, float]
     """Distance of neighbours along a row, and of rows, in pixels."""
 

@@ -19,7 +19,7 @@ from plenoptic.errors import FileError, InvalidValueError
 
 
 def folder_at(path: str | os.PathLike[str], *below: str) -> Path:
-    """A folder, made where it is missing, with folders below it."""
+    """A folder, made if it is missing, with folders below it."""
     folder = file_path(path)
     with translate_errors(folder, "made"):
         for part in (folder, *(folder / name for name in below)):
@@ -30,7 +30,7 @@ def folder_at(path: str | os.PathLike[str], *below: str) -> Path:
 
 
 def check_no_others(folder: Path, pattern: str, names: Collection[str]) -> None:
-    """An error where a folder holds files that match a pattern and are not among those that are to be written."""
+    """Raise an error if a folder holds files that match a pattern and are not among those that are to be written."""
     old = sorted(path.name for path in folder.glob(pattern) if path.name not in names)
     if old:
         raise FileError(

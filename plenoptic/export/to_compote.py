@@ -51,24 +51,24 @@ def compote(  # noqa: PLR0913
     Parameters
     ----------
     folder : path-like
-        Is made where it is missing; files of the same name are replaced.
+        Folder, made if it is missing; files of the same name are replaced.
     shot, white : Exposure
-        Of the whole sensor, `shot` with its camera.
+        Images of the whole sensor, `shot` with its camera.
     other_whites : sequence of Exposure, optional
         White images at other stops, of which its pre-calibration wants one at least; each names its camera.
     targets : Target or sequence of Target, optional
-        In the world, one for each frame: their points are written as observations, traced through the real lens.
+        Targets in the world, one for each frame; their points, traced through the real lens, are the observations.
     scene : Scene, optional
         Scene that may hide points.
     name : str, optional
-        Of the picture.
+        Name of the picture.
 
     Raises
     ------
     InvalidValueError
         Without microlenses on a lattice, or for images of a region.
     FileError
-        Where a file cannot be written.
+        If a file cannot be written.
 
     Notes
     -----
@@ -254,7 +254,7 @@ def _write_boards(target: Path, rows: LensRows, boards: tuple[Target, ...], scen
 
 
 def _board(board: Target) -> dict[str, Any]:
-    """The points of a target in the world; as a grid where it is one."""
+    """The points of a target in the world; as a grid if it is one."""
     content: dict[str, Any] = {"points": board.points.tolist()}
     if board.index is None or len(board.points) < 3:
         return content

@@ -42,16 +42,16 @@ def napari_lf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     Parameters
     ----------
     folder : path-like
-        Is made where it is missing; files of the same name are replaced.
+        Folder, made if it is missing; files of the same name are replaced.
     shot, white : Exposure
-        Of the same pixels, `shot` with its camera: one focal length, a square lattice, a plane in focus.
+        Images of the same pixels, `shot` with its camera: one focal length, a square lattice, a plane in focus.
 
     Raises
     ------
     InvalidValueError
         For other lattices, several focal lengths, or without a plane in focus.
     FileError
-        Where a file cannot be written.
+        If a file cannot be written.
 
     Notes
     -----
@@ -118,13 +118,7 @@ def pyolaf(folder: str | os.PathLike[str], shot: Exposure, white: Exposure) -> N
 
     Examples
     --------
-    >>> import pathlib, tempfile, plenoptic as pl
-    >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(110, 154), lattice=pl.Lattice.SQUARE)
-    >>> white = pl.render_white(camera, samples=16, progress=False)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     pl.export.pyolaf(folder, white, white)
-    ...     print((pathlib.Path(folder) / "config.yaml").read_text().splitlines()[0])
-    gridType: reg
+    See `napari_lf`, with the same arguments.
     """
     scope = _microscope(shot)
     if not math.isclose(scope.to_sensor, scope.focal_length, rel_tol=1e-3):

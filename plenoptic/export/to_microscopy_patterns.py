@@ -17,7 +17,7 @@ from plenoptic.export.pictures import folder_at, write_readme
 from plenoptic.wave.spread_stack import WaveSpreadStack
 
 _LEAST = 1e-6
-"""Of the brightest coefficient: what napari-LF need not know."""
+"""Coefficients below this part of the largest one are left out for napari-LF."""
 
 _LOAD_PYOLAF = '''"""H as LFM_computeLFMatrixOperators of pyolaf makes it; Ht is from LFM_computeBackwardPatterns."""
 
@@ -60,7 +60,7 @@ def pyolaf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -> N
     Parameters
     ----------
     folder : path-like
-        Is made where it is missing; files of the same name are replaced.
+        Folder, made if it is missing; files of the same name are replaced.
     stack : WaveSpreadStack
         From `pl.wave.point_spread_stack`, of a sensor of odd numbers of rows and columns, so that a pixel lies behind
         the middle of a microlens, and a pitch of as many pixels, an odd number. `across` is pyolaf's TexNnum.
@@ -70,7 +70,7 @@ def pyolaf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -> N
     InvalidValueError
         For another sensor or pitch.
     FileError
-        Where a file cannot be written.
+        If a file cannot be written.
 
     Notes
     -----
@@ -124,16 +124,7 @@ def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -
 
     Examples
     --------
-    >>> import pathlib, tempfile, plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.25))
-    >>> camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(255, 255), pixel_pitch=0.01),
-    ...     microlenses=pl.MicrolensArray(pitch=0.21, focal_lengths=(2.0,), lattice=pl.Lattice.SQUARE),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=2.0)
-    >>> stack = pl.wave.point_spread_stack(camera, [-500.0], across=1, progress=False)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     pl.export.napari_lf_patterns(folder, stack)
-    ...     sorted(path.name for path in pathlib.Path(folder).iterdir())
-    ['README.txt', 'load_patterns.py', 'patterns.json', 'psf_db.npz']
+    See `pyolaf_patterns`, with the same arguments.
     """
     pixels = _check_stack(stack)
     order = np.argsort(stack.z_objects)
@@ -177,7 +168,7 @@ def napari_lf_patterns(folder: str | os.PathLike[str], stack: WaveSpreadStack) -
 
 
 def _check_stack(stack: WaveSpreadStack) -> int:
-    """Pixels of a microlens, or an error where pixels do not lie behind microlenses as these programs need it."""
+    """Pixels of a microlens, or an error if pixels do not lie behind microlenses as these programs need it."""
     check_kind(stack, "stack", WaveSpreadStack, "pl.wave.point_spread_stack(camera, z_objects, across=5)")
     array, sensor = stack.camera.microlenses, stack.camera.sensor
     assert array is not None

@@ -30,20 +30,20 @@ def plenoptic_toolbox(
     Parameters
     ----------
     folder : path-like
-        Is made where it is missing; files of the same name are replaced.
+        Folder, made if it is missing; files of the same name are replaced.
     shot : Exposure
-        With its camera. Where it has DISPARITY, a picture of it is written too, in lens diameters.
+        Exposure that names its camera. DISPARITY, if it has that, is written as a picture too, in lens diameters.
     name : str, optional
-        Of the files.
+        Name of the files.
     method : CentreMethod, optional
         Definition of the centres to which the grid is fitted.
 
     Raises
     ------
     InvalidValueError
-        Where the array is not hexagonal, or its types do not repeat as the format has them.
+        If the array is not hexagonal, or its types do not repeat as the format has them.
     FileError
-        Where a file cannot be written.
+        If a file cannot be written.
 
     Notes
     -----

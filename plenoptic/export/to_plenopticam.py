@@ -31,20 +31,20 @@ def plenopticam(
     Parameters
     ----------
     folder : path-like
-        Is made where it is missing; files of the same name are replaced.
+        Folder, made if it is missing; files of the same name are replaced.
     shot, white : Exposure
-        Of the same pixels, `shot` with its camera.
+        Images of the same pixels, `shot` with its camera.
     name : str, optional
-        Of the files.
+        Name of the files.
     method : CentreMethod, optional
         Definition of the centres.
 
     Raises
     ------
     InvalidValueError
-        Without microlenses on a lattice, or where the white image has other pixels.
+        Without microlenses on a lattice, or if the white image has other pixels.
     FileError
-        Where a file cannot be written.
+        If a file cannot be written.
 
     Notes
     -----

@@ -22,7 +22,7 @@ from plenoptic.rendering.exposure import Exposure
 
 _ABOUT = {"units": "counts", "axes": "tau:sigma", "mode": "raw"}
 _LARGEST_ANGLE = 1e-3
-"""Of the array against the sensor, in radians: the format has no place for it."""
+"""Largest angle of the array to the sensor in radians, which the format cannot express."""
 
 
 class VoxFile(NamedTuple):
@@ -35,7 +35,7 @@ class VoxFile(NamedTuple):
     mode: str
     """raw, micro-image or sub-aperture."""
     numbers: dict[str, Any]
-    """Of the camera, by path: `micro_lens/f2`, `sensor/pixel_size`, ... as arrays or floats, in mm and pixels."""
+    """Numbers of the camera by path (`micro_lens/f2`, `sensor/pixel_size`, ...): arrays or floats, in mm and pixels."""
 
 
 def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -> None:
@@ -48,15 +48,15 @@ def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     path : path-like
         Ends in .vox.
     shot, white : Exposure
-        Of the same pixels, `shot` with its camera, whose microlenses lie on a square or rectangular lattice along the
+        Images of the same pixels, `shot` with its camera; microlenses lie on a square or rectangular lattice along the
         sensor.
 
     Raises
     ------
     InvalidValueError
-        For hexagonal, free and turned lattices, or where the white image has other pixels.
+        For hexagonal, free and turned lattices, or if the white image has other pixels.
     FileError
-        Where the file cannot be written.
+        If the file cannot be written.
 
     Notes
     -----
@@ -151,7 +151,7 @@ def read_plenoptomos(path: str | os.PathLike[str], *, limits: FileLimits = DEFAU
     Raises
     ------
     FileError
-        Where it is no such file.
+        If it is no such file.
 
     Examples
     --------

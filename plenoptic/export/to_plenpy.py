@@ -46,7 +46,7 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
     target, name = folder_at(folder, "Images", "Calibration", _WHITE), plain_name(name)
     lens = lens_rows(shot, turn=True)
     camera, scale = lens.camera, brightest(light)
-    # What the raw image is divided by the white one, which then is 1 where a white scene is.
+    # Ratio of the full codes, so that the raw image over the white one is 1 for a white scene.
     ratio = max(brightest(shot.image) / scale, 1e-30)
     write_picture(target / "Images" / f"{name}.png", lens.turned(shot.image), scale=scale * max(ratio, 1.0))
     write_picture(target / _WHITE / "white.png", lens.turned(light), scale=scale)

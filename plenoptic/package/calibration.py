@@ -1,4 +1,4 @@
-"""Calibration points: where known points of targets appear in the images of the microlenses."""
+"""Calibration points: images of known points of targets behind the microlenses."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class CalibrationPoints:
 
 
 def targets_of(targets: Target | Sequence[Target]) -> tuple[Target, ...]:
-    """One target or several, as a tuple; an error where something else is among them."""
+    """One target or several, as a tuple; an error if something else is among them."""
     listed = (targets,) if isinstance(targets, Target) else tuple(targets)
     for target in listed:
         check_kind(target, "targets", Target, "pl.targets.checkerboard(9, 6, square=2.0)")
@@ -101,9 +101,9 @@ def calibration_points(
     Parameters
     ----------
     camera : PlenopticCamera
-        With microlenses.
+        Camera with microlenses.
     targets : Target or sequence of Target
-        In the world, one for each frame.
+        Targets in the world, one for each frame.
     scene : Scene, optional
         Scene that may hide points; None: nothing does.
 

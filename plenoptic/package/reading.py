@@ -48,7 +48,7 @@ class Package:
     raw : RawImage
         The same as its sensor reads it out.
     camera : PlenopticCamera
-        That took it.
+        Camera of the picture.
     white : Exposure or None
         Its white image.
     white_raw : RawImage or None
@@ -60,7 +60,7 @@ class Package:
     centres : mapping from CentreMethod to MicrolensCentres
         Centres of the microlens images, where they are defined; empty without microlenses.
     points : CalibrationPoints or None
-        Of calibration targets.
+        Points of calibration targets on the sensor.
     provenance : mapping
         Versions, seeds, samples, error, plan, and the SHA-256 of every file.
     """
@@ -104,7 +104,7 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
     Raises
     ------
     FileError
-        Where there is no package, a file is missing, or its hash is not the one noted: it has been changed.
+        If there is no package, a file is missing, or its hash is not the one noted: it has been changed.
 
     Examples
     --------
@@ -223,7 +223,7 @@ def centre_arrays(centres: Mapping[CentreMethod, MicrolensCentres]) -> dict[str,
 
 
 def centres_from(arrays: Mapping[str, Any]) -> Mapping[CentreMethod, MicrolensCentres]:
-    """The way back; a KeyError where something is missing."""
+    """The centres of `centre_arrays`; KeyError if an array is missing."""
     by_method = {}
     for method in CentreMethod:
         position = arrays.get(f"{method.name.lower()}_position")

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
 _WHITE_PART = 0.8
-"""Of the white level, which the brightest pixels of a white image reach."""
+"""Part of the white level that the brightest pixels of a white image reach."""
 
 _OF_FILES = (".json", ".exr", ".tif", ".tiff", ".png", ".npz", ".csv")
 
@@ -63,29 +63,29 @@ def write(
     Parameters
     ----------
     path : path-like
-        A new or empty folder, or one that holds a package, which is replace_file; with the ending `.zip`, one file.
+        A new or empty folder, or one that holds a package, which is replaced; with the ending `.zip`, one file.
     exposure : Exposure
-        From `render`; names its camera.
+        Exposure of `render`, which names its camera.
     white : Exposure, optional
-        From `render_white`, of the same camera.
+        White image of `render_white`, of the same camera.
     sensor : SensorModel, optional
         Sensor that reads the exposure out, of at least 8 bits. None: 16 bits without noise, on which the brightest
         pixel reaches 0.8 of the white level.
     other_whites : sequence of Exposure, optional
         White images at other stops; each names its camera.
     targets : Target or sequence of Target, optional
-        Whose points are written as calibration points.
+        Targets, the points of which are written as calibration points.
     scene : Scene, optional
         The rendered scene: for the plan, and for surfaces that hide calibration points.
     seed : int, optional
-        Of the noise of raw, white (seed + 1), dark (seed + 2) and further white images.
+        Seed of the noise of raw, white (seed + 1), dark (seed + 2) and further white images.
 
     Raises
     ------
     InvalidValueError
-        Where the exposure names no camera, white images are of other cameras, or the sensor has no quantisation.
+        If the exposure names no camera, white images are of other cameras, or the sensor has no quantisation.
     FileError
-        Where the package cannot be written.
+        If the package cannot be written.
 
     Examples
     --------

@@ -96,11 +96,11 @@ def to_tree(value: Any) -> Any:
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, float):
-        return _float_to_tree(value) if math.isfinite(value) else {"float": str(value)}
+        return value if math.isfinite(value) else {"float": str(value)}
     if isinstance(value, tuple):
         return [to_tree(item) for item in value]
     if isinstance(value, np.ndarray) and value.dtype.name in _DTYPES:
-        values = [_float_to_tree(item) for item in value.ravel().tolist()]
+        values = [item if math.isfinite(item) else str(item) for item in value.ravel().tolist()]
         return {"array": {"dtype": value.dtype.name, "shape": list(value.shape), "values": values}}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         _check_public(type(value))
@@ -110,11 +110,6 @@ def to_tree(value: Any) -> Any:
         f"a {type(value).__name__} cannot be described in a file; only numbers, texts, tuples, arrays of numbers "
         "and the package's own values can"
     )
-
-
-def _float_to_tree(number: Any) -> Any:
-    """A number as JSON can hold it: finite ones by their shortest exact decimals, others by name."""
-    return number if math.isfinite(number) else str(number)
 
 
 def _from_tree(tree: Any) -> Any:
