@@ -16,6 +16,7 @@ from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.files.codes import white_point
+from plenoptic.core.files.text_lines import csv_text
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
@@ -124,9 +125,8 @@ def compote(  # noqa: PLR0913
         },
     )
     _write_camera(target, rows, f_number)
-    table = zip(rows.place.tolist(), rows.row.tolist(), rows.centre.tolist(), strict=True)
-    centre = [f"{i},{j},{u!r},{v!r}" for i, j, (v, u) in table]
-    write_file(target / "centres.csv", "\n".join(["k,l,u,v", *centre, ""]).encode("ascii"))
+    v, u = rows.centre.T
+    write_file(target / "centres.csv", csv_text(["k", "l", "u", "v"], (rows.place, rows.row, u, v)).encode("ascii"))
     if boards:
         _write_boards(target, rows, boards, scene)
     turned = ", and so do width and height in camera.js" if rows.turns else ""
@@ -241,16 +241,13 @@ def _write_boards(target: Path, rows: LensRows, boards: tuple[Target, ...], scen
     write_json(target / "scene.js", {"checkerboards": [_board(board) for board in boards]})
     corners = calibration_points(camera, boards, scene=scene)
     lens_numbers = {tuple(pair): number for number, pair in enumerate(rows.lens.tolist())}
-    lines = ["k,l,u,v,rho,cluster,frame"]
-    width = camera.sensor.shape[1]
-    for frame, point, lens, (row, column), blur in zip(
-        *(a.tolist() for a in (corners.frame, corners.point, corners.index, corners.pixel, corners.blur)), strict=True
-    ):
-        number = lens_numbers.get(tuple(lens))
-        if number is not None:
-            u, v = (column, row) if rows.turns == 0 else (row, width - 1 - column)
-            lines.append(f"{rows.place[number]},{rows.row[number]},{u!r},{v!r},{blur!r},{point},{frame}")
-    write_file(target / "features.csv", "\n".join([*lines, ""]).encode("ascii"))
+    lens = np.array([lens_numbers.get(tuple(pair), -1) for pair in corners.index.tolist()], np.int64)
+    listed, lens = lens >= 0, lens[lens >= 0]
+    row, column = corners.pixel[listed].T
+    u, v = (column, row) if rows.turns == 0 else (row, camera.sensor.shape[1] - 1 - column)
+    columns = rows.place[lens], rows.row[lens], u, v, corners.blur[listed], corners.point[listed], corners.frame[listed]
+    header = ["k", "l", "u", "v", "rho", "cluster", "frame"]
+    write_file(target / "features.csv", csv_text(header, columns).encode("ascii"))
 
 
 def _board(board: Target) -> dict[str, Any]:

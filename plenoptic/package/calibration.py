@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import image_plane, opening_width
 from plenoptic.camera.points.projection import project
+from plenoptic.core.files.text_lines import csv_text
 from plenoptic.core.values import Floats, check_kind, result
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, InvalidValueError, UnseenSceneWarning
@@ -63,13 +64,8 @@ class CalibrationPoints:
 
     def to_csv(self) -> str:
         """A table with a heading; u is the column and v the row."""
-        text = io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow(_HEADER)
-        for row in zip(self.frame, self.point, self.world, self.index, self.pixel, self.blur, strict=True):
-            frame, point, world, index, (v, u), blur = (np.asarray(part).tolist() for part in row)
-            table.writerow([frame, point, *world, *index, u, v, blur])
-        return text.getvalue()
+        v, u = self.pixel.T
+        return csv_text(_HEADER, (self.frame, self.point, *self.world.T, *self.index.T, u, v, self.blur))
 
     @classmethod
     def from_csv(cls, text: str) -> CalibrationPoints:
@@ -142,16 +138,8 @@ def calibration_points(
         with np.errstate(divide="ignore"):
             spread = np.abs(1.0 - camera.microlenses_to_sensor * (power - 1.0 / distance))
         blur = 0.5 * opening_width(array) * spread / camera.sensor.pixel_pitch
-        parts.append(
-            (
-                np.full(len(projection), frame),
-                projection.point,
-                target.points[projection.point],
-                projection.index,
-                projection.pixel,
-                blur,
-            )
-        )
+        frames, world = np.full(len(projection), frame), target.points[projection.point]
+        parts.append((frames, projection.point, world, projection.index, projection.pixel, blur))
     if not parts:
         raise InvalidValueError("targets is empty; give one target or more")
     if not any(len(part[0]) for part in parts):

@@ -23,6 +23,7 @@ from plenoptic.core.files.array_files import read_npz
 from plenoptic.core.files.atomic_file import translate_errors, write_file
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, read_file
 from plenoptic.core.files.serialization import load_value
+from plenoptic.core.files.text_lines import csv_text
 from plenoptic.core.values import file_path, result
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.package.calibration import CalibrationPoints
@@ -236,11 +237,8 @@ def centres_from(arrays: Mapping[str, Any]) -> Mapping[CentreMethod, MicrolensCe
 
 
 def centre_table(arrays: Mapping[str, Any]) -> str:
-    """The same as text: k, l, type, and row and column by each method."""
+    """CSV table of `centre_arrays`: k, l, type, and row and column by each method."""
     methods = [name.removesuffix("_pixel") for name in arrays if name.endswith("_pixel")]
-    head = ["k", "l", "type", *(f"{name}_{axis}" for name in methods for axis in ("row", "column"))]
-    rows = [",".join(head)]
+    header = ["k", "l", "type", *(f"{name}_{axis}" for name in methods for axis in ("row", "column"))]
     pixels = np.concatenate([arrays[f"{name}_pixel"] for name in methods], axis=1)
-    for (k, l), kind, places in zip(arrays["index"].tolist(), arrays["type"].tolist(), pixels.tolist(), strict=True):
-        rows.append(",".join(map(repr, (k, l, kind, *places))))
-    return "\n".join([*rows, ""])
+    return csv_text(header, (*arrays["index"].T, arrays["type"], *pixels.T))

@@ -20,11 +20,9 @@ from plenoptic.rendering.exposure_metadata import EXPOSURE_NAMES, ExposureMetada
 from plenoptic.rendering.schedule.budget import MAX_SAMPLES
 from plenoptic.truth.channels import CHANNELS
 
+Arrays = Mapping[str, NDArray[Any]]
 _NAMED = 8
 """Missing regions listed in an error."""
-
-
-Arrays = Mapping[str, NDArray[Any]]
 
 
 class FilePart:
