@@ -30,24 +30,18 @@ class Journal:
         records = [entry.facts for entry in self._log.entries]
         self.values = {record["item"]: record["value"] for record in records if {"item", "value"} <= record.keys()}
         """Shared facts by their hashes."""
-        self.done = {task: record for record in records if (task := self._task(record)) is not None}
+        # Shared facts may be missing, since the journal may have been damaged: then images are rendered again.
+        self.done = {
+            Task(record["camera"], record["frame"], (record["rows"][0], record["rows"][1]), record["image"]): record
+            for record in records
+            if "inputs" in record and (not record["image"] or all(record[name] in self.values for name in SHARED))
+        }
         """Records of finished tasks."""
         try:
             self._check(identity, n_frames)
         except BaseException:
             self._log.close()
             raise
-
-    def _task(self, record: Mapping[str, Any]) -> Task | None:
-        """The task of a record; None if it has none, or a shared fact is missing: the journal may have been damaged."""
-        try:
-            first, end = record["rows"]
-            task = Task(record["camera"], record["frame"], (first, end), record["image"])
-            is_valid = isinstance(record["inputs"], str) and isinstance(record["arrays"], list)
-            is_complete = not task.image or all(record[name] in self.values for name in SHARED)
-            return task if is_valid and is_complete and hash(task) else None
-        except (KeyError, TypeError, ValueError):
-            return None
 
     def _check(self, identity: Mapping[str, str], n_frames: int) -> None:
         recorded, folder = self._log.header.get("identity"), str(self._path.parent)

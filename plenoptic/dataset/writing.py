@@ -288,7 +288,7 @@ class _Writer:
             names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._options.motion else ()))
             with replace_folder(path) as new:
                 create_store(new, layout._replace(names=names), {}, times=times_of(self._sequences[task.camera]))
-        channels = self._store(task).sizes("image")[-1]
+        channels = self._store(task).array("image").shape[-1]
         for name in ("image", "standard_error"):
             if name in arrays and arrays[name].shape[2] < channels:
                 arrays[name] = np.repeat(arrays[name], channels, axis=2)

@@ -65,7 +65,7 @@ class LensRows(NamedTuple):
         """True for a hexagonal lattice."""
         return self.array.lattice is Lattice.HEXAGONAL
 
-    def turned(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    def turn_image(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
         """An image (H, W, C) turned as the centres are."""
         return np.rot90(image, self.turns)
 
@@ -74,9 +74,9 @@ class LensRows(NamedTuple):
         size = np.array(shape if self.turns % 2 == 0 else shape[::-1])
         half = 0.5 * self.pitch[0]
         inside = ((self.centre >= half - 0.5) & (self.centre <= size - 0.5 - half)).all(axis=1)
-        return self.selected(np.asarray(inside))
+        return self.select(np.asarray(inside))
 
-    def selected(self, kept: NDArray[Any]) -> LensRows:
+    def select(self, kept: NDArray[Any]) -> LensRows:
         """Some of the lenses, by a mask or their numbers."""
         names = ("lens", "type", "centre", "row", "place", "shifted")
         return self._replace(**{name: getattr(self, name)[kept] for name in names})
@@ -100,7 +100,7 @@ class LensRows(NamedTuple):
         _, left, right = size(first, last)
         inside = (self.row >= first) & (self.row <= last) & (self.place >= left) & (self.place <= right)
         order = np.flatnonzero(inside)[np.lexsort((self.place[inside], self.row[inside]))]
-        ordered = self.selected(order)
+        ordered = self.select(order)
         return ordered._replace(row=ordered.row - first, place=ordered.place - left)
 
 

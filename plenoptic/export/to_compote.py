@@ -110,7 +110,7 @@ def compote(  # noqa: PLR0913
         stopped = cardinal_points(other.camera.lens, other.camera.wavelength).f_number
         whites.append((f"white_{number + 2}.png", stopped, other.image[crop_in_white_image(shot, other)[0]]))
     for file, _, image in [(f"{name}.png", f_number, shot.image), *whites]:
-        write_picture(target / file, rows.turned(image), scale=white_point(image), bits=8, encoded=True)
+        write_picture(target / file, rows.turn_image(image), scale=white_point(image), bits=8, encoded=True)
     boards = targets_of(targets)
     frame_facts = {"path": f"{name}.png", "fnumber": f_number}
     listed = [{"path": file, "fnumber": stopped} for file, stopped, _ in whites]
@@ -147,8 +147,8 @@ def _with_even_rows(rows: LensRows) -> LensRows:
     """A rectangle of lenses with an even number of rows, the first of which is shifted in a hexagonal lattice."""
     lens = rows.rectangle()
     if lens.hexagonal and not lens.shifted[0]:
-        lens = lens.selected(lens.row > 0)._replace(row=lens.row[lens.row > 0] - 1)
-    return lens.selected(lens.row < (lens.row.max() + 1) // 2 * 2)
+        lens = lens.select(lens.row > 0)._replace(row=lens.row[lens.row > 0] - 1)
+    return lens.select(lens.row < (lens.row.max() + 1) // 2 * 2)
 
 
 def _mesh(rows: LensRows, places: Floats, columns: NDArray[np.int64], lines: NDArray[np.int64]) -> dict[str, Any]:

@@ -83,8 +83,8 @@ def lftoolbox(
         "GeneratedByInfo": {"mfilename": "plenoptic", "VersionStr": __version__},
     }
     write_file(target / f"{name}__Decoded.mat", matlab_7_3(content))
-    write_picture(target / f"{name}.png", lens.turned(shot.image), scale=brightest(shot.image))
-    write_picture(target / f"{name}_white.png", lens.turned(light), scale=brightest(light))
+    write_picture(target / f"{name}.png", lens.turn_image(shot.image), scale=brightest(shot.image))
+    write_picture(target / f"{name}_white.png", lens.turn_image(light), scale=brightest(light))
     matrix = intrinsics(field)
     if matrix is not None:
         calibrated = {"EstCamIntrinsicsH": matrix.tolist(), "EstCamDistortionV": [0.0] * 5, "LensletGridModel": model}

@@ -64,8 +64,8 @@ def plenopticam(
     target, name, light = folder_at(folder), plain_name(name), white.image[crop_in_white_image(shot, white)[0]]
     lens = lens_rows(shot, turn=True, method=method).whole(shot.image.shape[:2]).rectangle()
     scale = brightest(shot.image)
-    write_picture(target / f"{name}.tiff", lens.turned(shot.image), scale=scale, encoded=True)
-    write_picture(target / f"{name}_white.tiff", lens.turned(light), scale=brightest(light))
+    write_picture(target / f"{name}.tiff", lens.turn_image(shot.image), scale=scale, encoded=True)
+    write_picture(target / f"{name}_white.tiff", lens.turn_image(light), scale=brightest(light))
     listed = np.column_stack([lens.centre, lens.row, lens.place]).tolist()
     across, row_pitch = lens.pitch
     content = {

@@ -48,8 +48,8 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
     camera, scale = lens.camera, brightest(light)
     # Ratio of the full codes, so that the raw image over the white one is 1 for a white scene.
     ratio = max(brightest(shot.image) / scale, 1e-30)
-    write_picture(target / "Images" / f"{name}.png", lens.turned(shot.image), scale=scale * max(ratio, 1.0))
-    write_picture(target / _WHITE / "white.png", lens.turned(light), scale=scale)
+    write_picture(target / "Images" / f"{name}.png", lens.turn_image(shot.image), scale=scale * max(ratio, 1.0))
+    write_picture(target / _WHITE / "white.png", lens.turn_image(light), scale=scale)
     z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
     said = {"camera": {"imageDistance": camera.stop_to_microlenses, "focusDistance": -z if np.isfinite(z) else 1e9}}
     for file in (target / "Images" / f"{name}.json", target / _WHITE / "white.json"):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plenoptic import __version__
-from plenoptic.camera.assembly import assembly, rigid
+from plenoptic.camera.assembly import Rigid, assembly, rigid
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.report import camera_report
@@ -101,19 +101,21 @@ def write(
     """
     target, seed = file_path(path), seed_number(seed)
     camera = _checked_camera(exposure, white, other_whites)
-    model = _quiet_sensor(exposure) if sensor is None else sensor
+    model = _noiseless_sensor(exposure) if sensor is None else sensor
     check_kind(model, "sensor", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     zipped = target.suffix.lower() == ".zip"
     _check_replaceable(target, zipped=zipped)
     with tempfile.TemporaryDirectory() if zipped else replace_folder(target) as location:
         folder = Path(location)
-        _fill(folder, exposure, white, tuple(other_whites), model, seed)
-        _describe(folder, camera)
+        _write_images(folder, exposure, white, tuple(other_whites), model, seed)
+        _write_camera(folder, camera)
         if listed := targets_of(targets):
             write_file(folder / POINTS, calibration_points(camera, listed, scene=scene).to_csv().encode("ascii"))
-        _sign(folder, exposure, None if scene is None else str(_plan(exposure, scene, camera)).splitlines())
+        _write_provenance(folder, exposure, None if scene is None else str(_plan(exposure, scene, camera)).splitlines())
         if zipped:
-            _zip(folder, target)
+            with replace_file(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+                for part in sorted(folder.iterdir()):
+                    archive.write(part, part.name)
 
 
 def _checked_camera(exposure: Exposure, white: Exposure | None, others: Sequence[Exposure]) -> PlenopticCamera:
@@ -133,14 +135,14 @@ def _checked_camera(exposure: Exposure, white: Exposure | None, others: Sequence
     return camera
 
 
-def _quiet_sensor(exposure: Exposure) -> SensorModel:
+def _noiseless_sensor(exposure: Exposure) -> SensorModel:
     brightest = float(np.nanmax(exposure.image, initial=0.0))
     rate = _WHITE_PART * 65535 / brightest if brightest > 0 else 1.0
     return SensorModel(rate, bits=16, shot_noise=ShotNoise.NONE)
 
 
-def _lit(white: Exposure, model: SensorModel) -> SensorModel:
-    """The same sensor before as much light as a white image needs."""
+def _white_sensor(white: Exposure, model: SensorModel) -> SensorModel:
+    """The sensor with the photon rate at which the brightest pixels of a white image reach 0.8 of the white level."""
     brightest = float(np.max(white.image.max(axis=(0, 1)) * np.broadcast_to(model.electrons_per_unit, 3)))
     electrons = _WHITE_PART * (model.white_level - model.black_level) / model.gain - model.dark_electrons
     if not brightest > 0 or not electrons > 0:
@@ -149,7 +151,7 @@ def _lit(white: Exposure, model: SensorModel) -> SensorModel:
     return dataclasses.replace(model, photon_rate=rate if len(rate) > 1 else rate[0])
 
 
-def _fill(
+def _write_images(
     folder: Path,
     exposure: Exposure,
     white: Exposure | None,
@@ -157,7 +159,7 @@ def _fill(
     model: SensorModel,
     seed: int,
 ) -> None:
-    """The pictures."""
+    """Write the images as light and as raw images, and the truth."""
     light = dataclasses.replace(exposure, truth=None)
     light.save(folder / "raw.exr")
     exposure.develop(model, seed=seed).save(folder / "raw.tif")
@@ -166,7 +168,7 @@ def _fill(
         whites[_white_name(other, whites)] = other
     for number, (name, image) in enumerate(whites.items()):
         image.save(folder / f"{name}.exr")
-        image.develop(_lit(image, model), seed=seed + 1 + number + (number > 0)).save(folder / f"{name}.tif")
+        image.develop(_white_sensor(image, model), seed=seed + 1 + number + (number > 0)).save(folder / f"{name}.tif")
     dark = dataclasses.replace(light, image=np.zeros_like(exposure.image), standard_error=None)
     dark.develop(model, seed=seed + 2).save(folder / "dark.tif")
     if exposure.truth is not None:
@@ -175,9 +177,9 @@ def _fill(
         write_npz(folder / TRUTH, exposure.truth.arrays())
 
 
-def _describe(folder: Path, camera: PlenopticCamera) -> None:
-    """The camera and the centres of its microlens images."""
-    save_value(camera, folder / CAMERA, about=_about(camera))
+def _write_camera(folder: Path, camera: PlenopticCamera) -> None:
+    """Write the camera and the centres of its microlens images."""
+    save_value(camera, folder / CAMERA, about=_camera_description(camera))
     if camera.microlenses is not None:
         walls = camera.microlenses.walls is Walls.OPAQUE
         methods = [method for method in CentreMethod if not (walls and method is CentreMethod.CENTROID)]
@@ -195,38 +197,38 @@ def _white_name(white: Exposure, taken: Any) -> str:
     return name
 
 
-def _about(camera: PlenopticCamera) -> dict[str, Any]:
+def _camera_description(camera: PlenopticCamera) -> dict[str, Any]:
     """Description of a camera for other programs, beside its value."""
     parts, sensor = assembly(camera), camera.sensor
-    said: dict[str, Any] = {
+    description: dict[str, Any] = {
         "units": "mm, nm, radians; light in the scene's units",
         "axes": "of the camera: origin at the centre of the iris, x right, y up, the scene at z < 0, the sensor at "
         "z > 0; rotations take a part's own axes to the camera's",
         "pixels": "row 0, column 0 is the upper left of the upright picture; whole numbers are centres of pixels; from "
         "the sensor's centre, x = -(column + 1/2 - columns/2) pitch and y = (row + 1/2 - rows/2) pitch",
         "sensor": {"rows": sensor.shape[0], "columns": sensor.shape[1], "pixel_pitch": sensor.pixel_pitch},
-        "sensor_as_built": _place(rigid(camera.sensor_placement, camera.z_sensor)),
-        "lens_as_built": _place(rigid(camera.lens_placement, 0.0)),
+        "sensor_as_built": _pose_of(rigid(camera.sensor_placement, camera.z_sensor)),
+        "lens_as_built": _pose_of(rigid(camera.lens_placement, 0.0)),
         "lens_vertices": camera.lens.vertices.tolist(),
         "lens_indices": camera.lens.indices(camera.wavelength).tolist(),
         "report": str(camera_report(camera)).splitlines(),
     }
     array = camera.microlenses
     if array is not None:
-        said["array_as_built"] = _place(rigid(camera.microlenses_placement, camera.stop_to_microlenses))
-        said["array_origin_and_turn_before_the_lens"] = [parts.array_origin.tolist(), parts.array_turn.tolist()]
-        said["array"] = {
+        description["array_as_built"] = _pose_of(rigid(camera.microlenses_placement, camera.stop_to_microlenses))
+        description["array_origin_and_turn_before_the_lens"] = [parts.array_origin.tolist(), parts.array_turn.tolist()]
+        description["array"] = {
             "lattice": array.lattice.name,
             "basis": None if array.centres is not None else array.basis.tolist(),
             "pitches": list(array.pitches),
             "focal_lengths": list(array.focal_lengths),
             "distance_to_sensor": camera.microlenses_to_sensor,
         }
-    return said
+    return description
 
 
-def _place(place: Any) -> dict[str, Any]:
-    return {"rotation": place.turn.tolist(), "origin": place.shift.tolist()}
+def _pose_of(part: Rigid) -> dict[str, Any]:
+    return {"rotation": part.turn.tolist(), "origin": part.shift.tolist()}
 
 
 def _plan(exposure: Exposure, scene: Scene, camera: PlenopticCamera) -> Any:
@@ -234,7 +236,7 @@ def _plan(exposure: Exposure, scene: Scene, camera: PlenopticCamera) -> Any:
     return plan(scene, camera, samples=exposure.samples or 1, replicates=exposure.replicates or 1, **options)
 
 
-def _sign(folder: Path, exposure: Exposure, plan_lines: list[str] | None) -> None:
+def _write_provenance(folder: Path, exposure: Exposure, plan_lines: list[str] | None) -> None:
     """Write the provenance: versions, seed, samples, error, plan, and the hash of every file."""
     files, error = {}, exposure.relative_error
     for path in sorted(folder.iterdir()):
@@ -270,9 +272,3 @@ def _check_replaceable(target: Path, *, zipped: bool) -> None:
             raise FileError(f"{str(target)!r} is no folder; choose another name, or one that ends in .zip")
         if not (target / PROVENANCE).is_file() and any(target.iterdir()):
             raise FileError(f"the folder {str(target)!r} holds something else than a package; choose a new one")
-
-
-def _zip(folder: Path, target: Path) -> None:
-    with replace_file(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(folder.iterdir()):
-            archive.write(path, path.name)

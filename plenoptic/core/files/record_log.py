@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.files.atomic_file import check_folder, file_exists, real_path, replace_file, translate_errors
 from plenoptic.core.files.digest import bytes_of, little_endian
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.errors import FileError
 
 try:
     import fcntl
@@ -119,7 +119,7 @@ class RecordLog:
 
         Facts are numbers, texts and lists of them. Arrays of booleans and numbers keep every bit.
         """
-        storable = {name: _storable(name, array) for name, array in arrays.items()}
+        storable = {name: little_endian(np.asarray(array)) for name, array in arrays.items()}
         layouts = tuple((name, array.dtype, array.shape) for name, array in storable.items())
         description = {"facts": facts, "arrays": [(name, dtype.str, shape) for name, dtype, shape in layouts]}
         head = json.dumps(description, default=np.generic.item).encode()
@@ -273,13 +273,6 @@ def _layout(description: Any) -> tuple[str, np.dtype[Any], tuple[int, ...]]:
     if dtype not in _TYPES or not all(type(n) is int and 0 <= n < 1 << 62 for n in shape):
         raise ValueError("no array")
     return str(name), np.dtype(dtype), tuple(shape)
-
-
-def _storable(name: str, array: NDArray[Any]) -> NDArray[Any]:
-    plain = little_endian(np.asarray(array))
-    if plain.dtype.str not in _TYPES:
-        raise InvalidValueError(f"{name} is an array of {plain.dtype}; a record keeps booleans and numbers only")
-    return plain
 
 
 def _foreign_error(start: bytes, path: Path, kind: LogKind) -> FileError:

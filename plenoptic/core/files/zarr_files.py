@@ -21,11 +21,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.files.atomic_file import check_folder, sync_files, translate_errors
+from plenoptic.core.files.atomic_file import sync_files, translate_errors
 from plenoptic.core.files.extras import extra_package
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, read_file
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import file_path, frozen_array, plain_array, whole
+from plenoptic.core.values import file_path, frozen_array
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 
 CHUNK = 512
@@ -76,15 +76,13 @@ def coordinate(dimension: str, values: NDArray[Any], meaning: str, unit: str = "
 class Store:
     """A store that is written region by region; other processes open the same one by `Store(path)`.
 
-    Regions consist of whole chunks, so that each chunk has one writer, and no writer waits for another. Memory holds
-    about two chunks for each thread, while they are compressed.
+    Regions consist of whole chunks: they begin and end at multiples of 512 rows and columns or at the end of the store.
+    So each chunk has one writer, and no writer waits for another. Memory holds about two chunks for each thread, while
+    they are compressed.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = file_path(path)
-        self._open()
-
-    def _open(self) -> None:
         self._group, arrays = _open_group(self.path, mode="r+")
         self._arrays = {name: array for name, array in arrays.items() if {ROW, COLUMN} <= {*dimensions_of(array)}}
         if not self._arrays:
@@ -99,15 +97,11 @@ class Store:
         *,
         frames: int | None = None,
     ) -> Store:
-        """Make a new store, in which only coordinates are written.
+        """Make a new store, in which only coordinates are written, in a new or empty folder.
 
-        With `frames`, the present length of a sequence, pixels have a leading dimension `frame`, one frame a
-        chunk. FileError if `path` exists and is no empty folder.
+        With `frames`, the present length of a sequence, pixels have a leading dimension `frame`, one frame a chunk.
         """
         target = file_path(path)
-        check_folder(target)
-        if target.exists() and not (target.is_dir() and not any(target.iterdir())):
-            raise FileError(f"{str(target)!r} exists; choose a new name, or remove it first")
         pixels = {name for name, variable in variables.items() if variable.values is None}
         dimensions = {dimension for variable in variables.values() for dimension in variable.dimensions}
         others = [name for name in variables if name not in pixels | dimensions]
@@ -119,26 +113,20 @@ class Store:
             _consolidate(group)
         return cls(target)
 
-    @property
-    def frames(self) -> int | None:
-        """Length of a sequence; None for a single exposure."""
-        array = next(iter(self._arrays.values()))
-        return int(array.shape[0]) if dimensions_of(array)[0] == FRAME else None
-
-    def sizes(self, name: str) -> tuple[int, ...]:
-        """The shape of an array."""
+    def array(self, name: str) -> Any:
+        """An array of pixels of zarr; FileError if there is none of this name."""
         if name not in self._arrays:
             raise FileError(f"{str(self.path)!r} has no array {name}; restore it from its origin, or remove it")
-        return tuple(self._arrays[name].shape)
+        return self._arrays[name]
 
     def extend(self, frames: int, coordinates: Mapping[str, ArrayLike] | None = None) -> None:
         """Extend a sequence to `frames` frames in all; one worker does it, and others see it.
 
         `coordinates` (frames,) are the new coordinates of all frames, by name.
         """
-        if self.frames is None or whole(frames, "frames", at_least=0) < self.frames:
-            have = "is no sequence" if self.frames is None else f"has {self.frames} frames already"
-            raise InvalidValueError(f"{str(self.path)!r} {have}; it cannot be given {frames}")
+        length = next(iter(self._arrays.values())).shape[0]
+        if frames < length:
+            raise InvalidValueError(f"{str(self.path)!r} has {length} frames already; it cannot be given {frames}")
         with translate_zarr_errors(self.path, "written"):
             for array in self._arrays.values():
                 array.resize((frames, *array.shape[1:]))
@@ -173,45 +161,31 @@ class Store:
     def put(self, region: Region, arrays: Mapping[str, ArrayLike], *, frame: int | None = None) -> None:
         """Write the pixels of a region, of all arrays or of some, into chunks that nobody else writes.
 
-        The region counts from the store's first row and column. It begins and ends at multiples of 512 or at the end
-        of the store; otherwise, and for arrays of other shapes and types, InvalidValueError. `frame` counts from 0.
+        The region counts from the store's first row and column, `frame` from 0. InvalidValueError if an array has
+        another shape or type than that of the store.
         """
-        checked = {name: self._check(name, values, region) for name, values in arrays.items()}
-        self._check_frame(frame)
+        for name, values in arrays.items():
+            shape = (region[1] - region[0], region[3] - region[2], *self._components(name))
+            if np.shape(values) != shape:
+                has = f"{name} has shape {np.shape(values)}"
+                raise InvalidValueError(f"{has}; in the region {region} it must have {shape}")
         leading = () if frame is None else (frame,)
-        chunks = [(name, block) for name in checked for block in _blocks(region)]
 
         def write(chunk: tuple[str, Region]) -> None:
             name, (row, end_row, column, end_column) = chunk
-            target = self._arrays[name]
-            part = checked[name][row - region[0] : end_row - region[0], column - region[2] : end_column - region[2]]
-            values = frozen_array(part, name=name, shape=part.shape, dtype=target.dtype)
-            target[(*leading, slice(row, end_row), slice(column, end_column))] = values
+            array, values = self.array(name), np.asarray(arrays[name])
+            part = values[row - region[0] : end_row - region[0], column - region[2] : end_column - region[2]]
+            checked = frozen_array(part, name=name, shape=part.shape, dtype=array.dtype)
+            array[(*leading, slice(row, end_row), slice(column, end_column))] = checked
 
+        chunks = [(name, block) for name in arrays for block in _blocks(region)]
         with translate_zarr_errors(self.path, "written"):
             list(run_in_order(write, chunks, threads=min(thread_count(None), len(chunks))))
 
-    def _check(self, name: str, values: ArrayLike, region: Region) -> NDArray[Any]:
-        """The values as an array of pixels, or an error if name, region or shape do not fit the store."""
-        if name not in self._arrays:
-            raise InvalidValueError(f"{str(self.path)!r} has no array {name}; it has {', '.join(sorted(self._arrays))}")
-        array, pixels = self._arrays[name], plain_array(values, name)
-        rows, columns, *channels = array.shape[dimensions_of(array).index(ROW) :]
-        _check_aligned(region, (rows, columns))
-        shape = (region[1] - region[0], region[3] - region[2], *channels)
-        if pixels.shape != shape:
-            raise InvalidValueError(f"{name} has shape {pixels.shape}; in the region {region} it must have {shape}")
-        return pixels
-
-    def _check_frame(self, frame: int | None) -> None:
-        n_frames = self.frames
-        if (frame is None) != (n_frames is None):
-            is_one = "no sequence" if n_frames is None else "a sequence"
-            raise InvalidValueError(f"frame is {frame}, and {str(self.path)!r} is {is_one}")
-        if frame is not None and whole(frame, "frame", at_least=0) >= (n_frames or 0):
-            self._open()  # another worker may have extended it
-            if frame >= (self.frames or 0):
-                raise InvalidValueError(f"frame is {frame}; the sequence has {self.frames} frames: extend it first")
+    def _components(self, name: str) -> tuple[int, ...]:
+        """Shape of a pixel's value."""
+        array = self.array(name)
+        return tuple(array.shape[dimensions_of(array).index(COLUMN) + 1 :])
 
 
 def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None:
@@ -262,17 +236,6 @@ def _key(array: Any, block: Region, frame: int) -> str:
     """File name of a chunk."""
     index = {FRAME: frame, ROW: block[0] // CHUNK, COLUMN: block[2] // CHUNK}
     return str(array.metadata.encode_chunk_key(tuple(index.get(side, 0) for side in dimensions_of(array))))
-
-
-def _check_aligned(region: Region, shape: tuple[int, int]) -> None:
-    for first, end, length, what in ((*region[:2], shape[0], "rows"), (*region[2:], shape[1], "columns")):
-        if not 0 <= first < end <= length:
-            raise InvalidValueError(f"region has {what} {first}:{end}; the store has {what} 0:{length}")
-        if first % CHUNK or (end % CHUNK and end != length):
-            raise InvalidValueError(
-                f"region has {what} {first}:{end} of {length}; it must begin and end at multiples of {CHUNK} or at the "
-                "end, since a chunk is written as a whole"
-            )
 
 
 @contextmanager
