@@ -1,7 +1,8 @@
 """Aberrations of a lens: third-order sums, and spots, fans, fields and contrast by exact rays."""
 
 from plenoptic.optics.lens.analysis.astigmatic import Foci, foci
-from plenoptic.optics.lens.analysis.fields import (
+from plenoptic.optics.lens.analysis.best_focus import ThroughFocus, best_focus, through_focus
+from plenoptic.optics.lens.analysis.field_aberrations import (
     Coma,
     DepthDistortion,
     Distortion,
@@ -12,7 +13,6 @@ from plenoptic.optics.lens.analysis.fields import (
     distortion,
     field_curvature,
 )
-from plenoptic.optics.lens.analysis.focus import ThroughFocus, best_focus, through_focus
 from plenoptic.optics.lens.analysis.illumination import (
     RelativeIllumination,
     Vignetting,
@@ -22,7 +22,7 @@ from plenoptic.optics.lens.analysis.illumination import (
 )
 from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf, mtf, point_spread
 from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, chromatic_shift, colour_sums, seidel_sums
-from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram, ray_fan, spot_diagram
+from plenoptic.optics.lens.analysis.spot_diagram import RayFan, SpotDiagram, ray_fan, spot_diagram
 from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.optical_path import optical_path
 from plenoptic.optics.lens.waves.wave_mtf import WaveMtf, wave_mtf

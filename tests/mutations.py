@@ -49,9 +49,9 @@ glass_resonance optics/glass/dispersion.py: optics/glass
 - + k[3] / (w * w - k[4] ** 2),
 + + k[3] / (w * w - k[4]),
 choice_in_a_piece camera/sampling/kernels/camera_samples.py: camera/test_aperture_regions.py rendering/test_render.py
-- return total_area, k, target_area - area_before
-+ return total_area, k, target_area
-plane_moves_along_u camera/sampling/kernels/aperture_planes.py: camera/test_aperture_regions.py rendering/test_render.py
+- remainder -= pieces[k - 1].area
++ remainder -= 0.0
+plane_moves_along_u camera/sampling/kernels/aperture_regions.py: camera/test_aperture_regions.py rendering
 - nx * transfer.x_by_v + ny * transfer.y_by_v
 + nx * transfer.x_by_v + ny * transfer.y_by_u
 point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_aperture_regions.py camera/psf
@@ -60,7 +60,7 @@ point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_
 projection_axes camera/points/projection.py: camera/points/test_projection.py camera/points
 - (np.abs(rows.position) <= 0.5 * np.array(sensor.size[::-1]))
 + (np.abs(rows.position) <= 0.5 * np.array(sensor.size))
-spread_error camera/psf/spots.py: camera/psf
+spread_error camera/psf/psf_results.py: camera/psf
 - error = np.sqrt(squares / (max(len(crops) - 1, 1) * len(crops)))
 + error = np.sqrt(squares / max(len(crops) - 1, 1))
 far_field_tail optics/diffraction/kernels/far_field.py: optics/diffraction rendering/test_diffraction.py

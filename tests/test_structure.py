@@ -7,6 +7,7 @@ import re
 import tokenize
 from collections import Counter
 from graphlib import TopologicalSorter
+from importlib.util import resolve_name
 from pathlib import Path
 
 from importlinter import cli
@@ -16,7 +17,7 @@ import plenoptic as pl
 ROOT = Path(pl.__file__).parent
 FILES = sorted(ROOT.rglob("*.py"))
 TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
-MOST_ARGUMENTS, MOST_FILES, MOST_LINES = 8, 16, 400
+MOST_ARGUMENTS, MOST_FILES, MOST_LINES, MOST_IN_CIRCLE = 8, 16, 400, 12
 
 
 def module_of(path):
@@ -103,6 +104,59 @@ def test_no_import_circles_but_inside_functions_that_say_why():
                 edges[module_of(path)].add(name)
     assert sum(map(len, edges.values())) > len(MODULES)
     TopologicalSorter(edges).prepare()  # names a circle
+
+
+def facade_names(module):
+    """Modules that define the names of a package whose names are loaded on first use; empty for other modules."""
+    stub = MODULES[module].with_suffix(".pyi")
+    for node in ast.parse(stub.read_text(encoding="utf-8")).body if stub.is_file() else ():
+        if isinstance(node, ast.ImportFrom):
+            base = resolve_name("." * node.level + (node.module or ""), module)
+            for alias in node.names:
+                whole = f"{base}.{alias.name}"
+                yield alias.name, whole if whole in MODULES else base
+
+
+def circles(edges):
+    """Strongly connected components of more than one module (R. Tarjan 1972)."""
+    order, lowest, stack, found = {}, {}, [], []
+
+    def visit(module):
+        order[module] = lowest[module] = len(order)
+        stack.append(module)
+        for other in edges[module]:
+            if other not in order:
+                visit(other)
+            if other in stack:
+                lowest[module] = min(lowest[module], lowest[other])
+        if lowest[module] == order[module]:
+            circle = stack[stack.index(module) :]
+            del stack[stack.index(module) :]
+            found.extend([circle] if len(circle) > 1 else [])
+
+    for module in edges:
+        if module not in order:
+            visit(module)
+    return found
+
+
+def test_circles_through_imports_inside_functions_are_small():
+    """Names of packages that are loaded on first use count as imports of the modules that define them."""
+    facades = {module: dict(facade_names(module)) for module in MODULES}
+    edges = {module: set(facades[module].values()) for module in MODULES}
+    for path, tree in TREES.items():
+        for name, node, _ in imports(tree):
+            named = {alias.name for alias in node.names} if isinstance(node, ast.ImportFrom) else None
+            if facades[name] and named is not None:
+                edges[module_of(path)].update(facades[name][part] for part in named & set(facades[name]))
+            else:
+                edges[module_of(path)].add(name)
+    assert [len(circle) for circle in circles(edges) if len(circle) > MOST_IN_CIRCLE] == []
+
+
+def test_figures_are_named_by_no_other_room():
+    others = [path for path in FILES if path.relative_to(ROOT).parts[0] not in ("plots", "command")]
+    assert [path for path in others for name, *_ in imports(TREES[path]) if name.startswith("plenoptic.plots")] == []
 
 
 def test_imports_point_down(capsys):

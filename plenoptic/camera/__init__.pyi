@@ -4,10 +4,10 @@ from .as_built_values import as_built as as_built
 from .camera import CameraPart as CameraPart
 from .camera import PlenopticCamera as PlenopticCamera
 from .camera import Pose as Pose
+from .design.design import CameraDesign as CameraDesign
+from .design.design import DesignStep as DesignStep
 from .design.design import design_camera as design_camera
 from .design.example import example_camera as example_camera
-from .design.search import CameraDesign as CameraDesign
-from .design.search import DesignStep as DesignStep
 from .diffraction import Diffraction as Diffraction
 from .gaussian import CameraKind as CameraKind
 from .points.centres import CentreMethod as CentreMethod

@@ -66,7 +66,8 @@ class Assembly(NamedTuple):
     """(12,) rotation row by row and shift from local to lens axes; None if they differ in
     `z_plane` alone."""
     z_plane: float
-    """z of the array's front principal plane in the lens's axes, at its centre if it is tilted."""
+    """z in mm of the start of rays towards the lens, in its axes, of the array's front principal plane, at its
+    centre if it is tilted; without microlenses, of the last lens vertex."""
     array_turn: Floats
     """(2, 2): the array's axes in the local ones."""
     array_origin: Floats
@@ -109,6 +110,14 @@ def assembly(camera: PlenopticCamera) -> Assembly:
     return Assembly(
         None if camera.lens_placement is None else lens, frame, z_plane, turn, origin, sensor, distance, tilt
     )
+
+
+def lens_to_world(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
+    """Rigid motion from the lens's axes to the world; None if they are the same."""
+    if camera.pose is None:
+        return parts.lens_to_camera
+    pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
+    return pose if parts.lens_to_camera is None else pose.of(parts.lens_to_camera)
 
 
 def _plane_coefficients(sensor: Rigid) -> tuple[float, Floats | None]:

@@ -6,18 +6,21 @@ import copy
 import dataclasses
 import operator
 from collections.abc import Hashable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.camera_record import CameraRecord, camera_record, lens_to_world
+from plenoptic.camera.assembly import lens_to_world
+from plenoptic.camera.camera_record import CameraRecord, camera_record
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import IlluminatedPixels, Regions
 from plenoptic.core.last_result import LastResultCache
 from plenoptic.core.values import Floats
 from plenoptic.optics.sensor.sensor import Sensor
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 MAX_CACHED_BYTES = 1 << 28
 """Size of the cache of illuminated pixels, some 500 bytes each; tiles beyond it are computed again for each use."""
@@ -95,39 +98,25 @@ def _trim(illuminated: IlluminatedPixels) -> IlluminatedPixels:
     return illuminated._replace(regions=Regions(*arrays))
 
 
-class _SensorCache:
-    """Last compiled camera with a sensor, shared by cameras that differ in their pose."""
-
-    def __init__(self, sensor: Sensor) -> None:
-        self._parts: tuple[object, ...] = ()
-        self._prepared: PreparedCamera | None = None
-
-    def prepare(self, camera: PlenopticCamera) -> PreparedCamera:
-        """Compile a camera; if its parts are those of the last one, compile its pose alone."""
-        parts = tuple(
-            getattr(camera, field.name) for field in dataclasses.fields(camera) if field.name not in _NOT_COMPARED
-        )
-        if self._prepared is not None and all(map(operator.is_, parts, self._parts)):
-            self._prepared = self._prepared.with_pose(camera)
-        else:
-            self._parts, self._prepared = parts, PreparedCamera(camera_record(camera))
-        return self._prepared
-
-
 _NOT_COMPARED = ("sensor", "pose", "shutter")
 """Fields of a camera that are not compared: the cache's key, and those that may differ."""
-
-
-def prepared_camera(camera: PlenopticCamera) -> PreparedCamera:
-    """Compile a camera, unless it is the one compiled last, which is immutable.
-
-    Only the pose is compiled if its parts are the same.
-    """
-    return _last(camera)
-
-
-_sensor_cache: LastResultCache[Sensor, _SensorCache] = LastResultCache(_SensorCache)
-_last: LastResultCache[PlenopticCamera, PreparedCamera] = LastResultCache(
-    lambda camera: _sensor_cache(camera.sensor).prepare(camera)
+_last_with_sensor: LastResultCache[Sensor, list[tuple[tuple[object, ...], PreparedCamera]]] = LastResultCache(
+    lambda _: []
 )
-"""Cache of one camera only."""
+"""Parts of the last camera with a sensor, and the compiled camera, until that sensor is gone."""
+
+
+def _prepare(camera: PlenopticCamera) -> PreparedCamera:
+    last = _last_with_sensor(camera.sensor)
+    names = (field.name for field in dataclasses.fields(camera) if field.name not in _NOT_COMPARED)
+    parts = tuple(getattr(camera, name) for name in names)
+    if last and all(map(operator.is_, parts, last[0][0])):
+        prepared = last[0][1].with_pose(camera)
+    else:
+        prepared = PreparedCamera(camera_record(camera))
+    last[:] = [(parts, prepared)]
+    return prepared
+
+
+prepared_camera = LastResultCache(_prepare)
+"""Compile a camera, unless it is the one compiled last; only its pose if its other parts are those of the last one."""

@@ -14,6 +14,7 @@ from plenoptic.camera.dust import check_blemishes
 from plenoptic.camera.shutter import Shutter
 from plenoptic.camera.units import metres_hint
 from plenoptic.core.color.spectra import Sensitivity
+from plenoptic.core.display import draw, picture_of
 from plenoptic.core.motions.pose import Pose as Pose  # public there too
 from plenoptic.core.values import SMALLEST_LENGTH, choice, coordinate, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
@@ -149,7 +150,7 @@ class PlenopticCamera:
                     "and give the distance from stop to sensor as stop_to_microlenses"
                 )
         else:
-            depths = array.model.rules.depths(array)
+            depths = array.model.refraction.depths(array)
             front -= depths.front
             clearance = max(depths.rear, SMALLEST_LENGTH)
             if not self.microlenses_to_sensor > clearance:
@@ -313,14 +314,10 @@ class PlenopticCamera:
         >>> [ax.get_xlabel() for ax in camera.layout().axes]
         ['z / mm (scene on the left, iris at 0)', 'distance behind the array / mm']
         """
-        from plenoptic.camera.report.layout import camera_layout  # knows this class
+        drawn: Figure = draw(self, figure)
+        return drawn
 
-        return camera_layout(self, figure)
-
-    def _repr_html_(self) -> str:
-        from plenoptic.camera.report.html import camera_html  # knows this class
-
-        return camera_html(self)
+    _repr_html_ = picture_of
 
     def report(self) -> CameraReport:
         """First-order properties of the camera, and warnings of common pitfalls; see `camera_report`.
@@ -377,7 +374,7 @@ class PlenopticCamera:
         >>> f"{least_confused.stop_to_microlenses:.2f} mm"
         '134.53 mm'
         """
-        from plenoptic.camera.focus import focused_stop_to_microlenses  # knows this class
+        from plenoptic.camera.gaussian import focused_stop_to_microlenses  # knows this class
 
         moved = focused_stop_to_microlenses(self, z, criterion, microlens_type)
         return dataclasses.replace(self, stop_to_microlenses=moved)

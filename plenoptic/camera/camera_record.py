@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.assembly import Assembly, Rigid, assembly
-from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.assembly import Assembly, assembly, lens_to_world
 from plenoptic.camera.diffraction import DeflectionRecord, IrisRecord, deflection_record, iris_record
 from plenoptic.camera.dust import PlacedDust, placed_dust
 from plenoptic.camera.sampling.diffraction_kernel import DiffractionKernel, diffraction_kernel
-from plenoptic.camera.sampling.openings import openings
-from plenoptic.camera.sampling.pupil_margins import array_bounds, sensor_bounds
-from plenoptic.camera.sampling.region_method import bounds_reason
+from plenoptic.camera.sampling.region_bounds import array_bounds, bounds_reason, openings, sensor_bounds
 from plenoptic.camera.sampling.sampling_records import Openings
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import LensRecord, lens_record
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.microlens_record import (
-    ArrayRecord,
-    ResponseRecord,
-    SensorPlane,
-    array_record,
-    possible_powers,
-)
+from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane, array_record
 from plenoptic.optics.stops.stop_registry import Stop, is_convex
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 
 class PixelRecord(NamedTuple):
@@ -106,8 +100,6 @@ class CameraRecord(NamedTuple):
     """The lens at those wavelengths."""
     dust: tuple[PlacedDust, ...]
     parts: Assembly
-    z_plane: float
-    """z in mm of the start of rays towards the lens: the front principal plane, or the last lens vertex."""
     microlenses: MicrolensArray | None
     rotation: Floats | None
     """Rotation from the lens's axes to the world; None if they are the same."""
@@ -149,7 +141,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
     if array is None:
         bounds = sensor_bounds(camera, parts, wavelengths)
     else:
-        array_limits = array_bounds(camera, array, parts, possible_powers(array), wavelengths)
+        array_limits = array_bounds(camera, array, parts, wavelengths)
         bounds, margin = array_limits.pupil, array_limits.margin
         microlens_record = array_record(
             array,
@@ -173,7 +165,6 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         dispersed=None if colour is None else lens_record(lens, colour.wavelengths, reverse=True),
         dust=placed_dust(camera, parts),
         parts=parts,
-        z_plane=parts.z_plane,
         microlenses=array,
         rotation=None if world is None else world.turn,
         position=None if world is None else world.shift,
@@ -185,14 +176,6 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         diffraction_kernel=kernel,
         iris=iris_record(camera, path_wavelengths),
     )
-
-
-def lens_to_world(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
-    """Rigid motion from the lens's axes to the world; None if they are the same."""
-    if camera.pose is None:
-        return parts.lens_to_camera
-    pose = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position))
-    return pose if parts.lens_to_camera is None else pose.of(parts.lens_to_camera)
 
 
 def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:

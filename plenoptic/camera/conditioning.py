@@ -11,8 +11,7 @@ from plenoptic.camera.camera_rays import CameraRays
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.optics.lens.analysis.conditioning import Conditioning, conditioning_of
-from plenoptic.optics.lens.analysis.conditioning_rows import noted
+from plenoptic.optics.lens.analysis.conditioning import Conditioning, conditioning_of, probe_rays
 
 _PER_PIXEL = 4
 """Paths of a pixel if there are enough pixels: more pixels are more representative than more paths of each."""
@@ -36,7 +35,7 @@ def camera_conditioning(
     camera_rays = CameraRays(camera, illuminated, batch_record(np.uint64(seed), 0, samples, 1, 0, 0), n)
     blocks = camera_rays.sample(0, n)
     camera_rays.fill_through_array(blocks)
-    return conditioning_of(noted(camera_rays.lens, blocks, n, camera_rays.waves))
+    return conditioning_of(probe_rays(camera_rays.lens, blocks, n, camera_rays.waves))
 
 
 def _stratified_pixels(

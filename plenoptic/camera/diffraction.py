@@ -46,10 +46,8 @@ class Diffraction:
 
     Examples
     --------
-    >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)), diffraction=pl.Diffraction(),
-    ...     sensor=pl.Sensor(shape=(64, 64), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> import dataclasses, plenoptic as pl
+    >>> camera = dataclasses.replace(pl.camera.example_camera(shape=(64, 64)), diffraction=pl.Diffraction())
     >>> pl.plan(None, camera).runs(pl.rendering.Stage.DIFFRACTION)
     True
     """

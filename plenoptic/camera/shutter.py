@@ -35,8 +35,7 @@ class Shutter:
     A box falls past a camera whose rows are read one after the other:
 
     >>> import dataclasses, plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.5), stop_to_microlenses=130.0,
+    >>> camera = dataclasses.replace(pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(16, 16)),
     ...     shutter=pl.sequences.Shutter(duration=0.002, row_time=0.001))
     >>> fall = pl.Motion.screw((0, 1), axis=(0, -1, 0), advance=400.0)
     >>> scene = pl.Scene([pl.box(8).translated(0, 10, -404)], background=1.0)

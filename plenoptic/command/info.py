@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.metadata
 import platform
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,29 +65,18 @@ def _installation() -> list[str]:
 
 
 def _lines(content: Any) -> list[str]:
-    """The text representation, and key numbers."""
-    from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.lightfield.views import LightField
-    from plenoptic.optics.lens.stack import LensStack
-    from plenoptic.package.reading import Package
-    from plenoptic.rendering.exposure import Exposure
-    from plenoptic.scene.files.load import FileContents
-
-    if isinstance(content, PlenopticCamera):
-        return [str(content.report())]
-    if isinstance(content, LensStack):
-        return _lens_lines(content)
-    if isinstance(content, FileContents):
-        return _scene_lines(content)
-    if isinstance(content, Package):
-        return [str(content), "", *_image_lines(content.exposure), *_report(content.camera)]
-    if isinstance(content, Exposure):
-        return [*_image_lines(content), *_report(content.camera)]
+    """Text representation and key numbers, by the class of the content."""
+    lines: dict[str, Callable[[Any], list[str]]] = {
+        "PlenopticCamera": lambda camera: [str(camera.report())],
+        "LensStack": _lens_lines,
+        "FileContents": _scene_lines,
+        "Package": lambda package: [str(package), "", *_image_lines(package.exposure)],
+        "Exposure": _image_lines,
+        "LightField": lambda field: [str(field), f"disparity 0 at z = {field.z_focus:.6g} mm"],
+    }
     if isinstance(content, Path):
         return _store_lines(content)
-    if isinstance(content, LightField):
-        return [str(content), f"disparity 0 at z = {content.z_focus:.6g} mm"]
-    return [str(content)]
+    return lines.get(type(content).__name__, lambda content: [str(content)])(content)
 
 
 def _store_lines(path: Path) -> list[str]:
@@ -109,7 +99,7 @@ def _image_lines(exposure: Exposure) -> list[str]:
     import numpy as np
 
     low, middle, high = np.nanpercentile(exposure.image, [0, 50, 100])
-    return [str(exposure), f"values {low:.4g} to {high:.4g}, median {middle:.4g}"]
+    return [str(exposure), f"values {low:.4g} to {high:.4g}, median {middle:.4g}", *_report(exposure.camera)]
 
 
 def _lens_lines(lens: LensStack) -> list[str]:

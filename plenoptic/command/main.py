@@ -6,7 +6,7 @@ import argparse
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from plenoptic import __version__
 from plenoptic.command import estimate, info, merge, render, study, view, warm_up
@@ -18,16 +18,6 @@ INTERRUPTED = 130
 """128 and the number of SIGINT, as shells have it. 2 is argparse's: wrong usage."""
 
 
-class Command(Protocol):
-    """A subcommand: a module. The first line of its docstring is its description."""
-
-    def fill_parser(self, parser: argparse.ArgumentParser) -> None:
-        """Add the arguments."""
-
-    def run(self, options: argparse.Namespace) -> int | None:
-        """Run it, and return the exit code, None for 0; raise a PlenopticError to refuse."""
-
-
 COMMANDS: dict[str, Any] = {
     "render": render,
     "estimate": estimate,
@@ -37,13 +27,17 @@ COMMANDS: dict[str, Any] = {
     "warm-up": warm_up,
     "study": study,
 }
+"""Modules of the subcommands, described by the first line of their docstrings.
+
+`fill_parser(parser)` adds the arguments; `run(options)` returns the exit code, None for 0, or raises a PlenopticError.
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a subcommand; 0: done, 1: refused, with one line on stderr, 2: wrong usage, 130: after Ctrl-C."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     options = _parser(words).parse_args(words)
-    command: Command = COMMANDS[options.command]
+    command = COMMANDS[options.command]
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:

@@ -81,7 +81,7 @@ def _stability(options: argparse.Namespace) -> int:
 
     count = options.rays if options.rays is not None else QUICK if options.quick else THOROUGH
     table = stability(rays=count, seed=options.seed, only=options.only)
-    print(table.to_markdown() if options.markdown else table)
+    print(table)
     if table.interrupted:
         raise KeyboardInterrupt
     return 0 if all(row.holds for row in table.rows) else _BEYOND
@@ -151,7 +151,7 @@ def _cost(options: argparse.Namespace) -> int:
     )
     if options.plan:
         print(f"{plan}\n")
-    print(table.to_markdown() if options.markdown else table)
+    print(table)
     if options.csv:
         table.to_csv(options.csv)
     if table.interrupted:

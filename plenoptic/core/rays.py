@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import enum
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import (
     Floats,
+    Given,
     frozen_array,
     number,
     numbers,
@@ -89,26 +91,21 @@ class RayBundle:
     array([[  0.,   6., -92.]])
     """
 
-    origin: Floats
-    direction: Floats
+    origin: Given[Floats, ArrayLike]
+    direction: Given[Floats, ArrayLike]
     wavelength: float = 587.6
-    weight: Floats = None  # type: ignore[assignment]
-    status: NDArray[np.uint8] = None  # type: ignore[assignment]
-    lost_at: NDArray[np.int16] = None  # type: ignore[assignment]
+    _: dataclasses.KW_ONLY
+    weight: Given[Floats, ArrayLike | None] = Given(default=None)
+    status: Given[NDArray[np.uint8], ArrayLike | None] = Given(default=None)
+    lost_at: Given[NDArray[np.int16], ArrayLike | None] = Given(default=None)
 
-    def __init__(
-        self,
-        origin: ArrayLike,
-        direction: ArrayLike,
-        wavelength: float = 587.6,
-        *,
-        weight: ArrayLike | None = None,
-        status: ArrayLike | None = None,
-        lost_at: ArrayLike | None = None,
-    ) -> None:
-        points = frozen_array(origin, name="origin", shape=(None, 3))
+    def __post_init__(self) -> None:
+        weight: ArrayLike | None = self.weight
+        status: ArrayLike | None = self.status
+        lost_at: ArrayLike | None = self.lost_at
+        points = frozen_array(self.origin, name="origin", shape=(None, 3))
         n = len(points)
-        vectors = np.array(frozen_array(direction, name="direction", shape=(n, 3)))
+        vectors = np.array(frozen_array(self.direction, name="direction", shape=(n, 3)))
         with np.errstate(all="ignore"):
             length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
             unnormalised = np.abs(length - 1.0) > UNIT_TOLERANCE
@@ -129,7 +126,7 @@ class RayBundle:
         element = np.full(n, -1, np.int16) if lost_at is None else lost_at
         set_field(self, "origin", points)
         set_field(self, "direction", read_only(vectors))
-        set_field(self, "wavelength", wavelength_in_nm(wavelength))
+        set_field(self, "wavelength", wavelength_in_nm(self.wavelength))
         set_field(self, "weight", read_only(weights))
         set_field(self, "status", read_only(state))
         set_field(self, "lost_at", frozen_array(element, name="lost_at", shape=(n,), dtype=np.int16))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from plenoptic.core.kernels.sobol import DIMENSIONS, fill_points
 from plenoptic.core.values import MAX_POINTS, Floats, seed_number, whole
 
 
@@ -37,8 +38,6 @@ def sobol_points(n: int, *, seed: int = 0, pixel: int = 0, replicate: int = 0, s
     >>> np.sort(np.floor(points[:, 2] * 8)).tolist()
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
     """
-    from plenoptic.core.kernels.sobol import DIMENSIONS, fill_points
-
     points = np.empty((whole(n, "n", at_least=0, at_most=MAX_POINTS), DIMENSIONS))
     counters = {"pixel": pixel, "replicate": replicate, "set_number": set_number}
     keys = [whole(k, name, at_least=0) for name, k in counters.items()]

@@ -14,14 +14,7 @@ from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.raw_arrays import (
-    RawArrays,
-    camera_of,
-    checked_viewpoint,
-    crop_in_white_image,
-    raw_arrays,
-    relative_light,
-)
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, checked_viewpoint, raw_arrays
 from plenoptic.lightfield.resample import Resampling, resampling
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.models import LensModel
@@ -31,7 +24,6 @@ from plenoptic.rendering.exposure import Exposure
 
 _MAX_VIEWS = 4095
 """Largest number of views along u: more than the pixels of any micro image."""
-
 _FOCUS_TOLERANCE = 0.05
 """Relative distance of the sensor from the image of infinity or of the pupil, up to which the camera counts as
 plenoptic 1.0. Another wavelength changes the distance by about 2 %.
@@ -121,18 +113,21 @@ def decode(  # noqa: PLR0913
     >>> field.pupil[8, 4, 0].round(2).item(), [round(d, 2) for d in field.disparity_at(-300.0)]
     (0.42, [0.33, 0.33])
     """
-    camera, array = _checked_camera(shot, white, camera)
-    _check_unfocused(camera, array)
-    step, min_light = positive(step, "step", "pixels"), relative_light(least_light)
+    raw, camera = raw_arrays(shot, white, least_light), camera_of(shot, camera)
+    array, axes, pupil_point = _unfocused_array(camera), array_axes(camera), checked_viewpoint(viewpoint)
     pixel_spacing = None if spacing is None else length_in_mm(spacing, "spacing")
-    pupil_point = checked_viewpoint(viewpoint)
-    offsets = _offsets(camera, array, views, step, pupil_point)
-    raw, max_offset = raw_arrays(shot, white, min_light), float(np.abs(offsets).max())
-    index, on_array, pixel = _centres_in(camera, choice(method, CentreMethod, "method"), raw, max_offset)
-    axes = array_axes(camera)
+    offsets = _offsets(camera, array, views, positive(step, "step", "pixels"), pupil_point)
+    max_offset = float(np.abs(offsets).max())
+    centres = microlens_centres(
+        camera, choice(method, CentreMethod, "method"), margin=max_offset * camera.sensor.pixel_pitch
+    )
+    near = raw.near(centres.pixel, max_offset)
+    if not near.any():
+        raise InvalidValueError("the image contains no centre of a micro image; take a larger region")
+    on_array, pixel = centres.on_array[near], centres.pixel[near]
     turn, origin = axes.parts.array_turn, axes.parts.array_origin
-    errors = raw.variance is not None
-    grid = resampling(array, index, pixel_spacing, places=axes.local(on_array), turn=turn, origin=origin, errors=errors)
+    positions, basis, errors = axes.local(on_array) - origin, array.basis @ turn.T, raw.variance is not None
+    grid = resampling(array, centres.index[near], pixel_spacing, positions=positions, basis=basis, errors=errors)
     inside = _in_own_image(camera, array, offsets)
     radiance, error = _sample_views(raw, pixel, offsets, grid, inside)
     if any(pupil_point) and not np.isfinite(radiance[len(inside) // 2, len(inside) // 2]).any():
@@ -140,16 +135,16 @@ def decode(  # noqa: PLR0913
     elif views is not None and not (inside[0].any() or inside[-1].any() or inside[:, 0].any() or inside[:, -1].any()):
         fitting = max(inside.any(axis=0).sum(), inside.any(axis=1).sum())
         warn(f"views is {views}, and micro images hold {fitting} at this step: the other views are empty; take fewer")
-    positions = grid.interpolate(np.column_stack([pixel, on_array]))
-    return field_of(camera, radiance, error, offsets, grid.origin, grid.spacing, positions)
+    samples = grid.interpolate(np.column_stack([pixel, on_array]))
+    return field_of(camera, radiance, error, offsets, grid.origin + origin, grid.spacing, samples)
 
 
-def _checked_camera(
-    shot: Exposure, white: Exposure, camera: PlenopticCamera | None
-) -> tuple[PlenopticCamera, MicrolensArray]:
-    crop_in_white_image(shot, white)
-    chosen = camera_of(shot, camera)
-    array = chosen.microlenses
+def _unfocused_array(camera: PlenopticCamera) -> MicrolensArray:
+    """The microlenses of a plenoptic 1.0 camera; raise InvalidValueError for another camera.
+
+    Of focused microlenses, light from one point of the pupil would fall on pixels of several views.
+    """
+    array = camera.microlenses
     if array is None:
         raise InvalidValueError("the camera has no microlenses, and its image is a single view; use shot.image")
     if array.lattice is Lattice.FREE:
@@ -157,16 +152,9 @@ def _checked_camera(
             "the microlenses lie on no lattice, and views are interpolated between neighbours on one; read the raw "
             "image at microlens_centres(camera).pixel"
         )
-    return chosen, array
-
-
-def _check_unfocused(camera: PlenopticCamera, array: MicrolensArray) -> None:
-    """Refuse focused microlenses: light from one point of the pupil would fall on pixels of several views."""
     b, pixel = camera.microlenses_to_sensor, camera.sensor.pixel_pitch
-    if not array.model.focuses:
-        return
     gap = camera.stop_to_microlenses - model_pupil(camera)[0]
-    for f in array.focal_lengths_at(camera.wavelength):
+    for f in array.focal_lengths_at(camera.wavelength) if array.model.focuses else ():
         # Views are sharp between the image of infinity and the image of the pupil.
         low, high = sorted((b / f - 1.0, b / f - (b / gap if gap else math.inf) - 1.0))
         defocus = max(low, -high, 0.0)
@@ -176,6 +164,7 @@ def _check_unfocused(camera: PlenopticCamera, array: MicrolensArray) -> None:
                 f"{kind_of(camera, f).name}), whose micro images show the scene and not the pupil; use "
                 f"pl.lightfield.render_view(shot, white, disparity), or a camera with microlenses_to_sensor={f:.4g}"
             )
+    return array
 
 
 def odd_count(views: int) -> int:
@@ -211,18 +200,6 @@ def _offsets(
                 f"are {max(array.pitches) / pitch:.3g} pixels apart; give a point of the pupil, within -1 to 1"
             )
     return central[:, None] + step * np.arange(-half, half + 1, dtype=np.float64)
-
-
-def _centres_in(
-    camera: PlenopticCamera, method: CentreMethod, raw: RawArrays, max_offset: float
-) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """Lattice indices (n, 2), array positions and pixels of the microlenses whose images may contribute to a view."""
-    centres = microlens_centres(camera, method, margin=max_offset * camera.sensor.pixel_pitch)
-    first, end = np.array(raw.first), np.array(raw.first) + raw.shot.shape[:2]
-    near = ((centres.pixel >= first - max_offset) & (centres.pixel <= end - 1 + max_offset)).all(axis=1)
-    if not near.any():
-        raise InvalidValueError("the image contains no centre of a micro image; take a larger region")
-    return centres.index[near], centres.on_array[near], centres.pixel[near]
 
 
 def _in_own_image(camera: PlenopticCamera, array: MicrolensArray, offsets: Floats) -> NDArray[np.bool_]:

@@ -8,14 +8,17 @@ import numpy as np
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.epipolar import default_range, view_depths, view_disparities
-from plenoptic.lightfield.micro_image_matching import consensus, image_side, match_micro_images
-from plenoptic.lightfield.pinhole_model import chord_disparity, object_depths
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays, relative_light
+from plenoptic.lightfield.epipolar import default_range, match_views, view_depths
+from plenoptic.lightfield.matching.consensus import consensus
+from plenoptic.lightfield.matching.micro_images import MicroImages, focused_array, image_side, micro_images
+from plenoptic.lightfield.matching.steps import Matcher, match_images, match_stack
+from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, object_plane_pair
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
@@ -55,10 +58,7 @@ class DepthMap:
         rows, columns = self.disparity.shape
         return f"DepthMap({rows} x {columns})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import depth_map_html
-
-        return depth_map_html(self)
+    _repr_html_ = picture_of
 
 
 def depth(  # noqa: PLR0913
@@ -69,6 +69,7 @@ def depth(  # noqa: PLR0913
     disparity_range: tuple[float, float] | None = None,
     window_radius: int = 2,
     min_relative_light: float = 0.1,
+    matcher: Matcher = match_images,
     camera: PlenopticCamera | None = None,
     threads: int | None = None,
     progress: bool = True,
@@ -92,6 +93,10 @@ def depth(  # noqa: PLR0913
         Radius r of the compared windows in pixels: 2 r + 1 on a side.
     min_relative_light : float, optional
         Pixels of a raw image are used where the white image has at least this fraction of its 99th percentile.
+    matcher : callable, optional
+        Another algorithm: called with an `ImageStack` and the numbers of its first and end image, it returns the
+        `Matches` (end - first, rows, columns) of these images. It may use the steps `plane_sweep`, `semi_global` and
+        `refine`. Threads call it for several blocks of images at a time.
     camera : PlenopticCamera, optional
         The camera, if the raw image does not store it.
     threads : int, optional
@@ -112,14 +117,14 @@ def depth(  # noqa: PLR0913
 
     Notes
     -----
-    Raw images are matched by a plane sweep: planes of constant depth lie 6 % of virtual depth apart. On each plane, a
-    micro image is compared by normalised correlation with those of up to 18 microlenses within three pitches, of any
-    focal length. The better half of the correlations counts, since the other microlenses may see another surface behind
-    an edge. Each pixel takes the best of all windows that contain it. Of two micro images the sharper one is blurred by
-    the difference of their defocus on that plane. Semi-global matching along four directions makes neighbouring pixels
-    agree (H. Hirschmueller, IEEE Trans. PAMI 30 (2008), doi:10.1109/TPAMI.2007.1166). Least squares over the pixels of
-    one depth then refine the disparity between the planes. A pixel takes the depth on which most microlenses that see
-    the point agree.
+    Raw images are matched in four steps. The plane sweep (`plane_sweep`) compares planes of constant depth, 6 % of
+    virtual depth apart. On each plane, a micro image is compared by normalised correlation with those of up to 18
+    microlenses within three pitches, of any focal length. The better half of the correlations counts, since the other
+    microlenses may see another surface behind an edge. Each pixel takes the best of all windows that contain it. Of two
+    micro images the sharper one is blurred by the difference of their defocus on that plane. Semi-global matching along
+    four directions (`semi_global`) makes neighbouring pixels agree (H. Hirschmueller, IEEE Trans. PAMI 30 (2008),
+    doi:10.1109/TPAMI.2007.1166). Least squares over the pixels of one depth refine the disparity between the planes
+    (`refine`). By consensus, a pixel then takes the depth on which most microlenses that see the point agree.
 
     No calibration is needed: rays traced through the microlens apertures and the real lens give the displacement of
     each pixel by aberrations and vignetting. In views, the slopes of epipolar lines are matched in the same way.
@@ -148,43 +153,33 @@ def depth(  # noqa: PLR0913
             raise InvalidValueError("views have no virtual depth; give disparity_range= in pixels")
         disparities = default_range(image) if disparity_range is None else _range(disparity_range, "disparity_range")
         with CallProgress("matching", kind="light field", show=progress):
-            return _depth_of_views(image, disparities, radius)
+            matches = match_views(image, disparities, radius, matcher)
+            unknown = np.full(matches.disparity.shape, np.nan)
+            return DepthMap(*matches, unknown, view_depths(image, matches.disparity))
     check_kind(image, "image", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
     if disparity_range is not None:
         raise InvalidValueError("a raw image is searched by virtual depth; give virtual_depth_range=")
-    raw = raw_arrays(image, white, relative_light(min_relative_light, "min_relative_light"))
-    camera = camera_of(image, camera)
+    raw = raw_arrays(image, white, min_relative_light, "min_relative_light")
+    camera, workers = camera_of(image, camera), thread_count(threads)
     with CallProgress("matching", kind="camera", show=progress):
-        virtual_depths = _virtual_depths(camera, virtual_depth_range)
-        return _depth_of_raw_image(camera, raw, virtual_depths, radius, thread_count(threads))
+        array, virtual_depths = focused_array(camera), _virtual_depths(camera, virtual_depth_range)
+        model = PinholeModel(array_axes(camera), array, object_plane_pair(camera, virtual_depths), workers)
+        return _depth_of_raw_image(model, raw, micro_images(model, raw, virtual_depths, radius), matcher)
 
 
-def _depth_of_views(field: LightField, disparities: tuple[float, float], radius: int) -> DepthMap:
-    disparity, error, confidence = view_disparities(field, disparities, radius)
-    return DepthMap(disparity, error, confidence, np.full(disparity.shape, np.nan), view_depths(field, disparity))
-
-
-def _depth_of_raw_image(
-    camera: PlenopticCamera, raw: RawArrays, virtual_depths: tuple[float, float], radius: int, threads: int
-) -> DepthMap:
+def _depth_of_raw_image(model: PinholeModel, raw: RawArrays, micro: MicroImages, matcher: Matcher) -> DepthMap:
     """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
-    axes = array_axes(camera)
-    matches = match_micro_images(axes, raw, virtual_depths, radius, threads)
-    lenses, array, planes = matches.micro_images, axes.camera.microlenses, matches.planes
-    assert array is not None
-    disparity, error, confidence = consensus(matches, raw.shot.shape)
-    rows, columns = lenses.rows_and_columns()
-    lens, y, x = np.nonzero(lenses.images.mask)
-    row, column = rows[lens, y, 0], columns[lens, 0, x]
-    pixel, per_pitch = np.column_stack([row, column]) + np.array(raw.first), disparity[row, column] / lenses.pitch
+    matches = match_stack(micro.stack, matcher, model.threads)
+    disparity, error, confidence = consensus(matches, micro, raw.shot.shape)
+    lit, lens, pitch = (micro.row, micro.column), micro.lit[0], micro.stack.pitch
+    pixel, per_pitch = np.column_stack(lit) + np.array(raw.first), disparity[lit] / pitch
     depths = np.full_like(disparity, np.nan)
-    depths[row, column] = object_depths(axes, array, pixel, lenses.on_array[lens], per_pitch, planes, threads)
-    chord = chord_disparity(axes, array, pixel, lenses.index[lens], lenses.steps, per_pitch, planes, threads)
-    disparity[row, column] = chord * lenses.pitch
+    depths[lit] = object_depths(model, pixel, micro.on_array[lens], per_pitch)
+    disparity[lit] = pitch * chord_disparity(model, pixel, micro.index[lens], micro.steps, per_pitch)
     with np.errstate(divide="ignore"):
-        return DepthMap(disparity, error, confidence, lenses.pitch / disparity, depths)
+        return DepthMap(disparity, error, confidence, pitch / disparity, depths)
 
 
 def _virtual_depths(camera: PlenopticCamera, bounds: tuple[float, float] | None) -> tuple[float, float]:

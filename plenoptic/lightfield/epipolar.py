@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.object_planes import lens_front_z
-from plenoptic.lightfield.pinhole_model import object_z, planes_before_lens
-from plenoptic.lightfield.plane_sweep import Images, Pairs, Sweep, extrapolate_border, noise_variance, plane_sweep
+from plenoptic.lightfield.matching.image_stack import ImageStack, Matches, extrapolate_border, noise_variance
+from plenoptic.lightfield.matching.steps import Matcher, match_stack
+from plenoptic.lightfield.pinhole_model import lens_front_z, object_z, planes_before_lens
 from plenoptic.lightfield.views import LightField
 
 _MAX_VIEWS = 24
@@ -22,8 +22,6 @@ _SHIFT_STEP = 1.0
 _MAX_PLANES = 512
 _USUAL_DISPARITY, _MAX_SHIFT_FRACTION = 2.0, 0.5
 """Default search range of disparity in pixels, and the largest shift of a view as a fraction of its size."""
-_ERROR_RATIO = 2.0
-"""Ratio of the actual error to that of independent residuals: interpolated pixels of views share their noise."""
 _TRIALS = 24
 """Image distances from the array at which an object plane in front of the lens is searched, as far as _REACH stop
 distances.
@@ -38,7 +36,7 @@ def default_range(field: LightField) -> tuple[float, float]:
     return -farthest, farthest
 
 
-def view_disparities(field: LightField, bounds: tuple[float, float], radius: int) -> tuple[Floats, Floats, Floats]:
+def match_views(field: LightField, bounds: tuple[float, float], radius: int, matcher: Matcher) -> Matches:
     """Disparity of the central view, its standard error, and the fraction of views that agree, (rows, columns)."""
     indices, offsets = _in_four_directions(field)
     low, high = bounds
@@ -48,23 +46,22 @@ def view_disparities(field: LightField, bounds: tuple[float, float], radius: int
             f"disparity_range is {bounds}: {count} planes to compare; narrow it to the disparities of the scene, "
             f"{_MAX_PLANES} planes at most"
         )
-    planes = np.linspace(low, high, count)
-    sweep = Sweep(
+    planes, count = np.linspace(low, high, count), len(indices)
+    stack = ImageStack(
+        *_channel_means(field, np.vstack([(len(field.u) // 2, len(field.v) // 2), indices])),
+        first=np.array([0, count]),
+        other=np.arange(1, count + 1),
+        base=np.zeros((count, 2)),
+        step=offsets,
         disparities=planes,
-        radius=radius,
-        max_compared=len(indices),
+        window_radius=radius,
+        max_compared=count,
         max_shift=math.inf,
-        relative_reach=0.0,
-        constant_reach=float(planes[1] - planes[0]),
+        reach=(0.0, float(planes[1] - planes[0])),
     )
-    centre = (len(field.u) // 2, len(field.v) // 2)
-    images = _channel_means(field, np.vstack([centre, indices]))
-    count = len(indices)
-    pairs = Pairs(np.array([0, count]), np.arange(1, count + 1), np.zeros((count, 2)), offsets)
-    disparity, error, agreement = (plane[0] for plane in plane_sweep(images, pairs, sweep, 1))
-    valid = np.isfinite(error) & np.isfinite(disparity)
-    nan_where_invalid = np.where(valid, 0.0, np.nan)
-    return disparity + nan_where_invalid, _ERROR_RATIO * error + nan_where_invalid, agreement + nan_where_invalid
+    matches = Matches(*(plane[0] for plane in match_stack(stack, matcher, 1)))
+    valid = np.isfinite(matches.standard_error) & np.isfinite(matches.disparity)
+    return Matches(*(np.where(valid, plane, np.nan) for plane in matches))
 
 
 def _in_four_directions(field: LightField) -> tuple[NDArray[np.int64], Floats]:
@@ -100,15 +97,17 @@ def _between_cameras(field: LightField) -> tuple[float, float]:
     return float(across) / field.object_spacing[0], float(down) / field.object_spacing[1]
 
 
-def _channel_means(field: LightField, indices: NDArray[np.int64]) -> Images:
-    """The views with given indices (n, 2), averaged over channels."""
+def _channel_means(
+    field: LightField, indices: NDArray[np.int64]
+) -> tuple[NDArray[np.float32], NDArray[np.uint8], Floats]:
+    """The views with given indices (n, 2), averaged over channels: `values`, `mask`, `noise_variance` of a stack."""
     values = np.stack([field.views[u, v] for u, v in indices]).mean(axis=-1, dtype=np.float64)
     valid = np.isfinite(values)
     variance = np.zeros_like(values)
     if field.standard_error is not None:
         error = np.stack([field.standard_error[u, v] for u, v in indices]).astype(np.float64)
         variance = np.nan_to_num((error**2).mean(axis=-1) / error.shape[-1], nan=0.0, posinf=0.0)
-    return Images(extrapolate_border(values, valid), valid.astype(np.uint8), noise_variance(values, variance, valid))
+    return extrapolate_border(values, valid), valid.astype(np.uint8), noise_variance(values, variance, valid)
 
 
 def view_depths(field: LightField, disparity: Floats) -> Floats:

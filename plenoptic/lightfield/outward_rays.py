@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import lens_record
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.lens_record import lens_record
+from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.microlens.array import MicrolensArray
 
 _POINTS = 64
@@ -26,7 +26,9 @@ def chief_rays(
     Rims are ignored unless `clipping` is set.
     """
     reverse = lens_record(axes.camera.lens, axes.camera.wavelength, reverse=True, clipping=clipping)
-    return traced_by(reverse, _towards_scene(axes, *rays_at_array(axes, array, pixel, on_array)[:2]), threads=threads)
+    return trace_record(
+        reverse, _towards_scene(axes, *rays_at_array(axes, array, pixel, on_array)[:2]), threads=threads
+    )
 
 
 def aperture_rays(
@@ -46,7 +48,7 @@ def aperture_rays(
         (positions[:, None] + aperture_points).reshape(-1, 2),
         (slopes[:, None] + deviation[:, None, None] * aperture_points).reshape(-1, 2),
     )
-    return traced_by(lens_record(camera.lens, camera.wavelength, reverse=True), rays, threads=threads)
+    return trace_record(lens_record(camera.lens, camera.wavelength, reverse=True), rays, threads=threads)
 
 
 def plane_intersections(rays: RayBundle, z: float | Floats) -> Floats:
@@ -72,12 +74,13 @@ def rays_at_array(
     # Pixel coordinates may be fractional.
     on_sensor = camera.sensor.centre_of(pixel[:, 0], pixel[:, 1])  # type: ignore[arg-type]
     start = parts.sensor_to_local.points(np.column_stack([on_sensor, np.zeros(len(pixel))]))
-    slopes, rules = np.zeros_like(passed), array.model.rules
+    slopes, refraction = np.zeros_like(passed), array.model.refraction
     # A plate's displacement of a ray depends on its slope, which depends on the displacement: iterate.
     for _ in range(3):
-        rear = rules.shift_chief_rays(array, passed, slopes, camera.wavelength, True)
+        rear = refraction.shift_chief_rays(array, passed, slopes, camera.wavelength, True)
         slopes = (start[:, :2] - rear) / start[:, 2:]
-    return 2.0 * passed - rules.shift_chief_rays(array, passed, slopes, camera.wavelength, False), slopes, start[:, 2]
+    front = refraction.shift_chief_rays(array, passed, slopes, camera.wavelength, False)
+    return 2.0 * passed - front, slopes, start[:, 2]
 
 
 def _towards_scene(axes: ArrayAxes, positions: Floats, slopes: Floats) -> RayBundle:

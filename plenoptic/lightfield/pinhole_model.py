@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.gaussian import lateral_magnification, object_plane
+from plenoptic.camera.gaussian import image_plane, lateral_magnification, object_plane
 from plenoptic.camera.points.projection_rows import lenses_at
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.object_planes import lens_front_z
 from plenoptic.lightfield.outward_rays import aperture_rays, chief_rays, plane_intersections
 from plenoptic.optics.microlens.array import MicrolensArray
 
@@ -46,31 +45,46 @@ class ObjectPlane(NamedTuple):
     """Lateral magnification: height of the image over that of the object."""
 
 
-class Displacement(NamedTuple):
-    """Vignetting and displacement of n pixels of the real camera relative to the pinhole model."""
-
-    throughput: Floats
-    """(n,): fraction of the pixel's microlens aperture that passes light."""
-    coefficients: Floats
-    """(n, 2, 2): mean displacement from the pinhole model in rows and columns, as coefficients of 1 and of
-    disparity / pitch; nan if no light passes.
-    """
-
-
 PlanePair = tuple[ObjectPlane, ObjectPlane]
 """Two object planes determine all others: Gaussian optics images lines to lines, and positions along a line are
 weighted means of two.
 """
 
 
-def object_plane_pair(camera: PlenopticCamera, virtual_depths: tuple[float, float], sign: float) -> PlanePair:
+class PinholeModel(NamedTuple):
+    """A focused camera, and the object planes that determine its pinhole model."""
+
+    axes: ArrayAxes
+    array: MicrolensArray
+    planes: PlanePair
+    threads: int
+
+
+def lens_front_z(camera: PlenopticCamera) -> float:
+    """Axial position of the front of the lens in its own axes, mm."""
+    return min(0.0, float(camera.lens.vertices[0]))
+
+
+def image_distance_behind_array(camera: PlenopticCamera, z: float) -> float:
+    """Distance of a plane's paraxial image behind the array, mm, negative in front of it.
+
+    Raises InvalidValueError for a plane behind the front of the lens.
+    """
+    front = lens_front_z(camera)
+    if not z < front:
+        raise InvalidValueError(
+            f"z is {z:g} mm; the plane must lie in front of the camera, beyond its lens at z = {front:g} mm"
+        )
+    return image_plane(camera.lens, z, camera.wavelength) - camera.stop_to_microlenses
+
+
+def object_plane_pair(camera: PlenopticCamera, virtual_depths: tuple[float, float]) -> PlanePair:
     """Two object planes in front of the lens whose virtual depths, of one sign, lie within a range."""
-    low, high = virtual_depths
-    b = camera.microlenses_to_sensor
-    planes = planes_before_lens(camera, sign * b / np.linspace(1.0 / high, 1.0 / low, _TRIALS))
+    far, near = sorted(virtual_depths, key=abs, reverse=True)
+    planes = planes_before_lens(camera, camera.microlenses_to_sensor / np.linspace(1.0 / far, 1.0 / near, _TRIALS))
     if len(planes) < 2:
         raise InvalidValueError(
-            f"planes at virtual depths {low:g} to {high:g} do not lie in front of the lens; give the virtual depths of "
+            f"planes at virtual depths {near:g} to {far:g} do not lie in front of the lens; give the virtual depths of "
             "the scene, or focus the camera on it"
         )
     return planes[len(planes) // 4], planes[-1 - len(planes) // 4]
@@ -115,19 +129,16 @@ def orthogonal_pixels(axes: ArrayAxes, on_array: Floats) -> Floats:
     return np.asarray(axes.camera.sensor.pixel_of(axes.on_sensor(local, np.zeros_like(local))))
 
 
-def displacement(
-    axes: ArrayAxes,
-    array: MicrolensArray,
-    pixel: Floats,
-    on_array: Floats,
-    types: NDArray[np.int64],
-    planes: PlanePair,
-    threads: int,
-) -> Displacement:
-    """Vignetting and displacement of pixels (n, 2) behind microlenses at (n, 2) of types (n,).
+def trace_displacement(
+    model: PinholeModel, pixel: Floats, on_array: Floats, types: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Throughput (n,) and displacement (n, 2, 2) of pixels (n, 2) behind microlenses at (n, 2) of types (n,).
 
-    Rays from each pixel sample the aperture of its microlens.
+    Rays from each pixel sample the aperture of its microlens. The throughput is the fraction that the lens passes; the
+    mean displacement from the pinhole model in rows and columns is given as coefficients of 1 and of disparity / pitch,
+    nan if no light passes.
     """
+    axes, array, planes, threads = model
     throughput, offset = np.zeros(len(pixel)), np.empty((2, len(pixel), 2))
     for start in range(0, len(pixel), _BLOCK):
         block = slice(start, start + _BLOCK)
@@ -141,51 +152,35 @@ def displacement(
             with np.errstate(invalid="ignore"):
                 centroid = np.einsum("nk,nkc->nc", light, points) / light.sum(axis=1)[:, None]
             offset[k, block] = pixel[block] - _pinhole_pixels(axes, plane, centroid, on_array[block])
-    return Displacement(throughput, np.stack(_linear_in_disparity(planes, offset), axis=1))
+    return throughput, np.stack(_linear_in_disparity(planes, offset), axis=1)
 
 
 def chord_disparity(
-    axes: ArrayAxes,
-    array: MicrolensArray,
-    pixel: Floats,
-    index: NDArray[np.int64],
-    steps: NDArray[np.int64],
-    per_pitch: Floats,
-    planes: PlanePair,
-    threads: int,
+    model: PinholeModel, pixel: Floats, index: NDArray[np.int64], steps: NDArray[np.int64], per_pitch: Floats
 ) -> Floats:
     """(n,): chord disparity over the pitch, for points that pixels (n, 2) see at model disparities (n,).
 
     Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`.
     """
-    centre = lenses_at(array, index).axis
-    projected = orthogonal_pixels(axes, centre)
-    offset = _chief_ray_displacement(axes, array, pixel, centre, per_pitch, planes, threads)
+    centre = lenses_at(model.array, index).axis
+    projected = orthogonal_pixels(model.axes, centre)
+    offset = _chief_ray_displacement(model, pixel, centre, per_pitch)
     along, length = np.zeros(len(pixel)), np.zeros(len(pixel))
     for step in steps:
-        neighbour = lenses_at(array, index + step).axis
-        baseline = orthogonal_pixels(axes, neighbour) - projected
+        neighbour = lenses_at(model.array, index + step).axis
+        baseline = orthogonal_pixels(model.axes, neighbour) - projected
         expected, neighbour_offset = pixel - offset + (1.0 - per_pitch)[:, None] * baseline, offset
         # Aberrations hardly change over the displacement that they cause.
         for _ in range(_ITERATIONS):
-            neighbour_offset = _chief_ray_displacement(
-                axes, array, expected + neighbour_offset, neighbour, per_pitch, planes, threads
-            )
+            neighbour_offset = _chief_ray_displacement(model, expected + neighbour_offset, neighbour, per_pitch)
         along += ((neighbour_offset - offset) * baseline).sum(axis=1)
         length += (baseline**2).sum(axis=1)
     return per_pitch - along / length
 
 
-def object_depths(
-    axes: ArrayAxes,
-    array: MicrolensArray,
-    pixel: Floats,
-    on_array: Floats,
-    per_pitch: Floats,
-    planes: PlanePair,
-    threads: int,
-) -> Floats:
+def object_depths(model: PinholeModel, pixel: Floats, on_array: Floats, per_pitch: Floats) -> Floats:
     """(n,): depth -z in the camera's frame, mm, of points seen by pixels (n, 2); nan behind the front of the lens."""
+    axes, array, planes, threads = model
     camera, lens_to_camera = axes.camera, axes.parts.lens_to_camera
     with np.errstate(divide="ignore"):
         z = object_z(planes, camera.microlenses_to_sensor / per_pitch)
@@ -196,16 +191,9 @@ def object_depths(
     return -z
 
 
-def _chief_ray_displacement(
-    axes: ArrayAxes,
-    array: MicrolensArray,
-    pixel: Floats,
-    on_array: Floats,
-    per_pitch: Floats,
-    planes: PlanePair,
-    threads: int,
-) -> Floats:
+def _chief_ray_displacement(model: PinholeModel, pixel: Floats, on_array: Floats, per_pitch: Floats) -> Floats:
     """Displacement (n, 2) of pixels from the pinhole image of the points that their chief rays hit."""
+    axes, array, planes, threads = model
     rays = chief_rays(axes, array, pixel, on_array, threads)
     intercept, slope = _linear_in_disparity(
         planes, np.stack([pixel - _pinhole_pixels(axes, p, plane_intersections(rays, p.z), on_array) for p in planes])

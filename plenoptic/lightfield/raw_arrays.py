@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import Floats, check_kind, coordinate, finite, numbers, value
+from plenoptic.core.values import Floats, check_has, coordinate, finite, numbers, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.exposure import Exposure
+
+if TYPE_CHECKING:
+    from plenoptic.rendering.exposure import Exposure
 
 _BRIGHT = 99.0
 """Percentile of the white image taken as full light."""
+_SAME = (
+    *("microlenses", "sensor", "stop_to_microlenses", "microlenses_to_sensor", "microlenses_placement"),
+    *("sensor_placement", "diffraction"),
+)
+"""Fields of `PlenopticCamera` that a shot and its white image have in common."""
 
 
 @value
@@ -46,6 +54,12 @@ class RawArrays:
         radiance = between(self.shot, weight) / light
         return radiance, self.variance_of(radiance, light, lambda plane: between(plane, weight**2))
 
+    def near(self, pixel: Floats, margin: float) -> NDArray[np.bool_]:
+        """True for the pixels (n, 2) of the sensor that lie within the image, or within a margin around it, (n,)."""
+        first = np.array(self.first)
+        last = first + self.shot.shape[:2] - 1
+        return np.asarray(((pixel >= first - margin) & (pixel <= last + margin)).all(axis=1))
+
     def variance_of(self, radiance: Floats, light: Floats, read: Callable[[Floats], Floats]) -> Floats | None:
         """Variance of shot over white; `read` interpolates an array, and `light` is the white image."""
         if self.variance is None:
@@ -71,8 +85,14 @@ def _corners(point: Floats, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], 
     return rows, columns, weights
 
 
-def raw_arrays(shot: Exposure, white: Exposure, min_relative_light: float) -> RawArrays:
-    """Crop the white image to the pixels of the shot; pixels below `least_light` of its 99th percentile are dark."""
+def raw_arrays(shot: Exposure, white: Exposure, least_light: float, name: str = "least_light") -> RawArrays:
+    """Crop the white image to the pixels of the shot; pixels below a fraction of its 99th percentile are dark.
+
+    Raises InvalidValueError unless the fraction, an argument of a given name, lies in (0, 1].
+    """
+    min_relative_light = finite(least_light, name)
+    if not 0 < min_relative_light <= 1:
+        raise InvalidValueError(f"{name} is {min_relative_light:g}; it must be above 0 and at most 1")
     crop, first = crop_in_white_image(shot, white)
 
     def plane(image: NDArray[np.float32]) -> Floats:
@@ -90,14 +110,6 @@ def raw_arrays(shot: Exposure, white: Exposure, min_relative_light: float) -> Ra
         first=first,
         least=min_relative_light * full_light,
     )
-
-
-def relative_light(fraction: float, name: str = "least_light") -> float:
-    """Return a fraction of full light that lies in (0, 1]; raise InvalidValueError otherwise."""
-    light = finite(fraction, name)
-    if not 0 < light <= 1:
-        raise InvalidValueError(f"{name} is {light:g}; it must be above 0 and at most 1")
-    return light
 
 
 def camera_of(shot: Exposure, camera: PlenopticCamera | None) -> PlenopticCamera:
@@ -121,11 +133,16 @@ def crop_in_white_image(shot: Exposure, white: Exposure) -> tuple[tuple[slice, s
 
     Raises InvalidValueError if the white image shows a scene, is of another camera, or does not cover the shot.
     """
-    check_kind(shot, "shot", Exposure, "pl.render(scene, camera)")
-    check_kind(white, "white", Exposure, "pl.render_white(camera)")
+    check_has(shot, "shot", "Exposure", "pl.render(scene, camera)", "white", "camera", "region")
+    check_has(white, "white", "Exposure", "pl.render_white(camera)", "white", "camera", "region")
     if white.white is False:
         raise InvalidValueError("the white image shows a scene; give one of pl.render_white(camera)")
-    _check_same_camera(shot.camera, white.camera)
+    if isinstance(shot.camera, PlenopticCamera) and isinstance(white.camera, PlenopticCamera):
+        for name in _SAME:
+            if getattr(shot.camera, name) != getattr(white.camera, name):
+                raise InvalidValueError(
+                    f"the white image is of another camera than the shot: they differ in {name}; render it again"
+                )
     rows, columns, channels = shot.image.shape
     first = (0, 0) if shot.region is None else (shot.region[0], shot.region[2])
     start = (0, 0) if white.region is None else (white.region[0], white.region[2])
@@ -142,16 +159,3 @@ def crop_in_white_image(shot: Exposure, white: Exposure) -> tuple[tuple[slice, s
             f"{channels}"
         )
     return (slice(top, top + rows), slice(left, left + columns)), first
-
-
-_SAME = ("microlenses", "sensor", "stop_to_microlenses", "microlenses_to_sensor", "microlenses_placement")
-"""Fields of `PlenopticCamera` that images of a camera at several stops have in common."""
-
-
-def _check_same_camera(shot: PlenopticCamera | None, white: PlenopticCamera | None) -> None:
-    if isinstance(shot, PlenopticCamera) and isinstance(white, PlenopticCamera):
-        for name in (*_SAME, "sensor_placement", "diffraction"):
-            if getattr(shot, name) != getattr(white, name):
-                raise InvalidValueError(
-                    f"the white image is of another camera than the shot: they differ in {name}; render it again"
-                )

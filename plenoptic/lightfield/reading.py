@@ -81,7 +81,7 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     if mask.is_file() and (lit := read_linear(mask, limits=limits)).shape[:2] == views.shape[2:4]:
         views[:, :, lit.max(axis=2) == 0] = np.nan
     spacing = sensor * focus / (focal_length * max(views.shape[2:4]))
-    return _light_field(views, baseline, -focus, spacing)
+    return light_field(views, baseline, -focus, spacing)
 
 
 def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits: FileLimits = DEFAULT) -> LightField:
@@ -119,8 +119,7 @@ def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits
     ...     pl.lightfield.read_views(folder, (2, 3))
     LightField(3 x 2 views of 4 x 5 x 3)
     """
-    source = file_path(folder)
-    rows, columns = (whole(number, "shape", at_least=1, at_most=_MAX_VIEWS) for number in _pair(shape))
+    source, (rows, columns) = file_path(folder), _view_counts(shape)
     if not source.is_dir():
         raise FileError(f"{str(source)!r} is no folder; give the one that holds the views")
     files = sorted(path for path in source.iterdir() if path.suffix.lower() in _PICTURES)
@@ -128,7 +127,7 @@ def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits
         files.sort(key=lambda path: path.stem[-3:] + path.stem[:3])
     if len(files) != rows * columns:
         raise FileError(f"{str(source)!r} holds {len(files)} pictures; {rows} x {columns} views are {rows * columns}")
-    return _light_field(_read_view_files(files, (rows, columns), limits), math.nan, math.nan, math.nan)
+    return light_field(_read_view_files(files, (rows, columns), limits))
 
 
 def read_eslf(
@@ -163,15 +162,14 @@ def read_eslf(
     ...     pl.lightfield.read_eslf(pathlib.Path(folder) / "a_eslf.png", (2, 3))
     LightField(3 x 2 views of 4 x 5 x 3)
     """
-    rows, columns = (whole(number, "shape", at_least=1, at_most=_MAX_VIEWS) for number in _pair(shape))
-    image = read_linear(path, limits=limits)
+    (rows, columns), image = _view_counts(shape), read_linear(path, limits=limits)
     height, width, channels = image.shape
     if height % rows or width % columns:
         raise FileError(
             f"{os.fspath(path)!r} has {height} x {width} pixels; {rows} x {columns} views do not divide them"
         )
     split = image.reshape(height // rows, rows, width // columns, columns, channels)
-    return _light_field(np.ascontiguousarray(split.transpose(3, 1, 0, 2, 4)), math.nan, math.nan, math.nan)
+    return light_field(np.ascontiguousarray(split.transpose(3, 1, 0, 2, 4)))
 
 
 def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
@@ -220,13 +218,14 @@ def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
     views = (array[..., :3].transpose(1, 0, 2, 3, 4) / largest).astype(np.float32)
     if array.shape[4] == 4:
         views[array[..., 3].transpose(1, 0, 2, 3) == 0] = np.nan
-    return _light_field(np.ascontiguousarray(views), math.nan, math.nan, math.nan)
+    return light_field(np.ascontiguousarray(views))
 
 
-def _pair(shape: tuple[int, int]) -> tuple[int, int]:
+def _view_counts(shape: tuple[int, int]) -> tuple[int, int]:
     if not isinstance(shape, tuple | list) or len(shape) != 2:
         raise InvalidValueError(f"shape is {shape!r}; it must be (rows of views, columns of views)")
-    return shape[0], shape[1]
+    rows, columns = (whole(number, "shape", at_least=1, at_most=_MAX_VIEWS) for number in shape)
+    return rows, columns
 
 
 def _read_view_files(files: list[Path], shape: tuple[int, int], limits: FileLimits) -> NDArray[np.float32]:
@@ -245,7 +244,10 @@ def _read_view_files(files: list[Path], shape: tuple[int, int], limits: FileLimi
     return views
 
 
-def _light_field(views: NDArray[np.float32], baseline: float, z_focus: float, spacing: float) -> LightField:
+def light_field(
+    views: NDArray[np.float32], baseline: float = math.nan, z_focus: float = math.nan, spacing: float = math.nan
+) -> LightField:
+    """Light field of views (U, V, rows, columns, C) without camera; distances in mm as in `read_hci`."""
     u, v = (np.arange(count, dtype=np.float64) - count // 2 for count in views.shape[:2])
     camera_positions = baseline * np.stack(np.meshgrid(u, -v, indexing="ij"), axis=-1)
     unknown = np.full((*views.shape[2:4], 2), np.nan)

@@ -44,31 +44,25 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     True
     """
     check_kind(field, "field", LightField, "pl.lightfield.decode(shot, white)")
-    # A positive disparity goes against the step from view to view.
     if (z is None) == (disparity is None):
         raise InvalidValueError("give either z, the plane in mm, or disparity=, in pixels from view to view")
-    across, down = (-move for move in _shift_per_view(field, z, disparity))
-    total = np.zeros(field.views.shape[2:])
-    count = np.zeros(field.views.shape[2:])
+    if z is None:
+        across = finite(disparity, "disparity")  # type: ignore[arg-type]
+        down = across * down_over_across(field)
+    else:
+        across, down = field.disparity_at(z)
+    total, count = np.zeros(field.views.shape[2:]), np.zeros(field.views.shape[2:])
     for i, u in enumerate(field.u):
         for j, v in enumerate(field.v):
-            # A single row or column of views does not shift, and its disparity may be unknown.
-            shifted = _shift(
-                field.views[i, j].astype(np.float64), down * float(v) if v else 0.0, across * float(u) if u else 0.0
-            )
+            # A single row or column of views does not shift, and its disparity may be unknown. A positive disparity
+            # goes against the step from view to view.
+            shifts = -down * float(v) if v else 0.0, -across * float(u) if u else 0.0
+            shifted = _shift(field.views[i, j].astype(np.float64), *shifts)
             valid = np.isfinite(shifted)
             total += np.where(valid, shifted, 0.0)
             count += valid
     with np.errstate(invalid="ignore"):
         return np.asarray(total / np.where(count > 0, count, np.nan), dtype=np.float32)
-
-
-def _shift_per_view(field: LightField, z: float | None, disparity: float | None) -> tuple[float, float]:
-    """Shift along columns for each pixel of u, and along rows for each pixel of v."""
-    if z is not None:
-        return field.disparity_at(z)
-    across = finite(disparity, "disparity")  # type: ignore[arg-type]
-    return across, across * down_over_across(field)
 
 
 def _shift(view: Floats, down: float, right: float) -> Floats:
@@ -92,11 +86,6 @@ def _shift(view: Floats, down: float, right: float) -> Floats:
 
 def _shift_whole(view: Floats, shift: int, axis: int) -> Floats:
     """Shift a view by whole pixels along an axis; nan where it ends."""
-    result = np.full_like(view, np.nan)
-    n = view.shape[axis]
-    if abs(shift) < n:
-        to, source = [slice(None)] * 3, [slice(None)] * 3
-        to[axis] = slice(max(-shift, 0), n - max(shift, 0))
-        source[axis] = slice(max(shift, 0), n - max(-shift, 0))
-        result[tuple(to)] = view[tuple(source)]
-    return result
+    rolled = np.roll(view, -shift, axis=axis)
+    np.moveaxis(rolled, axis, 0)[slice(-shift, None) if shift > 0 else slice(-shift)] = np.nan
+    return rolled

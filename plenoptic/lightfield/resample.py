@@ -14,8 +14,6 @@ from plenoptic.optics.microlens.lattice import Lattice, rows_of
 
 _ROUNDING = 1e-9
 """Weights below it count as 0, so that a pixel at a microlens depends on no other."""
-
-
 _NEIGHBOURS = 24
 """Microlenses that are interpolated for a pixel; more changed no measured error."""
 _REACH = 3
@@ -72,7 +70,7 @@ class Resampling:
             (values - self.prediction.interpolate(values)) ** 2 - variance - self.prediction.interpolate(variance, 2)
         )
         unresolved = np.where(np.isfinite(excess), np.maximum(excess, 0.0), np.nan)
-        mean_unresolved = self.smooth.normalise().mean_of_valid(unresolved)
+        mean_unresolved = self.smooth.mean_of_valid(unresolved)
         distance_weight = np.clip(1.0 - (self.smooth.weight**2).sum(axis=1), 0.0, 1.0)
         return np.asarray((_DOUBT**2 * distance_weight[:, None] * mean_unresolved).reshape(self.rows, self.columns, -1))
 
@@ -96,21 +94,15 @@ class Weights(NamedTuple):
             total += np.where(weight != 0, weight * padded[self.source[:, k]], 0.0)
         return total
 
-    def normalise(self) -> Weights:
-        """The absolute weights, normalised."""
-        weight = np.abs(self.weight)
-        return Weights(self.source, weight / weight.sum(axis=1, keepdims=True))
-
     def mean_of_valid(self, values: Floats) -> Floats:
-        """Weighted mean over the valid values alone; 0 without one."""
+        """Mean of the valid values (m, C) alone, with the absolute weights; 0 without one."""
+        weight = np.abs(self.weight)
+        absolute = Weights(self.source, weight / weight.sum(axis=1, keepdims=True))
         valid = np.isfinite(values)
-        total = self.interpolate(np.where(valid, values, 0.0))
-        weight = self._present(valid)
+        total = absolute.interpolate(np.where(valid, values, 0.0))
+        present = np.vstack([valid, np.zeros((1, valid.shape[1]), dtype=bool)])[self.source]
+        weight = np.einsum("nk,nkc->nc", absolute.weight, present)
         return np.where(weight > 0, np.nan_to_num(total) / np.where(weight > 0, weight, 1.0), 0.0)
-
-    def _present(self, valid: NDArray[np.bool_]) -> Floats:
-        padded = np.vstack([valid, np.zeros((1, valid.shape[1]), dtype=bool)])
-        return np.asarray(np.einsum("nk,nkc->nc", self.weight, padded[self.source]))
 
 
 def resampling(
@@ -118,23 +110,21 @@ def resampling(
     index: NDArray[np.int64],
     spacing: float | None,
     *,
-    places: Floats | None = None,
-    turn: Floats | None = None,
-    origin: Floats | None = None,
+    positions: Floats | None = None,
+    basis: Floats | None = None,
     errors: bool = True,
 ) -> Resampling:
     """Weights that resample views of the microlenses `index` (n, 2) to a grid with a spacing in mm.
 
     Without a spacing, lattices with vectors along x and y keep their own, and others get square pixels of the area of a
     cell. Pixels lie at whole multiples of the spacing from the array's origin, so that views of a region are parts of
-    the views of the whole, except at its border. `places` (n, 2) are the actual positions of the microlenses, by
-    default those of the lattice, rotated by `turn` (2, 2) about `origin`. Without `errors`, no interpolation error is
-    estimated.
+    the views of the whole, except at its border. `positions` (n, 2) are the actual positions of the microlenses, by
+    default those of the lattice, and `basis` (2, 2) its vectors, by default the array's. Without `errors`, no
+    interpolation error is estimated.
     """
-    start = np.zeros(2) if origin is None else origin
-    basis = array.basis if turn is None else array.basis @ turn.T
+    basis = array.basis if basis is None else basis
     design = index @ basis
-    positions = design if places is None else places - start
+    positions = design if positions is None else positions
     size = np.abs(basis)
     axis_parallel = (
         min(np.delete(size.ravel(), (0, 3)).max(), np.delete(size.ravel(), (1, 2)).max()) < _ROUNDING * size.max()
@@ -160,7 +150,7 @@ def resampling(
     if linear.weight.max(axis=1).min() < 1.0 - _ROUNDING:
         smooth = _cubic(lenses, points, on_lattice, include_self=True)
         prediction = _cubic(lenses, positions, index.astype(np.float64), include_self=False) if errors else None
-    return Resampling(len(y), len(x), linear, smooth, prediction, np.array([x[0], y[0]]) + start, pixel_spacing)
+    return Resampling(len(y), len(x), linear, smooth, prediction, np.array([x[0], y[0]]), pixel_spacing)
 
 
 class Lenses(NamedTuple):
@@ -170,11 +160,15 @@ class Lenses(NamedTuple):
     positions: Floats
     basis: Floats
 
+    def around(self, points: Floats, nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
+        """Rows (n, k) of the microlenses at lattice nodes (n, k, 2), -1 for none, and their offsets from points."""
+        rows = rows_of(self.lattice_index, nodes)
+        return rows, np.where(rows[..., None] >= 0, self.positions[rows], nodes @ self.basis) - points[:, None]
+
 
 def _linear(lenses: Lenses, points: Floats, nodes: NDArray[np.int64], weight: Floats) -> Weights:
     """Weights of the corners of a mesh, with the least change that reproduces linear functions at actual positions."""
-    rows = rows_of(lenses.lattice_index, nodes)
-    offset = np.where(rows[..., None] >= 0, lenses.positions[rows], nodes @ lenses.basis) - points[:, None]
+    rows, offset = lenses.around(points, nodes)
     scale = float(np.abs(lenses.basis).max())
     table = np.concatenate([np.ones((*rows.shape, 1)), offset / scale], axis=2)
     error = np.array([1.0, 0.0, 0.0]) - np.einsum("nk,nkc->nc", weight, table)
@@ -188,11 +182,10 @@ def _linear(lenses: Lenses, points: Floats, nodes: NDArray[np.int64], weight: Fl
 
 
 def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, include_self: bool) -> Weights:
-    """Weights of the nearest microlenses for each point (n, 2): cubic radial basis functions that reproduce linear
-    ones.
+    """Weights of the nearest microlenses for points (n, 2): cubic radial basis functions that reproduce linear ones.
 
-    Without `own`, the microlens at the point itself is left out. G. B. Wright, Radial Basis Function Interpolation, PhD
-    thesis, University of Colorado (2003), section 2.
+    Without `include_self`, the microlens at the point itself is left out. G. B. Wright, Radial Basis Function
+    Interpolation, PhD thesis, University of Colorado (2003), section 2.
     """
     blocks = range(0, len(points), _BLOCK)
     parts = [_cubic_block(lenses, points[k : k + _BLOCK], on_lattice[k : k + _BLOCK], include_self) for k in blocks]
@@ -201,15 +194,12 @@ def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, include_self: 
 
 def _cubic_block(lenses: Lenses, points: Floats, on_lattice: Floats, include_self: bool) -> Weights:
     steps = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    nodes = np.rint(on_lattice).astype(np.int64)[:, None] + steps
-    rows = rows_of(lenses.lattice_index, nodes)
-    scale = float(np.sqrt(abs(np.linalg.det(lenses.basis))))
-    offset = (np.where(rows[..., None] >= 0, lenses.positions[rows], nodes @ lenses.basis) - points[:, None]) / scale
+    rows, offset = lenses.around(points, np.rint(on_lattice).astype(np.int64)[:, None] + steps)
+    offset = offset / float(np.sqrt(abs(np.linalg.det(lenses.basis))))
     squared_distance = (offset**2).sum(axis=2)
     # Distances that differ by rounding alone keep the order of the lattice.
-    order = np.argsort(np.round(squared_distance, 9), axis=1, kind="stable")[
-        :, slice(int(not include_self), _NEIGHBOURS + int(not include_self))
-    ]
+    first = 0 if include_self else 1
+    order = np.argsort(np.round(squared_distance, 9), axis=1, kind="stable")[:, first : first + _NEIGHBOURS]
     rows, offset = np.take_along_axis(rows, order, axis=1), np.take_along_axis(offset, order[..., None], axis=1)
     count, n_lenses = rows.shape
     table = np.zeros((count, n_lenses + 3, n_lenses + 3))
@@ -218,9 +208,7 @@ def _cubic_block(lenses: Lenses, points: Floats, on_lattice: Floats, include_sel
     table[:, :n_lenses, n_lenses:], table[:, n_lenses:, :n_lenses] = linear, linear.transpose(0, 2, 1)
     right_side = np.zeros((count, n_lenses + 3, 1))
     right_side[:, :n_lenses, 0], right_side[:, n_lenses, 0] = np.linalg.norm(offset, axis=2) ** 3, 1.0
-    weight = np.linalg.solve(table, right_side)[:, :n_lenses, 0]
-    significant = np.where(np.abs(weight) > _ROUNDING, weight, 0.0)
-    return Weights(rows, np.asarray(significant / significant.sum(axis=1, keepdims=True)))
+    return Weights(rows, _drop_rounding(np.linalg.solve(table, right_side)[:, :n_lenses, 0]))
 
 
 def _triangle(point: Floats) -> tuple[NDArray[np.int64], Floats]:
@@ -253,5 +241,5 @@ def _split(point: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 
 def _drop_rounding(weight: Floats) -> Floats:
-    significant = np.where(weight > _ROUNDING, weight, 0.0)
+    significant = np.where(np.abs(weight) > _ROUNDING, weight, 0.0)
     return np.asarray(significant / significant.sum(axis=1, keepdims=True))

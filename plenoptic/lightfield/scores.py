@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.values import Floats, frozen_array, plain_array, positive, result, whole
 from plenoptic.errors import InvalidValueError
 
-_PIXELS = (0.07, 0.03, 0.01)
+_LIMITS = (0.07, 0.03, 0.01)
+"""Errors that are exceeded, in pixels and relative to the disparity."""
 _MAX_TYPES = 1024
-_RELATIVE = (0.07, 0.03, 0.01)
 _CLIP = 0.05
 """Bumpiness at which a pixel's contribution is clipped."""
 
@@ -55,18 +55,12 @@ class DisparityScores:
     of_types: tuple[DisparityScores, ...] = ()
 
     def __str__(self) -> str:
-        heading = f"{'':8}{'pixels':>9}{'kept %':>8}{'MSE x100':>10}"
-        heading += "".join(f"{f'Bad{part:g}':>9}" for part in _PIXELS) + f"{'Q25':>9}"
-        heading += "".join(f"{f'Rel{100 * part:.0f}':>8}" for part in _RELATIVE) + f"{'bias %':>9}{'bumpy':>8}"
-        rows = [("all", self), *((f"type {number}", scores) for number, scores in enumerate(self.of_types))]
-        return "\n".join([heading, *(scores._line(name) for name, scores in rows)])
-
-    def _line(self, name: str) -> str:
-        numbers = f"{name:8}{self.pixels:9d}{100 * self.kept:8.2f}{self.mse:10.4g}"
-        numbers += "".join(f"{part:9.2f}" for part in self.bad) + f"{self.q25:9.3g}"
-        return (
-            numbers + "".join(f"{part:8.2f}" for part in self.relative) + f"{100 * self.bias:9.3f}{self.bumpiness:8.3f}"
-        )
+        bad, relative = [f"Bad{limit:g}" for limit in _LIMITS], [f"Rel{100 * limit:.0f}" for limit in _LIMITS]
+        rows = [["", "pixels", "kept %", "MSE x100", *bad, "Q25", *relative, "bias %", "bumpy"]]
+        for name, part in [("all", self), *((f"type {number}", part) for number, part in enumerate(self.of_types))]:
+            numbers = (*part.bad, part.q25, *part.relative, 100 * part.bias, part.bumpiness)
+            rows.append([name, str(part.pixels), *(f"{x:.4g}" for x in (100 * part.kept, part.mse, *numbers))])
+        return "\n".join(f"{row[0]:8}" + "".join(f"{text:>9}" for text in row[1:]) for row in rows)
 
 
 def disparity_scores(
@@ -121,10 +115,8 @@ def disparity_scores(
     count = int(lens_types.max(initial=-1)) + 1
     if count > _MAX_TYPES:
         raise InvalidValueError(f"types has {count - 1}; types are counted from 0, {_MAX_TYPES} at most")
-    scores_of_types = tuple(
-        _scores(estimated, true_disparity, mask & (lens_types == lens_type)) for lens_type in range(count)
-    )
-    return dataclasses.replace(scores, of_types=scores_of_types)
+    of_types = (_scores(estimated, true_disparity, mask & (lens_types == lens_type)) for lens_type in range(count))
+    return dataclasses.replace(scores, of_types=tuple(of_types))
 
 
 def disparity_edges(truth: ArrayLike, *, step: float = 0.05, reach: int = 2) -> NDArray[np.bool_]:
@@ -210,15 +202,14 @@ def _scores(estimated: Floats, true_disparity: Floats, mask: NDArray[np.bool_]) 
         pixels=int(both.sum()),
         kept=float(both.sum() / with_truth.sum()),
         mse=float(100 * np.mean(error**2)),
-        bad=_percent_above(error, _PIXELS),
+        bad=_percent_above_limits(error),
         q25=float(100 * np.percentile(error, 25)),
-        relative=_percent_above(relative, _RELATIVE),
+        relative=_percent_above_limits(relative),
         bias=float(np.median(ratio) - 1) if ratio.size else np.nan,
         bumpiness=_bumpiness(estimated - true_disparity, both),
     )
 
 
-def _percent_above(error: Floats, limits: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Percent of errors above each limit."""
-    first, second, third = (float(100 * np.mean(error > limit)) if error.size else np.nan for limit in limits)
+def _percent_above_limits(error: Floats) -> tuple[float, float, float]:
+    first, second, third = (float(100 * np.mean(error > limit)) if error.size else np.nan for limit in _LIMITS)
     return first, second, third

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.gaussian import model_pupil
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.object_planes import image_distance_behind_array
+from plenoptic.lightfield.pinhole_model import image_distance_behind_array
 from plenoptic.truth.channels import GroundTruth, Truth
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ class LightField:
         >>> field.truth(pl.shapes.white_plane(), 1, 0).depth[3, 3].round(9).item()
         404.0
         """
-        from plenoptic.truth.view_truth import truth_along
+        from plenoptic.truth.ground_truth import truth_along
 
         if self.camera is None:
             raise InvalidValueError("the light field names no camera, so that its rays are unknown; decode a raw image")
@@ -245,7 +246,4 @@ class LightField:
         across, down, rows, columns, channels = self.views.shape
         return f"LightField({across} x {down} views of {rows} x {columns} x {channels})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import light_field_html
-
-        return light_field_html(self)
+    _repr_html_ = picture_of

@@ -32,8 +32,7 @@ def plot_seidel(sums: SeidelSums, ax: Axes | None = None) -> Axes:
     ----------
     sums : SeidelSums
         From `aberrations.seidel_sums`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -72,8 +71,7 @@ def plot_chromatic_shift(shift: ChromaticShift, ax: Axes | None = None) -> Axes:
     ----------
     shift : ChromaticShift
         From `aberrations.chromatic_shift`; a dozen wavelengths make a smooth curve.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -117,8 +115,7 @@ def plot_wavefront(wavefront: Wavefront, ax: Axes | None = None) -> Axes:
     ----------
     wavefront : Wavefront
         From `aberrations.wavefront`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -179,8 +176,7 @@ def plot_zernike(fit: ZernikeFit, ax: Axes | None = None) -> Axes:
     ----------
     fit : ZernikeFit
         From `Wavefront.zernike`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------

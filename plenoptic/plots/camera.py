@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from plenoptic.camera.report.layout import section_rays
 from plenoptic.core.values import Floats, check_has
-from plenoptic.plots.canvas import COLOURS, axes_or_new, figure_or_new, pixel_extent
-from plenoptic.plots.lens import plot_lens
+from plenoptic.plots.camera_layout import draw_section
+from plenoptic.plots.canvas import COLOURS, axes_or_new, draw_map, figure_or_new, pixel_extent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from plenoptic.optics.sensor.sensor import Sensor
     from plenoptic.wave.wave_spread import WaveSpread
 
-_ARRAY, _SENSOR, _LIGHT = COLOURS[2], "#222222", COLOURS[1]
+_ARRAY, _SENSOR = COLOURS[2], "#222222"
 _COLOURS = ("#1f5fbf", "#b07a00")
 _NEIGHBOURS = 2
 _BULGE = 0.06
@@ -43,40 +44,26 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> 
     Returns
     -------
     matplotlib.figure.Figure
-        Left: lens, array and sensor as designed, true to scale, with the cone of light from the iris to the middle of
-        the array. Right, for cameras with microlenses: the light that passes the centres of five microlenses, from the
-        exit pupil to the sensor, by the traced f-number; where colours overlap, microlens images do.
+        Left: section as in `PlenopticCamera.layout`. Right, for cameras with microlenses: the light that passes the
+        centres of five microlenses, from the exit pupil to the sensor, by the traced f-number; where colours overlap,
+        microlens images do.
 
     Examples
     --------
     >>> import plenoptic as pl
     >>> camera = pl.camera.example_camera()
-    >>> [ax.get_title() for ax in pl.plots.plot_camera(camera).axes]
-    ['double-gauss-100mm-f2', 'f/7.83 under f/8.26: images 0.94 as wide as their distance']
+    >>> pl.plots.plot_camera(camera).axes[1].get_title()
+    'f/7.83 under f/8.26: images 0.94 as wide as their distance'
     """
     check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "stop_to_microlenses")
     report = camera.report() if report is None else report
     check_has(report, "report", "CameraReport", "camera.report()", "working_f_number")
     panels = 1 if camera.microlenses is None else 2
     figure = figure_or_new(None, (3.0 + 4.0 * panels, 4.5))
-    _draw_section(camera, report, figure.add_subplot(1, panels, 1))
+    draw_section(camera, section_rays(camera), figure.add_subplot(1, panels, 1))
     if panels == 2:
         _draw_microlenses(camera, report, figure.add_subplot(1, 2, 2))
     return figure
-
-
-def _draw_section(camera: PlenopticCamera, report: CameraReport, ax: Axes) -> None:
-    place, name = camera.stop_to_microlenses, camera.lens.name
-    plot_lens(camera.lens, ax)
-    half = 0.5 * camera.sensor.size[0]
-    if camera.microlenses is not None:
-        ax.plot([place, place], [-half, half], color=_ARRAY, linewidth=2.0, linestyle=(0, (1, 0.5)), label="array")
-    ax.plot([camera.z_sensor] * 2, [-half, half], color=_SENSOR, linewidth=2.0, label="sensor")
-    start = float(camera.lens.vertices[-1])
-    reach = 0.5 * (place - start) / report.working_f_number
-    ax.fill([start, place, start], [-reach, 0.0, reach], color=_LIGHT, alpha=0.25, linewidth=0.0)
-    ax.legend(frameon=False, fontsize="small")
-    ax.set_title(name or "camera")
 
 
 def _draw_microlenses(camera: PlenopticCamera, report: CameraReport, ax: Axes) -> None:
@@ -113,8 +100,7 @@ def plot_camera_spread(spread: CameraSpread | WaveSpread, ax: Axes | None = None
     ----------
     spread : CameraSpread or wave.WaveSpread
         From `plenoptic.point_spread` or `wave.point_spread`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -137,10 +123,8 @@ def plot_camera_spread(spread: CameraSpread | WaveSpread, ax: Axes | None = None
     image, row, column = _together(spread)
     # Brightness by the root: the light of a point is a few bright pixels and a faint flare.
     scale = PowerNorm(0.5, vmin=0.0, vmax=float(image.max()) or 1.0)
-    drawn = ax.imshow(
-        image, interpolation="nearest", cmap="inferno", norm=scale, extent=pixel_extent(row, column, image.shape)
-    )
-    ax.figure.colorbar(drawn, ax=ax, label="light per area / (sr/mm²)", shrink=0.8)
+    extent, unit = pixel_extent(row, column, image.shape), "light per area / (sr/mm²)"
+    draw_map(ax, image, unit, _title(spread), extent=extent, cmap="inferno", norm=scale)
     if not image.any():
         ax.text(0.5, 0.5, "no light", transform=ax.transAxes, ha="center", va="center", color="white")
     ax.locator_params(integer=True, min_n_ticks=1)
@@ -148,7 +132,6 @@ def plot_camera_spread(spread: CameraSpread | WaveSpread, ax: Axes | None = None
         places = _pixels(spread.centroid, spread.sensor)
         ax.plot(places[:, 1], places[:, 0], linestyle="none", marker="+", color=_MARK, markersize=9)
     ax.set(xlabel="column / pixel", ylabel="row / pixel")
-    ax.set_title(_title(spread), fontsize="medium")
     return ax
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats
 from plenoptic.plots.canvas import figure_or_new
-from plenoptic.plots.lens import fill_glass, plot_lens, unfolded
+from plenoptic.plots.lens import plot_lens, unfolded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +39,10 @@ def plot_camera_layout(camera: PlenopticCamera, rays: SectionRays, figure: Figur
     """
     figure = figure_or_new(figure, SIZES[rays.array is not None])
     if rays.array is None:
-        _draw_section(camera, rays, figure.subplots())
+        draw_section(camera, rays, figure.subplots())
         return figure
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
-    _draw_section(camera, rays, left)
+    draw_section(camera, rays, left)
     _draw_detail(camera, rays, right)
     return figure
 
@@ -52,8 +52,8 @@ def _line(at: Any, half: float) -> Floats:
     return np.asarray(at.points(np.array([[0.0, -half, 0.0], [0.0, half, 0.0]])))
 
 
-def _draw_section(camera: PlenopticCamera, rays: SectionRays, ax: Axes) -> None:
-    fill_glass(camera.lens, ax)
+def draw_section(camera: PlenopticCamera, rays: SectionRays, ax: Axes) -> None:
+    """Draw lens, array and sensor as built, true to scale, and the rays."""
     plot_lens(camera.lens, ax)
     half = 0.5 * camera.sensor.size[0]
     paths = np.concatenate([rays.paths, _extend(camera, rays)[:, None]], axis=1)
@@ -123,20 +123,8 @@ def _draw_pixels(camera: PlenopticCamera, rays: SectionRays, sensor: Any, reach:
     if 2.0 * reach / pitch <= _MOST_PIXELS:
         borders = placed(np.arange(np.ceil(ends[0] / pitch), np.floor(ends[1] / pitch) + 1) * pitch)
         ax.hlines(borders[:, 1], borders[:, 2], borders[:, 2] + thick, color=_SENSOR, linewidth=0.5)
-    ax.fill(
-        [*edges[:, 2], *(edges[::-1, 2] + thick)],
-        [*edges[:, 1], *edges[::-1, 1]],
-        color=_PIXEL,
-        linewidth=0,
-        zorder=2.5,
-    )
-    ax.annotate(
-        "pixel",
-        (edges[0, 2] + thick, edges[:, 1].mean()),
-        (4, 0),
-        textcoords="offset points",
-        va="center",
-        fontsize="small",
-        color=_PIXEL,
-    )
+    corners = np.concatenate([edges[:, 1:], edges[::-1, 1:] + [0.0, thick]])
+    ax.fill(corners[:, 1], corners[:, 0], color=_PIXEL, linewidth=0, zorder=2.5)
+    place, text = (edges[0, 2] + thick, edges[:, 1].mean()), {"va": "center", "fontsize": "small", "color": _PIXEL}
+    ax.annotate("pixel", place, (4, 0), textcoords="offset points", **text)
     ax.margins(x=0.16)  # room for that word

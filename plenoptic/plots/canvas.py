@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.errors import PlenopticError
 
 if TYPE_CHECKING:
@@ -63,10 +66,48 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
     if figure is not None:
         return figure
     plt = pyplot()
-    from plenoptic.plots.notebook.shown_once import ShownOnce
-
-    figure_of_pyplot: Figure = plt.figure(figsize=size, layout="constrained", FigureClass=ShownOnce)
+    figure_of_pyplot: Figure = plt.figure(figsize=size, layout="constrained")
+    figure_of_pyplot._repr_mimebundle_ = partial(_leave_pyplot, figure_of_pyplot)
     return figure_of_pyplot
+
+
+def _leave_pyplot(figure: Figure, **_: Any) -> dict[str, Any]:
+    """Close a figure that a notebook shows as a cell's result; IPython's own display of it stays as it is.
+
+    The inline backend shows all of pyplot's figures at the end of a cell, one that was just shown as its result too.
+    """
+    import matplotlib as mpl
+
+    if "inline" in mpl.get_backend():
+        pyplot().close(figure)
+    return {}
+
+
+def draw_map(ax: Axes, values: NDArray[Any], unit: str, title: str = "", **shown: Any) -> None:
+    """Draw numbers as colours, with their scale; `shown` are options of `imshow`."""
+    drawn = ax.imshow(values, **({"interpolation": "nearest"} | shown))
+    ax.figure.colorbar(drawn, ax=ax, label=unit, extend="max" if shown.get("vmin") == 0.0 else "neither", shrink=0.8)
+    ax.set_title(title, fontsize="medium")
+
+
+def encode(image: NDArray[Any], white: float, missing: NDArray[np.bool_] | None = None) -> NDArray[Any]:
+    """(rows, columns, 3) for the screen, sRGB: pale blue where pixels are missing; None: where a channel is nan.
+
+    Channels other than three are shown as their mean, linearly.
+    """
+    colours = image.shape[2] == 3
+    image = image if colours else np.mean(image, axis=2, keepdims=True)
+    scaled = np.clip(np.asarray(image, dtype=np.float64) / white, 0.0, 1.0)
+    unknown = ~np.isfinite(scaled).all(axis=2) if missing is None else missing
+    encoded = linear_to_srgb(np.nan_to_num(scaled)) if colours else scaled
+    return np.where(unknown[:, :, None], NOTHING, encoded)
+
+
+def frame_axes(ax: Axes, colour: str, title: str) -> None:
+    """Title and frame of a panel that shows a part of another one, in the colour that marks it there."""
+    for spine in ax.spines.values():
+        spine.set(edgecolor=colour, linewidth=1.5)
+    ax.set_title(title, fontsize="medium")
 
 
 def pixel_extent(row: int, column: int, shape: tuple[int, ...]) -> tuple[float, float, float, float]:

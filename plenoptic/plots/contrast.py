@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plenoptic.core.values import check_has, wrong_kind
-from plenoptic.plots.canvas import COLOURS, axes_or_new
+from plenoptic.plots.canvas import COLOURS, axes_or_new, draw_map
 from plenoptic.plots.spots import LIMIT, MICROMETRES, field_label
 
 if TYPE_CHECKING:
@@ -25,8 +25,7 @@ def plot_point_spread(spread: PointSpread | WaveSpread, ax: Axes | None = None) 
     Parameters
     ----------
     spread : PointSpread or WaveSpread
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -47,21 +46,15 @@ def plot_point_spread(spread: PointSpread | WaveSpread, ax: Axes | None = None) 
     size = MICROMETRES * spread.pixel_size
     rows, columns = spread.image.shape
     half_x, half_y = 0.5 * columns * size, 0.5 * rows * size
-    drawn = ax.imshow(
-        spread.image / size**2,
-        extent=(-half_x, half_x, -half_y, half_y),
-        interpolation="nearest",
-        cmap="magma",
-        norm="linear" if not spread.image.any() else PowerNorm(0.5, vmin=0.0),
-    )
-    ax.figure.colorbar(drawn, ax=ax, label="share of the light per µm²")
-    ax.set(xlabel="x / µm", ylabel="y / µm")
+    norm = PowerNorm(0.5, vmin=0.0) if spread.image.any() else "linear"
+    extent = (-half_x, half_x, -half_y, half_y)
     title = f"{field_label(spread.field, spread.z_object)}, z = {spread.z_image:.6g} mm"
     if hasattr(spread, "strehl"):
         title += f", Strehl {spread.strehl:.3g}"
     if spread.outside > 1e-9:
         title += f"\n{100 * spread.outside:.2g} % outside"
-    ax.set_title(title, fontsize="medium")
+    draw_map(ax, spread.image / size**2, "share of the light per µm²", title, extent=extent, cmap="magma", norm=norm)
+    ax.set(xlabel="x / µm", ylabel="y / µm")
     return ax
 
 
@@ -72,8 +65,7 @@ def plot_mtf(mtfs: Mtf | WaveMtf | Sequence[Mtf | WaveMtf], ax: Axes | None = No
     ----------
     mtfs : Mtf, WaveMtf or a sequence of them
         For example one for each field. Those of one field have one colour.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------

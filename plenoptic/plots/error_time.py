@@ -29,13 +29,12 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     ----------
     table : ErrorTable
         Table of `pl.study.error_against_time`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
     matplotlib.axes.Axes
-        One line a variant, with the slope of its noise in the legend; dashed the bias floors that were found; rings and
+        One line a variant, with the slope of its noise in the legend; dashed the bias floors that were found; dots and
         a grey line mark the Pareto front: settings that no other beats in time and error, and their numbers of
         samples.
 
@@ -55,46 +54,17 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     for i, name in enumerate(table.variants):
         _draw_variant(ax, table, name, f"C{i % 10}", _MARKERS[i % len(_MARKERS)])
     front = table.pareto()
-    ax.plot(
-        [row.cpu_seconds for row in front],
-        [100 * row.error for row in front],
-        color=_FRONT,
-        drawstyle="steps-post",
-        linewidth=4.0,
-        alpha=0.35,
-        marker="o",
-        markersize=11,
-        markerfacecolor="none",
-        markeredgewidth=1.2,
-        zorder=1,
-        label="Pareto front, with n",
-    )
-    for row in front:
-        ax.annotate(
-            str(row.samples),
-            (row.cpu_seconds, 100 * row.error),
-            xytext=(-6, -6),
-            textcoords="offset points",
-            ha="right",
-            va="top",
-            fontsize="x-small",
-            color=_FRONT,
-        )
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    seconds, errors = [row.cpu_seconds for row in front], [100 * row.error for row in front]
+    style: dict[str, Any] = {"color": _FRONT, "linewidth": 4.0, "alpha": 0.35, "zorder": 1}
+    ax.plot(seconds, errors, "o-", drawstyle="steps-post", label="Pareto front, with n", **style)
+    for row, place in zip(front, zip(seconds, errors, strict=True), strict=True):
+        text = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": "x-small", "color": _FRONT}
+        ax.annotate(str(row.samples), place, xytext=(-6, -6), **text)
+    ax.set(xscale="log", yscale="log", xlabel=f"CPU time of {table.pixels} pixels / s", ylabel="relative RMS error / %")
     _plain_ticks(ax)
-    ax.set(xlabel=f"CPU time of {table.pixels} pixels / s", ylabel="relative RMS error / %")
     ax.set_title(f"Error against time: {table.title}", fontsize="medium")
     ax.grid(which="both", linewidth=0.4, alpha=0.4)
-    ax.legend(
-        fontsize="small",
-        frameon=False,
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.13),
-        ncol=2,
-        title="noise falls as a power of n, the samples per pixel",
-        title_fontsize="small",
-    )
+    ax.legend(fontsize="small", frameon=False, title="noise falls as a power of n, the samples per pixel")
     return ax
 
 
@@ -104,8 +74,7 @@ def plot_error_studies(tables: Sequence[ErrorTable], figure: Figure | None = Non
     Parameters
     ----------
     tables : sequence of ErrorTable
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new one if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -139,9 +108,7 @@ def _draw_variant(ax: Axes, table: ErrorTable, name: str, colour: str, marker: s
     ax.plot(seconds, errors, color=colour, marker=marker, markersize=5, linewidth=1.3, label=label)
     floor = table.bias_floor(name)
     if floor > 0:
-        ax.axhline(
-            100 * floor, color=colour, linestyle="--", linewidth=1.0, label=f"bias of {name}, {100 * floor:.2g} %"
-        )
+        ax.axhline(100 * floor, color=colour, linestyle="--", label=f"bias of {name}, {100 * floor:.2g} %")
 
 
 def _plain_ticks(ax: Any) -> None:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files.codes import block_means, white_point
 from plenoptic.core.relative_error import lit_pixels, mean_square
 from plenoptic.core.values import check_has
-from plenoptic.plots.canvas import NOTHING, figure_or_new, pixel_extent
+from plenoptic.plots.canvas import NOTHING, draw_map, encode, figure_or_new, frame_axes, pixel_extent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
     from plenoptic.readout.raw import RawImage
@@ -34,8 +34,8 @@ _ENOUGH = 0.7
 _FRAME = "#ff6b00"
 _BRIGHTENED = 1 / 2.2
 """Power with which raw images are shown, as photographs are."""
-PANEL = (3.2, 3.3)
-"""Inches, in notebooks."""
+_PANEL, RAW_SIZE = (3.2, 3.3), (2.2 * 3.2, 3.3)
+"""Inches, in notebooks: of a panel of an exposure, and of a raw image."""
 
 
 class _Frame(NamedTuple):
@@ -60,18 +60,29 @@ class _Frame(NamedTuple):
         return pixel_extent(self.row, self.column, (shape[0] * self.block, shape[1] * self.block))
 
 
-def _panel(figure: Figure, ax: Axes, values: NDArray[Any], title: str, unit: str, **shown: Any) -> None:
-    drawn = ax.imshow(values, interpolation="antialiased", **shown)
-    figure.colorbar(drawn, ax=ax, label=unit, extend="max" if "vmax" in shown else "neither", shrink=0.8)
-    ax.set_title(title, fontsize="medium")
+def _draw_pixels(
+    ax: Axes, image: NDArray[Any], missing: NDArray[np.bool_], extent: tuple[float, ...], norm: Normalize
+) -> Any:
+    """Draw an image up to `norm.vmax`; the scale of its greys, None of colours, which are encoded for the screen."""
+    if image.shape[2] == 3:
+        ax.imshow(encode(image, norm.vmax, missing), interpolation="antialiased", extent=extent)
+        return None
+    ax.set_facecolor(NOTHING)
+    grey = np.ma.array(image[:, :, 0], mask=missing)
+    return ax.imshow(grey, interpolation="antialiased", extent=extent, cmap="gray", norm=norm)
 
 
-def _colour_picture(
-    ax: Axes, image: NDArray[Any], unseen: NDArray[np.bool_], extent: tuple[float, float, float, float], white: float
+def _draw_image(
+    ax: Axes, image: NDArray[Any], missing: NDArray[np.bool_], frame: _Frame, norm: Normalize, labels: tuple[str, str]
 ) -> None:
-    encoded = linear_to_srgb(np.clip(np.nan_to_num(image / white), 0.0, 1.0))
-    encoded[unseen] = NOTHING
-    ax.imshow(encoded, interpolation="antialiased", extent=extent)
+    """Draw an image with its scale, or the value that is white; labels are its name and its unit."""
+    small, (title, unit) = frame.reduced(image), labels
+    scale = _draw_pixels(ax, small, frame.reduced(missing) == 1, frame.extent(small.shape), norm)
+    if scale is None:
+        ax.set_title(f"{title} (white: {norm.vmax:.3g} {unit})", fontsize="small")
+    else:
+        ax.figure.colorbar(scale, ax=ax, label=unit, extend="max", shrink=0.8)
+        ax.set_title(title, fontsize="medium")
 
 
 def _detail_of(image: NDArray[Any]) -> tuple[slice, slice] | None:
@@ -89,19 +100,23 @@ def _detail_of(image: NDArray[Any]) -> tuple[slice, slice] | None:
 
 
 def _draw_detail(
-    ax: Axes, whole: Axes, window: tuple[slice, slice], frame: _Frame
-) -> tuple[float, float, float, float]:
-    """Frame a part of an image and name it; where it lies on the sensor."""
+    ax: Axes,
+    whole: Axes,
+    image: NDArray[Any],
+    missing: NDArray[np.bool_],
+    window: tuple[slice, slice],
+    frame: _Frame,
+    norm: Normalize,
+) -> None:
+    """Draw a part of an image as bright as in the whole, and frame it in both panels."""
     from matplotlib.patches import Rectangle
 
     rows, columns = window
     extent = pixel_extent(frame.row + rows.start, frame.column + columns.start, (_DETAIL, _DETAIL))
+    _draw_pixels(ax, image[window], missing[window], extent, norm)
     whole.add_patch(Rectangle((extent[0], extent[3]), _DETAIL, _DETAIL, fill=False, edgecolor=_FRAME, linewidth=1.5))
-    for spine in ax.spines.values():
-        spine.set(edgecolor=_FRAME, linewidth=1.5)
-    ax.set_title("detail", fontsize="medium")
+    frame_axes(ax, _FRAME, "detail")
     ax.set_xlabel("column / pixel")
-    return extent
 
 
 def _truth(exposure: Exposure) -> tuple[str, NDArray[Any], str] | None:
@@ -114,7 +129,12 @@ def _truth(exposure: Exposure) -> tuple[str, NDArray[Any], str] | None:
     return None if name is None else (name.replace("_", " "), plain[name], units[name])
 
 
-def panels_of(exposure: Exposure) -> int:
+def notebook_size(exposure: Exposure) -> tuple[float, float]:
+    """Inches of an exposure's figure in notebooks."""
+    return _PANEL[0] * _panels_of(exposure), _PANEL[1]
+
+
+def _panels_of(exposure: Exposure) -> int:
     """Number of panels that `plot_exposure` draws."""
     return 1 + sum(part is not None for part in (_detail_of(exposure.image), exposure.standard_error, _truth(exposure)))
 
@@ -125,8 +145,7 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     Parameters
     ----------
     exposure : Exposure
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -149,8 +168,10 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
     """
     check_has(exposure, "exposure", "Exposure", "pl.Exposure(image)", "standard_error")
     image, counts = exposure.image, exposure.sample_counts
-    window, truth, panels = _detail_of(image), _truth(exposure), panels_of(exposure)
+    window, truth, panels = _detail_of(image), _truth(exposure), _panels_of(exposure)
     figure = figure_or_new(figure, (4.6 * panels, 4.2))
+    from matplotlib.colors import Normalize
+
     frame = _Frame.of(image, exposure.region)
     full = figure.add_subplot(1, panels, 1, xlabel="column / pixel", ylabel="row / pixel")
     axes = [figure.add_subplot(1, panels, k + 2) for k in range(panels - 1)]
@@ -160,12 +181,10 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
         box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
         text = "pale blue: not rendered"
         full.annotate(text, (0, 0), (4, 4), "axes fraction", "offset points", fontsize="small", bbox=box)
-    white = white_point(image)
-    _draw_image(figure, full, image, missing, frame, white)
+    norm = Normalize(0.0, white_point(image))
+    _draw_image(full, image, missing, frame, norm, ("image", _IRRADIANCE))
     if window is not None:
-        ax = axes.pop(0)
-        part, extent = image[window], _draw_detail(ax, full, window, frame)
-        _draw_part(ax, part, missing[window], extent, white)
+        _draw_detail(axes.pop(0), full, image, missing, window, frame, norm)
     for ax in axes:
         ax.sharex(full)
         ax.sharey(full)
@@ -175,48 +194,15 @@ def plot_exposure(exposure: Exposure, *, figure: Figure | None = None) -> Figure
         for ax in (full, *axes):
             ax.set_facecolor(NOTHING)
     if exposure.standard_error is not None:
-        _draw_error(figure, axes.pop(0), exposure, missing, frame)
+        _draw_error(axes.pop(0), exposure, missing, frame)
     if truth is not None:
         name, values, unit = truth
         drawn = np.ma.masked_invalid(values[:: frame.block, :: frame.block])
-        _panel(figure, axes.pop(0), drawn, name, unit, extent=frame.extent(drawn.shape), cmap="viridis")
+        draw_map(axes.pop(0), drawn, unit, name, extent=frame.extent(drawn.shape), cmap="viridis")
     return figure
 
 
-def _draw_image(
-    figure: Figure, ax: Axes, image: NDArray[Any], missing: NDArray[np.bool_], frame: _Frame, white: float
-) -> None:
-    small, unseen = frame.reduced(image), frame.reduced(missing) == 1
-    extent = frame.extent(small.shape)
-    if image.shape[2] == 1:
-        grey = np.ma.array(small[:, :, 0], mask=unseen)
-        _panel(figure, ax, grey, "image", _IRRADIANCE, extent=extent, cmap="gray", vmin=0.0, vmax=white)
-        return
-    _colour_picture(ax, small, unseen, extent, white)
-    ax.set_title(f"image (white: {white:.3g} {_IRRADIANCE})", fontsize="small")
-
-
-def _draw_part(
-    ax: Axes,
-    part: NDArray[Any],
-    missing: NDArray[np.bool_],
-    extent: tuple[float, float, float, float],
-    white: float,
-    norm: Any = None,
-) -> None:
-    """A part of an image, as bright as in the whole; `norm` is how a grey one is shown, None: linearly from 0."""
-    from matplotlib.colors import Normalize
-
-    if part.shape[2] == 3:
-        _colour_picture(ax, part, missing, extent, white)
-        return
-    grey = np.ma.array(part[:, :, 0], mask=missing)
-    norm = Normalize(0.0, white) if norm is None else norm
-    ax.set_facecolor(NOTHING)
-    ax.imshow(grey, interpolation="nearest", extent=extent, cmap="gray", norm=norm)
-
-
-def _draw_error(figure: Figure, ax: Axes, exposure: Exposure, missing: NDArray[np.bool_], frame: _Frame) -> None:
+def _draw_error(ax: Axes, exposure: Exposure, missing: NDArray[np.bool_], frame: _Frame) -> None:
     assert exposure.standard_error is not None
     # Some rows of blocks at a time: the errors of all pixels together are larger than the image.
     whole = exposure.standard_error.shape[0] // frame.block * frame.block
@@ -226,8 +212,8 @@ def _draw_error(figure: Figure, ax: Axes, exposure: Exposure, missing: NDArray[n
     lit = lit_pixels(np.nan_to_num(frame.reduced(exposure.image), posinf=0.0, neginf=0.0))
     vmax = white_point(error[lit] if lit.any() else error)
     small = np.ma.array(error, mask=frame.reduced(missing) == 1)
-    extent = frame.extent(small.shape)
-    _panel(figure, ax, small, "standard error", _IRRADIANCE, extent=extent, cmap="magma", vmin=0.0, vmax=vmax)
+    shown = {"extent": frame.extent(small.shape), "cmap": "magma", "vmin": 0.0, "vmax": vmax}
+    draw_map(ax, small, _IRRADIANCE, "standard error", interpolation="antialiased", **shown)
 
 
 def plot_raw(raw: RawImage, *, figure: Figure | None = None) -> Figure:
@@ -236,8 +222,7 @@ def plot_raw(raw: RawImage, *, figure: Figure | None = None) -> Figure:
     Parameters
     ----------
     raw : RawImage
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -255,22 +240,14 @@ def plot_raw(raw: RawImage, *, figure: Figure | None = None) -> Figure:
     check_has(raw, "raw", "RawImage", "shot.develop(model)", "electrons")
     light = np.maximum(raw.electrons(), 0.0)
     image = light.reshape(*light.shape[:2], -1)
-    window = _detail_of(image)
-    figure = figure_or_new(figure, (5.4 * (1 + (window is not None)), 4.6))
-    frame = _Frame.of(image, raw.region)
-    ax = figure.add_subplot(1, 1 + (window is not None), 1, xlabel="column / pixel", ylabel="row / pixel")
+    window, missing = _detail_of(image), np.zeros(image.shape[:2], dtype=bool)
+    panels = 1 if window is None else 2
+    figure = figure_or_new(figure, (5.4 * panels, 4.6))
     from matplotlib.colors import PowerNorm
 
-    small, top = frame.reduced(image), white_point(image)
-    norm = PowerNorm(_BRIGHTENED, 0.0, top)
-    placement: dict[str, Any] = {"extent": frame.extent(small.shape)}
-    if image.shape[2] == 1:
-        _panel(figure, ax, small[:, :, 0], "raw image", "electrons", cmap="gray", norm=norm, **placement)
-    else:
-        _colour_picture(ax, small, np.zeros(small.shape[:2], dtype=bool), placement["extent"], top)
-        ax.set_title(f"raw image (white: {top:.3g} electrons)", fontsize="medium")
+    frame, norm = _Frame.of(image, raw.region), PowerNorm(_BRIGHTENED, 0.0, white_point(image))
+    ax = figure.add_subplot(1, panels, 1, xlabel="column / pixel", ylabel="row / pixel")
+    _draw_image(ax, image, missing, frame, norm, ("raw image", "electrons"))
     if window is not None:
-        part = figure.add_subplot(1, 2, 2)
-        extent = _draw_detail(part, ax, window, frame)
-        _draw_part(part, image[window], np.zeros((_DETAIL, _DETAIL), bool), extent, top, norm)
+        _draw_detail(figure.add_subplot(1, 2, 2), ax, image, missing, window, frame, norm)
     return figure

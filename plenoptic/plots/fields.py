@@ -13,7 +13,7 @@ from plenoptic.plots.canvas import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.optics.lens.analysis.fields import Coma, DepthDistortion, Distortion, FieldCurvature
+    from plenoptic.optics.lens.analysis.field_aberrations import Coma, DepthDistortion, Distortion, FieldCurvature
     from plenoptic.optics.lens.analysis.illumination import RelativeIllumination, Vignetting
 
 _SAGITTAL, _TANGENTIAL, _OTHER = "#1f5fbf", "#c23b2c", "#888888"
@@ -53,8 +53,7 @@ def plot_distortion(result: Distortion, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     result : Distortion
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -81,8 +80,7 @@ def plot_field_curvature(result: FieldCurvature, ax: Axes | None = None) -> Axes
     Parameters
     ----------
     result : FieldCurvature
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -107,8 +105,7 @@ def plot_coma(result: Coma, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     result : Coma
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -131,8 +128,7 @@ def plot_vignetting(result: Vignetting, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     result : Vignetting
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -173,8 +169,7 @@ def plot_relative_illumination(result: RelativeIllumination, ax: Axes | None = N
     Parameters
     ----------
     result : RelativeIllumination
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -208,8 +203,7 @@ def plot_depth_distortion(result: DepthDistortion, ax: Axes | None = None) -> Ax
     Parameters
     ----------
     result : DepthDistortion
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------

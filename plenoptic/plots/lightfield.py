@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files.codes import white_point
 from plenoptic.core.values import check_has, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import NOTHING, axes_or_new, figure_or_new
+from plenoptic.plots.canvas import axes_or_new, draw_map, encode, figure_or_new, frame_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,14 +31,6 @@ _WIDTH, _HEIGHTS, _SLICE = 5.4, (2.0, 5.0), 0.3
 """Of a central view in inches, and of slices over it."""
 
 
-def _shown(image: NDArray[Any], white: float) -> NDArray[Any]:
-    """An image (rows, columns, C) as (rows, columns, 3) to be looked at; the mean of other channels than three."""
-    image = image if image.shape[2] == 3 else np.mean(image, axis=2, keepdims=True)
-    scaled = np.clip(np.asarray(image, dtype=np.float64) / white, 0.0, 1.0)
-    encoded = scaled if scaled.shape[2] == 1 else linear_to_srgb(np.nan_to_num(scaled))
-    return np.where(np.isfinite(scaled).all(axis=2, keepdims=True), encoded, NOTHING)
-
-
 def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> Axes:
     """Draw the sub-aperture views of a light field as a mosaic: u to the right, v down.
 
@@ -48,8 +39,7 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
     field : LightField
     every : int, optional
         Draw every second, third, ... view, counted from the central one.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -77,7 +67,7 @@ def plot_views(field: LightField, *, every: int = 1, ax: Axes | None = None) -> 
     framed = np.full((across, down, rows + _GAP, columns + _GAP, channels), np.nan)
     framed[:, :, :rows, :columns] = views
     mosaic = framed.transpose(1, 2, 0, 3, 4).reshape(down * (rows + _GAP), across * (columns + _GAP), channels)
-    ax.imshow(_shown(mosaic, white_point(views)), interpolation="antialiased")
+    ax.imshow(encode(mosaic, white_point(views)), interpolation="antialiased")
     for offsets, picked, size, name in ((field.u, chosen[0], columns, "x"), (field.v, chosen[1], rows, "y")):
         places = (size + _GAP) * np.arange(len(picked)) + (size - 1) / 2
         shown_ticks = np.unique(np.linspace(0, len(picked) - 1, min(len(picked), 7)).round().astype(int))
@@ -93,8 +83,7 @@ def plot_light_field(field: LightField, *, figure: Figure | None = None) -> Figu
     Parameters
     ----------
     field : LightField
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -119,21 +108,19 @@ def plot_light_field(field: LightField, *, figure: Figure | None = None) -> Figu
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, _SLICE), height_ratios=(1.0, 1.2 * _SLICE))
     white = white_point(field.views[u // 2, v // 2])
     view = figure.add_subplot(grid[0, 0], ylabel="row / pixel")
-    view.imshow(_shown(field.centre, white), interpolation="antialiased", aspect="auto")
+    view.imshow(encode(field.centre, white), interpolation="antialiased", aspect="auto")
     view.axhline(row, color=_ROW, linewidth=1.0)
     view.axvline(column, color=_COLUMN, linewidth=1.0)
     view.set_title("central view", fontsize="medium")
     below = figure.add_subplot(grid[1, 0], xlabel="column / pixel", ylabel="u / pixel")
     extent = (-0.5, columns - 0.5, *_edges(field.u)[::-1])
-    below.imshow(_shown(field.views[:, v // 2, row], white), interpolation="nearest", aspect="auto", extent=extent)
+    below.imshow(encode(field.views[:, v // 2, row], white), interpolation="nearest", aspect="auto", extent=extent)
     right = figure.add_subplot(grid[0, 1], xlabel="v / pixel")
     extent = (*_edges(field.v), rows - 0.5, -0.5)
     slice_ = field.views[u // 2, :, :, column].transpose(1, 0, 2)
-    right.imshow(_shown(slice_, white), interpolation="nearest", aspect="auto", extent=extent)
+    right.imshow(encode(slice_, white), interpolation="nearest", aspect="auto", extent=extent)
     for ax, colour, title in ((below, _ROW, f"row {row}"), (right, _COLUMN, f"column {column}")):
-        for spine in ax.spines.values():
-            spine.set(edgecolor=colour, linewidth=1.5)
-        ax.set_title(title, fontsize="medium")
+        frame_axes(ax, colour, title)
     for ax in (view, below, right):
         ax.locator_params(integer=True, nbins=6, min_n_ticks=1)
     return figure
@@ -158,8 +145,7 @@ def plot_view(view: View, *, figure: Figure | None = None) -> Figure:
     Parameters
     ----------
     view : View
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -178,11 +164,9 @@ def plot_view(view: View, *, figure: Figure | None = None) -> Figure:
     check_has(view, "view", "View", "pl.lightfield.render_view(shot, white)", "picture", "coverage")
     figure = figure_or_new(figure, (11.0, 3.4))
     first, *map_axes = figure.subplots(1, 3, sharex=True, sharey=True)
-    first.imshow(_shown(view.picture, white_point(view.picture)), interpolation="antialiased")
+    first.imshow(encode(view.picture, white_point(view.picture)), interpolation="antialiased")
     first.set_title("picture", fontsize="medium")
-    _draw_maps(
-        figure, map_axes, (("disparity", view.disparity, "pixel", "viridis"), ("coverage", view.coverage, "", "gray"))
-    )
+    _draw_maps(map_axes, (("disparity", view.disparity, "pixel", "viridis"), ("coverage", view.coverage, "", "gray")))
     first.set(xlabel="column / pixel", ylabel="row / pixel")
     return figure
 
@@ -193,8 +177,7 @@ def plot_depth_map(found: DepthMap, *, figure: Figure | None = None) -> Figure:
     Parameters
     ----------
     found : DepthMap
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -215,19 +198,17 @@ def plot_depth_map(found: DepthMap, *, figure: Figure | None = None) -> Figure:
     axes = list(figure.subplots(1, 3, sharex=True, sharey=True))
     maps = (("depth", found.depth, "mm", "viridis"), ("disparity", found.disparity, "pixel", "viridis"),
             ("confidence", found.confidence, "", "gray"))  # fmt: skip
-    _draw_maps(figure, axes, maps)
+    _draw_maps(axes, maps)
     axes[0].set_ylabel("row / pixel")
     return figure
 
 
-def _draw_maps(figure: Figure, axes: list[Axes], maps: tuple[tuple[str, NDArray[Any], str, str], ...]) -> None:
+def _draw_maps(axes: list[Axes], maps: tuple[tuple[str, NDArray[Any], str, str], ...]) -> None:
     """Numbers as colours, each with its scale; shares, which have no unit, from 0 to 1."""
     for ax, (title, values, unit, colours) in zip(axes, maps, strict=True):
         finite = values[np.isfinite(values)]
         low, high = (0.0, 1.0) if not unit or not finite.size else np.percentile(finite, (2.0, 98.0)).tolist()
         if unit and high - low <= _SAME * abs(high):
             low, high = low - 0.5, high + 0.5
-        drawn = ax.imshow(np.ma.masked_invalid(values), interpolation="nearest", cmap=colours, vmin=low, vmax=high)
-        figure.colorbar(drawn, ax=ax, label=unit, shrink=0.8, extend="both" if unit else "max")
-        ax.set_title(title, fontsize="medium")
+        draw_map(ax, np.ma.masked_invalid(values), unit, title, cmap=colours, vmin=low, vmax=high)
         ax.set_xlabel("column / pixel")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,7 @@ def plot_centres(centres: MicrolensCentres, *, figure: Figure | None = None) -> 
     Parameters
     ----------
     centres : MicrolensCentres
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -74,15 +73,8 @@ def _draw_displacements(centres: MicrolensCentres, ax: Axes) -> None:
     longest = float(np.hypot(*moved[chosen].T).max())
     times = 0.8 * span / _ARROWS / longest if longest else 1.0
     times = float(f"{times:.1g}") if times < 1e6 else 1.0
-    ax.quiver(
-        *places[chosen].T,
-        *(times * moved[chosen]).T,
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        color=COLOURS[0],
-        width=0.004,
-    )
+    to_scale: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004}
+    ax.quiver(*places[chosen].T, *(times * moved[chosen]).T, color=COLOURS[0], **to_scale)
     ax.plot(*places[chosen].T, ".", color=COLOURS[0], markersize=3)
     ax.set_title(f"from microlens to image, {times:g} times as long", fontsize="medium")
     ax.margins(0.1)
@@ -113,8 +105,7 @@ def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     projection : Projection
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------

@@ -8,7 +8,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats, check_has
 from plenoptic.plots.canvas import figure_or_new
-from plenoptic.plots.silhouettes import Shape, around, painted, shapes_of
+from plenoptic.plots.scene_shapes import Shape, around, draw_shapes, shapes_of
 
 if TYPE_CHECKING:
     from typing import Any
@@ -43,15 +43,14 @@ _SIDES = (
 _CAMERA, _FOCUS, _LAMP = "#1f5fbf", "#d1495b", "#b07a00"
 _GROUND = "#eef1f4"
 """On which white and black things can be seen."""
-_PIXELS = 480
 _ROOM = 0.06
 """Around what is shown, over its size."""
 _HUGE, _FLAT = 10.0, 20
 """What is larger than all the rest by more, and has few triangles, is cut: grounds, backdrops, skies."""
 _AROUND = 0.75
 """Around the field of a camera in the plane in focus, over its size: what the front view shows."""
-_UNITS = ((1e6, "km"), (1e4, "m"), (0.05, "mm"), (0.0, "µm"))
-_MILLIMETRES = {"km": 1e6, "m": 1e3, "mm": 1.0, "µm": 1e-3}
+_UNITS = ((1e6, "km", 1e6), (1e4, "m", 1e3), (0.05, "mm", 1.0), (0.0, "µm", 1e-3))
+"""Extent from which on a unit is used, its name, and its length, mm."""
 
 
 def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: Figure | None = None) -> Figure:
@@ -60,12 +59,11 @@ def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: F
     Parameters
     ----------
     scene : Scene
-        Meshes in the colours of their materials, glass pale, lights yellow; the smaller is drawn over the larger, and
-        everything shines through. Of very many triangles the largest are drawn, and points of the others.
+        Meshes in the colours of their materials, glass pale, lights yellow; the smaller is drawn over the larger. Of
+        very many triangles the largest are drawn, and points of the others.
     camera : PlenopticCamera, optional
         Its field is drawn to the plane in focus, which is red; those of the scene's `views` always.
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -96,8 +94,8 @@ def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: F
         if camera is not None and side.across == "x":
             part = _around_field(frustums[-1], box)
             drawn = shapes if part is box else shapes_of(scene, part[:, :2])
-        unit = next(name for extent, name in _UNITS if np.ptp(part, axis=0).max() >= extent)
-        scale = _MILLIMETRES[unit]
+        size = np.ptp(part, axis=0).max()
+        unit, scale = next((name, length) for extent, name, length in _UNITS if size >= extent)
         _draw_side(ax, side, drawn, part, scale)
         for frustum, ends in zip(frustums, fields, strict=True):
             _draw_frustum(ax, side, frustum, ends, scale)
@@ -144,14 +142,10 @@ def _ends(frustum: Frustum, middle: Floats) -> Floats:
 
 
 def _draw_side(ax: Axes, side: _Side, shapes: list[Shape], box: Floats, unit: float) -> None:
-    ends = np.sort(np.stack([box @ side.right, box @ side.up]), axis=1)
-    lengths = np.ptp(ends, axis=1)
-    columns, rows = np.maximum(np.ceil(_PIXELS * lengths / lengths.max()), 2).astype(int).tolist()
-    picture = painted(shapes, side.right, side.up, ends, (rows, columns))
+    ends = np.sort(np.stack([box @ side.right, box @ side.up]), axis=1) / unit
     ax.set_facecolor(_GROUND)
-    left, right, bottom, top = (ends / unit).ravel().tolist()
-    ax.imshow(picture, extent=(left, right, bottom, top), interpolation="nearest", aspect="equal")
-    ax.set(xlim=ends[0] / unit, ylim=ends[1] / unit)
+    draw_shapes(ax, shapes, side.right, side.up, unit)
+    ax.set(xlim=ends[0], ylim=ends[1], aspect="equal")
 
 
 def _draw_frustum(ax: Axes, side: _Side, frustum: Frustum, far: Floats, unit: float) -> None:

@@ -24,8 +24,7 @@ def plot_sensitivity(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     sensitivity : Sensitivity
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------
@@ -65,8 +64,7 @@ def plot_photon_transfer(curve: PhotonTransfer, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     curve : PhotonTransfer
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from plenoptic.optics.lens.analysis.focus import ThroughFocus
-    from plenoptic.optics.lens.analysis.spots import RayFan, SpotDiagram
+    from plenoptic.optics.lens.analysis.best_focus import ThroughFocus
+    from plenoptic.optics.lens.analysis.spot_diagram import RayFan, SpotDiagram
 
 MICROMETRES = 1e3
 _MOST_DOTS = 3000
@@ -113,8 +113,7 @@ def plot_spots(
         Draw a circle of the radius of the Airy disc, for comparison, around the centroid.
     titles : sequence of str, optional
         Of the diagrams, row by row, in place of their fields and planes.
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -174,8 +173,7 @@ def plot_ray_fan(fan: RayFan, *, figure: Figure | None = None) -> Figure:
     Parameters
     ----------
     fan : RayFan
-    figure : matplotlib.figure.Figure, optional
-        Where to draw; a new figure if it is left out.
+    figure : matplotlib.figure.Figure, default: a new one
 
     Returns
     -------
@@ -218,8 +216,7 @@ def plot_through_focus(found: ThroughFocus, ax: Axes | None = None) -> Axes:
     ----------
     found : ThroughFocus
         From `aberrations.through_focus`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure if it is left out.
+    ax : matplotlib.axes.Axes, default: those of a new figure
 
     Returns
     -------

@@ -18,10 +18,8 @@ from plenoptic.rendering.exposure import Exposure
 
 _BAND = 1 << 18
 """Numbers in a band of rows: float64 of a few bands fit into a cache of 10 MB, and their overhead is negligible."""
-
-
-_MOST = 1e300
-"""Electrons from light beyond which a number might overflow; every sensor is long saturated there."""
+_MAX_ELECTRONS = 1e300
+"""Limit of the electrons from light, so that no number overflows; every sensor is saturated far below."""
 
 
 class _Purpose(enum.IntEnum):
@@ -40,10 +38,10 @@ class _Purpose(enum.IntEnum):
 def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: int | None = None) -> RawImage:
     """Read an exposure out by a sensor; see `Exposure.develop`.
 
-    The image is the mean light on each pixel, which must be finite and at least 0. One of a single channel, as of
-    scenes without colour, stands for three equal ones where the sensor tells channels apart. `seed` is that of shot,
-    read and row noise; fixed patterns have the model's `pattern_seed`. Every random number is a function of seed,
-    purpose, row, column and channel: bits depend on no number of threads, and those of a region are those of the whole.
+    The image is the mean light on each pixel, which must be finite and at least 0. A single channel, as of scenes
+    without colour, stands for three equal ones if the channels of the sensor differ. `seed` is that of shot, read and
+    row noise; fixed patterns have the model's `pattern_seed`. Every random number is a function of seed, purpose, row,
+    column and channel: bits do not depend on threads, and those of a region are those of the whole.
     """
     check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera)")
     check_kind(model, "model", SensorModel, "pl.SensorModel(photon_rate=1e6)")
@@ -56,11 +54,10 @@ def develop(exposure: Exposure, model: SensorModel, *, seed: int = 0, threads: i
     def band(start: int) -> NDArray[Any]:
         return _band(exposure.image[start : start + height], model, seed, first_row + start, first_column)
 
-    bands = list(run_in_order(band, range(0, rows, height), threads=thread_count(threads)))
-    data = np.concatenate(bands)
+    data = np.concatenate(list(run_in_order(band, range(0, rows, height), threads=thread_count(threads))))
     data = data[:, :, 0] if data.shape[2] == 1 else data
-    metadata = {name: getattr(exposure, name) for name in ("region", "samples", "camera")}
-    return RawImage(data, model, seed=seed, **metadata)
+    region, samples, camera = exposure.region, exposure.samples, exposure.camera
+    return RawImage(data, model, region=region, seed=seed, samples=samples, camera=camera)
 
 
 def _check_light(image: NDArray[np.float32]) -> None:
@@ -110,7 +107,7 @@ def _mean_light(image: NDArray[np.float32], model: SensorModel, row: int, column
     if model.is_coloured and light.shape[2] == 1:
         light = np.repeat(light, 3, axis=2)
     with np.errstate(over="ignore"):
-        light = np.minimum(light * model.electrons_per_unit, _MOST)
+        light = np.minimum(light * model.electrons_per_unit, _MAX_ELECTRONS)
     if model.colour_filters is None:
         return light
     channel = channels_of(model.colour_filters, image.shape[:2], (row, column))
@@ -147,13 +144,12 @@ class _Draws(NamedTuple):
         return counts
 
     def chosen(self, which: float | NDArray[np.int64], seed: int, purpose: _Purpose) -> NDArray[np.bool_]:
-        """(H, W): the pixels that a list names, or each with the probability that a fraction says."""
+        """Mask (H, W) of the listed pixels, or of a random fraction."""
         from plenoptic.optics.sensor.kernels.noise import fill_uniforms
 
         if isinstance(which, np.ndarray):
-            mask = np.zeros(self.shape, dtype=np.bool_)
-            place = which - (self.row, self.column)
-            mask[tuple(place[((place >= 0) & (place < self.shape)).all(axis=1)].T)] = True
+            mask, pixels = np.zeros(self.shape, dtype=np.bool_), which - (self.row, self.column)
+            mask[tuple(pixels[((pixels >= 0) & (pixels < self.shape)).all(axis=1)].T)] = True
             return mask
         uniforms = np.empty(self.shape)
         fill_uniforms(uniforms, np.uint64(seed), int(purpose), self.row, self.column)

@@ -23,7 +23,7 @@ from plenoptic.readout.develop import develop
 from plenoptic.rendering.exposure import Exposure
 
 LINEAR_PART = 0.7
-"""Of the range to saturation: where EMVA 1288, section 6.6, fits the gain."""
+"""Fraction of the range to saturation in which EMVA 1288, section 6.6, fits the gain."""
 
 
 @result
@@ -38,7 +38,7 @@ class PhotonTransfer:
         Values of the even images.
     mean, variance, pattern_variance : (n,) array
         Measured mean, temporal variance (from exposure to exposure) and variance of the fixed pattern (from pixel to
-        pixel, without noise; it scatters around 0 where there is none).
+        pixel, without noise; it scatters around 0 without a pattern).
     expected_mean, expected_variance, expected_pattern_variance : (n,) array
         The same from the parameters of the sensor, as if it did not saturate.
     white_level : float
@@ -56,7 +56,7 @@ class PhotonTransfer:
 
     @property
     def gain(self) -> float:
-        """The gain found from the measurement, DN per electron: the slope of the variance against the mean.
+        """Measured gain, DN per electron: the slope of the variance against the mean.
 
         Fitted through the lowest level by least squares up to 70 % of the way to saturation (EMVA 1288, release
         3.1, section 6.6); nan with fewer than two levels there. It needs shot noise.
@@ -82,7 +82,7 @@ def photon_transfer(
     Parameters
     ----------
     model : SensorModel
-        Its dead and hot pixels are left out; one channel of a coloured sensor is measured.
+        Dead and hot pixels are left out; one channel of a coloured sensor is measured.
     levels : (n,) array_like
         Values of the images, at least 0.
     shape : (int, int)
@@ -90,12 +90,12 @@ def photon_transfer(
     channel : int
         0 red, 1 green, 2 blue, for sensors whose channels differ.
     seed : int
-        Of the noise; every image has its own.
+        Seed of the noise; every image has its own.
 
     Raises
     ------
     InvalidValueError
-        Where a level, shape or channel is none.
+        If a level, shape or channel is invalid.
 
     References
     ----------
@@ -114,10 +114,8 @@ def photon_transfer(
     brightness = frozen_array(levels, name="levels", shape=("n",))
     size = checked_shape(shape, ("rows", "columns"), at_least=2, at_most=MAX_POINTS)
     single = _one_channel(model, channel)
-    seeds = np.random.SeedSequence(seed_number(seed)).generate_state(2 * len(brightness), np.uint64)
-    measured = [
-        _measure(single, level, size, int(seeds[2 * i]), int(seeds[2 * i + 1])) for i, level in enumerate(brightness)
-    ]
+    seeds = np.random.SeedSequence(seed_number(seed)).generate_state(2 * len(brightness), np.uint64).reshape(-1, 2)
+    measured = [_measure(single, level, size, *pair) for level, pair in zip(brightness, seeds.tolist(), strict=True)]
     mean, variance, pattern = np.array(measured).reshape(-1, 3).T
     signal, noise, fixed = _predict(single, brightness)
     return PhotonTransfer(brightness, mean, variance, pattern, signal, noise, fixed, model.white_level)

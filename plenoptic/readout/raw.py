@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.files import images
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import fields_from_metadata, fields_to_metadata
@@ -44,22 +45,22 @@ class RawImage:
     Parameters
     ----------
     data : (H, W) or (H, W, 3) array_like
-        Digital numbers (DN), row 0 at the top; kept as uint16, or as float64 where the model has no quantisation.
+        Digital numbers (DN), row 0 at the top; stored as uint16, or as float64 if the model has no quantisation.
     model : SensorModel
         The sensor.
     region : (int, int, int, int), optional
         First row, end row, first column, end column on the sensor; None: the whole sensor.
     seed : int, optional
-        Of shot, read and row noise.
+        Seed of shot, read and row noise.
     samples : int, optional
-        Paths per pixel of the exposure, whose Monte Carlo error is in the data too.
+        Paths per pixel of the exposure, whose Monte Carlo error the data contain.
     camera : PlenopticCamera, optional
         The camera that took the exposure.
 
     Raises
     ------
     InvalidValueError
-        Where shape or numbers cannot be those of the sensor.
+        If shape or numbers cannot be those of the sensor.
 
     Examples
     --------
@@ -97,7 +98,7 @@ class RawImage:
 
     @property
     def white_level(self) -> float:
-        """DN of a saturated pixel; where the full well decides it, later noise scatters around it."""
+        """DN of a saturated pixel; if the full well limits it, later noise scatters around it."""
         return self.model.white_level
 
     @property
@@ -115,7 +116,7 @@ class RawImage:
 
     @property
     def fraction_saturated(self) -> float:
-        """The part of the numbers that reach the white level."""
+        """Fraction of the numbers that reach the white level."""
         return float(np.mean(self.data >= self.white_level))
 
     @property
@@ -123,9 +124,7 @@ class RawImage:
         return (0, 0) if self.region is None else (self.region[0], self.region[2])
 
     def electrons(self) -> Floats:
-        """Electrons of the numbers, shaped as `data`: (DN - black level) / gain.
-
-        Dark current is included, and noise makes some of them negative.
+        """Electrons, shaped as `data`: (DN - black level) / gain, with dark current; noise makes some negative.
 
         Examples
         --------
@@ -136,10 +135,10 @@ class RawImage:
         return np.asarray((self.data.astype(np.float64) - self.model.black_level) / self.model.gain)
 
     def linear(self) -> Floats:
-        """The image's values back, shaped as `data`: electrons less the mean dark current, over those of an image of 1.
+        """Radiance, shaped as `data`: electrons less the mean dark current, over those of an image of 1.
 
-        Effects of the sensor's fixed pattern, noise and saturation stay in them. Every channel is divided
-        by its own rate and quantum efficiency, so that equal channels of an exposure come back equal.
+        Fixed pattern, noise and saturation remain. Every channel is divided by its own rate and quantum efficiency, so
+        that equal channels of an exposure are equal again.
 
         Examples
         --------
@@ -173,7 +172,7 @@ class RawImage:
         Raises
         ------
         InvalidValueError
-            Where the method does not know the pattern, a channel has no pixel, or the image is too small.
+            If the method does not support the pattern, a channel has no pixel, or the image is too small.
         """
         linear, filters = self.linear(), self.model.colour_filters
         factors = np.ones(3) if white_balance is None else _factors(white_balance)
@@ -185,9 +184,9 @@ class RawImage:
         return Exposure(picture, samples=self.samples, seed=self.seed, camera=self.camera, region=self.region)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the numbers as they are to a 16-bit file, with the sensor model, region, seed and samples.
+        """Write the numbers to a 16-bit file, whole or not at all, with sensor model, region, seed and samples.
 
-        The file appears whole or not at all. The camera is not kept.
+        The camera is not stored.
 
         Parameters
         ----------
@@ -197,9 +196,9 @@ class RawImage:
         Raises
         ------
         FileError
-            Where the file cannot be written.
+            If the file cannot be written.
         InvalidValueError
-            Where the numbers are not whole, since the model has no quantisation.
+            If the numbers are not whole, since the model has no quantisation.
 
         Examples
         --------
@@ -230,7 +229,7 @@ class RawImage:
         Raises
         ------
         FileError
-            Where the file is missing, damaged or no raw image of this package.
+            If the file is missing, damaged or no raw image of this package.
         """
         channels, metadata = images.read_channels(file_path(path), limits=limits)
         if "plenoptic:model" not in metadata:
@@ -244,9 +243,6 @@ class RawImage:
             raise FileError(f"{os.fspath(path)!r} holds no possible raw image: {error}") from error
 
     def __repr__(self) -> str:
-        return f"RawImage({self._facts()})"
-
-    def _facts(self) -> str:
         facts, filters = [" x ".join(map(str, self.data.shape))], self.model.colour_filters
         if isinstance(filters, BayerPattern):
             facts.append(filters.name)
@@ -256,17 +252,13 @@ class RawImage:
         facts.append(f"{100 * self.fraction_saturated:.3g} % saturated")
         if self.region is not None:
             facts.append(region_text(self.region))
-        return ", ".join(facts)
+        return f"RawImage({', '.join(facts)})"
 
-    def _repr_html_(self) -> str:
-        """The numbers above the black level and a detail of them, with one line of facts, for notebooks."""
-        from plenoptic.plots.notebook.pictures import raw_html
-
-        return raw_html(self)
+    _repr_html_ = picture_of
 
 
-def _checked_data(given: Any, model: SensorModel) -> NDArray[Any]:
-    data = plain_array(given, "data").copy()
+def _checked_data(values: Any, model: SensorModel) -> NDArray[Any]:
+    data = plain_array(values, "data").copy()
     if data.ndim not in (2, 3) or data.size == 0 or data.shape[2:] not in ((), (3,)) or data.dtype.kind not in "iuf":
         raise InvalidValueError(
             f"data has shape {data.shape} and type {data.dtype}; it must be numbers (H, W) or (H, W, 3), not empty"

@@ -1,4 +1,4 @@
-"""Facts about images that are black, or show nothing of their scene, from a few paths over the whole sensor."""
+"""Diagnosis of images that are black, or show nothing of their scene, by a few paths over the whole sensor."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.camera.camera_rays import CameraRays
 from plenoptic.camera.sampling.aperture_regions import cells_per_pixel, illuminated_pixels
@@ -17,8 +18,8 @@ from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, UnseenSceneWarning
 from plenoptic.rendering.context import RenderContext, batch_of
 from plenoptic.rendering.tile import Tile, status_codes
+from plenoptic.scene.geometry.geometry_records import NORMAL, OFFSET, POINT
 from plenoptic.scene.geometry.mesh import Mesh
-from plenoptic.scene.geometry.record import NORMAL, OFFSET, POINT
 from plenoptic.scene.lights.environment import ConstantBackground
 from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
 from plenoptic.scene.lights.spot import SpotLight
@@ -27,7 +28,7 @@ from plenoptic.scene.textures.color import mean_colour
 if TYPE_CHECKING:
     from plenoptic.rendering.integrator.ray_queue import RayQueue
     from plenoptic.rendering.schedule.progress import Progress
-    from plenoptic.scene.geometry.record import Hits, Interactions
+    from plenoptic.scene.geometry.geometry_records import Hits, Interactions
     from plenoptic.scene.scene import Scene
 
 _PIXELS, _SAMPLES, _CELLS = 256, 16, 1 << 14
@@ -39,45 +40,55 @@ _FEW = 32 * 32
 """Pixels of a region that may well be dark: between micro images, or next to all emitters."""
 _NAMED = 3
 """Lights that are listed."""
+_TURN = "turn it round, as QuadLight.facing does, or make it two_sided"
 
 
 def warn_of_darkness(context: RenderContext, scene: Scene | None, progress: Progress, *, lit: bool) -> None:
-    """Warn of an image that is black or shows none of its meshes; silent if only few pixels are affected."""
+    """Warn with the cause if an image is black or shows none of its meshes; silent if only few pixels are affected."""
     probe, sensor = _Probe(context, scene), context.camera.sensor
     rows, columns = progress.film.mean.shape[:2]
     whole = (rows, columns) == (sensor.rows, sensor.columns)
-    if not lit and (fact := _fact(probe, progress, whole, few=not whole and rows * columns < _FEW)):
-        warn(f"the image is black: {fact}", BlackImageWarning)
+    if not lit and (cause := _cause(probe, progress, whole, few=not whole and rows * columns < _FEW)):
+        warn(f"the image is black: {cause}", BlackImageWarning)
     elif lit and scene is not None and (whole or probe.is_past(scene)):
         warn(f"no path met the scene, {probe.scene_position(scene)}", UnseenSceneWarning)
 
 
-def _fact(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
-    """Where paths from the camera to the lights end, in one sentence; empty if nothing need be wrong."""
+def _cause(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
+    """The cause in one sentence; empty if nothing need be wrong."""
     context, scene, counts = probe.context, probe.scene, progress.counts if whole else probe.counts
+    bounces = f"within {context.settings.max_bounces} bounces; give more"
     if not counts[0]:
-        lost = in_words(by_cause(lost_rays(counts))) or "no pixel is illuminated"
+        lost = in_words(by_cause(lost_rays(counts))) or "nothing feeds the pixels"
         return f"no light passes the camera ({lost}); look at camera.report(), the stop and the size of the sensor"
     if probe.bright and not whole:
         return "" if few else "this region of the sensor gets no light, and others do; choose another region"
     if scene is not None and context.intersector is None:
-        return "the scene has no meshes, and no light is in view; give the scene meshes=[...]"
+        return "nothing is there for light to fall on, and no light is in view; give the scene meshes=[...]"
     if scene is not None and ((whole and not progress.scene_hits) or probe.is_past(scene)):
         return f"no path met the scene, {probe.scene_position(scene)}"
-    if scene is None or not probe.has_hits:
+    if scene is None or not len(probe.meshes):
         return "" if few else "hardly any path passes the camera and meets the scene; look at camera.report()"
     if context.settings.max_bounces == 0:
         return "max_bounces is 0, which shows only emitters, and none is in view; give more"
-    obstacles = {emitter.name: probe.obstacle(emitter) for emitter in _emitters(scene)}
-    if few and (not len(probe.surface_points) or not all(obstacles.values())):
-        return ""
+    labels, emitters = scene.object_names, list(_emitters(scene))
+    inside = probe.surrounding()
+    start = "" if inside is None else f"the camera is inside {labels[inside]}; "
     if not len(probe.surface_points):
-        return "the visible surfaces are black, glass, mirrors or backs of emitters; give matt materials or bounces"
-    if not all(obstacles.values()):
-        return "light reaches the visible surfaces and not the camera; give more samples or bounces, or other colours"
-    facts = [f"{name} {obstacle}" for name, obstacle in obstacles.items()]
-    more = f", and {len(facts) - _NAMED} more do not reach them" * (len(facts) > _NAMED)
-    return f"no light reaches the visible surfaces: {', '.join(facts[:_NAMED])}{more}"
+        visible_names = {labels[number] for number in probe.meshes}
+        if backs := [e.name for e in emitters if e.name in visible_names and e.normals is not None][:_NAMED]:
+            return f"{start}{', '.join(backs)} shines away from the camera; {_TURN}"
+        visible = f"{start}the visible surfaces are black, glass or mirrors"
+        return f"{visible}, and no path hits a light {bounces}, or matt materials"
+    obstacles = [(e.name, probe.obstacle(e, labels)) for e in emitters]
+    if not all(obstacle for _, obstacle in obstacles):
+        dim = f"{start}light reaches the visible surfaces and not the camera {bounces}"
+        return "" if few else f"{dim}, or samples, or look at the colours of lights and materials"
+    named = "; ".join(f"{name} {obstacle}" for name, obstacle in obstacles[:_NAMED])
+    more = f"; and {len(obstacles) - _NAMED} more" * (len(obstacles) > _NAMED)
+    return (
+        f"{start}{len(obstacles)} light{'s' * (len(obstacles) > 1)}, none reaches the visible surfaces; {named}{more}"
+    )
 
 
 class _Emitter(NamedTuple):
@@ -107,7 +118,7 @@ def _emitters(scene: Scene) -> Iterator[_Emitter]:
             yield _mesh_emitter(name, [mesh.transformed(place) for place in places])
     world = scene.background
     if world is not None and np.any(world.radiance if isinstance(world, ConstantBackground) else world.texels):
-        yield _Emitter("the background", np.concatenate([np.eye(3), -np.eye(3)]), distant=True)
+        yield _Emitter("the background", _directions(_PARTS), distant=True)
 
 
 def _mesh_emitter(name: str, copies: list[Mesh]) -> _Emitter:
@@ -119,37 +130,50 @@ def _mesh_emitter(name: str, copies: list[Mesh]) -> _Emitter:
     return _Emitter(name, corners.mean(axis=1), normals=None if copies[0].material.row().two_sided else normals)
 
 
+def _directions(n: int) -> Floats:
+    """(n, 3): unit vectors over the sphere, on a Fibonacci spiral."""
+    z = 1 - (2 * np.arange(n) + 1) / n
+    turn = math.pi * (3 - math.sqrt(5)) * np.arange(n)
+    return np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=1)
+
+
 class _Probe:
-    """Test paths over the whole sensor, recorded as a `PathObserver`."""
+    """Test paths over the whole sensor, and their fates, recorded as a `PathObserver`."""
 
     def __init__(self, context: RenderContext, scene: Scene | None) -> None:
         self.context, self.scene, camera = context, scene, context.camera
         self.record: Any = context.scene
+        self.intersector: Any = context.intersector
         self.counts = np.zeros(status_codes(camera), dtype=np.int64)
         """Number of paths by status."""
         self.rays, self.surface_points = np.empty((0, 6)), np.empty((0, 6))
         """Rays that leave the camera; points and normals of the first matt surfaces that they hit."""
-        self.has_hits = self.bright = False
+        self.meshes = np.empty(0, dtype=np.int32)
+        """Numbers of the visible meshes."""
+        self.bright = False
         pixels = min(_PIXELS, 1 + int(_CELLS / cells_per_pixel(camera)))
-        positions = np.random.default_rng(0).integers((camera.sensor.rows, camera.sensor.columns), size=(pixels, 2))
-        tiles = [Tile(row, column, 1, 1) for row, column in positions.tolist()]
-        centres, numbers = (np.concatenate([of(tile, camera) for tile in tiles]) for of in (Tile.centres, Tile.numbers))
-        illuminated = illuminated_pixels(camera._replace(deflection=None), centres, numbers)
-        batch, n = batch_of(context, 0, _SAMPLES), illuminated.place.size * _SAMPLES
+        pixel_positions = np.random.default_rng(0).integers(
+            (camera.sensor.rows, camera.sensor.columns), size=(pixels, 2)
+        )
+        tiles = [Tile(row, column, 1, 1) for row, column in pixel_positions.tolist()]
+        centres, numbers = ([of(tile, camera) for tile in tiles] for of in (Tile.centres, Tile.numbers))
+        fed = illuminated_pixels(camera._replace(deflection=None), np.concatenate(centres), np.concatenate(numbers))
+        batch, n = batch_of(context, 0, _SAMPLES), fed.place.size * _SAMPLES
         if not n:
             return
-        rays = CameraRays(camera, illuminated, batch, n)
-        bundle = rays.sample(0, n)
-        rays.fill_through_array(bundle)
-        rays.fill_through_lens(bundle)
-        rays.fill_iris_deflections(bundle, 0, n)
+        camera_rays = CameraRays(camera, fed, batch, n)
+        bundle = camera_rays.sample(0, n)
+        camera_rays.fill_through_array(bundle)
+        camera_rays.fill_through_lens(bundle)
+        camera_rays.fill_iris_deflections(bundle, 0, n)
         fill_status_counts(self.counts, bundle, n)
         self.bright = context.scene is None and bool(self.counts[0])
         if context.scene is not None:
             from plenoptic.rendering.integrator.path import PathIntegrator
 
-            integrator = PathIntegrator(context, n)
-            radiance = integrator.radiance(bundle, 0, n, batch, illuminated.number, rays.waves, observer=self)
+            radiance = PathIntegrator(context, n).radiance(
+                bundle, 0, n, batch, fed.number, camera_rays.waves, observer=self
+            )
             self.bright = bool(radiance.any())
 
     def on_camera_ray(self, rays: Floats) -> None:
@@ -157,8 +181,9 @@ class _Probe:
         self.rays = rays.copy()
 
     def on_hit(self, rays: Floats, hits: Hits, radiance: Floats) -> None:
-        """Record whether any ray hits a mesh."""
-        self.has_hits |= self.context.intersector is not None and bool((hits.triangle >= 0).any())
+        """Keep the numbers of the meshes at the first hits."""
+        if not len(self.meshes) and self.intersector is not None:
+            self.meshes = np.unique(self.record.triangle_mesh[hits.triangle[hits.triangle >= 0]])
 
     def on_direct_light(self, *_: object) -> None:
         """Ignored."""
@@ -171,31 +196,53 @@ class _Probe:
             normals = rows[:, NORMAL : NORMAL + 3]
             self.surface_points = np.hstack([rows[:, POINT : POINT + 3] + rows[:, OFFSET, None] * normals, normals])
 
-    def obstacle(self, emitter: _Emitter) -> str:
-        """First obstacle for the light of an emitter on its way to the visible surfaces; empty if some arrives."""
-        sampled = self.surface_points[:: max(1, -(-len(self.surface_points) // _POINTS))]
+    def obstacle(self, e: _Emitter, labels: tuple[str, ...]) -> str:
+        """Reason why no light of an emitter reaches the visible surfaces; empty if some does."""
+        sampled = self.surface_points[:: -(-len(self.surface_points) // _POINTS)]
         points, normals = sampled[:, :3], sampled[:, 3:]
-        to_light = np.broadcast_to(emitter.ends * self.record.lights.far, (len(points), len(emitter.ends), 3))
-        if not emitter.distant:
-            to_light = emitter.ends - points[:, None]
-        arrives = np.ones(to_light.shape[:2], dtype=bool)
-        if emitter.normals is not None:
-            arrives &= (to_light * emitter.normals).sum(axis=2) < 0
-            if not arrives.any():
-                return "faces away from them"
-        if emitter.spot is not None:
-            along = -(to_light @ emitter.spot.direction) / np.linalg.norm(to_light, axis=2)
-            arrives &= emitter.spot.falloff(np.arccos(np.clip(along, -1, 1))) > 0
-            if not arrives.any():
-                return "shines past them"
-        arrives &= (to_light * normals[:, None]).sum(axis=2) > 0
-        if not arrives.any():
-            return "shines from behind them"
-        start, intersector = np.broadcast_to(points[:, None], to_light.shape)[arrives], self.context.intersector
-        assert intersector is not None
-        blocked = np.empty(len(start), dtype=np.uint8)
-        intersector.fill_blocked(blocked, np.hstack([start, to_light[arrives]]))
-        return "is hidden by other objects" if blocked.all() else ""
+        to_light = np.broadcast_to(e.ends * self.record.lights.far, (len(points), len(e.ends), 3))
+        if not e.distant:
+            to_light = e.ends - points[:, None]
+        unblocked = np.ones(to_light.shape[:2], dtype=bool)
+        if e.normals is not None:
+            unblocked &= (to_light * e.normals).sum(axis=2) < 0
+            if not unblocked.any():
+                return f"faces away: {_TURN}"
+        if e.spot is not None:
+            along = -(to_light @ e.spot.direction) / np.linalg.norm(to_light, axis=2)
+            unblocked &= e.spot.falloff(np.arccos(np.clip(along, -1, 1))) > 0
+            if not unblocked.any():
+                return "shines past it: aim it with SpotLight.facing, or widen outer_angle (radians)"
+        unblocked &= (to_light * normals[:, None]).sum(axis=2) > 0
+        if not unblocked.any():
+            remedy = "reverse its direction, the way its light travels" if e.distant else "move it to the camera's side"
+            return f"shines from behind: {remedy}"
+        start = np.broadcast_to(points[:, None], to_light.shape)[unblocked]
+        rays, blocked = np.hstack([start, to_light[unblocked]]), np.empty(len(start), dtype=np.uint8)
+        self.intersector.fill_blocked(blocked, rays)
+        if not blocked.all():
+            return ""
+        triangles = self._triangles_hit(rays)
+        label = labels[np.bincount(self.record.triangle_mesh[triangles]).argmax()]
+        bsdf, materials = self.record.bsdf, self.record.geometry.triangle_material[triangles]
+        if (bsdf.scatters[materials] > bsdf.takes_light[materials]).any():
+            return f"is behind {label}, whose glass lets light pass by chance only, and that of points never: move it"
+        return f"is hidden by {label}: move one of them, or the camera"
+
+    def _triangles_hit(self, rays: Floats) -> NDArray[np.int32]:
+        """Triangles hit by rays (n, 6), without the rays that miss."""
+        from plenoptic.scene.materials.alpha_mask import no_hits
+
+        hits = no_hits(self.record, len(rays))
+        self.intersector.fill_closest(hits, np.ascontiguousarray(rays))
+        return hits.triangle[hits.triangle >= 0]
+
+    def surrounding(self) -> int | None:
+        """Index of the mesh that surrounds the camera; None without one."""
+        directions = _directions(_POINTS)
+        rays = np.hstack([np.broadcast_to(self.rays[0, :3], directions.shape), directions])
+        meshes = self.record.triangle_mesh[self._triangles_hit(rays)]
+        return int(meshes[0]) if len(meshes) == len(directions) and (meshes == meshes[0]).all() else None
 
     def scene_position(self, scene: Scene) -> str:
         """Position of a scene that no path hit, with a remedy."""
@@ -207,7 +254,7 @@ class _Probe:
 
     def is_past(self, scene: Scene) -> bool:
         """True if all meshes and area lights are outside of the cone of rays that leave the camera."""
-        if self.has_hits or not len(self.rays) or scene.bounds is None:
+        if len(self.meshes) or not len(self.rays) or scene.bounds is None:
             return False
         start, directions = self.rays[:, :3].mean(axis=0), self.rays[:, 3:]
         axis = directions.mean(axis=0) / np.linalg.norm(directions.mean(axis=0))

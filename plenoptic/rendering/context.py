@@ -16,8 +16,8 @@ from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.rendering.settings import RenderSettings, Sampler
 
 if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
+    from plenoptic.scene.scene_record import SceneRecord
 
 
 class RenderContext(NamedTuple):

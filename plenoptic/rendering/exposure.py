@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.relative_error import ImageError, image_error
 from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, seed_number, set_field, value
@@ -376,8 +377,4 @@ class Exposure:
             "" if counts is None or self.samples is None else samples_text(counts), quality
         )
 
-    def _repr_html_(self) -> str:
-        """Image, a detail, error and truth, with one line of facts, for notebooks."""
-        from plenoptic.plots.notebook.pictures import exposure_html
-
-        return exposure_html(self)
+    _repr_html_ = picture_of

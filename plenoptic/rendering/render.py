@@ -6,13 +6,12 @@ import os
 from typing import TYPE_CHECKING
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.plausibility import warn_if_implausible
+from plenoptic.camera.checks import check_scene_and_camera, warn_if_implausible
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import checked_budget
-from plenoptic.rendering.schedule.run import RenderOptions, run
+from plenoptic.rendering.schedule.scheduler import RenderOptions, run
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.plan.stages import Stage
-from plenoptic.rendering.tile_sums import PathCounts, SamplingPass, add_bundle, add_diffracted, add_pixels
+from plenoptic.rendering.tile_sums import PathCounts, PixelSums, SamplingPass, SharedSums
 from plenoptic.truth.ground_truth import Arrays, compute_truth
 from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.truth_stages import TruthRecord
@@ -97,22 +96,25 @@ def render_tile(
     Returns None if `stopped` returns True between two bundles: the result is no longer needed.
     """
     camera, shape, certain = context.camera, (tile.rows, tile.columns), context.plan.runs(Stage.CERTAIN_LIGHT)
-    illuminated = context.prepared.illuminated_pixels(tile, with_core=certain)
+    fed = context.prepared.illuminated_pixels(tile, with_core=certain)
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)
+    if camera.diffraction_kernel is None:
+        sums: PixelSums | SharedSums = PixelSums(context, fed, batch, whole)
+    else:
+        sums = SharedSums(context, camera.diffraction_kernel, fed, batch, whole)
     statistics = PathCounts(context, status_codes(camera))
-    trace = functools.partial(_trace_passes, context, statistics, tile, stopped)
-    add = add_pixels if camera.diffraction_kernel is None else add_diffracted
-    if not add(context, illuminated, batch, whole, trace):
-        return None
+    for passes in sums.passes():
+        if not _trace_passes(context, passes, statistics, tile, stopped):
+            return None
     return TileResult(
         tile=tile,
         batch=batch,
         sums=whole.reshape(*shape, *whole.shape[1:]),
-        weights=None if batch.first else _weights(camera, illuminated, tile),
+        weights=None if batch.first else _weights(camera, fed, tile),
         counts=statistics.counts,
-        truth=None if truth is None else _truth(context, truth, tile, tile.centres(camera), illuminated),
+        truth=None if truth is None else _truth(context, truth, tile, tile.centres(camera), fed),
         paths=statistics.paths,
         nonfinite=statistics.nonfinite,
         lost_paths=tuple(statistics.lost_paths),
@@ -124,56 +126,52 @@ def render_tile(
 
 def _trace_passes(
     context: RenderContext,
+    passes: list[SamplingPass],
     statistics: PathCounts,
     tile: Tile,
     stopped: Callable[[], bool] | None,
-    passes: list[SamplingPass],
 ) -> bool:
-    """Trace the paths of passes from the sensor into the scene and add their light; return False if stopped."""
+    """Trace the passes and add their light; return False if stopped."""
     integrator = None
     if context.scene is not None:
         from plenoptic.rendering.integrator.path import PathIntegrator
 
-        integrator = PathIntegrator(context, min(BUNDLE, max(of_pass.paths for of_pass in passes)))
-    for of_pass in passes:
-        illuminated, batch = of_pass.illuminated, of_pass.batch
-        rays = CameraRays(context.camera, illuminated, batch, min(BUNDLE, of_pass.paths))
-        hits_before = 0 if integrator is None else integrator.scene_hits
+        integrator = PathIntegrator(context, min(BUNDLE, max(pass_.paths for pass_ in passes)))
+    for pass_ in passes:
+        camera_rays = CameraRays(context.camera, pass_.fed, pass_.batch, min(BUNDLE, pass_.paths))
+        before = 0 if integrator is None else integrator.scene_hits
         # A tile without pixels has one empty bundle, which compiles the kernels.
-        for start in range(0, of_pass.paths, BUNDLE) if tile.pixels else (0,):
+        for start in range(0, pass_.paths, BUNDLE) if tile.pixels else (0,):
             if stopped is not None and stopped():
                 return False
-            n = min(BUNDLE, of_pass.paths - start)
-            bundle = rays.sample(start, n)
-            rays.fill_through_array(bundle)
-            rays.fill_through_lens(bundle)
-            if of_pass.is_own:
+            n = min(BUNDLE, pass_.paths - start)
+            bundle = camera_rays.sample(start, n)
+            camera_rays.fill_through_array(bundle)
+            camera_rays.fill_through_lens(bundle)
+            if pass_.counted:
                 fill_status_counts(statistics.counts, bundle, n)
             radiance = None
             if integrator is not None:
-                rays.fill_iris_deflections(bundle, start, n)
-                radiance = integrator.radiance(bundle, start, n, batch, illuminated.number, rays.waves)
-            statistics.clamp(of_pass, bundle, radiance, n)
-            nonfinite = add_bundle(context, of_pass, bundle, radiance, rays, (start, n))
-            statistics.drop(of_pass, bundle, radiance, start, n, nonfinite)
-        if of_pass.is_own:
-            statistics.paths += of_pass.paths
-            statistics.scene_hits += 0 if integrator is None else integrator.scene_hits - hits_before
+                camera_rays.fill_iris_deflections(bundle, start, n)
+                radiance = integrator.radiance(bundle, start, n, pass_.batch, pass_.fed.number, camera_rays.waves)
+            statistics.clamp(pass_, bundle, radiance, n)
+            statistics.drop(pass_, bundle, radiance, start, n, pass_.fill(bundle, radiance, camera_rays, start, n))
+        if pass_.counted:
+            statistics.paths += pass_.paths
+            statistics.scene_hits += 0 if integrator is None else integrator.scene_hits - before
     return True
 
 
-def _weights(camera: CameraRecord, illuminated: IlluminatedPixels, tile: Tile) -> Floats:
+def _weights(camera: CameraRecord, fed: IlluminatedPixels, tile: Tile) -> Floats:
     """Approximate maximum weight (rows, columns) of a pixel's samples: area of its region over distance^2."""
     weights = np.zeros(tile.pixels)
-    weights[illuminated.place] = illuminated.areas / camera.sensor.plane.distance**2
+    weights[fed.place] = fed.areas / camera.sensor.plane.distance**2
     return weights.reshape(tile.rows, tile.columns)
 
 
-def _truth(
-    context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats, illuminated: IlluminatedPixels
-) -> Arrays:
-    if illuminated.sources is not None:
-        illuminated = illuminated_pixels(context.camera._replace(deflection=None), pixels, tile.numbers(context.camera))
-    rays = representative_rays(context.camera, pixels, illuminated)
+def _truth(context: RenderContext, truth: TruthRecord, tile: Tile, pixels: Floats, fed: IlluminatedPixels) -> Arrays:
+    if fed.sources is not None:
+        fed = illuminated_pixels(context.camera._replace(deflection=None), pixels, tile.numbers(context.camera))
+    rays = representative_rays(context.camera, pixels, fed)
     flat = compute_truth(context.camera, context.scene, context.intersector, truth, pixels, rays)
     return {name: array.reshape(tile.rows, tile.columns, *array.shape[1:]) for name, array in flat.items()}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import enum
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +14,12 @@ from plenoptic.camera.sampling.diffraction_kernel import (
     DEFLECTION_INTERVAL,
     NUMBER_OFFSET,
     PILOT_SAMPLES,
+    DiffractionKernel,
     pilot_numbers,
     remainder_batch,
     remainder_numbers,
 )
-from plenoptic.camera.sampling.kernels.path_indices import path_indices
+from plenoptic.camera.sampling.kernels.camera_samples import path_indices
 from plenoptic.camera.sampling.sampling_records import Batch, IlluminatedPixels, batch_record
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
@@ -29,141 +29,133 @@ from plenoptic.rendering.settings import Sampler
 from plenoptic.rendering.stats import NAMED
 
 
-class PassKind(enum.Enum):
-    """Destination of the light of a pass."""
-
-    PIXELS = enum.auto()
-    """The pixel on which a path starts."""
-    PILOT = enum.auto()
-    """The pilot mean of that pixel; not the image."""
-    KERNEL = enum.auto()
-    """The pixels around it, by the diffraction kernel."""
-    DEFLECTED = enum.auto()
-    """The pixel from which a sampled deflection leads to the start."""
-
-
 class SamplingPass(NamedTuple):
     """Paths of a tile that are sampled and added alike."""
 
-    kind: PassKind
-    illuminated: IlluminatedPixels
+    fed: IlluminatedPixels
     batch: Batch
-    sums: Any
-    """Arrays to which the kernel of this kind adds."""
-    is_own: bool = True
-    """True if the paths count in the tile's statistics, False for pilots and for paths of neighbouring pixels."""
-    pilot_mean: Floats | None = None
-    """Of KERNEL: control variate, mean light of the source pixels; None without one."""
-    image_batch: Batch | None = None
-    """Of DEFLECTED: the batch of the image to which the paths contribute."""
+    fill: Callable[[Floats, Floats | None, CameraRays, int, int], int]
+    """Adds a bundle (bundle, radiance, camera rays, first path, number); returns the count of non-finite contributions.
+    """
+    counted: bool = True
+    """True if the paths belong to the tile, and not to neighbouring tiles."""
 
     @property
     def paths(self) -> int:
         """Number of paths."""
-        return self.illuminated.place.size * self.batch.samples
+        return self.fed.place.size * self.batch.samples
 
 
-Trace = Callable[[list[SamplingPass]], bool]
-"""Traces passes and adds their light to their sums; returns False if stopped."""
+class PixelSums:
+    """Sums of a tile without diffraction, starting from those of earlier batches in `whole`, which it updates."""
+
+    def __init__(self, context: RenderContext, fed: IlluminatedPixels, batch: Batch, whole: Floats) -> None:
+        self._fed, self._batch, self._whole = fed, batch, whole
+        self._weights = None if context.camera.colour is None else context.camera.colour.weights
+        self._independent = context.settings.sampler is Sampler.RANDOM
+        self._sums = whole[fed.place]
+        if self._independent:
+            self._sums = np.zeros((fed.place.size, batch.streams + 1, whole.shape[2]))
+
+    def _fill(self, bundle: Floats, radiance: Floats | None, camera_rays: CameraRays, start: int, n: int) -> int:
+        light = film_sums.Light(bundle, radiance, camera_rays.waves, self._weights)
+        return int(film_sums.fill_sums(self._sums, light, start, n, self._batch))
+
+    def passes(self) -> Iterator[list[SamplingPass]]:
+        """The passes to be traced. When the generator is resumed after the last one, it writes the sums to `whole`."""
+        yield [SamplingPass(self._fed, self._batch, self._fill)]
+        place, sums = self._fed.place, self._sums
+        if self._independent:
+            sums = self._whole[place] + _by_replicate(sums, self._batch, self._whole.shape[1] - 1)
+        self._whole[place] = sums
 
 
-def add_bundle(
-    context: RenderContext,
-    of_pass: SamplingPass,
-    bundle: Floats,
-    radiance: Floats | None,
-    rays: CameraRays,
-    paths: tuple[int, int],
-) -> int:
-    """Add the light of a bundle to the sums of its pass; returns the number of non-finite contributions.
+class SharedSums:
+    """Sums of a tile with diffraction: light spread by kernels over nearby pixels, and sampled large deflections."""
 
-    `paths` are the bundle's first path in the pass, and their number; `radiance` is None for white images.
-    """
-    start, n = paths
-    sums, place, batch = of_pass.sums, of_pass.illuminated.place, of_pass.batch
-    if of_pass.kind is PassKind.PILOT:
-        film_sums.fill_pilot_means(sums, place, bundle, start, n, batch)
-        return 0
-    colour = context.camera.colour
-    light = film_sums.Light(bundle, radiance, rays.waves, None if colour is None else colour.weights)
-    if of_pass.kind is PassKind.KERNEL:
-        assert context.camera.diffraction_kernel is not None
-        kernel = rays.kernel_rows, context.camera.diffraction_kernel.table.weights
-        return int(film_sums.fill_kernel_sums(sums, place, light, of_pass.pilot_mean, kernel, start, n, batch))
-    if of_pass.kind is PassKind.DEFLECTED:
-        image_batch, every = of_pass.image_batch, DEFLECTION_INTERVAL
-        return int(film_sums.fill_deflected_sums(sums, light, start, n, batch, image_batch, every))
-    return int(film_sums.fill_sums(sums, light, start, n, batch))
+    def __init__(
+        self, context: RenderContext, spread: DiffractionKernel, fed: IlluminatedPixels, batch: Batch, whole: Floats
+    ) -> None:
+        assert fed.sources is not None
+        self._context, self._spread, self._batch, self._whole, self._around = context, spread, batch, whole, fed.sources
+        self._weights = None if context.camera.colour is None else context.camera.colour.weights
+        self._tile_pixels, self._neighbour_pixels = kernel_source_pixels(context.camera, fed, spread.table)
+        self._drawn = fed._replace(
+            number=remainder_numbers(fed.number), sources=fed.sources._replace(deflection=spread.remainder)
+        )
+        white = context.scene is None and spread.table.means is not None
+        self._pilot_mean = np.zeros(len(fed.sources.numbers)) if white else None
 
+    def passes(self) -> Iterator[list[SamplingPass]]:
+        """Lists of passes to be traced together. The generator adds each list's sums to `whole` when it is resumed."""
+        if self._pilot_mean is not None:
+            # The pilot means are the control variate of all other passes.
+            yield [self._pilot_pass(fed) for fed in (self._tile_pixels, self._neighbour_pixels)]
+        for batch in self._pieces():
+            pixels, rows, channels = self._whole.shape
+            places, to = len(self._around.numbers), self._spread.table.weights.shape[1]
+            shared = np.zeros((places, rows - 1, channels, to)), np.zeros((places, channels, to))
+            drawn = np.zeros((pixels, rows - 1, channels)), np.zeros((pixels, channels))
+            yield [
+                self._kernel_pass(shared, self._tile_pixels, batch),
+                self._deflection_pass(drawn, batch),
+                self._kernel_pass(shared, self._neighbour_pixels, batch)._replace(counted=False),
+            ]
+            self._gather(shared, drawn, batch)
 
-def add_pixels(
-    context: RenderContext, illuminated: IlluminatedPixels, batch: Batch, whole: Floats, trace: Trace
-) -> bool:
-    """Add a batch of a tile without diffraction to its sums `whole`; returns False if stopped.
+    def _pieces(self) -> Iterator[Batch]:
+        """The batch, cut at the batch boundaries of any schedule, so that sums are rounded alike."""
+        begin, end, step = self._batch.first, self._batch.first + self._batch.samples, self._context.together
+        cuts = [begin, *range((begin // step + 1) * step, end, step), end]
+        return (batch_of(self._context, first, last - first) for first, last in pairwise(cuts))
 
-    `whole` (pixels, replicates + 1, channels) holds the sums of earlier batches.
-    """
-    place = illuminated.place
-    is_random = context.settings.sampler is Sampler.RANDOM
-    sums = np.zeros((place.size, batch.streams + 1, whole.shape[2])) if is_random else whole[place]
-    if not trace([SamplingPass(PassKind.PIXELS, illuminated, batch, sums)]):
-        return False
-    whole[place] = whole[place] + _by_replicate(sums, batch, whole.shape[1] - 1) if is_random else sums
-    return True
+    def _pilot_pass(self, fed: IlluminatedPixels) -> SamplingPass:
+        """Pilot paths, independent of the rendered samples, that estimate the control variate."""
+        batch = batch_record(self._batch.seed, 0, PILOT_SAMPLES, 1, 0, 0)
 
+        def fill(bundle: Floats, _: Floats | None, camera_rays: CameraRays, start: int, n: int) -> int:
+            film_sums.fill_pilot_means(self._pilot_mean, fed.place, bundle, start, n, batch)
+            return 0
 
-def add_diffracted(
-    context: RenderContext, illuminated: IlluminatedPixels, batch: Batch, whole: Floats, trace: Trace
-) -> bool:
-    """Add a batch of a tile with diffraction to its sums `whole`, see `add_pixels`.
+        return SamplingPass(fed._replace(number=pilot_numbers(fed.number)), batch, fill, counted=False)
 
-    Small deflections are distributed by a kernel from the tile's pixels and their neighbours, large ones are sampled.
-    """
-    kernel, sources = context.camera.diffraction_kernel, illuminated.sources
-    assert kernel is not None and sources is not None
-    of_tile, of_neighbours = kernel_source_pixels(context.camera, illuminated, kernel.table)
-    deflected = illuminated._replace(
-        number=remainder_numbers(illuminated.number), sources=sources._replace(deflection=kernel.remainder)
-    )
-    pilot_mean = None
-    if context.scene is None and kernel.table.means is not None:
-        pilot_mean = np.zeros(len(sources.numbers))  # the control variate of all other passes
-        if not trace([_pilot_pass(pixels, batch, pilot_mean) for pixels in (of_tile, of_neighbours)]):
-            return False
-    pixels, rows, channels = whole.shape
-    targets = kernel.table.weights.shape[1]
-    for part in _parts(context, batch):
-        n = len(sources.numbers)
-        spread = np.zeros((n, rows - 1, channels, targets)), np.zeros((n, channels, targets))
-        sampled = np.zeros((pixels, rows - 1, channels)), np.zeros((pixels, channels))
-        passes = [
-            SamplingPass(PassKind.KERNEL, of_tile, part, spread, pilot_mean=pilot_mean),
-            SamplingPass(PassKind.DEFLECTED, deflected, remainder_batch(part), sampled, image_batch=part),
-            SamplingPass(PassKind.KERNEL, of_neighbours, part, spread, is_own=False, pilot_mean=pilot_mean),
-        ]
-        if not trace(passes):
-            return False
-        control_variate = np.zeros((pixels, channels))
-        if pilot_mean is not None and kernel.table.means is not None:
-            control_variate += pilot_mean[sources.kernel_sources] @ kernel.table.means.T
-        gathered = whole, spread, control_variate, sampled, sources.kernel_sources, part
-        film_sums.fill_pixel_totals(*gathered, kernel.remainder_share, DEFLECTION_INTERVAL)
-    return True
+    def _kernel_pass(self, sums: tuple[Floats, Floats], fed: IlluminatedPixels, batch: Batch) -> SamplingPass:
+        """Paths whose light is distributed over pixels by the kernel."""
+        kernel_rows = self._spread.table.weights
 
+        def fill(bundle: Floats, radiance: Floats | None, camera_rays: CameraRays, start: int, n: int) -> int:
+            light, weights = (
+                film_sums.Light(bundle, radiance, camera_rays.waves, self._weights),
+                camera_rays.kernel_rows,
+            )
+            added = sums, fed.place, light, self._pilot_mean, (weights, kernel_rows)
+            return int(film_sums.fill_kernel_sums(*added, start, n, batch))
 
-def _pilot_pass(illuminated: IlluminatedPixels, batch: Batch, pilot_mean: Floats) -> SamplingPass:
-    """Pilot paths, independent of the rendered samples, that estimate the control variate."""
-    pilots = illuminated._replace(number=pilot_numbers(illuminated.number))
-    return SamplingPass(
-        PassKind.PILOT, pilots, batch_record(batch.seed, 0, PILOT_SAMPLES, 1, 0, 0), pilot_mean, is_own=False
-    )
+        return SamplingPass(fed, batch, fill)
 
+    def _deflection_pass(self, sums: tuple[Floats, Floats], batch: Batch) -> SamplingPass:
+        """Paths with sampled deflections."""
+        deflections = remainder_batch(batch)
 
-def _parts(context: RenderContext, batch: Batch) -> list[Batch]:
-    """The batch, cut at the batch boundaries of any schedule, so that sums are rounded alike."""
-    begin, end, step = batch.first, batch.first + batch.samples, context.together
-    cuts = [begin, *range((begin // step + 1) * step, end, step), end]
-    return [batch_of(context, first, last - first) for first, last in pairwise(cuts)]
+        def fill(bundle: Floats, radiance: Floats | None, camera_rays: CameraRays, start: int, n: int) -> int:
+            light = film_sums.Light(bundle, radiance, camera_rays.waves, self._weights)
+            return int(film_sums.fill_deflected_sums(sums, light, start, n, deflections, batch, DEFLECTION_INTERVAL))
+
+        return SamplingPass(self._drawn, deflections, fill)
+
+    def _gather(self, shared: tuple[Floats, Floats], drawn: tuple[Floats, Floats], batch: Batch) -> None:
+        """Add the totals of the pixels to `whole`."""
+        sources, control_variate, means = (
+            self._around.kernel_sources,
+            np.zeros(drawn[1].shape),
+            self._spread.table.means,
+        )
+        if self._pilot_mean is not None and means is not None:
+            control_variate += self._pilot_mean[sources] @ means.T
+        weight = self._spread.remainder_share
+        film_sums.fill_pixel_totals(
+            self._whole, shared, control_variate, drawn, sources, batch, weight, DEFLECTION_INTERVAL
+        )
 
 
 def _by_replicate(sums: Floats, batch: Batch, replicates: int) -> Floats:
@@ -184,22 +176,22 @@ class PathCounts:
         self.paths, self.scene_hits, self.nonfinite, self.light, self.clamped = 0, 0, 0, 0.0, 0.0
         self.lost_paths: list[tuple[int, int, int]] = []
 
-    def clamp(self, of_pass: SamplingPass, bundle: Floats, radiance: Floats | None, n: int) -> None:
+    def clamp(self, pass_: SamplingPass, bundle: Floats, radiance: Floats | None, n: int) -> None:
         """Clamp the radiance of the paths of a bundle."""
         limit = self._context.settings.clamp
         if limit is not None and radiance is not None:
             remaining, removed = film_sums.clamp_radiance(radiance, bundle, n, limit)
-            if of_pass.is_own:
+            if pass_.counted:
                 self.light, self.clamped = self.light + remaining + removed, self.clamped + removed
 
     def drop(
-        self, of_pass: SamplingPass, bundle: Floats, radiance: Floats | None, start: int, n: int, dropped: int
+        self, pass_: SamplingPass, bundle: Floats, radiance: Floats | None, start: int, n: int, dropped: int
     ) -> None:
         """Count non-finite contributions, and record row, column and sample of the first ones of a bundle."""
-        if not dropped or not of_pass.is_own:
+        if not dropped or not pass_.counted:
             return
         self.nonfinite += dropped
-        batch = of_pass.batch
+        batch = pass_.batch
         light = bundle.reshape(-1, RAY // BLOCK, BLOCK)[:, WEIGHT // BLOCK].ravel()[:n, None]
         with np.errstate(all="ignore"):
             light = light if radiance is None else light * radiance
@@ -207,6 +199,6 @@ class PathCounts:
         for k in np.flatnonzero(~np.isfinite(light).all(axis=1))[: NAMED - len(self.lost_paths)]:
             pixel, stream, index = path_indices(start + int(k), batch.samples, batch.streams)
             sample = batch.first_stream + stream + (batch.first_index + index) * self._context.replicates
-            number = int(of_pass.illuminated.number[pixel])
+            number = int(pass_.fed.number[pixel])
             if number < NUMBER_OFFSET:  # sampled deflections cannot be replayed
                 self.lost_paths.append((*divmod(number, columns), int(sample)))

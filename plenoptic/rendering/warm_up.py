@@ -117,7 +117,7 @@ def _run_small(scene: Scene | None, camera: PlenopticCamera, truth: Truth) -> No
     if array is not None:
         microlens_centres(camera)
     project(camera, point := _point(camera), scene=scene, rays=32)
-    if array is None or array.model.rules.to_sensor is not None:
+    if array is None or array.model.focuses:
         point_spread(camera, point, rays=32)
 
 

@@ -15,37 +15,33 @@ from plenoptic.camera.sampling.sampling_records import Batch, IlluminatedPixels
 from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import ElementKind
-from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.lens.lens_record import LensRecord
 from plenoptic.optics.microlens.dust import BlemishSite
+from plenoptic.optics.microlens.lenslets import types_of
 from plenoptic.rendering.tile import Tile
 from plenoptic.replaying.events import ElementPassage, Event, MicrolensPassage, SensorPoint
-from plenoptic.truth.lookups import fill_microlens, fill_microlens_type, lens_numbers
-from plenoptic.truth.truth_stages import LitCells
+from plenoptic.truth.truth_stages import lattice_indices, lens_numbers
 
 _NOWHERE = (RayStatus.MISSED, RayStatus.NOT_FINITE, RayStatus.NOT_CONVERGED)
-"""Where a path is lost by these, it has no point on the element."""
+"""Causes for which a lost path has no point on the element."""
 
 
-class CameraWay(NamedTuple):
+class CameraPath(NamedTuple):
     """A path through the camera."""
 
     events: tuple[Event, ...]
     bundle: Floats
     """A block with one ray, behind the lens."""
     waves: NDArray[np.int64] | None
-    """(BLOCK,): the first is the number of the path's wavelength. None where all paths have the camera's."""
-    fed: IlluminatedPixels
-    """The pixel."""
-    certain: float
-    """Projected solid angle that surely passes beside the path, sr; the bundle's weight holds it too."""
-
-    @property
-    def weight(self) -> float:
-        """Projected solid angle that the path stands for, sr."""
-        return _row(self.bundle).weight - self.certain
+    """(BLOCK,): the first is the index of the path's wavelength. None if all paths have the camera's."""
+    pixel: IlluminatedPixels
+    weight: float
+    """Projected solid angle that the path stands for, sr."""
+    core_weight: float
+    """Projected solid angle of the unvignetted core, sr, which the weight in the bundle includes."""
 
 
-class _Row(NamedTuple):
+class _Ray(NamedTuple):
     """The first ray of a block."""
 
     point: Floats
@@ -54,43 +50,44 @@ class _Row(NamedTuple):
     status: float
 
 
-def _row(bundle: Floats) -> _Row:
+def _first_ray(bundle: Floats) -> _Ray:
     numbers = bundle.reshape(8, -1)[:, 0].copy()
-    return _Row(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
+    return _Ray(numbers[:3], numbers[3:6], float(numbers[6]), float(numbers[7]))
 
 
-def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, certain: bool) -> CameraWay | None:
-    """Follow the one path of a batch of one, as `tile.render_tile` does; None where no light reaches the pixel."""
+def trace_camera(camera: CameraRecord, pixel: tuple[int, int], batch: Batch, *, with_core: bool) -> CameraPath | None:
+    """Trace the one path of a batch of one, as `tile.render_tile` does; None if no light reaches the pixel."""
     tile = Tile(*pixel, 1, 1)
-    fed = illuminated_pixels(camera, tile.centres(camera), tile.numbers(camera), with_core=certain)
+    illuminated = illuminated_pixels(camera, tile.centres(camera), tile.numbers(camera), with_core=with_core)
     if camera.diffraction_kernel is not None:
-        fed, _ = kernel_source_pixels(camera, fed, camera.diffraction_kernel.table)
-    if not fed.place.size:
+        illuminated, _ = kernel_source_pixels(camera, illuminated, camera.diffraction_kernel.table)
+    if not illuminated.place.size:
         return None
-    camera_paths = CameraRays(camera, fed, batch, 1)
-    bundle = camera_paths.sample(0, 1)
-    aimed = _row(bundle)
-    camera_paths.fill_through_array(bundle)
-    events: list[Event] = [
-        SensorPoint(pixel, _in_camera(camera, _sensor_point(camera, aimed))),
-        _array_event(camera, aimed, camera_paths.lenslets, _row(bundle)),
-    ]
+    rays = CameraRays(camera, illuminated, batch, 1)
+    bundle = rays.sample(0, 1)
+    aimed = _first_ray(bundle)
+    rays.fill_through_array(bundle)
     before = bundle.copy()
     fill_dust_at_lens(before, camera.dust, BlemishSite.LENS_REAR)
-    events += _lens_events(camera, camera_paths.lens, before, camera_paths.waves)
-    camera_paths.fill_through_lens(bundle)
-    camera_paths.fill_iris_deflections(bundle, 0, 1)
-    core_weight = 0.0 if camera_paths.core is None else _row(camera_paths.core).weight
-    return CameraWay(tuple(events), bundle, camera_paths.waves, fed, core_weight)
+    events = (
+        SensorPoint(pixel, _in_camera(camera, _sensor_point(camera, aimed))),
+        _array_event(camera, aimed, rays.lenslets, _first_ray(bundle)),
+        *_lens_events(camera, rays.lens, before, rays.waves),
+    )
+    rays.fill_through_lens(bundle)
+    rays.fill_iris_deflections(bundle, 0, 1)
+    core_weight = 0.0 if rays.core is None else _first_ray(rays.core).weight
+    weight = _first_ray(bundle).weight - core_weight
+    return CameraPath(events, bundle, rays.waves, illuminated, weight, core_weight)
 
 
 def _behind(camera: CameraRecord) -> float:
-    """From the array's front principal plane to the rear one, in mm."""
+    """Distance of the array's rear principal plane behind the front one, mm."""
     return 0.0 if camera.microlenses is None else camera.microlenses.principal_separation
 
 
-def _sensor_point(camera: CameraRecord, aimed: _Row) -> Floats:
-    """Start of an aimed sample, in local axes; see `optics.microlens.kernels.to_lens` for its fields."""
+def _sensor_point(camera: CameraRecord, aimed: _Ray) -> Floats:
+    """Start of an aimed ray, in local axes; see `optics.microlens.kernels.to_lens` for its fields."""
     x, y = aimed.point[:2] - aimed.direction[:2]
     plane = camera.sensor.plane
     farther = 0.0 if plane.tilt is None else float(plane.tilt @ (x, y))
@@ -101,12 +98,12 @@ def _in_camera(camera: CameraRecord, point: Floats) -> Floats:
     """A point in local axes, z from the array's front principal plane, in the camera's."""
     frame = camera.frame
     if frame is None:
-        return _moved_point(camera, np.array([point[0], point[1], point[2] + camera.z_plane]))
+        return _moved_point(camera, np.array([point[0], point[1], point[2] + camera.parts.z_plane]))
     return _moved_point(camera, frame[:9].reshape(3, 3) @ point + frame[9:])
 
 
-def _array_event(camera: CameraRecord, aimed: _Row, own: NDArray[np.void] | None, after: _Row) -> MicrolensPassage:
-    microlens, kind = _microlens(camera, aimed, own)
+def _array_event(camera: CameraRecord, aimed: _Ray, lenslets: NDArray[np.void] | None, after: _Ray) -> MicrolensPassage:
+    microlens, kind = _microlens(camera, aimed, lenslets)
     lost = after.status != 0
     return MicrolensPassage(
         aim=_in_camera(camera, np.array([*aimed.point[:2], _behind(camera)])),
@@ -120,18 +117,17 @@ def _array_event(camera: CameraRecord, aimed: _Row, own: NDArray[np.void] | None
 
 
 def _microlens(
-    camera: CameraRecord, aimed: _Row, own: NDArray[np.void] | None
+    camera: CameraRecord, aimed: _Ray, lenslets: NDArray[np.void] | None
 ) -> tuple[tuple[int, int] | None, int | None]:
     """Indices and type of the microlens that a sample is aimed at."""
     if camera.microlenses is None or camera.array is None:
         return None, None
     # The aimed sample holds its optical axis, which imperfections may move; the cell stays.
-    cell = (aimed.point[2], aimed.direction[2], -1) if own is None else own[0][["cell_x", "cell_y", "row"]].tolist()
-    cells = LitCells(np.ones(1, bool), np.array([cell]), camera.microlenses, camera.array, lens_numbers(camera))
-    index, kind = np.empty((1, 2), dtype=np.int32), np.empty(1, dtype=np.int32)
-    fill_microlens(index, cells)
-    fill_microlens_type(kind, cells)
-    return (int(index[0, 0]), int(index[0, 1])), int(kind[0])
+    cell = aimed.point[2], aimed.direction[2], -1
+    if lenslets is not None:
+        cell = lenslets[0][["cell_x", "cell_y", "row"]].tolist()
+    index = lattice_indices(camera, np.array([cell]), lens_numbers(camera))
+    return (int(index[0, 0]), int(index[0, 1])), int(types_of(camera.microlenses, index)[0])
 
 
 def _lens_events(
@@ -141,14 +137,14 @@ def _lens_events(
     from plenoptic.optics.lens.kernels.trace import fill_traced
 
     events: list[Event] = []
-    before = _row(bundle)
-    if before.status != 0:
-        return events
+    before = _first_ray(bundle)
     for last in range(len(lens.rows)):
+        if before.status != 0:
+            break
         # From the beginning each time: the rays that a whole trace has there, to the bit.
         part = bundle.copy()
         fill_traced(part, lens.part(0, last + 1), waves)
-        after = _row(part)
+        after = _first_ray(part)
         lost = after.status != 0
         status = RayStatus(int(after.status) % 8)
         events.append(
@@ -161,8 +157,6 @@ def _lens_events(
                 after=None if lost else _moved_direction(camera, after.direction),
             )
         )
-        if lost:
-            break
         before = after
     return events
 

@@ -13,13 +13,13 @@ from plenoptic.rendering.integrator.path import PathIntegrator
 from plenoptic.rendering.integrator.ray_queue import RayQueue, ShadowRays
 from plenoptic.rendering.plan.stages import Plan, Stage
 from plenoptic.replaying.events import DirectLight, DrawnKind, Escape, Meeting, PathEnding, Place
-from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.geometry.geometry_records import SHADING_NORMAL, Hits, Interactions
 from plenoptic.scene.geometry.instance import Instances
-from plenoptic.scene.geometry.record import SHADING_NORMAL, Hits, Interactions
-from plenoptic.scene.lights.record import END, DrawnLights
+from plenoptic.scene.lights.light_records import END, DrawnLights
 from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
+from plenoptic.scene.scene_record import SceneRecord
 
 if TYPE_CHECKING:
     from plenoptic.rendering.integrator.moving_paths import MovingPaths
@@ -57,13 +57,13 @@ class Recorder:
             return
         hit, instance = int(hits.triangle[0]), -1 if hits.instance is None else int(hits.instance[0])
         place = self._names.place(hit, instance)
-        reached, normal = _meet(rays[0], self._names.corners(hit, instance))
+        distance, normal = _intersect(rays[0], self._names.corners(hit, instance))
         self.events.append(
             Meeting(
                 place=place,
                 material=self._names.material(place),
-                point=rays[0, :3] + reached * direction,
-                distance=reached + (0.0 if hits.travelled is None else float(hits.travelled[0])),
+                point=rays[0, :3] + distance * direction,
+                distance=distance + (0.0 if hits.travelled is None else float(hits.travelled[0])),
                 normal=normal,
                 shading_normal=None,
                 emitted=emitted,
@@ -86,23 +86,14 @@ class Recorder:
         bsdf = self._record.bsdf
         if not len(interactions.ray) or bsdf is None or not bsdf.takes_light[interactions.material[0]]:
             return
-        kind, place, light = self._names.light(float(interactions.random[0, 0]))
-        shines = bool(np.any(drawn.radiance[0] > 0))
-        sent = bool(len(shadow.rays))
-        added = np.zeros(drawn.radiance.shape[1]) if not sent or blocked[0] else shadow.radiance[0].copy()
+        sampled = self._names.light(float(interactions.random[0, 0]))
+        point = drawn.rows[0, END : END + 3].copy() if np.any(drawn.radiance[0] > 0) else None
+        is_blocked = bool(blocked[0]) if len(shadow.rays) else None
+        added = shadow.radiance[0].copy() if is_blocked is False else np.zeros(drawn.radiance.shape[1])
         if self._collected is not None:
             with np.errstate(all="ignore"):
                 self._collected = self._collected + added
-        self._amend(
-            light=DirectLight(
-                kind=kind,
-                place=place,
-                light=light,
-                point=drawn.rows[0, END : END + 3].copy() if shines else None,
-                blocked=bool(blocked[0]) if sent else None,
-                contribution=added,
-            )
-        )
+        self._amend(light=DirectLight(*sampled, point, is_blocked, added))
 
     def on_scatter(self, interactions: Interactions, scattered_rays: RayQueue, n_rays: int, n_sampled: int) -> None:
         """See `PathObserver`."""
@@ -117,11 +108,11 @@ class Recorder:
         else:
             self.ending = PathEnding.ROULETTE if n_sampled else PathEnding.ABSORBED
 
-    def _amend(self, **known: Any) -> None:
-        """Add later results to the last event."""
+    def _amend(self, **members: Any) -> None:
+        """Add members to the last event."""
         last = self.events[-1]
         assert isinstance(last, Meeting)
-        self.events[-1] = dataclasses.replace(last, **known)
+        self.events[-1] = dataclasses.replace(last, **members)
 
 
 class _SceneNames:
@@ -181,7 +172,7 @@ class _SceneNames:
         return kind, None, (self._points if kind is DrawnKind.POINT else self._suns)[row]
 
 
-def _meet(ray: Floats, corners: Floats) -> tuple[float, Floats]:
+def _intersect(ray: Floats, corners: Floats) -> tuple[float, Floats]:
     """Distance along a ray to a triangle, and its unit normal on the ray's side; not finite without area."""
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     with np.errstate(all="ignore"):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.rays import RayStatus
 from plenoptic.core.values import Floats, result
 from plenoptic.replaying.events import (
     DirectLight,
@@ -22,51 +22,51 @@ from plenoptic.replaying.events import (
     WorldRay,
 )
 
-_INDENT = 11
+_NAMES = {SensorPoint: "sensor", MicrolensPassage: "array", ElementPassage: "lens", WorldRay: "world"}
+"""First column of the table; others are hits."""
 
 
 @result
 class Replay:
-    """One path of an exposure, traced again; printing it shows a table of its events. See `replay`."""
+    """One path of an exposure, traced again, which prints as a table of its events. See `replay`."""
 
     pixel: tuple[int, int]
     """Row and column on the whole sensor."""
     sample: int
     """Number of the path in its pixel."""
     replicate: int
-    """To which replicate it belongs."""
     index: int
-    """Number of its sampling point there."""
+    """Number of its sampling point in the replicate."""
     wavelength: float | None
-    """nm; None where all paths have the camera's."""
+    """nm; None if all paths have the camera's."""
     events: tuple[Event, ...]
     """In order: `SensorPoint`, `MicrolensPassage`, an `ElementPassage` for each element of the lens, `WorldRay`, a
-    `Meeting` for each surface, and an `Escape` where the path leaves the scene. Fewer where it ends before."""
+    `Meeting` for each surface, and an `Escape` if the path leaves the scene. Fewer if it ends before."""
     ending: PathEnding
     weight: float
-    """What its radiance is multiplied by, sr; 0 for a lost path."""
+    """Factor of the radiance, sr; 0 for a lost path."""
     certain: float
-    """Of a white image, what is added beside the path since it surely passes the lens, sr; otherwise 0."""
+    """Projected solid angle of the unvignetted core, sr, which white images add to the path; 0 for other images."""
     radiance: Floats
-    """(c,): what it saw, after clamping; c = 1 with a wavelength, and for grey scenes."""
+    """(c,): radiance along the path after clamping; c = 1 with a wavelength, and for grey scenes."""
     clamped: float
-    """Part of its radiance that `clamp` left, in (0, 1]."""
+    """Fraction of the radiance that `clamp` left, in (0, 1]."""
     contribution: Floats
-    """(C,): what it adds to the sum of its pixel, in units of the image: with n samples, the pixel's value is the sum
-    of their contributions over n. Channels that are not finite count as 0, as in the image."""
+    """(C,): addition to the sum of its pixel, in units of the image: with n samples, the pixel's value is the sum of
+    their contributions over n. Channels that are not finite count as 0, as in the image."""
     finite: bool
-    """Whether all channels were finite."""
+    """True if all channels were finite."""
 
     @property
     def bounces(self) -> tuple[Meeting, ...]:
-        """The surfaces of the scene that the path met."""
+        """Hits of the path on surfaces of the scene."""
         return tuple(event for event in self.events if isinstance(event, Meeting))
 
     @property
     def camera_points(self) -> Floats:
-        """(n, 3): where the path runs in the camera, in its axes, mm: sensor, array and the elements of the lens.
+        """(n, 3): points of the path in the camera, in its axes, mm: sensor, array and the elements of the lens.
 
-        `plenoptic.plots.lens.plot_layout(camera.lens, [way.camera_points[None]])` draws it.
+        `plenoptic.plots.lens.plot_layout(camera.lens, [path.camera_points[None]])` draws them.
         """
         points: list[Floats | None] = []
         for event in self.events:
@@ -78,32 +78,29 @@ class Replay:
 
     @property
     def first_nonfinite(self) -> int | None:
-        """Number of the first event that holds an infinite number or none; None where all are finite.
-
-        A path whose numbers only overflow when they are added has none either.
-        """
+        """Index of the first event with a number that is not finite; None if all are finite, though sums overflow."""
         return next((number for number, event in enumerate(self.events) if not _is_finite(event)), None)
 
     def __repr__(self) -> str:
         row, column = self.pixel
         wave = "" if self.wavelength is None else f", {self.wavelength:g} nm"
-        place = f"replicate {self.replicate}, point {self.index}{wave}"
-        lines, bounce, first = [f"sample {self.sample} of pixel ({row}, {column}): {place}"], 0, self.first_nonfinite
+        sample = f"replicate {self.replicate}, point {self.index}{wave}"
+        table, bounce, first = [], 0, self.first_nonfinite
         for number, event in enumerate(self.events):
-            name, texts = _describe(event, bounce)
+            table.append((_NAMES.get(type(event), f"bounce {bounce}"), _describe(event)))
             bounce += isinstance(event, Meeting)
             if number == first:
-                texts = [*texts, "not finite from here on"]
-            lines.append(f"{name:<{_INDENT}}{texts[0]}")
-            lines += [" " * _INDENT + text for text in texts[1:]]
-        lines.append(f"{'ends':<{_INDENT}}{self.ending.name.lower().replace('_', ' ')}")
+                table.append(("", ["not finite from here on"]))
         clamped = "" if self.clamped == 1 else f", clamped to {self.clamped:.3g} of it"
-        lines.append(f"{'brings':<{_INDENT}}radiance {_numbers(self.radiance)}{clamped}, times {self.weight:.6g} sr")
-        if self.certain:
-            lines.append(" " * _INDENT + f"and {self.certain:.6g} sr beside it that surely pass")
+        core = [f"and {self.certain:.6g} sr beside it that surely pass"] if self.certain else []
         dropped = "" if self.finite else ", not finite: left out of the image"
-        lines.append(f"{'adds':<{_INDENT}}{_numbers(self.contribution)}{dropped}")
-        return "\n".join(lines)
+        table += [
+            ("ends", [_name(self.ending)]),
+            ("brings", [f"radiance {_numbers(self.radiance)}{clamped}, times {self.weight:.6g} sr", *core]),
+            ("adds", [f"{_numbers(self.contribution)}{dropped}"]),
+        ]
+        rows = [f"{name if k == 0 else '':<11}{text}" for name, texts in table for k, text in enumerate(texts)]
+        return "\n".join([f"sample {self.sample} of pixel ({row}, {column}): {sample}", *rows])
 
 
 def _is_finite(event: Event | DirectLight) -> bool:
@@ -112,35 +109,33 @@ def _is_finite(event: Event | DirectLight) -> bool:
     return numbers and all(_is_finite(item) for item in items if isinstance(item, DirectLight))
 
 
-def _describe(event: Event, bounce: int) -> tuple[str, list[str]]:
-    """Texts for the first column, and lines for the second."""
+def _describe(event: Event) -> list[str]:
+    """Lines of an event in the table."""
     if isinstance(event, SensorPoint):
-        return "sensor", [f"from {_point(event.point)}"]
+        return [f"from {_point(event.point)}"]
     if isinstance(event, MicrolensPassage):
-        return "array", _array_lines(event)
+        return _array_lines(event)
     if isinstance(event, ElementPassage):
-        return "lens", [_element_line(event)]
+        return [_element_line(event)]
     if isinstance(event, WorldRay):
-        return "world", [f"from {_point(event.origin)} towards {_numbers(event.direction)}"]
+        return [f"from {_point(event.origin)} towards {_numbers(event.direction)}"]
     if isinstance(event, Escape):
-        sky = f"meets nothing towards {_numbers(event.direction)}, sees {_numbers(event.emitted)}"
-        return f"bounce {bounce}", [sky]
-    return f"bounce {bounce}", _meeting_lines(event)
+        return [f"meets nothing towards {_numbers(event.direction)}, sees {_numbers(event.emitted)}"]
+    return _meeting_lines(event)
 
 
 def _array_lines(event: MicrolensPassage) -> list[str]:
     which = "no microlenses" if event.microlens is None else f"microlens {event.microlens}, type {event.type}"
     lines = [f"{which}, aimed at {_point(event.aim)}, {event.weight:.6g} sr"]
     if event.point is None or event.direction is None:
-        return [*lines, f"lost: {_cause(event.status)}"]
+        return [*lines, f"lost: {_name(event.status)}"]
     return [*lines, f"leaves {_point(event.point)} towards {_numbers(event.direction)}"]
 
 
 def _element_line(event: ElementPassage) -> str:
-    name = f"{event.element:>2} {event.kind.name.lower().replace('_', ' ')}"
-    where = "" if event.point is None else f" at {_point(event.point)}"
-    continuation = f"lost: {_cause(event.status)}" if event.after is None else f"towards {_numbers(event.after)}"
-    return f"{name}{where}, {continuation}"
+    point = "" if event.point is None else f" at {_point(event.point)}"
+    continuation = f"lost: {_name(event.status)}" if event.after is None else f"towards {_numbers(event.after)}"
+    return f"{event.element:>2} {_name(event.kind)}{point}, {continuation}"
 
 
 def _meeting_lines(event: Meeting) -> list[str]:
@@ -158,7 +153,7 @@ def _meeting_lines(event: Meeting) -> list[str]:
 
 
 def _light_line(light: DirectLight) -> str:
-    name = f"light: {light.kind.name.lower()}"
+    name = f"light: {_name(light.kind)}"
     if light.place is not None:
         name = f"light: {_which(light.place)}"
     elif light.light is not None:
@@ -176,8 +171,8 @@ def _which(place: Place) -> str:
     return f"object {place.object}{instance}, triangle {place.triangle}"
 
 
-def _cause(status: RayStatus) -> str:
-    return status.name.lower().replace("_", " ")
+def _name(member: enum.IntEnum) -> str:
+    return member.name.lower().replace("_", " ")
 
 
 def _numbers(array: ArrayLike) -> str:

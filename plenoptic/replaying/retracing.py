@@ -17,7 +17,7 @@ from plenoptic.rendering.integrator.path import PathIntegrator
 from plenoptic.rendering.kernels.film_sums import Light, clamp_radiance, fill_sums
 from plenoptic.rendering.plan.stages import Stage, Subject
 from plenoptic.replaying.events import Escape, Event, PathEnding, WorldRay
-from plenoptic.replaying.in_camera import CameraWay, trace_camera
+from plenoptic.replaying.in_camera import CameraPath, trace_camera
 from plenoptic.replaying.in_scene import Recorder
 from plenoptic.replaying.replay import Replay
 from plenoptic.scene.scene import Scene
@@ -25,7 +25,7 @@ from plenoptic.truth.channels import Truth
 
 
 def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], sample: int) -> Replay:
-    """Trace exactly one path of an exposure again and tell all that it meets.
+    """Trace one path of an exposure again, with all its intersections.
 
     Parameters
     ----------
@@ -45,30 +45,27 @@ def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], s
     Raises
     ------
     InvalidValueError
-        Where the exposure does not know its camera, seed or settings, the pixel is outside its region, or it has fewer
-        samples there; where a white image gets a scene or another image none; where the image has other channels than
-        this scene would give.
+        If the exposure does not store its camera, seed or settings, the pixel is outside its region, or it has fewer
+        samples there; if a scene is given for a white image, or none for another; if the image has other channels than
+        the scene would give.
 
     Notes
     -----
-    The renderer's own kernels trace the path, so that on the same machine `contribution` is that of the pixel's sum,
-    bit for bit. With a fill factor below 1, which multiplies the sum in the image and each path here, that is so up to
-    rounding. Where light bends at microlenses, `contribution` is shared by the path's pixel and those around it, and
-    long bends, which are drawn for paths of their own, are not among the samples. Where two triangles lie at the very
-    same place, which of them a path meets first may depend on the paths traced beside it.
+    The renderer's own kernels trace the path: on the same machine `contribution` is that of the pixel's sum, bit for
+    bit (up to rounding with a fill factor below 1, which multiplies the sum of the image, and each path here). With
+    diffraction at microlenses, `contribution` is shared by the path's pixel and those around it, and long deflections,
+    which have paths of their own, are not among the samples. Of two coincident triangles, which one a path hits may
+    depend on the paths traced with it.
 
-    An exposure keeps its camera, seed and settings, but not its scene: of another scene, or another version of this
-    package, this traces the path that *it* would have had. It can be told by the image: the mean of `contribution` over
-    all samples of a pixel is its value.
+    An exposure stores its camera, seed and settings, but not its scene: with another scene, or another version of this
+    package, the path is the one that *this* scene would have. The image shows it: the mean of `contribution` over all
+    samples of a pixel is its value.
 
     Examples
     --------
-    >>> import numpy as np, plenoptic as pl
-    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0))
-    >>> camera = pl.PlenopticCamera(lens=lens.with_model(pl.LensModel.THIN),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(512, 512), pixel_pitch=0.01),
-    ...     stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> import dataclasses, numpy as np, plenoptic as pl
+    >>> camera = pl.camera.example_camera()
+    >>> camera = dataclasses.replace(camera, lens=camera.lens.with_model(pl.LensModel.THIN))
     >>> scene = pl.shapes.white_plane()
     >>> shot = pl.render(scene, camera, samples=16, region=np.s_[256:257, 256:257], progress=False)
     >>> pl.replay(shot, scene, pixel=(256, 256), sample=9)      # doctest: +ELLIPSIS
@@ -109,8 +106,7 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
     Examples
     --------
     >>> import plenoptic as pl
-    >>> camera = pl.PlenopticCamera(lens=pl.no_lens(1.0), sensor=pl.Sensor(shape=(4, 4), pixel_pitch=0.1),
-    ...     stop_to_microlenses=10.0)
+    >>> camera = pl.PlenopticCamera(pl.no_lens(1.0), pl.Sensor(shape=(4, 4), pixel_pitch=0.1), 10.0)
     >>> sky = pl.Scene(background=1.0)
     >>> shot = pl.render(sky, camera, samples=8, progress=False)
     >>> [way.ending.name for way in pl.replaying.replay_all(shot, sky, [(0, 0, 0), (3, 1, 7)])]
@@ -124,13 +120,12 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
 
 
 def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
-    """Context of the original render, or an error where the exposure does not know it."""
+    """Context of the original render; raise InvalidValueError if the exposure does not store it."""
     check_kind(exposure, "exposure", Exposure, "pl.render(scene, camera, samples=64)")
-    camera, settings, seed = exposure.camera, exposure.settings, exposure.seed
-    replicates, samples = exposure.replicates, exposure.samples
-    if camera is None or settings is None or seed is None or replicates is None or samples is None:
-        needed = ("camera", "settings", "seed", "replicates", "samples")
-        missing = ", ".join(name for name in needed if getattr(exposure, name) is None)
+    needed = {name: getattr(exposure, name) for name in ("camera", "settings", "seed", "replicates", "samples")}
+    camera, settings, seed, replicates, samples = needed.values()
+    if None in needed.values():
+        missing = ", ".join(name for name, item in needed.items() if item is None)
         raise InvalidValueError(
             f"the exposure does not know its {missing}; only what `render` made can be replayed, or an .exr file to "
             "which that was saved"
@@ -156,7 +151,7 @@ def _context(exposure: Exposure, scene: Scene | None) -> RenderContext:
 
 
 def _members(given: Any, name: str, *members: str) -> Any:
-    """Members of a value, or an error that names the expected ones."""
+    """Members of a sequence; raise InvalidValueError unless they are as many as named."""
     given = given.tolist() if isinstance(given, np.ndarray) else given
     if not isinstance(given, tuple | list) or len(given) != len(members):
         raise InvalidValueError(f"{name} is {given!r}; it must be ({', '.join(members)})")
@@ -164,7 +159,7 @@ def _members(given: Any, name: str, *members: str) -> Any:
 
 
 def _check_path(exposure: Exposure, row: int, column: int, sample: int) -> tuple[tuple[int, int], int]:
-    """Pixel and sample, or an error where the exposure has no such path."""
+    """Pixel and sample of a path; raise InvalidValueError if the exposure has no such path."""
     row, column = whole(row, "row of the pixel", at_least=0), whole(column, "column of the pixel", at_least=0)
     height, width = exposure.image.shape[:2]
     first_row, end_row, first_column, end_column = exposure.region or (0, height, 0, width)
@@ -187,29 +182,27 @@ def _retrace(context: RenderContext, scene: Scene | None, pixel: tuple[int, int]
     camera, replicates = context.camera, context.replicates
     place = (pixel, sample, sample % replicates, sample // replicates)
     batch = batch_of(context, sample, 1)
-    camera_way = trace_camera(camera, pixel, batch, certain=context.plan.runs(Stage.CERTAIN_LIGHT))
-    if camera_way is None:
+    path = trace_camera(camera, pixel, batch, with_core=context.plan.runs(Stage.CERTAIN_LIGHT))
+    if path is None:
         nothing = np.zeros(context.channels)
         return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, 0.0, nothing, 1.0, nothing, True)
-    events, radiance, ending = _through_scene(context, scene, camera_way, batch)
+    events, radiance, ending = _through_scene(context, scene, path, batch)
     limit, brightest = context.settings.clamp, 0.0 if radiance is None else float(radiance.max())
     if limit is not None and radiance is not None:
-        clamp_radiance(radiance, camera_way.bundle, 1, limit)
-    sums, weights = np.zeros((1, 2, context.channels)), None if camera.colour is None else camera.colour.weights
-    dropped = fill_sums(sums, Light(camera_way.bundle, radiance, camera_way.waves, weights), 0, 1, batch)
+        clamp_radiance(radiance, path.bundle, 1, limit)
+    sums, weights, wavelength = np.zeros((1, 2, context.channels)), None, None
+    if camera.colour is not None:
+        weights = camera.colour.weights
+        wavelength = None if path.waves is None else float(camera.colour.wavelengths[path.waves[0]])
+    dropped = fill_sums(sums, Light(path.bundle, radiance, path.waves, weights), 0, 1, batch)
     added, fill_factor = sums[0, 0], camera.sensor.fill_factor
-    wave = (
-        None
-        if camera.colour is None or camera_way.waves is None
-        else float(camera.colour.wavelengths[camera_way.waves[0]])
-    )
     return Replay(
         *place,
-        wavelength=wave,
-        events=camera_way.events + events,
+        wavelength=wavelength,
+        events=path.events + events,
         ending=PathEnding.NOT_FINITE if dropped else ending,
-        weight=camera_way.weight,
-        certain=camera_way.certain,
+        weight=path.weight,
+        certain=path.core_weight,
         radiance=np.ones(1) if radiance is None else radiance[0].copy(),
         clamped=1.0 if limit is None or not brightest > limit else limit / brightest,
         contribution=added if fill_factor == 1 else fill_factor * added,
@@ -218,22 +211,22 @@ def _retrace(context: RenderContext, scene: Scene | None, pixel: tuple[int, int]
 
 
 def _through_scene(
-    context: RenderContext, scene: Scene | None, way: CameraWay, batch: Batch
+    context: RenderContext, scene: Scene | None, path: CameraPath, batch: Batch
 ) -> tuple[tuple[Event, ...], Floats | None, PathEnding]:
-    """Follow a path behind the lens; its radiance is None in a white image."""
+    """Trace a path in front of the lens; its radiance is None in a white image."""
     from plenoptic.core.kernels.bundles import fill_world_rays
 
     camera = context.camera
     if scene is None or context.scene is None:
         rays, lanes = np.empty((1, 6)), np.empty(1, dtype=np.int64)
-        if not fill_world_rays(rays, lanes, way.bundle, 1, camera.rotation, camera.position):
+        if not fill_world_rays(rays, lanes, path.bundle, 1, camera.rotation, camera.position):
             return (), None, PathEnding.LOST
         escape = Escape(rays[0, 3:], np.ones(1))
-        return (WorldRay(rays[0, :3], rays[0, 3:], way.weight), escape), None, PathEnding.LEFT_SCENE
+        return (WorldRay(rays[0, :3], rays[0, 3:], path.weight), escape), None, PathEnding.LEFT_SCENE
     integrator = PathIntegrator(context, 1)
     recorder = Recorder(scene, integrator, context.plan, context.settings.max_bounces)
-    radiance = integrator.radiance(way.bundle, 0, 1, batch, way.fed.number, way.waves, recorder)
+    radiance = integrator.radiance(path.bundle, 0, 1, batch, path.pixel.number, path.waves, recorder)
     if recorder.start is None:
         return (), radiance, PathEnding.LOST
-    ray = WorldRay(recorder.start[:3], recorder.start[3:], way.weight)
+    ray = WorldRay(recorder.start[:3], recorder.start[3:], path.weight)
     return (ray, *recorder.events), radiance, recorder.ending

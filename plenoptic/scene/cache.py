@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from plenoptic.core.last_result import LastResultCache
-from plenoptic.scene.compile import SceneRecord, Surfaces, build_record
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.moving import MovingTriangles
 from plenoptic.scene.scene import Scene
+from plenoptic.scene.scene_record import CompiledMeshes, SceneRecord, build_record
 
 
 class PreparedScene:
@@ -47,7 +47,7 @@ class _Kept:
     """
 
     def __init__(self, mesh: Mesh) -> None:
-        self.surfaces: Surfaces | None = None
+        self.surfaces: CompiledMeshes | None = None
         self.trees: MovingTriangles | None = None
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import Frustum
-from plenoptic.core.values import Floats, Given, finite, frozen_array, positive, set_field, value
+from plenoptic.core.values import Floats, Given, finite, positions, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -62,10 +62,7 @@ class View:
         if not isinstance(self.name, str):
             raise InvalidValueError(f"name is {self.name!r}; it must be a text")
         for field in ("position", "look_at", "up"):
-            vector = frozen_array(getattr(self, field), name=field, shape=(3,))
-            if not np.isfinite(vector).all():
-                raise InvalidValueError(f"{field} is {vector.tolist()}; it must be finite")
-            set_field(self, field, vector)
+            set_field(self, field, positions(getattr(self, field), name=field, shape=(3,)))
         ahead = self.look_at - self.position
         if not ahead.any():
             raise InvalidValueError(f"look_at is the position, {self.position.tolist()} mm; give a point ahead of it")
@@ -95,11 +92,11 @@ class View:
         right /= np.linalg.norm(right)
         high, wide = np.array([-1, -1, 1, 1]), np.array([-1, 1, 1, -1]) * (self.aspect_ratio or 1.0)
         aside = np.outer(wide, right) + np.outer(high, np.cross(right, ahead))
-        place = np.tile(self.position, (4, 1))
+        origins = np.tile(self.position, (4, 1))
         if self.vertical_field_of_view is None:
-            return Frustum(place + aside, np.tile(ahead, (4, 1)))
+            return Frustum(origins + aside, np.tile(ahead, (4, 1)))
         directions = ahead + math.tan(0.5 * self.vertical_field_of_view) * aside
-        return Frustum(place, directions / np.linalg.norm(directions, axis=1, keepdims=True))
+        return Frustum(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
     def moved(self, matrix: Floats) -> View:
         """The view from where a (4, 4) similarity puts it."""

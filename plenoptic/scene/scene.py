@@ -10,17 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.values import Floats, Given, check_kind, numbers, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.compile import SceneRecord, box_around, build_record
 from plenoptic.scene.file_cameras import View
+from plenoptic.scene.files.load import load_file
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.moves import similarity
 from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.registry import LIGHTS, AreaLight, Light
 from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.scene_record import SceneRecord, box_around, build_record
 from plenoptic.scene.textures.color import Colour
 
 _NAME_LENGTH = 100
@@ -93,10 +95,7 @@ class Scene:
         ]
         return f"Scene({', '.join(part for part in parts if part)})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import scene_html
-
-        return scene_html(self)
+    _repr_html_ = picture_of
 
     @classmethod
     def load(
@@ -126,8 +125,6 @@ class Scene:
         >>> pl.Scene.load("duck.glb", unit="cm", background=1.0)  # doctest: +SKIP
         Scene(1 mesh, 4212 triangles, background 1.0)
         """
-        from plenoptic.scene.files.load import load_file
-
         contents = load_file(path, unit=unit, material=material, limits=limits)
         return cls(contents.meshes, (*contents.lights, *lights), background, contents.views)
 

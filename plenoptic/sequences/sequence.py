@@ -49,29 +49,28 @@ class Frame:
 class Sequence:
     """Frames of a scene: objects and the camera move rigidly, lights change.
 
-    A frame is made when it is asked for. A moving mesh becomes an `Instances` of it, so that frames share all
-    triangles, and rendering the next one neither compiles nor builds trees again for those of before. Where the
-    camera has a `Shutter`, the times of frames are the middles of their exposures, and motion meanwhile is blurred.
+    Frames are made on access. A moving mesh becomes an `Instances` of it, so that frames share all triangles, and
+    rendering the next one neither compiles nor builds trees again. With a `Shutter` of the camera, the times of frames
+    are the middles of their exposures, and motion during the exposure blurs them.
 
     Parameters
     ----------
     scene : Scene
-        Where everything stands before it moves.
+        The scene with its objects at their initial positions.
     camera : PlenopticCamera
     times : (n,) array
-        Of the frames, in s, ascending.
+        Times of the frames, in s, ascending.
     motions : mapping from str to Motion, optional
-        Of objects, by their names in `scene.object_names`, from where they stand in the scene.
+        Motions of objects relative to their positions in the scene, by their names in `scene.object_names`.
     camera_motion : Motion, optional
-        Of the camera, from where it stands: of one without a pose, its poses in the world.
+        Motion relative to the camera's pose; of a camera without a pose, its poses in the world.
     lights : sequence of n sequences of lights, optional
-        Those of each frame, in place of `scene.lights`. None: the scene's, in all frames.
+        Lights of each frame, in place of `scene.lights`. None: the scene's, in all frames.
 
     Raises
     ------
     InvalidValueError
-        A name that no mesh has or several have, another number of lights than of times, or something else that is no
-        sequence.
+        If no mesh or several have a name, the numbers of lights and of times differ, or an argument is invalid.
 
     Examples
     --------
@@ -79,8 +78,8 @@ class Sequence:
 
     >>> import numpy as np, plenoptic as pl
     >>> scene = pl.Scene([pl.box(8).translated(z=-404)], background=1.0)
-    >>> camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2"),
-    ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.5), stop_to_microlenses=130.0)
+    >>> sensor = pl.Sensor(shape=(16, 16), pixel_pitch=0.5)
+    >>> camera = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), sensor, stop_to_microlenses=130.0)
     >>> past = [pl.Pose.look_at((x, 0, 0), target=(0, 0, -404)) for x in (-50, 50)]
     >>> sequence = pl.Sequence(scene, camera, np.linspace(0, 2, 200),
     ...     motions={"Mesh 0": pl.Motion.screw((0, 2), axis=(0, 1, 0), through=(0, 0, -404), angle_deg=360)},
@@ -141,9 +140,9 @@ class Sequence:
         return Frame(self._scene_at(k, time), self._camera_at(time), time)
 
     def __repr__(self) -> str:
-        moving = [name for name, _ in self.motions] + ["the camera"] * (self.camera_motion is not None)
-        what = ", ".join(moving) or "nothing"
-        return f"Sequence({len(self)} frames from {self.times[0]:g} to {self.times[-1]:g} s, moving: {what})"
+        names = [name for name, _ in self.motions] + ["the camera"] * (self.camera_motion is not None)
+        moving = ", ".join(names) or "nothing"
+        return f"Sequence({len(self)} frames from {self.times[0]:g} to {self.times[-1]:g} s, moving: {moving})"
 
     @cached_property
     def _objects(self) -> dict[int, tuple[Instances, Motion]]:

@@ -1,7 +1,7 @@
-from .cost.cost_row import CostRow as CostRow
+from .cost.cost_study import CostRow as CostRow
 from .cost.cost_study import cost_of as cost_of
-from .error_time.error_row import ErrorRow as ErrorRow
 from .error_time.error_study import error_against_time as error_against_time
+from .error_time.error_table import ErrorRow as ErrorRow
 from .error_time.error_table import ErrorTable as ErrorTable
 from .error_time.recommendation import Recommendation as Recommendation
 from .error_time.variants import Variant as Variant

@@ -1,6 +1,6 @@
 """Channels of ground truth, in one list: the fields of `GroundTruth`.
 
-A new channel is a flag of `Truth`, a field of `GroundTruth` with its metadata, and a function that fills its array.
+A new channel is a flag of `Truth`, a field of `GroundTruth` with its metadata, and a `fill_...` of `PixelStages`.
 Computation, selection, files and the table in docs/conventions.md follow the list.
 """
 
@@ -83,34 +83,11 @@ class Needs(enum.Flag):
     MICROLENSES = enum.auto()
 
 
-class Source(NamedTuple):
-    """Stage from which channels are filled, with its requirements."""
-
-    stage: str
-    """Property of `PixelStages` that is read."""
-    needs: Needs
-    filled_in: str
-    """Module below `plenoptic.truth` with a function `fill_...` for each channel. By name, since kernels are slow to
-    import."""
-    uses: Needs = Needs.NOTHING
-    """Optional inputs."""
-
-
-_STATES = Source("states", Needs.NOTHING, "lookups", Needs.MESHES)
-_SHARES = Source("object_shares", Needs.MESHES, "lookups")
-_SENSOR = Source("sensor", Needs.NOTHING, "kernels.incidence")
-_CELLS = Source("cells", Needs.MICROLENSES, "lookups")
-_HITS = Source("hits", Needs.MESHES, "lookups")
-_POINTS = Source("points", Needs.MESHES, "kernels.depth")
-_CHORDS = Source("chords", Needs.MESHES | Needs.MICROLENSES, "lookups")
-_IMAGES = Source("images", Needs.MESHES | Needs.MICROLENSES, "kernels.virtual_depth")
-
-
 class Channel(NamedTuple):
     """Metadata of one array of ground truth."""
 
     flag: Truth
-    source: Source
+    needs: Needs
     void: float
     """Value for no hit; an int for integer arrays."""
     meaning: str
@@ -137,11 +114,14 @@ class Channel(NamedTuple):
         return (len(self.numbers),) if self.numbers else ()
 
 
+_MESHES, _MICROLENSES = Needs.MESHES, Needs.MICROLENSES
+
+
 def _channel(
-    flag: Truth, source: Source, void: float, meaning: str, numbers: str = "", *, unit: str = "", plane: str = ""
+    flag: Truth, needs: Needs, void: float, meaning: str, numbers: str = "", *, unit: str = "", plane: str = ""
 ) -> Any:
     """Dataclass field with a channel as metadata; its plane is "truth." and the field's name by default."""
-    channel = Channel(flag, source, void, meaning, numbers, unit, plane)
+    channel = Channel(flag, needs, void, meaning, numbers, unit, plane)
     return dataclasses.field(default=None, metadata={"channel": channel})
 
 
@@ -223,55 +203,62 @@ class GroundTruth:
 
     _: dataclasses.KW_ONLY
     depth: Floats | None = _channel(
-        Truth.DEPTH, _POINTS, np.inf, "-z in the camera's frame", unit="mm", plane="depth.Z"
+        Truth.DEPTH, _MESHES, np.inf, "-z in the camera's frame", unit="mm", plane="depth.Z"
     )
     distance: Floats | None = _channel(
-        Truth.DISTANCE, _POINTS, np.inf, "from the camera's origin to the point", unit="mm"
+        Truth.DISTANCE, _MESHES, np.inf, "from the camera's origin to the point", unit="mm"
     )
-    position: Floats | None = _channel(Truth.POSITION, _POINTS, np.nan, "the point in the world", "XYZ", unit="mm")
+    position: Floats | None = _channel(Truth.POSITION, _MESHES, np.nan, "the point in the world", "XYZ", unit="mm")
     normal: Floats | None = _channel(
-        Truth.NORMAL, _HITS, np.nan, "unit normal of the triangle in the world, towards the side that is seen", "XYZ"
+        Truth.NORMAL, _MESHES, np.nan, "unit normal of the triangle in the world, towards the side that is seen", "XYZ"
     )
     object: NDArray[np.int32] | None = _channel(
-        Truth.OBJECT, _HITS, -1, "number of the mesh in `scene.meshes`; lights count on after the last"
+        Truth.OBJECT, _MESHES, -1, "number of the mesh in `scene.meshes`; lights count on after the last"
     )
     material: NDArray[np.int32] | None = _channel(
         Truth.MATERIAL,
-        _HITS,
+        _MESHES,
         -1,
         "number among the scene's different materials, in the order in which meshes, then lights bring them",
     )
     microlens: NDArray[np.int32] | None = _channel(
-        Truth.MICROLENS, _CELLS, NO_MICROLENS, "lattice indices i, j; in FREE lattices (number, 0)", "IJ"
+        Truth.MICROLENS, _MICROLENSES, NO_MICROLENS, "lattice indices i, j; in FREE lattices (number, 0)", "IJ"
     )
     microlens_type: NDArray[np.int32] | None = _channel(
-        Truth.MICROLENS, _CELLS, -1, "row of the array's `focal_lengths`", plane="truth.microlens.type"
+        Truth.MICROLENS, _MICROLENSES, -1, "row of the array's `focal_lengths`", plane="truth.microlens.type"
     )
     virtual_depth: Floats | None = _channel(
-        Truth.VIRTUAL_DEPTH, _IMAGES, np.nan, "v = a / b, the image's distance behind the array over the sensor's"
+        Truth.VIRTUAL_DEPTH,
+        _MESHES | _MICROLENSES,
+        np.nan,
+        "v = a / b, the image's distance behind the array over the sensor's",
     )
     disparity: Floats | None = _channel(
-        Truth.DISPARITY, _IMAGES, np.nan, "pitch / (v pixel pitch), between neighbouring microlenses", unit="pixels"
+        Truth.DISPARITY,
+        _MESHES | _MICROLENSES,
+        np.nan,
+        "pitch / (v pixel pitch), between neighbouring microlenses",
+        unit="pixels",
     )
     chord_disparity: Floats | None = _channel(
         Truth.CHORD_DISPARITY,
-        _CHORDS,
+        _MESHES | _MICROLENSES,
         np.nan,
         "disparity by chief rays of the point through neighbouring microlenses",
         unit="pixels",
     )
     incidence_angle: Floats | None = _channel(
         Truth.INCIDENCE_ANGLE,
-        _SENSOR,
+        Needs.NOTHING,
         np.nan,
         "angle of incidence on the sensor: between the ray and the sensor's normal",
         unit="rad",
     )
     state: NDArray[np.int32] | None = _channel(
-        Truth.STATE, _STATES, int(PixelState.UNKNOWN), "0 unknown, 1 dark, 2 lit but meeting nothing, 3 seen"
+        Truth.STATE, Needs.NOTHING, int(PixelState.UNKNOWN), "0 unknown, 1 dark, 2 lit but meeting nothing, 3 seen"
     )
     object_share: Floats | None = _channel(
-        Truth.OBJECT_SHARE, _SHARES, np.nan, "share of the pixel's light that comes from its object"
+        Truth.OBJECT_SHARE, _MESHES, np.nan, "share of the pixel's light that comes from its object"
     )
 
     if TYPE_CHECKING:

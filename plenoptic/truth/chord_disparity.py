@@ -9,25 +9,24 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.projection_rays import (
-    AIM_TOLERANCE,
+from plenoptic.camera.points.projection_rows import (
     Aim,
     EntranceRays,
     ThroughArray,
     aim_rays,
+    aim_tolerance,
     entrance_rays,
+    lenses_at,
     solve_2x2,
+    trace_to_target,
 )
-from plenoptic.camera.points.projection_rows import lenses_at
 from plenoptic.camera.psf.sensor_hits import forward_record
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.microlens.lattice import Lattice, neighbour_steps
 
 _TRIALS = 20
-_STEP = 1e-5
-"""Distance of the rays for finite differences, over the size of the entrance pupil."""
 _CHUNK = 1 << 12
 """Pixels whose chief rays are aimed together."""
 
@@ -95,20 +94,15 @@ def _chief_rays(record: ChordRecord, points: Floats, centres: Floats, first_entr
     neighbours are so close to each other that each step reduces the residual a hundredfold.
     """
     entrance, through, _, _ = record
-    n_lenses, h = len(points) // len(first_entry), _STEP * entrance.size
+    n_lenses, rows = len(points) // len(first_entry), np.arange(len(points))
 
-    def trace_to_array(rows: NDArray[np.int64], entry: Floats) -> tuple[RayBundle, Floats]:
-        behind_lens = traced_by(entrance.bare, entrance.through(points[rows], entry))
-        return behind_lens, through.intersections(behind_lens)
+    def trace(rows: NDArray[np.int64]) -> RayBundle:
+        return trace_record(entrance.bare, entrance.through(points[rows], entry[rows]))
 
-    rows = np.arange(len(points))
-    offsets = [0.0, 0.0], [h, 0.0], [0.0, h]
-    position, position_right, position_up = (
-        trace_to_array(rows[: len(first_entry)], first_entry + offset)[1] for offset in offsets
-    )
-    jacobian = np.tile(np.stack([position_right - position, position_up - position], axis=-1) / h, (n_lenses, 1, 1))
-    entry, hits = np.tile(first_entry, (n_lenses, 1)), np.tile(position, (n_lenses, 1))
-    limit = AIM_TOLERANCE + 64 * np.finfo(float).eps * (np.abs(centres).max(axis=1, initial=0.0) + entrance.size)
+    aim = Aim(entrance.bare, through.intersections)
+    position, jacobian = trace_to_target(entrance, aim, points[: len(first_entry)], first_entry)
+    jacobian, hits = np.tile(jacobian, (n_lenses, 1, 1)), np.tile(position, (n_lenses, 1))
+    entry, limit = np.tile(first_entry, (n_lenses, 1)), aim_tolerance(entrance, centres)
     for _ in range(_TRIALS):
         residual = centres[rows] - hits
         not_converged = ~(np.hypot(*residual.T) <= limit[rows])
@@ -116,6 +110,6 @@ def _chief_rays(record: ChordRecord, points: Floats, centres: Floats, first_entr
         if not len(rows):
             break
         entry[rows] += solve_2x2(jacobian[rows], residual[not_converged])
-        hits = trace_to_array(rows, entry[rows])[1]
+        hits = through.intersections(trace(rows))
     entry[rows] = np.nan
-    return trace_to_array(np.arange(len(points)), entry)[0]
+    return trace(np.arange(len(points)))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.camera_record import CameraRecord
@@ -21,26 +21,26 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Needs, Truth, channels_of
 from plenoptic.truth.chord_disparity import chord_record
-from plenoptic.truth.lookups import lens_numbers
 from plenoptic.truth.representative_rays import RepresentativeRays, representative_rays
 from plenoptic.truth.truth_arrays import available_truth, empty_truth, flags_needing, valid_truth
-from plenoptic.truth.truth_stages import SLOPE_STEP, PixelStages, TruthRecord
+from plenoptic.truth.truth_stages import SLOPE_STEP, PixelStages, TruthRecord, lens_numbers
 
 if TYPE_CHECKING:
     import distributed
 
     from plenoptic.core.engines.dask_engine import DaskCluster
-    from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
     from plenoptic.scene.scene import Scene
+    from plenoptic.scene.scene_record import SceneRecord
 
 _STRIP = 1 << 13
 """Pixels of a strip, the unit of work of one thread."""
-
 Arrays = dict[str, NDArray[Any]]
+_PIXEL_CHANNELS = Truth.MICROLENS | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY
+"""Channels that are defined for pixels only."""
 
 
 def truth_record(camera: PlenopticCamera, record: CameraRecord, requested: Truth) -> TruthRecord | None:
@@ -49,10 +49,10 @@ def truth_record(camera: PlenopticCamera, record: CameraRecord, requested: Truth
         return None
     parts = record.parts
     lens_pose = parts.lens_to_camera
-    axes = np.concatenate([np.eye(3), [[0.0, 0.0, record.z_plane]]])
+    axes = np.concatenate([np.eye(3), [[0.0, 0.0, record.parts.z_plane]]])
     if record.frame is not None:
         axes = np.concatenate([record.frame[:9].reshape(3, 3).T, record.frame[None, 9:]])
-    images = any(channel.source.stage == "images" for channel in channels_of(requested).values())
+    images = requested & (Truth.VIRTUAL_DEPTH | Truth.DISPARITY)
     return TruthRecord(
         requested=requested,
         frame=None if lens_pose is None else np.concatenate([lens_pose.turn.ravel(), lens_pose.shift]),
@@ -79,16 +79,8 @@ def compute_truth(
     arrays = empty_truth(truth.requested, (len(pixels),))
     stages = PixelStages(record, scene, intersector, truth, pixels, rays)
     for name, array in arrays.items():
-        fill, stage = channel_filler(name)
-        fill(array, getattr(stages, stage))
+        getattr(stages, f"fill_{name}")(array)
     return arrays
-
-
-def channel_filler(name: str) -> tuple[Callable[[NDArray[Any], Any], None], str]:
-    """Function that fills a channel, and the stage that it reads; kernels are loaded here."""
-    source = CHANNELS[name].source
-    module = importlib.import_module(f"plenoptic.truth.{source.filled_in}")
-    return getattr(module, f"fill_{name}"), source.stage
 
 
 def ground_truth(
@@ -112,12 +104,8 @@ def ground_truth(
         Requested channels. Unavailable ones, such as the virtual depth of a camera without microlenses, are left out.
     region : (slice, slice), optional
         Rows and columns of the sensor, such as ``np.s_[256:384, 192:320]``; bit-identical to the whole image.
-    threads : int, optional
-        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
-    client : distributed.Client, optional
-        Client of a dask cluster whose workers compute it, as for `render`.
-    progress : bool, optional
-        True: show a progress bar, or that kernels are compiled, from the second second on.
+    threads, client, progress : optional
+        As for `render`. The result does not depend on them.
 
     Returns
     -------
@@ -238,8 +226,8 @@ def strip_worker(job: tuple[Scene | None, PlenopticCamera, Truth]) -> Callable[[
     cells_per_pixel(record)
     truth_parameters = truth_record(camera, record, requested)
     assert truth_parameters is not None
-    sources = [channel.source for channel in channels_of(requested).values()]
-    if _has_meshes(scene) and any((source.needs | source.uses) & Needs.MESHES for source in sources):
+    needs_meshes = any(channel.needs & Needs.MESHES for channel in channels_of(requested).values())
+    if (needs_meshes or requested & Truth.STATE) and _has_meshes(scene):
         from plenoptic.scene.cache import prepared_scene
 
         assert scene is not None
@@ -268,3 +256,56 @@ def _has_meshes(scene: Scene | None) -> bool:
     from plenoptic.scene.cache import prepared_scene
 
     return prepared_scene(scene).record.geometry is not None
+
+
+def truth_along(
+    scene: Scene, camera: PlenopticCamera, on_sensor: Floats, on_array: Floats, *, truth: Truth
+) -> GroundTruth:
+    """Compute the ground truth along rays from the sensor that pass the array undeviated.
+
+    Points are (rows, columns, 2): x and y on the sensor and on the array, each in its own axes, mm; nan for no ray.
+    """
+    from plenoptic.scene.cache import prepared_scene
+
+    check_scene_and_camera(scene, camera)
+    prepared, record = prepared_scene(scene), prepared_camera(camera).record
+    meshes = prepared.record.geometry is not None
+    requested = available_truth(valid_truth(truth), meshes=meshes, microlenses=True) & ~_PIXEL_CHANNELS
+    truth_parameters = truth_record(camera, record, requested)
+    if truth_parameters is None:
+        raise InvalidValueError(
+            f"nothing of {truth!r} can be found along rays of a view: they have no microlens, and the scene has "
+            f"{'' if meshes else 'no '}meshes"
+        )
+    shape = on_sensor.shape[:2]
+    rays = _straight_rays(camera, record, on_sensor.reshape(-1, 2), on_array.reshape(-1, 2))
+    intersector = prepared.intersector if meshes else None
+    arrays = compute_truth(record, prepared.record, intersector, truth_parameters, rays.starts, rays)
+    return GroundTruth(**{name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()})
+
+
+def _straight_rays(
+    camera: PlenopticCamera, record: CameraRecord, on_sensor: Floats, on_array: Floats
+) -> RepresentativeRays:
+    """Trace undeviated rays from sensor points through array points, as representative rays."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK
+    from plenoptic.optics.lens.kernels.trace import fill_traced
+
+    axes, n = array_axes(camera), len(on_sensor)
+    is_valid = np.isfinite(on_sensor).all(axis=1) & np.isfinite(on_array).all(axis=1)
+    starts = axes.parts.sensor_to_local.points(np.column_stack([on_sensor, np.zeros(n)]))
+    aims = axes.local(on_array)
+    directions = np.column_stack([aims - starts[:, :2], -starts[:, 2]])
+    fields = np.zeros((-(-n // BLOCK) * BLOCK, 8))
+    fields[:n, :3] = axes.in_lens(aims)
+    turned = axes.parts.local_to_lens.directions(directions)
+    fields[:n, 3:6] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    fields[:n, 6] = 1.0
+    fields[:n][~is_valid] = fields[n:] = 0.0
+    fields[:, 7] = 1.0
+    fields[:n, 7] = ~is_valid
+    before = np.ascontiguousarray(fields.reshape(-1, BLOCK, 8).swapaxes(1, 2)).reshape(-1)
+    blocks = before.copy()
+    fill_traced(blocks, record.lens, None)
+    cells = np.full((n, 3), np.nan)
+    return RepresentativeRays(np.ascontiguousarray(starts[:, :2]), before, blocks, aims, cells, np.zeros(n, dtype=bool))

@@ -14,8 +14,8 @@ from plenoptic.camera.sampling.sampling_records import batch_record
 from plenoptic.core.values import Floats
 
 if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
+    from plenoptic.scene.scene_record import SceneRecord
 
 _SAMPLES, _MANY_SAMPLES = 64, 4096
 """Paths of a pixel; and of pixels of which fewer than _MIN_ARRIVED paths arrive, as behind a small stop."""

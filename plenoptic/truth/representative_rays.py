@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.camera_rays import fill_through_array
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.sampling.aperture_regions import aperture_regions
 from plenoptic.camera.sampling.sampling_records import IlluminatedPixels
-from plenoptic.camera.sampling.through_array import fill_through_array
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS
 from plenoptic.core.values import Floats
 
@@ -97,25 +97,18 @@ def _lost_rays(pixels: Floats) -> RepresentativeRays:
 
 def representative_rays(camera: CameraRecord, pixels: Floats, illuminated: IlluminatedPixels) -> RepresentativeRays:
     """Find the representative rays of pixels with centres (n, 2), some of which are illuminated."""
-    rays = _find_rays(
-        camera,
-        pixels,
-        illuminated.place,
-        np.arange(len(illuminated.place)),
-        illuminated.centres[:, None],
-        illuminated,
-        _PROBES,
-    )
-    rays.dark[illuminated.place] = False
+    place, centres = illuminated.place, illuminated.centres[:, None]
+    rays = _find_rays(camera, pixels, place, np.arange(len(place)), centres, illuminated, _PROBES)
+    rays.dark[place] = False
     for make_starts, probes in ((_aimed_starts, _DENSE_PROBES), (_spread_starts, _SHIFTED_PROBES)):
-        remaining = np.flatnonzero(rays.lost[illuminated.place])
+        remaining = np.flatnonzero(rays.lost[place])
         if not remaining.size:
             break
         starts, all_indices = make_starts(camera, remaining, illuminated), np.arange(len(remaining))
-        centres = illuminated.centres[remaining]
-        candidates = _find_rays(camera, centres, all_indices, remaining, starts, illuminated, probes)
+        pixels = illuminated.centres[remaining]
+        candidates = _find_rays(camera, pixels, all_indices, remaining, starts, illuminated, probes)
         lit = np.flatnonzero(~candidates.lost)
-        _replace_rays(rays, illuminated.place[remaining[lit]], candidates, lit)
+        _replace_rays(rays, place[remaining[lit]], candidates, lit)
     return rays
 
 
@@ -179,8 +172,8 @@ def _replace_rays(
     """Replace the rays `rows` by rays `indices` of another set."""
     rays.starts[rows], rays.aims[rows] = source.starts[indices], source.aims[indices]
     rays.cells[rows] = source.cells[indices]
-    _set_fields(rays.before, rows, _fields(source.before, indices))
-    _set_fields(rays.blocks, rows, _fields(source.blocks, indices))
+    _set_fields(rays.before, rows, ray_fields(source.before, indices))
+    _set_fields(rays.blocks, rows, ray_fields(source.blocks, indices))
 
 
 def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[RepresentativeRays, Floats]:
@@ -199,7 +192,7 @@ def _rays_from(camera: CameraRecord, starts: Floats, patterns: Floats) -> tuple[
     rays = StartRays(blocks, lenslets, cells, np.empty(n), np.empty(n, dtype=np.int64))
     representative_ray.fill_centroid_rays(rays, starts, probes, aims, regions)
     all_indices = np.arange(n)
-    aimed = _fields(blocks, all_indices)
+    aimed = ray_fields(blocks, all_indices)
     before = _trace(blocks, lenslets, camera)
     missed = np.flatnonzero(_are_lost(blocks, n) & (rays.nearest >= 0))
     if missed.size:
@@ -225,7 +218,7 @@ def _are_lost(blocks: Floats, n: int) -> NDArray[np.bool_]:
     return np.asarray(blocks.reshape(-1, 8, BLOCK)[:, STATUS // BLOCK].reshape(-1)[:n] != 0)
 
 
-def _fields(blocks: Floats, indices: NDArray[np.int64]) -> Floats:
+def ray_fields(blocks: Floats, indices: NDArray[np.int64]) -> Floats:
     """Fields (m, 8) of some rays of a bundle: x, y, z, direction, weight and status."""
     return blocks.reshape(-1, 8, BLOCK)[indices // BLOCK, :, indices % BLOCK]
 

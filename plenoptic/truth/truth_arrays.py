@@ -25,14 +25,14 @@ def available_truth(truth: Truth, *, meshes: bool, microlenses: bool) -> Truth:
     contents = (Needs.MESHES if meshes else Needs.NOTHING) | (Needs.MICROLENSES if microlenses else Needs.NOTHING)
     available = Truth.NONE
     for channel in channels_of(truth).values():
-        if not channel.source.needs & ~contents:
+        if not channel.needs & ~contents:
             available |= channel.flag
     return available
 
 
 def flags_needing(needs: Needs) -> str:
     """Names of the flags whose channels have some needs, such as VIRTUAL_DEPTH, DISPARITY; for messages."""
-    flags = dict.fromkeys(channel.flag for channel in CHANNELS.values() if channel.source.needs & needs)
+    flags = dict.fromkeys(channel.flag for channel in CHANNELS.values() if channel.needs & needs)
     return ", ".join(str(flag.name) for flag in flags)
 
 

@@ -1,4 +1,4 @@
-"""Stages from which channels are filled: representative rays of pixels, their hits, and the images of these.
+"""Stages of ground truth, representative rays of pixels, their hits and the images of these; and channels from them.
 
 A stage runs when the first channel reads it.
 """
@@ -13,22 +13,21 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import LensRecord
-from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.microlens_record import ArrayRecord
-from plenoptic.scene.geometry.record import Hits
-from plenoptic.truth.channels import Truth
-from plenoptic.truth.representative_rays import RepresentativeRays
+from plenoptic.optics.lens.lens_record import LensRecord
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.lenslets import types_of
+from plenoptic.scene.geometry.geometry_records import Hits
+from plenoptic.truth.channels import PixelState, Truth
+from plenoptic.truth.representative_rays import RepresentativeRays, ray_fields
 
 if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.geometry.accel import Intersector
+    from plenoptic.scene.scene_record import SceneRecord
     from plenoptic.truth.chord_disparity import ChordRecord
 
 SLOPE_STEP = 1e-5
 """Slope difference of neighbouring rays, and their separation over the distance of the lens, for finite differences.
 Errors are of the order of its square, 1e-10, and of the rounding of coordinates over it."""
-
 _CHUNK = 1 << 10
 """Pixels whose neighbouring rays are traced together."""
 
@@ -51,72 +50,6 @@ class TruthRecord(NamedTuple):
     """None if chord disparity is not requested or not defined."""
 
 
-class SensorRays(NamedTuple):
-    """Representative rays at the sensor, in the local axes of the array."""
-
-    pixels: NDArray[np.int64]
-    """(m,): illuminated pixels."""
-    directions: Floats
-    """(n, 3): from the pixel to the intersection with the array's rear principal plane, mm."""
-    normal: Floats
-    """(3,): unit normal of the sensor, towards the array."""
-
-
-class LitCells(NamedTuple):
-    """Microlenses of the representative rays."""
-
-    lit: NDArray[np.bool_]
-    """(n,): True for illuminated pixels."""
-    cells: Floats
-    """(lit, 3): see `RepresentativeRays`."""
-    array: MicrolensArray
-    record: ArrayRecord
-    numbers: NDArray[np.int64] | None
-    """FREE lattices: indices of the listed microlenses, by row; None for others."""
-
-    def indices(self) -> NDArray[np.int64]:
-        """Lattice indices (lit, 2); in FREE lattices (number, 0)."""
-        if self.numbers is None:
-            lattice = self.record.lattice
-            return np.rint((self.cells[:, :2] - lattice.origin) @ lattice.inverse).astype(np.int64)
-        number = self.numbers[self.cells[:, 2].astype(np.int64)]
-        return np.stack([number, np.zeros_like(number)], axis=1)
-
-
-class PixelStates(NamedTuple):
-    """Pixels by state."""
-
-    dark: NDArray[np.bool_]
-    """(n,): True if no light can reach the pixel."""
-    lit: NDArray[np.bool_]
-    """(n,): True if the ray leaves the lens."""
-    hit_pixels: NDArray[np.int64]
-    """(m,): pixels whose rays hit a surface."""
-
-
-class ObjectShares(NamedTuple):
-    """Fractions of light from the pixels' objects."""
-
-    pixels: NDArray[np.int64]
-    """(m,): pixels whose rays hit a surface."""
-    fraction: Floats
-    """(m,): fraction of the light."""
-
-
-class HitPoints(NamedTuple):
-    """Hit points of the representative rays."""
-
-    pixels: NDArray[np.int64]
-    """(m,): pixels whose rays hit a surface."""
-    points: Floats
-    """(n, 3): points in the lens's axes, defined for `pixels`."""
-    frame: Floats | None
-    """(12,): from the lens's axes to the camera's; None if they are the same."""
-    rotation: Floats | None
-    position: Floats | None
-    """Rotation and position from the lens's axes to the world; None if they are the same."""
-
-
 class SurfaceHits(NamedTuple):
     """Surface hits of the representative rays."""
 
@@ -131,28 +64,8 @@ class SurfaceHits(NamedTuple):
     scene: SceneRecord
 
 
-class ImagePoints(NamedTuple):
-    """Images of the hit points by the main lens."""
-
-    distance: Floats
-    """(n,): distance of the image behind the array's front principal plane, mm; nan without a hit."""
-    sensor_distance: Floats
-    """(n,): distance of the sensor behind the array's rear principal plane at each pixel, mm."""
-    pitch: float
-    """Smaller pitch of the microlenses over that of the pixels."""
-
-
-class Chords(NamedTuple):
-    """Disparities by chief rays."""
-
-    pixels: NDArray[np.int64]
-    """(m,): pixels whose rays hit a surface."""
-    disparity: Floats
-    """(m,): pixels."""
-
-
 class PixelStages:
-    """Stages for some pixels; each is a property that is computed once."""
+    """Stages for some pixels, each a property that is computed once, and a method `fill_...` for each channel."""
 
     def __init__(
         self,
@@ -170,26 +83,21 @@ class PixelStages:
     def _sensor_distance(self) -> Floats:
         """Distance (n,) of each ray's start behind the array's rear principal plane, mm."""
         plane, starts = self._camera.sensor.plane, self.rays.starts
-        return (
-            np.full(len(starts), plane.distance)
-            if plane.tilt is None
-            else plane.distance + (starts[:, 0] * plane.tilt[0] + starts[:, 1] * plane.tilt[1])
-        )
+        if plane.tilt is None:
+            return np.full(len(starts), plane.distance)
+        return np.asarray(plane.distance + (starts[:, 0] * plane.tilt[0] + starts[:, 1] * plane.tilt[1]))
 
     @cached_property
-    def sensor(self) -> SensorRays:
-        """Representative rays at the sensor."""
-        directions = np.column_stack([self.rays.aims - self.rays.starts, -self._sensor_distance])
-        normal = -self._camera.parts.sensor_to_local.turn[:, 2]
-        return SensorRays(np.flatnonzero(~self.rays.lost), directions, np.ascontiguousarray(normal))
+    def lenses(self) -> NDArray[np.int64]:
+        """Lattice indices (n, 2) of the pixels' microlenses, in FREE lattices (number, 0); 0 for pixels without one."""
+        lenses = np.zeros((len(self._pixels), 2), dtype=np.int64)
+        lit = self._has_lens
+        lenses[lit] = lattice_indices(self._camera, self.rays.cells[lit], self._truth.numbers)
+        return lenses
 
-    @cached_property
-    def cells(self) -> LitCells:
-        """Microlenses of the representative rays."""
-        camera, cells = self._camera, self.rays.cells
-        assert camera.microlenses is not None and camera.array is not None
-        lit = np.isfinite(cells[:, 0])
-        return LitCells(lit, cells[lit], camera.microlenses, camera.array, self._truth.numbers)
+    @property
+    def _has_lens(self) -> NDArray[np.bool_]:
+        return np.isfinite(self.rays.cells[:, 0])
 
     @cached_property
     def hits(self) -> SurfaceHits:
@@ -215,85 +123,177 @@ class PixelStages:
         hits = Hits(hits.triangle[is_hit], instance, None)
         return SurfaceHits(pixels[is_hit], distance[is_hit], hits, rays[is_hit], scene)
 
-    @cached_property
-    def states(self) -> PixelStates:
-        """Pixels by state."""
-        rays, scene = self.rays, self._scene
-        meshes = scene is not None and scene.geometry is not None
-        return PixelStates(rays.dark, ~rays.lost, self.hits.pixels if meshes else np.empty(0, dtype=np.int64))
+    @property
+    def _objects(self) -> NDArray[np.integer]:
+        """Indices (m,) of the meshes that are hit."""
+        assert self.hits.scene.triangle_mesh is not None
+        return self.hits.scene.triangle_mesh[self.hits.hits.triangle]
 
     @cached_property
-    def object_shares(self) -> ObjectShares:
-        """Fractions of the light that come from the objects hit by the representative rays."""
-        from plenoptic.truth.object_share import object_shares
+    def points(self) -> Floats:
+        """Hit points (m, 3) in the lens's axes."""
+        from plenoptic.truth.kernels.hit_points import fill_hit_points
 
-        hits, intersector = self.hits, self._intersector
-        assert hits.scene.triangle_mesh is not None and intersector is not None
-        objects = hits.scene.triangle_mesh[hits.hits.triangle]
-        fraction = object_shares(self._camera, hits.scene, intersector, self._pixels[hits.pixels], objects)
-        return ObjectShares(hits.pixels, fraction)
+        points = np.empty((len(self.hits.pixels), 3))
+        fill_hit_points(points, self.rays.blocks, self.hits.pixels, self.hits.distance)
+        return points
 
-    @cached_property
-    def points(self) -> HitPoints:
-        """Hit points of the representative rays."""
-        from plenoptic.truth.kernels import depth as point_kernels
-
-        camera, hits = self._camera, self.hits
-        points = np.empty((len(self._pixels), 3))
-        point_kernels.fill_hit_points(points, self.rays.blocks, hits.pixels, hits.distance)
-        return HitPoints(hits.pixels, points, self._truth.frame, camera.rotation, camera.position)
-
+    @property
     def world_points(self) -> Floats:
-        """Hit points (n, 3) in the world; nan without a hit."""
-        from plenoptic.truth.kernels.depth import fill_position
+        """Hit points (m, 3) in the world."""
+        return self._in_axes(self._camera.rotation, self._camera.position)
 
-        positions = np.full((len(self._pixels), 3), np.nan)
-        fill_position(positions, self.points)
-        return positions
+    @property
+    def _camera_points(self) -> Floats:
+        """Hit points (m, 3) in the camera's frame."""
+        frame = self._truth.frame
+        return self.points if frame is None else self._in_axes(frame[:9].reshape(3, 3), frame[9:])
+
+    def _in_axes(self, rotation: Floats | None, shift: Floats | None) -> Floats:
+        from plenoptic.truth.kernels.hit_points import fill_in_axes
+
+        if rotation is None:
+            return self.points
+        moved = np.empty_like(self.points)
+        fill_in_axes(moved, self.points, rotation, shift)
+        return moved
+
+    def entering(self, z: float) -> Floats:
+        """Intersections (m, 2) of rays with a hit with the plane z in front of the lens, in the lens's axes."""
+        rays = ray_fields(self.rays.blocks, self.hits.pixels)
+        t = (z - rays[:, 2]) / rays[:, 5]
+        return np.asarray(rays[:, :2] + t[:, np.newaxis] * rays[:, 3:5])
 
     @cached_property
-    def images(self) -> ImagePoints:
-        """Images of the hit points by the main lens, from eight rays around each representative ray."""
+    def _image_distance(self) -> Floats:
+        """Distance (n,) in mm behind the array of the main lens's images of the hit points; nan without a hit.
+
+        From eight rays around each representative ray.
+        """
         from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
         from plenoptic.optics.lens.kernels.trace import fill_traced
         from plenoptic.truth.kernels import virtual_depth
 
-        camera, truth, rays, hit_points = self._camera, self._truth, self.rays, self.points
-        assert camera.microlenses is not None and truth.unvignetted is not None
+        truth, rays, hit_pixels = self._truth, self.rays, self.hits.pixels
+        assert truth.unvignetted is not None
         distance = np.full(len(self._pixels), np.nan)
-        for start in range(0, len(hit_points.pixels) or 1, _CHUNK):
-            pixels = hit_points.pixels[start : start + _CHUNK]
+        for start in range(0, len(hit_pixels) or 1, _CHUNK):
+            pixels, points = hit_pixels[start : start + _CHUNK], self.points[start : start + _CHUNK]
             blocks = np.empty(-(-len(pixels) * virtual_depth.NEIGHBOURS // BLOCK) * RAY)
             virtual_depth.fill_neighbours(blocks, rays.before, pixels, truth.axes, truth.step, SLOPE_STEP)
             fill_traced(blocks, truth.unvignetted, None)
-            arguments = rays.blocks, hit_points.points, pixels, truth.step, SLOPE_STEP
-            virtual_depth.fill_image_distances(distance, blocks, *arguments)
-        return ImagePoints(distance, self._sensor_distance, min(camera.microlenses.pitches) / camera.sensor.pitch)
+            virtual_depth.fill_image_distances(distance, blocks, rays.blocks, points, pixels, truth.step, SLOPE_STEP)
+        return distance
 
-    @cached_property
-    def chords(self) -> Chords:
-        """Disparities of the hit points between neighbouring microlenses, by chief rays."""
+    def fill_depth(self, depths: Floats) -> None:
+        """Fill the depths, -z in the camera's frame, mm."""
+        depths[self.hits.pixels] = -self._camera_points[:, 2]
+
+    def fill_distance(self, distances: Floats) -> None:
+        """Fill the distances from the camera's origin, mm."""
+        from plenoptic.truth.kernels.hit_points import fill_norms
+
+        norms = np.empty(len(self.hits.pixels))
+        fill_norms(norms, self._camera_points)
+        distances[self.hits.pixels] = norms
+
+    def fill_position(self, positions: Floats) -> None:
+        """Fill the positions in the world, mm."""
+        positions[self.hits.pixels] = self.world_points
+
+    def fill_normal(self, normals: Floats) -> None:
+        """Fill the unit normals of the triangles in the world, towards the visible side."""
+        from plenoptic.scene.geometry.kernels import interaction
+
+        hits = self.hits
+        interaction.fill_normals(normals, hits.pixels, hits.hits, hits.rays, hits.scene.geometry)
+
+    def fill_object(self, numbers: NDArray[np.int32]) -> None:
+        """Fill the indices of the meshes."""
+        numbers[self.hits.pixels] = self._objects
+
+    def fill_material(self, numbers: NDArray[np.int32]) -> None:
+        """Fill the indices of the materials."""
+        geometry = self.hits.scene.geometry
+        assert geometry is not None
+        numbers[self.hits.pixels] = geometry.triangle_material[self.hits.hits.triangle]
+
+    def fill_microlens(self, indices: NDArray[np.int32]) -> None:
+        """Fill the lattice indices of the microlenses; in FREE lattices (number, 0)."""
+        indices[self._has_lens] = self.lenses[self._has_lens]
+
+    def fill_microlens_type(self, types: NDArray[np.int32]) -> None:
+        """Fill the types of the microlenses: rows of the array's focal lengths."""
+        assert self._camera.microlenses is not None
+        types[self._has_lens] = types_of(self._camera.microlenses, self.lenses[self._has_lens])
+
+    def fill_virtual_depth(self, depths: Floats) -> None:
+        """Fill the virtual depths: distance of the image behind the array over that of the sensor."""
+        depths[:] = self._image_distance / self._sensor_distance
+
+    def fill_disparity(self, disparities: Floats) -> None:
+        """Fill the displacements in pixels of the image between neighbouring microlenses, relative to their centres."""
+        assert self._camera.microlenses is not None
+        pitch = min(self._camera.microlenses.pitches) / self._camera.sensor.pitch
+        with np.errstate(divide="ignore"):
+            disparities[:] = pitch / (self._image_distance / self._sensor_distance)
+
+    def fill_chord_disparity(self, disparities: Floats) -> None:
+        """Fill the disparities by chief rays."""
         from plenoptic.truth.chord_disparity import chord_disparities
 
-        record, hit_points = self._truth.chords, self.points
-        if record is None:
-            return Chords(np.empty(0, dtype=np.int64), np.empty(0))
-        lenses, entering = self.lenses[hit_points.pixels], self.entering(record.entrance.z)
-        return Chords(
-            hit_points.pixels, chord_disparities(record, hit_points.points[hit_points.pixels], lenses, entering)
-        )
+        record, pixels = self._truth.chords, self.hits.pixels
+        if record is not None:
+            entering = self.entering(record.entrance.z)
+            disparities[pixels] = chord_disparities(record, self.points, self.lenses[pixels], entering)
 
-    @cached_property
-    def lenses(self) -> NDArray[np.int64]:
-        """Lattice indices (n, 2) of the pixels' microlenses; 0 for pixels without one."""
-        lenses = np.zeros((len(self._pixels), 2), dtype=np.int64)
-        lenses[self.cells.lit] = self.cells.indices()
-        return lenses
+    def fill_incidence_angle(self, angles: Floats) -> None:
+        """Fill the angles between rays and the sensor's normal, in radians."""
+        from plenoptic.truth.kernels.hit_points import fill_incidence
 
-    def entering(self, z: float) -> Floats:
-        """Intersections (m, 2) of rays with a hit with the plane z in front of the lens, in the lens's axes."""
-        from plenoptic.core.kernels.ray_blocks import BLOCK
+        directions = np.column_stack([self.rays.aims - self.rays.starts, -self._sensor_distance])
+        normal = np.ascontiguousarray(-self._camera.parts.sensor_to_local.turn[:, 2])
+        fill_incidence(angles, np.flatnonzero(~self.rays.lost), directions, normal)
 
-        rays = self.rays.blocks.reshape(-1, 8, BLOCK).swapaxes(1, 2).reshape(-1, 8)[self.hits.pixels]
-        t = (z - rays[:, 2]) / rays[:, 5]
-        return np.asarray(rays[:, :2] + t[:, np.newaxis] * rays[:, 3:5])
+    def fill_state(self, states: NDArray[np.int32]) -> None:
+        """Fill the states of the pixels."""
+        states[self.rays.dark] = PixelState.DARK
+        states[~self.rays.lost] = PixelState.EMPTY
+        if self._scene is not None and self._scene.geometry is not None:
+            states[self.hits.pixels] = PixelState.SEEN
+
+    def fill_object_share(self, shares: Floats) -> None:
+        """Fill the fractions of light from the pixels' objects."""
+        from plenoptic.truth.object_share import object_shares
+
+        hits, intersector = self.hits, self._intersector
+        assert intersector is not None
+        pixels = self._pixels[hits.pixels]
+        shares[hits.pixels] = object_shares(self._camera, hits.scene, intersector, pixels, self._objects)
+
+
+def lattice_indices(camera: CameraRecord, cells: Floats, numbers: NDArray[np.int64] | None) -> NDArray[np.int64]:
+    """Lattice indices (m, 2) of cells (m, 3), see `RepresentativeRays`; in FREE lattices (number, 0).
+
+    `numbers` are those of `lens_numbers`.
+    """
+    assert camera.array is not None
+    if numbers is None:
+        lattice = camera.array.lattice
+        return np.rint((cells[:, :2] - lattice.origin) @ lattice.inverse).astype(np.int64)
+    number = numbers[cells[:, 2].astype(np.int64)]
+    return np.stack([number, np.zeros_like(number)], axis=1)
+
+
+def lens_numbers(camera: CameraRecord) -> NDArray[np.int64] | None:
+    """Indices of the listed microlenses of a FREE array, those up to some distance along x and y, in order.
+
+    None for other lattices.
+    """
+    array = camera.microlenses
+    if array is None or array.lattice is not Lattice.FREE:
+        return None
+    assert array.centres is not None
+    assert camera.array is not None and camera.array.lens_table is not None
+    distance = np.abs(np.asarray(array.centres)).max(axis=1)
+    return np.sort(np.argsort(distance, kind="stable")[: len(camera.array.lens_table.lenses)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,14 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.raw_arrays import raw_arrays
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.rendering.exposure import Exposure
 from plenoptic.truth.channels import NO_MICROLENS
 from plenoptic.viewer.blocks import Blocks, Curve, packed
 from plenoptic.viewer.page import Viewer, page
 from plenoptic.viewer.pictures import block_for, middles, positive_white, rgba, webp
 from plenoptic.viewer.sight import ENOUGH, Sight, sight
+
+if TYPE_CHECKING:
+    from plenoptic.rendering.exposure import Exposure
 
 _BYTES = 7.3e6
 """Of data: in base64 and with all else, the page has less than 10 MB."""

@@ -212,7 +212,7 @@ def _grid(low: Floats, high: Floats) -> Floats:
 
 def plane_of(record: ForwardRecord) -> Plane:
     """Plane of a camera's field."""
-    parts, array = record.array.parts, record.camera.microlenses
+    parts, array = record.parts, record.camera.microlenses
     sensor = parts.sensor_to_local
     if array is not None:
         sensor = sensor._replace(shift=sensor.shift * [1.0, 1.0, 0.0])

@@ -125,13 +125,6 @@ def _middle(shape: tuple[int, int], half: Floats) -> tuple[slice, slice]:
 
 def fast_length(minimum: int) -> int:
     """Smallest even number of at least `minimum` whose prime factors are 2, 3 and 5."""
-    best = 1 << max(1, (minimum - 1).bit_length())
-    five = 1
-    while five < best:
-        three = five
-        while three < best:
-            length = three * (1 << max(1, math.ceil(math.log2(max(minimum / three, 1.0)))))
-            best = length if minimum <= length < best else best
-            three *= 3
-        five *= 5
-    return best
+    n = minimum.bit_length() + 1
+    products: list[int] = [2**i * 3**j * 5**k for i in range(1, n + 1) for j in range(n) for k in range(n)]
+    return min(length for length in products if length >= minimum)

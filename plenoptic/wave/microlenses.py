@@ -48,25 +48,22 @@ class Microlenses(NamedTuple):
         """Points (n, 2) of the array in the sensor's axes."""
         return np.asarray(points @ self.turn.T + self.shift)
 
-    def _boxes(self, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
-        """Corners (n, 2), (n, 2), from the lenses' axes, of the parts of a box in their cells, and the axes (n, 2)."""
+    def _boxes(self, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Corners (n, 2), (n, 2), from the lenses' axes, of the parts of a box in their cells, the axes (n, 2), and the
+        powers (n, 1).
+        """
         axes, centres = self.in_sensor_axes(self.lenses.axis), self.in_sensor_axes(self.lenses.design)
         radius = self.array.cell_radius
         box_low, box_high = np.clip(centres - radius, low, high), np.clip(centres + radius, low, high)
         inside = (box_high > box_low).all(axis=1)
-        return (box_low - axes)[inside], (box_high - axes)[inside], axes[inside]
-
-    def _powers(self, low: Floats, high: Floats) -> Floats:
-        centres = self.in_sensor_axes(self.lenses.design)
-        radius = self.array.cell_radius
-        inside = (np.clip(centres + radius, low, high) > np.clip(centres - radius, low, high)).all(axis=1)
-        return np.asarray(self.lenses.power[inside] * self.power_factor)
+        powers = (self.lenses.power * self.power_factor)[:, None]
+        return (box_low - axes)[inside], (box_high - axes)[inside], axes[inside], powers[inside]
 
     def max_deflection(self, low: Floats, high: Floats) -> Floats:
         """(2,) largest change of direction along x and y of light in a box."""
-        box_low, box_high, _ = self._boxes(low, high)
+        box_low, box_high, _, power = self._boxes(low, high)
         height = np.maximum(np.abs(box_low), np.abs(box_high))
-        power = np.abs(self._powers(low, high))[:, None]
+        power = np.abs(power)
         if not self.array.is_plate:
             return np.asarray((height * power).max(axis=0, initial=0.0))
         curvature = power / (self.refractive_index - 1.0)
@@ -75,8 +72,8 @@ class Microlenses(NamedTuple):
 
     def sensor_box(self, low: Floats, high: Floats, distance: float) -> tuple[Floats, Floats]:
         """Corners (2,), (2,) of the bounding box on the sensor of parallel light along the axis through a box."""
-        box_low, box_high, axes = self._boxes(low, high)
-        shrink = 1.0 - distance * self._powers(low, high)[:, None]
+        box_low, box_high, axes, power = self._boxes(low, high)
+        shrink = 1.0 - distance * power
         ends = np.stack([axes + shrink * box_low, axes + shrink * box_high])
         if has_clear_gaps(self.array.aperture) or not len(axes):
             ends = np.concatenate([ends.reshape(-1, 2), [low, high]])
@@ -150,7 +147,7 @@ def inside_edges(x: Floats, y: Floats, edges: Floats, width: Floats) -> Floats:
 def microlenses_around(record: ForwardRecord, low: Floats, high: Floats) -> Microlenses:
     """Microlenses that light in a box of the sensor's axes can meet."""
     camera: PlenopticCamera = record.camera
-    parts, array = record.array.parts, camera.microlenses
+    parts, array = record.parts, camera.microlenses
     assert array is not None
     back = parts.sensor_to_local.turn[:2, :2].T
     turn = back @ parts.array_turn

@@ -109,7 +109,7 @@ class _Image(NamedTuple):
 def _check_camera(camera: PlenopticCamera) -> None:
     check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
     array = camera.microlenses
-    if array is not None and array.model.rules.to_sensor is None:
+    if array is not None and not array.model.focuses:
         raise InvalidValueError(
             f"the microlenses have the model {array.model.name}, and no light passes a hole without extent; choose THIN"
         )
@@ -131,7 +131,7 @@ def _image_at(camera: PlenopticCamera, point: Floats, oversampling: float) -> _I
         return None
     lenses, distance = None, 0.0
     if camera.microlenses is not None:
-        lenses, distance = microlenses_around(beam.record, *lit_box(beam)), beam.record.array.parts.distance
+        lenses, distance = microlenses_around(beam.record, *lit_box(beam)), beam.record.parts.distance
     grid = grid_for(beam, lenses, distance, oversampling)
     pupil_waves = plane_waves(beam, grid)
     waves, area, lost = pupil_waves.waves, float(grid.spacing.prod()), 0.0

@@ -9,7 +9,7 @@ from table import Table
 from timing import median, taking_turns
 
 import plenoptic as pl
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 FIELD = (0.0, math.radians(10.0))
 
@@ -44,7 +44,7 @@ def aiming(sizes, *, rounds):
             pupil = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
             aim = partial(pl.aiming.aimed_rays, lens, field=(0.0, math.radians(degrees)), pupil=pupil)
             costs, rays = taking_turns({"aim": aim}, rounds=rounds)
-            met = traced_part(lens, rays["aim"], 0, lens.iris_index, clipping=False)
+            met = trace_part(lens, rays["aim"], 0, lens.iris_index, clipping=False)
             miss = float(np.nanmax(np.abs(met.origin[:, :2] - pupil * lens.stop.semi_diameter)))
             rows.append((name, degrees, f"{n:,}", *(1e3 * time for time in median(costs["aim"])), 1e3 * miss))
     columns = "lens | field, degrees | rays | wall ms | CPU ms | largest miss on the iris, um"

@@ -6,9 +6,9 @@ from timing import apart, memory, timed
 
 import plenoptic as pl
 from plenoptic.scene.geometry.accel import build_intersector
-from plenoptic.scene.geometry.compile import geometry_record
+from plenoptic.scene.geometry.build_geometry import geometry_record
+from plenoptic.scene.geometry.geometry_records import Hits
 from plenoptic.scene.geometry.instance import Instances
-from plenoptic.scene.geometry.record import Hits
 
 # Triangles are some 2 x side^2 for terrain, 5000 a ball for the others.
 FULL = (

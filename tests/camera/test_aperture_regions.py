@@ -171,7 +171,7 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too():
             points = centres + outward * (edge * rng.uniform(1 - excess, 1 + excess, n))[:, None]
             sensor = pixel + rng.uniform(-0.5, 0.5, (n, 2)) * SENSOR.pixel_pitch
             power, b = 1 / array.focal_length, camera.microlenses_to_sensor
-            rays = bent_by_plates(tables.array, power, b, tables.z_plane, points, centres, sensor)
+            rays = bent_by_plates(tables.array, power, b, tables.parts.z_plane, points, centres, sensor)
             passed = camera.lens.trace_reverse(rays).status == 0
             outside = np.any((points - centres) @ array.cell_edges[:, :2].T > array.cell_edges[:, 2], axis=1)
             tested = passed & outside

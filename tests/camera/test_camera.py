@@ -108,7 +108,7 @@ def test_impossible_views_and_poses():
     for rotation, position, message in (
         (np.diag([1.0, 1, -1]), np.zeros(3), "not a right-handed orthonormal"),
         (2 * np.eye(3), np.zeros(3), "not a right-handed orthonormal"),
-        (np.eye(3) * math.nan, np.zeros(3), "not finite"),
+        (np.eye(3) * math.nan, np.zeros(3), "defect nan"),
         (np.eye(3), [0, math.inf, 0], "not finite"),
         (np.eye(4), np.zeros(3), r"rotation has shape \(4, 4\)"),
     ):

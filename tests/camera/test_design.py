@@ -9,7 +9,7 @@ import plenoptic as pl
 from plenoptic.camera.design.design import design_camera
 from plenoptic.camera.gaussian import CameraKind
 from plenoptic.camera.report.report import camera_report
-from plenoptic.optics.lens.analysis.focus import best_focus
+from plenoptic.optics.lens.analysis.best_focus import best_focus
 
 # Reports of paraxial lenses cost less.
 THIN, NONE, PARAXIAL = (LENS.with_model(pl.LensModel[name]) for name in ("THIN", "NONE", "PARAXIAL"))

@@ -13,11 +13,10 @@ from camera_helpers import CAMERA, agree, bare_camera, camera_with, compiled_ane
 import plenoptic as pl
 from plenoptic.camera import cache
 from plenoptic.camera import camera_record as record
-from plenoptic.camera.camera_rays import CameraRays
+from plenoptic.camera.camera_rays import CameraRays, fill_through_array
 from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.camera.sampling.through_array import fill_through_array
 from plenoptic.optics.lens.kernels.trace import fill_traced
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.lens.pupil.outline import polygon_around
@@ -189,11 +188,11 @@ def blind(made, camera):
 
     Paths are drawn over all microlenses near a pixel, whole, from which rays may reach the lens's last element.
     """
-    plane = made.z_plane + (made.parts.distance if made.array is None else 0.0)
+    plane = made.parts.z_plane + (made.parts.distance if made.array is None else 0.0)
     a, b = rear_reach(camera.lens, plane, camera.wavelength)
     bins = len(made.pupil.reach)
     support = np.full(made.pupil.support.shape, 1.1 * (a + b * bins * made.pupil.step))
-    everything = {"support": support, "corners": polygon_around(support), "parted": np.zeros(bins, dtype=np.bool_)}
+    everything = {"support": support, "corners": polygon_around(support), "disconnected": np.zeros(bins, dtype=bool)}
     return made._replace(exact=False, pupil=made.pupil._replace(**everything, reach=1.1 * support[:, 0]))
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.focus import best_focus
+from plenoptic.optics.lens.analysis.best_focus import best_focus
 from plenoptic.optics.lens.models import FocusCriterion
 
 POINTS = pl.paraxial.cardinal_points(LENS)

@@ -8,8 +8,8 @@ from camera_helpers import CAMERA as GALILEAN
 from camera_helpers import bare_camera
 
 import plenoptic as pl
-from plenoptic.camera.report.html import report_html
 from plenoptic.camera.report.layout import camera_frustum, section_rays
+from plenoptic.plots.notebook.camera_html import report_html
 
 LENS, SENSOR, ARRAY = GALILEAN.lens, GALILEAN.sensor, GALILEAN.microlenses
 ONE, CONVENTIONAL = pl.PlenopticCamera(LENS, SENSOR, 134.6, ARRAY, 2.0), bare_camera()
@@ -89,9 +89,9 @@ def test_key_numbers_are_those_of_the_report():
     assert "at infinity" in horizon._repr_html_()
 
 
-def test_reports_begin_with_the_gravest():
+def test_reports_begin_with_their_warnings():
     kinds = pl.camera.CameraFindingKind
     findings = [pl.camera.CameraFinding(kind, f"about <{kind.name}>") for kind in (kinds.DARK_GAPS, kinds.INSIDE_LENS)]
     html = report_html(dataclasses.replace(GALILEAN.report(), warnings=tuple(findings)))
-    assert html.index("INSIDE_LENS") < html.index("DARK_GAPS") < html.index("focal length")
+    assert html.index("DARK_GAPS") < html.index("INSIDE_LENS") < html.index("focal length")
     assert "about &lt;DARK_GAPS&gt;" in html

@@ -8,7 +8,7 @@ import pytest
 from camera_helpers import CAMERA, the_lens, with_array
 
 import plenoptic as pl
-from plenoptic.camera.plausibility import warn_if_implausible
+from plenoptic.camera.checks import warn_if_implausible
 from plenoptic.errors import ImplausibleCameraWarning
 
 LENS = CAMERA.lens

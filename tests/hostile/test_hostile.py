@@ -14,7 +14,7 @@ from hostile_gltf import TRIANGLE, header
 from hostile_images import png
 
 import plenoptic as pl
-from plenoptic.scene.files.gltf.nodes import composed
+from plenoptic.scene.files.gltf.nodes import compose_matrices
 
 MOST_SECONDS = 5.0
 """s of CPU for one file; what the system takes to hand out memory is bounded by the next one."""
@@ -84,5 +84,5 @@ def test_limits_can_be_raised(tmp_path):
 def test_nodes_stand_where_each_alone_would():
     random = np.random.default_rng(3)
     parts = [random.normal(size=(100, count)) for count in (3, 4, 3)]
-    alone = [composed(*(part[k : k + 1] for part in parts))[0] for k in range(100)]
-    np.testing.assert_array_equal(composed(*parts), alone)
+    alone = [compose_matrices(*(part[k : k + 1] for part in parts))[0] for k in range(100)]
+    np.testing.assert_array_equal(compose_matrices(*parts), alone)

@@ -18,14 +18,9 @@ HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lat
 
 def the_camera(shape=(242, 242), model=pl.LensModel.THIN, **array):
     """The reference camera in mode 1.0, focused at z = -404."""
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(4.25)).with_model(model)
-    return pl.PlenopticCamera(
-        lens=lens,
-        microlenses=pl.MicrolensArray(**({"pitch": 0.217, "focal_lengths": (2.0,), "lattice": SQUARE} | array)),
-        sensor=pl.Sensor(shape=shape, pixel_pitch=0.010),
-        stop_to_microlenses=130.0,
-        microlenses_to_sensor=2.0,
-    ).focused_at(z=-404.0)
+    camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=shape, lattice=SQUARE)
+    lens, array = camera.lens.with_model(model), dataclasses.replace(camera.microlenses, **array)
+    return dataclasses.replace(camera, lens=lens, microlenses=array).focused_at(z=-404.0)
 
 
 def white_of(camera, samples=64, seed=11, **more):

@@ -11,6 +11,7 @@ from hypothesis import given, strategies
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield import depth, disparity_edges, disparity_scores
+from plenoptic.lightfield.reading import light_field
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
@@ -110,6 +111,32 @@ def test_without_texture_errors_are_large_and_confidence_is_low(white):
     )
 
 
+def test_a_matcher_of_ones_own_takes_the_place_of_the_steps(edge, white, depth_map):
+    """The steps in a function give the bits of the default; the true disparity as a match gives the true depth."""
+    stacks = []
+
+    def steps(stack, first, end):
+        stacks.append(stack)
+        disparity = pl.lightfield.semi_global(pl.lightfield.plane_sweep(stack, first, end), stack.disparities)
+        return pl.lightfield.refine(stack, disparity, first)
+
+    again = depth(edge, white, matcher=steps, threads=1)
+    assert again == depth_map and len(stacks) > 1
+
+    def constant(stack, first, end):
+        plane = np.ones((end - first, *stack.values.shape[1:]))
+        return pl.lightfield.Matches(stack.pitch / 4.5 * plane, 0.01 * plane, plane)
+
+    shot = shown(CAMERA, scenes.plane(CAMERA, 4.5, 45))
+    flat, where = depth(shot, white, matcher=constant), scenes.near_centres(CAMERA, shot)
+    assert np.abs(flat.disparity / shot.truth.chord_disparity - 1)[where].max() < 0.005
+    assert np.abs(flat.depth / shot.truth.depth - 1)[where].max() < 0.002 and np.nanmin(flat.confidence) == 1
+    views = depth(field(0.5), disparity_range=(-1.0, 1.0), matcher=constant)
+    assert np.all(views.disparity == 1 / 4.5) and np.all(views.standard_error == 0.01)
+    with pytest.raises(InvalidValueError, match="returns disparity of shape"):
+        depth(edge, white, matcher=lambda stack, first, end: constant(stack, first, end + 1))
+
+
 def test_what_cannot_be_matched_is_refused(edge, white):
     free = pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=[(0.0, 0.0), (0.2, 0.0)])
     for arguments, said in (
@@ -142,12 +169,7 @@ def field(disparity, slant=0.0, count=5, steps=1.0):
     down = row + v * (disparity + slant * x)
     angle = np.multiply.outer(down, waves[:, 0]) + np.multiply.outer(x, waves[:, 1])
     views = (2 + 0.2 * np.cos(angle + phase).sum(axis=-1, keepdims=True)).astype(np.float32)
-    nothing, nowhere = np.full((40, 48, 2), np.nan), np.full((count, count, 2), np.nan)
-    return pl.lightfield.LightField(
-        **{"views": views, "standard_error": None, "u": offsets, "v": offsets, "pixel": nothing, "on_array": nothing},
-        **{"exit_pupil": nowhere, "pupil": nowhere, "origin": np.full(2, np.nan), "spacing": (np.nan, np.nan)},
-        **{"object_spacing": (np.nan, np.nan), "z_focus": np.nan, "camera": None},
-    )
+    return dataclasses.replace(light_field(views), u=offsets, v=offsets)
 
 
 def test_slopes_of_epipolar_lines():

@@ -16,14 +16,9 @@ TURNED = pl.optics.Placement(rotation=rotation_about_axes((0.003, -0.004, 0.2)),
 
 
 def the_camera(b=1.7, stop=5.0, types=(2.0,), lattice=pl.Lattice.HEXAGONAL, shape=(120, 120), **more):
-    return pl.PlenopticCamera(
-        lens=LENS.with_stop(pl.CircularStop(stop)),
-        microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=types, lattice=lattice),
-        sensor=pl.Sensor(shape=shape, pixel_pitch=0.01),
-        stop_to_microlenses=123.3,
-        microlenses_to_sensor=b,
-        **more,
-    )
+    camera = pl.camera.example_camera(shape=shape, lattice=lattice)
+    lens, array = LENS.with_stop(pl.CircularStop(stop)), dataclasses.replace(camera.microlenses, focal_lengths=types)
+    return dataclasses.replace(camera, lens=lens, microlenses=array, microlenses_to_sensor=b, **more)
 
 
 GALILEAN = the_camera()

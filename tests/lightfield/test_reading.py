@@ -12,14 +12,7 @@ from plenoptic.lightfield import read_eslf, read_hci, read_views, refocus
 
 @pytest.fixture(scope="module")
 def field():
-    plain = pl.camera.example_camera()
-    camera = dataclasses.replace(
-        plain,
-        lens=plain.lens.with_stop(pl.CircularStop(semi_diameter=4.25)),
-        microlenses=dataclasses.replace(plain.microlenses, lattice=pl.Lattice.SQUARE),
-        sensor=pl.Sensor(shape=(154, 198), pixel_pitch=0.01),
-        microlenses_to_sensor=2.0,
-    ).focused_at(z=-404.0)
+    camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(154, 198), lattice=pl.Lattice.SQUARE)
     scene = pl.Scene(pl.targets.checkerboard(30, 30, square=1.5).translated(z=-390.0).meshes, background=0.2)
     shot = pl.render(scene, camera, samples=16, progress=False)
     return pl.lightfield.decode(shot, pl.render_white(camera, samples=16, progress=False), views=5)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.layout import layout, layout_fields, ray_paths
+from plenoptic.optics.lens.analysis.layout import layout_fields, ray_paths
 from plenoptic.optics.lens.pupil.iris_points import fan
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.plots.lens import plot_layout
@@ -51,13 +51,13 @@ def test_fields_that_are_worth_drawing():
         found = np.degrees(layout_fields(lens))
         assert found[0] == 0.0 and found[1] == pytest.approx(0.7 * found[2])
         assert found[2] == pytest.approx(half, abs=4.0)
-        ax = layout(lens)
+        ax = lens.layout()
         assert len(ax.get_legend().get_texts()) == 3 and ax.get_aspect() == 1.0, name
         ax.figure.canvas.draw()
 
 
 def test_one_colour_a_field_and_rays_up_to_the_image_plane():
-    ax = layout(LENS, fields=[0.0, 0.2], rays=5)
+    ax = LENS.layout(fields=[0.0, 0.2], rays=5)
     axis, tilted = lines_of(ax, "0°"), lines_of(ax, "11.5°")
     assert axis.get_color() != tilted.get_color()
     z = axis.get_xdata()
@@ -69,18 +69,18 @@ def test_one_colour_a_field_and_rays_up_to_the_image_plane():
 
 def test_objects_near_and_far():
     # The object is shown where it is near; of one farther away, only the last part of the way.
-    near = lines_of(layout(LENS, fields=[5.0], z_object=-45.0), "5 mm")
+    near = lines_of(LENS.layout(fields=[5.0], z_object=-45.0), "5 mm")
     assert np.nanmin(near.get_xdata()) == -45.0
-    far = lines_of(layout(LENS, fields=[50.0], z_object=-404.0), "50 mm")
+    far = lines_of(LENS.layout(fields=[50.0], z_object=-404.0), "50 mm")
     assert -80.0 < np.nanmin(far.get_xdata()) < LENS.vertices[0]
     # Rays that pass beside the lens are not drawn.
-    line = lines_of(layout(LENS, fields=[0.45], rays=9), "25.8°")
+    line = lines_of(LENS.layout(fields=[0.45], rays=9), "25.8°")
     assert 0 < len(line.get_xdata()) // (len(LENS.elements) + 3) < 9
     # Without an image plane, rays run on for the length of the lens.
-    afocal = layout(LENS, fields=[0.0], z_object=pl.paraxial.cardinal_points(LENS).front_focus)
+    afocal = LENS.layout(fields=[0.0], z_object=pl.paraxial.cardinal_points(LENS).front_focus)
     assert np.nanmax(lines_of(afocal, "0 mm").get_xdata()) == pytest.approx(LENS.vertices[-1] + LENS.length)
     # The drawing shows the glass, and so the rays through it.
-    layout(LENS.with_model(pl.LensModel.PARAXIAL), fields=[0.1])
+    LENS.with_model(pl.LensModel.PARAXIAL).layout(fields=[0.1])
 
 
 def test_outlines_of_glass_are_closed():
@@ -96,12 +96,11 @@ def test_outlines_of_glass_are_closed():
 def test_given_axes_are_used_and_what_makes_no_sense_is_refused():
     lens = pl.load_lens("singlet-100mm-f4")
     _, ax = plt.subplots()
-    assert layout(lens, fields=[0.0], ax=ax) is ax
+    assert lens.layout(fields=[0.0], ax=ax) is ax
     for draw, message in (
         (lambda: plot_layout(lens, [np.zeros((1, 2, 3))], labels=["a", "b"]), "2 labels for 1 fields"),
-        (lambda: layout("singlet"), "give a LensStack"),
-        (lambda: layout(lens, rays=1), "rays is 1"),
-        (lambda: layout(lens, fields=[4.0]), "below pi"),
+        (lambda: lens.layout(rays=1), "rays is 1"),
+        (lambda: lens.layout(fields=[4.0]), "below pi"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             draw()

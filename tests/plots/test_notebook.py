@@ -61,6 +61,7 @@ def _projection():
 
 
 VALUES = {
+    "lens": lambda: LENS,
     "camera": lambda: CAMERA,
     "report": CAMERA.report,
     "scene": lambda: pl.Scene([pl.box(4).translated(0, 0, -400)], [pl.lights.PointLight((0, 50, -400))]),

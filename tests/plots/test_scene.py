@@ -4,10 +4,11 @@ import time
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import plenoptic as pl
-from plenoptic.plots.silhouettes import painted, shapes_of
+from plenoptic.plots.scene_shapes import draw_shapes, shapes_of
 
 CAMERA = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((64, 64), 0.1), 134.6)
 X, Y, Z = np.eye(3)
@@ -19,25 +20,29 @@ def drawn(scene, camera=None):
     return figure.axes
 
 
-BOX = np.array([[-50.0, 50.0], [-50.0, 50.0]])
+def covered(scene, right, up):
+    """(400, 400): True where a scene is drawn, of 100 mm around the origin."""
+    figure = Figure((4.0, 4.0), dpi=100)
+    ax = figure.add_axes((0, 0, 1, 1), xlim=(-50, 50), ylim=(-50, 50))
+    ax.axis("off")
+    draw_shapes(ax, shapes_of(scene), right, up, 1.0)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return (np.asarray(canvas.buffer_rgba())[..., :3] < 255).any(axis=2)
 
 
 def test_silhouettes_have_the_area_of_what_they_show():
-    shapes = shapes_of(pl.Scene([pl.box((40, 20, 30))]))
     for right, up, size in ((X, Y, (20, 40)), (-Z, Y, (20, 30)), (-Z, -X, (40, 30))):
-        picture = painted(shapes, right, up, BOX, (400, 400))
-        # Four pixels are 1 mm; the rim is one pixel wide.
-        rows, columns = np.ptp(np.argwhere(picture[..., 3] > 0), axis=0) + 1
+        # Four pixels are 1 mm.
+        rows, columns = np.ptp(np.argwhere(covered(pl.Scene([pl.box((40, 20, 30))]), right, up)), axis=0) + 1
         assert rows / 4 == pytest.approx(size[0], abs=0.6) and columns / 4 == pytest.approx(size[1], abs=0.6)
     # Fine meshes are as full as coarse ones.
     ball = pl.sphere(40.0)
     assert len(ball.faces) > 6000
-    picture = painted(shapes_of(pl.Scene([ball])), X, Y, BOX, (300, 300))
-    assert (picture[..., 3] > 0).sum() == pytest.approx(np.pi * 120**2, rel=0.03)
+    assert covered(pl.Scene([ball]), X, Y).sum() == pytest.approx(np.pi * 160**2, rel=0.03)
     # Up is up and right is right.
-    picture = painted(shapes_of(pl.Scene([pl.box(10).translated(30, 20, 0)])), X, Y, BOX, (100, 100))
-    row, column = np.argwhere(picture[..., 3] > 0).mean(axis=0)
-    assert row == pytest.approx(29.5, abs=1) and column == pytest.approx(79.5, abs=1)
+    row, column = np.argwhere(covered(pl.Scene([pl.box(10).translated(30, 20, 0)]), X, Y)).mean(axis=0)
+    assert row == pytest.approx(119.5, abs=4) and column == pytest.approx(319.5, abs=4)
 
 
 def test_instances_stand_in_their_places():

@@ -13,7 +13,7 @@ import plenoptic as pl
 from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.crop import samples_text
-from plenoptic.rendering.schedule import outcome
+from plenoptic.rendering.schedule import scheduler
 from plenoptic.truth.channels import GroundTruth
 from plenoptic.truth.truth_arrays import empty_truth
 
@@ -136,7 +136,7 @@ def test_exr_keeps_what_the_numbers_of_objects_mean(tmp_path, monkeypatch):
     assert pl.render(scene, camera, **(settings | {"truth": pl.Truth.DEPTH})).object_names is None
     long = pl.Scene([replace(wall, name="w" * 5000)])
     assert long.object_names == ("w" * 100, "")
-    monkeypatch.setattr(outcome, "MOST_NAMES", 3)
+    monkeypatch.setattr(scheduler, "MOST_NAMES", 3)
     assert pl.render(scene, camera, **settings).object_names is None
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.sampling.region_method import no_core_reason
+from plenoptic.camera.sampling.region_bounds import no_core_reason
 
 OUTER, INNER = 50.0, 18.0
 SHARE = INNER / OUTER

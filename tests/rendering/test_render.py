@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.sampling import pupil_margins
+from plenoptic.camera.sampling import region_bounds
 from plenoptic.truth.channels import Truth
 
 sys.path.insert(0, str(Path(__file__).parent / "integrator"))
@@ -378,9 +378,9 @@ def test_fast_spherical_microlenses_lose_no_light_to_the_bounds(monkeypatch):
     camera = reference_camera(0.3, 17.1, focal_lengths=(0.3,), model=model, thickness=0.2)
     settings = {"region": np.s_[100:108, 0:8], "progress": False}
     shot = pl.render_white(camera, samples=1024, **settings)
-    margins, widened = pupil_margins.aberration_margins, []
+    margins, widened = region_bounds.aberration_margins, []
     monkeypatch.setattr(
-        pupil_margins, "aberration_margins", lambda *given: widened.append(0) or [3 * m for m in margins(*given)]
+        region_bounds, "aberration_margins", lambda *given: widened.append(0) or [3 * m for m in margins(*given)]
     )
     # Another camera: what has been found for the first one is not used again.
     other = dataclasses.replace(camera, wavelength=camera.wavelength + 1e-9)

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.camera.shutter import Shutter
 from plenoptic.command.main import main
 from plenoptic.rendering.plan.stages import Plan, Stage
-from plenoptic.study.cameras import furnished_camera
+from plenoptic.rendering.settings import Caustics
 from plenoptic.study.cost import ablation, camera_ablation, cost_study, scene_ablation
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
 from plenoptic.study.cost.cost_cases import COST_CASES
@@ -21,9 +22,66 @@ from plenoptic.study.cost.cost_study import Picture, cost_of, picture_change, sh
 CROP = np.s_[252:260, 252:260]
 
 
+def furnished_camera():
+    """The reference camera with every part that a camera can have, posed."""
+    plain = pl.camera.example_camera()
+    array = dataclasses.replace(
+        plain.microlenses, focal_lengths=(1.9, 2.0, 2.1), model=pl.optics.MicrolensModel.SPHERICAL,
+        aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.85),
+        imperfections=pl.MicrolensImperfections(pitch_jitter=0.001), walls=pl.optics.Walls.OPAQUE,
+    )  # fmt: skip
+    response = pl.sensor.AngularResponse(well_depth=0.5, pupil_distance=130.0)
+    sensor = pl.Sensor((128, 128), plain.sensor.pixel_pitch, angular_response=response)
+    half_size = (0.5 * sensor.size[0], 0.5 * sensor.size[1])
+    dust = pl.Blemishes.scattered(pl.BlemishSite.SENSOR, half_size=half_size, dust_per_mm2=4.0)
+    first, *following = plain.lens.elements
+    lens = dataclasses.replace(
+        plain.lens, elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9)), *following]
+    ).with_stop(pl.PolygonStop(blades=6, semi_diameter=5.0))
+    camera = dataclasses.replace(
+        plain, lens=lens.moved(3, shift=(0.02, 0.0, 0.0)), microlenses=array, sensor=sensor,
+        sensitivity=pl.sensitivities.colour_camera(), blemishes=(dust,),
+    )  # fmt: skip
+    tilt = math.radians(0.2)
+    for part, move in (
+        (pl.CameraPart.SENSOR, {"tilt": (tilt, 0.0, tilt)}),
+        (pl.CameraPart.MICROLENSES, {"tilt": (0.0, tilt, 0.0)}),
+        (pl.CameraPart.LENS, {"shift": (0.05, 0.0, 0.0)}),
+    ):
+        camera = camera.moved(part, **move)
+    return camera.posed(position=(30.0, 20.0, 10.0), look_at=(-200.0, 0.0, -400.0))
+
+
+def furnished_scene(camera):
+    """A still life with every part that a scene can have, in front of a posed camera."""
+    rng, base = np.random.default_rng(0), pl.still_life()
+    transforms = np.tile(np.eye(4), (6, 1, 1))
+    transforms[:, :3, 3] = [(x, y, -400.0) for x in (-1.0, 0.0, 1.0) for y in (1.0, 2.0)]
+    normals = np.full((8, 8, 3), (0.5, 0.5, 1.0)) + rng.uniform(-0.1, 0.0, (8, 8, 3))
+    curtain = pl.MetallicRoughness(
+        pl.Texture(rng.uniform(0.3, 0.9, (8, 8, 3))), normal_map=pl.Texture(normals),
+        opacity=pl.Texture(rng.uniform(0.0, 0.5, (8, 8, 1))),
+    )  # fmt: skip
+    meshes = [
+        *base.meshes,
+        pl.quad((-3, -3, -390), (6, 0, 0), (0, 6, 0), material=curtain),
+        pl.quad((-7, -3, -390), (3, 0, 0), (0, 6, 0), material=pl.materials.ThinGlass(transmittance=(0.8, 0.9, 0.9))),
+        pl.sphere(1.0, center=(2.0, 2.5, -398.0), material=pl.Dielectric(1.5, absorption=(0.2, 0.1, 0.1))),
+        pl.box(0.6, center=(-2.0, 2.5, -398.0), material=pl.Emissive(2.0)),
+        pl.scene.Instances(pl.box(0.4), transforms),
+    ]
+    lights = [*base.lights, pl.lights.PointLight((30, 40, -360), 2e3), pl.SunLight((0.2, -1.0, -1.0), 0.5)]
+    sky = pl.EnvironmentMap(rng.uniform(0.1, 0.6, (4, 8, 3)))
+    to_world = np.column_stack([camera.pose.rotation, camera.pose.position])
+    return pl.Scene(meshes, lights, sky).transformed(np.vstack([to_world, [0, 0, 0, 1]]))
+
+
 @pytest.fixture(scope="module")
 def furnished():
-    return COST_CASES["furnished"]()
+    shake = pl.Motion.screw((-1.0, 1.0), axis=(1.0, 2.0, 3.0), angle_deg=0.1, advance=0.5)
+    camera = dataclasses.replace(furnished_camera(), shutter=Shutter(0.02, row_time=1e-5, motion=shake))
+    settings = {"caustics": Caustics.EXCLUDE, "clamp": 100.0, "sampler": pl.rendering.Sampler.RANDOM}
+    return pl.plan(furnished_scene(camera), camera, truth=pl.Truth.ALL, **settings)
 
 
 NOT_FURNISHED = {Stage.DIFFRACTION, Stage.CERTAIN_LIGHT}
@@ -48,7 +106,7 @@ def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
 
 
 def test_nothing_is_listed_that_does_not_run():
-    for case in COST_CASES.keys() - {"furnished"}:
+    for case in COST_CASES:
         plan = COST_CASES[case]()
         assert {one.stage for one in ablations(plan)} == {d.stage for d in plan.decisions if d.runs}, case
 

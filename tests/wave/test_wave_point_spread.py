@@ -9,7 +9,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import paraxial_focus
+from plenoptic.optics.lens.analysis.best_focus import paraxial_focus
 from plenoptic.optics.lens.waves.wavefront import wavefront
 from plenoptic.wave.beam import beam_of
 from plenoptic.wave.field import plane_waves, through_array, to_sensor
@@ -217,7 +217,7 @@ def fields(camera, point):
     """Beam, grid, and the field behind the array and on the sensor, with the grid's carrier."""
     beam = beam_of(camera, np.array(point))
     lenses = microlenses_around(beam.record, *lit_box(beam))
-    grid = grid_for(beam, lenses, beam.record.array.parts.distance, OVERSAMPLING)
+    grid = grid_for(beam, lenses, beam.record.parts.distance, OVERSAMPLING)
     waves = through_array(plane_waves(beam, grid).waves, beam, grid, lenses).waves
     behind = np.fft.ifft2(waves, norm="ortho").copy()
     to_sensor(waves, beam, grid)

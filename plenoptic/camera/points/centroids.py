@@ -1,22 +1,26 @@
-"""Centroids of microlens images of a uniform white scene, from geometry: sums over the light of each microlens."""
+"""Centroids of microlens images of a uniform white scene: from geometry, as sums over light, or from a white image."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, check_has
+from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
 from plenoptic.optics.microlens.aperture import has_clear_gaps
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice, polygon_area, polygon_moments
 from plenoptic.optics.microlens.lenslets import Lenslets
 from plenoptic.optics.microlens.microlens_record import outlines
+
+if TYPE_CHECKING:
+    from plenoptic.rendering.exposure import Exposure
 
 FIELDS = 33
 """Fields along x and along y for which centroids are computed; others are interpolated."""
@@ -26,6 +30,8 @@ _HALVINGS = 8
 _ROUNDING = 1e-12
 _RAYS = 1 << 18
 """Rays that are traced together."""
+_PIXELS = 1 << 16
+"""Pixels that are summed together, within the processor's cache."""
 
 
 class _CellMoments(NamedTuple):
@@ -162,27 +168,18 @@ class _Openings(NamedTuple):
         return camera.lens.trace_reverse(rays).weight
 
 
-def centroids_at(
-    axes: ArrayAxes,
-    array: MicrolensArray,
-    points: Floats,
-    power: float,
-    offsets: Floats,
-    *,
-    n_lines: int = LINES,
-    n_places: int = PLACES,
-) -> Floats:
+def centroids_at(axes: ArrayAxes, array: MicrolensArray, points: Floats, power: float, offsets: Floats) -> Floats:
     """Centroids (n, 2) on the sensor for microlenses of a power in 1/mm with their centres at local points (n, 2).
 
     `offsets` (k, 2) are points of their openings, on the array, from these centres.
     """
     bounds = _bounds(axes, array, points)
     offsets = offsets @ axes.parts.array_turn.T
-    chunk = max(1, _RAYS // (len(offsets) * n_lines * n_places))
+    chunk = max(1, _RAYS // (len(offsets) * LINES * PLACES))
     parts = []
     for k in range(0, len(points), chunk):
         openings = _narrow_boxes(_sample_openings(axes, points[k : k + chunk], offsets, bounds))
-        sums = _light_moments(openings, len(offsets), power, n_lines, n_places)
+        sums = _light_moments(openings, len(offsets), power)
         with np.errstate(invalid="ignore", divide="ignore"):
             parts.append(sums[:, 1:] / sums[:, :1])
     return np.concatenate(parts)
@@ -247,14 +244,14 @@ def moment_points(variance: Floats) -> Floats:
     return np.array([[x, 0.0], [-x, 0.0], [0.0, y], [0.0, -y]])
 
 
-def _light_moments(openings: _Openings, points_per_lens: int, power: float, n_lines: int, n_places: int) -> Floats:
+def _light_moments(openings: _Openings, points_per_lens: int, power: float) -> Floats:
     """Moments (n, 3) of the light of microlenses: light, and light times x and y on the sensor.
 
     The light of a ray is its etendue at the sensor, as in `render`. An ideal microlens conserves du dv of the slopes
     u, v, not the projected solid angle du dv cos^4. An area dA of the plane across the lens at the distance r has the
     projected solid angle dA cos(lens) cos(array) / r^2.
     """
-    rows, first, last, y, step, passed = _lit_intervals(openings, n_lines, n_places)
+    rows, first, last, y, step, passed = _lit_intervals(openings)
     axes, start = openings.axes, openings.start[rows]
     grey = bool((passed != 1.0).any())
     lens = rows // points_per_lens
@@ -276,23 +273,21 @@ def _light_moments(openings: _Openings, points_per_lens: int, power: float, n_li
     return sums
 
 
-def _lit_intervals(
-    openings: _Openings, n_lines: int, n_places: int
-) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats, Floats]:
+def _lit_intervals(openings: _Openings) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats, Floats]:
     """Intervals of constant transmission on lines across the pupil, seen from each point of each opening.
 
     For each interval: index of the point, its two ends along the line, the line's position, the distance between lines,
     and the transmission.
     """
     n = len(openings.start)
-    step = (openings.high - openings.low) / np.array([n_places - 1, n_lines])
+    step = (openings.high - openings.low) / np.array([PLACES - 1, LINES])
     # One more point at each end, in the dark: every line then begins and ends in the dark.
-    x = openings.low[:, :1] + step[:, :1] * np.arange(-1, n_places + 1)
-    y = openings.low[:, 1:] + step[:, 1:] * (np.arange(n_lines) + 0.5)
-    shape = (n, n_lines, n_places)
+    x = openings.low[:, :1] + step[:, :1] * np.arange(-1, PLACES + 1)
+    y = openings.low[:, 1:] + step[:, 1:] * (np.arange(LINES) + 0.5)
+    shape = (n, LINES, PLACES)
     rows = np.broadcast_to(np.arange(n)[:, None, None], shape).ravel()
     along, across = (np.broadcast_to(g, shape).ravel() for g in (x[:, None, 1:-1], y[:, :, None]))
-    transmission = np.zeros((n, n_lines, n_places + 2))
+    transmission = np.zeros((n, LINES, PLACES + 2))
     transmission[:, :, 1:-1] = openings.light(rows, along, across).reshape(shape)
     rows, line, position = np.nonzero(transmission[:, :, 1:] != transmission[:, :, :-1])
     before, after = x[rows, position], x[rows, position + 1]
@@ -308,3 +303,62 @@ def _lit_intervals(
     begins = np.flatnonzero(next_level > 0)
     rows, line = rows[begins], line[begins]
     return rows, edge[begins], edge[begins + 1], y[rows, line], step[rows, 1], next_level[begins]
+
+
+def white_centroids(
+    axes: ArrayAxes, array: MicrolensArray, white: Exposure, design: Floats, centres: Floats, spacing: float
+) -> Floats:
+    """Centroids (n, 2) on the sensor of the pixels around each of `centres` (n, 2); nan if some are outside the image.
+
+    The pixels are those in the cell of the microlens with the designed centre `design` (n, 2), scaled by `spacing`:
+    each belongs to one microlens, except for rounding.
+    """
+    sensor = axes.camera.sensor
+    image, first = _white_plane(sensor.shape, white)
+    reach = int(np.ceil(spacing * array.cell_radius / sensor.pixel_pitch))
+    pixel = sensor.pixel_of(centres)
+    is_finite = np.asarray(np.isfinite(pixel).all(axis=1))
+    centre_pixel = np.rint(np.where(is_finite[:, None], pixel, -1e6)).astype(np.int64) - first
+    is_complete = (centre_pixel >= reach).all(axis=1) & (centre_pixel + reach < np.array(image.shape)).all(axis=1)
+    steps = np.arange(-reach, reach + 1)
+    rows, columns = (g.ravel() for g in np.meshgrid(steps, steps, indexing="ij"))
+    centroids, chosen = np.full(centres.shape, np.nan), np.flatnonzero(is_finite & is_complete)
+    turn = axes.parts.sensor_to_local.turn[:2, :2].T @ axes.parts.array_turn
+    chunk_size = max(1, _PIXELS // rows.size)
+    for k in range(0, len(chosen), chunk_size):
+        chunk = chosen[k : k + chunk_size]
+        row, column = centre_pixel[chunk, :1] + rows, centre_pixel[chunk, 1:] + columns
+        position = sensor.centre_of(row + first[0], column + first[1])
+        offset = (position - centres[chunk, None]) @ turn / spacing
+        light = image[row, column] * _in_cell(array, design[chunk], offset)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            centroids[chunk] = np.einsum("ij,ijk->ik", light, position) / light.sum(axis=1)[:, None]
+    return centroids
+
+
+def _in_cell(array: MicrolensArray, design: Floats, offset: Floats) -> NDArray[np.bool_]:
+    """True for offsets (n, k, 2) from microlenses, in mm, that lie in their cells."""
+    if array.lattice is not Lattice.FREE:
+        # Cells are point-symmetric: one of two opposite edges is enough.
+        half = array.cell_edges[: len(array.cell_edges) // 2]
+        inside = np.ones(offset.shape[:-1], dtype=bool)
+        for a, b, distance in half.tolist():
+            inside &= np.abs(a * offset[..., 0] + b * offset[..., 1]) <= distance
+        return inside
+    nearest = array.nearest((design[:, None] + offset).reshape(-1, 2)).reshape(offset.shape)
+    return np.asarray((nearest == design[:, None]).all(axis=-1))
+
+
+def _white_plane(shape: tuple[int, int], white: Exposure) -> tuple[Floats, NDArray[np.int64]]:
+    """A white image as one plane, and its first row and column on the sensor."""
+    # By its attributes, since cameras do not import exposures.
+    check_has(white, "white", "Exposure", "pl.render_white(camera, samples=64)", "image")
+    image = np.asarray(white.image, dtype=np.float64).mean(axis=2)
+    if white.region is not None:
+        return image, np.array([white.region[0], white.region[2]])
+    if image.shape != shape:
+        raise InvalidValueError(
+            f"the white image has {image.shape[0]} x {image.shape[1]} pixels and no region, and the sensor "
+            f"{shape[0]} x {shape[1]}; render it with this camera"
+        )
+    return image, np.zeros(2, dtype=np.int64)

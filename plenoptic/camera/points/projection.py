@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_at, trace_rows
 from plenoptic.camera.psf.point_spread import world_points
+from plenoptic.camera.psf.psf_results import centroids
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
-from plenoptic.camera.psf.spots import centroids
+from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
-from plenoptic.core.values import Floats, check_kind, result, whole
+from plenoptic.core.values import Floats, check_has, check_kind, result, whole
 
 if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.scene import Scene
 
@@ -87,10 +88,7 @@ class Projection:
         n_visible, points = int(np.count_nonzero(self.visible)), len(self.points)
         return f"Projection({points} point{'s' * (points != 1)}, {len(self)} rows, {n_visible} of them visible)"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import projection_html
-
-        return projection_html(self)
+    _repr_html_ = picture_of
 
 
 def project(
@@ -114,10 +112,8 @@ def project(
         such as the point's own surface, do not occlude it.
     rays : int, optional
         Rays per point for `light` and `centroid`, rounded up to a multiple of 32. `position` does not depend on them.
-    threads : int, optional
-        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
-    progress : bool, optional
-        True: show a progress bar, or that kernels are compiled, from the second second on.
+    threads, progress : optional
+        As for `render`. The result does not depend on them.
 
     Returns
     -------
@@ -155,7 +151,7 @@ def project(
     >>> middle.pixel.round(6).tolist(), bool(np.abs(middle.centroid_pixel - middle.pixel).max() < 1e-3)
     ([[255.5, 255.5]], True)
     """
-    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+    check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
     world, _ = world_points(points)
     rays_per_replicate = -(-whole(rays, "rays", at_least=1) // REPLICATES)
     workers = thread_count(threads)
@@ -221,7 +217,7 @@ def are_occluded(record: ForwardRecord, points: Floats, entering: Floats, prepar
     scene_record, intersector = prepared.record, prepared.intersector
     if intersector is None:
         return np.zeros(len(points), dtype=bool)
-    lens_pose, pose = record.array.parts.lens_to_camera, record.camera.pose
+    lens_pose, pose = record.parts.lens_to_camera, record.camera.pose
     through = np.column_stack([entering, np.full(len(points), record.entrance.z)])
     through = through if lens_pose is None else lens_pose.points(through)
     through = through if pose is None else pose.to_world(through)

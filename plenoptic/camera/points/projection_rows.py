@@ -1,27 +1,25 @@
-"""Rows of a projection: microlenses that image a point, its chief rays through them, and its light."""
+"""Rows of a projection: microlenses that image a point, its chief rays through them, and its light.
+
+Chief rays are aimed at targets behind the lens by Newton's method through the real lens.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.assembly import array_axes
-from plenoptic.camera.points.projection_rays import (
-    Aim,
-    EntranceRays,
-    ThroughArray,
-    aim_rays,
-    entrance_rays,
-    through_iris,
-)
+from plenoptic.camera.assembly import ArrayAxes, array_axes
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, Task, ray_tasks, trace_task
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.element_record import IDEAL
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
+from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lenslets import Lenslets, lenses_of
 
@@ -31,6 +29,135 @@ _RING_RADII = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Radii of the rings of entry points, relative to the corners of the polygon through which light enters."""
 _BOX_FACTOR = 1.25
 """Factor on the size of the box around the light in which microlenses are searched."""
+_AIM_TOLERANCE = 1e-10
+_TRIALS = 40
+_STEP = 1e-5
+"""Distance of the rays for finite differences, over the size of the entrance pupil."""
+
+
+class EntranceRays(NamedTuple):
+    """Entrance plane `z` of rays from points, in the lens's axes, and the records to trace them."""
+
+    z: float
+    size: float
+    """Semi-diameter of the entrance pupil, in mm."""
+    wavelength: float
+    bare: LensRecord
+    """The lens without its stops and rims."""
+    lens: LensRecord
+    """The lens with its stops and rims."""
+
+    def through(self, points: Floats, entry: Floats) -> RayBundle:
+        """Rays from points (n, 3) through points (n, 2) of the entrance plane."""
+        start = np.column_stack([entry, np.full(len(entry), self.z)])
+        return RayBundle(start, start - points, self.wavelength)
+
+
+def entrance_rays(record: ForwardRecord) -> EntranceRays:
+    """Compile the entrance of a camera at its wavelength."""
+    camera, entrance = record.camera, record.entrance
+    size = min(entrance.pupil[1], entrance.reach) if np.isfinite(entrance.pupil[1]) else entrance.reach
+    bare = lens_record(camera.lens, camera.wavelength, reverse=False, clipping=False)
+    return EntranceRays(entrance.z, size, camera.wavelength, bare, record.lens)
+
+
+class Aim(NamedTuple):
+    """Target surface of ray aiming: rays are traced through `lens`, without vignetting, to `intersections`."""
+
+    lens: LensRecord
+    intersections: Callable[[RayBundle], Floats]
+    """Function from n rays to their intersections (n, 2)."""
+
+
+class ThroughArray(NamedTuple):
+    """Intersections of rays with the array, in local axes."""
+
+    axes: ArrayAxes
+    array: MicrolensArray
+
+    def intersections(self, rays: RayBundle) -> Floats:
+        """Optical centre (n, 2) through which each ray would pass undeviated.
+
+        In plates whose vertices face the sensor, rays are displaced before they reach them.
+        """
+        slopes = self.axes.slopes_of(rays.direction)
+        origin = self.axes.parts.local_to_lens.inverse().points(rays.origin)
+        return self._shift_chief_rays(origin[:, :2] - origin[:, 2:] * slopes, slopes, False)
+
+    def sensor_points(self, centres: Floats, rays: RayBundle) -> Floats:
+        """Intersections (n, 2) with the sensor, in its own axes, of rays through local optical centres."""
+        slopes = self.axes.slopes_of(rays.direction)
+        return self.axes.on_sensor(self._shift_chief_rays(centres, slopes, True), slopes)
+
+    def _shift_chief_rays(self, points: Floats, slopes: Floats, rear: bool) -> Floats:
+        return self.array.model.refraction.shift_chief_rays(
+            self.array, points, slopes, self.axes.camera.wavelength, rear
+        )
+
+
+def through_iris(record: ForwardRecord, bare: LensRecord) -> tuple[Aim, Floats]:
+    """Aim at the plane of the iris, or at its substitute in an ideal lens; and the centre (2,) of the iris."""
+    stops = (bare.rows["surface_index"] == record.camera.lens.iris_index) & (bare.rows["kind"] != IDEAL)
+    last = int(np.flatnonzero(stops)[0])
+    centre = np.zeros(2) if bare.frames is None else bare.frames[last, 9:11] * bare.frames[last, 12]
+    return Aim(bare.part(0, last + 1), lambda rays: rays.origin[:, :2]), centre
+
+
+def aim_rays(entrance: EntranceRays, aim: Aim, points: Floats, targets: Floats, start: Floats) -> Floats:
+    """Entry points (n, 2) of the rays from points (n, 3) to `targets` (n, 2); nan if there is none.
+
+    Newton's method from `start` (n, 2), with steps reduced until the residual decreases.
+    """
+    size, limit = entrance.size, aim_tolerance(entrance, targets)
+
+    def evaluate(entry: Floats, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
+        """Residuals (n, 2) and Jacobians (n, 2, 2)."""
+        position, jacobian = trace_to_target(entrance, aim, points[rows], entry)
+        return targets[rows] - position, jacobian
+
+    entry_points, step_fraction = start.copy(), np.ones(len(points))
+    with np.errstate(all="ignore"):
+        residual, jacobian = evaluate(entry_points, np.arange(len(points)))
+        for _ in range(_TRIALS):
+            distance = np.hypot(*residual.T)
+            active = np.flatnonzero(np.isfinite(distance) & (distance > limit) & (step_fraction > 1e-6))
+            if not len(active):
+                break
+            step = solve_2x2(jacobian[active], residual[active])
+            length = np.hypot(*step.T)
+            step *= (step_fraction[active] * np.minimum(1.0, 4.0 * size / length))[:, None]
+            trial = entry_points[active] + step
+            trial_residual, trial_jacobian = evaluate(trial, active)
+            improved = np.hypot(*trial_residual.T) < distance[active]
+            rows = active[improved]
+            entry_points[rows], residual[rows] = trial[improved], trial_residual[improved]
+            jacobian[rows] = trial_jacobian[improved]
+            step_fraction[active] = np.where(improved, 1.0, 0.25 * step_fraction[active])
+        entry_points[~(np.hypot(*residual.T) <= limit)] = np.nan
+    return entry_points
+
+
+def aim_tolerance(entrance: EntranceRays, targets: Floats) -> Floats:
+    """Largest distance (n,) in mm of aimed rays from their targets (n, 2), above the rounding of coordinates."""
+    rounding = 64 * np.finfo(float).eps * (np.abs(targets).max(axis=1, initial=0.0) + entrance.size)
+    return np.asarray(_AIM_TOLERANCE + rounding)
+
+
+def trace_to_target(entrance: EntranceRays, aim: Aim, points: Floats, entry: Floats) -> tuple[Floats, Floats]:
+    """Intersections (n, 2) with the target surface of rays that enter at `entry`, and their Jacobians (n, 2, 2)."""
+    h = _STEP * entrance.size
+    right, up = np.array([[h, 0.0], [0.0, h]])
+    entries = np.concatenate([entry, entry + right, entry + up])
+    rays = entrance.through(np.tile(points, (3, 1)), entries)
+    position, position_right, position_up = aim.intersections(trace_record(aim.lens, rays)).reshape(3, -1, 2)
+    return position, np.stack([position_right - position, position_up - position], axis=-1) / h
+
+
+def solve_2x2(matrix: Floats, right: Floats) -> Floats:
+    """Solve linear systems (n, 2, 2) for (n, 2); not finite if they are singular."""
+    a, b, c, d = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 0], matrix[:, 1, 1]
+    numerators = np.stack([d * right[:, 0] - b * right[:, 1], a * right[:, 1] - c * right[:, 0]], axis=1)
+    return np.asarray(numerators / (a * d - b * c)[:, None])
 
 
 class Light(NamedTuple):
@@ -114,13 +241,13 @@ def _rows_through_iris(record: ForwardRecord, points: Floats, light: Light) -> R
     rays = entrance.through(points, entering)
     moments = np.zeros((n, REPLICATES, 3))
     moments[light.keys[:, 0]] = light.moments
-    position = straight_to_sensor(record, traced_by(entrance.bare, rays))
-    return Rows(np.arange(n), None, position, traced_by(entrance.lens, rays).status == 0, moments, entering)
+    position = straight_to_sensor(record, trace_record(entrance.bare, rays))
+    return Rows(np.arange(n), None, position, trace_record(entrance.lens, rays).status == 0, moments, entering)
 
 
 def straight_to_sensor(record: ForwardRecord, behind: RayBundle) -> Floats:
     """Intersections (n, 2) of rays behind the lens with the sensor, in its own axes, without microlenses."""
-    parts = record.array.parts
+    parts = record.parts
     to_sensor = parts.sensor_to_local.inverse()
     origin = to_sensor.points(behind.origin - np.array([0.0, 0.0, parts.z_plane]))
     direction = to_sensor.directions(behind.direction)
@@ -143,20 +270,20 @@ def _rows_through_microlenses(
     number, centres = keys[:, 0], axes.local(lenses_at(array, keys[:, 1:]).axis)
     aim = Aim(entrance.bare, through.intersections)
     entering = aim_rays(entrance, aim, points[number], centres, _nearest_rays(bundles, number, centres, passing=False))
-    passes = traced_by(entrance.lens, entrance.through(points[number], entering)).status == 0
+    passes = trace_record(entrance.lens, entrance.through(points[number], entering)).status == 0
     lit, passing_entry = (moments[:, :, 0] > 0).any(axis=1), _nearest_rays(bundles, number, centres, passing=True)
     # Strong lenses have several rays from a point to a microlens: if there is light, use one that passes.
     retry = np.flatnonzero(lit & ~passes & np.isfinite(passing_entry).all(axis=1))
     if len(retry):
         other_entry = aim_rays(entrance, aim, points[number[retry]], centres[retry], passing_entry[retry])
-        is_unvignetted = traced_by(entrance.lens, entrance.through(points[number[retry]], other_entry)).status == 0
+        is_unvignetted = trace_record(entrance.lens, entrance.through(points[number[retry]], other_entry)).status == 0
         entering[retry[is_unvignetted]], passes[retry[is_unvignetted]] = other_entry[is_unvignetted], True
     rays, selected = entrance.through(points[number], entering), passes | lit
     shadow = np.where(passes[:, None], entering, passing_entry)
     return Rows(
         point=number[selected],
         lens=keys[selected, 1:],
-        position=through.sensor_points(centres, traced_by(entrance.bare, rays))[selected],
+        position=through.sensor_points(centres, trace_record(entrance.bare, rays))[selected],
         passes=passes[selected],
         moments=moments[selected],
         entering=np.where(np.isfinite(shadow), shadow, entering)[selected],
@@ -185,10 +312,10 @@ def _trace_bundles(tasks: list[Task], entrance: EntranceRays, through: ThroughAr
     entering = np.stack([_ring_points(firsts[k].polygon) for k in number])
     points = np.repeat([firsts[k].point for k in number], entering.shape[1], axis=0)
     rays = entrance.through(points, entering.reshape(-1, 2))
-    traced = traced_by(entrance.bare, rays)
+    traced = trace_record(entrance.bare, rays)
     arriving = through.intersections(traced)
     on_sensor = through.sensor_points(arriving, traced).reshape(entering.shape)
-    passing = (traced_by(entrance.lens, rays).status == 0).reshape(entering.shape[:2])
+    passing = (trace_record(entrance.lens, rays).status == 0).reshape(entering.shape[:2])
     return PointBundles(number, entering, arriving.reshape(entering.shape), on_sensor, passing)
 
 

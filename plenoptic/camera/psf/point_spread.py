@@ -12,11 +12,12 @@ cos(theta) dOmega over the directions that end in the pixel, over the pixel's ar
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.psf.psf_results import CameraSpread, LandingPoints
+from plenoptic.camera.psf.psf_results import CameraSpread, LandingPoints, to_camera_spread, trace_spots
 from plenoptic.camera.psf.sensor_hits import (
     HIT,
     diffraction_record,
@@ -25,11 +26,13 @@ from plenoptic.camera.psf.sensor_hits import (
     ray_tasks,
     trace_task,
 )
-from plenoptic.camera.psf.spots import to_camera_spread, trace_spots
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.progress.bar import CallProgress
-from plenoptic.core.values import MAX_POINTS, Floats, check_kind, frozen_array, seed_number, whole
+from plenoptic.core.values import MAX_POINTS, Floats, check_has, frozen_array, seed_number, whole
 from plenoptic.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 
 def point_spread(
@@ -60,10 +63,8 @@ def point_spread(
         Seed of the random numbers, at least 0. Each point has independent ones.
     replicates : int, optional
         Independent scramblings of the sampling points, at least 1, for the standard error.
-    threads : int, optional
-        None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
-    progress : bool, optional
-        True: show a progress bar, or that kernels are compiled, from the second second on.
+    threads, progress : optional
+        As for `render`. The result does not depend on them.
 
     Returns
     -------
@@ -138,9 +139,9 @@ def landing_points(
 
 def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats, bool]:
     """Points (n, 3) in the world, and True if the argument is an array of points."""
-    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+    check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
     array = camera.microlenses
-    if array is not None and array.model.rules.to_sensor is None:
+    if array is not None and not array.model.focuses:
         raise InvalidValueError(
             f"the microlenses have the model {array.model.name}, and no ray from a point meets a hole without extent; "
             "render a small emitter instead, or choose THIN"

@@ -6,39 +6,94 @@ then those of the renderer, in the opposite order.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.assembly import assembly
-from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.assembly import Assembly, assembly, sensor_corners
+from plenoptic.camera.camera_rays import fill_losses_before_array
 from plenoptic.camera.camera_record import response_record
 from plenoptic.camera.diffraction import IrisRecord, deflection_record, iris_record
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dust_at_lens, placed_dust
-from plenoptic.camera.psf.forward_array import ForwardArray, fill_through_array_forward, forward_array
-from plenoptic.camera.sampling.through_array import fill_losses_before_array
 from plenoptic.camera.units import metres_hint
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.diffraction.far_field import FarField
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entering_polygon, entrance
-from plenoptic.optics.lens.record import LensRecord, lens_record
+from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
+from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import BlemishSite
-from plenoptic.optics.microlens.microlens_record import ResponseRecord
+from plenoptic.optics.microlens.forward_record import differs_forward
+from plenoptic.optics.microlens.forward_record import forward_record as array_forward_record
+from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane
+from plenoptic.optics.microlens.model_records import ArrayCrossing
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 BUNDLE = 1 << 13
 """Rays that go through the stages together."""
 CHUNK = 1 << 17
 """Rays of a point and replicate in one task; they take some 7 MB."""
-
-
 HIT = np.dtype(
     [("x", "f8"), ("y", "f8"), ("weight", "f8"), ("first", "i8"), ("second", "i8"), ("row", "i8"), ("column", "i8")],
     align=True,
 )
 """Ray that reaches the sensor: intersection in mm, weight, lattice indices of its microlens, and pixel."""
+_REACH_FACTOR = 1.25
+"""Factor on the distance from the axis up to which microlenses are listed, for thick ones."""
+
+
+def _to_sensor(parts: Assembly) -> Floats | None:
+    """Matrix from points x, y, 1 of the sensor in local axes to its own; None if they are the same."""
+    turn, shift = parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
+    if np.array_equal(turn, np.eye(2)) and not shift.any():
+        return None
+    back = np.linalg.inv(turn)
+    return np.column_stack([back, -back @ shift])
+
+
+def _reach(camera: PlenopticCamera, parts: Assembly, array: MicrolensArray) -> float:
+    """Upper bound on the distance from the origin at which light that reaches the sensor passes the array, in mm.
+
+    A ray comes from within a + b rho of the axis, `pupil_distance` in front of the array, and is deviated by at most
+    the strongest power times the largest height in a cell. All FREE lenses are listed.
+    """
+    a, b = rear_reach(camera.lens, parts.z_plane, camera.wavelength)
+    last = parts.local_to_lens.inverse().points(np.array([0.0, 0.0, float(camera.lens.vertices[-1])]))
+    corners = sensor_corners(camera, parts)
+    distance, pupil_distance = float(corners[:, 2].max()), -float(last[2])
+    height = array.cell_radius + largest_offset(array.imperfections)
+    power = max(1.0 / abs(f) for f in array.focal_lengths) / max(extreme_factors(array.imperfections)[0], 0.1)
+    lateral = float(np.hypot(*corners[:, :2].T).max()) + distance * (
+        (a + float(np.hypot(*last[:2]))) / pupil_distance + height * power
+    )
+    reach = _REACH_FACTOR * lateral / max(1.0 + distance * (1.0 - b) / pupil_distance, 0.1) + 2.0 * array.cell_radius
+    if array.centres is not None:
+        reach = max(reach, 1.01 * float(np.abs(array.centres).max()))
+    return reach
+
+
+def fill_through_array_forward(blocks: Floats, record: ForwardRecord) -> None:
+    """Trace rays behind the lens, in its axes, to points on the sensor; see `to_sensor`."""
+    from plenoptic.optics.microlens.kernels.to_sensor import fill_in_array_axes, fill_straight_forward
+
+    parts, array, sensor, microlenses = record.parts, record.array, record.sensor, record.camera.microlenses
+    z = parts.z_plane
+    if array is None or microlenses is None:
+        fill_straight_forward(blocks, sensor._replace(distance=z + parts.distance))
+        return
+    if parts.frame is not None:
+        fill_in_array_axes(blocks, parts.frame)
+        z = 0.0
+    to_sensor = microlenses.model.refraction.to_sensor
+    assert to_sensor is not None
+    to_sensor(blocks, ArrayCrossing(array, sensor, z), differs_forward(array))
 
 
 class SensorDeflection(NamedTuple):
@@ -54,16 +109,19 @@ class SensorDeflection(NamedTuple):
 
 
 class ForwardRecord(NamedTuple):
-    """Record of a camera for forward tracing."""
+    """Record of a camera for forward tracing; lengths in mm, array and sensor in the local axes of `Assembly`."""
 
     camera: PlenopticCamera
+    parts: Assembly
     lens: LensRecord
     ideal: bool
     """True if the main lens is ideal."""
     facing: Floats | None
     """(3,): the camera's axis, the normal of emitters, in the lens's axes; None if it is the lens's axis."""
     entrance: Entrance
-    array: ForwardArray
+    array: ArrayRecord | None
+    """None without microlenses."""
+    sensor: SensorPlane
     opening: Floats | None = None
     """(2,): half height and half width of a pixel's sensitive area, over the pitch; None: the whole pixel."""
     response: ResponseRecord | None = None
@@ -100,33 +158,40 @@ class LandedRays(NamedTuple):
 
 def forward_record(camera: PlenopticCamera) -> ForwardRecord:
     """Compile a camera for forward tracing, without dust, diffraction and the response of pixels."""
-    lens, parts = camera.lens, assembly(camera)
-    lens_pose = parts.lens_to_camera
+    lens, array, parts = camera.lens, camera.microlenses, assembly(camera)
+    lens_pose, array_record = parts.lens_to_camera, None
+    if array is not None:
+        differs = array.lattice is Lattice.FREE or array.imperfections is not None
+        reach = _reach(camera, parts, array) if differs else 0.0
+        array_record = array_forward_record(
+            array, turn=parts.array_turn, origin=parts.array_origin, reach=reach, wavelength=camera.wavelength
+        )
     return ForwardRecord(
         camera,
+        parts,
         lens_record(lens, camera.wavelength, reverse=False),
         lens.model in (LensModel.THIN, LensModel.PARAXIAL),
         None if lens_pose is None or lens_pose.turn[2, 2] == 1.0 else lens_pose.turn[2].copy(),
         entrance(lens, camera.wavelength),
-        forward_array(camera, parts),
+        array_record,
+        SensorPlane(parts.distance, parts.tilt, _to_sensor(parts)),
     )
 
 
 def radiometric_record(camera: PlenopticCamera) -> ForwardRecord:
     """Compile a camera for forward tracing with the losses of `render`: dust, openings and response of pixels."""
     record, sensor = forward_record(camera), camera.sensor
-    parts = record.array.parts
     return record._replace(
         opening=None if sensor.fill_factor == 1 else 0.5 * np.array(sensor.pixel_aperture[::-1]),
-        response=response_record(camera, parts),
-        dust=placed_dust(camera, parts),
+        response=response_record(camera, record.parts),
+        dust=placed_dust(camera, record.parts),
     )
 
 
 def diffraction_record(camera: PlenopticCamera) -> ForwardRecord:
     """Compile a camera for forward tracing with losses and, if enabled, diffraction at iris and microlenses."""
     record = radiometric_record(camera)._replace(iris=iris_record(camera, (camera.wavelength,)))
-    parts = record.array.parts
+    parts = record.parts
     diffraction_at_array = deflection_record(camera, parts, (camera.wavelength,))
     if diffraction_at_array is None:
         return record
@@ -149,9 +214,9 @@ def _fill_losses_behind_array(blocks: Floats, aims: Floats, record: ForwardRecor
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
     from plenoptic.optics.microlens.kernels.to_sensor import fill_aims
 
-    parts, sensor = record.array.parts, record.array.sensor._replace(axes=None)
+    parts, sensor = record.parts, record.sensor._replace(axes=None)
     placement = None
-    if record.array.sensor.axes is not None:
+    if record.sensor.axes is not None:
         placement = np.column_stack([parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]])
     fill_aims(aims, blocks, sensor, placement)
     fill_losses_before_array(aims, sensor, record.response, record.dust)
@@ -161,7 +226,7 @@ def _fill_losses_behind_array(blocks: Floats, aims: Floats, record: ForwardRecor
 
 def in_lens_axes(record: ForwardRecord, points: Floats) -> Floats:
     """Transform world points to the lens's axes; raise an InvalidValueError if one is not in front of the lens."""
-    pose, lens_pose = record.camera.pose, record.array.parts.lens_to_camera
+    pose, lens_pose = record.camera.pose, record.parts.lens_to_camera
     in_lens = points if pose is None else pose.to_camera(points)
     in_lens = in_lens if lens_pose is None else lens_pose.inverse().points(in_lens)
     behind = np.flatnonzero(~(in_lens[:, 2] < record.entrance.z))
@@ -218,7 +283,7 @@ def trace_task(record: ForwardRecord, task: Task, seed: np.uint64) -> LandedRays
         if record.ideal:
             to_sensor.fill_ideal_weights(bundle)
         fill_dust_at_lens(bundle, dust, BlemishSite.LENS_REAR)
-        fill_through_array_forward(bundle, record.array)
+        fill_through_array_forward(bundle, record)
         if record.has_losses_before_array:
             _fill_losses_behind_array(bundle, aims[: bundle.size], record)
         if record.deflection is not None:

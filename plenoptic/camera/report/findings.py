@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterator
-from itertools import pairwise
+import operator
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from plenoptic.camera.gaussian import CameraKind, neighbour_distance, opening_width
-from plenoptic.camera.report.focus import MicrolensFocus
 from plenoptic.core.values import choice, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.camera.report.focus import MicrolensFocus
     from plenoptic.camera.report.report import CameraReport
 
 FULL = 0.9
@@ -100,135 +100,124 @@ class CameraFinding:
         return self.message
 
 
+Rows = dict[CameraFindingKind, tuple[bool, str]]
+"""Condition and message of each finding."""
+
+
 def camera_findings(camera: PlenopticCamera, report: CameraReport) -> tuple[CameraFinding, ...]:
     """Findings of a report, in the order of their kinds."""
-    findings = [*_lens_findings(camera, report), *_focus_findings(report), *_placement_findings(camera)]
+    tables = [_lens_rows(camera, report), *(_focus_rows(camera, report, focus) for focus in report.focus)]
     if camera.microlenses is not None:
-        findings += [*_image_findings(camera, report), *_type_findings(camera, report)]
-    return tuple(sorted(findings, key=lambda finding: finding.kind))
+        tables += [_image_rows(camera, report), *_gap_rows(report)]
+    rows = [(kind, message) for table in tables for kind, (applies, message) in table.items() if applies]
+    return tuple(CameraFinding(kind, message) for kind, message in sorted(rows, key=operator.itemgetter(0)))
 
 
-def _placement_findings(camera: PlenopticCamera) -> Iterator[CameraFinding]:
+def _lens_rows(camera: PlenopticCamera, report: CameraReport) -> Rows:
+    part, gap = "sensor" if camera.microlenses is None else "microlens array", report.clearance
     placements = (camera.lens_placement, camera.microlenses_placement, camera.sensor_placement)
-    if any(placement is not None for placement in placements):
-        yield CameraFinding(
-            CameraFindingKind.OUT_OF_PLACE,
+    return {
+        CameraFindingKind.OUT_OF_PLACE: (
+            any(placement is not None for placement in placements),
             "parts are displaced from the design, to which this report refers; see pl.camera.as_built(camera)",
-        )
-
-
-def _lens_findings(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:
-    part = "sensor" if camera.microlenses is None else "microlens array"
-    gap = report.clearance
-    if gap < 0:
-        yield CameraFinding(
-            CameraFindingKind.INSIDE_LENS,
+        ),
+        CameraFindingKind.INSIDE_LENS: (
+            gap < 0,
             f"the {part} is {-gap:.3g} mm inside the rim of the last surface; increase stop_to_microlenses by more",
-        )
-    elif gap < min(CLOSE, CLOSE * camera.stop_to_microlenses):
-        yield CameraFinding(
-            CameraFindingKind.TOUCHES_LENS,
+        ),
+        CameraFindingKind.TOUCHES_LENS: (
+            0 <= gap < min(CLOSE, CLOSE * camera.stop_to_microlenses),
             f"the {part} is {gap:.3g} mm behind the lens, where mounts need room; increase stop_to_microlenses",
-        )
-    if report.corner_pupil_fraction < 1.0 - CUT:
-        yield CameraFinding(
-            CameraFindingKind.CUT_OFF_IMAGES,
+        ),
+        CameraFindingKind.CUT_OFF_IMAGES: (
+            report.corner_pupil_fraction < 1.0 - CUT,
             f"at the corner of the sensor {100 * (1 - report.corner_pupil_fraction):.0f} % of the iris is cut off by "
             "rims and other stops; stop down, or use a smaller sensor",
-        )
+        ),
+    }
 
 
-def _image_findings(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:
-    fill, match, pixels = report.image_fill, report.f_number_match, report.image_pitch_pixels
-    assert fill is not None and match is not None and pixels is not None
+def _image_rows(camera: PlenopticCamera, report: CameraReport) -> Rows:
+    array, fill, match, pixels = camera.microlenses, report.image_fill, report.f_number_match, report.image_pitch_pixels
+    assert array is not None and fill is not None and match is not None and pixels is not None
     assert report.dark_fraction is not None and report.overlap_fraction is not None
-    matching = camera.lens.stop.semi_diameter / fill
-    if fill < FULL:
-        yield CameraFinding(
-            CameraFindingKind.DARK_GAPS,
+    matching, walls, q = camera.lens.stop.semi_diameter / fill, array.walls is Walls.OPAQUE, camera.sensor.pixel_pitch
+    longer, p = max(camera.sensor.size), neighbour_distance(array)
+    lost_images = longer / p - longer / (pixels * q)
+    return {
+        CameraFindingKind.DARK_GAPS: (
+            fill < FULL,
             f"microlens images are {fill:.2f} as wide as their distance and leave {100 * report.dark_fraction:.0f} % "
             f"of the sensor dark; open the iris to {matching:.4g} mm for images that touch",
-        )
-    walls = camera.microlenses is not None and camera.microlenses.walls is Walls.OPAQUE
-    if not walls and (fill > 1.0 + OVERLAPPING or report.overlap_fraction > OVERLAPPING):
-        yield CameraFinding(
-            CameraFindingKind.OVERLAP,
+        ),
+        CameraFindingKind.OVERLAP: (
+            not walls and (fill > 1.0 + OVERLAPPING or report.overlap_fraction > OVERLAPPING),
             f"{100 * report.overlap_fraction:.0f} % of the sensor gets light through several microlenses (images are "
             f"{fill:.2f} as wide as their distance, with a border of {report.image_border_pixels:.1f} pixels); stop "
             "down to avoid it",
-        )
-    if not walls and abs(match - 1.0) > MATCHED:
-        yield CameraFinding(
-            CameraFindingKind.F_NUMBER_MISMATCH,
+        ),
+        CameraFindingKind.F_NUMBER_MISMATCH: (
+            not walls and abs(match - 1.0) > MATCHED,
             f"at the array the main lens works at f/{report.working_f_number:.3g} and the microlenses at "
             f"f/{report.microlens_f_number:.3g}; an iris of semi-diameter {matching:.4g} mm matches them",
-        )
-    longer, p = max(camera.sensor.size), neighbour_distance(camera.microlenses)  # type: ignore[arg-type]
-    lost_images = longer / p - longer / (pixels * camera.sensor.pixel_pitch)
-    if abs(lost_images) >= 1.0:
-        yield CameraFinding(
-            CameraFindingKind.PERSPECTIVE,
-            f"microlens images repeat every {pixels:.4g} pixels and microlenses every "
-            f"{p / camera.sensor.pixel_pitch:.4g}, so that the longer side of the sensor holds {abs(lost_images):.1f} "
-            f"{'fewer' if lost_images > 0 else 'more'} images than microlenses; take the distance of the images for "
-            "decoding",
-        )
-    if pixels < FEW_PIXELS:
-        yield CameraFinding(
-            CameraFindingKind.FEW_PIXELS,
+        ),
+        CameraFindingKind.PERSPECTIVE: (
+            abs(lost_images) >= 1.0,
+            f"microlens images repeat every {pixels:.4g} pixels and microlenses every {p / q:.4g}, so that the longer "
+            f"side of the sensor holds {abs(lost_images):.1f} {'fewer' if lost_images > 0 else 'more'} images than "
+            "microlenses; take the distance of the images for decoding",
+        ),
+        CameraFindingKind.FEW_PIXELS: (
+            pixels < FEW_PIXELS,
             f"a microlens image has {pixels:.2g} pixels across; use smaller pixels or a larger pitch for at least "
             f"{FEW_PIXELS:g}",
-        )
+        ),
+    }
 
 
-def _of_type(report: CameraReport, focus: MicrolensFocus) -> str:
-    return f" through microlenses of type {focus.type}" if len(report.focus) > 1 else ""
-
-
-def _focus_findings(report: CameraReport) -> Iterator[CameraFinding]:
-    for focus in report.focus:
-        if math.isnan(focus.z_far) and math.isnan(focus.z_traced):
-            yield CameraFinding(CameraFindingKind.FOCUS_OUT_OF_REACH, _out_of_reach(report, focus))
-        if focus.kind in (CameraKind.KEPLERIAN, CameraKind.GALILEAN) and focus.lenses_across < 2.0:
-            yield CameraFinding(
-                CameraFindingKind.FEW_VIEWS,
-                f"a point in focus{_of_type(report, focus)} is seen by {focus.lenses_across:.2f} microlenses across "
-                f"(virtual depth {focus.virtual_depth:.2f}), and depth needs two; bring microlenses_to_sensor nearer "
-                "to their focal length or open the iris",
-            )
-
-
-def _out_of_reach(report: CameraReport, focus: MicrolensFocus) -> str:
-    where = f"{abs(focus.image_distance):.4g} mm {'behind' if focus.image_distance >= 0 else 'before'} the array"
-    through = f"nothing in front of the camera is in focus{_of_type(report, focus)}: "
+def _focus_rows(camera: PlenopticCamera, report: CameraReport, focus: MicrolensFocus) -> Rows:
+    f, b, s = focus.focal_length, camera.microlenses_to_sensor, focus.image_distance
+    through = f" through microlenses of type {focus.type}" if len(report.focus) > 1 else ""
+    where = f"{abs(s):.4g} mm {'behind' if s >= 0 else 'before'} the array"
     if focus.kind is CameraKind.CAMERA_ARRAY:
-        nearer = f"bring microlenses_to_sensor nearer to, but above, {focus.focal_length:g}"
-        return f"{through}they look at a plane {where}; {nearer}"
-    if focus.kind is CameraKind.CONVENTIONAL:
-        return f"{through}no plane has its image on the sensor; move the back with focused_at"
-    return f"{through}the main lens would have to form its image {where}; move the back with focused_at"
+        reason = f"they look at a plane {where}; bring microlenses_to_sensor nearer to, but above, {f:g}"
+    elif focus.kind is CameraKind.CONVENTIONAL:
+        reason = "no plane has its image on the sensor; move the back with focused_at"
+    else:
+        reason = f"the main lens would have to form its image {where}; move the back with focused_at"
+    rows = {
+        CameraFindingKind.FOCUS_OUT_OF_REACH: (
+            math.isnan(focus.z_far) and math.isnan(focus.z_traced),
+            f"nothing in front of the camera is in focus{through}: {reason}",
+        )
+    }
+    if camera.microlenses is None or focus.kind not in (CameraKind.KEPLERIAN, CameraKind.GALILEAN):
+        return rows
+    blur = opening_width(camera.microlenses) * b / camera.sensor.pixel_pitch
+    return {
+        **rows,
+        CameraFindingKind.FEW_VIEWS: (
+            focus.lenses_across < 2.0,
+            f"a point in focus{through} is seen by {focus.lenses_across:.2f} microlenses across (virtual depth "
+            f"{focus.virtual_depth:.2f}), and depth needs two; bring microlenses_to_sensor nearer to their focal "
+            "length or open the iris",
+        ),
+        CameraFindingKind.FOCUSED_AT_INFINITY: (
+            blur < abs(s),
+            f"microlenses of focal length {f:g} mm at {b:g} mm are sharp to a pixel at infinity too, so that the "
+            f"camera is nearly a plenoptic 1.0; for that, set microlenses_to_sensor to {f:g}",
+        ),
+    }
 
 
-def _type_findings(camera: PlenopticCamera, report: CameraReport) -> Iterator[CameraFinding]:
-    array = camera.microlenses
-    assert array is not None
-    blur = opening_width(array) * camera.microlenses_to_sensor / camera.sensor.pixel_pitch
-    for focus in report.focus:
-        focused = focus.kind in (CameraKind.KEPLERIAN, CameraKind.GALILEAN)
-        if focused and blur < abs(focus.image_distance):
-            yield CameraFinding(
-                CameraFindingKind.FOCUSED_AT_INFINITY,
-                f"microlenses of focal length {focus.focal_length:g} mm at {camera.microlenses_to_sensor:g} mm are "
-                f"sharp to a pixel at infinity too, so that the camera is nearly a plenoptic 1.0; for that, set "
-                f"microlenses_to_sensor to {focus.focal_length:g}",
-            )
+def _gap_rows(report: CameraReport) -> list[Rows]:
     ranges = sorted((f.z_far, f.z_near) for f in report.focus if not math.isnan(f.z_far))
-    nearest_limit = -math.inf
-    for (_, near), (far, later) in pairwise(ranges):
-        nearest_limit = max(nearest_limit, near)
-        if nearest_limit < far < later:
-            yield CameraFinding(
-                CameraFindingKind.DEPTH_GAP,
-                f"from z = {nearest_limit:.5g} to {far:.5g} mm no type of microlens is sharp; choose focal lengths "
-                "nearer to each other or stop down the microlenses",
-            )
+    nearest_limits = accumulate((near for _, near in ranges), max)
+    message = (
+        "from z = {:.5g} to {:.5g} mm no type of microlens is sharp; choose focal lengths nearer to each other or stop "
+        "down the microlenses"
+    )
+    return [
+        {CameraFindingKind.DEPTH_GAP: (limit < far < near, message.format(limit, far))}
+        for limit, (far, near) in zip(nearest_limits, ranges[1:], strict=False)
+    ]

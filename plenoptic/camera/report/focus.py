@@ -2,34 +2,33 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import TYPE_CHECKING, Any
 
-from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.gaussian import (
-    SAME_FOCUS,
-    CameraKind,
-    Cone,
-    cell_area,
-    image_plane,
-    is_at_horizon,
-    kind_of,
-    lateral_magnification,
-    neighbour_distance,
-    object_plane,
-    opening_width,
-    plane_in_front,
-    sharp_image,
-)
+from plenoptic.camera import gaussian
+from plenoptic.camera.gaussian import CameraKind, Cone
 from plenoptic.core.values import value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import best_focus
+from plenoptic.optics.lens.analysis.best_focus import best_focus
 from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.models import FocusCriterion, LensModel
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _STEPS = 8
 """Most corrections of the traced focus; each reduces the error ten to a thousand times."""
 _TOLERANCE = 1e-10
 """Relative error of the traced image position at which the search ends."""
+
+
+def report_row(label: str, unit: str = "", section: str = "") -> Any:
+    """Dataclass field that is a row of a section of the printed report.
+
+    {plane} stands for the array, or the sensor without one; {views} for the unit of disparity.
+    """
+    return dataclasses.field(metadata={"section": section, "label": label, "unit": unit})
 
 
 @value
@@ -88,47 +87,50 @@ class MicrolensFocus:
     hand-held plenoptic camera, Stanford CTSR 2005-02.
     """
 
+    _: dataclasses.KW_ONLY
     type: int
     kind: CameraKind
     focal_length: float | None
-    image_distance: float
-    virtual_depth: float | None
-    z: float
-    z_traced: float
-    z_far: float
-    z_near: float
-    magnification: float
-    object_sampling: float
-    lenses_across: float
-    lenses_seeing: float
-    disparity: float | None
-    disparity_far: float | None
-    disparity_near: float | None
-    effective_resolution: float | None
+    z: float = report_row("plane in focus, paraxial: z", "mm")
+    z_traced: float = report_row("plane in focus, traced: z", "mm")
+    z_far: float = report_row("depth of field, far: z", "mm")
+    z_near: float = report_row("depth of field, near: z", "mm")
+    magnification: float = report_row("magnification of the main lens")
+    object_sampling: float = report_row("sampling distance in that plane", "mm")
+    image_distance: float = report_row("image behind the array", "mm")
+    virtual_depth: float | None = report_row("virtual depth")
+    lenses_across: float = report_row("microlenses across that see a point")
+    lenses_seeing: float = report_row("microlenses that see a point")
+    disparity: float | None = report_row("disparity", "{views}")
+    disparity_far: float | None = report_row("disparity at the far limit", "{views}")
+    disparity_near: float | None = report_row("disparity at the near limit", "{views}")
+    effective_resolution: float | None = report_row("effective resolution along an axis", "%")
 
 
 def microlens_focus(camera: PlenopticCamera, type_: int, cone: Cone) -> MicrolensFocus:
     """Compute the focus of one type of microlens."""
     array, q = camera.microlenses, camera.sensor.pixel_pitch
     f = None if array is None else array.focal_lengths_at(camera.wavelength)[type_]
-    kind, s = kind_of(camera, f), sharp_image(camera, f)
+    kind, s = gaussian.kind_of(camera, f), gaussian.sharp_image(camera, f)
     z_image = camera.stop_to_microlenses + s
-    z, (far, near) = plane_in_front(camera, z_image), _depth_of_field(camera, kind, s, cone)
-    m = lateral_magnification(camera.lens, z, camera.wavelength) if not math.isnan(z) else math.nan
+    z, (far, near) = gaussian.plane_in_front(camera, z_image), _depth_of_field(camera, kind, s, cone)
+    m = gaussian.lateral_magnification(camera.lens, z, camera.wavelength) if not math.isnan(z) else math.nan
     relay_magnification, across, covered, resolution = 1.0, math.nan, math.nan, 1.0
     pixel, v = q, None
     disparities: list[float | None] = [None] * 3
     if array is not None:
-        b, p = camera.microlenses_to_sensor, neighbour_distance(array)
+        b, p = camera.microlenses_to_sensor, gaussian.neighbour_distance(array)
         width = footprint(cone, s)
-        across, covered = width / p, max(1.0, math.pi / 4 * width**2 / cell_area(array))
-        images = [image_plane(camera.lens, x, camera.wavelength) - camera.stop_to_microlenses for x in (far, near)]
-        disparities = [disparity_of(kind, x, b, p, q) for x in (s, *images)]
+        across, covered = width / p, max(1.0, math.pi / 4 * width**2 / gaussian.cell_area(array))
+        images = [
+            gaussian.image_plane(camera.lens, x, camera.wavelength) - camera.stop_to_microlenses for x in (far, near)
+        ]
         v = abs(s) / b
         if kind is CameraKind.PLENOPTIC_1:
-            resolution = min(1.0, q / math.sqrt(cell_area(array)) / abs(1.0 + b * cone.vergence))
-            pixel = p
+            resolution = min(1.0, q / math.sqrt(gaussian.cell_area(array)) / abs(1.0 + b * cone.vergence))
+            pixel, disparities = p, [x * q / (b * p) for x in (s, *images)]
         else:
+            disparities = [over(p * b / q, abs(x)) for x in (s, *images)]
             resolution, relay_magnification = 1.0 / max(v, 1.0), 1.0 / v
     return MicrolensFocus(
         type=type_,
@@ -158,11 +160,6 @@ def footprint(cone: Cone, s: float) -> float:
     return over(2.0 * cone.slope * abs(s), abs(1.0 + s * cone.vergence))
 
 
-def disparity_of(kind: CameraKind, s: float, b: float, p: float, q: float) -> float:
-    """Disparity between neighbouring microlenses in pixels, or between views in microlenses; see `MicrolensFocus`."""
-    return s * q / (b * p) if kind is CameraKind.PLENOPTIC_1 else over(p * b / q, abs(s))
-
-
 def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
     """Plane in front of the lens whose image by exact rays is sharpest at z_image; nan if there is none.
 
@@ -170,10 +167,10 @@ def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
     """
     lens, wavelength = camera.lens, camera.wavelength
     if lens.model is not LensModel.EXACT:
-        return plane_in_front(camera, z_image)
+        return gaussian.plane_in_front(camera, z_image)
     z_target, front = z_image, float(lens.vertices[0])
     for _ in range(_STEPS):
-        z = object_plane(lens, z_target, wavelength)
+        z = gaussian.object_plane(lens, z_target, wavelength)
         is_beyond = not z < front
         if is_beyond:
             z = -math.inf
@@ -184,12 +181,12 @@ def traced_plane(camera: PlenopticCamera, z_image: float) -> float:
         error = z_best - z_image
         if not abs(error) > _TOLERANCE * abs(z_image):
             break
-        if is_beyond and error > SAME_FOCUS * abs(z_image):
+        if is_beyond and error > gaussian.SAME_FOCUS * abs(z_image):
             return math.nan
-        z_target = (image_plane(lens, z, wavelength) if is_beyond else z_target) - error
-    if not math.isfinite(error) or (is_beyond and abs(error) > SAME_FOCUS * abs(z_image)):
+        z_target = (gaussian.image_plane(lens, z, wavelength) if is_beyond else z_target) - error
+    if not math.isfinite(error) or (is_beyond and abs(error) > gaussian.SAME_FOCUS * abs(z_image)):
         return math.nan
-    return -math.inf if is_at_horizon(camera, z) else z
+    return -math.inf if gaussian.is_at_horizon(camera, z) else z
 
 
 def _depth_of_field(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone) -> tuple[float, float]:
@@ -202,7 +199,7 @@ def _depth_of_field(camera: PlenopticCamera, kind: CameraKind, s: float, cone: C
     lens, front = camera.lens, float(camera.lens.vertices[0])
 
     def inverse_distance(z_image: float) -> float:
-        z = object_plane(lens, z_image, camera.wavelength)
+        z = gaussian.object_plane(lens, z_image, camera.wavelength)
         return 0.0 if math.isinf(z) else over(1.0, front - z)
 
     limits = focus_limits(camera, kind, s, cone)
@@ -225,9 +222,9 @@ def focus_limits(camera: PlenopticCamera, kind: CameraKind, s: float, cone: Cone
         # 2 R |s| / (D + s) = q with the exit pupil R at D, slope = R / D.
         pupil_term, full_slope = q * cone.vergence, 2.0 * cone.slope
         return -over(q, full_slope + pupil_term), over(q, full_slope - pupil_term)
-    b, width = camera.microlenses_to_sensor, opening_width(array)
+    b, width = camera.microlenses_to_sensor, gaussian.opening_width(array)
     if kind is CameraKind.PLENOPTIC_1:
-        half_depth = neighbour_distance(array) * b / q
+        half_depth = gaussian.neighbour_distance(array) * b / q
         return -half_depth, half_depth
     if width == 0:
         return None

@@ -8,11 +8,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import Cone, neighbour_distance, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -23,6 +22,9 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.stops.circle import CircularStop
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
 
 _RIM = 1.0 - 1e-9
 """Relative radius at which the rim of the iris is aimed at, so that rounding does not clip the ray."""
@@ -133,17 +135,12 @@ def _opening_points(array: MicrolensArray) -> Floats:
     return np.asarray(np.concatenate([points[inside_edges], corners]))
 
 
-class Corner(NamedTuple):
-    """Vignetting at the darkest corner of the sensor."""
+def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelength: float) -> tuple[float, float]:
+    """Vignetting at the darkest of the points (+-x, +-y) of a plane; nan if no ray can be aimed.
 
-    pupil_fraction: float
-    """Unvignetted fraction of the light through the iris, each point weighted by its transmission."""
-    chief_angle: float
-    """Angle between chief ray and axis, behind the lens, in radians."""
-
-
-def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelength: float) -> Corner:
-    """Vignetting at the darkest of the points (+-x, +-y) of a plane; nan if no ray can be aimed."""
+    Returns the unvignetted fraction of the light through the iris, each point weighted by its transmission, and the
+    angle between chief ray and axis, behind the lens, in radians.
+    """
     grid = square_grid(_CORNER_GRID)
     iris_points = lens.stop.semi_diameter * grid.T
     transmission = lens.stop.transmission_at(*iris_points)
@@ -156,11 +153,11 @@ def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelen
         try:
             rays = aimed_rays_reverse(lens, image_point=(x, y), z_image=z, pupil=points, wavelength=wavelength)
         except InvalidValueError:
-            return Corner(math.nan, math.nan)
+            return math.nan, math.nan
         light = opened_lens.trace_reverse(rays).weight[1:]
         fractions.append(float(transmission @ light / transmission.sum()) if len(grid) else math.nan)
         angles.append(math.acos(min(1.0, -float(rays.direction[0, 2]))))
-    return Corner(min(fractions), max(angles))
+    return min(fractions), max(angles)
 
 
 def clearance(camera: PlenopticCamera) -> float:
@@ -168,7 +165,7 @@ def clearance(camera: PlenopticCamera) -> float:
     array = camera.microlenses
     front = camera.stop_to_microlenses
     if array is not None:
-        front -= array.model.rules.depths(array).front
+        front -= array.model.refraction.depths(array).front
     if camera.lens.model is LensModel.NONE:
         return front - float(camera.lens.vertices[-1])
     return front - max(float(profile[:, 0].max()) for profile in camera.lens.profiles())

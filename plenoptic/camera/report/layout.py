@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.assembly import Rigid, rigid
-from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.assembly import Rigid, assembly, lens_to_world, rigid
 from plenoptic.camera.gaussian import Cone, camera_cone, opening_width, plane_of_focus
 from plenoptic.core.rays import Frustum
 from plenoptic.core.values import Floats
@@ -18,7 +17,7 @@ from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.lenslets import Lenslets
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from plenoptic.camera.camera import PlenopticCamera
 
 _PIXEL_HEIGHT = 0.6
 """Height above the sensor's centre of the pixel whose rays are drawn, over half the sensor's height."""
@@ -75,7 +74,7 @@ def section_rays(camera: PlenopticCamera) -> SectionRays:
     before = behind + (across - lenses.axis[k]) * power
     on_array = array_pose.points(np.column_stack([across, np.zeros(len(across))]))
     towards = array_pose.directions(-np.column_stack([before, np.ones(len(before))]))
-    points, directions = _trace_to_scene(camera, on_array, towards)
+    points, directions = few_reverse_rays(camera.lens, on_array, towards, camera.wavelength)
     start = np.broadcast_to(pixel_centre, (len(across), 1, 3))
     paths = np.concatenate([start, points], axis=1)
     return SectionRays(pixel, paths, directions, sensor, array_pose, lenses, array.principal_separation)
@@ -86,7 +85,8 @@ def _conventional_rays(camera: PlenopticCamera, sensor: Rigid, cone: Cone, heigh
     pixel_centre = sensor.points(np.append(camera.sensor.centre_of(row, column), 0.0))
     slopes = pixel_centre[1] * cone.vergence - cone.slope * np.linspace(-0.98, 0.98, _RAYS)
     towards = -np.column_stack([np.full(_RAYS, pixel_centre[0] * cone.vergence), slopes, np.ones(_RAYS)])
-    points, directions = _trace_to_scene(camera, np.tile(pixel_centre, (_RAYS, 1)), towards)
+    starts = np.tile(pixel_centre, (_RAYS, 1))
+    points, directions = few_reverse_rays(camera.lens, starts, towards, camera.wavelength)
     return SectionRays((row, column), points, directions, sensor, None, None, 0.0)
 
 
@@ -104,10 +104,6 @@ def _hit_pixel(
     return (row, column), sensor.points(np.append(camera.sensor.centre_of(row, column), 0.0))
 
 
-def _trace_to_scene(camera: PlenopticCamera, pixel_centre: Floats, towards: Floats) -> tuple[Floats, Floats]:
-    return few_reverse_rays(camera.lens, pixel_centre, towards, camera.wavelength)
-
-
 def camera_frustum(camera: PlenopticCamera) -> Frustum:
     """Rays through the centre of the iris from the corners of the sensor, or from the edge of the field."""
     cone, array = camera_cone(camera), camera.microlenses
@@ -120,13 +116,11 @@ def camera_frustum(camera: PlenopticCamera) -> Frustum:
             break
     else:  # the centre of the iris is opaque
         exit_points, directions = _through_iris(camera, _FRACTIONS[-1] * corners, cone, clipping=False)
-    lens_to_world = rigid(camera.lens_placement, 0.0)
-    if camera.pose is not None:
-        lens_to_world = Rigid(np.asarray(camera.pose.rotation), np.asarray(camera.pose.position)).of(lens_to_world)
+    to_world = lens_to_world(camera, assembly(camera)) or rigid(None, 0.0)
     z, in_focus = plane_of_focus(camera, None if array is None else array.focal_length), None
     if math.isfinite(z):
-        in_focus = lens_to_world.points(exit_points + (z - exit_points[:, 2:]) / directions[:, 2:] * directions)
-    return Frustum(lens_to_world.points(exit_points), lens_to_world.directions(directions), in_focus)
+        in_focus = to_world.points(exit_points + (z - exit_points[:, 2:]) / directions[:, 2:] * directions)
+    return Frustum(to_world.points(exit_points), to_world.directions(directions), in_focus)
 
 
 def _through_iris(
@@ -152,10 +146,3 @@ def _through_iris(
     towards = -np.column_stack([slopes, np.ones(len(points))])
     traced, directions = few_reverse_rays(lens, start, towards, camera.wavelength, clipping=clipping)
     return traced[:, -1], directions
-
-
-def camera_layout(camera: PlenopticCamera, figure: Figure | None = None) -> Figure:
-    """Draw a camera with the rays of one pixel; see `PlenopticCamera.layout`."""
-    from plenoptic.plots.camera_layout import plot_camera_layout
-
-    return plot_camera_layout(camera, section_rays(camera), figure)

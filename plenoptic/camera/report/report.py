@@ -8,17 +8,30 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+import textwrap
+from typing import TYPE_CHECKING, Any
 
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import CameraKind, Cone, camera_cone, neighbour_distance, opening_width, plane_in_front
 from plenoptic.camera.report import illumination
 from plenoptic.camera.report.findings import CameraFinding, camera_findings
-from plenoptic.camera.report.focus import MicrolensFocus, microlens_focus
-from plenoptic.core.values import check_kind, value
+from plenoptic.camera.report.focus import MicrolensFocus, microlens_focus, report_row
+from plenoptic.core.display import picture_of
+from plenoptic.core.values import check_has, value
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+
+_LABEL = 44
+_WIDTH = 110
+KIND_NAMES = ("conventional camera", "plenoptic camera 1.0", "focused plenoptic camera, Keplerian",
+          "focused plenoptic camera, Galilean", "camera array without main lens")  # fmt: skip
+_LENS, _IMAGES = "main lens", "microlens images"
+"""Sections of a report."""
+ReportRow = tuple[str, str, str, str]
+"""Label, number and unit of a property, and the same in mm."""
 
 
 @value
@@ -77,40 +90,36 @@ class CameraReport:
         Warnings.
     """
 
+    _: dataclasses.KW_ONLY
     kind: CameraKind
-    efl: float | None
-    f_number: float | None
-    exit_pupil_distance: float
-    working_f_number_paraxial: float
-    working_f_number: float
-    microlens_f_number: float | None
-    f_number_match: float | None
+    efl: float | None = report_row("focal length", "mm", _LENS)
+    f_number: float | None = report_row("f-number for infinity", "", _LENS)
+    exit_pupil_distance: float = report_row("exit pupil to {plane}", "mm", _LENS)
+    working_f_number_paraxial: float = report_row("working f-number at the {plane}, paraxial", "", _LENS)
+    working_f_number: float = report_row("working f-number at the {plane}, traced", "", _LENS)
+    microlens_f_number: float | None = report_row("microlens f-number", "", _IMAGES)
+    f_number_match: float | None = report_row("f-number match (microlens / main lens)", "", _IMAGES)
     image_diameter: float | None
-    image_diameter_pixels: float | None
+    image_diameter_pixels: float | None = report_row("diameter", "pixels", _IMAGES)
     image_pitch: float | None
-    image_pitch_pixels: float | None
-    image_fill: float | None
-    image_border_pixels: float | None
-    dark_fraction: float | None
-    overlap_fraction: float | None
-    microlenses: int | None
-    array_plane: float | None
+    image_pitch_pixels: float | None = report_row("distance of neighbours", "pixels", _IMAGES)
+    image_fill: float | None = report_row("diameter over distance", "", _IMAGES)
+    image_border_pixels: float | None = report_row("border that fades out", "pixels", _IMAGES)
+    dark_fraction: float | None = report_row("dark part of the sensor", "%", _IMAGES)
+    overlap_fraction: float | None = report_row("part lit by several microlenses", "%", _IMAGES)
+    microlenses: int | None = report_row("microlenses with their image on the sensor", "", _IMAGES)
+    array_plane: float | None = report_row("plane imaged onto the array (v = 0): z", "mm", _IMAGES)
     focus: tuple[MicrolensFocus, ...]
-    clearance: float
-    corner_pupil_fraction: float
-    corner_chief_angle: float
+    clearance: float = report_row("clearance from lens to {plane}", "mm", _LENS)
+    corner_pupil_fraction: float = report_row("part of the iris seen from the corner", "%", _LENS)
+    corner_chief_angle: float = report_row("angle of the chief ray in the corner", "deg", _LENS)
     wavelength: float
     warnings: tuple[CameraFinding, ...] = ()
 
     def __repr__(self) -> str:
-        from plenoptic.camera.report.text import report_text
-
         return report_text(self)
 
-    def _repr_html_(self) -> str:
-        from plenoptic.camera.report.html import report_html
-
-        return report_html(self)
+    _repr_html_ = picture_of
 
 
 def camera_report(camera: PlenopticCamera) -> CameraReport:
@@ -141,16 +150,14 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     >>> [finding.kind.name for finding in report.warnings]
     ['OVERLAP']
     """
-    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(...)")
+    check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
     lens, array, wavelength = camera.lens, camera.microlenses, camera.wavelength
     z = camera.stop_to_microlenses
     cone, walls = camera_cone(camera), array is not None and array.walls is Walls.OPAQUE
     slope = cone.slope if walls else illumination.traced_slope(lens, z, wavelength)
     stretch = 1.0 if array is None else 1.0 + camera.microlenses_to_sensor * cone.vergence
     corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))
-    light = illumination.corner_light(lens, corner, z, wavelength)
-    if walls:
-        light = light._replace(pupil_fraction=1.0, chief_angle=0.0)
+    pupil_fraction, chief_angle = (1.0, 0.0) if walls else illumination.corner_light(lens, corner, z, wavelength)
     points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
     types = (0,) if array is None else range(len(array.focal_lengths))
     focus = tuple(microlens_focus(camera, type_, cone) for type_ in types)
@@ -166,14 +173,14 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
         array_plane=None if array is None or points is None else plane_in_front(camera, z),
         focus=focus,
         clearance=illumination.clearance(camera),
-        corner_pupil_fraction=light.pupil_fraction,
-        corner_chief_angle=light.chief_angle,
+        corner_pupil_fraction=pupil_fraction,
+        corner_chief_angle=chief_angle,
         wavelength=wavelength,
     )
     return dataclasses.replace(report, warnings=camera_findings(camera, report))
 
 
-_IMAGES = ("microlens_f_number", "f_number_match", "image_diameter", "image_diameter_pixels", "image_pitch",
+_IMAGE_NUMBERS = ("microlens_f_number", "f_number_match", "image_diameter", "image_diameter_pixels", "image_pitch",
            "image_pitch_pixels", "image_fill", "image_border_pixels", "dark_fraction", "overlap_fraction",
            "microlenses")  # fmt: skip
 
@@ -181,7 +188,7 @@ _IMAGES = ("microlens_f_number", "f_number_match", "image_diameter", "image_diam
 def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[str, Any]:
     array, b, q = camera.microlenses, camera.microlenses_to_sensor, camera.sensor.pixel_pitch
     if array is None:
-        return dict.fromkeys(_IMAGES)
+        return dict.fromkeys(_IMAGE_NUMBERS)
     p, stretch = neighbour_distance(array), 1.0 + b * cone.vergence
     diameter, pitch = 2.0 * b * slope, p * abs(stretch)
     # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.
@@ -191,5 +198,60 @@ def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[st
         dark = overlap = 0.0
     numbers = (b / p, diameter / p, diameter, diameter / q, pitch, pitch / q, diameter / pitch, border / q)
     return dict(
-        zip(_IMAGES, (*numbers, dark, overlap, illumination.images_on_sensor(camera, cone.vergence)), strict=True)
+        zip(
+            _IMAGE_NUMBERS, (*numbers, dark, overlap, illumination.images_on_sensor(camera, cone.vergence)), strict=True
+        )
     )
+
+
+def report_text(report: CameraReport) -> str:
+    """Text of a report: all numbers with their units, one per line, then the findings."""
+    lines = [report_title(report)]
+    for title, rows in report_sections(report):
+        lines.append(title)
+        lines += [
+            f"  {label:<{_LABEL}} {number:>12} {unit}".rstrip() + (f" {also}" if also else "")
+            for label, number, unit, also in rows
+        ]
+    lines.append("warnings" if report.warnings else "no warnings")
+    for finding in report.warnings:
+        lines += textwrap.wrap(f"{finding.kind.name}: {finding}", _WIDTH, initial_indent="  ", subsequent_indent="    ")
+    return "\n".join(lines)
+
+
+def report_title(report: CameraReport) -> str:
+    """Title of a report: kind and wavelength of the camera."""
+    return f"CameraReport: {KIND_NAMES[report.kind]}, at {report.wavelength:g} nm"
+
+
+def report_sections(report: CameraReport) -> list[tuple[str, list[ReportRow]]]:
+    """Titles and rows of the sections of a report, with all numbers that apply to the camera."""
+    titles = (_LENS,) if report.microlenses is None else (_LENS, _IMAGES)
+    sections = [(title, _rows(report, title, plane="sensor" if len(titles) == 1 else "array")) for title in titles]
+    for focus in report.focus:
+        if focus.focal_length is None:
+            hidden = ("image_distance", "lenses_across", "lenses_seeing")
+            sections.append(("focus", _rows(focus, hidden=hidden)))
+        else:
+            of_type = f"type {focus.type}, " if len(report.focus) > 1 else ""
+            title = f"focus of microlenses ({of_type}f = {focus.focal_length:g} mm, {focus.kind.name})"
+            first = focus.kind is CameraKind.PLENOPTIC_1
+            sections.append((title, _rows(focus, views="microlenses per view" if first else "pixels per microlens")))
+    return sections
+
+
+def _rows(
+    part: CameraReport | MicrolensFocus, section: str = "", *, hidden: tuple[str, ...] = (), **words: str
+) -> list[ReportRow]:
+    """Rows of a section, from fields made by `report_row` that are not None; `words` stand in labels and units."""
+    rows = []
+    for field in dataclasses.fields(part):
+        number, unit = getattr(part, field.name), field.metadata.get("unit", "")
+        if number is None or field.name in hidden or field.metadata.get("section") != section:
+            continue
+        converted = 100.0 * number if unit == "%" else math.degrees(number) if unit == "deg" else number
+        text = "none" if math.isnan(number) else f"{converted:.6g}"
+        length = getattr(part, field.name.removesuffix("_pixels"), None) if unit == "pixels" else None
+        also = "" if length is None else f"({length:.6g} mm)"
+        rows.append((field.metadata["label"].format(**words), text, unit.format(**words), also))
+    return rows

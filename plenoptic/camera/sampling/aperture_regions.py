@@ -1,4 +1,10 @@
-"""Aperture regions: the part of the microlens plane that illuminates each pixel."""
+"""Aperture regions: the part of the microlens plane that illuminates each pixel.
+
+The steps are functions of this module: *groups* of pixels; *candidates*, the microlenses that may illuminate a group,
+by bounds on the pupil; *linear ray transfers* from a group through a candidate to the elements of the lens; and the
+*pieces* of each pixel's region, polygons and the planes that clip them, from transfers and the openings of elements.
+Where bounds on the pupil suffice, each pixel is a group, and its candidates are the pieces.
+"""
 
 from __future__ import annotations
 
@@ -22,18 +28,18 @@ from plenoptic.camera.sampling.sampling_records import (
     Regions,
     SourcePixels,
 )
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
+from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.record import MOVED
+from plenoptic.optics.lens.lens_record import MOVED
 from plenoptic.optics.microlens.microlens_record import MICROLENS
 
 _TOGETHER = 512
 """Candidates whose rays are traced together."""
 _BORDER = NEAR // GROUP_SIDE + 1
 """Groups on each side of the sensor."""
-_PASSES, _SLACK = 4, 2e-3
-"""Most fits of a candidate's ray transfers, and the relative margin below which it is not fitted again."""
+_PASSES = 4
+"""Most fits of a candidate's ray transfers."""
 
 
 def pixel_centres(camera: CameraRecord, rows: tuple[int, int], columns: tuple[int, int]) -> Floats:
@@ -59,11 +65,22 @@ MAX_CELLS = 100_000
 
 
 def cells_per_pixel(camera: CameraRecord) -> float:
-    """Approximate number of microlenses tested for each pixel, at least 1.
+    """Approximate upper bound on the number of microlenses tested for each pixel, at least 1.
 
     Raises an InvalidValueError above `MAX_CELLS`.
     """
-    count = _estimate_cells(camera)
+    array, pupil = camera.array, camera.pupil
+    if array is None:
+        return 1.0
+    distance = camera.parts.z_plane - pupil.z
+    ratio = distance / camera.sensor.plane.distance
+    height_factor = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
+    reach = float(pupil.reach.max()) + pupil.margin + height_factor * array.opening.radius
+    search = (reach + ratio * camera.sensor.pitch) / (1.0 + ratio) + array.opening.radius
+    area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.lens_table
+    if listed is not None:
+        area = float(listed.bins.width**2 * (len(listed.bins.first) - 1) / max(len(listed.lenses), 1))
+    count = 1.0 + float(np.pi * search**2 / area)
     if count > MAX_CELLS:
         raise InvalidValueError(
             f"each pixel sees about {count:.3g} microlenses, and the limit is {MAX_CELLS}; their pitch is too small, "
@@ -72,29 +89,12 @@ def cells_per_pixel(camera: CameraRecord) -> float:
     return count
 
 
-def _estimate_cells(camera: CameraRecord) -> float:
-    """Approximate upper bound on the number of microlenses that illuminate a pixel."""
-    array, pupil = camera.array, camera.pupil
-    if array is None:
-        return 1.0
-    distance = camera.z_plane - pupil.z
-    ratio = distance / camera.sensor.plane.distance
-    height_factor = 0.0 if pupil.pinhole else float(np.abs(1.0 + ratio - distance * array.lattice.powers).max())
-    reach = float(pupil.reach.max()) + pupil.margin + height_factor * array.opening.radius
-    search = (reach + ratio * camera.sensor.pitch) / (1.0 + ratio) + array.opening.radius
-    area, listed = abs(float(np.linalg.det(array.lattice.basis))), array.lens_table
-    if listed is not None:
-        area = float(listed.bins.width**2 * (len(listed.bins.first) - 1) / max(len(listed.lenses), 1))
-    return 1.0 + float(np.pi * search**2 / area)
-
-
 class _GroupHalf(NamedTuple):
-    """Half sides of a group in local x and y in mm, rays per candidate, and the relative margin to reach."""
+    """Half sides of a group in local x and y in mm, and rays per candidate."""
 
     x: float
     y: float
     rays: int
-    slack: float
 
 
 def _group_points(camera: CameraRecord, points: Floats) -> tuple[Floats, NDArray[np.int64]]:
@@ -154,9 +154,9 @@ def _ray_transfers(
     camera: CameraRecord, candidates: Candidates, corners: Floats, centres: Floats, half: _GroupHalf
 ) -> NDArray[np.void]:
     """Linear ray transfers of candidates to the elements of the lens; candidates get their first one and number."""
+    from plenoptic.camera.camera_rays import fill_through_array  # samples regions itself
     from plenoptic.camera.sampling.kernels import ray_transfer as kernels
     from plenoptic.camera.sampling.kernels.aperture_regions import MAX_PIECES, fill_boxes
-    from plenoptic.camera.sampling.through_array import fill_through_array
 
     group, openings = np.repeat(np.arange(len(centres)), np.diff(candidates.first)), camera.openings
     pending = np.flatnonzero((np.diff(candidates.first)[group] <= MAX_PIECES) & (candidates.rows["disconnected"] == 0))
@@ -174,7 +174,9 @@ def _ray_transfers(
                 waves[:n_rays].reshape(-1, half.rays)[:] = np.repeat([last // 2, 0, last], half.rays // 3)
             kernels.fill_transfer_rays(blocks, lenslets, candidates, chosen, centres[group[chosen]], half)
             fill_through_array(blocks, lenslets, camera, waves)
-            kernels.fill_unclipped(blocks)
+            # The rim of a microlens does not clip rays of the design, which may pass beside it.
+            status = blocks.reshape(-1, RAY // BLOCK, BLOCK)[:, STATUS // BLOCK]
+            status[status == OUTSIDE_MICROLENS] = 0.0
             points = _element_intersections(camera, blocks, waves)
             arguments = candidates, chosen, points, openings, half
             while (end := kernels.fill_ray_transfers(transfers, used, *arguments)) > len(transfers):
@@ -204,7 +206,7 @@ def aperture_regions(
         turn = camera.parts.sensor_to_local.turn
         sides = 0.5 * GROUP_SIDE * camera.sensor.pitch * np.abs(turn[:2, :2]).sum(axis=1)
         colours = 1 if camera.dispersed is None else 3
-        size = _GroupHalf(float(sides[0]), float(sides[1]), RAYS * colours, _SLACK)
+        size = _GroupHalf(float(sides[0]), float(sides[1]), RAYS * colours)
         candidates, corners = _candidates(camera, centres, float(np.hypot(*sides)))
         transfers = _ray_transfers(camera, candidates, corners, centres, size)
     else:

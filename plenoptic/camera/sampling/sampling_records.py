@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.lens.lens_record import LensRecord
 from plenoptic.optics.microlens.microlens_record import SensorPlane
 
 if TYPE_CHECKING:

@@ -23,6 +23,7 @@ import math
 import os
 import pkgutil
 from collections.abc import Iterable, Iterator, Mapping
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -141,13 +142,16 @@ def _array_from_tree(*, dtype: str, shape: list[int], values: list[Any]) -> np.n
     return np.array(values, dtype=dtype).reshape(shape)
 
 
+def _package() -> ModuleType:
+    """The package, whose public names can be read: imported by name, since most of them stand above this room."""
+    return importlib.import_module("plenoptic")
+
+
 def _public(name: Any) -> type | None:
     """The public dataclass or IntEnum of this name in any public module; None if there is none."""
-    import plenoptic
-
     if not isinstance(name, str) or name.startswith("_"):
         return None
-    for cls in (getattr(plenoptic, name, None), *_in_namespaces(name)):
+    for cls in (getattr(_package(), name, None), *_in_namespaces(name)):
         if isinstance(cls, type) and cls.__module__.partition(".")[0] == "plenoptic":
             return cls if dataclasses.is_dataclass(cls) or issubclass(cls, enum.IntEnum) else None
     return None
@@ -155,10 +159,8 @@ def _public(name: Any) -> type | None:
 
 def _in_namespaces(name: str) -> Iterator[Any]:
     """Objects of this name in the public modules of this package, such as `plenoptic.lightfield`."""
-    import plenoptic
-
-    public = set(getattr(plenoptic, "__all__", ()))
-    for info in pkgutil.iter_modules(plenoptic.__path__):
+    public = set(getattr(_package(), "__all__", ()))
+    for info in pkgutil.iter_modules(_package().__path__):
         if info.name in public:
             module = importlib.import_module(f"plenoptic.{info.name}")
             if name in getattr(module, "__all__", ()):

@@ -39,17 +39,10 @@ def _direction_numbers() -> np.ndarray:
 
 def _reversed_tables() -> np.ndarray:
     """(4, 4, 256) uint32: contribution of byte b of the index, value i, to a bit-reversed coordinate."""
-    tables = np.zeros((DIMENSIONS, 4, 256), dtype=np.uint32)
-    for dimension, numbers in enumerate(_direction_numbers()):
-        flipped = [int(f"{int(number):032b}"[::-1], 2) for number in numbers]
-        for byte in range(4):
-            for i in range(256):
-                entry = 0
-                for bit in range(8):
-                    if (i >> bit) & 1:
-                        entry ^= flipped[8 * byte + bit]
-                tables[dimension, byte, i] = entry
-    return tables
+    numbers = _direction_numbers()
+    flipped = np.array([int(f"{number:032b}"[::-1], 2) for number in numbers.ravel().tolist()], dtype=np.uint32)
+    bits = np.arange(256)[:, None] >> np.arange(8) & 1
+    return np.asarray(np.bitwise_xor.reduce(flipped.reshape(DIMENSIONS, 4, 1, 8) * bits.astype(np.uint32), axis=-1))
 
 
 _TABLES = _reversed_tables()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from plenoptic.core.numba.jit import device
 
 
@@ -63,3 +65,12 @@ def negate(a):
 def absolute(a):
     """Absolute values of the components."""
     return abs(a[0]), abs(a[1]), abs(a[2])
+
+
+@device
+def frame_about(n):
+    """Two unit vectors perpendicular to a unit normal (T. Duff et al., J. Comput. Graph. Tech. 6(1), 2017)."""
+    sign = math.copysign(1.0, n[2])
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    return (1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]), (b, sign + n[1] * n[1] * a, -n[1])

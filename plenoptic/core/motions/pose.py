@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, frozen_array, numbers, set_field, value
+from plenoptic.core.motions.rotation import rotation_matrix
+from plenoptic.core.values import Floats, Given, frozen_array, numbers, positions, set_field, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -37,16 +38,9 @@ class Pose:
     position: Given[Floats, ArrayLike]
 
     def __post_init__(self) -> None:
-        set_field(self, "rotation", frozen_array(self.rotation, name="rotation", shape=(3, 3)))
-        set_field(self, "position", frozen_array(self.position, name="position", shape=(3,)))
-        if not (np.isfinite(self.rotation).all() and np.isfinite(self.position).all()):
-            raise InvalidValueError("a pose holds a number that is not finite; give finite rotation and position")
-        defect = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
-        if defect > 1e-9 or np.linalg.det(self.rotation) < 0:
-            raise InvalidValueError(
-                f"rotation is not a right-handed orthonormal matrix (defect {defect:.3g}, limit 1e-9); "
-                "scaling and mirroring belong to the scene"
-            )
+        remedy = "scaling and mirroring belong to the scene"
+        set_field(self, "rotation", rotation_matrix(self.rotation, remedy=remedy))
+        set_field(self, "position", positions(self.position, name="position", shape=(3,)))
 
     @classmethod
     def look_at(cls, position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> Pose:

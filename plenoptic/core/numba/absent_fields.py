@@ -18,18 +18,18 @@ from numba.core.ir_utils import get_definition, guard
 
 def _type_of(state: Any, variable: Any) -> Any:
     """The type of an argument, or of a member of one; None if neither is known before types are inferred."""
-    found = guard(get_definition, state.func_ir, variable)
-    if isinstance(found, ir.Arg):
-        return state.args[found.index] if found.index < len(state.args) else None
-    if isinstance(found, ir.Const) and found.value is None:
+    definition = guard(get_definition, state.func_ir, variable)
+    if isinstance(definition, ir.Arg):
+        return state.args[definition.index] if definition.index < len(state.args) else None
+    if isinstance(definition, ir.Const) and definition.value is None:
         return types.none
-    if isinstance(found, ir.Expr) and found.op == "getattr":
-        record: Any = _type_of(state, found.value)
+    if isinstance(definition, ir.Expr) and definition.op == "getattr":
+        record: Any = _type_of(state, definition.value)
         if isinstance(record, types.NoneType):
             return record
         fields = record.fields if isinstance(record, types.BaseNamedTuple) else ()  # type: ignore[attr-defined]
-        if found.attr in fields:
-            return record.types[fields.index(found.attr)]
+        if definition.attr in fields:
+            return record.types[fields.index(definition.attr)]
     return None
 
 
@@ -40,8 +40,8 @@ def _is_present(state: Any, comparison: Any) -> bool:
     other = guard(get_definition, state.func_ir, comparison.rhs)
     if not isinstance(other, ir.Const) or other.value is not None:
         return False
-    known = _type_of(state, comparison.lhs)
-    return known is not None and not isinstance(known, types.NoneType | types.Optional | types.Omitted)
+    kind = _type_of(state, comparison.lhs)
+    return kind is not None and not isinstance(kind, types.NoneType | types.Optional | types.Omitted)
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)

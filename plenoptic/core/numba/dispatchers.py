@@ -1,45 +1,60 @@
-"""Dispatchers: the objects that the decorators make of functions."""
+"""Numba's dispatchers of kernels and of the functions that kernels call: the only configuration of Numba.
+
+Kernels take numbers, arrays and records of these, release the GIL, divide as IEEE 754 says, and may fuse multiply and
+add (`contract`): the intersection formula of `optics.lens.kernels.sphere` needs the fused form for distant origins.
+"""
 
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable
 from typing import Any
 
+import numba
 from numba.core.registry import CPUDispatcher
 
+from plenoptic.core.kernels.probe import probe_numba
 from plenoptic.core.numba.deviations import deviations, leave_all_out, plainly
+from plenoptic.core.numba.kernel_cache import KernelCache
 from plenoptic.core.numba.parallel_compilation import Task, claim, listed_tasks
+from plenoptic.core.numba.pipeline import KernelCompiler
 from plenoptic.core.parallel import Cancelled, check_cancelled
 from plenoptic.core.progress.deferring import defer_interrupts
 
-_all: weakref.WeakSet[Any] = weakref.WeakSet()
+_OPTIONS: dict[str, Any] = {
+    "nopython": True,
+    "nogil": True,
+    "boundscheck": None,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+}
 
-
+_device_dispatchers: weakref.WeakSet[Any] = weakref.WeakSet()
 _probed: list[bool] = []
 
 
-def _probe_once() -> None:
-    if not _probed:
-        _probed.append(True)  # the probe compiles a kernel, too
-        from plenoptic.core.kernels.probe import probe_numba  # it is a kernel itself
+def make_dispatcher(function: Callable[..., Any], *, is_kernel: bool) -> Any:
+    """Dispatcher of a kernel, whose code is kept on disk, or of a function that kernels call."""
+    dispatcher: Any = None
+    if chosen := deviations():
+        without = {"no_cfunc_wrapper": True} | ({} if is_kernel else {"no_cpython_wrapper": True})
+        options = _OPTIONS | (without if "no_wrappers" in chosen else {})
+        try:
+            make: Any = KernelDispatcher if is_kernel else CPUDispatcher
+            dispatcher = make(function, targetoptions=options, pipeline_class=KernelCompiler)
+        except (AttributeError, TypeError) as error:
+            leave_all_out(error)
+    if dispatcher is None:
+        dispatcher = numba.jit(**_OPTIONS, pipeline_class=KernelCompiler)(function)
+    if is_kernel:
+        dispatcher._cache = KernelCache(function)
+    else:
+        _device_dispatchers.add(dispatcher)
+    return dispatcher
 
-        probe_numba()
 
-
-class Device(CPUDispatcher):
-    """A function that kernels call. Called from Python it runs as Python: no wrapper leads to its machine code."""
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        _all.add(self)
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Run it as Python."""
-        return self.py_func(*arguments)
-
-
-class Kernel(CPUDispatcher):
-    """A kernel, which helper processes may compile."""
+class KernelDispatcher(CPUDispatcher):
+    """Dispatcher of a kernel, which helper processes may compile."""
 
     _cache: Any
 
@@ -56,7 +71,9 @@ class Kernel(CPUDispatcher):
     def compile(self, signature: Any) -> Any:
         """Compile for types of arguments, or load the compiled code; Cancelled if nobody waits for it any longer."""
         check_cancelled()
-        _probe_once()
+        if not _probed:
+            _probed.append(True)  # the probe compiles a kernel, too
+            probe_numba()
         claim((self, signature))
         with defer_interrupts():
             try:
@@ -70,8 +87,8 @@ class Kernel(CPUDispatcher):
         """Compile by Numba's own pipeline; the error of before where that fails, too."""
         if not deviations():
             raise error
-        for function in _all:
-            function._compiler._failed_cache.clear()
+        for device in _device_dispatchers:
+            device._compiler._failed_cache.clear()
         with plainly():
             try:
                 entry = super().compile(signature)

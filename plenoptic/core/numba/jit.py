@@ -1,8 +1,4 @@
-"""Decorators of kernels and of the functions that kernels call: the only configuration of Numba.
-
-Kernels take numbers, arrays and records of these, release the GIL, divide as IEEE 754 says, and may fuse multiply and
-add (`contract`): the intersection formula of `optics.lens.kernels.sphere` needs the fused form for distant origins.
-"""
+"""Decorators of kernels and of the functions that kernels call; Numba is imported when a kernel is first called."""
 
 from __future__ import annotations
 
@@ -10,44 +6,50 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-import llvmlite.binding
-import numba
 
-from plenoptic.core.numba.deviations import deviations, leave_all_out
-from plenoptic.core.numba.kernel_cache import KernelCache
-from plenoptic.core.numba.pipeline import KernelCompiler
+class _Compiled:
+    """A function that Numba compiles, with the attributes of its dispatcher, which is made when it is needed."""
 
-_OPTIONS: dict[str, Any] = {
-    "nopython": True,
-    "nogil": True,
-    "boundscheck": None,
-    "error_model": "numpy",
-    "fastmath": {"contract"},
-}
+    def __init__(self, function: Callable[..., Any]) -> None:
+        wrapper: Any = self
+        functools.update_wrapper(wrapper, function)
+        self.py_func = function
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        if name == "dispatcher":
+            from plenoptic.core.numba.dispatchers import make_dispatcher  # it imports Numba
+
+            # Of two threads, the second takes what the first has made.
+            return self.__dict__.setdefault(name, make_dispatcher(self.py_func, is_kernel=isinstance(self, Kernel)))
+        return getattr(self.dispatcher, name)
+
+
+class Kernel(_Compiled):
+    """A function of numbers, arrays and records of these; see `kernel`."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the machine code for these types of arguments; compile it, or read it from disk, the first time."""
+        return self.dispatcher(*arguments)
+
+
+class Device(_Compiled):
+    """A function that kernels call; see `device`."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it as Python: no wrapper leads to its machine code."""
+        return self.py_func(*arguments)
 
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function for numbers and arrays, without the GIL, kept on disk."""
-    compiled = _dispatcher(function, "Kernel", {"no_cfunc_wrapper": True})
-    compiled._cache = KernelCache(function)
-    return compiled
+    return Kernel(function)
 
 
 def device(function: Callable[..., Any]) -> Any:
     """Compile a small function that kernels call; it is inlined into them and kept with them."""
-    return _dispatcher(function, "Device", {"no_cfunc_wrapper": True, "no_cpython_wrapper": True})
-
-
-def _dispatcher(function: Callable[..., Any], kind: str, without: dict[str, bool]) -> Any:
-    if chosen := deviations():
-        try:
-            from plenoptic.core.numba import dispatchers
-
-            options = _OPTIONS | without if "no_wrappers" in chosen else dict(_OPTIONS)
-            return getattr(dispatchers, kind)(function, targetoptions=options, pipeline_class=KernelCompiler)
-        except (ImportError, AttributeError, TypeError) as error:
-            leave_all_out(error)
-    return numba.jit(**_OPTIONS, pipeline_class=KernelCompiler)(function)
+    return Device(function)
 
 
 @functools.cache
@@ -57,6 +59,7 @@ def processor() -> str:
     NUMBA_CPU_NAME and NUMBA_CPU_FEATURES can name another than that which is there, and which NumPy, Embree and the
     system's mathematics still use: then both are named.
     """
+    import llvmlite.binding
     from numba.core.registry import cpu_target
 
     triple, name, features = cpu_target.target_context.codegen().magic_tuple()

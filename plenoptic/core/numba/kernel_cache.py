@@ -30,7 +30,7 @@ from plenoptic.core.numba.code_digest import UnknownValueError, bytecode_text, c
 from plenoptic.core.numba.deviations import deviations
 from plenoptic.core.warn import warn
 
-_COMPILER = ["absent_fields", "borrowed_arrays", "jit", "library", "pipeline", "shortcuts", "typing_context"]
+_COMPILER = ["absent_fields", "borrowed_arrays", "dispatchers", "library", "pipeline", "shortcuts", "typing_context"]
 """Modules of this folder that decide which machine code is made."""
 _DAY = 86400.0
 _UNUSED_DAYS = 30
@@ -125,11 +125,7 @@ class KernelCache:
     def enable(self) -> None:
         """Part of Numba's interface."""
 
-    def disable(self) -> None:
-        """Part of Numba's interface."""
-
-    def flush(self) -> None:
-        """Part of Numba's interface."""
+    disable = flush = enable
 
 
 _warned: list[Exception] = []

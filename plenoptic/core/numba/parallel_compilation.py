@@ -21,14 +21,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from plenoptic.core.numba.code_digest import bytecode_size
 from plenoptic.core.numba.deviations import deviations
-from plenoptic.core.numba.kernel_cache import writable_folder
 from plenoptic.core.parallel import check_cancelled
 from plenoptic.core.progress.compiling import compiling
 
 if TYPE_CHECKING:
-    from plenoptic.core.numba.dispatchers import Kernel
+    from plenoptic.core.numba.dispatchers import KernelDispatcher
 
 _MOST_HELPERS = 3
 """Each compiles again what several kernels have in common, and takes 200 MB."""
@@ -39,7 +37,7 @@ _FEWEST_KERNELS = 4
 _PATIENCE = 0.1
 """Seconds between two checks whether the kernel that a helper compiles is still needed."""
 
-Task: TypeAlias = "tuple[Kernel, tuple[Any, ...]]"
+Task: TypeAlias = "tuple[KernelDispatcher, tuple[Any, ...]]"
 """A kernel and the types of its arguments."""
 
 
@@ -105,8 +103,14 @@ def compile_in_parallel(run: Callable[[], object], *, threads: int, shown: bool 
 
     `run` renders no pixel. `shown`: a bar shows the time left.
     """
-    wanted = (shown or threads > 1) and "helper_processes" in deviations()
-    tasks = _list_tasks(run) if wanted else []
+    in_parallel = (shown or threads > 1) and "helper_processes" in deviations()
+    tasks = _list_tasks(run) if in_parallel else []
+    if not tasks:
+        yield
+        return
+    from plenoptic.core.numba.code_digest import bytecode_size  # they import Numba
+    from plenoptic.core.numba.kernel_cache import writable_folder
+
     helpers: list[subprocess.Popen[bytes]] = []
     compiling.left = {kernel.py_func.__name__: bytecode_size(kernel.py_func) for kernel, _ in tasks}
     if threads > 1 and len(tasks) >= _FEWEST_KERNELS and writable_folder() is not None:

@@ -28,8 +28,8 @@ class KernelTyping:
         """Signature of a call."""
         if self._one_integer and isinstance(function, types.Dispatcher):
             arguments = [types.unliteral(one) if isinstance(one, types.IntegerLiteral) else one for one in arguments]
-        own = isinstance(function, types.Function) or not isinstance(function, types.Type)
-        if keywords or not (own and self._kept):
+        is_builtin = isinstance(function, types.Function) or not isinstance(function, types.Type)
+        if keywords or not (is_builtin and self._kept):
             return self._context.resolve_function_type(function, tuple(arguments), keywords)
         key = function, tuple(arguments)
         signature = self._signatures.get(key)

@@ -35,29 +35,18 @@ class Cells(NamedTuple):
     lens: NDArray[np.int64]
 
 
-class Light(NamedTuple):
-    """Radiance of n pixels, averaged over the channels, and its standard error."""
-
-    value: Floats
-    error: Floats
-
-
-def mean_light(radiance: Floats, variance: Floats | None) -> Light:
-    """Mean light and its standard error from radiance (n, C) and its variance."""
-    value, channels = radiance.mean(axis=1), radiance.shape[1]
-    error = np.zeros_like(value) if variance is None else np.sqrt(variance.sum(axis=1)) / channels
-    return Light(value, error)
-
-
-def correct_edges(rays: PixelRays, nearness: Floats, light: Light, spacing: float, depth: float) -> Floats:
+def correct_edges(
+    rays: PixelRays, nearness: Floats, radiance: Floats, variance: Floats | None, spacing: float, depth: float
+) -> Floats:
     """Correct the nearness (n,) of pixels where estimated surfaces extend beyond their edges.
 
-    The pixel takes the nearness of the surface behind if its light differs less there from that of other microlenses,
-    by more than its error. Surfaces differ by more than `depth`.
+    The pixel takes the nearness of the surface behind if its light, the mean of the channels of radiance (n, C),
+    differs less there from that of other microlenses, by more than its error. Surfaces differ by more than `depth`.
     """
     from plenoptic.lightfield.kernels.depth_edges import fill_behind, fill_misfits
 
-    lens = rays.on_image(rays.lens, -1)
+    lens, light = rays.on_image(rays.lens, -1), radiance.mean(axis=1)
+    error = np.zeros_like(light) if variance is None else np.sqrt(variance.sum(axis=1)) / radiance.shape[1]
     for _ in range(_ITERATIONS):
         behind = np.empty(lens.shape)
         fill_behind(behind, rays.on_image(nearness, np.nan), lens, depth, _MAX_FATTENING)
@@ -65,13 +54,13 @@ def correct_edges(rays: PixelRays, nearness: Floats, light: Light, spacing: floa
         candidates = np.flatnonzero(np.isfinite(other))
         if not len(candidates):
             break
-        cells = _in_cells(rays, nearness, light.value, spacing)
-        light_and_lens = light.value[candidates], rays.lens[candidates]
+        cells = _in_cells(rays, nearness, light, spacing)
+        light_and_lens = light[candidates], rays.lens[candidates]
         position_behind = _picture_positions(rays, other, spacing)
         misfit, misfit_behind = np.empty(len(candidates)), np.empty(len(candidates))
         fill_misfits(misfit, cells, depth, (cells.position[candidates], nearness[candidates], *light_and_lens))
         fill_misfits(misfit_behind, cells, depth, (position_behind[candidates], other[candidates], *light_and_lens))
-        wrong = candidates[misfit_behind + light.error[candidates] < misfit]
+        wrong = candidates[misfit_behind + error[candidates] < misfit]
         nearness = nearness.copy()
         nearness[wrong] = other[wrong]
     return nearness
@@ -79,7 +68,7 @@ def correct_edges(rays: PixelRays, nearness: Floats, light: Light, spacing: floa
 
 def _picture_positions(rays: PixelRays, nearness: Floats, spacing: float) -> Floats:
     """Positions (n, 2) of pixels as seen from the centre of the pupil: down and along, in pixels of the picture."""
-    return np.asarray((rays.through - rays.pupil * nearness[:, None])[:, ::-1] * (1.0, -1.0) / spacing)
+    return np.asarray((rays.through - rays.at_pupil * nearness[:, None])[:, ::-1] * (1.0, -1.0) / spacing)
 
 
 def _in_cells(rays: PixelRays, nearness: Floats, light: Floats, spacing: float) -> Cells:

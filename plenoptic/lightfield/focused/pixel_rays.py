@@ -8,15 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.assembly import ArrayAxes
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import model_pupil, opening_width, paraxial_cone
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.matching.micro_images import focused_array
 from plenoptic.lightfield.outward_rays import rays_at_array
-from plenoptic.lightfield.raw_arrays import RawArrays
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays
 from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.rendering.exposure import Exposure
 
 _MIN_RADIUS = 0.25
 """Minimum used radius of a micro image, as a fraction of the distance between micro images, whatever their overlap."""
@@ -32,10 +34,12 @@ class Pupil(NamedTuple):
 
 
 class PixelRays(NamedTuple):
-    """Rays from n pixels through the optical centres of their microlenses, in the local axes of the array."""
+    """Rays from n pixels of a raw image through the optical centres of their microlenses, in the axes of the array."""
 
-    shape: tuple[int, int]
-    """Rows and columns of the raw image."""
+    camera: PlenopticCamera
+    array: MicrolensArray
+    pupil: Pupil
+    raw: RawArrays
     row: NDArray[np.int64]
     column: NDArray[np.int64]
     """Position in the raw image."""
@@ -44,7 +48,7 @@ class PixelRays(NamedTuple):
     """Type of the microlens."""
     through: Floats
     """(n, 2): intersection with the array, mm."""
-    pupil: Floats
+    at_pupil: Floats
     """(n, 2): intersection with the pupil relative to its centre, over its distance."""
     to_sensor: Floats
     """Distance from the rear principal plane of the array, mm."""
@@ -55,7 +59,7 @@ class PixelRays(NamedTuple):
 
     def on_image(self, of_rays: NDArray[Any], empty: float) -> NDArray[Any]:
         """Array (H, W) on the raw image with the values of the rays (n,)."""
-        plane = np.full(self.shape, empty, dtype=of_rays.dtype)
+        plane = np.full(self.raw.shot.shape[:2], empty, dtype=of_rays.dtype)
         plane[self.row, self.column] = of_rays
         return plane
 
@@ -68,15 +72,14 @@ def paraxial_pupil(camera: PlenopticCamera) -> Pupil:
     return Pupil(cone.vergence, cone.slope if upright else -cone.slope)
 
 
-def pixel_rays(axes: ArrayAxes, array: MicrolensArray, raw: RawArrays, pupil: Pupil) -> PixelRays:
-    """Rays of all lit pixels that see one microlens alone."""
-    camera, first = axes.camera, np.array(raw.first)
-    shape = np.array(raw.shot.shape[:2])
+def pixel_rays(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, least_light: float) -> PixelRays:
+    """Rays of all lit pixels of a raw image that see one microlens alone."""
+    raw, camera = raw_arrays(shot, white, least_light), camera_of(shot, camera)
+    array, pupil = focused_array(camera), paraxial_pupil(camera)
+    first, shape = np.array(raw.first), raw.shot.shape[:2]
     radius = _radius(camera, array, pupil)
     centres = microlens_centres(camera, CentreMethod.CHIEF_RAY, margin=max(array.pitches))
-    inside_image = np.flatnonzero(
-        ((centres.pixel >= first - radius) & (centres.pixel <= first + shape - 1 + radius)).all(axis=1)
-    )
+    inside_image = np.flatnonzero(raw.near(centres.pixel, radius))
     centre = centres.pixel[inside_image][:, :, None, None]
     step = np.arange(-math.ceil(radius), math.ceil(radius) + 1)
     # In sensor pixels, so that a region has the same rounding as the whole.
@@ -89,18 +92,13 @@ def pixel_rays(axes: ArrayAxes, array: MicrolensArray, raw: RawArrays, pupil: Pu
         raise InvalidValueError("the image contains no lit micro image; take a larger region, or a lower least_light")
     lens = np.nonzero(used)[0]
     through, slopes, to_sensor = rays_at_array(
-        axes, array, np.column_stack([row[used], column[used]]) + first, centres.on_array[inside_image][lens]
+        array_axes(camera),
+        array,
+        np.column_stack([row[used], column[used]]) + first,
+        centres.on_array[inside_image][lens],
     )
-    return PixelRays(
-        (int(shape[0]), int(shape[1])),
-        row[used],
-        column[used],
-        lens,
-        centres.type[inside_image][lens],
-        through,
-        through * pupil.vergence - slopes,
-        to_sensor,
-    )
+    types, at_pupil = centres.type[inside_image][lens], through * pupil.vergence - slopes
+    return PixelRays(camera, array, pupil, raw, row[used], column[used], lens, types, through, at_pupil, to_sensor)
 
 
 def _radius(camera: PlenopticCamera, array: MicrolensArray, pupil: Pupil) -> float:

@@ -12,20 +12,13 @@ from plenoptic.camera.gaussian import opening_width
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil
-from plenoptic.optics.microlens.array import MicrolensArray
 
 _WIDTH = 0.6
 """Standard deviation of a window's weights, in pixels of the picture."""
 _SAMPLES = 1.2
 """The same in units of the sample spacing (root of the area per sample), if that is larger."""
-_CUT = 3.0
-"""Radius of a window over its width."""
 _DEPTH = 1.0
 """Largest difference in pixels, within a surface, between rays through the centre and the rim of the pupil."""
-_TRANSPARENT, _OPAQUE = 0.1, 0.65
-"""Sample density, relative to that of an unoccluded surface, at which a surface is invisible or fills a pixel."""
-_PIVOT = 0.1
-"""Minimum pivot: samples determine a function if each term varies by as much beyond the terms before it."""
 _ROWS = 8
 """Rows of the picture in one task."""
 
@@ -56,13 +49,10 @@ class Window(NamedTuple):
 
     shape: tuple[int, int]
     width: float
-    cut: float
     depth: float
     """Largest difference of nearness within a surface."""
-    transparent_density: float
-    opaque_density: float
     terms: int
-    pivot: float
+    """Terms of the fitted function: 6 quadratic, 3 linear."""
     max_pixel_variance: float
     """Largest variance of a pixel's footprint."""
 
@@ -76,17 +66,6 @@ class Near(NamedTuple):
     down: Floats
     along: Floats
     fit_weight: Floats
-
-
-class Surfaces(NamedTuple):
-    """Properties of all samples of a picture."""
-
-    depth: float
-    """Largest difference of nearness within a surface."""
-    area: float
-    """Area of the picture per sample."""
-    terms: int
-    """Terms of the fitted function: 6 quadratic, 3 linear."""
 
 
 class Canvas(NamedTuple):
@@ -111,17 +90,6 @@ class Grid(NamedTuple):
         return np.stack(np.broadcast_arrays(-x[None, :], y[:, None]), axis=-1)
 
 
-class Footprint(NamedTuple):
-    """Blur of a sample by its pixel and its microlens: variances on the array in mm^2 along each axis."""
-
-    pixel: Floats
-    lens: Floats
-
-    def blur(self) -> Floats:
-        """Radius of a point's image, in pixels of the raw image."""
-        return np.asarray(np.sqrt(self.lens / (3.0 * self.pixel)))
-
-
 def grid_of(rays: PixelRays, spacing: float) -> Grid:
     """The grid that covers the microlenses; pixels lie at whole multiples of the spacing."""
     positions = rays.through * (-1.0, 1.0) / spacing
@@ -130,19 +98,19 @@ def grid_of(rays: PixelRays, spacing: float) -> Grid:
     return Grid((int(low[1]), int(low[0])), (rows, columns), spacing)
 
 
-def footprints(
-    array: MicrolensArray, rays: PixelRays, pupil: Pupil, nearness: Floats, pixel: float, wavelength: float
-) -> Footprint:
-    """Footprints of pixels of side `pixel` at a nearness a / (1 + a V); the image lies a behind the array.
+def footprints(rays: PixelRays, nearness: Floats) -> tuple[Floats, Floats]:
+    """Variances of footprints on the array along each axis, mm^2: by the pixel, and by its microlens.
 
-    V is the vergence of the pupil. From the image a pixel is p a / b large, and the microlens aperture w is w (1 - a /
-    a_f), with 1/a_f = 1/b - 1/f. The pupil sees both smaller by 1 + a V.
+    The nearness is a / (1 + a V); the image lies a behind the array, and V is the vergence of the pupil. From the image
+    a pixel is p a / b large, and the microlens aperture w is w (1 - a / a_f), with 1/a_f = 1/b - 1/f. The pupil sees
+    both smaller by 1 + a V.
     """
-    focal = np.array(array.focal_lengths_at(wavelength))[rays.type]
-    vergence = pupil.vergence + 1.0 / rays.to_sensor - 1.0 / focal
-    pixel_width, aperture_width = pixel * nearness / rays.to_sensor, opening_width(array) * (1.0 - vergence * nearness)
+    focal = np.array(rays.array.focal_lengths_at(rays.camera.wavelength))[rays.type]
+    vergence = rays.pupil.vergence + 1.0 / rays.to_sensor - 1.0 / focal
+    pixel_width = rays.camera.sensor.pixel_pitch * nearness / rays.to_sensor
+    aperture_width = opening_width(rays.array) * (1.0 - vergence * nearness)
     # Variances of a square and of a disc.
-    return Footprint(pixel_width**2 / 12.0, aperture_width**2 / 16.0)
+    return pixel_width**2 / 12.0, aperture_width**2 / 16.0
 
 
 def surface_depth(pupil: Pupil, spacing: float) -> float:
@@ -151,7 +119,7 @@ def surface_depth(pupil: Pupil, spacing: float) -> float:
 
 
 def sort_splats(grid: Grid, on_array: Floats, samples: Splats) -> Splats:
-    """Sort the samples on a grid by cell; `first` and `place` follow from `on_array` (n, 2)."""
+    """Sort the samples on a grid by cell; `first` and `offset` follow from `on_array` (n, 2)."""
     positions = on_array[:, ::-1] * (1.0, -1.0) / grid.spacing
     with np.errstate(invalid="ignore"):
         nearest = np.rint(positions)
@@ -172,16 +140,19 @@ def sort_by_cell(
     return first, numbers[np.argsort(flat, kind="stable")]
 
 
-def splat_picture(splats: Splats, grid: Grid, surfaces: Surfaces, threads: int) -> Canvas:
-    """Render the picture of the samples."""
-    from plenoptic.lightfield.kernels.splat import WIDENINGS, WIDER, fill_view
+def splat_picture(splats: Splats, grid: Grid, depth: float, area: float, terms: int, threads: int) -> Canvas:
+    """Render the picture of samples that stand for a mean area each, by functions of 6 or 3 terms.
 
-    width, largest = max(_WIDTH, _SAMPLES * math.sqrt(surfaces.area)), float(splats.pixel.max(initial=0.0))
-    window = Window(grid.shape, width, _CUT, surfaces.depth, _TRANSPARENT, _OPAQUE, surfaces.terms, _PIVOT, largest)
+    Within a surface, nearness differs by up to `depth`.
+    """
+    from plenoptic.lightfield.kernels.splat import CUT, WIDENINGS, WIDER, fill_view
+
+    width, largest = max(_WIDTH, _SAMPLES * math.sqrt(area)), float(splats.pixel.max(initial=0.0))
+    window = Window(grid.shape, width, depth, terms, largest)
     shape = (*grid.shape, splats.radiance.shape[1])
     variance = None if splats.variance is None else np.empty(shape)
     canvas = Canvas(np.empty(shape), variance, np.empty(grid.shape), np.empty(grid.shape))
-    reach = math.ceil(_CUT * max(width * WIDER ** (WIDENINGS - 1), math.hypot(width, math.sqrt(largest))))
+    reach = math.ceil(CUT * max(width * WIDER ** (WIDENINGS - 1), math.hypot(width, math.sqrt(largest))))
     capacity = _max_samples(splats.first, grid.shape, reach)
 
     def fill_rows(row: int) -> None:

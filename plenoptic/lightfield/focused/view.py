@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, result
 from plenoptic.lightfield.focused.pixel_rays import paraxial_pupil
 from plenoptic.scene.scene import Scene
@@ -68,7 +69,7 @@ class View:
         >>> view.truth(pl.shapes.white_plane()).depth[9, 9].round(6).item()
         404.0
         """
-        from plenoptic.truth.view_truth import truth_along
+        from plenoptic.truth.ground_truth import truth_along
 
         axes = array_axes(self.camera)
         pupil = paraxial_pupil(self.camera)
@@ -81,7 +82,4 @@ class View:
         rows, columns, channels = self.picture.shape
         return f"View({rows} x {columns} x {channels} from {self.viewpoint})"
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import view_html
-
-        return view_html(self)
+    _repr_html_ = picture_of

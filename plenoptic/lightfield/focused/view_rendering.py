@@ -15,12 +15,11 @@ from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.focused.edges import correct_edges, edge_weights, mean_light
-from plenoptic.lightfield.focused.pixel_rays import PixelRays, Pupil, paraxial_pupil, pixel_rays
+from plenoptic.lightfield.focused.edges import correct_edges, edge_weights
+from plenoptic.lightfield.focused.pixel_rays import PixelRays, pixel_rays
 from plenoptic.lightfield.focused.splats import (
     Grid,
     Splats,
-    Surfaces,
     footprints,
     grid_of,
     sort_splats,
@@ -28,10 +27,8 @@ from plenoptic.lightfield.focused.splats import (
     surface_depth,
 )
 from plenoptic.lightfield.focused.view import View
-from plenoptic.lightfield.micro_image_matching import focused_array
-from plenoptic.lightfield.object_planes import image_distance_behind_array
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, checked_viewpoint, raw_arrays, relative_light
-from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.lightfield.pinhole_model import image_distance_behind_array
+from plenoptic.lightfield.raw_arrays import checked_viewpoint
 from plenoptic.rendering.exposure import Exposure
 
 LEAST_LIGHT = 0.1
@@ -45,29 +42,10 @@ _QUADRATIC, _LINEAR = 6, 3
 """Terms of the fitted functions."""
 
 
-class RawRays(NamedTuple):
-    """A raw image, and the rays of its pixels."""
-
-    camera: PlenopticCamera
-    array: MicrolensArray
-    pupil: Pupil
-    planes: RawArrays
-    rays: PixelRays
-
-
-class Focus(NamedTuple):
-    """Disparities at which pictures are in focus."""
-
-    disparity: Floats
-    """(n,): disparity of the rays, in pitches."""
-    everywhere: bool
-    """True if each pixel has its own disparity (total focus)."""
-
-
 class Samples(NamedTuple):
     """Samples of pictures from any viewpoint."""
 
-    raw: RawRays
+    rays: PixelRays
     splats: Splats
     """In the order of the rays; `first`, `offset` and `area` are not set yet."""
     grid: Grid
@@ -153,38 +131,39 @@ def render_view(  # noqa: PLR0913
     Examples
     --------
     >>> import numpy as np, plenoptic as pl
-    >>> camera = pl.PlenopticCamera(
-    ...     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=5.0)),
-    ...     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
-    ...     sensor=pl.Sensor(shape=(96, 96), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
+    >>> camera = pl.camera.example_camera(shape=(96, 96))
     >>> shot = pl.render(pl.check_scene(), camera, samples=64, progress=False, truth=pl.Truth.CHORD_DISPARITY)
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> view = pl.lightfield.render_view(shot, white, shot.truth.chord_disparity)
     >>> view, bool(abs(np.nanmedian(view.disparity) - 3.26) < 0.05)
     (View(31 x 31 x 1 from (0.0, 0.0)), True)
     """
-    raw = raw_rays(shot, white, camera, relative_light(least_light))
+    rays = pixel_rays(shot, white, camera, least_light)
     radius = math.inf if aperture is None else positive(aperture, "aperture")
     pupil_point = checked_viewpoint(viewpoint)
     with CallProgress("rendering the view", kind="camera", show=progress):
-        samples = picture_samples(raw, picture_focus(raw, disparity, z), spacing)
+        samples = picture_samples(rays, *picture_focus(rays, disparity, z), spacing)
         return render_from_viewpoint(samples, pupil_point, radius, thread_count(threads))
 
 
 def render_from_viewpoint(samples: Samples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
     """The view from a point of the pupil, from pixels whose rays pass within an aperture around it."""
-    (camera, array, pupil, _, rays), splats, grid, terms = samples
-    viewpoint_slope = np.array(viewpoint) * pupil.slope
-    in_aperture = np.hypot(*(rays.pupil - viewpoint_slope).T) <= aperture * abs(pupil.slope)
+    rays, splats, grid, terms = samples
+    camera, array, slope = rays.camera, rays.array, rays.pupil.slope
+    viewpoint_slope = np.array(viewpoint) * slope
+    in_aperture = np.hypot(*(rays.at_pupil - viewpoint_slope).T) <= aperture * abs(slope)
     samples_per_lens = np.bincount(rays.lens, in_aperture)[rays.lens]
     splats = splats._replace(
         nearness=np.where(in_aperture, splats.nearness, np.nan),
         area=array.cell_area / np.maximum(samples_per_lens, 1) / grid.spacing**2,
     )
-    on_array = rays.through + (viewpoint_slope - rays.pupil) * splats.nearness[:, None]
-    area = _area_per_sample(samples.raw, aperture) / grid.spacing**2
-    surfaces = Surfaces(surface_depth(pupil, grid.spacing), area, terms)
-    canvas = splat_picture(sort_splats(grid, on_array, splats), grid, surfaces, threads)
+    on_array = rays.through + (viewpoint_slope - rays.at_pupil) * splats.nearness[:, None]
+    # Area of the array per pixel of a micro image, from the number of pixels that the pupil lights.
+    pixel = camera.sensor.pixel_pitch
+    pixels = math.pi * (min(aperture, 1.0) * slope * camera.microlenses_to_sensor / pixel) ** 2
+    area = array.cell_area / min(max(pixels, 1.0), array.cell_area / pixel**2) / grid.spacing**2
+    splats, depth = sort_splats(grid, on_array, splats), surface_depth(rays.pupil, grid.spacing)
+    canvas = splat_picture(splats, grid, depth, area, terms, threads)
     if not np.isfinite(canvas.picture).any():
         warn(
             f"the picture from viewpoint {viewpoint} is empty: no pixel's light passes there, or the samples are too "
@@ -206,96 +185,77 @@ def render_from_viewpoint(samples: Samples, viewpoint: tuple[float, float], aper
     )
 
 
-def raw_rays(
-    shot: Exposure, white: Exposure, camera: PlenopticCamera | None, least_light: float = LEAST_LIGHT
-) -> RawRays:
-    """The rays of a raw image."""
-    arrays, chosen = raw_arrays(shot, white, least_light), camera_of(shot, camera)
-    array, pupil = focused_array(chosen), paraxial_pupil(chosen)
-    return RawRays(chosen, array, pupil, arrays, pixel_rays(array_axes(chosen), array, arrays, pupil))
+def picture_focus(rays: PixelRays, disparity: ArrayLike | None, z: float | None = None) -> tuple[Floats, bool]:
+    """Disparities (n,) of the rays at which a picture is in focus, in pitches; True if each pixel has its own.
 
-
-def picture_focus(raw: RawRays, disparity: ArrayLike | None, z: float | None = None) -> Focus:
-    """Focus of a picture, from disparities or from a plane; raise InvalidValueError unless exactly one is given."""
+    Raises InvalidValueError unless exactly one of disparity and plane is given.
+    """
     if z is not None and disparity is None:
-        return Focus(_disparities_of_plane(raw, finite(z, "z")), False)
+        return _disparities_of_plane(rays, finite(z, "z")), False
     if z is not None or disparity is None:
         raise InvalidValueError(
             "give either disparity, of each pixel or one, or z=, the plane in mm; a truth has chord_disparity after "
             "render(..., truth=pl.Truth.CHORD_DISPARITY)"
         )
-    disparities, shape = numbers(disparity, "disparity"), raw.rays.shape
+    disparities, shape = numbers(disparity, "disparity"), rays.raw.shot.shape[:2]
     if disparities.shape not in ((), shape):
         raise InvalidValueError(
             f"disparity has shape {disparities.shape}; give that of the shot, {shape}, or one number to refocus"
         )
     if not np.isfinite(disparities).any():
         raise InvalidValueError("disparity is nowhere finite; give that of the pixels, such as truth.chord_disparity")
-    in_pitches = raw.camera.sensor.pixel_pitch / min(raw.array.pitches)
+    in_pitches = rays.camera.sensor.pixel_pitch / min(rays.array.pitches)
     median = abs(float(np.median(disparities[np.isfinite(disparities)])))
     if not 0.0 < median * in_pitches < 1.0:
         raise InvalidValueError(
             f"disparity is {median:.3g} pixels in the median, and must lie between 0 and the pitch of "
             f"{1.0 / in_pitches:.3g}; give the disparity of a DepthMap, or a plane in mm as z="
         )
-    return Focus(raw.rays.at(np.broadcast_to(disparities, shape)) * in_pitches, disparities.ndim > 0)
+    return rays.at(np.broadcast_to(disparities, shape)) * in_pitches, disparities.ndim > 0
 
 
-def _disparities_of_plane(raw: RawRays, z: float) -> Floats:
-    behind = image_distance_behind_array(raw.camera, z)
+def _disparities_of_plane(rays: PixelRays, z: float) -> Floats:
+    behind = image_distance_behind_array(rays.camera, z)
     if behind == 0:
         raise InvalidValueError(
             f"z is {z:g} mm, which the lens images onto the microlenses, which do not show it; take another plane"
         )
-    return raw.rays.to_sensor / behind
+    return rays.to_sensor / behind
 
 
-def picture_samples(raw: RawRays, focus: Focus, pixel_spacing: float | None) -> Samples:
-    """Rays as samples of pictures; their positions and density depend on the viewpoint."""
-    camera, array, pupil, arrays, rays = raw
-    disparity, everywhere = focus
-    spacing = (
-        min(array.pitches) / _PIXELS_PER_PITCH if pixel_spacing is None else length_in_mm(pixel_spacing, "spacing")
-    )
-    if not _FINEST * min(array.pitches) <= spacing <= min(array.pitches):
+def picture_samples(rays: PixelRays, disparity: Floats, everywhere: bool, pixel_spacing: float | None) -> Samples:
+    """Rays as samples of pictures, see `picture_focus`; their positions and density depend on the viewpoint."""
+    pupil, raw, pitch = rays.pupil, rays.raw, min(rays.array.pitches)
+    spacing = pitch / _PIXELS_PER_PITCH if pixel_spacing is None else length_in_mm(pixel_spacing, "spacing")
+    if not _FINEST * pitch <= spacing <= pitch:
         raise InvalidValueError(
-            f"spacing is {spacing:g} mm; it must lie between {_FINEST * min(array.pitches):.3g} and the pitch of the "
-            f"microlenses, {min(array.pitches):g}"
+            f"spacing is {spacing:g} mm; it must lie between {_FINEST * pitch:.3g} and the pitch of the microlenses, "
+            f"{pitch:g}"
         )
-    pixel, depth = camera.sensor.pixel_pitch, surface_depth(pupil, spacing)
-    light = rays.at(arrays.white)
-    radiance, weight = rays.at(arrays.shot) / light, light.mean(axis=1) / arrays.least
-    variance = arrays.variance_of(radiance, light, rays.at)
+    depth, light = surface_depth(pupil, spacing), rays.at(raw.white)
+    radiance, weight = rays.at(raw.shot) / light, light.mean(axis=1) / raw.least
+    variance = raw.variance_of(radiance, light, rays.at)
     # a / (1 + a V) of the image a behind the array, as the Notes of `render_view` have it.
     with np.errstate(divide="ignore", invalid="ignore"):
         nearness = rays.to_sensor / (disparity + rays.to_sensor * pupil.vergence)
         if everywhere:
-            nearness = correct_edges(rays, nearness, mean_light(radiance, variance), spacing, depth)
+            nearness = correct_edges(rays, nearness, radiance, variance, spacing, depth)
             disparity = rays.to_sensor * (1.0 / nearness - pupil.vergence)
-    footprint = footprints(array, rays, pupil, nearness, pixel, camera.wavelength)
+    of_pixel, of_lens = footprints(rays, nearness)
     if everywhere:
-        weight = (weight * footprint.pixel / (footprint.pixel + footprint.lens)) ** 2 * edge_weights(
-            rays, nearness, footprint.blur(), depth
-        )
+        # The radius of a point's image in pixels, from the variances of a disc and of a square.
+        blur = np.sqrt(of_lens / (3.0 * of_pixel))
+        weight = (weight * of_pixel / (of_pixel + of_lens)) ** 2 * edge_weights(rays, nearness, blur, depth)
     splats = Splats(
         first=np.empty(0, dtype=np.int64),
         offset=np.empty((0, 2)),
         nearness=nearness,
-        disparity=disparity * min(array.pitches) / pixel,
+        disparity=disparity * pitch / rays.camera.sensor.pixel_pitch,
         weight=weight,
         area=np.empty(0),
-        pixel=footprint.pixel / spacing**2,
-        spread=(footprint.pixel + footprint.lens) / spacing**2,
+        pixel=of_pixel / spacing**2,
+        spread=(of_pixel + of_lens) / spacing**2,
         radiance=radiance,
         variance=variance,
     )
-    return Samples(raw, splats, grid_of(rays, spacing), _QUADRATIC if everywhere else _LINEAR)
-
-
-def _area_per_sample(raw: RawRays, aperture: float) -> float:
-    """Area of the array per pixel of a micro image, mm^2, from the number of pixels that the pupil lights."""
-    camera, array, pupil, _, _ = raw
-    pixels = (
-        math.pi * (min(aperture, 1.0) * pupil.slope * camera.microlenses_to_sensor / camera.sensor.pixel_pitch) ** 2
-    )
-    return array.cell_area / min(max(pixels, 1.0), array.cell_area / camera.sensor.pixel_pitch**2)
+    return Samples(rays, splats, grid_of(rays, spacing), _QUADRATIC if everywhere else _LINEAR)

@@ -11,7 +11,13 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import thread_count
 from plenoptic.lightfield.decode import field_of, odd_count
-from plenoptic.lightfield.focused.view_rendering import picture_focus, picture_samples, raw_rays, render_from_viewpoint
+from plenoptic.lightfield.focused.pixel_rays import pixel_rays
+from plenoptic.lightfield.focused.view_rendering import (
+    LEAST_LIGHT,
+    picture_focus,
+    picture_samples,
+    render_from_viewpoint,
+)
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
@@ -61,23 +67,24 @@ def render_views(
     (LightField(3 x 3 views of 31 x 31 x 1), [0.6, -0.6])
     """
     count = odd_count(views)
-    raw = raw_rays(shot, white, camera)
-    samples = picture_samples(raw, picture_focus(raw, disparity), spacing)
+    rays = pixel_rays(shot, white, camera, LEAST_LIGHT)
+    camera, pupil = rays.camera, rays.pupil
+    samples = picture_samples(rays, *picture_focus(rays, disparity), spacing)
     positions = np.linspace(-_WIDTH, _WIDTH, count) if count > 1 else np.zeros(1)
     # Offsets increase to the right in the image, and in an upright pupil.
-    scale = raw.pupil.slope * raw.camera.microlenses_to_sensor / raw.camera.sensor.pixel_pitch
+    scale = pupil.slope * camera.microlenses_to_sensor / camera.sensor.pixel_pitch
     sign, workers = math.copysign(1.0, scale), thread_count(threads)
     rendered = [
         [render_from_viewpoint(samples, (sign * x, -sign * y), math.inf, workers) for y in positions] for x in positions
     ]
-    axes, local = array_axes(raw.camera), samples.grid.positions()
-    chief = axes.on_sensor(local.reshape(-1, 2), local.reshape(-1, 2) * raw.pupil.vergence)
-    pixel = raw.camera.sensor.pixel_of(chief).reshape(local.shape)
+    axes, local = array_axes(camera), samples.grid.positions()
+    chief = axes.on_sensor(local.reshape(-1, 2), local.reshape(-1, 2) * pupil.vergence)
+    pixel = camera.sensor.pixel_of(chief).reshape(local.shape)
     errors = [[view.standard_error for view in column] for column in rendered]
     return field_of(
-        raw.camera,
+        camera,
         np.array([[view.picture for view in column] for column in rendered]),
-        None if raw.planes.variance is None else np.array(errors),
+        None if rays.raw.variance is None else np.array(errors),
         np.tile(abs(scale) * positions, (2, 1)),
         local[0, 0],
         (samples.grid.spacing, samples.grid.spacing),

@@ -1,4 +1,4 @@
-"""Cubic convolution: interpolation weights."""
+"""Cubic convolution: interpolation weights, and interpolation along a row."""
 
 from plenoptic.core.numba.jit import device
 
@@ -15,4 +15,15 @@ def cubic_weights(t):
             -0.5 * t * t * u,
         ),
         (-0.5 * u * u + t * u, -5.0 * t + 4.5 * t * t, 0.5 + 4.0 * t - 4.5 * t * t, -t * u + 0.5 * t * t),
+    )
+
+
+@device
+def interpolate_row(values, row, column, weights):
+    """Weighted sum of the four pixels from column - 1 to column + 2 of a row."""
+    return (
+        weights[0] * values[row, column - 1]
+        + weights[1] * values[row, column]
+        + weights[2] * values[row, column + 1]
+        + weights[3] * values[row, column + 2]
     )

@@ -16,6 +16,12 @@ PIXEL = 1.0 / 12.0
 """Variance of a pixel of the picture along each axis."""
 WIDER, WIDENINGS = 1.5, 4
 """Widening factor of a window whose samples do not determine the function, and the number of windows tried."""
+CUT = 3.0
+"""Radius of a window over its width."""
+_TRANSPARENT, _OPAQUE = 0.1, 0.65
+"""Sample density, relative to that of an unoccluded surface, at which a surface is invisible or fills a pixel."""
+_PIVOT = 0.1
+"""Minimum pivot: samples determine a function if each term varies by as much beyond the terms before it."""
 _LAYERS = 8
 """Largest number of surfaces behind each other."""
 _MIN_COVERAGE = 0.02
@@ -27,19 +33,17 @@ def _gather(near, splats, at, window, width):
     """Collect the samples around a pixel: indices, weights, coverages, offsets; return their number."""
     row, column = at
     rows, columns = window.shape
-    cells = math.ceil(
-        window.cut * math.sqrt(max(width * width, window.width * window.width + window.max_pixel_variance))
-    )
+    cells = math.ceil(CUT * math.sqrt(max(width * width, window.width * window.width + window.max_pixel_variance)))
     scale, count = -0.5 / (width * width), 0
     for i in range(max(0, row - cells), min(rows, row + cells + 1)):
         for j in range(max(0, column - cells), min(columns, column + cells + 1)):
             cell = i * columns + j
             for k in range(splats.first[cell], splats.first[cell + 1]):
                 y, x = splats.offset[k, 0] + (i - row), splats.offset[k, 1] + (j - column)
-                scaled_square = (y * y + x * x) / (window.cut * window.cut)
+                scaled_square = (y * y + x * x) / (CUT * CUT)
                 covering = window.width * window.width + splats.pixel[k]
                 if scaled_square < max(width * width, covering):
-                    scaled_square *= window.cut * window.cut
+                    scaled_square *= CUT * CUT
                     near.number[count], near.down[count], near.along[count] = k, y, x
                     near.weight[count] = math.exp(scale * scaled_square)
                     density = math.exp(-0.5 * scaled_square / covering) / (2.0 * math.pi * covering)
@@ -82,7 +86,7 @@ def _fill_terms(terms, down, along, spread, width):
 
 
 @device
-def _solve(solution, squares, order, pivot):
+def _solve(solution, squares, order):
     """First row of the inverse of `squares`, by Cholesky in place; False if a pivot is too small."""
     weight = squares[0, 0]
     for i in range(order):
@@ -92,7 +96,7 @@ def _solve(solution, squares, order, pivot):
                 t -= squares[i, k] * squares[j, k]
             if i > j:
                 squares[i, j] = t / squares[j, j]
-            elif t <= pivot * weight:
+            elif t <= _PIVOT * weight:
                 return False
             else:
                 squares[i, i] = math.sqrt(t)
@@ -129,7 +133,7 @@ def _fit_weights(near, count, fit, splats, window, middle, width):
             for p in range(order):
                 for q in range(p + 1):
                     squares[p, q] += near.fit_weight[j] * terms[p] * terms[q]
-        if squares[0, 0] > 0.0 and _solve(solution, squares, order, window.pivot):
+        if squares[0, 0] > 0.0 and _solve(solution, squares, order):
             break
         # From a quadratic function to a linear one, to a constant.
         order = order // 2 if widest and order > 1 else 0
@@ -173,9 +177,7 @@ def _composite(canvas, at, near, count, fit, splats, window, width):
         middle, covered, disparity, behind = _next_layer(near, count, splats, behind, window.depth)
         if covered == 0.0:
             break
-        visible = transparency * min(
-            1.0, (covered - window.transparent_density) / (window.opaque_density - window.transparent_density)
-        )
+        visible = transparency * min(1.0, (covered - _TRANSPARENT) / (_OPAQUE - _TRANSPARENT))
         if visible <= 0.0:
             continue
         if _fit_weights(near, count, fit, splats, window, middle, width) == 0:

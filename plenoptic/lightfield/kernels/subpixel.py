@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from plenoptic.core.numba.jit import device
-from plenoptic.lightfield.kernels.cubic import cubic_weights
+from plenoptic.core.numba.jit import device, kernel
+from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row
 
 _STEPS = 3
 _MIN_VALID = 0.25
@@ -21,104 +21,83 @@ _SAME_SURFACE = 1.5
 
 
 @device
-def blur_levels(images, sweep, m, other, d):
+def blur_levels(stack, m, other, d):
     """Blur levels of two images that give points of a disparity the same blur in both."""
-    blur, other_blur = images.defocus[m] - d / sweep.pitch, images.defocus[other] - d / sweep.pitch
-    excess = sweep.aperture_variance * (other_blur * other_blur - blur * blur) / sweep.blur_step
-    highest = images.blurred.shape[1] - 1
+    blur, other_blur = stack.defocus[m] - d / stack.pitch, stack.defocus[other] - d / stack.pitch
+    excess = stack.blur_variance * (other_blur * other_blur - blur * blur)
+    highest = stack.blurred.shape[1] - 1
     return min(math.floor(max(excess, 0.0) + 0.5), highest), min(math.floor(max(-excess, 0.0) + 0.5), highest)
 
 
 @device
-def _reach(sweep, disparity):
+def _reach(stack, disparity):
     """Search range of the refinement around a disparity, pixels."""
-    return sweep.relative_reach * abs(disparity) + sweep.constant_reach
+    return stack.reach[0] * abs(disparity) + stack.reach[1]
 
 
 @device
-def _image_displacement(images, pairs, sweep, m, j, pixel, d):
+def _image_displacement(stack, m, j, pixel, d):
     """Displacement of a point's image relative to the pinhole model: rows, columns, and their derivatives by d."""
-    (y, x), other, per_pitch = pixel, pairs.other[j], d / sweep.pitch
-    yy = math.floor(y + pairs.base[j, 0] - d * pairs.step[j, 0] + 0.5)
-    xx = math.floor(x + pairs.base[j, 1] - d * pairs.step[j, 1] + 0.5)
-    if not (0 <= yy < images.values.shape[1] and 0 <= xx < images.values.shape[2]):
+    (y, x), other, per_pitch = pixel, stack.other[j], d / stack.pitch
+    yy = math.floor(y + stack.base[j, 0] - d * stack.step[j, 0] + 0.5)
+    xx = math.floor(x + stack.base[j, 1] - d * stack.step[j, 1] + 0.5)
+    if not (0 <= yy < stack.values.shape[1] and 0 <= xx < stack.values.shape[2]):
         return math.nan, math.nan, math.nan, math.nan
-    displacement, other_displacement = (
-        images.residual_displacement[m, y, x],
-        images.residual_displacement[other, yy, xx],
-    )
+    displacement, other_displacement = stack.residual_displacement[m, y, x], stack.residual_displacement[other, yy, xx]
     down, right = other_displacement[1, 0] - displacement[1, 0], other_displacement[1, 1] - displacement[1, 1]
     return (
         other_displacement[0, 0] - displacement[0, 0] + per_pitch * down,
         other_displacement[0, 1] - displacement[0, 1] + per_pitch * right,
-        down / sweep.pitch,
-        right / sweep.pitch,
+        down / stack.pitch,
+        right / stack.pitch,
     )
 
 
 @device
-def _window(images, pairs, sweep, workspace, m, j, pixel, d):
+def _window(stack, start, slopes, m, j, pixel, d):
     """Comparison of a window with another image: (count, correlation, sum of residual slope, slope^2, residual^2).
 
-    Gain and offset of the other image are fitted. `workspace.slopes` gets the slopes minus their mean; nan for invalid
-    pixels.
+    Gain and offset of the other image are fitted. `slopes` gets the slopes minus their mean; nan for invalid pixels.
     """
-    rows, columns, radius = images.values.shape[1], images.values.shape[2], sweep.radius
-    (y, x), other = pixel, pairs.other[j]
-    sy, sx = pairs.step[j, 0], pairs.step[j, 1]
-    down, right = pairs.base[j, 0] - d * sy, pairs.base[j, 1] - d * sx
-    if images.residual_displacement is not None:
-        more_down, more_right, by_down, by_right = _image_displacement(images, pairs, sweep, m, j, pixel, d)
+    rows, columns, radius = stack.values.shape[1], stack.values.shape[2], stack.window_radius
+    (y, x), other = pixel, stack.other[j]
+    sy, sx = stack.step[j, 0], stack.step[j, 1]
+    down, right = stack.base[j, 0] - d * sy, stack.base[j, 1] - d * sx
+    if stack.residual_displacement is not None:
+        more_down, more_right, by_down, by_right = _image_displacement(stack, m, j, pixel, d)
         if math.isnan(more_down):
             return 0.0, 0.0, 0.0, 0.0, 0.0
         down, right, sy, sx = down + more_down, right + more_right, sy - by_down, sx - by_right
     top, left = math.floor(down), math.floor(right)
     (a0, a1, a2, a3), (e0, e1, e2, e3) = cubic_weights(down - top)
-    (b0, b1, b2, b3), (f0, f1, f2, f3) = cubic_weights(right - left)
+    weights, derivatives = cubic_weights(right - left)
     top, left = int(top), int(left)
     n, p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    window_values, values, other_mask = images.values[m], images.values[other], images.mask[other]
-    if images.blurred is not None:
-        level, other_level = blur_levels(images, sweep, m, other, d)
-        window_values, values = images.blurred[m, level], images.blurred[other, other_level]
-    tolerance, noise, slot = _SAME_SURFACE * _reach(sweep, workspace.start[y, x]), images.noise_variance[m], 0
+    window_values, values, other_mask = stack.values[m], stack.values[other], stack.mask[other]
+    if stack.blurred is not None:
+        level, other_level = blur_levels(stack, m, other, d)
+        window_values, values = stack.blurred[m, level], stack.blurred[other, other_level]
+    tolerance, noise, slot = _SAME_SURFACE * _reach(stack, start[y, x]), stack.noise_variance[m], 0
     for yy in range(y - radius, y + radius + 1):
         for xx in range(x - radius, x + radius + 1):
-            workspace.slopes[slot] = math.nan
+            slopes[slot] = math.nan
             slot += 1
             r, c = yy + top, xx + left
-            if not (1 <= r < rows - 2 and 1 <= c < columns - 2):
+            if not (1 <= r < rows - 2 and 1 <= c < columns - 2 and 0 <= yy < rows and 0 <= xx < columns):
                 continue
-            if not (
-                0 <= yy < rows
-                and 0 <= xx < columns
-                and abs(workspace.start[yy, xx] - workspace.start[y, x]) <= tolerance
-            ):
-                continue
-            if not (
-                images.mask[m, yy, xx]
-                & other_mask[r, c]
-                & other_mask[r, c + 1]
-                & other_mask[r + 1, c]
-                & other_mask[r + 1, c + 1]
-            ):
+            valid = other_mask[r, c] & other_mask[r, c + 1] & other_mask[r + 1, c] & other_mask[r + 1, c + 1]
+            if not (stack.mask[m, yy, xx] & valid and abs(start[yy, xx] - start[y, x]) <= tolerance):
                 continue
             v, vy, vx = 0.0, 0.0, 0.0
             for i in range(4):
                 w = a0 if i == 0 else a1 if i == 1 else a2 if i == 2 else a3
                 e = e0 if i == 0 else e1 if i == 1 else e2 if i == 2 else e3
-                g0, g1, g2, g3 = (
-                    values[r - 1 + i, c - 1],
-                    values[r - 1 + i, c],
-                    values[r - 1 + i, c + 1],
-                    values[r - 1 + i, c + 2],
-                )
-                along = b0 * g0 + b1 * g1 + b2 * g2 + b3 * g3
+                along = interpolate_row(values, r - 1 + i, c, weights)
                 v += w * along
                 vy += e * along
-                vx += w * (f0 * g0 + f1 * g1 + f2 * g2 + f3 * g3)
+                vx += w * interpolate_row(values, r - 1 + i, c, derivatives)
             value, slope = window_values[yy, xx], -(sy * vy + sx * vx)
-            workspace.slopes[slot - 1] = slope
+            slopes[slot - 1] = slope
             n += 1.0
             p += value
             q += v
@@ -133,30 +112,30 @@ def _window(images, pairs, sweep, workspace, m, j, pixel, d):
         return 0.0, 0.0, 0.0, 0.0, 0.0
     pp, qq, pq = pp - p * p / n, qq - q * q / n, pq - p * q / n
     ps, qs, ss = ps - p * s / n, qs - q * s / n, ss - s * s / n
-    correlation = pq / math.sqrt((pp + n * noise) * (qq + n * images.noise_variance[other]))
+    correlation = pq / math.sqrt((pp + n * noise) * (qq + n * stack.noise_variance[other]))
     gain = pq / qq if qq > 0.0 and pq > 0.0 else 0.0
     for i in range(slot):
-        workspace.slopes[i] = gain * (workspace.slopes[i] - s / n)
+        slopes[i] = gain * (slopes[i] - s / n)
     return n, correlation, gain * (ps - gain * qs), gain * gain * ss, pp - 2.0 * gain * pq + gain * gain * qq
 
 
 @device
-def refine_subpixel(images, pairs, sweep, workspace, m, y, x):
+def _refine(stack, start, slopes, m, y, x):
     """Disparity of least residuals near the best plane, its standard error, and the fraction of agreeing images."""
-    start, error, agreement = workspace.start[y, x], math.inf, 0.0
-    d, reach = start, _reach(sweep, start)
+    error, agreement, slope_sums = math.inf, 0.0, slopes[1]
+    d, reach = start[y, x], _reach(stack, start[y, x])
     for _ in range(_STEPS):
         gradient_sum, stiffness, residual_sum, weight_sum, slope_variance = 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(workspace.slope_sums.size):
-            workspace.slope_sums[i] = 0.0
+        for i in range(slope_sums.size):
+            slope_sums[i] = 0.0
         n_compared, n_valid, n_agreeing = 0, 0, 0
-        for j in range(pairs.first[m], pairs.first[m + 1]):
-            down, right = d * pairs.step[j, 0], d * pairs.step[j, 1]
-            if down * down + right * right > sweep.max_shift * sweep.max_shift or n_compared == sweep.max_compared:
+        for j in range(stack.first[m], stack.first[m + 1]):
+            down, right = d * stack.step[j, 0], d * stack.step[j, 1]
+            if down * down + right * right > stack.max_shift * stack.max_shift or n_compared == stack.max_compared:
                 continue
             n_compared += 1
             n, correlation, residual, slope_squares, residual_squares = _window(
-                images, pairs, sweep, workspace, m, j, (y, x), d
+                stack, start, slopes[0], m, j, (y, x), d
             )
             n_valid += n > 0.0
             if n == 0.0 or correlation <= _MIN_CORRELATION:
@@ -168,18 +147,31 @@ def refine_subpixel(images, pairs, sweep, workspace, m, y, x):
             residual_sum += w * residual_squares
             weight_sum += w * n
             slope_variance += w * w * slope_squares
-            for i in range(workspace.slope_sums.size):
-                if workspace.slopes[i] == workspace.slopes[i]:
-                    workspace.slope_sums[i] += w * workspace.slopes[i]
+            for i in range(slope_sums.size):
+                if slopes[0, i] == slopes[0, i]:
+                    slope_sums[i] += w * slopes[0, i]
         agreement = n_agreeing / max(n_valid, 1)
         if not stiffness > 0.0:
             break
         # A residual has the noise of two pixels. The noise of the window itself is common to all comparisons.
-        for i in range(workspace.slope_sums.size):
-            slope_variance += workspace.slope_sums[i] * workspace.slope_sums[i]
+        for i in range(slope_sums.size):
+            slope_variance += slope_sums[i] * slope_sums[i]
         error = math.sqrt(0.5 * max(residual_sum, 0.0) / weight_sum * slope_variance) / stiffness
-        d = min(max(d + gradient_sum / stiffness, start - reach), start + reach)
+        d = min(max(d + gradient_sum / stiffness, start[y, x] - reach), start[y, x] + reach)
     # A disparity at the end of the search range is no solution.
-    if abs(d - start) >= reach:
+    if abs(d - start[y, x]) >= reach:
         error = max(error, reach)
     return d, error, agreement
+
+
+@kernel
+def fill_refined(matches, start, stack, slopes, first):
+    """Fill `matches` of the images from `first` on, near disparities `start` (images, rows, columns)."""
+    images, rows, columns = start.shape
+    for i in range(images):
+        for y in range(rows):
+            for x in range(columns):
+                if stack.mask[first + i, y, x]:
+                    matches.disparity[i, y, x], matches.standard_error[i, y, x], matches.confidence[i, y, x] = _refine(
+                        stack, start[i], slopes, first + i, y, x
+                    )

@@ -42,11 +42,8 @@ class AirFormula(enum.IntEnum):
     EDLEN = 1
 
 
-# ---- water vapour: Ciddor, appendix A, after Davis and Giacomo ----
-
-
 def _vapour_pressure(air: Air) -> float:
-    """Partial pressure of the water vapour in Pa, without other gases."""
+    """Partial pressure of the water vapour in Pa, without other gases; Ciddor, appendix A, after Davis and Giacomo."""
     kelvin = air.temperature + 273.15
     if air.temperature < 0:
         return air.humidity * math.pow(10.0, -2663.5 / kelvin + 12.537)  # over ice
@@ -62,14 +59,12 @@ def _vapour_fraction(air: Air) -> float:
     return enhancement * _vapour_pressure(air) / pascal
 
 
-# ---- Ciddor 1996; s is the square of the wavenumber in 1/um^2, the number of an equation is his ----
-
 _VAPOUR_MASS = 0.018015  # kg/mol
 _GAS_CONSTANT = 8.314510  # J/(mol K)
 
 
 def _compressibility(kelvin: float, pascal: float, vapour: float) -> float:
-    """Compressibility; equation 12."""
+    """Compressibility; equation 12 of Ciddor 1996."""
     t, ratio = kelvin - 273.15, pascal / kelvin
     linear = 1.58123e-6 - 2.9331e-8 * t + 1.1043e-10 * t**2
     linear += (5.707e-6 - 2.051e-8 * t) * vapour + (1.9898e-4 - 2.376e-6 * t) * vapour**2
@@ -77,12 +72,12 @@ def _compressibility(kelvin: float, pascal: float, vapour: float) -> float:
 
 
 def _density(kelvin: float, pascal: float, vapour: float, mass: float) -> float:
-    """Density, kg/m^3, of a mass per mol (the share that a component has of it) in moist air; equation 4."""
+    """Density, kg/m^3, of a mass per mol (the share that a component has of it) in moist air; Ciddor's equation 4."""
     return pascal * mass / (_compressibility(kelvin, pascal, vapour) * _GAS_CONSTANT * kelvin)
 
 
 def _ciddor(air: Air, s: float) -> float:
-    """Refractivity n - 1; equations 1 to 5."""
+    """Refractivity n - 1, by the squared wavenumber s in 1/um^2; Ciddor's equations 1 to 5."""
     dry = 1e-8 * (5792105.0 / (238.0185 - s) + 167917.0 / (57.362 - s)) * (1.0 + 0.534e-6 * (air.co2 - 450.0))
     wet = 1.022e-8 * (295.235 + 2.6422 * s - 0.032380 * s**2 + 0.004028 * s**3)
     air_mass = 1e-3 * (28.9635 + 12.011e-6 * (air.co2 - 400.0))
@@ -93,18 +88,12 @@ def _ciddor(air: Air, s: float) -> float:
     return dry_share * dry + wet_share * wet
 
 
-# ---- Birch and Downs 1994 ----
-
-
 def _edlen(air: Air, s: float) -> float:
-    """Refractivity n - 1."""
+    """Refractivity n - 1, by the squared wavenumber s in 1/um^2; Birch and Downs 1994."""
     t, pascal = air.temperature, air.pressure * 1e3
     standard = 1e-8 * (8342.54 + 2406147.0 / (130.0 - s) + 15998.0 / (38.9 - s))
     dry = pascal * standard / 96095.43 * (1.0 + 1e-8 * (0.601 - 0.00972 * t) * pascal) / (1.0 + 0.0036610 * t)
     return dry - 1e-10 * (292.75 / (t + 273.15)) * (3.7345 - 0.0401 * s) * _vapour_pressure(air)
-
-
-# ---- the media ----
 
 
 @value

@@ -192,9 +192,6 @@ def glass_key(name: str) -> str:
     return re.sub(r"[-_\s]", "", name).upper()
 
 
-# ---- reading ----
-
-
 def glasses_from_agf(text: str, file: str, *, source: str = "") -> GlassCatalogue:
     """Catalogue from the text of an AGF file; `source` is that of glasses without a comment (GC)."""
     entries: list[dict[str, Any]] = []
@@ -235,9 +232,6 @@ def _detail_line(entry: dict[str, Any], keyword: str, content: str) -> None:
             raise PrescriptionError(f"LD has {len(numbers)} numbers; it must have the shortest and longest wavelength")
         numbers = [1e3 * micrometres for micrometres in numbers]
     entry[field] = tuple(numbers)
-
-
-# ---- from an entry to a medium ----
 
 
 def _medium(entry: GlassEntry) -> Medium:

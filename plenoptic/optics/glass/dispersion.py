@@ -50,9 +50,6 @@ class Formula(enum.IntEnum):
     EXTENDED_3 = 13
 
 
-# ---- n^2, or n, as a function of w in micrometres and of the coefficients k ----
-
-
 def _powers(w: float, k: Sequence[float], *exponents: int) -> float:
     return sum(a * w**exponent for a, exponent in zip(k, exponents, strict=True))
 
@@ -79,7 +76,7 @@ _SQUARES: dict[Formula, Callable[[float, Sequence[float]], float]] = {
     Formula.EXTENDED_2: lambda w, k: _powers(w, k, 0, 2, -2, -4, -6, -8, 4, 6),
     Formula.EXTENDED_3: lambda w, k: _powers(w, k, 0, 2, 4, -2, -4, -6, -8, -10, -12),
 }
-"""Formulas that give n^2."""
+"""Formulas that give n^2, of the wavelength w in micrometres and the coefficients k."""
 
 _INDICES: dict[Formula, Callable[[float, Sequence[float]], float]] = {
     Formula.HERZBERGER: _herzberger,

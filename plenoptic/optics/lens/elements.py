@@ -11,6 +11,7 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
+from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.stops.mask import MaskStop
 from plenoptic.optics.stops.ring import RingStop
 from plenoptic.optics.stops.stop_registry import STOPS, Stop, circle_around
@@ -26,7 +27,7 @@ def is_centred(element: Element) -> bool:
     return element.placement is None and not (isinstance(element, Surface) and element.freeform is not None)
 
 
-def opened(elements: Sequence[Element]) -> list[Element]:
+def with_round_stops(elements: Sequence[Element]) -> list[Element]:
     """Elements with circles around their masks and rings, of whose holes rays in one plane say little."""
     return [circle_around(element) if isinstance(element, MaskStop | RingStop) else element for element in elements]
 
@@ -100,7 +101,5 @@ def profile_of(element: Element, z: float, points: int) -> Floats:
     else:
         y = np.linspace(-element.semi_diameter, element.semi_diameter, points)
         sag = element.sag(0.0, y) if isinstance(element, Surface) else np.zeros_like(y)
-    if element.placement is not None:
-        local = np.column_stack([np.zeros_like(y), y, sag])
-        _, y, sag = (local @ np.asarray(element.placement.rotation).T + element.placement.shift).T
+    _, y, sag = to_lens_axes(element.placement, np.column_stack([np.zeros_like(y), y, sag])).T
     return np.stack([sag + z, y], axis=1)

@@ -12,10 +12,10 @@ from plenoptic.core.values import Floats, check_kind, positions
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.element_record import PathWorkspace
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import RayArrays, in_chunks, traced_by
+from plenoptic.optics.lens.trace import RayArrays, in_chunks, trace_record
 
 _TOLERANCE = 1e-9
 """Of the way from a point, by which rays may pass it."""
@@ -78,25 +78,19 @@ def optical_path(
 
 def _ideal(lens: LensStack, rays: RayBundle, point: Floats, *, reverse: bool) -> tuple[RayBundle, Floats]:
     """From the point to its image each path is as long as that of the ray through the principal points."""
-    behind = traced_by(lens_record(lens, rays.wavelength, reverse=reverse), rays)
+    behind = trace_record(lens_record(lens, rays.wavelength, reverse=reverse), rays)
     index = float(lens.indices(rays.wavelength)[0])
     check_from(rays, point, np.abs(lens.vertices).max() + 1.0)
     if lens.model is LensModel.NONE:
         return behind, index * ((behind.origin - rays.origin) * rays.direction).sum(axis=1)
-    front, rear, efl = _principal_planes(lens, rays.wavelength, reverse=reverse)
-    direction = -1.0 if reverse else 1.0
-    if direction * (front - point[2]) == efl:
-        raise InvalidValueError(f"the point is in the focal plane, z = {point[2]:g} mm, and has no image; move it")
-    planes = IdealPlanes(np.array([0.0, 0.0, front]), np.array([0.0, 0.0, rear]), 1.0 / efl, direction)
-    return behind, index * paths_to_image(rays, behind, point, planes)
-
-
-def _principal_planes(lens: LensStack, wavelength: float, *, reverse: bool) -> tuple[float, float, float]:
-    """Z where light arrives and where it leaves, and the focal length."""
-    points = cardinal_points(lens, wavelength)
+    points, direction = cardinal_points(lens, rays.wavelength), -1.0 if reverse else 1.0
     rear = points.rear_principal
     front = rear if lens.model is LensModel.THIN else points.front_principal
-    return (rear, front, points.efl) if reverse else (front, rear, points.efl)
+    arrives, leaves = (rear, front) if reverse else (front, rear)
+    if direction * (arrives - point[2]) == points.efl:
+        raise InvalidValueError(f"the point is in the focal plane, z = {point[2]:g} mm, and has no image; move it")
+    planes = IdealPlanes(np.array([0.0, 0.0, arrives]), np.array([0.0, 0.0, leaves]), 1.0 / points.efl, direction)
+    return behind, index * paths_to_image(rays, behind, point, planes)
 
 
 class IdealPlanes(NamedTuple):
@@ -135,24 +129,19 @@ def check_from(rays: RayBundle, point: Floats, extent: float) -> None:
         raise InvalidValueError(f"a ray passes the point {point.tolist()} by {off.max():.3g} mm; all must come from it")
 
 
-def _exact(record: LensRecord, rays: RayBundle, indices: Floats) -> tuple[RayBundle, Floats]:
-    from plenoptic.core.kernels.ray_blocks import BLOCK
-    from plenoptic.optics.lens.kernels.trace import fill_paths
-
-    lengths = np.empty(len(rays))
-
-    def fill(out: RayArrays, given: RayArrays, first: int, end: int) -> None:
-        fill_paths(
-            out, lengths, given, record, PathWorkspace(indices, np.empty((6, BLOCK)), np.empty(BLOCK)), first, end
-        )
-
-    return in_chunks(fill, rays), lengths
-
-
 def paths_of_part(
     lens: LensStack, rays: RayBundle, first: int, last: int, *, reverse: bool = False, clipping: bool = True
 ) -> tuple[RayBundle, Floats]:
-    """Trace as `trace.traced_part`, with optical paths."""
-    record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
+    """Trace as `trace.trace_part`, with optical paths."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK
+    from plenoptic.optics.lens.kernels.trace import fill_paths
+
+    record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping).completed
     index = lens.indices(rays.wavelength)[first : last + 2]
-    return _exact(record.completed, rays, np.ascontiguousarray(index[:0:-1] if reverse else index[:-1]))
+    index, lengths = np.ascontiguousarray(index[:0:-1] if reverse else index[:-1]), np.empty(len(rays))
+
+    def fill(out: RayArrays, given: RayArrays, begin: int, end: int) -> None:
+        workspace = PathWorkspace(index, np.empty((6, BLOCK)), np.empty(BLOCK))
+        fill_paths(out, lengths, given, record, workspace, begin, end)
+
+    return in_chunks(fill, rays), lengths

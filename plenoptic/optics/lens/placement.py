@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import (
     Floats,
+    Given,
     coefficients,
     coordinate,
     frozen_array,
@@ -26,6 +27,15 @@ _ORTHONORMAL = 1e-12
 """How far the rows of a rotation may be from orthonormal: a product of some hundred rotations stays within."""
 
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def rotation_about_axis(axis: int, angle: float) -> Floats:
+    """The matrix that turns about the axis x (0), y (1) or z (2) by an angle in radians."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[i, i] = turn[j, j] = math.cos(angle)
+    turn[j, i], turn[i, j] = math.sin(angle), -math.sin(angle)
+    return turn
 
 
 def rotation_about_axes(tilt: Sequence[float]) -> Floats:
@@ -44,11 +54,7 @@ def rotation_about_axes(tilt: Sequence[float]) -> Floats:
         )
     matrix = np.eye(3)
     for axis, angle in enumerate((*angles[:2], radians(angles[2], "tilt about z"))):
-        i, j = (axis + 1) % 3, (axis + 2) % 3
-        turn = np.eye(3)
-        turn[i, i] = turn[j, j] = math.cos(angle)
-        turn[j, i], turn[i, j] = math.sin(angle), -math.sin(angle)
-        matrix = turn @ matrix
+        matrix = rotation_about_axis(axis, angle) @ matrix
     return matrix
 
 
@@ -78,8 +84,8 @@ class Placement:
     [0.1, 0.0, 0.0]
     """
 
-    shift: ArrayLike = (0.0, 0.0, 0.0)
-    rotation: ArrayLike = _IDENTITY
+    shift: Given[Floats, ArrayLike] = Given(default=(0.0, 0.0, 0.0))
+    rotation: Given[Floats, ArrayLike] = Given(default=_IDENTITY)
 
     def __post_init__(self) -> None:
         shift = positions(self.shift, name="shift", shape=(3,))
@@ -98,7 +104,12 @@ class Placement:
     @property
     def is_identity(self) -> bool:
         """True if the element stands exactly as without a placement."""
-        return bool(np.all(np.asarray(self.shift) == 0) and np.array_equal(self.rotation, np.eye(3)))
+        return bool(np.all(self.shift == 0) and np.array_equal(self.rotation, np.eye(3)))
+
+
+def to_lens_axes(placement: Placement | None, points: Floats) -> Floats:
+    """Points (..., 3) of an element in the axes of the lens, from its place on the axis."""
+    return points if placement is None else np.asarray(points @ placement.rotation.T + placement.shift)
 
 
 def kept_placement(placement: Placement | None) -> Placement | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import draw, picture_of
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import MAX_POINTS, Floats, check_kind, choice, finite, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
@@ -204,14 +205,14 @@ class LensStack:
         if not chosen:
             raise PrescriptionError(f"which is {which!r}; it must name elements, from 0 to {len(elements) - 1}")
         check_one_space(elements, chosen)
-        turn, along = rotation_about_axes(tilt), np.asarray(Placement(shift=shift).shift)
+        turn, along = rotation_about_axes(tilt), Placement(shift=shift).shift
         vertices = np.zeros((len(elements), 3))
         vertices[:, 2] = self.vertices
         centre = vertices[min(chosen)] if pivot is None else np.array([0.0, 0.0, finite(pivot, "pivot")])
         for i in set(chosen):
             before = elements[i].placement or Placement()
-            moved = turn @ (vertices[i] + np.asarray(before.shift) - centre) + centre + along - vertices[i]
-            placement = Placement(moved, turn @ np.asarray(before.rotation))
+            moved = turn @ (vertices[i] + before.shift - centre) + centre + along - vertices[i]
+            placement = Placement(moved, turn @ before.rotation)
             elements[i] = dataclasses.replace(elements[i], placement=placement)
         return dataclasses.replace(self, elements=elements)
 
@@ -285,10 +286,7 @@ class LensStack:
             text += f", as {self.model.name}"
         return f"<LensStack {self.name!r}: {text}>"
 
-    def _repr_svg_(self) -> str:
-        from plenoptic.plots.lens import lens_svg
-
-        return lens_svg(self)
+    _repr_html_ = picture_of
 
     def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
         """Check the lens at a wavelength in nm; the result is empty where nothing is implausible.
@@ -348,9 +346,10 @@ class LensStack:
         >>> [text.get_text() for text in ax.get_legend().get_texts()]
         ['0°', '11.5°']
         """
-        from plenoptic.optics.lens.analysis.layout import layout  # knows this class
-
-        return layout(self, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image, ax=ax)
+        drawn: Axes = draw(
+            self, ax, fields=fields, z_object=z_object, rays=rays, wavelength=wavelength, z_image=z_image
+        )
+        return drawn
 
     def trace(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
         """Trace rays through the lens towards the sensor.
@@ -376,9 +375,9 @@ class LensStack:
         >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
         (['OK', 'CLIPPED'], [-1, 0])
         """
-        from plenoptic.optics.lens.trace import traced  # knows this class
+        from plenoptic.optics.lens.trace import trace_rays  # knows this class
 
-        return traced(self, rays, reverse=False, threads=threads)
+        return trace_rays(self, rays, reverse=False, threads=threads)
 
     def trace_reverse(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
         """Trace rays through the lens towards the scene; otherwise as `trace`.
@@ -390,9 +389,9 @@ class LensStack:
         >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
         array([[   0.,    0., -404.]])
         """
-        from plenoptic.optics.lens.trace import traced  # knows this class
+        from plenoptic.optics.lens.trace import trace_rays  # knows this class
 
-        return traced(self, rays, reverse=True, threads=threads)
+        return trace_rays(self, rays, reverse=True, threads=threads)
 
 
 def _check_stop(stop: Stop) -> None:

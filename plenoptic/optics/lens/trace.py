@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind
-from plenoptic.optics.lens.record import LensRecord, lens_record
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 CHUNK = 1 << 15
 """Rays that one thread takes at a time: a few milliseconds of work."""
 
 
-def traced(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int | None = None) -> RayBundle:
+def trace_rays(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int | None = None) -> RayBundle:
     """Trace a bundle one way or the other; see `LensStack.trace`."""
     check_kind(rays, "rays", RayBundle, "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
-    return traced_by(lens_record(lens, rays.wavelength, reverse=reverse), rays, threads=threads)
+    return trace_record(lens_record(lens, rays.wavelength, reverse=reverse), rays, threads=threads)
 
 
-def traced_part(
+def trace_part(
     lens: LensStack, rays: RayBundle, first: int, last: int, *, reverse: bool = False, clipping: bool = True
 ) -> RayBundle:
     """Trace a bundle exactly through the elements `first` to `last`, both included; without `clipping` to no rim.
@@ -32,7 +32,7 @@ def traced_part(
     The origins come to lie on the element met last: `last`, or `first` in reverse.
     """
     record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
-    return traced_by(record, rays)
+    return trace_record(record, rays)
 
 
 class RayArrays(NamedTuple):
@@ -47,7 +47,7 @@ class RayArrays(NamedTuple):
     lost_at: NDArray[np.int16]
 
 
-def traced_by(record: LensRecord, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
+def trace_record(record: LensRecord, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
     """Trace a bundle through the elements of a record."""
     from plenoptic.optics.lens.kernels.trace import fill_traced_rows
 

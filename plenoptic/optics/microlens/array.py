@@ -153,7 +153,7 @@ class MicrolensArray:
                 raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kinds[0].__name__} or None")
         if self.aperture is not None:
             _ = self.opening
-        self.model.rules.check(self)
+        self.model.refraction.check(self)
 
     def _check_medium(self) -> None:
         """Set the index to that of the medium at the wavelength of the focal lengths."""
@@ -230,7 +230,7 @@ class MicrolensArray:
     @property
     def principal_separation(self) -> float:
         """Distance from the front to the rear principal plane in mm: 0 for an ideal thin lens."""
-        return self.model.rules.depths(self).separation
+        return self.model.refraction.depths(self).separation
 
     def index_at(self, wavelength: float) -> float:
         """Refractive index at a wavelength in nm."""

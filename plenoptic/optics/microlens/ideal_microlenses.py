@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.trace import RayArrays, in_chunks
 from plenoptic.optics.microlens.aperture import has_clear_gaps
-from plenoptic.optics.microlens.model_rules import ArrayCrossing, LensletRows, ModelRules, TracedPaths, Waves
+from plenoptic.optics.microlens.model_records import ArrayCrossing, Depths, LensletRows, Pair, TracedPaths, Waves
 
 if TYPE_CHECKING:
     from plenoptic.core.rays import RayBundle
@@ -16,48 +16,77 @@ if TYPE_CHECKING:
     from plenoptic.optics.microlens.microlens_record import ArrayRecord
 
 
-def _check_pinholes(array: MicrolensArray) -> None:
-    if has_clear_gaps(array.aperture):
-        raise InvalidValueError("light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE")
+class IdealMicrolenses(NamedTuple):
+    """Refraction by ideal microlenses. Every microlens model has these members."""
 
+    focuses: bool
+    """True for thin lenses; pinholes have no power, and no ray from a point meets them."""
+    is_plate: bool = False
+    """True if rays pass two surfaces of glass, where openings limit them: they deviate from those of ideal lenses."""
+    is_flat: bool = False
+    """True if a plane with the normals of a sphere stands for the sphere."""
 
-def _pinholes_to_lens(blocks: Floats, lenslets: LensletRows, crossing: ArrayCrossing, _: Waves) -> None:
-    from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_pinholes
+    @property
+    def is_thin(self) -> bool:
+        """True if a power describes the refraction, so that dispersion is a factor of it."""
+        return self.focuses
 
-    if lenslets is not None:
+    def check(self, array: MicrolensArray) -> None:
+        """Raise an error for an array that cannot be built."""
+        if not self.focuses and has_clear_gaps(array.aperture):
+            raise InvalidValueError("light passes a PINHOLE only at its centre; give gaps=Gaps.OPAQUE")
+
+    def record(self, array: MicrolensArray, wavelengths: tuple[float, ...]) -> None:
+        """Record for the model's kernels, at the camera's wavelength and those sampled by paths."""
+
+    def depths(self, array: MicrolensArray) -> Depths:
+        """Distances of the principal planes from the vertices."""
+        return Depths()
+
+    def shift_chief_rays(
+        self, array: MicrolensArray, points: Floats, slopes: Floats, wavelength: float, rear: bool
+    ) -> Floats:
+        """Points at which chief rays, through the optical centre of lenses, cross a principal plane as they run outside
+        the lens: from points (n, 2) of that plane, the rear one for True, slopes (n, 2), and a wavelength in nm.
+        """
+        return points
+
+    def exit_points(self, array: MicrolensArray, power: float, aimed: Pair, slopes: Pair, leaving: Pair) -> Pair:
+        """Points on the rear surface of a lens of a power at which rays exit, traced in reverse from points of the rear
+        principal plane with slopes per length of z; `leaving` are those at which they leave the lens.
+        """
+        return aimed
+
+    def to_lens(self, blocks: Floats, lenslets: LensletRows, crossing: ArrayCrossing, waves: Waves) -> None:
+        """Turn aimed samples into rays towards the main lens (see `kernels.to_lens`)."""
+        from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_pinholes, fill_thin
         from plenoptic.optics.microlens.kernels.to_lens import fill_openings
 
-        fill_openings(blocks, lenslets, crossing.array.opening)
-    fill_pinholes(blocks, crossing.sensor, crossing.z_plane)
+        array, sensor, z_plane = crossing
+        if lenslets is not None:
+            fill_openings(blocks, lenslets, array.opening)
+        if not self.focuses:
+            fill_pinholes(blocks, sensor, z_plane)
+            return
+        factors = array.power_factors
+        fill_thin(blocks, lenslets, sensor, array.power, z_plane, factors, None if factors is None else waves)
 
+    def to_sensor(self, blocks: Floats, crossing: ArrayCrossing, differs: bool) -> None:
+        """Trace rays behind the main lens to the sensor (see `kernels.to_sensor`), through lenses that may differ."""
+        from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_thin_forward
 
-def _thin_to_lens(blocks: Floats, lenslets: LensletRows, crossing: ArrayCrossing, waves: Waves) -> None:
-    from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_thin
+        array, sensor, z_plane = crossing
+        fill_thin_forward(blocks, z_plane, sensor, array, array if differs else None)
 
-    if lenslets is not None:
-        from plenoptic.optics.microlens.kernels.to_lens import fill_openings
+    def trace_rays(
+        self, rays: RayBundle, traced: TracedPaths, array: ArrayRecord, differs: bool, index: float
+    ) -> RayBundle:
+        """Trace rays, at the wavelength of a refractive index, through an array of lenses that may differ, in its axes
+        with the first vertex at z = 0; fills `traced`.
+        """
+        from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_thin_lenses
 
-        fill_openings(blocks, lenslets, crossing.array.opening)
-    array, factors = crossing.array, crossing.array.power_factors
-    fill_thin(
-        blocks, lenslets, crossing.sensor, array.power, crossing.z_plane, factors, None if factors is None else waves
-    )
+        def fill(out: RayArrays, rays_in: RayArrays, first: int, end: int) -> None:
+            fill_thin_lenses(out, traced, rays_in, array, array if differs else None, first, end)
 
-
-def _thin_to_sensor(blocks: Floats, crossing: ArrayCrossing, differs: bool) -> None:
-    from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_thin_forward
-
-    fill_thin_forward(blocks, crossing.z_plane, crossing.sensor, crossing.array, crossing.array if differs else None)
-
-
-def _trace_thin(rays: RayBundle, traced: TracedPaths, array: ArrayRecord, differs: bool, _: float) -> RayBundle:
-    from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_thin_lenses
-
-    def fill(out: RayArrays, rays_in: RayArrays, first: int, end: int) -> None:
-        fill_thin_lenses(out, traced, rays_in, array, array if differs else None, first, end)
-
-    return in_chunks(fill, rays)
-
-
-PINHOLE = ModelRules(_pinholes_to_lens, None, focuses=False, check=_check_pinholes)
-THIN = ModelRules(_thin_to_lens, _thin_to_sensor, trace_rays=_trace_thin)
+        return in_chunks(fill, rays)

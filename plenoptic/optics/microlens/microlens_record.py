@@ -214,7 +214,7 @@ def array_record(
     between the principal plane and the curved side, by which openings are widened for sampling. `wavelengths` are the
     camera's and those sampled by paths, in nm.
     """
-    opening, rules, clear = array.opening, array.model.rules, has_clear_gaps(array.aperture)
+    opening, refraction, clear = array.opening, array.model.refraction, has_clear_gaps(array.aperture)
     parts = [opening.corners, array.cell_corners] if clear else [opening.corners]
     basis, cell = array.basis @ turn.T, polygon_edges(array.cell_corners @ turn.T)
     several = len(set(array.focal_lengths)) > 1 and array.lattice is not Lattice.FREE
@@ -225,7 +225,8 @@ def array_record(
         lens_powers = lens_table.lenses["power"] if len(lens_table.lenses) else powers
         powers = np.unique([lens_powers.min(), lens_powers.max()])
     is_tested = array.aperture is not None and (
-        math.isfinite(opening.radius) or (rules.is_plate and (array.aperture.fill_factor < 1 or lens_table is not None))
+        math.isfinite(opening.radius)
+        or (refraction.is_plate and (array.aperture.fill_factor < 1 or lens_table is not None))
     )
     return ArrayRecord(
         LatticeRecord(
@@ -247,8 +248,8 @@ def array_record(
         ),
         lens_table,
         cell if array.walls is Walls.OPAQUE else None,
-        rules.record(array, wavelengths),
-        _power_factors(array, wavelengths) if rules.is_thin else None,
+        refraction.record(array, wavelengths),
+        _power_factors(array, wavelengths) if refraction.is_thin else None,
     )
 
 
@@ -257,7 +258,9 @@ def lone_lens(array: MicrolensArray, power: float, wavelength: float) -> ArrayRe
     no_edges, no_corners = np.zeros((0, 3)), np.zeros((0, 0, 2))
     opening = OpeningRecord(no_corners, math.inf, no_edges, math.inf, clip=0.0, clear=False, fills=True)
     lattice = LatticeRecord(np.zeros(2), np.eye(2), np.eye(2), np.array([power]), None)
-    return ArrayRecord(lattice, no_edges, opening, None, None, array.model.rules.record(array, (wavelength,)), None)
+    return ArrayRecord(
+        lattice, no_edges, opening, None, None, array.model.refraction.record(array, (wavelength,)), None
+    )
 
 
 def _power_factors(array: MicrolensArray, wavelengths: tuple[float, ...]) -> Floats | None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import enum
 
-from plenoptic.optics.microlens.ideal_microlenses import PINHOLE, THIN
-from plenoptic.optics.microlens.model_rules import ModelRules
-from plenoptic.optics.microlens.plano_convex import FLAT_HIGH_INDEX, SPHERICAL
+from plenoptic.optics.microlens.ideal_microlenses import IdealMicrolenses
+from plenoptic.optics.microlens.plano_convex import PlanoConvexMicrolenses
 
 
 class MicrolensModel(enum.IntEnum):
@@ -29,29 +28,29 @@ class MicrolensModel(enum.IntEnum):
     """Exact plano-convex lens: a sphere and a plane of glass."""
 
     @property
-    def rules(self) -> ModelRules:
-        """Implementation of the model."""
-        return _RULES[self]
+    def refraction(self) -> IdealMicrolenses | PlanoConvexMicrolenses:
+        """Methods that describe and trace the model; no other code distinguishes models."""
+        return _REFRACTION[self]
 
     @property
     def focuses(self) -> bool:
         """True if lenses have a power."""
-        return self.rules.focuses
+        return self.refraction.focuses
 
     @property
     def is_plate(self) -> bool:
         """True if rays pass two surfaces of glass."""
-        return self.rules.is_plate
+        return self.refraction.is_plate
 
     @property
     def is_flat(self) -> bool:
         """True if a plane with the normals of a sphere stands for the sphere."""
-        return self.rules.is_flat
+        return self.refraction.is_flat
 
 
-_RULES = {
-    MicrolensModel.PINHOLE: PINHOLE,
-    MicrolensModel.THIN: THIN,
-    MicrolensModel.FLAT_HIGH_INDEX: FLAT_HIGH_INDEX,
-    MicrolensModel.SPHERICAL: SPHERICAL,
+_REFRACTION: dict[MicrolensModel, IdealMicrolenses | PlanoConvexMicrolenses] = {
+    MicrolensModel.PINHOLE: IdealMicrolenses(focuses=False),
+    MicrolensModel.THIN: IdealMicrolenses(focuses=True),
+    MicrolensModel.FLAT_HIGH_INDEX: PlanoConvexMicrolenses(is_flat=True),
+    MicrolensModel.SPHERICAL: PlanoConvexMicrolenses(is_flat=False),
 }

@@ -15,7 +15,7 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.forward_record import differs_forward, forward_record
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.lenslets import lenses_of
-from plenoptic.optics.microlens.model_rules import TracedPaths
+from plenoptic.optics.microlens.model_records import TracedPaths
 from plenoptic.optics.microlens.plano_convex import ConvexSide
 
 
@@ -82,7 +82,7 @@ def microlens_path(
 
 def _checked_source(array: MicrolensArray, point: ArrayLike | None) -> Floats | None:
     model = array.model
-    if model.rules.trace_rays is None:
+    if not model.focuses:
         raise InvalidValueError(
             f"a {model.name} passes one ray of a point, straight through its centre; there are no paths to "
             "compare: use the model THIN, or a plate"
@@ -115,9 +115,9 @@ def _trace(array: MicrolensArray, rays: RayBundle, source: Floats | None) -> tup
         array, turn=np.eye(2), origin=np.zeros(2), reach=_reach(array, forward), wavelength=rays.wavelength
     )
     traced = TracedPaths(np.full(len(rays), np.nan), np.empty((len(rays), 5)))
-    trace_rays = array.model.rules.trace_rays
-    assert trace_rays is not None
-    behind = trace_rays(forward, traced, record, differs_forward(record), array.index_at(rays.wavelength))
+    behind = array.model.refraction.trace_rays(
+        forward, traced, record, differs_forward(record), array.index_at(rays.wavelength)
+    )
     lost = behind.status != 0
     weight = np.where(lost, 0.0, rays.weight)
     if array.imperfections is not None:

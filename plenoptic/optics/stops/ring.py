@@ -8,10 +8,11 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import MAX_POINTS, Floats, broadcast, finite, length_in_mm, set_field, value, whole
+from plenoptic.core.values import Floats, broadcast, finite, length_in_mm, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.element_record import RING, ElementRow
 from plenoptic.optics.lens.placement import Placement, set_place
+from plenoptic.optics.stops.circle import CircularStop
 
 
 @value
@@ -68,8 +69,7 @@ class RingStop:
 
     def outline(self, n: int = 64) -> Floats:
         """Points on the outer edge, counter-clockwise from +x: an (n, 2) array in mm, not closed; n at least 3."""
-        angle = 2 * math.pi * np.arange(whole(n, "n", at_least=3, at_most=MAX_POINTS)) / n
-        return self.semi_diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return CircularStop(self.semi_diameter).outline(n)
 
     def row(self) -> ElementRow:
         """Record of the stop for kernels."""

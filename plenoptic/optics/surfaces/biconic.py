@@ -1,51 +1,63 @@
-"""A biconic shape: a surface whose sections along x and y are two conics, as a freeform term on a plane."""
+"""A biconic: a surface with a radius and a conic constant of its own in the sections x z and y z."""
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, broadcast, finite, number, set_field, value
+from plenoptic.core.values import Floats, broadcast, finite, set_field, value
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape
-from plenoptic.optics.surfaces.zemax_shape import ZemaxShape
+from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape, ZemaxNumbers
+from plenoptic.optics.surfaces.radius import signed_radius
+from plenoptic.optics.surfaces.sag_bounds import RINGS
 
 BICONIC = 2
 """Kind of the freeform term, for kernels."""
 
+SECTORS = 32
+"""Intervals of the squared cosine of the azimuth with separate bounds."""
+
+_LEAST_W2 = 1e-4
+"""Least square of the root in the denominator up to the semi-diameter: slopes are about 100 there, and infinite at the
+equator, where the root is 0."""
+
+_AT_EQUATOR = 1e-12
+"""Rounding error of that square; a point within it is taken for one of the equator."""
+
+_MARGIN = 1.0 + 1e-9
 _EPS = float(np.finfo(np.float64).eps)
 
 
 @value
 class BiconicSag:
-    r"""Sag with one conic as its section along x and another one along y: toric and cylindrical surfaces, for instance.
+    r"""Sag of a biconic, which is added to that of a surface: of a plane for the biconic itself.
 
     .. math:: z = \frac{c_x x^2 + c_y y^2}{1 + \sqrt{1 - (1 + k_x) c_x^2 x^2 - (1 + k_y) c_y^2 y^2}}
 
-    It is the whole shape on a plane, `Surface(math.inf, freeform=BiconicSag(...))`, and is added to any other base.
+    With one radius infinite it is a cylinder. Paraxial data of a lens are those of the mean curvature.
 
     Parameters
     ----------
     radius_x, radius_y : float
-        Radii of curvature of the sections at the vertex in mm, signed like `Surface.radius`; `math.inf` is straight.
+        Radii of curvature 1/c in mm in the sections y = 0 and x = 0, signed as that of `Surface`; `math.inf`: flat.
     conic_x, conic_y : float, optional
-        Conic constants of the sections.
+        Conic constants of these sections.
 
     Raises
     ------
     InvalidValueError
-        PrescriptionError for a radius of 0 or nan; its base class for conic constants that are not finite.
+        If a radius is 0 or nan, or a conic constant not finite.
 
     Examples
     --------
-    >>> import math
     >>> import plenoptic as pl
-    >>> cylinder = pl.optics.BiconicSag(math.inf, 50.0)
-    >>> front = pl.Surface(math.inf, semi_diameter=10.0, freeform=cylinder)
-    >>> front.sag([10.0, 0.0], [0.0, 10.0]).round(4).tolist()
-    [0.0, 1.0102]
+    >>> cylinder = pl.optics.BiconicSag(math.inf, 5.0)
+    >>> front = pl.Surface(math.inf, semi_diameter=4.0, freeform=cylinder)
+    >>> front.sag([3.0, 0.0], [0.0, 3.0]).round(12).tolist()
+    [0.0, 1.0]
     """
 
     radius_x: float
@@ -54,23 +66,10 @@ class BiconicSag:
     conic_y: float = 0.0
 
     def __post_init__(self) -> None:
-        for axis in "xy":
-            radius = number(getattr(self, f"radius_{axis}"), f"radius_{axis}")
-            if math.isnan(radius) or radius == 0 or math.isinf(1.0 / radius):
-                raise PrescriptionError(
-                    f"radius_{axis} is {radius:g} mm; it must not be 0 or nan: for a straight section use math.inf"
-                )
-            set_field(self, f"radius_{axis}", math.inf if math.isinf(radius) else radius)
-            set_field(self, f"conic_{axis}", finite(getattr(self, f"conic_{axis}"), f"conic_{axis}"))
-
-    @property
-    def _curvatures(self) -> Floats:
-        return np.array([1.0 / self.radius_x, 1.0 / self.radius_y])
-
-    @property
-    def _steepness(self) -> Floats:
-        """(2,) factors (1 + k) c^2 of x^2 and y^2 below the root."""
-        return (1.0 + np.array([self.conic_x, self.conic_y])) * self._curvatures**2
+        for name in ("radius_x", "radius_y"):
+            set_field(self, name, signed_radius(getattr(self, name), name))
+        for name in ("conic_x", "conic_y"):
+            set_field(self, name, finite(getattr(self, name), name))
 
     @property
     def inverted(self) -> BiconicSag:
@@ -78,65 +77,108 @@ class BiconicSag:
         return BiconicSag(-self.radius_x, -self.radius_y, self.conic_x, self.conic_y)
 
     def sag(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """Sag of the term in mm at points (x, y), mm; PrescriptionError where the surface has no point."""
-        points = np.stack(broadcast(x=x, y=y))
-        return np.asarray(np.tensordot(self._curvatures, points**2, 1) / (1.0 + self._root(points)))
+        """Sag in mm at points (x, y), mm; PrescriptionError where the biconic has none."""
+        _, a, w = self._at(x, y)
+        return np.asarray(a / (1.0 + w))
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """(2, ...) derivatives of the sag with respect to x and y."""
-        points = np.stack(broadcast(x=x, y=y))
-        root = self._root(points)
+        """(2, ...) derivatives of the sag with respect to x and y; infinite or nan at the biconic's equator."""
+        steep, a, w = self._at(x, y)
+        _, *curvature, kx, ky = self.numbers()
         with np.errstate(divide="ignore", invalid="ignore"):
-            along_root = np.tensordot(self._curvatures, points**2, 1) / (root * (1.0 + root))
-        of_axis = (2, *[1] * (points.ndim - 1))
-        slopes = 2.0 * self._curvatures.reshape(of_axis) + along_root * self._steepness.reshape(of_axis)
-        return np.asarray(slopes * points / (1.0 + root))
+            change = a / (2.0 * w * (1.0 + w) ** 2)
+            parts = [s * (1.0 / (1.0 + w) + k * c * change) for s, c, k in zip(steep, curvature, (kx, ky), strict=True)]
+        return 2.0 * np.stack(parts)
 
-    def _root(self, points: Floats) -> Floats:
-        below_root = 1.0 - np.tensordot(self._steepness, points**2, 1)
-        if not np.all(below_root >= 0.0):
-            raise PrescriptionError(f"the point farthest out has no sag on {self!r}; stay nearer to the vertex")
-        return np.sqrt(below_root)
+    def _at(self, x: ArrayLike, y: ArrayLike) -> tuple[tuple[Floats, Floats], Floats, Floats]:
+        """At points: (c_x x, c_y y), the numerator of the sag, and the root in its denominator."""
+        _, cx, cy, kx, ky = self.numbers()
+        x, y = broadcast(x=x, y=y)
+        sx, sy = cx * x, cy * y
+        w2 = 1.0 - (kx * sx * sx + ky * sy * sy)
+        if not np.all(w2 >= -_AT_EQUATOR):
+            raise PrescriptionError(f"the points reach {np.hypot(x, y).max():g} mm from the vertex, beyond {self!r}")
+        return (sx, sy), sx * x + sy * y, np.sqrt(np.maximum(w2, 0.0))
 
     @property
     def vertex(self) -> VertexShape:
         """Derivatives at the vertex, for paraxial rays."""
-        c_x, c_y = self._curvatures.tolist()
-        return VertexShape(0.0, 0.0, c_x, 0.0, c_y)
+        return VertexShape(0.0, 0.0, 1.0 / self.radius_x, 0.0, 1.0 / self.radius_y)
 
     def bounds(self, radius: float) -> FreeformBounds:
-        """Bounds within a distance from the vertex in mm; infinite if the surface ends within it.
-
-        With A the numerator and w the root, z = A / (1 + w). Bounds on A, its gradient 2 |c| r and w's, q r / w with
-        the steepness q, grow with r and with 1 / w; for a sphere they are the slope c r / w and the bending c / w^3.
-        """
-        c, q = float(np.abs(self._curvatures).max()), float(np.abs(self._steepness).max())
-        w2 = 1.0 - max(0.0, float(self._steepness.max())) * radius * radius
-        if not w2 > 0.0:
-            return FreeformBounds(math.inf, math.inf, math.inf, math.inf)
-        w = math.sqrt(w2)
-        outer, numerator, by_root = 1.0 / (1.0 + w), c * radius * radius, q * radius / w
-        height = numerator * outer
-        slope = 2.0 * c * radius * outer + numerator * by_root * outer**2
-        bending = 2.0 * c * outer + 4.0 * c * radius * by_root * outer**2
-        bending += numerator * (q / w + by_root**2 / w) * outer**2 + 2.0 * numerator * by_root**2 * outer**3
-        margin = 1.0 + 1e-9
-        rounding = _EPS * height * (6.0 + 3.0 * q * radius * radius / w2)
-        # Lengths are divided by the bending, which must not be 0.
-        return FreeformBounds(margin * slope, margin * bending + 1e-200, margin * height, rounding)
+        """Bounds within a distance from the vertex in mm; infinite if slopes there exceed about 100."""
+        return _bounds(*self.numbers()[1:], float(radius))
 
     def numbers(self) -> tuple[float, ...]:
-        """Numbers for its kernel: kind, curvatures and steepness along x and y."""
-        return (float(BICONIC), *self._curvatures.tolist(), *self._steepness.tolist())
+        """Numbers for its kernel: kind, curvatures along x and y, and 1 + k of both."""
+        return (float(BICONIC), 1.0 / self.radius_x, 1.0 / self.radius_y, 1.0 + self.conic_x, 1.0 + self.conic_y)
 
-    @staticmethod
-    def from_zemax(shape: ZemaxShape) -> ZemaxShape:
-        """Shape of a surface of type BICONICX: CURV and CONI along y, PARM 1 the radius (0: straight) and 2 the conic
-        constant along x.
+    @classmethod
+    def from_zemax(cls, surface: ZemaxNumbers) -> tuple[BiconicSag | None, float]:
+        """The surface of a type BICONICX, and 0; None for a plane.
+
+        CURV and CONI are those along y, PARM 1 is the radius along x (0: flat), and PARM 2 the conic constant along x.
         """
-        parameters = dict(shape.parameters)
-        radius_x, conic_x = parameters.pop(1, 0.0) * shape.unit, parameters.pop(2, 0.0)
-        radius_y = 1.0 / shape.curvature if shape.curvature else math.inf
-        term = BiconicSag(radius_x or math.inf, radius_y, conic_x, shape.conic)
-        straight = math.isinf(term.radius_x) and math.isinf(term.radius_y)
-        return shape._replace(curvature=0.0, conic=0.0, parameters=parameters, freeform=None if straight else term)
+        radius_x = surface.parameters.get(1, 0.0) * surface.unit or math.inf
+        radius_y = 1.0 / surface.curvature if surface.curvature else math.inf
+        term = cls(radius_x, radius_y, surface.parameters.get(2, 0.0), surface.conic)
+        return (None if math.isinf(term.radius_x) and math.isinf(term.radius_y) else term), 0.0
+
+
+@functools.lru_cache(maxsize=256)
+@np.errstate(over="ignore", invalid="ignore")  # the surface rejects a term without finite bounds
+def _bounds(cx: float, cy: float, kx: float, ky: float, radius: float) -> FreeformBounds:
+    # z = A h(B), h = 1 / (1 + w), w = sqrt(1 - B), with A = c_x x^2 + c_y y^2 and B as under the root. By r^2 and the
+    # squared cosine of the azimuth both are bilinear: in a cell of these two they lie between their values at its
+    # corners. h, h' and h'' are positive and grow with B. Sums and products of intervals bound the derivatives.
+    # Cells are narrow where a steep hyperbola turns to its asymptote, and at the rim.
+    r, cosine2 = (np.sin(np.linspace(0.0, 0.5 * math.pi, n + 1)) ** power for n, power in ((RINGS, 1), (SECTORS, 2)))
+    r *= radius
+    shares = np.array([cosine2, 1.0 - cosine2])
+    steep2 = [np.outer((c * r) ** 2, share) for c, share in zip((cx, cy), shares, strict=True)]
+    a_x, a_y = (np.outer(c * r * r, share) for c, share in zip((cx, cy), shares, strict=True))
+    b_x, b_y = kx * steep2[0], ky * steep2[1]
+    b = _cells(b_x + b_y)
+    if not b.max() <= 1.0 - _LEAST_W2:
+        return FreeformBounds(math.inf, math.inf, math.inf, math.inf)
+    w = np.sqrt(1.0 - b)
+    h, h1, h2 = 1.0 / (1.0 + w), 0.5 / (w * (1.0 + w) ** 2), 0.25 * (1.0 + 3.0 * w) / (w * (1.0 + w)) ** 3
+    a = _cells(a_x + a_y)
+    slopes, second = [], []
+    for c, k, share, squares in ((cx, kx, shares[0], steep2[0]), (cy, ky, shares[1], steep2[1])):
+        scaled, q = _times(c, a), _cells(squares)
+        change = 2.0 * _times(c, h + _times(k, _times(scaled, h1)))
+        ahead = np.sqrt(np.maximum(share[:-1], share[1:]))
+        slopes.append(np.outer(r[1:], ahead) * _size(change))
+        curved = _times(q, 2.0 * _times(k, h1) + k * k * _times(scaled, h2))
+        second.append(_size(change + 4.0 * _times(c, curved)))
+    mixed = _times(kx * cx + ky * cy, h1) + _times(kx * ky * cy, _times(_times(cx, a), h2))
+    along, across, oblique = *second, 4.0 * np.sqrt(_cells(steep2[0])[1] * _cells(steep2[1])[1]) * _size(mixed)
+    bending = 0.5 * (along + across) + np.hypot(0.5 * (along - across), oblique)
+    # Some eps of the sum of the sizes of the terms of A and B, and half of one of 1 - B.
+    terms_a, terms_b = (_size(_cells(abs(x) + abs(y))) for x, y in ((a_x, a_y), (b_x, b_y)))
+    rounding = 6.0 * terms_a * h[1] + _size(_times(a, h1)) * (6.0 * terms_b + 2.0)
+    return FreeformBounds(
+        _MARGIN * float(np.hypot(*slopes).max()),
+        # Not 0, since lengths are divided by it.
+        _MARGIN * float(bending.max()) + 1e-200,
+        _MARGIN * float(_size(_times(a, h)).max()),
+        _EPS * float(rounding.max()),
+    )
+
+
+def _cells(corners: Floats) -> Floats:
+    """(2, rings, sectors): least and largest value of a bilinear function in each cell, from those at the corners."""
+    four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
+    return np.stack([four.min(axis=0), four.max(axis=0)])
+
+
+def _times(factor: float | Floats, interval: Floats) -> Floats:
+    """Interval of the products of a number or an interval and an interval, (2, rings, sectors)."""
+    products = np.stack([np.asarray(end) * interval for end in np.atleast_1d(factor)]).reshape(-1, *interval.shape[1:])
+    return np.stack([products.min(axis=0), products.max(axis=0)])
+
+
+def _size(interval: Floats) -> Floats:
+    """Largest size of a number of an interval."""
+    return np.asarray(np.abs(interval).max(axis=0))

@@ -1,7 +1,8 @@
-"""Freeform terms: vertex derivatives and bounds of a sag without rotational symmetry, added to a conic or asphere."""
+"""Freeform terms: what a sag without rotational symmetry, added to a conic or asphere, states and is read from."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 
@@ -31,3 +32,18 @@ class FreeformBounds(NamedTuple):
     """Largest size of the sag in mm."""
     rounding: float
     """Largest rounding error of the sag in mm."""
+
+
+class ZemaxNumbers(NamedTuple):
+    """Numbers of a surface in a Zemax file from which a freeform term is made."""
+
+    curvature: float
+    """CURV, in 1/mm."""
+    conic: float
+    """CONI."""
+    parameters: Mapping[int, float]
+    """PARM by number, lengths in units of the file; those that are missing are 0."""
+    extra: Mapping[int, float]
+    """XDAT by number, likewise."""
+    unit: float
+    """Unit of the file in mm."""

@@ -1,15 +1,15 @@
 """Registry of freeform terms, and their types in Zemax files.
 
-Each is a sag that is added to a plane, conic or asphere, and 0 at the vertex.
+Each is a sag that is added to a conic or asphere, and 0 at the vertex.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from plenoptic.optics.surfaces.biconic import BiconicSag
-from plenoptic.optics.surfaces.zemax_shape import ZemaxShape
+from plenoptic.optics.surfaces.freeform_bounds import ZemaxNumbers
 from plenoptic.optics.surfaces.zernike import ZernikeSag
 
 FreeformTerm: TypeAlias = ZernikeSag | BiconicSag
@@ -17,8 +17,21 @@ FreeformTerm: TypeAlias = ZernikeSag | BiconicSag
 
 FREEFORM_TERMS: tuple[type[FreeformTerm], ...] = (ZernikeSag, BiconicSag)
 
-ZEMAX: dict[str, Callable[[ZemaxShape], ZemaxShape]] = {
-    "SZERNSAG": ZernikeSag.from_zemax,
-    "BICONICX": BiconicSag.from_zemax,
+
+class ZemaxType(NamedTuple):
+    """Type of a surface in Zemax files that has a freeform term."""
+
+    read: Callable[[ZemaxNumbers], tuple[FreeformTerm | None, float]]
+    """Returns the term, and its omitted sag at the vertex in mm."""
+    n_parameters: int
+    """Number of its PARM."""
+    is_whole: bool = False
+    """True if the term is the whole surface, with CURV, CONI and PARM; otherwise they are those of an even asphere to
+    which it is added."""
+
+
+ZEMAX: dict[str, ZemaxType] = {
+    "SZERNSAG": ZemaxType(ZernikeSag.from_zemax, 8),
+    "BICONICX": ZemaxType(BiconicSag.from_zemax, 2, is_whole=True),
 }
-"""By the TYPE of a surface: functions that read its freeform term from its numbers."""
+"""By the TYPE of the surface."""

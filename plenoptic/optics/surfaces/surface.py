@@ -9,23 +9,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import (
-    Floats,
-    broadcast,
-    coefficients,
-    finite,
-    length_in_mm,
-    number,
-    numbers,
-    set_field,
-    value,
-)
-from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.core.values import Floats, broadcast, coefficients, finite, length_in_mm, numbers, set_field, value
+from plenoptic.errors import PrescriptionError
 from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import Placement, set_place
 from plenoptic.optics.surfaces.freeform_registry import FREEFORM_TERMS, FreeformTerm
 from plenoptic.optics.surfaces.mirror import Mirror
+from plenoptic.optics.surfaces.radius import signed_radius
 from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 
 STEEPEST_ASPHERE = 100.0
@@ -62,7 +53,8 @@ class Surface:
         the vertex along the axis, in mm. `semi_diameter` is then that of the equator. None: the surface ends at the
         semi-diameter, on the vertex's side of the equator.
     freeform : ZernikeSag or BiconicSag, optional
-        Freeform term: sag without rotational symmetry, added to the conic or asphere. None: no term.
+        Freeform term: sag without rotational symmetry, added to the conic or asphere. None: no term. A biconic or a
+        cylinder is a BiconicSag on a plane.
     placement : Placement, optional
         Decentre and tilt; see `LensStack.moved`. None: centred.
 
@@ -98,7 +90,7 @@ class Surface:
     placement: Placement | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        set_field(self, "radius", self._checked_radius())
+        set_field(self, "radius", signed_radius(self.radius, "radius"))
         set_place(self)
         set_field(self, "conic", finite(self.conic, "conic"))
         set_field(self, "aspheric", self._checked_coefficients())
@@ -113,24 +105,12 @@ class Surface:
             raise PrescriptionError(f"freeform is {self.freeform!r}; it must be {kinds}")
         if self.freeform is not None and not np.isfinite(self.freeform.bounds(self.semi_diameter)).all():
             raise PrescriptionError(
-                f"freeform {self.freeform!r} gives no finite height at the semi-diameter {self.semi_diameter:g} mm; "
-                "correct it"
+                f"freeform {self.freeform!r} gives no finite height and slope up to the semi-diameter "
+                f"{self.semi_diameter:g} mm; correct it"
             )
         if self.depth is not None:
             set_field(self, "depth", self._checked_depth(self.depth))
         check_medium(self.medium, "medium")
-
-    def _checked_radius(self) -> float:
-        try:
-            radius = number(self.radius, "radius")
-        except InvalidValueError:
-            raise PrescriptionError(f"radius is {self.radius!r}; it must be a number, math.inf for a plane") from None
-        if math.isinf(radius):
-            return math.inf
-        # The reciprocal of a subnormal radius overflows.
-        if math.isnan(radius) or radius == 0 or math.isinf(1.0 / radius):
-            raise PrescriptionError(f"radius is {radius:g} mm; it must not be 0 or nan: for a plane use math.inf")
-        return radius
 
     def _checked_coefficients(self) -> tuple[float, ...]:
         terms = list(coefficients(self.aspheric, "aspheric", "a sequence of coefficients, of r^2 first"))

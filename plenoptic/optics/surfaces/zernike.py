@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import Floats, broadcast, coefficients, positive, set_field, value
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape
+from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape, ZemaxNumbers
 from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
-from plenoptic.optics.surfaces.zemax_shape import ZemaxShape
 
 ZERNIKE = 1
 """Kind of the freeform term, for kernels."""
@@ -154,10 +153,13 @@ class ZernikeSag:
         pairs = np.stack([p, q], axis=1).ravel().tolist()
         return (float(ZERNIKE), 1.0 / self.norm_radius, float(p.shape[0]), float(p.shape[1]), *pairs)
 
-    @staticmethod
-    def from_zemax(shape: ZemaxShape) -> ZemaxShape:
-        """Shape of a surface of type SZERNSAG: number of terms, norm radius and coefficients from XDAT 1, 2, 3 ..."""
-        extra, unit = shape.extra, shape.unit
+    @classmethod
+    def from_zemax(cls, surface: ZemaxNumbers) -> tuple[ZernikeSag | None, float]:
+        """Freeform term of a surface of type SZERNSAG, and its omitted sag at the vertex in mm.
+
+        XDAT are the number of terms, the norm radius, and the coefficients.
+        """
+        extra, unit = surface.extra, surface.unit
         if 1 not in extra or not float(extra[1]).is_integer() or extra[1] < 0:
             raise PrescriptionError("XDAT 1, the number of Zernike terms, is missing or no such number; give it")
         last = 2 + int(extra[1])
@@ -168,13 +170,13 @@ class ZernikeSag:
             )
         terms = {j - 2: a * unit for j, a in extra.items() if 2 < j <= last and a != 0}
         if not terms:
-            return shape
+            return None, 0.0
         if max(terms) > MAX_TERMS:
             raise PrescriptionError(f"XDAT {max(terms) + 2} is Zernike term {max(terms)}; at most {MAX_TERMS} are read")
         if 2 not in extra:
             raise PrescriptionError("XDAT 2, the norm radius of the Zernike terms, is missing; give it")
-        sag = ZernikeSag([terms.get(j, 0.0) for j in range(1, max(terms) + 1)], extra[2] * unit)
-        return shape._replace(freeform=sag, offset=sag.offset)
+        sag = cls([terms.get(j, 0.0) for j in range(1, max(terms) + 1)], extra[2] * unit)
+        return sag, sag.offset
 
 
 def degree_and_order(j: int) -> tuple[int, int]:

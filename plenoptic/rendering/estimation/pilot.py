@@ -20,11 +20,9 @@ from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.clock import Clock
-from plenoptic.rendering.schedule.outcome import exposure_of
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.rendering.schedule.progress_bar import ProgressBar
-from plenoptic.rendering.schedule.run import progress_of
-from plenoptic.rendering.schedule.scheduler import Scheduler
+from plenoptic.rendering.schedule.scheduler import RenderOptions, drive, exposure_of, progress_of
 from plenoptic.rendering.schedule.tile_jobs import thread_engine
 from plenoptic.rendering.tile import Tile
 from plenoptic.truth.ground_truth import truth_record
@@ -121,8 +119,9 @@ def run_pilot(
     progress = progress_of(context, budget, whole, crop, film_tiles, subject.truth, begin, counted=counted)
     truth = truth_record(subject.camera, context.camera, subject.truth)
     engine = thread_engine(context, truth, clock, threads)
-    if Scheduler(context, progress, engine, clock, ProgressBar(begin[0], show=False)).run():
+    if drive(progress, context, engine, clock, None, ProgressBar(begin[0], show=False)):
         raise KeyboardInterrupt
-    exposure = exposure_of(progress, subject, None, 0, threads, None, interrupted=True)
+    work = RenderOptions(None, 0, threads, None, False, None, None, 1.0)
+    exposure = exposure_of(progress, subject, work, threads, None, interrupted=True)
     seconds = time.perf_counter() - begin[0], time.process_time() - begin[1]
     return PilotRun(rows * columns, *seconds, progress, exposure, context.prepared.cached_bytes)

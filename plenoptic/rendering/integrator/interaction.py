@@ -6,12 +6,12 @@ import numpy as np
 
 from plenoptic.core.kernels import sobol
 from plenoptic.rendering.integrator.ray_queue import RayQueue, Wavelengths
-from plenoptic.scene.compile import SceneRecord
+from plenoptic.scene.geometry.geometry_records import INTERACTION_COLUMNS, Hits, Interactions, PathKeys
 from plenoptic.scene.geometry.kernels.interaction import fill_interactions
-from plenoptic.scene.geometry.record import INTERACTION_COLUMNS, Hits, Interactions, PathKeys
 from plenoptic.scene.lights.kernels.sample_emitters import sample_emitters
-from plenoptic.scene.lights.record import DRAWN_COLUMNS, DrawnLights
+from plenoptic.scene.lights.light_records import DRAWN_COLUMNS, DrawnLights
 from plenoptic.scene.materials.kernels import parameters
+from plenoptic.scene.scene_record import SceneRecord
 
 
 class InteractionStage:

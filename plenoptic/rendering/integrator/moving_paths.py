@@ -10,10 +10,10 @@ from plenoptic.camera.sampling.sampling_records import Batch
 from plenoptic.core.kernels import sobol
 from plenoptic.core.values import Floats, read_only
 from plenoptic.rendering.plan.shutter import OpenShutter
-from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
+from plenoptic.scene.geometry.geometry_records import INSTANCE_DISTANCE, Hits
 from plenoptic.scene.geometry.moving import MovingTriangles
-from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, Hits
+from plenoptic.scene.scene_record import SceneRecord
 
 SHUTTER_SET = WAVELENGTH_SET + 1
 """Sampling set of the times, after those of all bounces and of wavelengths."""

@@ -19,8 +19,8 @@ from plenoptic.rendering.integrator.ray_queue import RayQueue, ShadowRays, Wavel
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.settings import Caustics
-from plenoptic.scene.geometry.record import Hits, Interactions, PathKeys
-from plenoptic.scene.lights.record import DELTA, DrawnLights
+from plenoptic.scene.geometry.geometry_records import Hits, Interactions, PathKeys
+from plenoptic.scene.lights.light_records import DELTA, DrawnLights
 from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, attenuate_shadows, media_at, no_hits, skip_transparent
 
 if TYPE_CHECKING:

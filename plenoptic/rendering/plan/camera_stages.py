@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.sampling.region_method import bounds_reason, no_core_reason
+from plenoptic.camera.sampling.region_bounds import bounds_reason, no_core_reason
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray

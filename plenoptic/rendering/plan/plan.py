@@ -16,8 +16,8 @@ from plenoptic.truth.channels import Truth, truth_names
 from plenoptic.truth.truth_arrays import available_truth, valid_truth
 
 if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
     from plenoptic.scene.scene import Scene
+    from plenoptic.scene.scene_record import SceneRecord
 
 
 def plan(  # noqa: PLR0913

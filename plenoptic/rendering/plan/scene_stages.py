@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
 
 if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.scene_record import SceneRecord
 
 ROULETTE = 3
 """Number of bounces after which Russian roulette begins."""

@@ -14,7 +14,7 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import SceneError
 
 if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.scene_record import SceneRecord
 
 
 class OpenShutter(NamedTuple):

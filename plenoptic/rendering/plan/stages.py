@@ -6,6 +6,7 @@ import dataclasses
 import enum
 from typing import TYPE_CHECKING
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import value
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.truth.channels import Truth
@@ -138,16 +139,7 @@ class Plan:
         rows = [f"{'runs    ' if d.runs else 'left out'}  {d.name:<22} {d.reason}" for d in self.decisions]
         return "\n".join(rows)
 
-    def _repr_html_(self) -> str:
-        """Pictures of the scene from three sides, and tables of the stages that run and that are left out."""
-        from plenoptic.plots.notebook.html import table_html
-        from plenoptic.plots.notebook.pictures import plan_picture
-
-        parts = [plan_picture(self)]
-        for runs, caption in ((True, "runs"), (False, "left out")):
-            rows = [(d.name, d.reason) for d in self.decisions if d.runs is runs]
-            parts.append(table_html(("stage", "because"), rows, caption=f"{caption}: {len(rows)}"))
-        return "".join(parts)
+    _repr_html_ = picture_of
 
 
 def decide(stage: Stage, *table: object) -> Decision:

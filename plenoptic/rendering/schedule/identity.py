@@ -16,7 +16,7 @@ from plenoptic.core.files.digest import MARK, digest
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from plenoptic.scene.compile import SceneRecord
+    from plenoptic.scene.scene_record import SceneRecord
 
 
 def identity(scene: SceneRecord | None, camera: PlenopticCamera, **facts: Any) -> dict[str, str]:

@@ -83,10 +83,10 @@ def obj_material(name: str, said: Said, reader: FileReader) -> Material:
         return Dielectric(index)
     if illum in _PANES and np.any(filtered):
         return ThinGlass(index, filtered)
-    emission = dark_or_not(read.textured("ke", read.colour("ke", 1.0 if "map_ke" in said else 0.0)))
+    emission = dark_or_not(read.colour_map("ke", read.colour("ke", 1.0 if "map_ke" in said else 0.0)))
     common: dict[str, Any] = {"normal_map": read.normals(), "emission": emission, "opacity": opacity}
     if any(keyword in said for keyword in _PBR):
-        base = read.textured("kd", read.colour("kd", 1.0))
+        base = read.colour_map("kd", read.colour("kd", 1.0))
         return MetallicRoughness(base, read.share("pm", 0.0), read.share("pr", math.sqrt(read.alpha())), **common)
     if emission != 0.0 and not np.any(read.colour("kd", 1.0 if "map_kd" in said else 0.0)):
         return Emissive(emission)
@@ -98,7 +98,7 @@ def _reflecting(read: _Reader, illum: int, rest: Mapping[str, Any]) -> Material:
     diffuse, glossy = read.colour("kd", 1.0), read.colour("ks", 0.0)
     plain = rest == {"normal_map": None, "emission": 0.0, "opacity": 1.0}
     if not np.any(glossy) or illum < 2:
-        base = read.textured("kd", diffuse)
+        base = read.colour_map("kd", diffuse)
         return Lambertian(base) if plain else MetallicRoughness(base, 0.0, 1.0, **rest)
     if plain and not np.any(diffuse):
         return Conductor(glossy, read.alpha())
@@ -107,7 +107,7 @@ def _reflecting(read: _Reader, illum: int, rest: Mapping[str, Any]) -> Material:
         scattered, mirrored = float(np.mean(diffuse)), float(np.mean(glossy))
         whole = np.broadcast_to(diffuse, 3) * ((scattered + mirrored) / scattered)
         diffuse, metallic = colour_of(np.minimum(whole, 1.0)), mirrored / (scattered + mirrored)
-    return MetallicRoughness(read.textured("kd", diffuse), metallic, math.sqrt(read.alpha()), **rest)
+    return MetallicRoughness(read.colour_map("kd", diffuse), metallic, math.sqrt(read.alpha()), **rest)
 
 
 class _Reader:
@@ -139,7 +139,7 @@ class _Reader:
         """The width of the GGX distribution for the exponent Ns."""
         return math.sqrt(2 / (self.number("ns", 0.0) + 2))
 
-    def textured(self, keyword: str, colour: Colour) -> Colour | Texture:
+    def colour_map(self, keyword: str, colour: Colour) -> Colour | Texture:
         """A colour times the image of it."""
         image = self.image(f"map_{keyword}", Encoding.SRGB) if np.any(colour) else None
         return colour if image is None else times(image, colour)

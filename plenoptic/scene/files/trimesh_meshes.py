@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from plenoptic.core.color.srgb import srgb_to_linear
 from plenoptic.core.files.file_limits import FileReader
 from plenoptic.errors import FileError, PlenopticError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, file_texture
@@ -129,11 +130,8 @@ def _obj_materials(content: bytes, reader: FileReader) -> Mapping[str, Material]
     described: dict[str, dict[str, str]] = {}
     for library_name in _said(text, "mtllib"):
         # A name may hold spaces, and a line several names.
-        for name in (
-            [library_name]
-            if len(library_name.split()) < 2 or reader.resolve(library_name).is_file()
-            else library_name.split()
-        ):
+        names = library_name.split()
+        for name in [library_name] if len(names) < 2 or reader.resolve(library_name).is_file() else names:
             library = reader.resolve(name)
             if not os.path.lexists(library):
                 raise FileError(f"its material file {name!r} is missing; put it beside the file, {REPLACE}")
@@ -167,8 +165,6 @@ def _ply_texture(header: str, reader: FileReader) -> Lambertian | None:
 
 def _vertex_colour(visual: Any) -> Lambertian:
     """The one colour of a part without material, sRGB-encoded; grey where it has many or none."""
-    from plenoptic.core.color.srgb import srgb_to_linear
-
     if visual.kind not in ("vertex", "face"):
         return Lambertian()
     codes = np.asarray(visual.vertex_colors if visual.kind == "vertex" else visual.face_colors)[:, :3]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
-from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
+from plenoptic.scene.geometry.geometry_records import Geometry, Hits, InstanceRecord
 
 
 class Intersector(Protocol):

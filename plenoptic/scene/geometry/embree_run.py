@@ -10,9 +10,9 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
-from plenoptic.scene.geometry.compile import part_of
+from plenoptic.scene.geometry.build_geometry import part_of
+from plenoptic.scene.geometry.geometry_records import Geometry, Hits, InstanceRecord
 from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
-from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
 
 
 class SceneRunTriangles:

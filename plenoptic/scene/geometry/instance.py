@@ -23,8 +23,8 @@ from plenoptic.core.values import (
 )
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry import moves
+from plenoptic.scene.geometry.geometry_records import InstanceRecord
 from plenoptic.scene.geometry.mesh import Mesh, affine_determinants
-from plenoptic.scene.geometry.record import InstanceRecord
 from plenoptic.scene.materials.registry import Material
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, frozen_array, read_only, set_field, value
+from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, frozen_array, plain_array, read_only, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -166,18 +166,14 @@ def affine_determinants(matrices: Floats) -> Floats:
 
 def _faces(faces: ArrayLike, count: int) -> NDArray[np.int32]:
     """(m, 3) int32, with each index in range; floats that are whole numbers will do."""
-    try:
-        rows = np.asarray(faces)
-    except ValueError as error:
-        raise InvalidValueError(f"faces is not an array of whole numbers: {error}") from None
-    if rows.size == 0:
+    indices = plain_array(faces, "faces")
+    if indices.size == 0:
         raise SceneError("the mesh has no triangles; give at least one row of faces, or leave the mesh out")
-    if rows.dtype.kind not in "iu" and not (rows.dtype.kind == "f" and np.array_equal(rows, np.rint(rows))):
-        raise InvalidValueError(f"faces is of {rows.dtype}; it must be whole numbers, the rows of vertices")
+    rows = frozen_array(indices, name="faces", shape=(None, 3), dtype=np.int32)
     low, high = rows.min(), rows.max()
     if low < 0 or high >= count:
         raise SceneError(f"faces names vertex {low if low < 0 else high}; it must be within 0 and {count - 1}")
-    return frozen_array(rows, name="faces", shape=(None, 3), dtype=np.int32)
+    return rows
 
 
 def _check_range(array: Floats, name: str, remedy: str) -> None:

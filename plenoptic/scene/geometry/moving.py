@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats, contiguous
 from plenoptic.scene.geometry.accel import Intersector, build_intersector
-from plenoptic.scene.geometry.compile import geometry_record, part_of
-from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
+from plenoptic.scene.geometry.build_geometry import geometry_record, part_of
+from plenoptic.scene.geometry.geometry_records import Geometry, Hits, InstanceRecord
+from plenoptic.scene.geometry.kernels.interaction import fill_distances
+from plenoptic.scene.geometry.kernels.moving import fill_in_frame, fill_nearer
 
 
 class MovingMesh(NamedTuple):
@@ -33,17 +35,17 @@ class MovingMesh(NamedTuple):
 class MovingTriangles:
     """An `Intersector` of a scene in which instances move. Where rays have times of their own, see `along`."""
 
-    def __init__(self, geometry: Geometry, instances: InstanceRecord, known: MovingTriangles | None = None) -> None:
-        """Build trees, or take those of a scene `known` that differs in the poses of moving objects."""
+    def __init__(self, geometry: Geometry, instances: InstanceRecord, previous: MovingTriangles | None = None) -> None:
+        """Build trees, or take those of a scene `previous` that differs in the poses of moving objects."""
         assert instances.moving is not None
         still = instances.moving < 0
         self._geometry, self._record, self._plain = geometry, instances.some(still), instances.plain
         self._rows = np.flatnonzero(still).astype(np.int32)
         self._path: NDArray[np.int64] | None = None
-        if known is not None and not known.shares(self):
-            known = None
-        self._still: Intersector | None = self._tree_of_rest() if known is None else known._still
-        trees = {} if known is None else {mesh.first: (mesh.tree, mesh.middle) for mesh in known.meshes}
+        if previous is not None and not previous.shares(self):
+            previous = None
+        self._still: Intersector | None = self._tree_of_rest() if previous is None else previous._still
+        trees = {} if previous is None else {mesh.first: (mesh.tree, mesh.middle) for mesh in previous.meshes}
         meshes = []
         for row in np.flatnonzero(~still).tolist():
             first, motion = int(instances.first[row]), int(instances.moving[row])
@@ -55,8 +57,6 @@ class MovingTriangles:
 
     def fill_closest(self, hits: Hits, rays: Floats) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
-        from plenoptic.scene.geometry.kernels import interaction, moving
-
         assert hits.instance is not None
         hits.triangle[:] = hits.instance[:] = -1
         reached, local = np.empty(len(rays)), np.empty((len(rays), 6))
@@ -64,23 +64,21 @@ class MovingTriangles:
             self._still.fill_closest(hits, rays)
             placed = hits.instance >= 0
             hits.instance[placed] = self._rows[hits.instance[placed]]
-        interaction.fill_distances(reached, hits, rays, self._geometry)
+        fill_distances(reached, hits, rays, self._geometry)
         triangles = np.empty(len(rays), dtype=np.int32)
         for mesh in self.meshes:
-            moving.fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
+            fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
             mesh.tree.fill_closest(Hits(triangles, None, None), local)
-            moving.fill_nearer(hits, reached, triangles, local, self._geometry, mesh.first, mesh.row)
+            fill_nearer(hits, reached, triangles, local, self._geometry, mesh.first, mesh.row)
 
     def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
-        from plenoptic.scene.geometry.kernels import moving
-
         blocked[:] = 0
         if self._still is not None:
             self._still.fill_blocked(blocked, rays)
         local, more = np.empty((len(rays), 6)), np.empty_like(blocked)
         for mesh in self.meshes:
-            moving.fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
+            fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
             mesh.tree.fill_blocked(more, local)
             blocked |= more
 
@@ -92,18 +90,15 @@ class MovingTriangles:
 
     def shares(self, other: MovingTriangles) -> bool:
         """True if both have the same triangles, and the same of them stand still."""
-        mine, theirs = self._record, other._record
-        one, two = self._geometry, other._geometry
-        if self._plain != other._plain:
-            return False
-        pairs: list[tuple[Any, Any]] = [
-            (one.vertices, two.vertices),
-            (one.triangles, two.triangles),
-            (one.middle, two.middle),
-        ]
-        if mine is not None and theirs is not None:
-            pairs += [(mine.matrices, theirs.matrices), (mine.first, theirs.first)]
-        return (mine is None) == (theirs is None) and all(a is b or np.array_equal(a, b) for a, b in pairs)
+        mine, theirs = self._still_arrays(), other._still_arrays()
+        is_alike = self._plain == other._plain and len(mine) == len(theirs)
+        return is_alike and all(a is b or np.array_equal(a, b) for a, b in zip(mine, theirs, strict=True))
+
+    def _still_arrays(self) -> list[NDArray[Any]]:
+        """Arrays of the triangles and of the instances that stand still."""
+        geometry, record = self._geometry, self._record
+        instances: list[NDArray[Any]] = [] if record is None else [record.matrices, record.first]
+        return [geometry.vertices, geometry.triangles, geometry.middle, *instances]
 
     def _tree_of_rest(self) -> Intersector | None:
         """Intersector of the triangles that stand still; None where none does."""

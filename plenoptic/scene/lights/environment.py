@@ -10,17 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
-from plenoptic.core.motions.rotation import rotation_about
+from plenoptic.core.files.images import read_linear
+from plenoptic.core.motions.rotation import rotation_about, rotation_matrix
 from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
-from plenoptic.errors import FileError, InvalidValueError, SceneError
+from plenoptic.errors import FileError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.textures.color import Colour, as_colour
 from plenoptic.scene.textures.texture import as_texels, equal_channels
 
 MAX_TEXELS = 2**27
 """The most texels that an environment may have: 16384 columns x 8192 rows; in colour its tables then take 3.5 GiB."""
-
-_DEFECT = 1e-9
 
 
 @value
@@ -125,12 +124,10 @@ class EnvironmentMap:
         >>> pl.EnvironmentMap.load("workshop_2k.hdr")  # doctest: +SKIP
         EnvironmentMap(texels=<1024 x 2048 x 3 float32>)
         """
-        from plenoptic.core.files import images
-
         try:
-            return cls(images.read_linear(path, max_pixels=MAX_TEXELS, limits=limits), rotation)
+            return cls(read_linear(path, max_pixels=MAX_TEXELS, limits=limits), rotation)
         except SceneError as error:
-            raise FileError(f"{path}: {error}: EnvironmentMap(np.clip(pl.images.read_linear(path), ...))") from error
+            raise FileError(f"{path}: {error}: EnvironmentMap(np.clip(pl.read_linear(path), ...))") from error
 
     @property
     def is_grey(self) -> bool:
@@ -211,12 +208,6 @@ Background: TypeAlias = ConstantBackground | EnvironmentMap
 
 def _rotation(rotation: ArrayLike) -> Floats | None:
     """(3, 3), read-only; None where it turns nothing."""
-    matrix = frozen_array(rotation, name="rotation", shape=(3, 3))
-    with np.errstate(all="ignore"):
-        defect = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
-    if not defect <= _DEFECT or np.linalg.det(matrix) < 0:
-        raise InvalidValueError(
-            f"rotation is not a right-handed orthonormal matrix (defect {defect:.3g}, limit {_DEFECT:g}); turn the "
-            "environment by rotated(axis, angle), mirror its texels by texels[:, ::-1]"
-        )
+    remedy = "turn the environment by rotated(axis, angle), mirror its texels by texels[:, ::-1]"
+    matrix = rotation_matrix(rotation, remedy=remedy)
     return None if np.array_equal(matrix, np.eye(3)) else matrix

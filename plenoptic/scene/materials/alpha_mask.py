@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
-from plenoptic.scene.compile import SceneRecord
 from plenoptic.scene.geometry.accel import Intersector
-from plenoptic.scene.geometry.record import Hits, PathKeys, Shadows
+from plenoptic.scene.geometry.geometry_records import Hits, PathKeys, Shadows
+from plenoptic.scene.geometry.kernels.interaction import fill_distances, meets_back
+from plenoptic.scene.materials.kernels.alpha import advance_rays
+from plenoptic.scene.scene_record import SceneRecord
 
 SALTS = 1 << 10
 """Surfaces that one path can meet without being stopped, until random numbers repeat."""
@@ -24,14 +26,12 @@ def skip_transparent(
 
     Without keys, surfaces are there that are opaque to half or more.
     """
-    from plenoptic.scene.materials.kernels import alpha
-
     assert hits.travelled is not None
     hits.travelled[:] = 0.0
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     while len(which):
         keys = None if keys is None else keys._replace(salt=salt)
-        passed = alpha.follow(again, rays, hits, which, keys, None, scene.geometry, scene.alpha)
+        passed = advance_rays(again, rays, hits, which, keys, None, scene.geometry, scene.alpha)
         which, salt = again[:passed].copy(), salt + 1
         _meet_again(scene, intersector, hits, rays, which)
 
@@ -40,14 +40,12 @@ def attenuate_shadows(
     scene: SceneRecord, intersector: Intersector, rays: Floats, blocked: NDArray[np.uint8], shadow_radiance: Floats
 ) -> None:
     """Follow shadow rays to their ends: mark those that are blocked and weaken those that are not."""
-    from plenoptic.scene.materials.kernels import alpha
-
     blocked[:] = 0
     hits, shadows = no_hits(scene, len(rays)), Shadows(blocked, shadow_radiance)
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))
     intersector.fill_closest(hits, rays)
     while len(which):
-        passed = alpha.follow(again, rays, hits, which, None, shadows, scene.geometry, scene.alpha)
+        passed = advance_rays(again, rays, hits, which, None, shadows, scene.geometry, scene.alpha)
         which = again[:passed].copy()
         _meet_again(scene, intersector, hits, rays, which)
 
@@ -57,8 +55,6 @@ def media_at(scene: SceneRecord, intersector: Intersector, point: Floats) -> NDA
 
     Those are the bodies that a ray from there leaves without having entered them.
     """
-    from plenoptic.scene.geometry.kernels import interaction
-
     media = np.full(NESTED, -1, dtype=np.int32)
     glass, geometry = None if scene.bsdf is None else scene.bsdf.glass_index, scene.geometry
     if glass is None or geometry is None:
@@ -74,13 +70,13 @@ def media_at(scene: SceneRecord, intersector: Intersector, point: Floats) -> NDA
             break
         material = int(geometry.triangle_material[hits.triangle[0]])
         if glass[material, 0] > 0:
-            if not interaction.meets_back(ray, hits, geometry):
+            if not meets_back(ray, hits, geometry):
                 entered.append(material)
             elif material in entered:
                 entered.remove(material)
             else:
                 left.append(material)
-        interaction.fill_distances(reached, hits, ray, geometry)
+        fill_distances(reached, hits, ray, geometry)
         step = float(reached[0]) if np.isfinite(reached[0]) else 0.0
         ray[0, :3] += (step + 1e-5 * (step + np.abs(ray[0, :3]).max())) * ray[0, 3:]
     outermost_first = left[::-1][:NESTED]

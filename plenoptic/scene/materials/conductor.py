@@ -8,7 +8,7 @@ import numpy as np
 
 from plenoptic.core.values import set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
-from plenoptic.scene.materials.record import SMOOTH, Index, MaterialRow
+from plenoptic.scene.materials.material_records import SMOOTH, Index, MaterialRow
 from plenoptic.scene.textures.color import Colour, as_colour, as_fraction
 
 _LARGEST = 1e30

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plenoptic.core.values import set_field, value
-from plenoptic.scene.materials.record import SMOOTH, MaterialRow
+from plenoptic.scene.materials.material_records import SMOOTH, MaterialRow
 from plenoptic.scene.textures.color import Colour, as_colour, as_fraction, as_index
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plenoptic.core.values import set_field, value
-from plenoptic.scene.materials.record import MaterialRow
+from plenoptic.scene.materials.material_records import MaterialRow
 from plenoptic.scene.textures.color import Colour, as_fraction, as_textured
 from plenoptic.scene.textures.texture import Texture
 

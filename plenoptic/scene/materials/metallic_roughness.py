@@ -10,7 +10,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats, flag, read_only, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.scene.materials.record import COUPLING_COSINES, MaterialRow
+from plenoptic.scene.materials.material_records import COUPLING_COSINES, MaterialRow
 from plenoptic.scene.textures.color import Colour, as_fraction, as_share, as_textured
 from plenoptic.scene.textures.texture import Texture
 

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
+from plenoptic.core.files.images import read_linear
 from plenoptic.core.values import Floats, Given, choice, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
+from plenoptic.scene.textures.pillow_images import linear_texels
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -183,9 +185,7 @@ class Texture:
         >>> pl.Texture.load("bark.png")  # doctest: +SKIP
         Texture(texels=<512 x 512 x 3 float32>)
         """
-        from plenoptic.core.files import images
-
-        texels = images.read_linear(path, encoding=encoding, channel=channel, max_pixels=MAX_TEXELS, limits=limits)
+        texels = read_linear(path, encoding=encoding, channel=channel, max_pixels=MAX_TEXELS, limits=limits)
         return cls(texels, wrap=wrap, filter=filter)
 
     @classmethod
@@ -229,8 +229,6 @@ class Texture:
         ((4, 8, 3), [1.0, 0.5, 0.0])
         """
         from PIL.Image import Image
-
-        from plenoptic.scene.textures.pillow_images import linear_texels
 
         if not isinstance(image, Image):
             raise InvalidValueError(f"image is {type(image).__name__}; it must be a Pillow image")

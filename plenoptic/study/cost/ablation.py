@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.errors import InvalidValueError, PlenopticError
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.models import MicrolensModel
@@ -16,6 +17,7 @@ from plenoptic.rendering.plan.plan import plan_for
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.rendering.settings import Caustics, Sampler
+from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
 from plenoptic.study.cost import camera_ablation, scene_ablation
 from plenoptic.truth.channels import Truth
@@ -63,24 +65,26 @@ def _ablation(subject: Subject, stage: Stage, running: set[Stage]) -> Ablation |
     return Ablation(stage, instead, changed, tuple(sorted(s for s in running - {stage} if not plan.runs(s))))
 
 
-def _render(**changes: Any) -> _Change:
-    return lambda subject: dataclasses.replace(subject, **changes)
+def _set(path: str, value: Any) -> _Change:
+    """Replace one field, such as `camera.sensor.angular_response`, by a value."""
+
+    def replace(owner: Any, name: str, *inner: str) -> Any:
+        field = replace(getattr(owner, name), *inner) if inner else value
+        return dataclasses.replace(owner, **{name: field})
+
+    return lambda subject: replace(subject, *path.split("."))
 
 
-def _settings(**changes: Any) -> _Change:
-    return lambda subject: dataclasses.replace(subject, settings=dataclasses.replace(subject.settings, **changes))
+def _camera(change: Callable[[PlenopticCamera], PlenopticCamera]) -> _Change:
+    return lambda subject: dataclasses.replace(subject, camera=change(subject.camera))
 
 
-def _camera(change: Callable[..., Any], **arguments: Any) -> _Change:
-    return lambda subject: dataclasses.replace(subject, camera=change(subject.camera, **arguments))
+def _scene(change: Callable[[Any], Scene]) -> _Change:
+    return lambda subject: dataclasses.replace(subject, scene=change(subject.scene))
 
 
-def _scene(change: Callable[..., Any], *arguments: Any) -> _Change:
-    return lambda subject: dataclasses.replace(subject, scene=change(subject.scene, *arguments))
-
-
-def _materials(change: Callable[..., Any], **arguments: Any) -> _Change:
-    return _scene(scene_ablation.with_materials, partial(change, **arguments))
+def _materials(change: Callable[..., Material], **arguments: Any) -> _Change:
+    return _scene(lambda scene: scene_ablation.with_materials(scene, partial(change, **arguments)))
 
 
 def _without_pose(subject: Subject) -> Subject:
@@ -99,7 +103,7 @@ def _without_pose(subject: Subject) -> Subject:
 def _one_bounce(subject: Subject) -> Subject:
     if subject.settings.max_bounces <= 1:
         raise InvalidValueError("after a single bounce, rays onwards find the lights that are not drawn")
-    return _settings(max_bounces=1)(subject)
+    return _set("settings.max_bounces", 1)(subject)
 
 
 def _inseparable(_: Subject) -> Subject:
@@ -109,52 +113,50 @@ def _inseparable(_: Subject) -> Subject:
 _REDUCED = {Stage.LENS, Stage.ONWARD_RAYS}
 """Stages that are reduced: rays pass a lens, and with one bounce they still meet lights by chance."""
 
-_array, _field = camera_ablation.with_array, scene_ablation.with_fields
+_field = scene_ablation.with_fields
 
 _CHANGES: dict[Stage, tuple[str, _Change]] = {
-    Stage.INDEPENDENT_SAMPLES: ("scrambled Sobol points", _settings(sampler=Sampler.SOBOL)),
-    Stage.WAVELENGTHS: ("one wavelength", _camera(dataclasses.replace, sensitivity=None)),
-    Stage.PIXEL_RESPONSE: (
-        "pixels that see all directions alike",
-        _camera(camera_ablation.with_sensor, angular_response=None),
-    ),
+    Stage.INDEPENDENT_SAMPLES: ("scrambled Sobol points", _set("settings.sampler", Sampler.SOBOL)),
+    Stage.WAVELENGTHS: ("one wavelength", _set("camera.sensitivity", None)),
+    Stage.PIXEL_RESPONSE: ("pixels that see all directions alike", _set("camera.sensor.angular_response", None)),
     Stage.TURNED_PIXELS: ("parts that are not turned", _camera(camera_ablation.with_upright_pixels)),
-    Stage.BLEMISHES: ("a clean camera", _camera(dataclasses.replace, blemishes=())),
-    Stage.DIFFRACTION: ("straight paths", _camera(dataclasses.replace, diffraction=None)),
+    Stage.BLEMISHES: ("a clean camera", _set("camera.blemishes", ())),
+    Stage.DIFFRACTION: ("straight paths", _set("camera.diffraction", None)),
     Stage.EXACT_PUPILS: ("bounds on the pupil", _inseparable),
-    Stage.CERTAIN_LIGHT: ("a sky, which is traced", _render(scene=Scene(background=1.0))),
+    Stage.CERTAIN_LIGHT: ("a sky, which is traced", _set("scene", Scene(background=1.0))),
     Stage.MICROLENSES: ("a bare sensor", _camera(camera_ablation.without_microlenses)),
     Stage.MICROLENS_TYPES: ("one focal length", _camera(camera_ablation.with_one_type)),
-    Stage.OPENINGS: ("lenses that fill their cells", _camera(_array, aperture=None)),
-    Stage.WALLS: ("no walls", _camera(_array, walls=Walls.NONE)),
+    Stage.OPENINGS: ("lenses that fill their cells", _set("camera.microlenses.aperture", None)),
+    Stage.WALLS: ("no walls", _set("camera.microlenses.walls", Walls.NONE)),
     Stage.LISTED_LENSES: ("lenses as designed", _camera(camera_ablation.without_imperfections)),
-    Stage.MICROLENS_PLATES: ("thin microlenses", _camera(_array, model=MicrolensModel.THIN)),
+    Stage.MICROLENS_PLATES: ("thin microlenses", _set("camera.microlenses.model", MicrolensModel.THIN)),
     Stage.TILTED_SENSOR: ("a sensor parallel to the array", _camera(camera_ablation.with_parallel_sensor)),
     Stage.TILTED_ARRAY: ("an array upright on the lens's axis", _camera(camera_ablation.with_upright_array)),
     Stage.LENS: ("an ideal thin lens", _camera(camera_ablation.with_thin_lens)),
     Stage.ASPHERES: ("spheres", _camera(camera_ablation.without_aspheres)),
     Stage.PLACEMENTS: ("centred elements", _camera(camera_ablation.without_placements)),
     Stage.SHAPED_STOPS: ("round stops", _camera(camera_ablation.with_round_stops)),
-    Stage.DISPLACED_LENS: ("the lens as designed", _camera(dataclasses.replace, lens_placement=None)),
+    Stage.DISPLACED_LENS: ("the lens as designed", _set("camera.lens_placement", None)),
     Stage.POSE: ("the scene in the camera's frame", _without_pose),
-    Stage.SHUTTER: ("an instant", _camera(dataclasses.replace, shutter=None)),
+    Stage.SHUTTER: ("an instant", _set("camera.shutter", None)),
     Stage.INTERSECTION: ("a scene without surfaces", _scene(scene_ablation.without_meshes)),
     Stage.INSTANCES: ("copies", _scene(scene_ablation.without_instances)),
     Stage.OPACITY: ("opaque surfaces", _materials(_field, opacity=1.0, cutoff=None)),
     Stage.EMISSION: ("dark surfaces and lamps", _scene(scene_ablation.without_emission)),
     Stage.BACKGROUND: ("a black world", _scene(scene_ablation.without_world)),
-    Stage.SCATTERING: ("0 bounces", _settings(max_bounces=0)),
+    Stage.SCATTERING: ("0 bounces", _set("settings.max_bounces", 0)),
     Stage.MATERIALS: ("Lambertian surfaces", _materials(scene_ablation.as_lambertian)),
     Stage.ABSORPTION: ("clear glass", _materials(_field, absorption=0.0)),
     Stage.DIRECT_LIGHT: ("no lights but a constant world", _scene(scene_ablation.without_lights)),
     Stage.ONWARD_RAYS: ("one bounce", _one_bounce),
-    Stage.RUSSIAN_ROULETTE: (f"at most {ROULETTE} bounces", _settings(max_bounces=ROULETTE)),
+    Stage.RUSSIAN_ROULETTE: (f"at most {ROULETTE} bounces", _set("settings.max_bounces", ROULETTE)),
     Stage.VERTEX_NORMALS: ("flat triangles", _scene(scene_ablation.without_vertex_normals)),
     Stage.NORMAL_MAPS: ("the normals of meshes", _materials(_field, normal_map=None)),
     Stage.TEXTURES: ("their mean colours", _materials(scene_ablation.without_textures)),
     Stage.COLOUR: ("grey", _scene(scene_ablation.grey)),
-    Stage.CAUSTICS_APART: ("all light alike", _settings(caustics=Caustics.INCLUDE)),
-    Stage.CLAMPING: ("no limit", _settings(clamp=None)),
-    Stage.TRUTH: ("no ground truth", _render(truth=Truth.NONE)),
-    Stage.STANDARD_ERROR: ("one replicate", _render(replicates=1)),
+    Stage.CAUSTICS_APART: ("all light alike", _set("settings.caustics", Caustics.INCLUDE)),
+    Stage.CLAMPING: ("no limit", _set("settings.clamp", None)),
+    Stage.TRUTH: ("no ground truth", _set("truth", Truth.NONE)),
+    Stage.STANDARD_ERROR: ("one replicate", _set("replicates", 1)),
 }
+"""By stage: what is done in its place, and the change of the render."""

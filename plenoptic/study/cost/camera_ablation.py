@@ -13,27 +13,15 @@ from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.stops.stop_registry import circle_around
 from plenoptic.optics.surfaces.surface import Surface
 
 
-def with_sensor(camera: PlenopticCamera, **changes: Any) -> PlenopticCamera:
-    """The camera with changed fields of its sensor."""
-    return dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor, **changes))
-
-
-def _array(camera: PlenopticCamera) -> MicrolensArray:
-    if camera.microlenses is None:
-        raise InvalidValueError("the camera has no microlenses; choose one that has")
-    return camera.microlenses
-
-
-def with_array(camera: PlenopticCamera, **changes: Any) -> PlenopticCamera:
-    """The camera with changed fields of its microlenses."""
-    return dataclasses.replace(camera, microlenses=dataclasses.replace(_array(camera), **changes))
+def _with_array(camera: PlenopticCamera, **changes: Any) -> PlenopticCamera:
+    assert camera.microlenses is not None
+    return dataclasses.replace(camera, microlenses=dataclasses.replace(camera.microlenses, **changes))
 
 
 def without_microlenses(camera: PlenopticCamera) -> PlenopticCamera:
@@ -51,14 +39,16 @@ def without_microlenses(camera: PlenopticCamera) -> PlenopticCamera:
 
 def with_one_type(camera: PlenopticCamera) -> PlenopticCamera:
     """All microlenses with the focal length of the central one."""
-    return with_array(camera, focal_lengths=(_array(camera).focal_length,), pattern=None, types=None)
+    assert camera.microlenses is not None
+    return _with_array(camera, focal_lengths=(camera.microlenses.focal_length,), pattern=None, types=None)
 
 
 def without_imperfections(camera: PlenopticCamera) -> PlenopticCamera:
     """Lenses on their lattice, all alike; centres that are listed must stay."""
-    if _array(camera).lattice is Lattice.FREE:
+    assert camera.microlenses is not None
+    if camera.microlenses.lattice is Lattice.FREE:
         raise InvalidValueError("the centres of the microlenses are listed; without the list there is no array")
-    return with_array(camera, imperfections=None)
+    return _with_array(camera, imperfections=None)
 
 
 def _with_rotation(placement: Placement | None, other: Placement | None) -> Placement:

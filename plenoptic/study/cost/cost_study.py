@@ -7,6 +7,7 @@ import itertools
 import math
 import statistics
 import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,11 +16,10 @@ from numpy.typing import NDArray
 from plenoptic.core.progress.bar import load_tqdm
 from plenoptic.core.values import Floats, check_kind, seed_number, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.plan.stages import Plan, Subject
+from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
-from plenoptic.study.cost.cost_row import CostRow, stage_text
 from plenoptic.study.exposures import Region, central_pixel, expose, region_bounds
-from plenoptic.study.study_table import StudyTable, until_interrupted
+from plenoptic.study.study_table import Cell, StudyTable, until_interrupted
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -35,6 +35,60 @@ _SIGNIFICANT = 3.0
 
 _SET_UPS = 3
 """Rounds in which set-up is measured."""
+
+
+class CostRow(NamedTuple):
+    """Cost of one stage of a render.
+
+    Examples
+    --------
+    See `StudyTable`.
+    """
+
+    stage: Stage
+    instead: str
+    """Done in place of the stage."""
+    with_it: float
+    """CPU seconds per million paths beyond set-up, median over the rounds; nan if a render took no longer than that."""
+    without_it: float
+    """The same without the stage."""
+    percent: float
+    """Share of the whole, median over the rounds; negative if the render is slower without the stage."""
+    standard_error: float | None
+    """Of `percent`; None with fewer than 3 rounds."""
+    set_up: float
+    """CPU seconds of set-up that the stage takes, whatever the number of paths."""
+    picture_change: float | None
+    """Root mean square change of the image without the stage, over its mean, in per cent; 0 where noise hides it.
+
+    None if the image is black.
+    """
+    also: tuple[Stage, ...] = ()
+    """Stages that stop together with this one: their costs are part of it."""
+
+    @property
+    def cells(self) -> tuple[Cell, ...]:
+        """Texts with the heads of their columns."""
+        return (
+            ("stage", stage_text(self.stage)),
+            ("without it", self.instead),
+            ("s with", _number(self.with_it, ".3g")),
+            ("s without", _number(self.without_it, ".3g")),
+            ("% of CPU", _number(self.percent, ".1f")),
+            ("+-", "" if self.standard_error is None else f"{self.standard_error:.1f}"),
+            ("set-up s", f"{round(self.set_up, 3) + 0.0:.3f}"),
+            ("picture %", "" if self.picture_change is None else f"{float(f'{self.picture_change:.2g}'):g}"),
+            ("stops too", ", ".join(map(stage_text, self.also))),
+        )
+
+
+def stage_text(stage: Stage) -> str:
+    """The name of a stage in words."""
+    return stage.name.lower().replace("_", " ")
+
+
+def _number(number: float, form: str) -> str:
+    return "" if math.isnan(number) else format(number, form)
 
 
 def cost_of(
@@ -100,20 +154,15 @@ def cost_of(
         raise InvalidValueError("nothing that the plan runs can be left out; choose a richer camera or scene")
     window = region_bounds(plan.subject.camera.sensor.shape, region, _SIDE)
     run = _Run(samples, window, seed, threads)
-    picture = Picture()
-    comparisons = _compare_all(plan.subject, separable, run, rounds, picture, progress)
-
-    rows = [_row(one, times, picture) for one, times in zip(separable, comparisons, strict=False)]
-    rows.sort(key=lambda row: -row.percent if math.isfinite(row.percent) else math.inf)
-    notes = [_summary(rows, comparisons, run, rounds)]
+    rows, set_ups = zip(*_measure_all(plan.subject, separable, run, rounds, progress), strict=True)
+    dearest_first = sorted(rows, key=lambda row: -row.percent if math.isfinite(row.percent) else math.inf)
+    notes = [_summary(rows, statistics.median(set_ups), run, rounds)]
     notes += [f"Not left out: {stage_text(s.stage)}: {s.reason}." for s in stages if isinstance(s, Inseparable)]
-    return StudyTable(rows, notes, interrupted=len(rows) < len(separable))
+    return StudyTable(dearest_first, notes, interrupted=len(rows) < len(separable))
 
 
-def _summary(rows: list[CostRow], comparisons: list[_Comparison], run: _Run, rounds: int) -> str:
-    seconds = np.concatenate([times.per_path[0] for times in comparisons])
-    cpu_per_million = 1e6 * float(np.nanmedian(seconds)) if np.isfinite(seconds).any() else math.nan
-    set_up = float(np.median([times.set_up[0, 0] for times in comparisons]))
+def _summary(rows: Sequence[CostRow], set_up: float, run: _Run, rounds: int) -> str:
+    cpu_per_million = statistics.median([row.with_it for row in rows if math.isfinite(row.with_it)] or [math.nan])
     height, width = (part.stop - part.start for part in run.region)
     text = (
         f"{height} x {width} pixels, {run.samples} samples, {run.threads} thread{'s' * (run.threads != 1)}, {rounds} "
@@ -162,34 +211,12 @@ class Picture:
         return np.asarray(self._squares / (self.count * (self.count - 1)))
 
 
-class _Comparison(NamedTuple):
-    """CPU seconds of the whole render and of the one without a part."""
+def _measure_all(
+    subject: Subject, separable: list[Ablation], run: _Run, rounds: int, progress: bool
+) -> list[tuple[CostRow, float]]:
+    """For each part: render the whole, without the part, the whole, and so on; its row, and set-up of the whole.
 
-    whole: Floats
-    """(rounds + 1,)."""
-    without: Floats
-    """(rounds,)."""
-    set_up: Floats
-    """(2, n): medians over the n renders of one path are those of whole and without."""
-    paths: tuple[int, int]
-    picture: Picture
-    """Without the part."""
-
-    @property
-    def per_path(self) -> tuple[Floats, Floats]:
-        """CPU seconds per path beyond set-up, of `whole` and `without`; nan if a render took no longer than set-up."""
-        renders = (self.whole, self.without)
-        each = [(renders[i] - np.median(self.set_up[i])) / max(self.paths[i], 1) for i in (0, 1)]
-        whole, without = (np.where(seconds > 0, seconds, np.nan) for seconds in each)
-        return whole, without
-
-
-def _compare_all(
-    subject: Subject, separable: list[Ablation], run: _Run, rounds: int, picture: Picture, progress: bool
-) -> list[_Comparison]:
-    """For each part: render the whole, without the part, the whole, without the part, and so on.
-
-    Only two cameras take turns at a time, so that the caches of the cameras used last hold. `picture` gets the whole.
+    Only two cameras take turns at a time, so that the caches of the cameras used last hold.
     """
     set_ups = min(rounds, _SET_UPS)
     one_path = run._replace(samples=1, region=central_pixel(run.region))
@@ -204,35 +231,32 @@ def _compare_all(
                 picture.add(exposure.image)
             return exposure.stats.cpu_seconds, exposure.stats.paths
 
-        def compare(ablation: Ablation) -> _Comparison:
-            subjects, without_it = (subject, ablation.subject), Picture()
+        def measure(ablation: Ablation) -> tuple[CostRow, float]:
+            subjects, pictures = (subject, ablation.subject), (Picture(), Picture())
             for each in subjects:  # compiles
                 render_stats(each, run)
-            set_up = [[render_stats(each, one_path)[0] for each in subjects] for _ in range(set_ups)]
-            seconds, paths = render_stats(subject, run, picture)
-            whole, without = np.full(rounds + 1, seconds), np.empty(rounds)
-            for turn in range(rounds):
-                without[turn], paths_without = render_stats(ablation.subject, run, without_it)
-                whole[turn + 1], _ = render_stats(subject, run, picture)
-            return _Comparison(whole, without, np.array(set_up).T, (paths, paths_without), without_it)
+            set_up = np.median([[render_stats(each, one_path)[0] for each in subjects] for _ in range(set_ups)], axis=0)
 
-        return until_interrupted(compare, separable)
+            def per_million(part: int) -> float:
+                """CPU seconds beyond set-up; nan if the render took no longer than that."""
+                seconds, paths = render_stats(subjects[part], run, pictures[part])
+                return 1e6 * (seconds - set_up[part]) / max(paths, 1) if seconds > set_up[part] else math.nan
 
+            whole, without = [per_million(0)], []
+            for _ in range(rounds):
+                without.append(per_million(1))
+                whole.append(per_million(0))
+            neighbours = 0.5 * (np.array(whole[:-1]) + whole[1:])
+            row = CostRow(
+                *(ablation.stage, ablation.instead, float(np.median(neighbours)), float(np.median(without))),
+                *share_of(np.array(without), neighbours),
+                float(set_up[0] - set_up[1]),
+                picture_change(*pictures),
+                ablation.also,
+            )
+            return row, float(set_up[0])
 
-def _row(ablation: Ablation, times: _Comparison, picture: Picture) -> CostRow:
-    whole, without = times.per_path
-    neighbours = 0.5 * (whole[:-1] + whole[1:])
-    set_up = np.median(times.set_up, axis=1)
-    return CostRow(
-        ablation.stage,
-        ablation.instead,
-        1e6 * float(np.median(neighbours)),
-        1e6 * float(np.median(without)),
-        *share_of(without, neighbours),
-        float(set_up[0] - set_up[1]),
-        picture_change(picture, times.picture),
-        ablation.also,
-    )
+        return until_interrupted(measure, separable)
 
 
 def share_of(without: Floats, whole: Floats) -> tuple[float, float | None]:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.design.example import example_camera
+from plenoptic.optics.lens.files.library import load_lens
+from plenoptic.optics.microlens.aperture import Walls
+from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.rendering.settings import Sampler
 from plenoptic.scene.shapes.procedural import check_scene, objects_scene
-from plenoptic.study.cameras import smooth_camera
 from plenoptic.study.error_time.error_study import SIDE, error_against_time
 from plenoptic.study.error_time.error_table import ErrorTable
 from plenoptic.study.error_time.variants import Variant
@@ -20,6 +25,14 @@ if TYPE_CHECKING:
 
 QUICK_SAMPLES, QUICK_SEEDS, QUICK_SIDE, QUICK_FACTOR = (8, 16, 32), 3, 32, 8
 SEEDS = 8
+
+
+def smooth_camera() -> PlenopticCamera:
+    """The reference camera wide open, 20 x 20 pixels behind one square microlens between walls: nothing clips light."""
+    array = MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=Lattice.SQUARE, walls=Walls.OPAQUE)
+    sensor = Sensor(shape=(20, 20), pixel_pitch=0.010)
+    wide_open = load_lens("double-gauss-100mm-f2")
+    return dataclasses.replace(example_camera(), lens=wide_open, microlenses=array, sensor=sensor)
 
 
 class ErrorCase(NamedTuple):

@@ -17,9 +17,8 @@ from plenoptic.core.values import seed_number, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
-from plenoptic.study.error_time.error_row import ErrorRow
 from plenoptic.study.error_time.error_split import Reference, reference_of, split_error
-from plenoptic.study.error_time.error_table import ErrorTable
+from plenoptic.study.error_time.error_table import ErrorRow, ErrorTable
 from plenoptic.study.error_time.variants import Variant, checked_variants, default_variants
 from plenoptic.study.exposures import Region, central_pixel, expose, region_bounds
 from plenoptic.study.study_table import until_interrupted

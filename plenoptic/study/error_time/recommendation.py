@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from plenoptic.errors import InvalidValueError
-from plenoptic.study.error_time.error_row import ErrorRow
 
 if TYPE_CHECKING:
-    from plenoptic.study.error_time.error_table import ErrorTable
+    from plenoptic.study.error_time.error_table import ErrorRow, ErrorTable
 
 _GOOD_SAMPLES = (1, 2, 3, *(m << k for k in range(28) for m in (4, 5, 6, 7)), 1 << 30)
 """Numbers of samples to recommend: 4 to 7 times a power of 2, which scrambled points use well."""

@@ -93,8 +93,8 @@ def fill_probes(blocks, lenslets, aims, starts, regions, patterns):
             i = n % BLOCK
             chosen, is_valid = -1, 1.0
             if first[p + 1] > first[p]:
-                start = starts[p, 0], starts[p, 1]
-                chosen = aim_sample(ray, i, regions, (first[p], first[p + 1]), start, (points[k, 0], points[k, 1]))
+                start, random = (starts[p, 0], starts[p, 1]), (points[k, 0], points[k, 1])
+                chosen = aim_sample(ray, i, regions, (first[p], first[p + 1]), (start, (0.0, 0.0)), random)
                 if regions.details is not None:
                     lenslets[n] = regions.details[chosen]
                     is_valid = 0.0 if regions.details[chosen].clip < 0.0 else 1.0

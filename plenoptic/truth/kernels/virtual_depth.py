@@ -66,14 +66,15 @@ def _intersect_plane(blocks, row, px, py, pz, nx, ny, nz):
 
 @kernel
 def fill_image_distances(distances, blocks, main, points, pixels, step, turn):
-    """Fill the distances in mm from the array to the images of `points` (n, 3): inverse of the mean of B^-1 A.
+    """Fill the distances in mm from the array to the images of `points` (m, 3): inverse of the mean of B^-1 A.
 
-    `blocks` are the traced NEIGHBOURS of the traced rays `main`; elements not in `pixels` are unchanged.
+    The points are those of `pixels` (m,), `blocks` the traced NEIGHBOURS of their traced rays, which are among `main`;
+    distances of other pixels are unchanged.
     """
     for i in range(pixels.size):
         p = pixels[i]
         base = (p // BLOCK) * RAY + p % BLOCK
-        px, py, pz = points[p, 0], points[p, 1], points[p, 2]
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
         nx, ny, nz = main[base + L], main[base + M], main[base + N]
         # Two axes perpendicular to the ray (T. Duff et al., J. Comput. Graph. Tech. 6(1), 2017).
         sign = math.copysign(1.0, nz)
@@ -102,17 +103,3 @@ def fill_image_distances(distances, blocks, main, points, pixels, step, turn):
         trace = b11 * a00 - b01 * a10 - b10 * a01 + b00 * a11
         determinant = b00 * b11 - b01 * b10
         distances[p] = 2.0 * determinant / trace
-
-
-@kernel
-def fill_virtual_depth(depths, images):
-    """Fill the virtual depths: distance of the image behind the array over that of the sensor."""
-    for p in range(depths.size):
-        depths[p] = images.distance[p] / images.sensor_distance[p]
-
-
-@kernel
-def fill_disparity(disparities, images):
-    """Fill the displacements of the image between neighbouring microlenses, relative to their centres, in pixels."""
-    for p in range(disparities.size):
-        disparities[p] = images.pitch / (images.distance[p] / images.sensor_distance[p])

@@ -10,10 +10,10 @@ from camera_helpers import bare_camera, camera_with, in_world, pairs, refused, t
 import plenoptic as pl
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection import project
-from plenoptic.camera.points.projection_rays import Aim, EntranceRays, ThroughArray, aim_rays
+from plenoptic.camera.points.projection_rows import Aim, EntranceRays, ThroughArray, aim_rays
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.optics.lens.record import lens_record
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.lens_record import lens_record
+from plenoptic.optics.lens.trace import trace_record
 
 PINHOLE, _, FLAT, SPHERICAL = pl.optics.MicrolensModel
 
@@ -115,7 +115,7 @@ def test_chief_rays_pass_centres_to_a_millionth_of_a_micrometre():
             entrance = EntranceRays(-40.0, 5.0, camera.wavelength, bare, bare)
             aim = Aim(bare, ThroughArray(array_axes(camera), camera.microlenses).intersections)
             entry = aim_rays(entrance, aim, points, targets, np.zeros((200, 2)))
-            passed = aim.intersections(traced_by(bare, entrance.through(points, entry)))
+            passed = aim.intersections(trace_record(bare, entrance.through(points, entry)))
             np.testing.assert_allclose(passed, targets, rtol=0, atol=1e-9, err_msg=name)
 
 

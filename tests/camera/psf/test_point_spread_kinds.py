@@ -10,9 +10,8 @@ from camera_helpers import bare_camera, camera_with, in_blocks, in_world, out_of
 import plenoptic as pl
 from plenoptic.camera.camera import CameraPart
 from plenoptic.camera.camera_record import camera_record
-from plenoptic.camera.psf.forward_array import fill_through_array_forward
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.camera.psf.sensor_hits import forward_record
+from plenoptic.camera.psf.sensor_hits import fill_through_array_forward, forward_record
 from plenoptic.optics import ApertureShape, Blemishes, BlemishSite, Gaps, MicrolensAperture, MicrolensDeviations
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_thin
@@ -248,7 +247,7 @@ def forwards(camera, z, x, y, u, v):
     """Place on the sensor, slopes, weight, index and status of rays of weight 1 that start at z of the lens's axes."""
     n, one = 1 / np.sqrt(1 + u * u + v * v), np.ones(x.size)
     blocks = in_blocks(np.stack([x, y, z * one, u * n, v * n, n, one, 0 * one]))
-    fill_through_array_forward(blocks, forward_record(camera).array)
+    fill_through_array_forward(blocks, forward_record(camera))
     out = out_of_blocks(blocks, x.size)
     return out[:2], out[3:5], out[6], out[[2, 5]], out[7]
 

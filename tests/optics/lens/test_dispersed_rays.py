@@ -8,7 +8,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
 from plenoptic.optics.lens.kernels.trace import fill_traced
-from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.lens.lens_record import lens_record
 
 WAVELENGTHS = np.array([450.0, 486.1, 546.1, 587.6, 656.3])
 GAUSS = pl.load_lens("double-gauss-100mm-f2")

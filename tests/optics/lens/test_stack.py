@@ -1,6 +1,5 @@
 import dataclasses
 import math
-import xml.etree.ElementTree as ElementTree
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -100,15 +99,8 @@ def test_what_is_impossible_says_why():
         lens.trace_reverse([[0, 0, -1]])
 
 
-def test_profiles_drawing_and_plot_are_to_scale():
-    lens = dataclasses.replace(REFERENCE, name="<a & b>")
-    drawing = ElementTree.fromstring(lens._repr_svg_())
-    _, _, width, height = map(float, drawing.attrib["viewBox"].split())
-    # Pixels are whole.
-    assert float(drawing.attrib["width"]) / float(drawing.attrib["height"]) == pytest.approx(width / height, rel=0.01)
-    assert width > lens.length
-    fills = [e for e in drawing if e.get("fill")]
-    assert len(fills) == len(lens.glasses) == 6
+def test_profiles_and_plot_are_to_scale():
+    assert len(plot_lens(REFERENCE).patches) == len(REFERENCE.glasses) == 6
     lens = two_lenses()
     assert repr(lens) == "<LensStack 'pair': 4 surfaces, 1 stop, 13 mm long>"
     ax = plot_lens(lens.inserted(CircularStop(3.0), 9.0))

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.optics.element_record import SPHERE
-from plenoptic.optics.lens.record import ROW, LensRecord
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.lens_record import ROW, LensRecord
+from plenoptic.optics.lens.trace import trace_record
 
 EPS = np.finfo(float).eps
 OK, MISSED, CLIPPED = pl.RayStatus.OK, pl.RayStatus.MISSED, pl.RayStatus.CLIPPED
@@ -28,7 +28,7 @@ def surface_record(curvatures, ratios, vertices, *, s=1.0):
 
 def through(record, origin, direction):
     """Points, directions and statuses behind the last of the record's elements."""
-    out = traced_by(record, pl.RayBundle(origin, direction))
+    out = trace_record(record, pl.RayBundle(origin, direction))
     return out.origin, out.direction, out.status, out.lost_at
 
 

@@ -9,7 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.kernels.ray_blocks import BLOCK
 from plenoptic.optics.microlens.microlens_record import SensorPlane, array_record, lone_lens
-from plenoptic.optics.microlens.model_rules import ArrayCrossing
+from plenoptic.optics.microlens.model_records import ArrayCrossing
 
 FLINT = pl.ModelGlass(1.62, 36.4)
 Model = pl.optics.MicrolensModel
@@ -54,7 +54,7 @@ def test_the_focal_length_follows_the_index():
         blocks, plane = fields.reshape(-1), SensorPlane(2.0, None)
         uncut = lone_lens(array, record.power, wavelength)
         uncut = uncut._replace(model=record.model, power_factors=record.power_factors)
-        model.rules.to_lens(blocks, None, ArrayCrossing(uncut, plane, 100.0), np.ones(BLOCK, dtype=np.int64))
+        model.refraction.to_lens(blocks, None, ArrayCrossing(uncut, plane, 100.0), np.ones(BLOCK, dtype=np.int64))
         slope_over_height = fields[3] / fields[5] / height
         medium = array.medium
         focal_length = 2.0 * (medium.index(587.6) - 1.0) / (medium.index(wavelength) - 1.0)

@@ -13,7 +13,7 @@ from plenoptic.aberrations import microlens_path
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens
-from plenoptic.optics.microlens.model_rules import ArrayCrossing
+from plenoptic.optics.microlens.model_records import ArrayCrossing
 
 EPS = np.finfo(float).eps
 WAVE = 587.6e-6  # mm
@@ -117,7 +117,7 @@ def test_the_rays_are_those_of_the_renderer():
         rays, _ = rays_through(array, reverse=True)
         rays = pl.RayBundle([*np.zeros(2), 1.5] + rays.origin * [0.05, 0.05, 0], rays.direction)
         behind, _ = microlens_path(array, rays, reverse=True)
-        depths = model.rules.depths(array)
+        depths = model.refraction.depths(array)
         h = 1.5 - array.thickness + depths.rear  # from the sensor, where rays begin, to the rear principal plane
         aimed = rays.origin + h / abs(rays.direction[:, 2:]) * rays.direction
         block = np.zeros((8, BLOCK))
@@ -126,7 +126,7 @@ def test_the_rays_are_those_of_the_renderer():
         blocks = block.reshape(-1)
         assert blocks.size == RAY, (model, side)
         lens = lone_lens(array, 0.5, 587.6)
-        model.rules.to_lens(blocks, None, ArrayCrossing(lens, SensorPlane(h, None), depths.front), None)
+        model.refraction.to_lens(blocks, None, ArrayCrossing(lens, SensorPlane(h, None), depths.front), None)
         reversed_rays = blocks.reshape(8, BLOCK)[:, :60]
         passed = np.hypot(*rays.at_z(0)[:, :2].T) < 0.08
         assert passed.sum() > 15 and (behind.status[passed] == 0).all(), (model, side)

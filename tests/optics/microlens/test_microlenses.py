@@ -11,7 +11,7 @@ from plenoptic.optics.microlens.kernels.ideal_microlenses import fill_pinholes, 
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 from plenoptic.optics.microlens.kernels.to_lens import fill_straight
 from plenoptic.optics.microlens.microlens_record import SensorPlane, array_record, lone_lens
-from plenoptic.optics.microlens.model_rules import ArrayCrossing
+from plenoptic.optics.microlens.model_records import ArrayCrossing
 
 EPS = np.finfo(float).eps
 REGULAR = [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR]
@@ -28,7 +28,7 @@ def array_of(pitch, lattice):
 def fill_uncut(blocks, array, distance, z_array):
     """Plates of which each lens goes on for ever."""
     lens = lone_lens(array, 1.0 / array.focal_length, 587.6)
-    array.model.rules.to_lens(blocks, None, ArrayCrossing(lens, SensorPlane(distance, None), z_array), None)
+    array.model.refraction.to_lens(blocks, None, ArrayCrossing(lens, SensorPlane(distance, None), z_array), None)
 
 
 def fill_cut(blocks, array, distance, z_array):

@@ -28,17 +28,17 @@ def test_depths_add_up_to_the_glass_and_rays_along_the_axis_are_not_displaced():
     points, slopes = np.array([[0.1, -0.2], [0.0, 0.3]]), np.zeros((2, 2))
     for model, side in itertools.product(Model, Side):
         array = array_of(model, side)
-        depths = model.rules.depths(array)
+        depths = model.refraction.depths(array)
         assert min(depths) >= 0, (model, side)
         assert sum(depths) == pytest.approx(array.thickness if model.is_plate else 0.0, rel=4 * EPS), (model, side)
         assert depths.separation == array.principal_separation, (model, side)
         for rear in (False, True):
-            np.testing.assert_array_equal(model.rules.shift_chief_rays(array, points, slopes, 550.0, rear), points)
+            np.testing.assert_array_equal(model.refraction.shift_chief_rays(array, points, slopes, 550.0, rear), points)
 
 
-def test_rules_say_what_the_enumeration_says():
+def test_members_say_what_the_enumeration_says():
     for model in Model:
         assert model.focuses == (model is not Model.PINHOLE)
         assert model.is_plate == (model in (Model.FLAT_HIGH_INDEX, Model.SPHERICAL))
         assert model.is_flat == (model is Model.FLAT_HIGH_INDEX)
-        assert model.rules.is_thin == (model is Model.THIN)
+        assert model.refraction.is_thin == (model is Model.THIN)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.element_record import CIRCLE
-from plenoptic.optics.lens.record import lens_record
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.lens_record import lens_record
+from plenoptic.optics.lens.trace import trace_part
 from plenoptic.optics.microlens.lattice import polygon_area
 from plenoptic.optics.stops.mask import MaskStop
 from plenoptic.optics.stops.star import StarStop
@@ -242,7 +242,7 @@ def test_irises_and_further_stops_of_any_shape():
         assert lens.stop == dataclasses.replace(stop, thickness=lens.stop.thickness), name
         x, y = RNG.uniform(-8, 8, (2, 3000))
         rays = along_axis(x, y, -100.0)
-        at_iris = traced_part(open_lens, rays, 0, open_lens.iris_index).origin[:, :2].T
+        at_iris = trace_part(open_lens, rays, 0, open_lens.iris_index).origin[:, :2].T
         at_stop = open_lens.trace(rays).at_z(31.0)[:, :2].T
         expected = transmission(stop, *at_iris) * transmission(stop, *at_stop)
         unambiguous = far_from_borders(stop, *at_iris, 1e-10) & far_from_borders(stop, *at_stop, 1e-10)
@@ -296,7 +296,7 @@ def test_bounds_are_made_of_the_circle_around():
 def test_lenses_draw_and_check_with_any_stop():
     for name, stop in SHAPES.items():
         lens = GAUSS.with_stop(stop)
-        assert lens._repr_svg_().startswith("<svg") and lens.check() == (), name
+        assert lens.check() == (), name
         vignetting = pl.aberrations.vignetting(lens, [0.0], grid=64)
         assert (vignetting.fraction[0], vignetting.standard_error[0]) == (1.0, 0.0), name  # on the axis all is filled
         assert plot_stop(lens.stop).get_title() == type(lens.stop).__name__, name

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 EPS = np.finfo(float).eps
 OK, MISSED, CLIPPED = pl.RayStatus.OK, pl.RayStatus.MISSED, pl.RayStatus.CLIPPED
@@ -86,7 +86,7 @@ def one_surface(radius, index, *, ahead=1.0, **shape):
 
 def refracted(lens, origin, direction, *, reverse=False):
     """Through the surface alone."""
-    return traced_part(lens, pl.RayBundle(origin, direction), 2, 2, reverse=reverse)
+    return trace_part(lens, pl.RayBundle(origin, direction), 2, 2, reverse=reverse)
 
 
 SHAPES = [

@@ -1,4 +1,4 @@
-"""Zernike surfaces: laws of the polynomials and of refraction, and the limits that are aspheres."""
+"""Freeform surfaces: laws of refraction, of Zernike polynomials, and the limits that are aspheres."""
 
 import dataclasses
 import itertools
@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, kinds, noted
+from plenoptic.optics.lens.analysis.conditioning import blocks_of, kinds, probe_rays
 from plenoptic.optics.lens.checks.finding import FindingKind
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
 from plenoptic.optics.lens.kernels.trace import fill_traced
+from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.pupil.exit_pupil import pupil_bounds
-from plenoptic.optics.lens.pupil.outline import Sight, up_to_stops
-from plenoptic.optics.lens.record import lens_record
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.pupil.outline import PupilRays, up_to_stops
+from plenoptic.optics.lens.trace import trace_part
 from plenoptic.optics.surfaces.zernike import ZernikeSag
 
 EPS = np.finfo(float).eps
@@ -30,6 +30,8 @@ SHAPES = {
     "mild": {**MILD, "freeform": ZernikeSag(RNG.normal(size=28) * 2e-3, 10.0)},
     "steep": {"radius": math.inf, "semi_diameter": 8.0, "freeform": ZernikeSag(RNG.normal(size=15) * 0.15, 9.0)},
     "high": {"radius": -30.0, "semi_diameter": 9.0, "conic": 1.5, "freeform": ZernikeSag([0] * 78 + [1e-3] * 13, 9)},
+    "biconic": {"radius": math.inf, "semi_diameter": 9.0, "freeform": pl.optics.BiconicSag(12.0, -20.0, -0.5, 0.3)},
+    "cylinder": {"radius": math.inf, "semi_diameter": 9.0, "freeform": pl.optics.BiconicSag(math.inf, 9.5)},
     "to the equator": {"radius": 12, "semi_diameter": 12, "freeform": ZernikeSag([0, 0, 0, 0.02, 0.05, -0.03], 12)},
 }
 AT_EQUATOR = {"to the equator": 2e-3}
@@ -133,7 +135,7 @@ def test_snell_and_the_way_back():
     for (name, shape), reverse in itertools.product(SHAPES.items(), (False, True)):
         lens, surface, size = one_surface(**shape), pl.Surface(**shape), shape["semi_diameter"]
         rays = beam(size, 3000, -1.0 if reverse else 1.0)
-        out = traced_part(lens, rays, 2, 2, reverse=reverse)
+        out = trace_part(lens, rays, 2, 2, reverse=reverse)
         passes = out.status == OK
         assert passes.mean() > 0.3 and unsettled(out) <= AT_EQUATOR.get(name, 0.0), (name, reverse)
         p, d, bent = out.origin[passes], np.asarray(rays.direction)[passes], out.direction[passes]
@@ -148,7 +150,7 @@ def test_snell_and_the_way_back():
         off = n_behind * np.cross(normal, bent) - n_before * np.cross(normal, d)
         # The normal turns with the point, by its curvature.
         assert np.abs(off).max() <= 1e-11, (name, reverse)
-        back = traced_part(lens, pl.RayBundle(p + size * bent, -bent), 2, 2, reverse=not reverse)
+        back = trace_part(lens, pl.RayBundle(p + size * bent, -bent), 2, 2, reverse=not reverse)
         same = (back.status == OK) & (np.abs(back.origin - p).max(axis=1) <= 1e-9 * size)
         # A ray back may meet a steep surface earlier, on its way.
         assert same.mean() > (0.95 if name == "steep" else 0.999), (name, reverse)
@@ -158,7 +160,7 @@ def test_the_first_crossing_is_found():
     for (name, shape), slant in itertools.product(SHAPES.items(), (0.5, 12.0)):
         lens, surface, size = one_surface(**shape), pl.Surface(**shape), shape["semi_diameter"]
         rays = beam(size, 100, slant=slant)
-        out = traced_part(lens, rays, 2, 2)
+        out = trace_part(lens, rays, 2, 2)
         p, d = np.asarray(rays.origin), np.asarray(rays.direction)
         # By looking closely: the gap z - sag at 4000 places of the ray in the clear cylinder.
         sin2, half = (d[:, :2] ** 2).sum(axis=1), (p[:, :2] * d[:, :2]).sum(axis=1)
@@ -203,7 +205,7 @@ def test_rotational_terms_are_an_even_asphere():
     for pair, reverse in itertools.product(same, (False, True)):
         rays = beam(size, 3000, -1.0 if reverse else 1.0, slant=3.0)
         one, other = (one_surface(**base, **more) for more in pair)
-        a, b = (traced_part(lens, rays, 2, 2, reverse=reverse) for lens in (one, other))
+        a, b = (trace_part(lens, rays, 2, 2, reverse=reverse) for lens in (one, other))
         assert np.mean(a.status == b.status) > 0.999, (pair, reverse)  # rounding decides at the rim
         both = (a.status == OK) & (b.status == OK)
         assert np.abs(a.origin[both] - b.origin[both]).max() < 1e-11, (pair, reverse)
@@ -223,10 +225,10 @@ def test_turned_terms_are_a_turned_surface():
     lens, other = (one_surface(radius=50.0, semi_diameter=9.0, freeform=ZernikeSag(k, 9.0)) for k in (terms, turned))
     matrix = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
     rays = beam(6.0, 500, slant=0.3)
-    out = traced_part(lens, rays, 2, 2)
+    out = trace_part(lens, rays, 2, 2)
     turned_rays = pl.RayBundle(rays.origin @ matrix.T, rays.direction @ matrix.T)
     for same in (other, lens.moved(2, tilt=(0.0, 0.0, turn))):
-        rotated = traced_part(same, turned_rays, 2, 2)
+        rotated = trace_part(same, turned_rays, 2, 2)
         assert rotated.origin == pytest.approx(out.origin @ matrix.T, abs=1e-12)
         assert rotated.direction == pytest.approx(out.direction @ matrix.T, abs=1e-13)
 
@@ -246,7 +248,7 @@ def test_bounds_on_the_pupil_hold_all_round():
     grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     for azimuth, rho in itertools.product((0.3, 2.0, 4.5), (0.0, 4.0, 9.5)):
         cos, sin = math.cos(azimuth), math.sin(azimuth)
-        sight = Sight(parts, np.array([rho * cos, rho * sin, z_plane]), bounds.z)
+        sight = PupilRays(parts, np.array([rho * cos, rho * sin, z_plane]), bounds.z)
         passing = grid[sight.fates(grid).code == 0]
         assert len(passing) > 100, (azimuth, rho)
         turned = passing @ np.array([[cos, -sin], [sin, cos]])
@@ -258,7 +260,7 @@ def test_what_needs_an_axis_is_refused():
     lens = freeform_lens()
     for call, message in (
         (lambda: pl.aberrations.seidel_sums(lens, field=0.01), "surface 0 has no rotational symmetry, so that Seidel"),
-        (lambda: pl.aberrations.distortion(lens, [0.01]), "surface 0 of 'free' has no rotational symmetry"),
+        (lambda: pl.aberrations.distortion(lens, [0.01]), "element 0 of 'free' has no rotational symmetry"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             call()
@@ -286,8 +288,8 @@ def test_notes_and_colour():
     lens = freeform_lens()
     assert [finding.elements for finding in lens.check() if finding.kind is FindingKind.VERTEX] == [(0,)]
     rays = pl.RayBundle([[1.0, 2.0, -50.0], [0.0, -3.0, -50.0]], [[0.0, 0.0, 1.0], [0.01, 0.05, 1.0]])
-    notes = noted(lens_record(lens, rays.wavelength, reverse=False), blocks_of(rays), 2)
-    normal = np.column_stack([*-lens.elements[0].gradient(*traced_part(lens, rays, 0, 0).origin[:, :2].T), np.ones(2)])
+    notes = probe_rays(lens_record(lens, rays.wavelength, reverse=False), blocks_of(rays), 2)
+    normal = np.column_stack([*-lens.elements[0].gradient(*trace_part(lens, rays, 0, 0).origin[:, :2].T), np.ones(2)])
     cosine = np.einsum("ij,ij->i", normal, rays.direction) / np.linalg.norm(normal, axis=1)
     assert notes.incidence[0] == pytest.approx(1.0 / cosine, rel=1e-12)
     assert kinds(notes.lens) == ("freeform", "sphere", "stop")
@@ -336,7 +338,7 @@ def test_zemax_files_that_cannot_be_read():
         ("XDAT 1 6.0", "XDAT 1 7.0", "line 13.*there are 7 Zernike terms, and XDAT 9, the last of them, is missing"),
         ("XDAT 1 6.0", "XDAT 1 1e15 ", "XDAT 1000000000000002, the last of them, is missing"),
         *(("XDAT 1 6.0", wrong, number) for wrong in ("XDAT 1 5.5", "XDAT 1 -6.0", "XDAT 90 6.0")),
-        ("SZERNSAG", "FZERNSAG", "only STANDARD, EVENASPH, COORDBRK, SZERNSAG and BICONICX surfaces can be read"),
+        ("SZERNSAG", "FZERNSAG", "the surfaces that can be read are STANDARD, EVENASPH, COORDBRK, SZERNSAG, BICONICX"),
     ):
         with pytest.raises(pl.errors.PrescriptionError, match=message):
             lens_from_zmx(ZMX.replace(old, new), "mine.zmx")

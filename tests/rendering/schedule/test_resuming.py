@@ -346,7 +346,7 @@ def files(monkeypatch):
 
 def test_the_file_is_closed_on_every_way_out(tmp_path, finished, files, monkeypatch):
     path = tmp_path / "state"
-    places = [f"rendering.schedule.run.{name}" for name in ("cut_into_tiles", "Scheduler", "exposure_of")]
+    places = [f"rendering.schedule.scheduler.{name}" for name in ("cut_into_tiles", "drive", "exposure_of")]
     places.append("camera.conditioning.camera_conditioning")
     for existing, place, error in itertools.product(
         (True, False), places, (KeyboardInterrupt("now"), pl.errors.InvalidValueError("now"))

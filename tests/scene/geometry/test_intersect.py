@@ -7,11 +7,11 @@ from scene_helpers import turned
 
 import plenoptic as pl
 from plenoptic.scene.geometry.accel import build_intersector
-from plenoptic.scene.geometry.compile import geometry_record, middle_of, suits_float32
+from plenoptic.scene.geometry.build_geometry import geometry_record, middle_of, suits_float32
 from plenoptic.scene.geometry.embree_run import SceneRunTriangles
+from plenoptic.scene.geometry.geometry_records import INSTANCE_DISTANCE, RAY_OFFSET, Hits
 from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.kernels.embree import EmbreeTriangles
-from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, RAY_OFFSET, Hits
 
 BUILDS = EmbreeTriangles, SceneRunTriangles
 

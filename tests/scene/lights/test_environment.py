@@ -9,7 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.core.kernels.vectors import row_vector
 from plenoptic.core.numba.jit import kernel
-from plenoptic.scene.lights.compile import environment_record, texel_solid_angles
+from plenoptic.scene.lights.build_lights import environment_record, texel_solid_angles
 from plenoptic.scene.lights.environment import MAX_TEXELS, EnvironmentMap
 from plenoptic.scene.lights.kernels.sky import environment_texel, sample_cdf, sample_environment, sample_long_cdf
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.core.numba.jit import kernel
-from plenoptic.scene.compile import atlas
-from plenoptic.scene.textures import record
+from plenoptic.scene.scene_record import atlas
+from plenoptic.scene.textures import texture_records
 from plenoptic.scene.textures.kernels.lookup import fill_texel
 from plenoptic.scene.textures.texture import TextureFilter, Wrap
 
@@ -143,10 +143,10 @@ def test_an_atlas_holds_every_texel_once():
     ]
     texels, rows = atlas(textures)
     assert rows.tolist() == [(0, 2, 3, 3, 1, 2, 1), (18, 4, 1, 1, 0, 0, 0), (22, 2, 2, 1, 0, 0, 1)]
-    assert (texels.dtype, rows.dtype) == (np.float32, record.TEXTURE)
+    assert (texels.dtype, rows.dtype) == (np.float32, texture_records.TEXTURE)
     joined = [textures[0].texels.ravel(), textures[1].texels.ravel(), textures[2].texels[..., 0].ravel()]
     np.testing.assert_array_equal(texels, np.concatenate(joined))
     # The kernels' numbers are those of the enums.
-    assert list(Wrap) == [record.REPEAT, record.CLAMP, record.MIRROR]
-    assert record.NEAREST == TextureFilter.NEAREST
+    assert list(Wrap) == [texture_records.REPEAT, texture_records.CLAMP, texture_records.MIRROR]
+    assert texture_records.NEAREST == TextureFilter.NEAREST
     assert atlas([]) == (None, None)

@@ -14,8 +14,8 @@ from plenoptic.command.main import main
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.schedule import tile_jobs
 from plenoptic.study import ErrorRow, ErrorTable, Variant, default_variants
-from plenoptic.study.cameras import smooth_camera
 from plenoptic.study.error_time import error_cases
+from plenoptic.study.error_time.error_cases import smooth_camera
 from plenoptic.study.error_time.error_split import reference_of
 from plenoptic.study.error_time.error_study import Runs, measure_rows
 

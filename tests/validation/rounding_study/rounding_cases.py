@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import plenoptic as pl
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 from .exact_trace import DIGITS
 from .rounding_bounds import Law
@@ -161,7 +161,7 @@ def _chain(rng, n, *, reverse):
     rays = through_points(lens, 3, points, cone(rng, n, 0.2), distance=50.0 if reverse else 0.0, reverse=True)
     if not reverse:
         # Traced from behind: the lens shifts rays by many diameters of the microlens.
-        ahead = traced_part(lens, rays, 0, 2, reverse=True)
+        ahead = trace_part(lens, rays, 0, 2, reverse=True)
         rays = pl.RayBundle(ahead.at_z(-1e6), -ahead.direction)
     return Setup(lens, rays, 0, 4, reverse)
 

@@ -1,4 +1,4 @@
-"""Rays of point sources: their start, deflection and arrival on the sensor. The kernels."""
+"""Rays of point sources: their start, deflection, arrival on the sensor and sums of light. The kernels."""
 
 from __future__ import annotations
 
@@ -100,18 +100,6 @@ def fill_landed(hits, blocks, n, rows, columns, pitch, opening):
         else:
             beside_sensor += 1
     return landed_rays, beside_sensor, beside_opening
-
-
-@kernel
-def extent(hits):
-    """First and last row, first and last column of hits."""
-    top = bottom = hits[0].row
-    left = right = hits[0].column
-    for k in range(hits.size):
-        row, column = hits[k].row, hits[k].column
-        top, bottom = min(top, row), max(bottom, row)
-        left, right = min(left, column), max(right, column)
-    return top, bottom, left, right
 
 
 @kernel

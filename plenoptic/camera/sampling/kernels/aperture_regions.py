@@ -2,29 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from plenoptic.camera.sampling.kernels.aperture_planes import (
-    GAP,
-    LIMIT,
-    MAX_CORE_PLANES,
-    MAX_CORNERS,
-    MAX_PLANES,
-    NUMBERS,
-    A,
-    B,
-    S,
-    T,
-    clip_at_centre,
-    clip_outermost,
-    fill_candidate_polygon,
-    fill_moving_box,
-    fill_planes,
-    polygon_reach,
-    sweep_of,
-)
 from plenoptic.camera.sampling.kernels.candidates import set_box
-from plenoptic.core.kernels.polygons import area_of
+from plenoptic.core.kernels.polygons import area_of, cut
 from plenoptic.core.numba.jit import device, kernel
 
 MAX_PIECES = 64
@@ -33,8 +16,143 @@ _MAX_MOVING_PLANES = 24
 """Most planes that clip a piece differently at each point of the pixel; with more, none does."""
 _FEW_PLANES = 6
 """With more planes, the piece is taken as the image of the stop, which moves as a whole, if that needs fewer planes."""
+_SLACK = 2e-3
+"""Relative margin of a candidate below which its ray transfers are not fitted again."""
 _FIXED = 1e-3
 """Displacement over a pixel, relative to the piece, below which a plane counts as fixed."""
+MAX_CORNERS = 64
+"""Most corners of a clipped polygon; further planes are left out."""
+MAX_PLANES = 128
+"""Most tangents and edges of all elements in front of a microlens; further ones are left out."""
+MAX_CORE_PLANES = 48
+"""Most planes of a piece with an unvignetted core; pieces with more have none."""
+_TANGENTS, _SAGITTA = 24, 0.01
+"""Tangents around a circle, and the sagitta between them as a fraction of the extent of the light."""
+A, B, LIMIT, S, T, GAP, NUMBERS = range(7)
+"""Columns of a plane: see `PLANE`."""
+
+
+@device
+def polygon_reach(polygon, n, a, b):
+    """Largest a x + b y over the corners of a polygon."""
+    far = -math.inf
+    for q in range(n):
+        far = max(far, a * polygon[0, q] + b * polygon[1, q])
+    return far
+
+
+@device
+def _tangents(far, reach, radius):
+    """Tangents of a circle that bound a disc of radius `reach` whose centre is `far` from the circle's.
+
+    Returns their number, the angle of the first one to the direction of the disc, and the angle between neighbours.
+    """
+    if far <= reach:
+        return _TANGENTS, 0.0, 2.0 * math.pi / _TANGENTS
+    angle_range = 2.0 * math.asin(reach / far)
+    count = min(math.ceil(angle_range / math.sqrt(8.0 * _SAGITTA * min(reach / radius, 1.0))), _TANGENTS)
+    return count, -0.5 * angle_range * (1.0 - 1.0 / count), angle_range / count
+
+
+@device
+def _append_plane(planes, n, transfer, edge, centre):
+    """Append the plane of an edge (normal, distance, sagitta of the opening inside it) for (u, v) from `centre`.
+
+    Returns the number of planes.
+    """
+    nx, ny, distance, sagitta = edge
+    if n < MAX_PLANES:
+        planes[n, A] = nx * transfer.x_by_x + ny * transfer.y_by_x
+        planes[n, B] = nx * transfer.x_by_y + ny * transfer.y_by_y
+        planes[n, S] = nx * transfer.x_by_u + ny * transfer.y_by_u
+        planes[n, T] = nx * transfer.x_by_v + ny * transfer.y_by_v
+        planes[n, GAP] = sagitta + 2.0 * transfer.margin
+        planes[n, LIMIT] = distance + transfer.margin - nx * transfer.x - ny * transfer.y
+        planes[n, LIMIT] -= planes[n, S] * centre[0] + planes[n, T] * centre[1]
+        return n + 1
+    return n
+
+
+@device
+def fill_planes(planes, count, transfer, edges, candidate, shape, where):
+    """Append the planes of a ray transfer that may clip a candidate's polygon, `shape` (polygon, number of corners).
+
+    `where` is a rectangle of the sensor: its centre, from that of the group, and its half sides. Returns the number of
+    planes.
+    """
+    (polygon, n), (centre, half) = shape, where
+    x = transfer.x + transfer.x_by_x * candidate.x + transfer.x_by_y * candidate.y
+    y = transfer.y + transfer.y_by_x * candidate.x + transfer.y_by_y * candidate.y
+    x = x + transfer.x_by_u * centre[0] + transfer.x_by_v * centre[1]
+    y = y + transfer.y_by_u * centre[0] + transfer.y_by_v * centre[1]
+    reach = 0.0
+    for q in range(n):
+        dx, dy = polygon[0, q] - candidate.x, polygon[1, q] - candidate.y
+        from_x, from_y = transfer.x_by_x * dx + transfer.x_by_y * dy, transfer.y_by_x * dx + transfer.y_by_y * dy
+        reach = max(reach, from_x * from_x + from_y * from_y)
+    reach = transfer.margin + math.sqrt(reach) + math.hypot(transfer.x_by_u, transfer.y_by_u) * half[0]
+    reach += math.hypot(transfer.x_by_v, transfer.y_by_v) * half[1]
+    far, radius = math.hypot(x, y), transfer.radius
+    if transfer.edges == 0 and far + reach > radius:
+        tangents, angle, step = _tangents(far, reach, radius)
+        angle += math.atan2(y, x)
+        # Chords of the arcs between the intersections of neighbouring tangents lie inside the circle.
+        sagitta = radius * (1.0 - math.cos(0.5 * step))
+        for k in range(tangents):
+            normal = math.cos(angle + k * step), math.sin(angle + k * step)
+            count = _append_plane(planes, count, transfer, (normal[0], normal[1], radius, sagitta), centre)
+    for j in range(transfer.first_edge, transfer.first_edge + transfer.edges):
+        if edges[j, 0] * x + edges[j, 1] * y + reach > edges[j, 2]:
+            count = _append_plane(planes, count, transfer, (edges[j, 0], edges[j, 1], edges[j, 2], 0.0), centre)
+    return count
+
+
+@device
+def sweep_of(plane, half):
+    """Displacement of a plane between the centre of a pixel, or of a group, and its corners."""
+    return abs(plane[S]) * half[0] + abs(plane[T]) * half[1]
+
+
+@device
+def fill_candidate_polygon(polygon, corners, candidate):
+    """Copy the polygon of a candidate; return its number of corners."""
+    for q in range(candidate.corners):
+        polygon[0, q] = corners[0, candidate.first_corner + q]
+        polygon[1, q] = corners[1, candidate.first_corner + q]
+    return candidate.corners
+
+
+@device
+def clip_outermost(polygon, n, planes, count, half):
+    """Clip a polygon with planes, each at its outermost position over the pixel; return the number of corners."""
+    for j in range(count):
+        if 0 < n < MAX_CORNERS:
+            n = cut(polygon, 0, n, planes[j, A], planes[j, B], planes[j, LIMIT] + sweep_of(planes[j], half))
+    return n
+
+
+@device
+def fill_moving_box(box, motion, transfer, candidate, shape, half):
+    """Bounding box of a polygon that moves over the pixel with the image of an opening, and its motion, a matrix.
+
+    `shape` is the polygon and its number of corners. Returns the number of corners of the box; 0 if the image of the
+    cell is no larger than the margin of the transfer, as through the centres of pinholes.
+    """
+    polygon, n = shape
+    det = transfer.x_by_x * transfer.y_by_y - transfer.x_by_y * transfer.y_by_x
+    if abs(det) * candidate.half_x * candidate.half_y <= transfer.margin * transfer.margin:
+        return 0
+    motion[0] = (transfer.x_by_y * transfer.y_by_u - transfer.y_by_y * transfer.x_by_u) / det
+    motion[1] = (transfer.x_by_y * transfer.y_by_v - transfer.y_by_y * transfer.x_by_v) / det
+    motion[2] = (transfer.y_by_x * transfer.x_by_u - transfer.x_by_x * transfer.y_by_u) / det
+    motion[3] = (transfer.y_by_x * transfer.x_by_v - transfer.x_by_x * transfer.y_by_v) / det
+    by_x = abs(motion[0]) * half[0] + abs(motion[1]) * half[1]
+    by_y = abs(motion[2]) * half[0] + abs(motion[3]) * half[1]
+    left, right = -polygon_reach(polygon, n, -1.0, 0.0) - by_x, polygon_reach(polygon, n, 1.0, 0.0) + by_x
+    low, high = -polygon_reach(polygon, n, 0.0, -1.0) - by_y, polygon_reach(polygon, n, 0.0, 1.0) + by_y
+    box[0, 0], box[0, 1], box[0, 2], box[0, 3] = left, right, right, left
+    box[1, 0], box[1, 1], box[1, 2], box[1, 3] = low, low, high, high
+    return 4
 
 
 @kernel
@@ -52,13 +170,13 @@ def fill_boxes(candidates, chosen, corners, transfers, edges, half):
         count, n = 0, fill_candidate_polygon(polygon, corners, candidate)
         for j in range(candidate.first_transfer, candidate.first_transfer + candidate.transfers):
             count = fill_planes(planes, count, transfers[j], edges, candidate, (polygon, n), ((0.0, 0.0), size))
-        n = clip_outermost(polygon, n, planes, 0, count, size)
+        n = clip_outermost(polygon, n, planes, count, size)
         if n < 3:
             candidate.transfers = -1
             continue
         area_before = candidate.half_x * candidate.half_y
         set_box(candidate, polygon, n)
-        if candidate.half_x * candidate.half_y < 0.5 * area_before and candidate.slack > half.slack:
+        if candidate.half_x * candidate.half_y < 0.5 * area_before and candidate.slack > _SLACK:
             chosen[n_shrunk] = chosen[k]
             n_shrunk += 1
     return n_shrunk
@@ -133,24 +251,25 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             candidate = candidates.rows[c]
             if candidate.transfers < 0:
                 continue
+            # The polygon that holds the light of all points of the pixel.
             count, n = 0, fill_candidate_polygon(polygon, corners, candidate)
             for j in range(candidate.first_transfer, candidate.first_transfer + candidate.transfers):
                 count = fill_planes(planes, count, transfers[j], edges, candidate, (polygon, n), (centre, half))
-            n = clip_outermost(polygon, n, planes, 0, count, half)
+            n = clip_outermost(polygon, n, planes, count, half)
             piece_area = area_of(polygon, 0, n) if n >= 3 else 0.0
             if not piece_area > 0.0:
                 continue
+            # The planes that clip it further for single points.
             has_core = with_core and candidate.complete == 1 and count < MAX_PLANES
             for j in range(0 if has_core else count):
                 planes[j, GAP] = 0.0
-            first_plane, n_cuts = (
-                end_plane,
-                0 if not varies else _count_clipping_planes(polygon, n, planes, count, half),
-            )
+            first_plane = end_plane
+            n_cuts = _count_clipping_planes(polygon, n, planes, count, half) if varies else 0
             motion[:] = 0.0
             if n_cuts > _FEW_PLANES and candidate.transfers == 1:
+                # The image of the stop at the pixel's centre: it moves as a whole and is clipped by the cell's edges.
                 m = fill_moving_box(box, motion, transfers[candidate.first_transfer], candidate, (polygon, n), half)
-                m = clip_at_centre(box, m, planes, 0, count)
+                m = clip_outermost(box, m, planes, count, (0.0, 0.0))
                 end_plane = _store_moving_edges(regions.planes, first_plane, box, m, motion, corners, candidate, half)
                 if 3 <= m < MAX_CORNERS and end_plane - first_plane < n_cuts:
                     n, piece_area = m, area_of(box, 0, m)
@@ -167,6 +286,7 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             if 0 < n_cuts <= (MAX_CORE_PLANES if has_core else _MAX_MOVING_PLANES):
                 end_plane = _store_clipping_planes(regions.planes, first_plane, polygon, n, planes, count, half)
             has_core = has_core and abs(n_cuts) <= MAX_CORE_PLANES
+            # The piece with its corners.
             area += piece_area
             if used < pieces.size:
                 piece = pieces[used]

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from plenoptic.camera.sampling.kernels.aperture_regions import MAX_PIECES
-from plenoptic.camera.sampling.kernels.path_indices import path_indices, replicate_size
 from plenoptic.camera.sampling.kernels.unvignetted_core import (
     MAX_CLIPPED_CORNERS,
     MAX_RIMS,
@@ -44,7 +43,31 @@ WAVELENGTH_SET = 1 << 20
 DEFLECTION_SET = WAVELENGTH_SET + 1
 """Set of sampling points for diffraction deflections."""
 _UNSET, _OUTSIDE, _DISTANT = -3, -2, -1
-"""In place of the index of a source pixel: none drawn yet; too far outside the sensor; farther than `NEAR`."""
+"""In place of the index of a source pixel: none yet; too far outside the sensor; farther than `NEAR`."""
+
+
+@device
+def path_indices(path, samples, replicates):
+    """Pixel, replicate and index in the replicate of path `path` of a tile.
+
+    Paths run over pixels, in a pixel over replicates, in a replicate over its samples; the first
+    `samples % replicates` replicates have one sample more than the others.
+    """
+    pixel = path // samples
+    index = path - pixel * samples
+    short_size, n_long = samples // replicates, samples % replicates
+    end_of_long = n_long * (short_size + 1)
+    if index < end_of_long:
+        replicate = index // (short_size + 1)
+        return pixel, replicate, index - replicate * (short_size + 1)
+    replicate = n_long + (index - end_of_long) // short_size
+    return pixel, replicate, index - end_of_long - (replicate - n_long) * short_size
+
+
+@device
+def replicate_size(replicate, samples, replicates):
+    """Number of samples of a replicate of a pixel."""
+    return samples // replicates + (1 if replicate < samples % replicates else 0)
 
 
 @device
@@ -64,34 +87,23 @@ def _first_exceeding(pieces, low, high, area):
 
 
 @device
-def sample_piece(pieces, region, u):
-    """Sample one of the pieces of a region (first and end) with probability proportional to its area.
-
-    Returns the total area, the piece's index, and the remainder of u times that area, which the caller uses again to
-    sample the point inside the piece.
-    """
-    low, high = region
-    total_area = pieces[high - 1].area
-    target_area = u * total_area
-    k = _first_exceeding(pieces, low, high, target_area)
-    # Read first: after the piece is read, this branch is mispredicted, and costs 20 ns a path.
-    area_before = 0.0
-    if k > low:
-        area_before = pieces[k - 1].area
-    return total_area, k, target_area - area_before
-
-
-@device
 def aim_sample(ray, i, regions, region, start, random):
-    """Aim a ray at a point of a region, uniformly by area; return the index of its piece.
+    """Aim path i at a point of a region that is not clipped, uniformly by area; return the index of its piece.
 
     The first random number selects the piece and, stretched, the triangle of its fan; the second one the point in it.
-    `region` is the first and the end of its pieces, `start` x and y on the sensor.
+    `region` is the first and the end of its pieces, `start` the point on the sensor, and the same from the centre of
+    the pixel, or of whatever the region represents.
     """
-    total_area, k, remainder = sample_piece(regions.pieces, region, random[0])
-    piece = regions.pieces[k]
+    pieces, (low, high) = regions.pieces, region
+    total_area = pieces[high - 1].area
+    remainder = random[0] * total_area
+    k = _first_exceeding(pieces, low, high, remainder)
+    # Read first: after the piece is read, this branch is mispredicted, and costs 20 ns a path.
+    if k > low:
+        remainder -= pieces[k - 1].area
+    piece = pieces[k]
     point = point_in(regions.corners, piece.first_corner, piece.corners, remainder, random[1])
-    set_aimed_ray(ray, i, piece, point, start, total_area)
+    set_aimed_ray(ray, i, piece, displaced_point(piece, point, start[1]), start[0], total_area)
     return k
 
 
@@ -144,19 +156,6 @@ def _apply_weight(ray, i, lens, weights):
 
 
 @device
-def _aim_constant(ray, i, regions, region, start, random):
-    """Aim path i at a region that is the same for all points of its pixel; return the index of the piece.
-
-    `start` is the point on the sensor, and the same from the pixel's centre.
-    """
-    total_area, k, remainder = sample_piece(regions.pieces, region, random[0])
-    piece = regions.pieces[k]
-    point = point_in(regions.corners, piece.first_corner, piece.corners, remainder, random[1])
-    set_aimed_ray(ray, i, piece, displaced_point(piece, point, start[1]), start[0], total_area)
-    return k
-
-
-@device
 def _aim_varying(ray, i, workspace, regions, region, start, random):
     """Aim path i at a region that varies over its pixel, clipped in a workspace; return the index of the piece."""
     polygon, counts, areas = workspace
@@ -186,14 +185,6 @@ def _set_lost(ray, i, status):
     """Set a path without light."""
     ray[X + i], ray[Y + i], ray[L + i], ray[M + i], ray[Z + i], ray[N + i] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     ray[WEIGHT + i], ray[STATUS + i] = 0.0, status
-
-
-@device
-def _store_distant(ray, i, start, random, weights):
-    """Store in a ray the arguments of `fill_distant_samples`: start on the sensor, random numbers, path weights."""
-    ray[X + i], ray[Y + i] = start
-    ray[L + i], ray[M + i] = random
-    ray[Z + i], ray[N + i] = weights
 
 
 @device
@@ -253,26 +244,22 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
             _fill_coordinates(u, net, dimension, index, run, key)
         if sources is not None:
             deflection_key = set_key(stream(batch.seed, number[p], batch.first_stream + replicate), DEFLECTION_SET)
-            source, low, high, constant = _UNSET, 0, 0, False
-        else:
-            low, high = first[p], first[p + 1]
-            constant = _is_constant(pieces, low, high)
-        if core is not None:
-            for c in range(min(high - low, MAX_PIECES)):
-                split.corners[c, 2] = 0
+        source, low, high, constant = _UNSET, 0, 0, False
         for k in range(run):
             at = path - start + k
             ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK
+            # A point on the pixel.
             across, down = u[0, k] - 0.5, u[1, k] - 0.5
             dx, dy = pixel.width * across, pixel.height * down
             if pixel.skew is not None:
                 dx, dy = dx + pixel.skew[0] * down, dy + pixel.skew[1] * across
             in_pixel, on_sensor, random = (dx, dy), (centres[p, 0] + dx, centres[p, 1] + dy), (u[2, k], u[3, k])
+            previous_source, source = source, p
             if sources is not None:
+                # The point at which its light was aimed, before diffraction.
                 point = set_index(batch.first_index + index + k, deflection_key, DEFLECTION_SET)
                 wavelength = at_wavelength(sources.deflection.wavelengths, deflected.waves, at)
                 u_deflection = sample(point, 0, deflection_key), sample(point, 1, deflection_key)
-                previous_source = source
                 on_sensor, source, weights = _sample_source(sources, p, on_sensor, wavelength, u_deflection)
                 if source < 0 or first[source] == first[source + 1]:
                     _set_lost(ray, i, BENT_IN if source == _OUTSIDE else MISSED)
@@ -281,28 +268,32 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
                     if source == _DISTANT:
                         deflected.distant[n_distant] = at
                         n_distant += 1
-                        _store_distant(ray, i, on_sensor, random, weights)
+                        # What `fill_distant_samples` needs of the path.
+                        (ray[X + i], ray[Y + i]), (ray[L + i], ray[M + i]) = on_sensor, random
+                        ray[Z + i], ray[N + i] = weights
                     continue
                 in_pixel = on_sensor[0] - sources.centres[source, 0], on_sensor[1] - sources.centres[source, 1]
-                if source != previous_source:
-                    low, high = first[source], first[source + 1]
-                    constant = _is_constant(pieces, low, high)
-                    if core is not None:
-                        for c in range(min(high - low, MAX_PIECES)):
-                            split.corners[c, 2] = 0
+            # The region of that point.
+            if source != previous_source:
+                low, high = first[source], first[source + 1]
+                constant = _is_constant(pieces, low, high)
+                if core is not None:
+                    for c in range(min(high - low, MAX_PIECES)):
+                        split.corners[c, 2] = 0
+            # A point in the region.
+            region, start_point = (low, high), (on_sensor, in_pixel)
             if core is not None:
                 core_ray = core[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
                 if high - low <= MAX_PIECES:
-                    split_region(split, regions, (low, high), in_pixel)
-                    chosen = aim_with_core(ray, core_ray, i, split, regions, (low, high), (on_sensor, in_pixel), random)
+                    split_region(split, regions, region, in_pixel)
+                    chosen = aim_with_core(ray, core_ray, i, split, regions, region, start_point, random)
                 else:
-                    chosen = _aim_constant(ray, i, regions, (low, high), (on_sensor, in_pixel), random)
+                    chosen = aim_sample(ray, i, regions, region, start_point, random)
                     set_aimed_ray(core_ray, i, pieces[chosen], (0.0, 0.0), on_sensor, 0.0)
             elif constant:
-                chosen = _aim_constant(ray, i, regions, (low, high), (on_sensor, in_pixel), random)
+                chosen = aim_sample(ray, i, regions, region, start_point, random)
             else:
-                workspace = polygon, counts, areas
-                chosen = _aim_varying(ray, i, workspace, regions, (low, high), (on_sensor, in_pixel), random)
+                chosen = _aim_varying(ray, i, (polygon, counts, areas), regions, region, start_point, random)
             if details is not None:
                 lenslets[at] = details[chosen]
                 if sources is not None:
@@ -330,7 +321,8 @@ def fill_distant_samples(blocks, lenslets, distant, regions):
         if regions.first[k] == regions.first[k + 1]:
             _set_lost(ray, i, MISSED)
             continue
-        chosen = aim_sample(ray, i, regions, (regions.first[k], regions.first[k + 1]), start, random)
+        region = regions.first[k], regions.first[k + 1]
+        chosen = aim_sample(ray, i, regions, region, (start, (0.0, 0.0)), random)
         if details is not None:
             lenslets[distant[k]] = details[chosen]
             _apply_weight(ray, i, details[chosen], weights)

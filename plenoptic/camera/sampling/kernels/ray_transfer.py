@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from plenoptic.core.kernels.bundles import pad
-from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
 
 
@@ -59,15 +59,6 @@ def fill_transfer_rays(blocks, lenslets, candidates, chosen, centres, half):
                 lenslets[n] = candidates.details[chosen[k]]
             n += 1
     pad(blocks, n)
-
-
-@kernel
-def fill_unclipped(blocks):
-    """Clear the status of rays that only the rim of a microlens has stopped."""
-    for b in range(blocks.size // RAY):
-        for i in range(b * RAY + STATUS, b * RAY + STATUS + BLOCK):
-            if blocks[i] == OUTSIDE_MICROLENS:
-                blocks[i] = 0.0
 
 
 @device

@@ -17,7 +17,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.elements import is_centred
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -95,7 +95,7 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     incident = rays
     for k in reversed(order) if reverse else order:
         before, after = (index[k + 1], index[k]) if reverse else (index[k], index[k + 1])
-        outgoing = traced_part(lens, incident, k, k, reverse=reverse, clipping=False)
+        outgoing = trace_part(lens, incident, k, k, reverse=reverse, clipping=False)
         element, vertex = lens.elements[k], np.array([0.0, 0.0, lens.vertices[k]])
         reflects = isinstance(element, Surface) and isinstance(element.medium, Mirror)
         # A mirror's points are seen in its plane from behind, in front of it as they are.
@@ -122,17 +122,16 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
 def require_axis(lens: LensStack, what: str) -> None:
     """Raise an error where a lens has no axis of symmetry, or is left out, so that `what` is undefined."""
     check_kind(lens, "lens", LensStack, "camera.lens")
-    moved = [i for i, element in enumerate(lens.elements) if element.placement is not None]
-    if moved:
-        raise InvalidValueError(
-            f"element {moved[0]} of {lens.name!r} is decentred or tilted; {what} that of a centred lens: leave out its "
-            "placement, or look at spot diagrams"
+    off_axis = next(((i, element) for i, element in enumerate(lens.elements) if not is_centred(element)), None)
+    if off_axis is not None:
+        i, element = off_axis
+        placed = element.placement is not None
+        fault, cause = (
+            ("is decentred or tilted", "placement") if placed else ("has no rotational symmetry", "freeform term")
         )
-    free = [i for i, element in enumerate(lens.elements) if not is_centred(element)]
-    if free:
         raise InvalidValueError(
-            f"surface {free[0]} of {lens.name!r} has no rotational symmetry; {what} that of a lens with an axis: leave "
-            "out its freeform term, or look at spot diagrams"
+            f"element {i} of {lens.name!r} {fault}; {what} that of a lens with an axis: leave out its {cause}, or look "
+            "at spot diagrams"
         )
     if lens.model is LensModel.NONE:
         raise InvalidValueError(f"the model of {lens.name!r} is NONE, which images nothing; use lens.with_model(EXACT)")

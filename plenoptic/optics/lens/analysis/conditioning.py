@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import enum
-from typing import NamedTuple
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.lost_rays import Lost, by_cause, check_lost, in_words, lost_rays
+from plenoptic.core.lost_rays import Lost, by_cause, in_words, lost_rays
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, check_kind, frozen_array, set_field, value, whole
-from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.conditioning_rows import Notes, blocks_of, kinds, largest_and, noted
-from plenoptic.optics.lens.record import lens_record
+from plenoptic.core.values import Floats, check_kind, result
+from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, IDEAL, SPHERE
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 
-_MEASURED = ("incidence", "refraction", "cancellation", "newton", "search")
+CHUNK = 64
+"""Blocks of 256 rays that are followed together: with ten elements 8 MB of records."""
 
 
 class Condition(enum.IntEnum):
@@ -42,7 +44,7 @@ class Worst(NamedTuple):
     number: float
 
 
-@value
+@result
 class Conditioning:
     r"""Conditioning of rays at each element that they meet; made by `conditioning`. Printed, it is a table.
 
@@ -60,7 +62,7 @@ class Conditioning:
     Columns are [largest, median] over the rays that pass the element, nan where there are none; for the steps,
     [largest, mean] over those that come to it.
 
-    Parameters
+    Attributes
     ----------
     elements : (n,) array of int
         Indices in `LensStack.elements`, in the order in which rays meet them. Models other than EXACT have fewer.
@@ -104,19 +106,6 @@ class Conditioning:
     searched: NDArray[np.int64]
     lost: Lost = ()
 
-    def __post_init__(self) -> None:
-        set_field(self, "elements", frozen_array(self.elements, name="elements", shape=(None,), dtype=np.int64))
-        n = len(self.elements)
-        set_field(self, "kinds", tuple(str(kind) for kind in self.kinds))
-        if len(self.kinds) != n:
-            raise InvalidValueError(f"kinds has {len(self.kinds)} entries; it must have one for each of {n} elements")
-        set_field(self, "rays", whole(self.rays, "rays", at_least=0))
-        for name in ("reached", "searched"):
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n,), dtype=np.int64))
-        for name in _MEASURED:
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(n, 2)))
-        set_field(self, "lost", check_lost(self.lost))
-
     @property
     def digits_lost(self) -> Floats:
         """(n, 2): largest and median number of decimal digits that cancellation takes, of the 15.7 of float64."""
@@ -155,9 +144,8 @@ class Conditioning:
 
     def __str__(self) -> str:
         rows = [_HEAD, *(self._row(i) for i in range(len(self.elements)))]
-        before = self.lost_at(None)
-        if before:
-            rows.append(("", "before the lens", *([""] * 7), in_words(before)))
+        if lost_before := self.lost_at(None):
+            rows.append(("", "before the lens", *([""] * 7), in_words(lost_before)))
         widths = [max(len(row[column]) for row in rows) for column in range(len(_HEAD) - 1)]
         lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]).rstrip() for row in rows]
         worst = self.worst
@@ -221,22 +209,90 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
     """
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
     check_kind(rays, "rays", RayBundle, "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
-    return conditioning_of(noted(lens_record(lens, rays.wavelength, reverse=reverse), blocks_of(rays), len(rays)))
+    return conditioning_of(probe_rays(lens_record(lens, rays.wavelength, reverse=reverse), blocks_of(rays), len(rays)))
 
 
-def conditioning_of(notes: Notes) -> Conditioning:
+class ProbeRecords(NamedTuple):
+    """Records of rays; arrays (elements, rays) in the order of travel, nan where a ray did not pass the element."""
+
+    lens: LensRecord
+    incidence: Floats
+    refraction: Floats
+    cancellation: Floats
+    newton: Floats
+    """Here and below, nan only where a ray did not come to the element."""
+    search: Floats
+    codes: NDArray[np.int64]
+    """(rays,): status behind the lens, as in `ray_blocks`."""
+
+
+def blocks_of(rays: RayBundle) -> Floats:
+    """Rays as they lie in memory; see `ray_blocks`. The last block is filled with rays that are lost."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, MISSED, RAY
+
+    n = len(rays)
+    rows = np.zeros((RAY // BLOCK, -(-n // BLOCK) * BLOCK))
+    rows[7] = MISSED
+    rows[0:3, :n], rows[3:6, :n], rows[6, :n] = rays.origin.T, rays.direction.T, rays.weight
+    rows[7, :n] = np.where(rays.status == 0, 0.0, rays.status + CAUSES * (rays.lost_at + 1.0))
+    return np.ascontiguousarray(rows.reshape(RAY // BLOCK, -1, BLOCK).transpose(1, 0, 2)).reshape(-1)
+
+
+def probe_rays(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | None = None) -> ProbeRecords:
+    """Trace the first n rays of a bundle in place and record their conditioning; see `fill_conditions`."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
+    from plenoptic.optics.lens.kernels.notes import INCIDENCE, LOG, NEWTON, REACH, REFRACTION, STEPS
+    from plenoptic.optics.lens.kernels.trace import fill_conditions
+
+    elements, whole = len(lens.rows), blocks.size // RAY
+    columns = np.empty((LOG, elements, whole, BLOCK))
+    for first in range(0, whole, CHUNK):
+        end = min(first + CHUNK, whole)
+        log = np.empty((end - first, elements, LOG, BLOCK))
+        part = None if waves is None else waves[first * BLOCK : end * BLOCK]
+        fill_conditions(blocks[first * RAY : end * RAY], log, lens.completed, part)
+        columns[:, :, first:end] = log.transpose(2, 1, 0, 3)
+    rays = columns.reshape(LOG, elements, -1)[:, :, :n]
+    codes = blocks.reshape(-1, RAY)[:, STATUS:].reshape(-1)[:n].astype(np.int64)
+    cancellation = rays[REACH] / sizes(lens)[:, None]
+    return ProbeRecords(lens, rays[INCIDENCE], rays[REFRACTION], cancellation, rays[NEWTON], rays[STEPS], codes)
+
+
+def sizes(lens: LensRecord) -> Floats:
+    """Semi-diameters in mm, or, where an element ends at its depth or nowhere, its radius or focal length."""
+    squared, curvature = lens.rows["semi_diameter2"], lens.rows["curvature"]
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.where(np.isfinite(squared), np.sqrt(squared), 1.0 / np.abs(curvature)))
+
+
+def kinds(lens: LensRecord) -> tuple[str, ...]:
+    """Name of the element of each row."""
+    names = {CONIC: "conic", ASPHERE: "asphere", FREEFORM: "freeform", IDEAL: "ideal lens"}
+    of_spheres = ("sphere" if c else "plane" for c in lens.rows["curvature"])
+    shapes = zip(lens.rows["kind"].tolist(), of_spheres, strict=True)
+    return tuple(sphere if kind == SPHERE else names.get(kind, "stop") for kind, sphere in shapes)
+
+
+def largest_and(typical: Callable[[Floats], Any], numbers: Floats) -> Floats:
+    """(n, 2) of (n, rays): the largest number and the mean or median, without rays that are nan; nan where all are."""
+    passing = (row[~np.isnan(row)] for row in numbers)
+    pairs = [(row.max(), typical(row)) if len(row) else (math.nan, math.nan) for row in passing]
+    return np.array(pairs).reshape(-1, 2)
+
+
+def conditioning_of(records: ProbeRecords) -> Conditioning:
     """Conditioning for each element, from the records of rays."""
-    is_hit = ~np.isnan(notes.newton)
+    is_hit = ~np.isnan(records.newton)
     return Conditioning(
-        elements=notes.lens.rows["surface_index"].copy(),
-        kinds=kinds(notes.lens),
-        rays=len(notes.codes),
+        elements=records.lens.rows["surface_index"].copy(),
+        kinds=kinds(records.lens),
+        rays=len(records.codes),
         reached=is_hit.sum(axis=1),
-        incidence=largest_and(np.median, notes.incidence),
-        refraction=largest_and(np.median, notes.refraction),
-        cancellation=largest_and(np.median, notes.cancellation),
-        newton=largest_and(np.mean, notes.newton),
-        search=largest_and(np.mean, notes.search),
-        searched=(notes.search > 0).sum(axis=1),
-        lost=lost_rays(np.bincount(notes.codes)),
+        incidence=largest_and(np.median, records.incidence),
+        refraction=largest_and(np.median, records.refraction),
+        cancellation=largest_and(np.median, records.cancellation),
+        newton=largest_and(np.mean, records.newton),
+        search=largest_and(np.mean, records.search),
+        searched=(records.search > 0).sum(axis=1),
+        lost=lost_rays(np.bincount(records.codes)),
     )

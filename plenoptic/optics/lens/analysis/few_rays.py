@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 

@@ -1,7 +1,6 @@
 """Field, vignetting and illumination of the image.
 
-Fields lie along +y: half angles in rad of objects infinitely far away, otherwise heights in mm of points in the plane
-z_object.
+Fields are those of `field_aberrations`.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ from numpy.typing import ArrayLike
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, number, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.fields import checked_fields, chief_rays, image_plane, unclipped
-from plenoptic.optics.lens.elements import opened
+from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, chief_rays, image_plane, trace_past_rims
+from plenoptic.optics.lens.elements import with_round_stops
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 _ZOOMS, _ZOOM = 3, 129
 """A limit is looked for in 129 places, then in 129 between two of them, and once more: to 1 in 2 million."""
@@ -63,16 +62,16 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     check_kind(lens, "lens", LensStack, "camera.lens")
     z_object = number(z_object, "z_object")
     iris, last = lens.iris_index, len(lens.elements) - 1
-    lens = dataclasses.replace(lens, elements=opened(lens.elements))
+    lens = dataclasses.replace(lens, elements=with_round_stops(lens.elements))
     low, high, field = 0.0, math.radians(89.9), 0.0
-    centre = np.zeros(3) if lens.stop.placement is None else np.asarray(lens.stop.placement.shift)
+    centre = np.zeros(3) if lens.stop.placement is None else lens.stop.placement.shift
     for _ in range(_ZOOMS):
         angle = np.linspace(low, high, _ZOOM)
         along = np.column_stack([np.zeros(_ZOOM), np.sin(angle), -np.cos(angle)])
         rays = RayBundle(np.broadcast_to(centre, along.shape), along, wavelength)
-        front = traced_part(lens, rays, 0, iris - 1, reverse=True) if iris > 0 else rays
+        front = trace_part(lens, rays, 0, iris - 1, reverse=True) if iris > 0 else rays
         back = RayBundle(rays.origin, -along, wavelength)
-        rear = traced_part(lens, back, iris + 1, last) if iris < last else back
+        rear = trace_part(lens, back, iris + 1, last) if iris < last else back
         stopped = np.flatnonzero((front.status != 0) | (rear.status != 0))
         beyond = int(stopped[0]) if stopped.size else _ZOOM
         if beyond == 0:
@@ -253,7 +252,7 @@ def relative_illumination(
     radii, cells = checked_fields(lens, fields, z_object), whole(grid, "grid", at_least=8, at_most=MOST_ACROSS)
     z_image = image_plane(lens, z_object, wavelength)
     with_axis = np.concatenate([[0.0], radii])
-    points = unclipped(lens, chief_rays(lens, with_axis, z_object, wavelength)).at_z(z_image)
+    points = trace_past_rims(lens, chief_rays(lens, with_axis, z_object, wavelength)).at_z(z_image)
     areas = np.array([_projected_solid_angle(lens, point, cells, wavelength) for point in points])
     (on_axis, axis_error), (area, error) = areas[0], areas[1:].T
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -271,7 +270,11 @@ def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelengt
     aimed = aimed_rays_reverse(
         lens, image_point=point[:2], z_image=float(point[2]), pupil=hexapolar(4), wavelength=wavelength
     )
-    low, high = _box(aimed.direction[aimed.status == 0, :2], _AROUND)
+    low, high = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
+    if (aimed.status == 0).any():
+        iris = aimed.direction[aimed.status == 0, :2]
+        around = _AROUND * np.ptp(iris, axis=0)
+        low, high = iris.min(axis=0) - around, iris.max(axis=0) + around
     for n in (_COARSE, cells):
         # Off the centre, so that a symmetric outline does not meet the grid symmetrically.
         offsets = np.add.outer([0.5 - 0.13, 0.5 + 0.29], np.arange(n)) / n
@@ -285,11 +288,3 @@ def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelengt
             return 0.0, 0.0
         low, high = passed.min(axis=0) - step, passed.max(axis=0) + step
     return light * float(step[0] * step[1]), _COUNTING / len(passed) ** 0.75
-
-
-def _box(points: Floats, share: float) -> tuple[Floats, Floats]:
-    """Corners of a box around points (n, 2), enlarged by a share of its size; of none, all direction cosines."""
-    if len(points) == 0:
-        return np.array([-1.0, -1.0]), np.array([1.0, 1.0])
-    low, high = points.min(axis=0), points.max(axis=0)
-    return low - share * (high - low), high + share * (high - low)

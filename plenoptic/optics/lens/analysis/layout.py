@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, check_kind, whole
+from plenoptic.core.values import Floats, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.fields import checked_fields, field_curvature
+from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, field_curvature
 from plenoptic.optics.lens.analysis.illumination import largest_field
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, fan
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from plenoptic.optics.lens.trace import trace_part
 
 _MOST_RAYS = 10_000
 """Of a field in a picture, where they are lines."""
@@ -36,6 +33,17 @@ _SHARP, _OPEN, _TRIED = 0.05, 1.0 / 3.0, 25
 a third of the diameter of the iris gets light."""
 
 
+class LensLayout(NamedTuple):
+    """Rays through a lens, for a figure."""
+
+    paths: list[Floats]
+    """(n_rays, n_points, 3) for each field: points x, y, z in mm, to the first nan."""
+    labels: list[str]
+    """Names of the fields."""
+    z_image: float | None
+    """Image plane, mm; None without one."""
+
+
 def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
     """The points at which n rays meet the k elements of a lens, taken as LensModel.EXACT: (n, k + 2, 3).
 
@@ -47,7 +55,7 @@ def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
     lost_at = lens.with_model(LensModel.EXACT).trace(rays).lost_at
     bundle, points = rays, [rays.origin]
     for k in range(elements):
-        bundle = traced_part(lens, bundle, k, k, clipping=False)
+        bundle = trace_part(lens, bundle, k, k, clipping=False)
         points.append(bundle.origin)
     points.append(bundle.at_z(z_end))
     paths = np.stack(points, axis=1)
@@ -79,11 +87,6 @@ def layout_fields(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     return float(tried[max(last, 1)]) * np.array([0.0, 0.7, 1.0])
 
 
-def _usual_object(lens: LensStack, wavelength: float) -> float:
-    points, (first, last) = cardinal_points(lens, wavelength), lens.vertices[[0, -1]]
-    return points.front_focus if points.rear_focus <= last and points.front_focus < first else -math.inf
-
-
 def _start_rays(rays: RayBundle, first: Floats, lead: float, *, parallel: bool) -> RayBundle:
     """The rays from at most `lead` before their first point on the lens; parallel ones from their wavefront there."""
     before = np.einsum("ij,ij->i", first - rays.origin, rays.direction)
@@ -95,7 +98,7 @@ def _start_rays(rays: RayBundle, first: Floats, lead: float, *, parallel: bool) 
     return RayBundle(origin, rays.direction, rays.wavelength, status=rays.status)
 
 
-def layout(
+def lens_layout(
     lens: LensStack,
     *,
     fields: ArrayLike | None = None,
@@ -103,30 +106,30 @@ def layout(
     rays: int = 7,
     wavelength: float = 587.6,
     z_image: float | None = None,
-    ax: Axes | None = None,
-) -> Axes:
-    """Draw a lens with a fan of real rays for each of some fields, true to scale; see `LensStack.layout`."""
-    from plenoptic.plots.lens import plot_layout
-
-    check_kind(lens, "lens", LensStack, "camera.lens")
-    place = _usual_object(lens, wavelength) if z_object is None else z_object
-    parallel = place == -math.inf
-    chosen = layout_fields(lens, z_object=place, wavelength=wavelength) if fields is None else fields
-    radii = checked_fields(lens, chosen, place)
+) -> LensLayout:
+    """Trace a fan of real rays for each of some fields; see `LensStack.layout`."""
+    (first_vertex, last_vertex), z = lens.vertices[[0, -1]].tolist(), z_object
+    if z is None:
+        points = cardinal_points(lens, wavelength)
+        from_focus = points.rear_focus <= last_vertex and points.front_focus < first_vertex
+        z = points.front_focus if from_focus else -math.inf
+    parallel = z == -math.inf
+    chosen = layout_fields(lens, z_object=z, wavelength=wavelength) if fields is None else fields
+    radii = checked_fields(lens, chosen, z)
     pupil = INSIDE * fan(whole(rays, "rays", at_least=2, at_most=_MOST_RAYS))
-    last, plane = float(lens.vertices[-1]), z_image
+    plane = z_image
     if plane is None:
-        image = image_position(lens, place, wavelength)
-        plane = image if last < image < math.inf else None
-    z_end = last + max(lens.length, 1.0) if plane is None else plane
+        image = image_position(lens, z, wavelength)
+        plane = image if last_vertex < image < math.inf else None
+    z_end = last_vertex + max(lens.length, 1.0) if plane is None else plane
     exact, paths = lens.with_model(LensModel.EXACT), []
     for field in radii.tolist():
-        aimed = aimed_rays(exact, field=(0.0, field), pupil=pupil, z_object=place, wavelength=wavelength)
-        first = traced_part(lens, aimed, 0, 0, clipping=False).origin
-        lead = max(_LEAD * lens.length, _LEAD_OF_ALL * (z_end - float(lens.vertices[0])))
+        aimed = aimed_rays(exact, field=(0.0, field), pupil=pupil, z_object=z, wavelength=wavelength)
+        first = trace_part(lens, aimed, 0, 0, clipping=False).origin
+        lead = max(_LEAD * lens.length, _LEAD_OF_ALL * (z_end - first_vertex))
         started = _start_rays(aimed, first, lead, parallel=parallel)
         polylines = ray_paths(exact, started, z_end=z_end)
         # Rays that pass beside the lens are not drawn.
         paths.append(polylines[np.isfinite(polylines[:, 2, 2])])
     labels = [f"{math.degrees(field):.3g}°" if parallel else f"{field:.3g} mm" for field in radii.tolist()]
-    return plot_layout(lens, paths, labels=labels, z_image=plane, ax=ax)
+    return LensLayout(paths, labels, plane)

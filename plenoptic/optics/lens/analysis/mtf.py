@@ -25,9 +25,9 @@ from plenoptic.core.values import (
     wavelength_in_nm,
 )
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import working_f_number
-from plenoptic.optics.lens.analysis.spots import SpotDiagram, jackknife_error, spot_diagram, without_one
-from plenoptic.optics.lens.pupil.beam import REPLICATES, meridian
+from plenoptic.optics.lens.analysis.best_focus import imaged_point, working_f_number
+from plenoptic.optics.lens.analysis.spot_diagram import SpotDiagram, jackknife_error, spots_of, without_one
+from plenoptic.optics.lens.pupil.beam import REPLICATES, ImagedPoint, meridian
 from plenoptic.optics.lens.stack import LensStack
 
 _SPREAD = 1.25
@@ -107,10 +107,8 @@ def point_spread(  # noqa: PLR0913
     ((64, 64), True, 1.0)
     """
     rows, columns = checked_shape(shape, ("rows", "columns"), at_most=4 * MAX_POINTS // REPLICATES)
-    spot = spot_diagram(
-        lens, field=field, z_object=z_object, z_image=z_image, wavelength=wavelength, rays=rays, seed=seed
-    )
-    _needs_light(spot)
+    point = imaged_point(lens, field, z_object, z_image, wavelength)
+    spot = _lit_spots(lens, point, rays, seed)
     if pixel_size is None:
         size = max(2.0 * _SPREAD * spot.geometric_radius, _SMALLEST_PICTURE) / min(rows, columns)
     else:
@@ -125,19 +123,18 @@ def point_spread(  # noqa: PLR0913
         outside=max(1.0 - float(image.sum()), 0.0),
         pixel_size=size,
         centre=np.array(middle),
-        field=spot.field,
-        z_object=spot.z_object,
-        z_image=spot.z_image,
-        wavelengths=spot.wavelengths,
+        **point.result_fields,
     )
 
 
-def _needs_light(spot: SpotDiagram) -> None:
+def _lit_spots(lens: LensStack, point: ImagedPoint, rays: int, seed: int) -> SpotDiagram:
+    """Spot diagram of an object point, or an error where no light passes."""
+    spot = spots_of(lens, point, rays, seed)
     if not len(spot.x):
         raise InvalidValueError(
-            f"no ray from the field {tuple(spot.field.tolist())} passes the lens; give a field that it images, "
-            "or more rays"
+            f"no ray from the field {point.field} passes the lens; give a field that it images, or more rays"
         )
+    return spot
 
 
 def _count(spot: SpotDiagram, centre: Floats, size: float, rows: int, columns: int) -> Floats:
@@ -223,33 +220,22 @@ def mtf(
     >>> found.tangential.round(2).tolist()
     [1.0, 0.6, 0.5]
     """
-    checked = _checked_frequencies(frequencies)
-    spot = spot_diagram(
-        lens, field=field, z_object=z_object, z_image=z_image, wavelength=wavelength, rays=rays, seed=seed
-    )
-    _needs_light(spot)
-    (x, y), (x0, y0) = meridian(spot.field), spot.centroid
+    checked = checked_frequencies(frequencies)
+    point = imaged_point(lens, field, z_object, z_image, wavelength)
+    spot, reference = _lit_spots(lens, point, rays, seed), point.wavelengths[0]
+    (x, y), (x0, y0) = meridian(point.field), spot.centroid
     dx, dy = spot.x - x0, spot.y - y0
     tangential, tangential_error = _modulus(spot, x * dx + y * dy, checked)
     sagittal, sagittal_error = _modulus(spot, y * dx - x * dy, checked)
-    f_number, diffraction = working_f_number(lens, spot.z_object, spot.wavelengths[0]), np.full(len(checked), np.nan)
+    f_number, diffraction = working_f_number(lens, point.z_object, reference), np.full(len(checked), np.nan)
     if math.isfinite(f_number):
-        diffraction = diffraction_mtf(checked, f_number=f_number, wavelength=spot.wavelengths[0])
-    return Mtf(
-        frequencies=checked,
-        tangential=tangential,
-        sagittal=sagittal,
-        tangential_error=tangential_error,
-        sagittal_error=sagittal_error,
-        diffraction=diffraction,
-        field=spot.field,
-        z_object=spot.z_object,
-        z_image=spot.z_image,
-        wavelengths=spot.wavelengths,
-    )
+        diffraction = diffraction_mtf(checked, f_number=f_number, wavelength=reference)
+    errors = tangential_error, sagittal_error
+    return Mtf(checked, tangential, sagittal, *errors, diffraction, **point.result_fields)
 
 
-def _checked_frequencies(frequencies: ArrayLike) -> Floats:
+def checked_frequencies(frequencies: ArrayLike) -> Floats:
+    """Frequencies (k,) that are finite and not negative, or an error."""
     checked = frozen_array(np.atleast_1d(numbers(frequencies, "frequencies")), name="frequencies", shape=("k",))  # type: ignore[arg-type]
     if not (np.isfinite(checked) & (checked >= 0)).all():
         raise InvalidValueError("frequencies holds a number that is below 0 or not finite; give cycles per mm")
@@ -297,6 +283,6 @@ def diffraction_mtf(frequencies: ArrayLike, *, f_number: float, wavelength: floa
     [1.0, 0.391, 0.0]
     """
     stop = positive(number(f_number, "f_number"), "f_number")
-    s = np.abs(_checked_frequencies(frequencies)) * (stop * wavelength_in_nm(wavelength) * 1e-6)
+    s = np.abs(checked_frequencies(frequencies)) * (stop * wavelength_in_nm(wavelength) * 1e-6)
     s = np.minimum(s, 1.0)
     return np.asarray((2.0 / math.pi) * (np.arccos(s) - s * np.sqrt(1.0 - s * s)))

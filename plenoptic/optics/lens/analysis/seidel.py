@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from plenoptic.core.values import Floats, finite, frozen_array, numbers, result, set_field, value
+from plenoptic.core.values import Floats, finite, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
 from plenoptic.optics.lens.gaussian.paraxial import image_position, leaving_aperture
+from plenoptic.optics.lens.pupil.beam import checked_wavelengths
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -19,11 +20,11 @@ _SUMS = ("spherical", "coma", "astigmatism", "petzval", "distortion")
 _LINES = (F_LINE, D_LINE, C_LINE)
 
 
-@value
+@result
 class SeidelSums:
     """Seidel's sums S_I to S_V, element by element, in mm. See `seidel_sums`, which makes it.
 
-    Parameters
+    Attributes
     ----------
     spherical, coma, astigmatism, petzval, distortion : (n,) arrays
         S_I, S_II, S_III, S_IV and S_V of each element in mm, as Welford defines them; 0 for stops.
@@ -45,12 +46,6 @@ class SeidelSums:
     distortion: Floats
     aperture: float
     wavelength: float
-
-    def __post_init__(self) -> None:
-        for name in _SUMS:
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(np.size(self.spherical),)))
-        for name in ("aperture", "wavelength"):
-            set_field(self, name, finite(getattr(self, name), name))
 
     @property
     def table(self) -> Floats:
@@ -253,7 +248,7 @@ def chromatic_shift(
     >>> round(shift.axial, 2)                           # some f / V = 100 / 64.2, and below 0.2 for an achromat
     1.53
     """
-    lines = _checked_lines(wavelengths)
+    lines = np.array(checked_wavelengths(wavelengths))
     middle = float(lines[len(lines) // 2]) if reference is None else finite(reference, "reference")
     if middle not in lines:
         raise InvalidValueError(f"reference is {middle:g} nm; it must be one of the wavelengths {lines.tolist()}")
@@ -269,13 +264,6 @@ def chromatic_shift(
         ray = chief_ray(lens, field, z_object, w)
         height[i] = ray.height[-1] + ray.angle[-1] * (plane - float(lens.vertices[-1]))
     return ChromaticShift(lines, focus, height, middle)
-
-
-def _checked_lines(wavelengths: Sequence[float]) -> Floats:
-    lines = frozen_array(np.atleast_1d(numbers(wavelengths, "wavelengths")), name="wavelengths", shape=(None,))
-    if len(lines) == 0:
-        raise InvalidValueError("wavelengths is empty; give at least one, in nm")
-    return lines
 
 
 def colour_sums(
@@ -309,10 +297,10 @@ def colour_sums(
     >>> pl.aberrations.colour_sums(pl.load_lens("achromat-100mm-f4.4"), field=0.01).shape
     (4, 2)
     """
-    lines = _checked_lines(wavelengths)
+    lines = checked_wavelengths(wavelengths)
     if len(lines) != 3:
-        raise InvalidValueError(f"wavelengths is {lines.tolist()}; it must be three: short, middle, long, nm")
-    short, middle, long = lines.tolist()
+        raise InvalidValueError(f"wavelengths is {list(lines)}; it must be three: short, middle, long, nm")
+    short, middle, long = lines
     spread = np.asarray(lens.indices(short)) - np.asarray(lens.indices(long))
     marginal = marginal_ray(lens, z_object, middle)
     chief = chief_ray(lens, field, z_object, middle)

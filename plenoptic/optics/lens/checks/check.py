@@ -18,6 +18,7 @@ from plenoptic.optics.lens.checks.finding import Finding, FindingKind
 from plenoptic.optics.lens.checks.rays import condition_findings, ray_findings
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -43,19 +44,10 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
     wave = positive(wavelength, "wavelength", "nm")
     lens.indices(wave)
     with np.errstate(all="ignore"):  # of numbers near the largest and smallest there are
-        all_findings = [
-            *_edges(lens),
-            *_collisions(lens),
-            *_stop_planes(lens),
-            *_shapes(lens),
-            *_glass_numbers(lens),
-            *_places(lens, wave),
-            *_aperture(lens),
-            *ray_findings(lens, wave),
-        ]
-        reflecting = {
-            i for finding in all_findings if finding.kind is FindingKind.TOTAL_REFLECTION for i in finding.elements
-        }
+        by_prescription = (_edges, _collisions, _stop_planes, _shapes, _glass_numbers, _aperture)
+        all_findings = [finding for check in by_prescription for finding in check(lens)]
+        all_findings += [*_positions(lens, wave), *ray_findings(lens, wave)]
+        reflecting = {i for each in all_findings if each.kind is FindingKind.TOTAL_REFLECTION for i in each.elements}
         all_findings += condition_findings(lens, wave, leave_out=reflecting)
     return tuple(sorted(all_findings, key=lambda finding: (finding.kind, finding.elements)))
 
@@ -162,17 +154,14 @@ def _points_on(element: Element) -> Floats:
     inside = np.hypot(x, y) <= element.semi_diameter
     x, y = x[inside], y[inside]
     z = _sag_at(element, x, y) if isinstance(element, Surface) else np.zeros_like(x)
-    points = np.column_stack([x, y, z])
-    if element.placement is not None:
-        points = points @ np.asarray(element.placement.rotation).T + np.asarray(element.placement.shift)
-    return points
+    return to_lens_axes(element.placement, np.column_stack([x, y, z]))
 
 
 def _axes_of(element: Element, points: Floats, z: float) -> Floats:
     """Points of the lens frame in the axes of an element whose place is z."""
     local = points - [0.0, 0.0, z]
     if element.placement is not None:
-        local = (local - np.asarray(element.placement.shift)) @ np.asarray(element.placement.rotation)
+        local = (local - element.placement.shift) @ element.placement.rotation
     return np.asarray(local)
 
 
@@ -250,20 +239,16 @@ def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
                 by_name.setdefault(name, []).append((i, *numbers))
     for name, entries in by_name.items():
         bundled = _nd_vd(name)
-        for i, nd, vd in entries:
-            if bundled is not None and _differ((nd, vd), bundled):
-                message = (
-                    f"the glass {name[:40]} behind surface {i} has n_d {nd:.4f} and V_d {vd:.2f}, the bundled one of "
-                    f"that name {bundled[0]:.4f} and {bundled[1]:.2f}; it may be a misprint, or another glass"
-                )
-                yield Finding(FindingKind.GLASS, (i,), message)
-        for (i, nd, vd), (j, other_nd, other_vd) in combinations(entries, 2):
+        sources: list[tuple[str, tuple[int, ...], tuple[float, float]]]
+        sources = [(f"behind surface {i}", (i,), (nd, vd)) for i, nd, vd in entries]
+        sources += [("as the bundled one of that name", (), bundled)] if bundled is not None else []
+        for (place, first, (nd, vd)), (other_place, second, (other_nd, other_vd)) in combinations(sources, 2):
             if _differ((nd, vd), (other_nd, other_vd)):
                 message = (
-                    f"the glass {name[:40]} has n_d {nd:.4f} and V_d {vd:.2f} behind surface {i}, and {other_nd:.4f} "
-                    f"and {other_vd:.2f} behind surface {j}; one of them may be a misprint"
+                    f"the glass {name[:40]} has n_d {nd:.4f} and V_d {vd:.2f} {place}, and {other_nd:.4f} and "
+                    f"{other_vd:.2f} {other_place}; it may be a misprint, or another glass"
                 )
-                yield Finding(FindingKind.GLASS, (i, j), message)
+                yield Finding(FindingKind.GLASS, first + second, message)
 
 
 def _nd_vd(medium: Medium | str) -> tuple[float, float] | None:
@@ -282,7 +267,7 @@ def _differ(one: tuple[float, float], other: tuple[float, float]) -> bool:
     )
 
 
-def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
+def _positions(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     """An iris far outside the lens, and an image inside it."""
     points, z = cardinal_points(lens, wavelength), lens.vertices
     (first, _), (last, rear) = _surfaces(lens)[0], _surfaces(lens)[-1]
@@ -305,25 +290,20 @@ def _places(lens: LensStack, wavelength: float) -> Iterator[Finding]:
 
 def _aperture(lens: LensStack) -> Iterator[Finding]:
     """An iris of another size than the lens's file says."""
-    specification, size, kind, iris = (
-        lens.specification,
-        lens.stop.semi_diameter,
-        FindingKind.APERTURE,
-        (lens.iris_index,),
-    )
-    stated, asked = (
-        (specification.stop_semi_diameter, specification.entrance_pupil_diameter)
-        if specification is not None
-        else (None, None)
-    )
+    specification, size, iris = lens.specification, lens.stop.semi_diameter, (lens.iris_index,)
+    if specification is None:
+        return
+    stated, asked = specification.stop_semi_diameter, specification.entrance_pupil_diameter
     message = f"the iris has a semi-diameter of {size:.4g} mm, and its file says "
     if stated is not None and abs(size - stated) > _OTHER_SIZE * stated:
         remedy = "which its system aperture overrules; load_lens(path, stop_size=pl.optics.StopSize.DIAMETER) takes it"
-        yield Finding(kind, iris, f"{message}{stated:.4g} mm, {remedy}")
-    if specification is not None and asked is not None:
+        yield Finding(FindingKind.APERTURE, iris, f"{message}{stated:.4g} mm, {remedy}")
+    if asked is not None:
         points = cardinal_points(lens, specification.wavelengths[0])
         pupil, length = 2.0 * points.entrance_pupil_semi_diameter, abs(points.efl)
         if abs(pupil - asked) > _OTHER_SIZE * asked:
             request = f"that the entrance pupil is {asked:.4g} mm wide (f/{length / asked:.3g}), which it makes "
             remedy = "lens.with_stop() gives it another iris"
-            yield Finding(kind, iris, f"{message}{request}{pupil:.4g} mm (f/{length / pupil:.3g}); {remedy}")
+            yield Finding(
+                FindingKind.APERTURE, iris, f"{message}{request}{pupil:.4g} mm (f/{length / pupil:.3g}); {remedy}"
+            )

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
 
-from plenoptic.core.values import choice, set_field, value, whole
-from plenoptic.errors import InvalidValueError
+from plenoptic.core.values import result
 
 
 class FindingKind(enum.IntEnum):
@@ -54,14 +52,14 @@ class FindingKind(enum.IntEnum):
     """The entrance pupil, or the semi-diameter of the iris, is another than the lens's file says, by more than 1 %."""
 
 
-@value
+@result
 class Finding:
     """Something in a lens that looks wrong; `LensStack.check` makes them. Printed, it is its message.
 
-    Parameters
+    Attributes
     ----------
     kind : FindingKind
-    elements : sequence of int
+    elements : tuple of int
         Indices in `LensStack.elements` of its elements, in rising order.
     message : str
         A sentence with the numbers.
@@ -77,14 +75,8 @@ class Finding:
     """
 
     kind: FindingKind
-    elements: Sequence[int]
+    elements: tuple[int, ...]
     message: str
-
-    def __post_init__(self) -> None:
-        set_field(self, "kind", choice(self.kind, FindingKind, "kind"))
-        set_field(self, "elements", tuple(whole(i, "elements", at_least=0) for i in self.elements))
-        if not isinstance(self.message, str):
-            raise InvalidValueError(f"message is {self.message!r}; it must be a text")
 
     def __str__(self) -> str:
         return self.message

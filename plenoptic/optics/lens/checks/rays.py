@@ -5,21 +5,26 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plenoptic.core.rays import RayBundle, RayStatus
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.analysis.conditioning_rows import blocks_of, noted, sizes
+from plenoptic.optics.lens.analysis.conditioning import blocks_of, probe_rays, sizes
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind
-from plenoptic.optics.lens.elements import opened
+from plenoptic.optics.lens.elements import with_round_stops
 from plenoptic.optics.lens.files.infer_stop import basis_rays
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 from plenoptic.optics.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 _FILLED = 0.95
 _RAYS = 513
@@ -38,6 +43,22 @@ _LOST_IN_THE_LENS = (RayStatus.TOTAL_REFLECTION, RayStatus.MISSED)
 _GRAZING = 10.0
 _NEAR_CRITICAL = 10.0
 _CANCELLED = 1e4
+
+_GRAZING_SENTENCE = (
+    "rays that pass the lens meet element {at} at up to {degrees:.4g} degrees from its normal, which magnifies their "
+    "errors there {number:.3g} times (1 / cos i), and more than {limit:g} times is too much; reduce its semi-diameter "
+    "or check the radii"
+)
+_NEAR_CRITICAL_SENTENCE = (
+    "rays that pass the lens are nearly totally reflected at surface {at}, which magnifies errors of their direction "
+    "{number:.3g} times (n cos i / (n' cos i')), and more than {limit:g} times is too much; reduce its semi-diameter "
+    "or check the radii"
+)
+_CANCELLED_SENTENCE = (
+    "rays come to element {at} over lengths that add up to {number:.3g} times its size of {size:.3g} mm, so that "
+    "{digits:.2g} of 15.7 decimal digits are lost, and more than 4 are too many; reduce the gaps beside it, or check "
+    "the units"
+)
 
 
 def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
@@ -66,7 +87,7 @@ def _passing_rays(lens: LensStack, angle: Floats, heights: int, wavelength: floa
     places = np.linspace(-0.98, 0.98, heights) * lens.stop.inner_radius
     fans = [_fan(lens, angle, wavelength, reverse=True, height=float(height)) for height in places]
     origin, direction = (np.concatenate([getattr(fan, name) for fan in fans]) for name in ("origin", "direction"))
-    ahead = traced_part(lens, RayBundle(origin, direction, wavelength), 0, lens.iris_index, reverse=True)
+    ahead = trace_part(lens, RayBundle(origin, direction, wavelength), 0, lens.iris_index, reverse=True)
     ahead = ahead.selected(ahead.status == RayStatus.OK)
     reversed_rays = RayBundle(ahead.origin, -ahead.direction, wavelength)
     return reversed_rays.selected(lens.trace(reversed_rays).status == RayStatus.OK)
@@ -97,7 +118,7 @@ def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, s
 def _exact_without_masks(lens: LensStack) -> LensStack:
     """The lens with circles around its masks and rings."""
     exact = lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT)
-    elements = opened(exact.elements)
+    elements = with_round_stops(exact.elements)
     return exact if elements == list(exact.elements) else dataclasses.replace(exact, elements=elements)
 
 
@@ -107,7 +128,7 @@ def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: 
     passing = int(lost[0]) - 1 if len(lost) else -1
     if passing < 0 or whole.lost_at[passing + 1] == lens.iris_index:
         return
-    at_iris = traced_part(lens, rays, 0, lens.iris_index, clipping=False)
+    at_iris = trace_part(lens, rays, 0, lens.iris_index, clipping=False)
     filled = float(np.hypot(at_iris.origin[passing, 0], at_iris.origin[passing, 1])) / lens.stop.inner_radius
     at, status = int(whole.lost_at[passing + 1]), RayStatus(int(whole.status[passing + 1]))
     if status in _LOST_IN_THE_LENS:
@@ -131,8 +152,8 @@ def _chief_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     """Rays through the centre of the iris, ever steeper, should end at a rim, in front of the iris or behind it."""
     angle = np.radians(np.linspace(0.0, _WIDEST_OUTSIDE if _iris_is_outside(lens) else _WIDEST, _RAYS))
     last = len(lens.elements) - 1
-    behind = traced_part(lens, _fan(lens, angle, wavelength, reverse=False), lens.iris_index, last)
-    before = traced_part(lens, _fan(lens, angle, wavelength, reverse=True), 0, lens.iris_index, reverse=True)
+    behind = trace_part(lens, _fan(lens, angle, wavelength, reverse=False), lens.iris_index, last)
+    before = trace_part(lens, _fan(lens, angle, wavelength, reverse=True), 0, lens.iris_index, reverse=True)
     lost = np.flatnonzero((before.status != RayStatus.OK) | (behind.status != RayStatus.OK))
     if not len(lost):
         return
@@ -156,10 +177,7 @@ def _iris_is_outside(lens: LensStack) -> bool:
 
 def _fan(lens: LensStack, angle: Floats, wavelength: float, *, reverse: bool, height: float = 0.0) -> RayBundle:
     """Rays through a point of the iris, at angles from the axis towards +y."""
-    placement = lens.stop.placement
-    point = np.array([0.0, height, 0.0])
-    if placement is not None:
-        point = point @ np.asarray(placement.rotation).T + placement.shift
+    point = to_lens_axes(lens.stop.placement, np.array([0.0, height, 0.0]))
     side = -1.0 if reverse else 1.0
     direction = np.stack([np.zeros_like(angle), side * np.sin(angle), side * np.cos(angle)], axis=1)
     return RayBundle(np.tile(point, (len(angle), 1)), direction, wavelength)
@@ -177,34 +195,17 @@ def condition_findings(lens: LensStack, wavelength: float, *, leave_out: Collect
     if not len(rays):
         return
     record = lens_record(lens, wavelength, reverse=False, first=0, last=len(lens.elements) - 1)
-    notes = noted(record, blocks_of(rays), len(rays))
+    records = probe_rays(record, blocks_of(rays), len(rays))
     considered = [i not in leave_out for i in range(len(lens.elements))]
-    for kind, numbers, limit in (
-        (FindingKind.GRAZING, notes.incidence, _GRAZING),
-        (FindingKind.NEAR_TOTAL_REFLECTION, notes.refraction, _NEAR_CRITICAL),
-        (FindingKind.CANCELLATION, notes.cancellation, _CANCELLED),
+    for kind, numbers, limit, sentence in (
+        (FindingKind.GRAZING, records.incidence, _GRAZING, _GRAZING_SENTENCE),
+        (FindingKind.NEAR_TOTAL_REFLECTION, records.refraction, _NEAR_CRITICAL, _NEAR_CRITICAL_SENTENCE),
+        (FindingKind.CANCELLATION, records.cancellation, _CANCELLED, _CANCELLED_SENTENCE),
     ):
         largest = np.where(considered, np.nan_to_num(numbers, nan=0.0, posinf=math.inf).max(axis=1), 0.0)
-        at = int(np.argmax(largest))
-        if largest[at] > limit:
-            yield Finding(kind, (at,), _sentence(kind, at, float(largest[at]), limit, float(sizes(record)[at])))
-
-
-def _sentence(kind: FindingKind, at: int, number: float, limit: float, size: float) -> str:
-    if kind is FindingKind.GRAZING:
-        return (
-            f"rays that pass the lens meet element {at} at up to {math.degrees(math.acos(1.0 / number)):.4g} degrees "
-            f"from its normal, which magnifies their errors there {number:.3g} times (1 / cos i), and more than "
-            f"{limit:g} times is too much; reduce its semi-diameter or check the radii"
-        )
-    if kind is FindingKind.NEAR_TOTAL_REFLECTION:
-        return (
-            f"rays that pass the lens are nearly totally reflected at surface {at}, which magnifies errors of their "
-            f"direction {number:.3g} times (n cos i / (n' cos i')), and more than {limit:g} times is too much; reduce "
-            "its semi-diameter or check the radii"
-        )
-    return (
-        f"rays come to element {at} over lengths that add up to {number:.3g} times its size of {size:.3g} mm, so that "
-        f"{math.log10(number):.2g} of 15.7 decimal digits are lost, and more than {math.log10(limit):g} are too many; "
-        "reduce the gaps beside it, or check the units"
-    )
+        at, number = int(np.argmax(largest)), float(largest.max())
+        if number > limit:
+            degrees, digits = math.degrees(math.acos(1.0 / number)), math.log10(number)
+            size = float(sizes(record)[at])
+            message = sentence.format(at=at, number=number, limit=limit, degrees=degrees, digits=digits, size=size)
+            yield Finding(kind, (at,), message)

@@ -43,12 +43,10 @@ def lens_from_csv(text: str, where: str) -> LensStack:
 
 
 def _medium(material: str, index: str, abbe: str) -> Medium:
-    if not (material or index or abbe):
+    if material.lower() in ("", "air") and not (index or abbe):
         return AIR
     if material.lower() == "air":
-        if index or abbe:
-            raise PrescriptionError(f"air has index {index[:40]!r} and V-number {abbe[:40]!r}; leave both empty")
-        return AIR
+        raise PrescriptionError(f"air has index {index[:40]!r} and V-number {abbe[:40]!r}; leave both empty")
     if material.lower() == "mirror" and not (index or abbe):
         return MIRROR
     if not index and not abbe:

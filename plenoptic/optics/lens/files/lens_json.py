@@ -19,12 +19,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from plenoptic.core.files.serialization import describe, restore
+from plenoptic.core.files.serialization import from_tree, to_tree
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, ConstantMedium, Medium, ModelGlass, Schott, Sellmeier
 from plenoptic.optics.lens.elements import Element, check_count
@@ -36,6 +36,15 @@ from plenoptic.optics.surfaces.mirror import MIRROR
 from plenoptic.optics.surfaces.surface import Surface
 
 _FORMAT = "plenoptic-lens-1"
+_UNREADABLE = (FileError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
+"""Errors of constructors, which check all numbers of a file."""
+_NAMED: dict[str, Medium] = {"air": AIR, "mirror": MIRROR}
+_SHORT_FORMS: tuple[tuple[type[Medium], dict[str, str]], ...] = (
+    (ConstantMedium, {"index": "refractive_index"}),
+    (ModelGlass, {"name": "name", "nd": "nd", "vd": "vd"}),
+    (Schott, {"name": "name", "schott": "coefficients", "wavelength_range": "wavelength_range"}),
+)
+"""Keys of media in a file, and their fields."""
 
 
 def json_of_lens(lens: LensStack) -> str:
@@ -64,7 +73,7 @@ def json_of_lens(lens: LensStack) -> str:
     if lens.model is not LensModel.EXACT:
         head["model"] = lens.model.name
     if lens.specification is not None:
-        head["specification"] = json.loads(describe(lens.specification))
+        head["specification"] = to_tree(lens.specification)
     rows = [json.dumps(_element_to_json(element, i)) for i, element in enumerate(lens.elements)]
     lines = [*(f"  {json.dumps(key)}: {json.dumps(item)}," for key, item in head.items()), '  "elements": [']
     return "\n".join(["{", *lines, ",\n".join(f"    {row}" for row in rows), "  ]", "}", ""])
@@ -80,59 +89,25 @@ def lens_from_json(text: str, where: str) -> LensStack:
         head = _fields(data, "the file", "format name source iris elements", "ambient model specification")
         if head["format"] != _FORMAT:
             raise PrescriptionError(f"format is {head['format']!r:.40}; it must be {_FORMAT!r}")
-        rows, elements = _list(head["elements"], "elements"), []
-        check_count(len(rows))
-        for i, row in enumerate(rows):
-            try:
-                elements.append(_element_from_json(row))
-            except InvalidValueError as error:
-                raise PrescriptionError(f"element {i}: {error}") from None
+        for name, kind, expected in (("name", str, "text"), ("source", str, "text"), ("elements", list, "list")):
+            if not isinstance(head[name], kind):
+                raise PrescriptionError(f"{name} is {head[name]!r:.40}; it must be a {expected}")
+        check_count(len(head["elements"]))
         return LensStack(
-            elements,
+            [_element_from_json(row, i) for i, row in enumerate(head["elements"])],
             head["iris"],
-            _text(head["name"], "name"),
-            _text(head["source"], "source"),
+            head["name"],
+            head["source"],
             ambient=_medium_from_json(head.get("ambient", "air")),
             model=_model(head.get("model", "EXACT")),
-            specification=_value(head.get("specification"), "specification"),
+            specification=from_tree(head.get("specification")),
         )
-    except (InvalidValueError, RecursionError) as error:
+    except _UNREADABLE as error:
         raise PrescriptionError(f"{where}: {error}") from None
 
 
-# ---- what is checked of JSON ----
-
-
-def _number(data: Any, name: str) -> float:
-    if isinstance(data, bool) or not isinstance(data, int | float):
-        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a number")
-    try:
-        return float(data)
-    except OverflowError:
-        raise PrescriptionError(f"{name} is too large for a number; correct it") from None
-
-
-def _list(data: Any, name: str, of: str = "") -> list[Any]:
-    if not isinstance(data, list):
-        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a list{of}")
-    return data
-
-
-def _numbers(data: Any, name: str) -> tuple[float, ...]:
-    return tuple(_number(item, name) for item in _list(data, name, " of numbers"))
-
-
-def _rows(data: Any, name: str) -> list[tuple[float, ...]]:
-    return [_numbers(row, name) for row in _list(data, name, " of lists of numbers")]
-
-
-def _text(data: Any, name: str) -> str:
-    if not isinstance(data, str):
-        raise PrescriptionError(f"{name} is {data!r:.40}; it must be a text")
-    return data
-
-
 def _fields(data: Any, name: str, wanted: str, allowed: str = "") -> Mapping[str, Any]:
+    """An object of JSON with all the keys wanted and no others but those allowed."""
     keys, also = set(wanted.split()), set(allowed.split())
     if not isinstance(data, dict) or not keys <= set(data) <= keys | also:
         content = ", ".join(sorted(data)) if isinstance(data, dict) else f"{data!r:.40}"
@@ -141,26 +116,18 @@ def _fields(data: Any, name: str, wanted: str, allowed: str = "") -> Mapping[str
     return data
 
 
-# ---- media ----
-
-_NAMED: dict[str, Medium] = {"air": AIR, "mirror": MIRROR}
-
-
 def _medium_to_json(medium: Medium, where: str) -> Any:
     for name, constant in _NAMED.items():
         if medium == constant:
             return name
-    if isinstance(medium, ConstantMedium):
-        return {"index": medium.refractive_index}
-    if isinstance(medium, ModelGlass):
-        return {"name": medium.name, "nd": medium.nd, "vd": medium.vd}
+    for kind, keys in _SHORT_FORMS:
+        if isinstance(medium, kind):
+            return {key: getattr(medium, field) for key, field in keys.items()}
     if isinstance(medium, Sellmeier):
         formula = {"sellmeier": {"b": medium.b, "c": medium.c}}
         return {"name": medium.name, **formula, "wavelength_range": medium.wavelength_range}
-    if isinstance(medium, Schott):
-        return {"name": medium.name, "schott": medium.coefficients, "wavelength_range": medium.wavelength_range}
     try:
-        return json.loads(describe(medium))
+        return to_tree(medium)
     except InvalidValueError:
         raise PrescriptionError(
             f"the medium {where} is {medium!r}, which has no place in a lens file; "
@@ -171,23 +138,16 @@ def _medium_to_json(medium: Medium, where: str) -> Any:
 def _medium_from_json(data: Any) -> Medium:
     if isinstance(data, str) and data in _NAMED:
         return _NAMED[data]
-    kinds = set(data) if isinstance(data, dict) else set()
-    if "index" in kinds:
-        return ConstantMedium(_number(_fields(data, "medium", "index")["index"], "index"))
-    if "sellmeier" in kinds:
+    keys = set(data) if isinstance(data, dict) else set()
+    for kind, fields in _SHORT_FORMS:
+        if keys == set(fields):
+            return kind(**{field: data[key] for key, field in fields.items()})
+    if "sellmeier" in keys:
         glass = _fields(data, "medium", "name sellmeier wavelength_range")
         terms = _fields(glass["sellmeier"], "sellmeier", "b c")
-        limits = _pair(glass["wavelength_range"])
-        return Sellmeier(_numbers(terms["b"], "b"), _numbers(terms["c"], "c"), _text(glass["name"], "name"), limits)
-    if "schott" in kinds:
-        glass = _fields(data, "medium", "name schott wavelength_range")
-        coefficients, limits = _numbers(glass["schott"], "schott"), _pair(glass["wavelength_range"])
-        return Schott(coefficients, _text(glass["name"], "name"), limits)
-    if "nd" in kinds:
-        glass = _fields(data, "medium", "name nd vd")
-        return ModelGlass(_number(glass["nd"], "nd"), _number(glass["vd"], "vd"), _text(glass["name"], "name"))
-    if kinds == {"value"}:
-        medium = _value(data, "medium")
+        return Sellmeier(terms["b"], terms["c"], glass["name"], glass["wavelength_range"])
+    if keys == {"value"}:
+        medium = from_tree(data)
         if not isinstance(medium, Medium):
             raise PrescriptionError(f"medium is a {type(medium).__name__}; it must have a refractive index")
         return medium
@@ -196,47 +156,11 @@ def _medium_from_json(data: Any) -> Medium:
     )
 
 
-def _value(data: Any, name: str) -> Any:
-    """Any public value of the package."""
-    try:
-        return restore(json.dumps(data))
-    except (FileError, ArithmeticError, IndexError) as error:
-        raise PrescriptionError(f"{name}: {error}") from None
-
-
-def _pair(data: Any) -> tuple[float, float]:
-    limits = _numbers(data, "wavelength_range")
-    if len(limits) != 2:
-        raise PrescriptionError(f"wavelength_range has {len(limits)} numbers; it must have 2")
-    return limits[0], limits[1]
-
-
-def _model(data: Any) -> LensModel:
+def _model(name: Any) -> LensModel:
     names = [model.name for model in LensModel]
-    if data not in names:
-        raise PrescriptionError(f"model is {data!r:.40}; it must be {' or '.join(names)}")
-    return LensModel[data]
-
-
-def _placement(data: Any, name: str) -> Placement:
-    fields = _fields(data, name, "shift rotation")
-    return Placement(_numbers(fields["shift"], "shift"), _rows(fields["rotation"], "rotation"))
-
-
-# ---- elements ----
-
-_SIZE = ("thickness", "semi_diameter")
-_OF_ALL = (*_SIZE, "placement")
-_READERS: dict[str, Callable[[Any, str], Any]] = {"float": _number, "int": lambda data, name: data, "ArrayLike": _rows}
-"""How the fields of a stop are read, by their types."""
-_OPTIONAL: dict[str, Callable[[Any, str], Any]] = {
-    "conic": _number,
-    "aspheric": _numbers,
-    "depth": _number,
-    "freeform": _value,
-    "placement": _placement,
-}
-"""Fields of a surface that may be left out, and how they are read."""
+    if name not in names:
+        raise PrescriptionError(f"model is {name!r:.40}; it must be {' or '.join(names)}")
+    return LensModel[name]
 
 
 def _element_to_json(element: Element, i: int) -> dict[str, Any]:
@@ -247,19 +171,19 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
         row = {"radius": radius, **size, "medium": _medium_to_json(element.medium, f"behind element {i}")}
         members = {name: getattr(element, name) for name in ("conic", "aspheric", "depth")}
         row |= {name: item for name, item in members.items() if item not in (0.0, (), None)}
-        row |= {"freeform": json.loads(describe(element.freeform))} if element.freeform is not None else {}
+        row |= {"freeform": to_tree(element.freeform)} if element.freeform is not None else {}
     else:
         row = _stop_to_json(element, size)
     if element.placement is not None:
-        # frozen_array keeps both as arrays.
         shift, rotation = element.placement.shift, element.placement.rotation
-        row["placement"] = {"shift": shift.tolist(), "rotation": rotation.tolist()}  # type: ignore[union-attr]
+        row["placement"] = {"shift": shift.tolist(), "rotation": rotation.tolist()}
     return row
 
 
 def _own_fields(stop: type[Stop]) -> Iterator[dataclasses.Field[Any]]:
     """The fields that not all stops have."""
-    return (field for field in dataclasses.fields(stop) if field.name not in _OF_ALL)
+    common = ("thickness", "semi_diameter", "placement")
+    return (field for field in dataclasses.fields(stop) if field.name not in common)
 
 
 def _stop_to_json(stop: Stop, size: dict[str, float]) -> dict[str, Any]:
@@ -275,28 +199,34 @@ def _stop_to_json(stop: Stop, size: dict[str, float]) -> dict[str, Any]:
     return row
 
 
-def _stop_from_json(data: Mapping[str, Any]) -> Stop:
+def _element_from_json(data: Any, i: int) -> Element:
+    try:
+        row = _element_fields(data)
+        if "placement" in row:
+            row["placement"] = Placement(**_fields(row["placement"], "placement", "shift rotation"))
+        if "stop" in row:
+            return STOPS[row.pop("stop")](**row)
+        row["radius"] = math.inf if row["radius"] is None else row["radius"]
+        row["medium"] = _medium_from_json(row["medium"])
+        if "freeform" in row:
+            row["freeform"] = from_tree(row["freeform"])
+        return Surface(**row)
+    except _UNREADABLE as error:
+        raise PrescriptionError(f"element {i}: {error}") from None
+
+
+def _element_fields(data: Any) -> dict[str, Any]:
+    """A copy of an element's object, with the keys that its kind has."""
+    if not (isinstance(data, dict) and "stop" in data):
+        keys = "radius thickness semi_diameter medium"
+        if isinstance(data, dict) and "departure" in data:  # the former name
+            data = {"freeform" if name == "departure" else name: field for name, field in data.items()}
+        return dict(_fields(data, "it", keys, "conic aspheric depth freeform placement"))
     name = data["stop"]
     if not (isinstance(name, str) and name in STOPS):
         first, *middle, last = (f'"{kind}"' for kind in STOPS)
         raise PrescriptionError(f"stop is {name!r:.40}; it must be {', '.join([first, *middle])} or {last}")
-    fields = {field.name: field for field in _own_fields(STOPS[name])}
-    required = [name for name, field in fields.items() if not field.kw_only]
-    row = _fields(
-        data, "it", " ".join(["stop", *_SIZE, *required]), " ".join(["placement", *(set(fields) - set(required))])
-    )
-    arguments: dict[str, Any] = {name: _number(row[name], name) for name in _SIZE}
-    arguments |= {name: _READERS[str(fields[name].type)](row[name], name) for name in fields if name in row}
-    return STOPS[name](**arguments, placement=_placement(row["placement"], "placement") if "placement" in row else None)
-
-
-def _element_from_json(data: Any) -> Element:
-    if isinstance(data, dict) and "stop" in data:
-        return _stop_from_json(data)
-    if isinstance(data, dict) and "departure" in data:  # the former name of the freeform term
-        data = {("freeform" if name == "departure" else name): field for name, field in data.items()}
-    row = _fields(data, "it", "radius thickness semi_diameter medium", " ".join(_OPTIONAL))
-    radius = math.inf if row["radius"] is None else _number(row["radius"], "radius")
-    thickness, semi_diameter = (_number(row[name], name) for name in _SIZE)
-    options = {name: read(row[name], name) for name, read in _OPTIONAL.items() if name in row}
-    return Surface(radius, thickness, _medium_from_json(row["medium"]), semi_diameter=semi_diameter, **options)
+    fields = list(_own_fields(STOPS[name]))
+    required = " ".join(field.name for field in fields if not field.kw_only)
+    optional = " ".join(field.name for field in fields if field.kw_only)
+    return dict(_fields(data, "it", f"stop thickness semi_diameter {required}", f"placement {optional}"))

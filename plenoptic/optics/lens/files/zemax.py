@@ -5,8 +5,9 @@ the lens, nor are the gaps next to them. A glass on the object is the medium aro
 
 - TYPE STANDARD, EVENASPH and SZERNSAG, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS; lengths are converted
   from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean square 1 over the disc of the norm radius: XDAT 1 is
-  their number, XDAT 2 the norm radius, XDAT 3 and on the terms; their sag at the vertex moves the surface. All other
-  types are refused, and so are tilted surfaces (SCBD), and apertures and obscurations that are not round.
+  their number, XDAT 2 the norm radius, XDAT 3 and on the terms; their sag at the vertex moves the surface.
+- TYPE BICONICX: CURV and CONI along y, PARM 1 the radius along x (0: flat) and PARM 2 the conic constant along x.
+- All other types are refused, and so are tilted surfaces (SCBD), and apertures and obscurations that are not round.
 - COORDBRK: the elements that follow are placed as it says (`Placement`). Mirrors (GLAS MIRROR) are unfolded: plane ones
   vanish, curved ones reflect (`Mirror`). See `zemax_folds`.
 - Solves and pickups count with the value that the file holds, several configurations as the one that it was saved in.
@@ -39,6 +40,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
 from plenoptic.core.values import wrong_kind
@@ -48,27 +50,17 @@ from plenoptic.optics.glass.bundled import bundled_glass
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.elements import check_count
-from plenoptic.optics.lens.files.zemax_folds import is_folded, unfolded
-from plenoptic.optics.lens.files.zemax_stack import Row, stacked
+from plenoptic.optics.lens.files.zemax_folds import is_folded, unfold
+from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.surfaces.freeform_bounds import ZemaxNumbers
 from plenoptic.optics.surfaces.freeform_registry import ZEMAX
-from plenoptic.optics.surfaces.zemax_shape import ZemaxShape
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
 _BREAK = "COORDBRK"
-_TYPES = {
-    "DGRATING": "a grating",
-    "TOROIDAL": "a toroid",
-    "QED_TYPE": "an asphere in Forbes's polynomials",
-    "ODDASPHE": "an asphere with odd powers",
-    "XASPHERE": "an extended asphere",
-    "PARAXIAL": "an ideal lens",
-    "USERSURF": "a user's own surface",
-}
-"""What surfaces are that cannot be read."""
 _REFUSED = {
     **dict.fromkeys(("SQOB", "ELOB", "USOB"), "obscurations that are not round"),
     **dict.fromkeys(("USAP", "UDAD"), "user-defined apertures"),
@@ -93,18 +85,24 @@ def lens_from_zmx(
             if line.keyword == "MODE" and line.word(0).upper() != "SEQ":
                 raise PrescriptionError(f"MODE is {line.word(0)[:40]!r}; only sequential files, MODE SEQ, can be read")
             if line.keyword == "UNIT":
-                unit = _unit(line.word(0))
-    media = _Glasses(glasses, " ".join(line.rest for line in head if line.keyword == "GCAT"))
+                name = line.word(0)
+                if name.upper() not in _UNITS:
+                    raise PrescriptionError(f"UNIT is {name[:40]!r}; it must be one of {', '.join(_UNITS)}")
+                unit = _UNITS[name.upper()]
+    if isinstance(glasses, str) or not (glasses is None or hasattr(glasses, "__getitem__")):
+        raise wrong_kind(glasses, "glasses", "mapping from names to media", 'pl.optics.load_glasses("schott.agf")')
+    makers = " ".join(line.rest for line in head if line.keyword == "GCAT")
+    media = _Glasses({} if glasses is None else glasses, makers)
     left_out = _left_out(blocks)
     blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV")]
     rows, turned = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)], False
     if is_folded(rows):
-        rows, turned = unfolded(rows, where)
+        rows, turned = unfold(rows, where)
     names = [line.rest for line in head if line.keyword == "NAME" and line.rest]
     notes = [line.rest.partition(" ")[2].strip() for line in head if line.keyword == "NOTE"]
     source = "; ".join([where, *filter(None, notes)])
     system = read_system(head, where, unit)
-    lens = stacked(rows, system, where, (names or [where.rpartition(".")[0]])[0], source, stop_size=stop_size)
+    lens = lens_of_rows(rows, system, where, (names or [where.rpartition(".")[0]])[0], source, stop_size=stop_size)
     left_out = [*system.left_out, *left_out, *(["tilt and decentre of the image (COORDBRK)"] * turned)]
     if len(system.fields) and lens.specification is not None and not len(lens.specification.fields):
         left_out.append(f"fields of type {system.field_type} (FTYP)")
@@ -149,21 +147,12 @@ def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
     return head, blocks
 
 
-def _unit(name: str) -> float:
-    if name.upper() not in _UNITS:
-        raise PrescriptionError(f"UNIT is {name[:40]!r}; it must be one of {', '.join(_UNITS)}")
-    return _UNITS[name.upper()]
+class _Glasses(NamedTuple):
+    """Catalogues in which glasses are looked up by name."""
 
-
-class _Glasses:
-    """Glasses by name, each looked up once."""
-
-    def __init__(self, own: Mapping[str, Medium] | GlassCatalogue | None, catalogues: str) -> None:
-        if isinstance(own, str) or not (own is None or hasattr(own, "__getitem__")):
-            raise wrong_kind(own, "glasses", "mapping from names to media", 'pl.optics.load_glasses("schott.agf")')
-        self._own: Mapping[str, Medium] | GlassCatalogue = {} if own is None else own
-        self._catalogues = catalogues
-        self._found: dict[str, Medium] = {}
+    first: Mapping[str, Medium] | GlassCatalogue
+    makers: str
+    """Names of the bundled ones that are looked up next."""
 
     def medium(self, line: Line) -> Medium:
         """The medium of a GLAS line."""
@@ -171,17 +160,14 @@ class _Glasses:
         if name.upper() == "___BLANK":
             nd, vd = line.real(3), line.real(4) if len(line.words) > 4 else 0.0
             return ModelGlass(nd, vd) if vd != 0 else ConstantMedium(nd)
-        if name not in self._found:
-            self._found[name] = self._own[name] if name in self._own else self._bundled_glass(name)
-        return self._found[name]
-
-    def _bundled_glass(self, name: str) -> Medium:
+        if name in self.first:
+            return self.first[name]
         try:
-            return bundled_glass(name, self._catalogues.split())
+            return bundled_glass(name, self.makers.split())
         except PrescriptionError:
             raise
         except InvalidValueError as error:
-            origin = f"; the file names the catalogues {self._catalogues[:80]}" if self._catalogues else ""
+            origin = f"; the file names the catalogues {self.makers[:80]}" if self.makers else ""
             unknown = str(error).partition("; pl.optics.glass_names()")[0]
             raise PrescriptionError(
                 f"{unknown}{origin}: give the maker's AGF file, load_lens(path, glasses=pl.optics.load_glasses(agf))"
@@ -197,7 +183,7 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
             if line.keyword == "TYPE":
                 kind = _type(line, number)
             elif line.keyword == "PARM" and kind != "STANDARD":
-                parameters[int(line.real(0))] = line.real(1)
+                _set_parameter(parameters, line, kind)
             elif line.keyword == "XDAT" and kind in ZEMAX:
                 extra[int(line.real(0))] = line.real(1)
             else:
@@ -205,35 +191,35 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
     if kind == _BREAK:
         decentre = (parameters.get(i, 0.0) * unit for i in (1, 2))
         return row._replace(turn=(*decentre, *(parameters.get(i, 0.0) for i in (3, 4, 5, 6))))
-    shape = ZemaxShape(row.curvature, row.conic, parameters, extra, unit)
     if kind in ZEMAX:
+        shape = ZemaxNumbers(row.curvature, row.conic, parameters, extra, unit)
         with name_line_in_errors(where, row.lines.get("XDAT", row.lines["SURF"])):
-            shape = ZEMAX[kind](shape)
-    with name_line_in_errors(where, row.lines.get("PARM", row.lines["SURF"])):
-        aspheric = _even_terms(shape)
-    row = row._replace(curvature=shape.curvature, conic=shape.conic, aspheric=aspheric)
-    return row._replace(freeform=shape.freeform, offset=shape.offset)
+            freeform, offset = ZEMAX[kind].read(shape)
+        row = row._replace(freeform=freeform, offset=offset)
+        if ZEMAX[kind].is_whole:
+            return row._replace(curvature=0.0, conic=0.0)
+    # z and r scale alike: a_i of r^(2 i) is in unit^(1 - 2 i).
+    return row._replace(aspheric=tuple(parameters.get(i, 0.0) * unit ** (1 - 2 * i) for i in range(1, _TERMS + 1)))
 
 
 def _type(line: Line, number: int) -> str:
     kind = line.word(0).upper()
     types = ("STANDARD", "EVENASPH", _BREAK, *ZEMAX)
     if kind not in types:
-        what = f"{_TYPES[kind]} ({kind})" if kind in _TYPES else f"of type {kind[:40]}"
-        listed = " and ".join([", ".join(types[:-1]), types[-1]])
-        raise PrescriptionError(f"surface {number} is {what}; only {listed} surfaces can be read")
+        raise PrescriptionError(
+            f"surface {number} is of type {kind[:40]}; the surfaces that can be read are {', '.join(types)}"
+        )
     return kind
 
 
-def _even_terms(shape: ZemaxShape) -> tuple[float, ...]:
-    """Coefficients a_i of r^(2 i) in mm^(1 - 2 i), from PARM i."""
-    for i, coefficient in shape.parameters.items():
-        if coefficient != 0 and not 1 <= i <= _TERMS:
-            statement = f"PARM {i} is {coefficient:g}"
-            raise PrescriptionError(
-                f"{statement}; only PARM 1 to {_TERMS}, those of even aspheres, are read: set it to 0"
-            )
-    return tuple(shape.parameters.get(i, 0.0) * shape.unit ** (1 - 2 * i) for i in range(1, _TERMS + 1))
+def _set_parameter(parameters: dict[int, float], line: Line, kind: str) -> None:
+    i, number = line.real(0), line.real(1)
+    count = ZEMAX[kind].n_parameters if kind in ZEMAX else _TERMS
+    if kind == _BREAK or i in range(1, count + 1):
+        parameters[int(i)] = number
+    elif number != 0:
+        statement = f"PARM {line.word(0)[:40]} is {number:g}"
+        raise PrescriptionError(f"{statement}; only PARM 1 to {count} of {kind} surfaces are read: set it to 0")
 
 
 def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:

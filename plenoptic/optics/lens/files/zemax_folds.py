@@ -16,7 +16,7 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.lens.files.zemax_stack import Row
-from plenoptic.optics.lens.placement import Placement
+from plenoptic.optics.lens.placement import Placement, rotation_about_axis
 from plenoptic.optics.surfaces.mirror import Mirror
 
 _ROUNDING = 1e-12
@@ -28,7 +28,7 @@ def is_folded(rows: list[Row]) -> bool:
     return any(row.turn is not None or row.is_mirror for row in rows)
 
 
-def unfolded(rows: list[Row], where: str) -> tuple[list[Row], bool]:
+def unfold(rows: list[Row], where: str) -> tuple[list[Row], bool]:
     """Rows with breaks and plane mirrors as rows that vanish, and whether the image stands off the axis."""
     origin, axes, along = np.zeros(3), np.eye(3), 0.0
     # From places in the file to places in the unfolded path, and whether light goes along the axis or against it.
@@ -41,9 +41,13 @@ def unfolded(rows: list[Row], where: str) -> tuple[list[Row], bool]:
         gap = row.gap * sense if row is not rows[-1] else 0.0
         place = _placement(axes_seen @ origin + offset - (0.0, 0.0, along), axes_seen @ axes * (1.0, 1.0, sense))
         facing, curved = sense, row.is_mirror and not row.is_plane
-        fold = Mirror() if place is None else Mirror(np.asarray(place.rotation)[:, 2])
+        fold = Mirror() if place is None else Mirror(place.rotation[:, 2])
         if row.is_mirror:
-            _check_mirror(row, where)
+            if row.is_plane and row.is_stop:
+                raise PrescriptionError(
+                    f"{where}, line {row.lines.get('GLAS', row.lines['SURF'])}: surface {row.number} is a plane mirror "
+                    "and the stop; put the stop on a plane of its own"
+                )
             normal = axes[:, 2]
             # The plane goes through the mirror's place on the axis, also where the mirror is decentred.
             point = axes_seen.T @ ([0.0, 0.0, along] - offset) if curved else origin
@@ -65,28 +69,12 @@ def unfolded(rows: list[Row], where: str) -> tuple[list[Row], bool]:
 
 def _break(turn: tuple[float, ...]) -> tuple[Floats, Floats]:
     """Shift and rotation of a coordinate break, in the axes before it."""
-    x, y, z = (_rotate(axis, math.radians(angle)) for axis, angle in enumerate(turn[2:5]))
+    x, y, z = (rotation_about_axis(axis, math.radians(angle)) for axis, angle in enumerate(turn[2:5]))
     decentre = np.array([turn[0], turn[1], 0.0])
     if turn[5] == 0:
         return decentre, x @ y @ z
     rotation = z @ y @ x
     return rotation @ decentre, rotation
-
-
-def _rotate(axis: int, angle: float) -> Floats:
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    matrix = np.eye(3)
-    matrix[i, i] = matrix[j, j] = math.cos(angle)
-    matrix[j, i], matrix[i, j] = math.sin(angle), -math.sin(angle)
-    return matrix
-
-
-def _check_mirror(row: Row, where: str) -> None:
-    if row.is_plane and row.is_stop:
-        line, what = row.lines.get("GLAS", row.lines["SURF"]), "a plane mirror and the stop"
-        raise PrescriptionError(
-            f"{where}, line {line}: surface {row.number} is {what}; put the stop on a plane of its own"
-        )
 
 
 def _facing(row: Row, sense: float) -> Row:

@@ -89,7 +89,9 @@ class _Piece(NamedTuple):
     size_is_known: bool
 
 
-def stacked(rows: list[Row], system: System, where: str, name: str, source: str, *, stop_size: StopSize) -> LensStack:
+def lens_of_rows(
+    rows: list[Row], system: System, where: str, name: str, source: str, *, stop_size: StopSize
+) -> LensStack:
     """The lens of the rows, of which the first is the object and the last the image."""
     flagged = [row for row in rows if row.is_stop]
     if len(flagged) > 1:
@@ -113,7 +115,7 @@ def stacked(rows: list[Row], system: System, where: str, name: str, source: str,
         aperture = None
     beam = None
     try:
-        beam = _Beam.of(pieces, system, distance, ambient)
+        beam = _ParaxialBeam.of(pieces, system, distance, ambient)
     except InvalidValueError as error:
         if aperture is not None or not all(piece.size_is_known for piece in pieces):
             raise _error(where, rows[1], "SURF", f"at the primary wavelength, {error}") from None
@@ -200,7 +202,7 @@ def _equator(row: Row) -> float:
     return 1.0 / (abs(row.curvature) * math.sqrt(1.0 + row.conic)) if row.curvature and row.conic > -1 else math.inf
 
 
-class _Beam(NamedTuple):
+class _ParaxialBeam(NamedTuple):
     """The paraxial beam: rays as (height, reduced angle) at the first element, lengths in mm."""
 
     heights: Floats
@@ -217,7 +219,7 @@ class _Beam(NamedTuple):
     """Up to a factor."""
 
     @classmethod
-    def of(cls, pieces: list[_Piece], system: System, distance: float, ambient: Medium) -> _Beam:
+    def of(cls, pieces: list[_Piece], system: System, distance: float, ambient: Medium) -> _ParaxialBeam:
         """Beam through the elements, regardless of their sizes."""
         wavelength = system.wavelengths[0]
         with np.errstate(all="ignore"):  # what overflows ends as a semi-diameter that is refused
@@ -267,7 +269,7 @@ class _Beam(NamedTuple):
 
 
 def _with_sizes(
-    pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _Beam, where: str
+    pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _ParaxialBeam, where: str
 ) -> list[_Piece]:
     """With the semi-diameters that follow from the beam; that of the stop from the aperture, if there is one."""
     scale = 0.0
@@ -326,7 +328,7 @@ def _resize(piece: _Piece, size: float, where: str) -> _Piece:
 
 
 def _specification(
-    lens: LensStack, stop: Row | None, system: System, beam: _Beam | None, gaps: tuple[float, float], image: Row
+    lens: LensStack, stop: Row | None, system: System, beam: _ParaxialBeam | None, gaps: tuple[float, float], image: Row
 ) -> Specification:
     """Specification of the lens by the file, without data that do not follow."""
     aperture, diameter, fields = system.aperture, None, np.zeros((0, 2))

@@ -67,9 +67,9 @@ def _element_lines(element: Element, i: int, *, is_iris: bool) -> list[str]:
         f"has more than {_TERMS} coefficients": len(element.aspheric) > _TERMS,
         "has no rotational symmetry": element.freeform is not None,
     }
-    if any(refused.values()):
-        what = next(what for what, is_so in refused.items() if is_so)
-        raise PrescriptionError(f"element {i} {what}, which cannot be written as .zmx; use .json")
+    for reason, is_so in refused.items():
+        if is_so:
+            raise PrescriptionError(f"element {i} {reason}, which cannot be written as .zmx; use .json")
     lines = [f"TYPE {'EVENASPH' if element.aspheric else 'STANDARD'}", f"CURV {element.curvature!r}"]
     lines += [f"CONI {element.conic!r}"] if element.conic != 0 else []
     lines += [f"PARM {k} {a!r}" for k, a in enumerate(element.aspheric, start=1)]

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.core.values import Floats, finite, frozen_array, number, set_field, value
+from plenoptic.core.values import Floats, finite, number, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.matrices import bending, end_surfaces, transfer_matrix, without_rounding
-from plenoptic.optics.lens.stack import LensStack
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 
-@value
+@result
 class ParaxialRay:
     """A paraxial ray through a lens: heights at the elements and angles between them. See `paraxial_ray`.
 
-    Parameters
+    Attributes
     ----------
     height : (n,) array
         At each element, mm.
@@ -29,11 +32,6 @@ class ParaxialRay:
     height: Floats
     angle: Floats
     index: Floats
-
-    def __post_init__(self) -> None:
-        n = len(np.asarray(self.height))
-        for name, length in (("height", n), ("angle", n + 1), ("index", n + 1)):
-            set_field(self, name, frozen_array(getattr(self, name), name=name, shape=(length,)))
 
 
 def paraxial_ray(lens: LensStack, *, height: float, angle: float, wavelength: float = 587.6) -> ParaxialRay:

@@ -6,13 +6,16 @@ They take (height, index times angle) of a paraxial ray from one element to anot
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.core.values import Floats, check_kind, number
+from plenoptic.core.values import Floats, check_has, number
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -48,7 +51,7 @@ def bending(lens: LensStack, indices: Floats, i: int) -> tuple[float, float]:
 
 def end_surfaces(lens: LensStack) -> tuple[int, int]:
     """Indices of the first and the last surface; an error for an object that is no lens."""
-    check_kind(lens, "lens", LensStack, "camera.lens")
+    check_has(lens, "lens", "LensStack", "camera.lens", "elements", "gap_media")
     surfaces = [i for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
     return surfaces[0], surfaces[-1]
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from plenoptic.core.values import Floats, finite, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, marginal_ray
 from plenoptic.optics.lens.gaussian.matrices import end_surfaces, over, position, transfer_matrix, without_rounding
-from plenoptic.optics.lens.stack import LensStack
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 _LONGEST = len("entrance_pupil_semi_diameter")
 
@@ -161,6 +164,14 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
     )
 
 
+def _image_distance(matrix: list[list[float]], distance: float) -> float:
+    """Distance behind a system of the image of a plane at a distance before it."""
+    (a, b), (c, d) = matrix
+    if math.isinf(distance):
+        return over(-a, c)
+    return over(-(a * distance + b), without_rounding(c * distance + d, c * distance, d))
+
+
 def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
     """Position of a plane's image by the lens: z in mm, in the lens frame.
 
@@ -184,11 +195,8 @@ def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) 
     134.624
     """
     first, last = end_surfaces(lens)
-    ((a, b), (c, d)) = system_matrix(lens, wavelength).tolist()
-    z_last, distance = float(lens.vertices[last]), float(lens.vertices[first]) - position(z_object, "z_object")
-    if math.isinf(distance):
-        return z_last + over(-a, c)
-    return z_last + over(-(a * distance + b), without_rounding(c * distance + d, c * distance, d))
+    distance = float(lens.vertices[first]) - position(z_object, "z_object")
+    return float(lens.vertices[last]) + _image_distance(system_matrix(lens, wavelength).tolist(), distance)
 
 
 def object_position(lens: LensStack, z_image: float, wavelength: float = 587.6) -> float:
@@ -206,10 +214,8 @@ def object_position(lens: LensStack, z_image: float, wavelength: float = 587.6) 
     """
     first, last = end_surfaces(lens)
     ((a, b), (c, d)) = system_matrix(lens, wavelength).tolist()
-    z_first, distance = float(lens.vertices[first]), position(z_image, "z_image") - float(lens.vertices[last])
-    if math.isinf(distance):
-        return z_first - over(-d, c)
-    return z_first - over(-(b + distance * d), without_rounding(a + distance * c, a, distance * c))
+    distance = position(z_image, "z_image") - float(lens.vertices[last])
+    return float(lens.vertices[first]) - _image_distance([[d, b], [c, a]], distance)
 
 
 def magnification(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:

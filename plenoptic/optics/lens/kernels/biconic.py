@@ -1,19 +1,48 @@
-"""Biconic sag and its derivatives at one point: the kernel."""
+"""A biconic's sag and its derivatives at one point: the kernel."""
 
 from __future__ import annotations
 
 import math
 
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.record import FIRST_NUMBER
+from plenoptic.optics.lens.lens_record import FIRST_NUMBER
 
 
 @device
 def biconic_at(x, y, numbers):
-    """Sag and its derivatives by x and y, nan beyond the surface; `numbers` ends in those of `BiconicSag.numbers`."""
-    c_x, c_y = numbers[FIRST_NUMBER], numbers[FIRST_NUMBER + 1]
-    q_x, q_y = numbers[FIRST_NUMBER + 2], numbers[FIRST_NUMBER + 3]
-    w = math.sqrt(1.0 - (q_x * x * x + q_y * y * y))
-    sag = (c_x * x * x + c_y * y * y) / (1.0 + w)
-    by_root = sag / w
-    return sag, (2.0 * c_x + by_root * q_x) * x / (1.0 + w), (2.0 * c_y + by_root * q_y) * y / (1.0 + w)
+    """Sag and its derivatives by x and y, nan beyond the equator: `numbers` ends in those of `BiconicSag.numbers`."""
+    cx, cy, kx, ky = (
+        numbers[FIRST_NUMBER],
+        numbers[FIRST_NUMBER + 1],
+        numbers[FIRST_NUMBER + 2],
+        numbers[FIRST_NUMBER + 3],
+    )
+    sx, sy = cx * x, cy * y
+    w = math.sqrt(1.0 - (kx * sx * sx + ky * sy * sy))
+    over = 1.0 / (1.0 + w)
+    sag = (sx * x + sy * y) * over
+    # The derivative of the sag by the squares under the root.
+    change = 0.5 * sag * over / w
+    return sag, 2.0 * sx * (over + kx * cx * change), 2.0 * sy * (over + ky * cy * change)
+
+
+@device
+def biconic_bending(r2, numbers):
+    """Bound on the second derivative in any direction up to a distance from the vertex, whose square is `r2`.
+
+    For a sag A h(B), as in `surfaces.biconic`, |A| <= c r^2 and |B| <= p r^2; h and its derivatives grow with B. That
+    of a sphere is its second derivative along the radius.
+    """
+    cx, cy, kx, ky = (
+        numbers[FIRST_NUMBER],
+        numbers[FIRST_NUMBER + 1],
+        numbers[FIRST_NUMBER + 2],
+        numbers[FIRST_NUMBER + 3],
+    )
+    c = max(abs(cx), abs(cy))
+    b_x, b_y = kx * cx * cx * r2, ky * cy * cy * r2
+    w = math.sqrt(1.0 - max(b_x, b_y, 0.0))
+    size, over = max(abs(b_x), abs(b_y)), 1.0 / (1.0 + w)
+    first = 0.5 * over * over / w
+    second = 0.25 * (1.0 + 3.0 * w) * (over / w) ** 3
+    return 2.0 * c * (over + size * first) + 4.0 * c * size * (2.0 * first + size * second)

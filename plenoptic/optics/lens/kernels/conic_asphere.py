@@ -22,9 +22,9 @@ from plenoptic.core.kernels.ray_blocks import (
     Z,
 )
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.kernels.freeform_term import freeform_term_at
+from plenoptic.optics.lens.kernels.freeform_term import freeform_bending, freeform_term_at
 from plenoptic.optics.lens.kernels.notes import NEWTON, STEPS
-from plenoptic.optics.lens.record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
+from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
 NEWTON_STEPS = 12
 """Steps that all rays of a block may take together; those that need more are looked at one by one."""
@@ -146,7 +146,8 @@ def first_crossing(point, direction, conic, aspheric, freeform, semi_diameter2, 
 
 @device
 def _bend_ahead(r, half, sin2, conic, aspheric, semi_diameter2):
-    """Length ahead for which a bound on the second derivative of the sag along a ray holds, and that bound.
+    """Length ahead for which a bound on the second derivative of the sag along a ray holds, that bound, and the square
+    of the largest distance from the axis on that length.
 
     Along a ray it is at most sin^2 times the second derivative by r, since sag' / r is a mean of that. Both parts are
     largest at the largest r: inwards that of the ray's point, until it is as far from the axis again; outwards, half of
@@ -162,7 +163,7 @@ def _bend_ahead(r, half, sin2, conic, aspheric, semi_diameter2):
     for j in range(aspheric.size - 1, FIRST_TERM - 1, -1):
         power = 2.0 * (j - FIRST_TERM) + 2.0
         terms = terms * r2 + power * (power - 1.0) * abs(aspheric[j])
-    return ahead, sin2 * (abs(c) / (w2 * math.sqrt(w2)) + terms)
+    return ahead, sin2 * (abs(c) / (w2 * math.sqrt(w2)) + terms), r2
 
 
 @device
@@ -200,13 +201,13 @@ def _climb(bounds, ray, conic, aspheric, freeform, semi_diameter2, s, steps):
         g = s * (n - 2.0 * bend * half)
         close = EPS * (abs(px) + abs(py) + abs(pz)) + TINY
         rounding = _rounding(r2, pz, conic, aspheric)
-        ahead, sharp = _bend_ahead(math.sqrt(r2), half, sin2, conic, aspheric, semi_diameter2)
+        ahead, sharp, farthest2 = _bend_ahead(math.sqrt(r2), half, sin2, conic, aspheric, semi_diameter2)
         if freeform is not None:
             added, dx, dy = freeform_term_at(px, py, freeform)
             f -= s * added
             g -= s * (dx * l + dy * m)
             rounding += freeform[ROUNDING] + EPS * abs(added)
-            sharp += sin2 * freeform[SHARPEST]
+            sharp += sin2 * freeform_bending(farthest2, freeform)
         if abs(f) <= rounding:
             if below or g > 0.0:
                 return t, 0.0

@@ -18,7 +18,7 @@ from plenoptic.optics.lens.kernels.conic_asphere import (
 )
 from plenoptic.optics.lens.kernels.freeform_term import freeform_term_at
 from plenoptic.optics.lens.kernels.notes import NEWTON, REACH, STEPS, note_reach, note_refraction
-from plenoptic.optics.lens.record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
+from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
 
 @device

@@ -16,7 +16,7 @@ import math
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, STATUS, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.record import FIRST_TERM
+from plenoptic.optics.lens.lens_record import FIRST_TERM
 
 INCIDENCE, REFRACTION, REACH, NEWTON, STEPS, LOG = range(6)
 

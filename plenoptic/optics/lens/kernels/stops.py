@@ -10,7 +10,7 @@ import math
 from plenoptic.core.kernels.ray_blocks import BLOCK, CLIPPED, NOT_FINITE, STATUS, WEIGHT, X, Y
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.element_record import ARCS, MASK, POLYGON, RING, STAR
-from plenoptic.optics.lens.record import MASK_HEAD
+from plenoptic.optics.lens.lens_record import MASK_HEAD
 
 
 @device

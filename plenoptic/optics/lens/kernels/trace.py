@@ -25,7 +25,7 @@ from plenoptic.optics.lens.kernels.notes import (
 from plenoptic.optics.lens.kernels.paths import add_path, begin_path, keep_start
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.lens.kernels.stops import clip_circle, clip_shape
-from plenoptic.optics.lens.record import MOVED
+from plenoptic.optics.lens.lens_record import MOVED
 
 
 @device
@@ -150,6 +150,17 @@ def fill_traced(blocks, lens, waves):
     index_ratios = None if waves is None else np.empty(BLOCK)
     for b in range(blocks.size // RAY):
         trace_block(blocks[b * RAY : (b + 1) * RAY], lens, waves, b * BLOCK, index_ratios, None, None)
+
+
+@kernel
+def fill_conditions(blocks, log, lens, waves):
+    """Trace a bundle as `fill_traced` does, and fill `log`.
+
+    `log` (n_blocks, elements, LOG, BLOCK), elements in the order of travel; see `notes`.
+    """
+    index_ratios = None if waves is None else np.empty(BLOCK)
+    for b in range(blocks.size // RAY):
+        trace_block(blocks[b * RAY : (b + 1) * RAY], lens, waves, b * BLOCK, index_ratios, log[b], None)
 
 
 @device

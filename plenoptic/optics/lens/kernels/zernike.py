@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.record import FIRST_NUMBER
+from plenoptic.optics.lens.lens_record import FIRST_NUMBER
 
 
 @device

@@ -23,7 +23,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.outline import normals_of, polygon_around
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 REPLICATES = 32
 """Independent scramblings of the sampling points, from which errors are estimated. From 8 of them, errors of all fields
@@ -80,6 +80,33 @@ class _Launch(NamedTuple):
         return np.asarray(rays.direction[:, :2])
 
 
+class ImagedPoint(NamedTuple):
+    """One object point, the plane on which its light is looked at, and the wavelengths of that light."""
+
+    field: tuple[float, float]
+    """Angles in radians for an object at infinity, otherwise mm."""
+    z_object: float
+    z_image: float
+    """Planes in the lens frame in mm."""
+    wavelengths: tuple[float, ...]
+    """In nm."""
+
+    @property
+    def result_fields(self) -> dict[str, Any]:
+        """Fields of the results of analyses."""
+        return self._asdict() | {"field": np.array(self.field)}
+
+    def rays(self, lens: LensStack, pupil: Floats, wavelength: float) -> RayBundle:
+        """Rays of the point before the lens through points (n, 2) of the iris; see `aimed_rays`."""
+        return aimed_rays(lens, field=self.field, pupil=pupil, z_object=self.z_object, wavelength=wavelength)
+
+
+def field_text(field: Sequence[float] | Floats, z_object: float) -> str:
+    """An object point with its unit."""
+    x, y = field
+    return f"({x:g}, {y:g}) {'rad' if math.isinf(z_object) else 'mm'}"
+
+
 def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> tuple[tuple[float, float], float]:
     """Field and object distance of one object point as floats, or an error."""
     check_kind(lens, "lens", LensStack, "camera.lens")
@@ -110,14 +137,7 @@ def meridian(field: Sequence[float] | Floats) -> Floats:
 
 
 def pencil(
-    lens: LensStack,
-    *,
-    field: tuple[float, float],
-    z_object: float,
-    wavelength: float,
-    rays: int,
-    seed: int,
-    replicates: int = REPLICATES,
+    lens: LensStack, point: ImagedPoint, wavelength: float, *, rays: int, seed: int, replicates: int
 ) -> Pencil | None:
     """At least `rays` rays (a multiple of `replicates`) from one object point; None where no ray reaches the iris.
 
@@ -125,18 +145,18 @@ def pencil(
     of a finite one evenly over the direction cosines, as a Lambertian patch of the object plane sends them.
     """
     rim = np.asarray(lens.stop.outline(_RIM)) / lens.stop.semi_diameter
-    chief = aimed_rays(lens, field=field, pupil=np.zeros((1, 2)), z_object=z_object, wavelength=wavelength)
+    chief = point.rays(lens, np.zeros((1, 2)), wavelength)
     if chief.status[0] != 0:
         return None
     for part in _PARTS_OF_IRIS:
-        aimed = aimed_rays(lens, field=field, pupil=part * rim, z_object=z_object, wavelength=wavelength)
+        aimed = point.rays(lens, part * rim, wavelength)
         if np.count_nonzero(aimed.status == 0) >= _RIM // 2:
             break
         # Few rays reach the edge of the iris: begin further inside, and let the region grow.
     aimed = aimed.selected(aimed.status == 0)
     if len(aimed) < 3:
         return None
-    launch = _launch(aimed, finite_object=math.isfinite(z_object))
+    launch = _launch(aimed, finite_object=math.isfinite(point.z_object))
     corners = _grown(lens, launch, _outline(launch.coordinates(aimed)))
     each = -(-rays // replicates)
     uniform = np.concatenate([sobol_points(each, seed=seed, replicate=k)[:, :2] for k in range(replicates)])
@@ -167,26 +187,17 @@ class PassingLight(NamedTuple):
 
 
 def passing_light(
-    lens: LensStack,
-    *,
-    field: tuple[float, float],
-    z_object: float,
-    z_image: float,
-    wavelengths: tuple[float, ...],
-    rays: int,
-    seed: int,
-    replicates: int = REPLICATES,
+    lens: LensStack, point: ImagedPoint, *, rays: int, seed: int, replicates: int = REPLICATES
 ) -> PassingLight:
-    """Light from one object point on the plane z_image, equal radiance at each wavelength."""
-    if len(wavelengths) > _MOST_WAVELENGTHS:
-        raise InvalidValueError(f"wavelength has {len(wavelengths)} entries; give at most {_MOST_WAVELENGTHS}")
+    """Light from an object point on its image plane, equal radiance at each wavelength."""
+    if len(point.wavelengths) > _MOST_WAVELENGTHS:
+        raise InvalidValueError(f"wavelength has {len(point.wavelengths)} entries; give at most {_MOST_WAVELENGTHS}")
     count, start = whole(rays, "rays", at_least=1, at_most=MAX_POINTS), seed_number(seed)
     parts = []
-    for colour, wavelength in enumerate(wavelengths):
-        drawn = {"rays": count, "seed": start, "replicates": replicates}
-        beam = pencil(lens, field=field, z_object=z_object, wavelength=wavelength, **drawn)
+    for colour, wavelength in enumerate(point.wavelengths):
+        beam = pencil(lens, point, wavelength, rays=count, seed=start, replicates=replicates)
         dark = PassingLight(through_iris=np.zeros(replicates))
-        parts.append(dark if beam is None else _passing_part(lens, beam, z_image, colour, replicates))
+        parts.append(dark if beam is None else _passing_part(lens, beam, point.z_image, colour, replicates))
     rows = ("points", "slopes", "weight", "colour", "replicate", "chief")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in rows}
     through_iris = np.array([part.through_iris for part in parts]).sum(axis=0)
@@ -228,8 +239,8 @@ def light_at_iris(lens: LensStack, beam: Pencil) -> Floats:
     if len(unknown):
         again = beam.entering.selected(unknown)
         if iris > 0 and lens.model is LensModel.EXACT:
-            again = traced_part(lens, again, 0, iris - 1, clipping=False)
-        light[unknown] = traced_part(lens, again, iris, iris).weight
+            again = trace_part(lens, again, 0, iris - 1, clipping=False)
+        light[unknown] = trace_part(lens, again, iris, iris).weight
     return light
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import IDEAL
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.outline import DARK, Guess, Sight, outlined, polygon_around, up_to_stops
-from plenoptic.optics.lens.record import LensRecord, lens_record
+from plenoptic.optics.lens.pupil.outline import DARK, Guess, PupilRays, light_outline, polygon_around, up_to_stops
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -51,7 +51,7 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
     record = lens_record(lens, wavelength, reverse=False, round_stops=True)
     points = cardinal_points(lens, wavelength)
     size, placed = points.entrance_pupil_semi_diameter, lens.stop.placement
-    shift = np.zeros(2) if placed is None else np.asarray(placed.shift)[:2] * (size / lens.stop.semi_diameter)
+    shift = np.zeros(2) if placed is None else placed.shift[:2] * (size / lens.stop.semi_diameter)
     pupil = (points.entrance_pupil, size, shift)
     z, axis = float(record.rows[0]["z"]), np.zeros(2)
     if lens.model is not LensModel.EXACT:
@@ -69,7 +69,7 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
         added = 2.0 * first.freeform.bounds(reach).height  # from one side of a height to the other
         low, high = low - added, high + added
     if first.placement is not None:
-        shift, turn = np.asarray(first.placement.shift), np.asarray(first.placement.rotation)
+        shift, turn = first.placement.shift, first.placement.rotation
         sine = float(np.hypot(turn[2, 0], turn[2, 1]))
         low, high = low + float(shift[2]) - sine * reach, high + float(shift[2]) + sine * reach
         axis, reach = shift[:2], reach + sine * float(np.abs(sag).max())
@@ -78,13 +78,13 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
 
 def entering_polygon(where: Entrance, point: Floats) -> Floats | None:
     """Corners (SIDES, 2) of a polygon on the plane of the entrance that all rays from a point pass; None if dark."""
-    sight = Sight(where.parts, point, where.z)
+    rays = PupilRays(where.parts, point, where.z)
     with np.errstate(all="ignore"):  # a point too far away for its squares is out of sight
         low, high = _rim_box(where, point)
         rim, box = Guess(low, high, _COARSE), _pupil_box(where, point)
-        outline = outlined(sight, [rim] if box is None else [rim, Guess(*box, _COARSE)], rim, _FINE)
+        outline = light_outline(rays, [rim] if box is None else [rim, Guess(*box, _COARSE)], rim, _FINE)
         if outline is DARK:
-            outline = outlined(sight, [rim._replace(rays=_DENSE)], rim, _FINE)
+            outline = light_outline(rays, [rim._replace(rays=_DENSE)], rim, _FINE)
     return None if outline is DARK else polygon_around(outline.support)
 
 

@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.element_record import CIRCLE, FREEFORM
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.lens_record import FRAME, MOVED, LensRecord, lens_record
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.outline import (
     DARK,
     SIDES,
     Guess,
     Outline,
-    Sight,
+    PupilRays,
+    light_outline,
     normals_of,
-    outlined,
     polygon_around,
     up_to_stops,
 )
-from plenoptic.optics.lens.record import FRAME, MOVED, LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -92,7 +92,7 @@ def pupil_bounds(
     # Where the iris is, its image is: shifted with it, magnified.
     shift, placed = np.zeros(2), lens.stop.placement
     if placed is not None:
-        shift = points.pupil_magnification * np.asarray(placed.shift)[:2]
+        shift = points.pupil_magnification * placed.shift[:2]
     pupil = (points.exit_pupil, points.exit_pupil_semi_diameter, *shift.tolist())
     rear, z = rear_reach(lens, z_plane, wavelength), float(lens.vertices[-1])
     return _traced_bounds(_ByContent(record), pupil, rear, z, z_plane, largest_radius, cell_radius)
@@ -118,7 +118,7 @@ def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[floa
         depth = float(last.sag(reach)) if last.depth is None else math.copysign(last.depth, last.radius)
         tilted += 0.0 if last.freeform is None else 2.0 * last.freeform.bounds(reach).height
     if last.placement is not None:
-        shift, turn = np.asarray(last.placement.shift), np.asarray(last.placement.rotation)
+        shift, turn = last.placement.shift, last.placement.rotation
         tilted += reach * float(np.hypot(turn[2, 0], turn[2, 1]))
         depth, reach = depth + float(shift[2]), reach + float(np.hypot(shift[0], shift[1]))
     near, far = (_project(gap, depth + side, reach) for side in (tilted, -tilted))
@@ -194,7 +194,11 @@ def _all_round(
     if lens.frames is None and lens.freeform is None:
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
     angles = 2 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
-    outlines = [_followed_outlines(_rotate(lens, a), rho, _turned_pupil(pupil, a), z, z_plane, rear) for a in angles]
+    (exit_pupil, size, x, y), outlines = pupil, []
+    for angle in angles:
+        cos, sin = math.cos(angle), math.sin(angle)
+        turned = (exit_pupil, size, cos * x + sin * y, cos * y - sin * x)
+        outlines.append(_followed_outlines(_rotate(lens, angle), rho, turned, z, z_plane, rear))
     supports = np.array([support for support, _ in outlines])
     largest = supports.max(axis=0)
     smallest = np.where(np.isfinite(supports), supports, np.inf).min(axis=0)
@@ -217,12 +221,6 @@ def _rotate(lens: LensRecord, angle: float) -> LensRecord:
     return lens._replace(frames=frames)
 
 
-def _turned_pupil(pupil: tuple[float, ...], angle: float) -> tuple[float, ...]:
-    z, size, x, y = pupil
-    cos, sin = math.cos(angle), math.sin(angle)
-    return z, size, cos * x + sin * y, cos * y - sin * x
-
-
 def _followed_outlines(
     lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
 ) -> tuple[Floats, NDArray[np.bool_]]:
@@ -236,7 +234,7 @@ def _followed_outlines(
 
     def seen(radius: float, heading: Place | None) -> Outline:
         reach = 1.02 * (rear[0] + rear[1] * radius)
-        sight, grazing = Sight(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
+        rays, grazing = PupilRays(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
         rim = _around((0.0, 0.0, reach), _WHOLE)
         guesses = [rim]
         if math.isfinite(exit_pupil) and exit_pupil != z_plane:
@@ -246,7 +244,7 @@ def _followed_outlines(
             guesses.append(_around((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
         if heading is not None:
             guesses.append(_around(heading, _COARSE))
-        return outlined(sight._replace(known=grazing[sight.fates(grazing).code == 0]), guesses, rim, _FINE)
+        return light_outline(rays._replace(lit=grazing[rays.fates(grazing).code == 0]), guesses, rim, _FINE)
 
     outlines: list[Outline] = []
     centre, heading = None, None

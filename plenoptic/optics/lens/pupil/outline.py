@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import CIRCLE
-from plenoptic.optics.lens.record import LensRecord
+from plenoptic.optics.lens.lens_record import LensRecord
 
 SIDES = 16
 """Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
@@ -79,7 +79,7 @@ def up_to_stops(lens: LensRecord) -> tuple[LensRecord, ...]:
     return tuple(lens.part(first, end) for first, end in itertools.pairwise(ends))
 
 
-class Sight(NamedTuple):
+class PupilRays(NamedTuple):
     """Rays of one point."""
 
     lens: tuple[LensRecord, ...]
@@ -88,8 +88,8 @@ class Sight(NamedTuple):
     """(3,) in mm."""
     z: float
     """The plane on which they are told apart by their points, in mm."""
-    known: Floats = np.empty((0, 2))
-    """(k, 2) points through which light is known to pass."""
+    lit: Floats = np.empty((0, 2))
+    """(k, 2) points through which light passes."""
 
     def fates(self, points: Floats) -> Fates:
         """Fates of the rays through points (n, 2)."""
@@ -145,8 +145,8 @@ class _Lit(NamedTuple):
 
     points: Floats
     """(m, 2): the ends of its rows."""
-    beside: Floats
-    """(k, 2): what lies between its rays, and what is known."""
+    between: Floats
+    """(k, 2): points between its rays, and those given."""
     mesh: float
     """The diagonal of a mesh of the grid."""
     thin: bool
@@ -156,10 +156,10 @@ class _Lit(NamedTuple):
 
     @property
     def all(self) -> Floats:
-        return np.concatenate([self.points, self.beside])
+        return np.concatenate([self.points, self.between])
 
 
-def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outline:
+def light_outline(rays: PupilRays, guesses: list[Guess], rim: Guess, fine: int) -> Outline:
     """Outline of the passing light, wider by a step of a grid of `fine` x `fine` rays over the light.
 
     The guesses are looked at one after the other, and after the first light only those whose middle is outside of it: a
@@ -170,17 +170,17 @@ def outlined(sight: Sight, guesses: list[Guess], rim: Guess, fine: int) -> Outli
     for guess in guesses:
         if np.all(normals_of(SIDES) @ (0.5 * (guess.low + guess.high)) <= outline.support):
             continue
-        lit = _grown(sight, guess, rim)
+        lit = _grown(rays, guess, rim)
         if len(lit.points):
-            outline = _with(outline, sight, lit, fine)
+            outline = _with(outline, rays, lit, fine)
         elif lit.thin:
             late.append(lit)
     for lit in late:
-        outline = _with(outline, sight, lit, fine)
+        outline = _with(outline, rays, lit, fine)
     return outline
 
 
-def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
+def _with(found: Outline, rays: PupilRays, lit: _Lit, fine: int) -> Outline:
     """Outline that also holds the points found by a grid."""
     normals = normals_of(SIDES)
     if not (lit.all @ normals.T > found.support).any():
@@ -188,7 +188,7 @@ def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
     # Ends of a thin part may lie between the lines that were looked at closely.
     lines, margin = (1, _LINES * lit.mesh) if lit.thin or lit.parted else (None, lit.mesh)
     low, high = lit.all.min(axis=0) - margin, lit.all.max(axis=0) + margin
-    inside = _lit(sight, Guess(low, high, fine), lines)
+    inside = _lit(rays, Guess(low, high, fine), lines)
     points, mesh = inside.all, inside.mesh
     if not len(points):
         points, mesh = np.array([low, [low[0], high[1]], high, [high[0], low[1]]]), 0.0
@@ -196,11 +196,11 @@ def _with(found: Outline, sight: Sight, lit: _Lit, fine: int) -> Outline:
     return Outline(support, lit.parted or inside.parted or found is not DARK)
 
 
-def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
+def _grown(rays: PupilRays, guess: Guess, rim: Guess) -> _Lit:
     """Passing part of a grid that grows where light reaches its border, at most up to the box `rim`."""
     low, high = guess.low, guess.high
     while True:
-        lit = _lit(sight, Guess(low, high, guess.rays), _LINES)
+        lit = _lit(rays, Guess(low, high, guess.rays), _LINES)
         if not len(lit.all):
             return lit
         left, right = lit.all.min(axis=0) - lit.mesh, lit.all.max(axis=0) + lit.mesh
@@ -212,22 +212,22 @@ def _grown(sight: Sight, guess: Guess, rim: Guess) -> _Lit:
         high = np.where(grow_high, np.minimum(high + width, rim.high), high)
 
 
-def _lit(sight: Sight, box: Guess, lines: int | None) -> _Lit:
+def _lit(rays: PupilRays, box: Guess, lines: int | None) -> _Lit:
     """Passing part of a grid over a box, and between its neighbours on every `lines`-th line; None: on no line."""
     n = box.rays
     x, y = (np.linspace(box.low[k], box.high[k], n) for k in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1)
-    columns = sight.fates(points.reshape(-1, 2))
+    columns = rays.fates(points.reshape(-1, 2))
     fates = Fates(*(column.reshape(n, n) for column in columns))
     passes = fates.code == 0
     mesh = float(np.hypot(*((box.high - box.low) / (n - 1))))
     ends = passes.copy()
     ends[:, 1:-1] &= ~(passes[:, :-2] & passes[:, 2:])
-    lit, between = points[ends], np.empty((0, 2)) if lines is None else _between(sight, points, fates, lines)
+    lit, between = points[ends], np.empty((0, 2)) if lines is None else _between(rays, points, fates, lines)
     between = between[_beyond(between, lit, mesh)]
     thin = len(between) > 0
     if thin or len(lit):
-        between = np.concatenate([between, sight.known])
+        between = np.concatenate([between, rays.lit])
     parted = max(_span(passes), _span(passes.T)) > (1.0 + _HOLES) * np.count_nonzero(passes)
     return _Lit(lit, between, mesh, thin, bool(parted or _beyond(between, lit, _TIP * mesh).any()))
 
@@ -246,7 +246,7 @@ def _span(passes: NDArray[np.bool_]) -> int:
     return int((lit.shape[1] - lit.argmax(axis=1) - lit[:, ::-1].argmax(axis=1)).sum())
 
 
-def _between(sight: Sight, points: Floats, fates: Fates, lines: int) -> Floats:
+def _between(rays: PupilRays, points: Floats, fates: Fates, lines: int) -> Floats:
     """Points (m, 2) that pass between neighbours on every so many lines of a grid of points (n, n, 2)."""
     pairs = []
     for before, after in ((np.s_[:-1, ::lines], np.s_[1:, ::lines]), (np.s_[::lines, :-1], np.s_[::lines, 1:])):
@@ -257,7 +257,7 @@ def _between(sight: Sight, points: Floats, fates: Fates, lines: int) -> Floats:
     lit = [np.empty((0, 2))]
     for _ in range(_HALVINGS if len(first) else 0):
         middle = 0.5 * (first + last)
-        halfway = sight.fates(middle)
+        halfway = rays.fates(middle)
         lit.append(middle[halfway.code == 0])
         nearer = (halfway.code == 0) | fates.apart(halfway)
         first, last = np.where(nearer[:, None], first, middle), np.where(nearer[:, None], middle, last)

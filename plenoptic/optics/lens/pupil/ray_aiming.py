@@ -44,7 +44,7 @@ def _wavefront(lens: LensStack, towards: Floats, points: Floats) -> float:
     across = math.hypot(towards[0], towards[1])
     reach = [float(np.nanmax(points @ towards, initial=-math.inf))]
     for element, profile in zip(lens.elements, lens.profiles(9), strict=True):
-        aside = 0.0 if element.placement is None else float(np.hypot(*np.asarray(element.placement.shift)[:2]))
+        aside = 0.0 if element.placement is None else float(np.hypot(*element.placement.shift[:2]))
         reach.append(float(np.max((np.abs(profile[:, 1]) + aside) * across + profile[:, 0] * towards[2])))
     return max(reach) + _CLEARANCE
 
@@ -136,7 +136,9 @@ def _aim(lens: LensStack, pair: Floats, z: float, *, scene: bool) -> Floats:
     return np.array([*pair, place])
 
 
-def _aimed(lens: LensStack, pair: Floats, z: float, pupil: ArrayLike, wavelength: float, *, scene: bool) -> RayBundle:
+def _aim_rays(
+    lens: LensStack, pair: Floats, z: float, pupil: ArrayLike, wavelength: float, *, scene: bool
+) -> RayBundle:
     check_kind(lens, "lens", LensStack, "camera.lens")
     points = frozen_array(pupil, name="pupil", shape=(None, 2))
     if not np.isfinite(points).all():
@@ -197,7 +199,7 @@ def aimed_rays(
     >>> lens.trace(rays).status.tolist()
     [0, 0]
     """
-    return _aimed(lens, _checked_pair(field, "field"), z_object, pupil, wavelength, scene=True)
+    return _aim_rays(lens, _checked_pair(field, "field"), z_object, pupil, wavelength, scene=True)
 
 
 def aimed_rays_reverse(
@@ -235,7 +237,7 @@ def aimed_rays_reverse(
     >>> bool(rays.direction[0, 2] < 0), lens.trace_reverse(rays).status.tolist()
     (True, [0])
     """
-    return _aimed(lens, _checked_pair(image_point, "image_point"), z_image, pupil, wavelength, scene=False)
+    return _aim_rays(lens, _checked_pair(image_point, "image_point"), z_image, pupil, wavelength, scene=False)
 
 
 def chief_ray(

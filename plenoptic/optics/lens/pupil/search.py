@@ -12,16 +12,20 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
+from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.pupil.iris_points import hexapolar
-from plenoptic.optics.lens.record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import traced_by
+from plenoptic.optics.lens.trace import trace_record
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 _DIFFERENCE = 1e-6
 """Step in rad of the difference quotients: their error of 1e-6 lets each of Newton's steps gain six digits."""
@@ -98,7 +102,7 @@ def traced_through(
     n, contiguous = len(origin), (np.ascontiguousarray(origin).view(), np.ascontiguousarray(direction).view())
     status, lost_at = np.zeros(n, dtype=np.uint8), np.full(n, -1, dtype=np.int16)
     rays = RayBundle._from_arrays(*contiguous, wavelength, np.ones(n), status, lost_at)
-    out = traced_by(lens, rays, threads=1 if n <= _CHUNK else None)
+    out = trace_record(lens, rays, threads=1 if n <= _CHUNK else None)
     return out.origin, out.direction
 
 
@@ -165,10 +169,7 @@ def _newton(half: Half, points: Floats, start: Floats) -> tuple[Floats, Floats]:
 def points_of(lens: LensStack, pupil: Floats) -> Floats:
     """Points (n, 3) in the lens frame of points (n, 2) of the iris in units of its semi-diameter."""
     points = np.column_stack([lens.stop.semi_diameter * pupil, np.zeros(len(pupil))])
-    placement = lens.stop.placement
-    if placement is None:
-        return points
-    return np.asarray(points @ np.asarray(placement.rotation).T + placement.shift)
+    return to_lens_axes(lens.stop.placement, points)
 
 
 def _chief_guess(half: Half, centre: Floats) -> Floats:

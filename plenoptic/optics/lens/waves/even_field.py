@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.values import Floats, numbers
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.pupil.beam import ImagedPoint
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.waves.wavefront import SphereRays, rays_to_sphere
+from plenoptic.optics.lens.waves.wavefront import rays_to_sphere
 
 _COARSE, _DEGREE = 24, 8
 """Rays across the iris by which it is found where others must go, and the degree of the polynomials that say it."""
@@ -41,25 +42,13 @@ class EvenField(NamedTuple):
         return float(self.side[1] - self.side[0])
 
 
-def even_field(
-    lens: LensStack,
-    field: tuple[float, float],
-    z_object: float,
-    z_image: float,
-    wavelength: float,
-    n: int,
-    axes: Floats,
-) -> EvenField:
+def even_field(lens: LensStack, point: ImagedPoint, wavelength: float, n: int, axes: Floats) -> EvenField:
     """Aim rays at a grid (n, n) of direction cosines along axes (2, 2)."""
-
-    def traced(pupil: Floats) -> SphereRays:
-        return rays_to_sphere(lens, field, z_object, z_image, wavelength, pupil)
-
     coarse = square_grid(_COARSE)
-    coarse_rays = traced(coarse)
+    coarse_rays = rays_to_sphere(lens, point, wavelength, coarse)
     passes = np.isfinite(coarse_rays.opd)
     if passes.sum() < 2 * _DEGREE**2:
-        raise InvalidValueError(f"hardly a ray from the field {field} passes the lens; give a field that it images")
+        raise InvalidValueError(f"hardly a ray from the field {point.field} passes the lens; give one that it images")
     directions = (coarse_rays.toward - coarse_rays.middle)[passes, :2] @ axes.T
     # From the outermost coarse rays it may be a step to the edge.
     half = float(np.abs(directions).max() + 2 / _COARSE * np.nanmax(np.abs(coarse_rays.slopes[passes])))
@@ -69,14 +58,14 @@ def even_field(
     pupil = _powers(nodes / half) @ fit
     for _ in range(2):
         near = np.hypot(pupil[:, 0], pupil[:, 1]) < _BEYOND
-        rays = traced(pupil[near])
+        rays = rays_to_sphere(lens, point, wavelength, pupil[near])
         missed = nodes[near] @ axes - (rays.toward - rays.middle)[:, :2]
         solvable = np.isfinite(rays.slopes).all(axis=(1, 2)) & np.isfinite(missed).all(axis=1)
         moves = np.zeros_like(missed)
         moves[solvable] = np.linalg.solve(rays.slopes[solvable], missed[solvable][:, :, None])[:, :, 0]
         pupil[near] += np.clip(moves, -0.1, 0.1)
     near = np.hypot(pupil[:, 0], pupil[:, 1]) < _BEYOND
-    rays = traced(pupil[near])
+    rays = rays_to_sphere(lens, point, wavelength, pupil[near])
     # Light of an area of the iris over the solid angle, and of that over the cosines' area.
     with np.errstate(invalid="ignore", divide="ignore"):
         size = np.sqrt(rays.light / rays.solid_angle) / np.abs(rays.toward[:, 2])
@@ -98,7 +87,7 @@ def _powers(points: Floats) -> Floats:
 
 def checked_shares(weights: ArrayLike | None, wavelengths: tuple[float, ...]) -> Floats:
     """Share of each wavelength in the light, all alike for None, or an error."""
-    light = np.ones(len(wavelengths)) if weights is None else numbers(weights, "weights")
-    if light.shape != (len(wavelengths),) or not (light >= 0).all() or not light.any():
+    radiance = np.ones(len(wavelengths)) if weights is None else numbers(weights, "weights")
+    if radiance.shape != (len(wavelengths),) or not (radiance >= 0).all() or not radiance.any():
         raise InvalidValueError(f"weights must be {len(wavelengths)} numbers, not negative and not all 0")
-    return np.asarray(light / light.sum())
+    return np.asarray(radiance / radiance.sum())

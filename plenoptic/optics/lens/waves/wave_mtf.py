@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, numbers, result, whole
-from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.pupil.beam import checked_point, checked_wavelengths, meridian
+from plenoptic.core.values import Floats, result, whole
+from plenoptic.optics.lens.analysis.mtf import checked_frequencies
+from plenoptic.optics.lens.pupil.beam import meridian
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.waves.even_field import checked_shares, even_field
-from plenoptic.optics.lens.waves.wavefront import image_plane
+from plenoptic.optics.lens.waves.wavefront import aberrated_point
 
 
 @result
@@ -86,27 +86,22 @@ def wave_mtf(  # noqa: PLR0913
     >>> found.tangential.round(2).tolist()
     [1.0, 0.7, 0.0]
     """
-    pair, z = checked_point(lens, field, z_object)
-    waves = checked_wavelengths(wavelength)
-    checked = numbers(frequencies, "frequencies")
-    if checked.ndim != 1 or not (np.isfinite(checked) & (checked >= 0)).all():
-        raise InvalidValueError("frequencies must be numbers that are finite and not negative, in cycles per mm")
-    shares = checked_shares(weights, waves)
+    point = aberrated_point(lens, field, z_object, z_image, wavelength)
+    checked, shares = checked_frequencies(frequencies), checked_shares(weights, point.wavelengths)
     count = whole(grid, "grid", at_least=8, at_most=512)
-    plane = image_plane(lens, z, z_image, waves[0])
-    along = meridian(pair)
+    along = meridian(point.field)
     axes = np.stack([along, [along[1], -along[0]]])
     total: NDArray[np.complex128] = np.zeros((2, len(checked)), dtype=np.complex128)
     reference: Floats | None = None
-    for wave, weight in zip(waves, shares, strict=True):
-        field_of_point = even_field(lens, pair, z, plane, wave, count, axes)
+    for wave, weight in zip(point.wavelengths, shares, strict=True):
+        field_of_point = even_field(lens, point, wave, count, axes)
         reference = field_of_point.image if reference is None else reference
         offset = axes @ (field_of_point.image - reference)[:2]
         shifts = checked * field_of_point.wave / field_of_point.step
         for k in (0, 1):
             moved = np.exp(-2j * math.pi * checked * offset[k])
             total[k] += weight * moved * _autocorrelation(np.moveaxis(field_of_point.values, k, 0), shifts)
-    return WaveMtf(checked, np.abs(total[0]), np.abs(total[1]), np.array(pair), z, plane, waves)
+    return WaveMtf(checked, np.abs(total[0]), np.abs(total[1]), **point.result_fields)
 
 
 def _autocorrelation(field: NDArray[np.complex128], shifts: Floats) -> NDArray[np.complex128]:

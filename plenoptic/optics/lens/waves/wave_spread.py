@@ -9,13 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, checked_shape, choice, coefficients, length_in_mm, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import rotation_about_axes
-from plenoptic.optics.lens.pupil.beam import checked_point, checked_wavelengths
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.waves.even_field import EvenField, checked_shares, even_field
-from plenoptic.optics.lens.waves.wavefront import farther, huygens_sum, image_plane
+from plenoptic.optics.lens.waves.wavefront import aberrated_point, farther, huygens_sum
 
 MOST_PIXELS, MOST_GRID = 1 << 20, 512
 FAR_ENOUGH = 5e-3
@@ -88,10 +88,7 @@ class WaveSpread:
             f"{self.strehl:.3g}, {100 * self.outside:.2g} % outside>"
         )
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import spread_html
-
-        return spread_html(self)
+    _repr_html_ = picture_of
 
 
 def wave_spread(  # noqa: PLR0913
@@ -150,18 +147,16 @@ def wave_spread(  # noqa: PLR0913
     >>> pl.aberrations.wave_spread(lens)
     <WaveSpread: 65 x 65 pixels of 1.711 um by FOURIER, Strehl 0.808, 1.1 % outside>
     """
-    pair, z = checked_point(lens, field, z_object)
-    waves = checked_wavelengths(wavelength)
-    shares = checked_shares(weights, waves)
+    point = aberrated_point(lens, field, z_object, z_image, wavelength)
+    shares = checked_shares(weights, point.wavelengths)
     rows, columns = checked_shape(shape, ("rows", "columns"), at_most=MOST_PIXELS)
     count = whole(grid, "grid", at_least=8, at_most=MOST_GRID)
     turned = coefficients(tilt, "tilt", "two angles in radians, about x and y")
     if len(turned) != 2:
         raise InvalidValueError(f"tilt is {tilt!r}; it must be two angles in radians, about x and y")
     chosen = None if method is None else choice(method, SpreadMethod, "method")
-    plane = image_plane(lens, z, z_image, waves[0])
     turn = rotation_about_axes((*turned, 0.0))
-    fields = [even_field(lens, pair, z, plane, wave, count, np.eye(2)) for wave in waves]
+    fields = [even_field(lens, point, wave, count, np.eye(2)) for wave in point.wavelengths]
     if pixel_size is None:
         size = min(one_field.wave / (2.0 * _width(one_field)) for one_field in fields)
     else:
@@ -191,10 +186,7 @@ def wave_spread(  # noqa: PLR0913
         pixel_size=size,
         centre=np.array(fields[0].image),
         tilt=(turned[0], turned[1]),
-        field=np.array(pair),
-        z_object=z,
-        z_image=plane,
-        wavelengths=waves,
+        **point.result_fields,
     )
 
 

@@ -10,18 +10,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, finite, frozen_array, result, wavelength_in_nm, whole
+from plenoptic.core.values import Floats, frozen_array, result, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import paraxial_focus
+from plenoptic.optics.lens.analysis.best_focus import imaged_point
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.optical_path import paths_of_part
-from plenoptic.optics.lens.pupil.beam import checked_point
+from plenoptic.optics.lens.pupil.beam import ImagedPoint, field_text
 from plenoptic.optics.lens.pupil.iris_points import square_grid
-from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, fitted, zernike
+from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, fit_zernike, zernike
 
 _STEP = 1e-4
 """Of the iris's semi-diameter: between rays whose differences tell how light spreads."""
@@ -118,7 +118,7 @@ class Wavefront:
             Where fewer rays than terms pass.
         """
         count = whole(terms, "terms", at_least=1)
-        return fitted(self.pupil, self.opd, np.ones(len(self.opd)), count, order)
+        return fit_zernike(self.pupil, self.opd, np.ones(len(self.opd)), count, order)
 
     def point_spread(self, points: ArrayLike) -> Floats:
         """Intensity at points around the image, over that of the same light without aberrations in the image point.
@@ -144,17 +144,12 @@ class Wavefront:
         return np.array(values).reshape(positions.shape[:-1])
 
     def __repr__(self) -> str:
-        unit = "rad" if math.isinf(self.z_object) else "mm"
-        x, y = self.field
         return (
-            f"<Wavefront: {len(self.opd)} rays from ({x:g}, {y:g}) {unit} at {self.wavelength:g} nm, RMS "
-            f"{self.rms:.3g} waves, peak to valley {self.peak_to_valley:.3g}, Strehl {self.strehl:.3g}>"
+            f"<Wavefront: {len(self.opd)} rays from {field_text(self.field, self.z_object)} at {self.wavelength:g} nm, "
+            f"RMS {self.rms:.3g} waves, peak to valley {self.peak_to_valley:.3g}, Strehl {self.strehl:.3g}>"
         )
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import wavefront_html
-
-        return wavefront_html(self)
+    _repr_html_ = picture_of
 
 
 def farther(toward: Floats, radius: float, point: Floats) -> Floats:
@@ -222,14 +217,13 @@ def wavefront(
     >>> found.without("defocus").rms < found.rms
     True
     """
-    pair, z = checked_point(lens, field, z_object)
     wave = wavelength_in_nm(wavelength)
-    plane = image_plane(lens, z, z_image, wave)
+    point = aberrated_point(lens, field, z_object, z_image, wave)
     samples = square_grid(64) if pupil is None else np.asarray(frozen_array(pupil, name="pupil", shape=(None, 2)))
-    to_sphere = rays_to_sphere(lens, pair, z, plane, wave, samples)
+    to_sphere = rays_to_sphere(lens, point, wave, samples)
     passes = np.flatnonzero(np.isfinite(to_sphere.opd))
     if not len(passes):
-        raise InvalidValueError(f"no ray from the field {pair} passes the lens; give a field that it images")
+        raise InvalidValueError(f"no ray from the field {point.field} passes the lens; give a field that it images")
     amplitude = np.sqrt(to_sphere.light * to_sphere.solid_angle)[passes]
     return Wavefront(
         pupil=samples[passes],
@@ -239,23 +233,23 @@ def wavefront(
         image=to_sphere.image,
         radius=to_sphere.radius,
         index=to_sphere.refractive_index,
-        field=np.array(pair),
-        z_object=z,
-        z_image=plane,
+        field=np.array(point.field),
+        z_object=point.z_object,
+        z_image=point.z_image,
         wavelength=wave,
     )
 
 
-def image_plane(lens: LensStack, z_object: float, z_image: float | None, wavelength: float) -> float:
-    """Image plane of a lens with exact tracing: the Gaussian one unless it is given; or an error."""
+def aberrated_point(
+    lens: LensStack, field: Sequence[float], z_object: float, z_image: float | None, wavelength: float | Sequence[float]
+) -> ImagedPoint:
+    """An object point as `imaged_point` has it, of a lens that is traced exactly; or an error."""
+    point = imaged_point(lens, field, z_object, z_image, wavelength)
     if lens.model is not LensModel.EXACT:
         raise InvalidValueError(
             f"the lens is followed as {lens.model.name}, which has no aberrations; use LensModel.EXACT"
         )
-    plane = paraxial_focus(lens, z_object, wavelength) if z_image is None else finite(z_image, "z_image")
-    if not math.isfinite(plane):
-        raise InvalidValueError("light leaves the lens parallel, and there is no image; give z_image")
-    return plane
+    return point
 
 
 class SphereRays(NamedTuple):
@@ -278,24 +272,23 @@ class SphereRays(NamedTuple):
     refractive_index: float
 
 
-def rays_to_sphere(
-    lens: LensStack, field: tuple[float, float], z_object: float, z_image: float, wavelength: float, pupil: Floats
-) -> SphereRays:
+def rays_to_sphere(lens: LensStack, point: ImagedPoint, wavelength: float, pupil: Floats) -> SphereRays:
     """Trace rays through points (n, 2) of the iris, each with two neighbours, to the sphere around the image point."""
     n, steps = len(pupil), _STEP * np.eye(2)
     points = np.concatenate([pupil, pupil + steps[0], pupil + steps[1], np.zeros((1, 2))])
-    entering = aimed_rays(lens, field=field, pupil=points, z_object=z_object, wavelength=wavelength)
+    entering = point.rays(lens, points, wavelength)
     # What rays stand for does not depend on whether their neighbours pass, nor what they are compared with on whether
     # something hides the middle of the iris.
     behind, path = paths_of_part(lens, entering, 0, len(lens.elements) - 1, clipping=False)
     if behind.status[-1] != 0:
-        raise InvalidValueError(f"there is no chief ray from the field {field}; give a field that the lens images")
+        raise InvalidValueError(f"there is no chief ray from the field {point.field}; give one that the lens images")
     chief = behind.selected(np.arange(len(points)) == 3 * n)
-    image, index = chief.at_z(z_image)[0], float(lens.indices(wavelength)[-1])
-    radius = _radius(chief, image, cardinal_points(lens, wavelength).exit_pupil)
+    image, index = chief.at_z(point.z_image)[0], float(lens.indices(wavelength)[-1])
+    exit_pupil = cardinal_points(lens, wavelength).exit_pupil
+    radius = math.inf if math.isinf(exit_pupil) else float((image[2] - exit_pupil) / chief.direction[0, 2])
     lengths, toward = to_sphere(behind, path, image, radius, index)
     passing = lens.trace(entering.selected(np.arange(len(points)) < n))
-    finite_object = math.isfinite(z_object)
+    finite_object = math.isfinite(point.z_object)
     light = _area(entering.direction if finite_object else entering.origin, n)
     if finite_object:
         light = light * np.abs(entering.direction[:n, 2])
@@ -335,10 +328,3 @@ def to_sphere(behind: RayBundle, path: Floats, image: Floats, radius: float, ind
     with np.errstate(invalid="ignore"):
         more = h2 / (radius + math.copysign(1.0, radius) * np.sqrt(radius**2 - h2))
     return path - index * (along - more), (across - (radius - more)[:, None] * behind.direction) / radius
-
-
-def _radius(chief: RayBundle, image: Floats, exit_pupil: float) -> float:
-    """From the image to the exit pupil along the chief ray."""
-    if math.isinf(exit_pupil):
-        return math.inf
-    return float((image[2] - exit_pupil) / chief.direction[0, 2])

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, choice, frozen_array, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.surfaces.zernike import MAX_TERMS, ZernikeSag, degree_and_order
@@ -93,10 +94,7 @@ class ZernikeFit:
         head = f"ZernikeFit, {self.order.name} order, waves; residual {self.residual:.2g} RMS"
         return "\n".join([head, *rows])
 
-    def _repr_html_(self) -> str:
-        from plenoptic.plots.notebook.pictures import zernike_html
-
-        return zernike_html(self)
+    _repr_html_ = picture_of
 
 
 def zernike(term: int, x: ArrayLike, y: ArrayLike, *, order: ZernikeOrder = ZernikeOrder.NOLL) -> Floats:
@@ -140,7 +138,7 @@ def _place(term: int, order: ZernikeOrder) -> tuple[int, int]:
     return 2 * group - m, -m if left % 2 and m else m
 
 
-def fitted(
+def fit_zernike(
     points: Floats, values: Floats, weight: Floats, terms: int, order: ZernikeOrder = ZernikeOrder.NOLL
 ) -> ZernikeFit:
     """The sum of terms 1 ... `terms` that is nearest to values at points (n, 2), of weights (n,)."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.kernels.frames import frame_about
 from plenoptic.core.kernels.sobol import mix
-from plenoptic.core.kernels.vectors import dot, fill_vector, negate, row_vector, scale
+from plenoptic.core.kernels.vectors import dot, fill_vector, frame_about, negate, row_vector, scale
 from plenoptic.core.kernels.wavelengths import wavelength_index
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, to_local
-from plenoptic.scene.geometry.record import NORMAL, SHADING_NORMAL
+from plenoptic.scene.geometry.geometry_records import NORMAL, SHADING_NORMAL
 from plenoptic.scene.materials.kernels.bsdf import sample, surface_at
 
 _ROULETTE, _LOBE = np.uint64(311), np.uint64(312)

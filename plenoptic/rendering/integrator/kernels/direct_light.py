@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.kernels.frames import frame_about
-from plenoptic.core.kernels.vectors import dot, fill_vector, negate, row_vector, sub
+from plenoptic.core.kernels.vectors import dot, fill_vector, frame_about, negate, row_vector, sub
 from plenoptic.core.kernels.wavelengths import wavelength_index
 from plenoptic.core.numba.jit import kernel
 from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, to_local
-from plenoptic.scene.geometry.record import FRONT, NORMAL, SHADING_NORMAL
+from plenoptic.scene.geometry.geometry_records import FRONT, NORMAL, SHADING_NORMAL
 from plenoptic.scene.lights.kernels.sky import weight
-from plenoptic.scene.lights.record import DIRECTION, END, PDF
+from plenoptic.scene.lights.light_records import DIRECTION, END, PDF
 from plenoptic.scene.materials.kernels.bsdf import evaluate, surface_at
-from plenoptic.scene.materials.record import INSIDE, OUTSIDE
+from plenoptic.scene.materials.material_records import INSIDE, OUTSIDE
 
 
 @kernel

@@ -11,7 +11,7 @@ from plenoptic.core.kernels.wavelengths import one_channel, wavelength_index
 from plenoptic.core.numba.jit import kernel
 from plenoptic.scene.geometry.kernels.intersect import corners, interpolate_uv, intersect_triangle, is_mirrored
 from plenoptic.scene.lights.kernels.sky import add_environment, add_suns, weight
-from plenoptic.scene.lights.record import DELTA
+from plenoptic.scene.lights.light_records import DELTA
 from plenoptic.scene.textures.kernels.lookup import fill_texel
 
 

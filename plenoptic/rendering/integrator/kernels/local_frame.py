@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plenoptic.core.kernels.vectors import dot, row_vector
 from plenoptic.core.numba.jit import device
-from plenoptic.scene.geometry.record import NORMAL, OFFSET, POINT
+from plenoptic.scene.geometry.geometry_records import NORMAL, OFFSET, POINT
 
 
 @device

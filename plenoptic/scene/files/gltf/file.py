@@ -47,14 +47,14 @@ class GltfFile:
     reader: FileReader
     """Finds files that are named, and counts memory."""
 
-    def described(self, kind: str, number: Any) -> Mapping[str, Any]:
+    def entry(self, kind: str, number: Any) -> Mapping[str, Any]:
         """One entry of a list such as "meshes"."""
         return entry_of(self.header.get(kind, ()), number, kind)
 
     def view(self, number: Any) -> memoryview:
         """The bytes of a buffer view."""
-        described, place = self.described("bufferViews", number), f"bufferViews {number}"
-        self.described("buffers", described.get("buffer"))
+        described, place = self.entry("bufferViews", number), f"bufferViews {number}"
+        self.entry("buffers", described.get("buffer"))
         start, length = whole(described, "byteOffset", place, default=0), whole(described, "byteLength", place, least=1)
         content: memoryview = self.buffers[described["buffer"]]
         if start + length > len(content):
@@ -63,7 +63,7 @@ class GltfFile:
 
     def array(self, number: Any) -> NDArray[Any]:
         """The numbers of an accessor, (count, components); normalised integers as float64 within -1 and 1."""
-        accessor, place = self.described("accessors", number), f"accessors {number}"
+        accessor, place = self.entry("accessors", number), f"accessors {number}"
         kind = np.dtype(_one_of(_COMPONENTS, accessor, "componentType", place))
         width, count = _one_of(_WIDTHS, accessor, "type", place), whole(accessor, "count", place, least=1)
         if "bufferView" in accessor:
@@ -94,7 +94,7 @@ class GltfFile:
         self, described: Mapping[str, Any], place: str, count: int, kind: np.dtype[Any], width: int
     ) -> NDArray[Any]:
         content, size = self.view(described.get("bufferView")), kind.itemsize * width
-        view, start = self.described("bufferViews", described["bufferView"]), whole(described, "byteOffset", place, 0)
+        view, start = self.entry("bufferViews", described["bufferView"]), whole(described, "byteOffset", place, 0)
         stride = whole(view, "byteStride", place, size, least=size, most=_LARGEST_STRIDE)
         if start + stride * (count - 1) + size > len(content):
             raise FileError(f"its {place} ends beyond its bufferViews {described['bufferView']}; export it again")

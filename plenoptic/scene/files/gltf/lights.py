@@ -58,7 +58,7 @@ def gltf_views(nodes: Iterable[PlacedNode], file: GltfFile, scale: float) -> Ite
     """
     for node in nodes:
         if "camera" in node.described:
-            camera = file.described("cameras", node.described["camera"])
+            camera = file.entry("cameras", node.described["camera"])
             name = str(node.described.get("name") or camera.get("name") or f"camera {node.described['camera']}")
             position, axes = node.matrix[:3, 3], node.matrix[:3, :3] / np.linalg.norm(node.matrix[:3, :3], axis=0)
             lens, flat = camera.get("perspective", {}), camera.get("orthographic")

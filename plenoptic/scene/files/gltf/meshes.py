@@ -51,7 +51,7 @@ def gltf_meshes(
         matrices = np.concatenate(poses)
         # What is flattened cannot be seen.
         matrices = np.diag([scale, scale, scale, 1.0]) @ matrices[np.linalg.det(matrices[:, :3, :3]) != 0]
-        described = file.described("meshes", number)
+        described = file.entry("meshes", number)
         name = str(described.get("name") or default_name)
         for primitive in described["primitives"] if len(matrices) else ():
             mesh = reader.mesh(primitive, name)
@@ -104,7 +104,7 @@ class _MeshReader:
             return None
         array = self._file.array(attributes[name])
         widths = _SHAPES[name.partition("_")[0]]
-        count = self._file.described("accessors", attributes["POSITION"])["count"]
+        count = self._file.entry("accessors", attributes["POSITION"])["count"]
         if array.shape[1] not in widths or len(array) != count:
             raise FileError(
                 f"its {name} (accessors {attributes[name]}) is {array.shape}; it must have {count} rows, as POSITION, "
@@ -134,7 +134,7 @@ class _MeshReader:
             return (Lambertian() if tint is None else Lambertian(colour_of(tint[:3]))), TexturePlacement()
         key = (primitive["material"], tint)
         if key not in self._materials:
-            described = self._file.described("materials", primitive["material"])
+            described = self._file.entry("materials", primitive["material"])
             read = MaterialTextures(self._textures, str(described.get("name", "without a name")))
             material = gltf_material(described, read, self._scale, tint or WHITE)
             self._materials[key] = material, read.placement(material)

@@ -13,7 +13,7 @@ from plenoptic.scene.files.gltf.file import GltfFile, entry_of
 
 PLACE = 700
 """Bytes that a place costs; see `Instances`."""
-_INSTANCED = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
+_IDENTITY = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 
 
 class PlacedNode(NamedTuple):
@@ -28,7 +28,7 @@ def placed_nodes(file: GltfFile) -> list[PlacedNode]:
 
     A `FileError` for a node that hangs on two others, or on itself.
     """
-    nodes = [file.described("nodes", number) for number in range(len(file.header.get("nodes", ())))]
+    nodes = [file.entry("nodes", number) for number in range(len(file.header.get("nodes", ())))]
     above = _parents(nodes)
     local, placed = _local(nodes), []
     waiting = [(number, np.eye(4)) for number in reversed(_roots(file, above))]
@@ -62,9 +62,9 @@ def _roots(file: GltfFile, above: list[int | None]) -> list[int]:
     """The nodes that hang on no other, of the scene to show; of the whole file where it has no scenes."""
     if not file.header.get("scenes"):
         return [number for number, parent in enumerate(above) if parent is None]
-    roots = file.described("scenes", file.header.get("scene", 0)).get("nodes", ())
+    roots = file.entry("scenes", file.header.get("scene", 0)).get("nodes", ())
     for number in roots:
-        file.described("nodes", number)
+        file.entry("nodes", number)
         if above[number] is not None:
             raise FileError(f"its scene begins with node {number}, which hangs on another; export it again")
     if len(set(roots)) < len(roots):
@@ -74,12 +74,11 @@ def _roots(file: GltfFile, above: list[int | None]) -> list[int]:
 
 def _local(nodes: list[Mapping[str, Any]]) -> Floats:
     """(n, 4, 4): the frame of each node in that of its parent: matrices by columns, or translation, rotation, scale."""
-    identity = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}
     parts = (
         np.array([_numbers(node, name, number, one) for number, node in enumerate(nodes)]).reshape(-1, len(one))
-        for name, one in identity.items()
+        for name, one in _IDENTITY.items()
     )
-    matrices = composed(*parts)
+    matrices = compose_matrices(*parts)
     for number, node in enumerate(nodes):
         if "matrix" in node:
             matrices[number] = np.reshape(_numbers(node, "matrix", number, (0,) * 16), (4, 4)).T
@@ -97,7 +96,7 @@ def _numbers(node: Mapping[str, Any], name: str, number: int, default: tuple[flo
     return tuple(map(float, values))
 
 
-def composed(translations: Floats, rotations: Floats, scales: Floats) -> Floats:
+def compose_matrices(translations: Floats, rotations: Floats, scales: Floats) -> Floats:
     """(n, 4, 4) matrices of (n, 3) translations, (n, 4) quaternions (x, y, z, w) and (n, 3) scales."""
     x, y, z, w = (rotations / np.linalg.norm(rotations, axis=1, keepdims=True)).T
     rows = [
@@ -117,17 +116,12 @@ def copies(node: PlacedNode, file: GltfFile) -> Floats:
     described = node.described.get("extensions", {}).get("EXT_mesh_gpu_instancing")
     if described is None:
         return node.matrix[None]
-    columns = {
-        name: file.array(number).astype(np.float64)
-        for name, number in described["attributes"].items()
-        if name in _INSTANCED
-    }
-    count = max((len(array) for array in columns.values()), default=1)
+    accessors = {name.lower(): number for name, number in described["attributes"].items()}
+    columns = {name: file.array(accessors[name]).astype(np.float64) for name in _IDENTITY if name in accessors}
+    count = max(map(len, columns.values()), default=1)
     for name, array in columns.items():
-        if array.shape != (count, _INSTANCED[name]):
+        if array.shape != (count, len(_IDENTITY[name])):
             raise FileError(f"its instances have {name} of the shape {array.shape} for {count} places; export it again")
     file.reader.take(PLACE * count, f"{count} instances")
-    translations = columns.get("TRANSLATION", np.zeros((count, 3)))
-    rotations = columns.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
-    scales = columns.get("SCALE", np.ones((count, 3)))
-    return np.asarray(node.matrix @ composed(translations, rotations, scales))
+    parts = (columns.get(name, np.tile(one, (count, 1))) for name, one in _IDENTITY.items())
+    return np.asarray(node.matrix @ compose_matrices(*parts))

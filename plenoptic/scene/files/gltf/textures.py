@@ -67,10 +67,10 @@ class GltfTextures:
 
     def read(self, info: Info, encoding: Encoding, channel: int | None) -> Texture:
         """An image, or one of its channels, with the wrap and filter that the file gives it."""
-        described = self._file.described("textures", info["index"])
+        described = self._file.entry("textures", info["index"])
         sampler: Mapping[str, Any] = {}
         if "sampler" in described:
-            sampler = self._file.described("samplers", described["sampler"])
+            sampler = self._file.entry("samplers", described["sampler"])
         along_u, along_v = (_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
         between = TextureFilter.NEAREST if sampler.get("magFilter") == _NEAREST else TextureFilter.BILINEAR
         image = self._image(described)
@@ -86,7 +86,7 @@ class GltfTextures:
         webp = described.get("extensions", {}).get("EXT_texture_webp", {})
         number = webp.get("source", described.get("source"))
         if number not in self._images:
-            image, file = self._file.described("images", number), self._file
+            image, file = self._file.entry("images", number), self._file
             content = resource(image["uri"], file.reader) if "uri" in image else file.view(image.get("bufferView"))
             check_scans(bytes(content), "it")
             with warnings.catch_warnings():

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from plenoptic.core.kernels.vectors import vector
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.core.values import Floats
-from plenoptic.scene.geometry.compile import ChildMesh, child_meshes, part_of
+from plenoptic.scene.geometry.build_geometry import ChildMesh, child_meshes, part_of
+from plenoptic.scene.geometry.geometry_records import Geometry, Hits, InstanceRecord
 from plenoptic.scene.geometry.kernels.grown import fill_grown
 from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
-from plenoptic.scene.geometry.record import Geometry, Hits, InstanceRecord
 
 _VERTEX, _INDEX, _FLOAT3, _UINT3, _FLOAT3X4 = 1, 0, 0x9003, 0x5003, 0x9134
 _TRIANGLE, _INSTANCED = 0, 121
@@ -217,10 +217,10 @@ def _begin(ray, number, rays, i, middle, far):
 # One ray at a time: packets of 16 take a quarter longer, and what a ray meets near an edge depends on the others.
 @kernel
 def _fill_closest(triangles, instances, first, rays, middle, scene, arguments):
-    ray, around = _new_ray(), vector(middle, 0)
+    ray, center = _new_ray(), vector(middle, 0)
     number, address = ray.view(np.uint32), ray.ctypes.data
     for i in range(rays.shape[0]):
-        _begin(ray, number, rays, i, around, np.inf)
+        _begin(ray, number, rays, i, center, np.inf)
         _intersect(scene, address, arguments)
         hit = number[_GEOMETRY] != _INVALID
         row = np.int32(number[_PRIMITIVE])
@@ -235,10 +235,10 @@ def _fill_closest(triangles, instances, first, rays, middle, scene, arguments):
 
 @kernel
 def _fill_blocked(blocked, rays, middle, scene, arguments):
-    ray, around = _new_ray(), vector(middle, 0)
+    ray, center = _new_ray(), vector(middle, 0)
     number, address = ray.view(np.uint32), ray.ctypes.data
     for i in range(rays.shape[0]):
-        _begin(ray, number, rays, i, around, SHADOW_END)
+        _begin(ray, number, rays, i, center, SHADOW_END)
         _occluded(scene, address, arguments)
         # Embree marks an occluded ray by a far end of minus infinity.
         blocked[i] = 1 if ray[_FAR] < 0.0 else 0

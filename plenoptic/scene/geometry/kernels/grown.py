@@ -28,15 +28,15 @@ def fill_grown(points, vertices, triangles, middle, usual):
         c = sub(row_vector(vertices, triangles[k, 2], 0), m)
         x, y, z = sub(c, b), sub(a, c), sub(b, a)
         opposite_a, opposite_b, opposite_c = math.sqrt(dot(x, x)), math.sqrt(dot(y, y)), math.sqrt(dot(z, z))
-        around = opposite_a + opposite_b + opposite_c
-        # Heron's formula: the radius is the root of (s - a) (s - b) (s - c) / s with s half the way around.
-        half = 0.5 * around
+        perimeter = opposite_a + opposite_b + opposite_c
+        # Heron's formula: the radius is the root of (s - a) (s - b) (s - c) / s with s half the perimeter.
+        half = 0.5 * perimeter
         squared = (half - opposite_a) * (half - opposite_b) * (half - opposite_c)
         grown = 0.0
         if squared > 0.0:
             largest = max(usual, max(absolute(a)), max(absolute(b)), max(absolute(c)))
             grown = min(GROWTH * largest * math.sqrt(half / squared), MOST_GROWTH)
-        over = grown / around if around > 0.0 else 0.0
+        over = grown / perimeter if perimeter > 0.0 else 0.0
         off = add(add(scale(a, opposite_a * over), scale(b, opposite_b * over)), scale(c, opposite_c * over))
         fill_vector(points, 3 * k, 0, sub(scale(a, 1.0 + grown), off))
         fill_vector(points, 3 * k + 1, 0, sub(scale(b, 1.0 + grown), off))

@@ -1,4 +1,4 @@
-"""Kernels of surface interactions. See `scene.geometry.record` for the records that they read and fill."""
+"""Kernels of surface interactions. See `scene.geometry.geometry_records` for the records that they read and fill."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, vector
 from plenoptic.core.numba.jit import kernel
+from plenoptic.scene.geometry.geometry_records import FRONT, NORMAL, OFFSET, POINT, SHADING_NORMAL, UV
 from plenoptic.scene.geometry.kernels.intersect import (
     NEAR_EDGE,
     corners,
@@ -18,7 +19,6 @@ from plenoptic.scene.geometry.kernels.intersect import (
     ray_offset,
     transform_normal,
 )
-from plenoptic.scene.geometry.record import FRONT, NORMAL, OFFSET, POINT, SHADING_NORMAL, UV
 
 
 @kernel
@@ -35,7 +35,7 @@ def fill_interactions(interactions, hits, rays, path, geometry, scatters):
     instances = hits.instance
     hit = hits.triangle
     middle = vector(geometry.middle, 0)
-    found = 0
+    row = 0
     for i in range(hit.size):
         k = hit[i]
         if k < 0:
@@ -62,9 +62,9 @@ def fill_interactions(interactions, hits, rays, path, geometry, scatters):
         w = 1.0 - u - v
         if min(u, v, w) < NEAR_EDGE:
             point = drawn_in(point, triangle, (w, u, v), 1.0 / abs(over), offset)
-        fill_vector(rows, found, POINT, point)
-        fill_vector(rows, found, NORMAL, g)
-        fill_vector(rows, found, SHADING_NORMAL, g)
+        fill_vector(rows, row, POINT, point)
+        fill_vector(rows, row, NORMAL, g)
+        fill_vector(rows, row, SHADING_NORMAL, g)
         if normals is not None:
             s = interpolate_normal(normals, triangles, k, u, v)
             if instance_to_world is not None:
@@ -72,14 +72,14 @@ def fill_interactions(interactions, hits, rays, path, geometry, scatters):
                     s = transform_normal(instance_to_world[instance], s)
             s = scale(s, 1.0 if dot(s, g) >= 0.0 else -1.0)
             if dot(s, direction) < 0.0:
-                fill_vector(rows, found, SHADING_NORMAL, s)
-        rows[found, OFFSET] = offset
-        rows[found, FRONT] = front
+                fill_vector(rows, row, SHADING_NORMAL, s)
+        rows[row, OFFSET] = offset
+        rows[row, FRONT] = front
         if uv is not None:
-            rows[found, UV], rows[found, UV + 1] = interpolate_uv(uv, triangles, k, u, v)
-        ray_of[found], path_of[found], material_of[found] = i, path[i], material
-        found += 1
-    return found
+            rows[row, UV], rows[row, UV + 1] = interpolate_uv(uv, triangles, k, u, v)
+        ray_of[row], path_of[row], material_of[row] = i, path[i], material
+        row += 1
+    return row
 
 
 @kernel

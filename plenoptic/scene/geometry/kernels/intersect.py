@@ -9,7 +9,7 @@ import math
 
 from plenoptic.core.kernels.vectors import absolute, add, cross, dot, row_vector, scale, sub
 from plenoptic.core.numba.jit import device
-from plenoptic.scene.geometry.record import INSTANCE_DISTANCE, RAY_OFFSET, RAY_OFFSET_64
+from plenoptic.scene.geometry.geometry_records import INSTANCE_DISTANCE, RAY_OFFSET, RAY_OFFSET_64
 
 SHADOW_END = 1.0 - 2.0**-18
 """Where shadow rays end, as a part of the way to the light: float32 must not find the light itself in between."""
@@ -82,13 +82,13 @@ def drawn_in(point, triangle, coordinates, twice, offset):
     """
     a, b, c = triangle
     sides = sub(c, b), sub(a, c), sub(b, a)
-    share = 0.0
+    fraction = 0.0
     for k in range(3):
         inside = offset * math.sqrt(dot(sides[k], sides[k])) / twice
         if coordinates[k] < inside:
-            share = max(share, (inside - coordinates[k]) / (1.0 / 3.0 - coordinates[k]))
+            fraction = max(fraction, (inside - coordinates[k]) / (1.0 / 3.0 - coordinates[k]))
     centre = scale(add(add(a, b), c), 1.0 / 3.0)
-    return add(point, scale(sub(centre, point), min(share, NEAR_EDGE)))
+    return add(point, scale(sub(centre, point), min(fraction, NEAR_EDGE)))
 
 
 @device

@@ -9,15 +9,14 @@ import math
 
 import numpy as np
 
-from plenoptic.core.kernels.frames import frame_about
 from plenoptic.core.kernels.sincos import turn
-from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, scale, sub
+from plenoptic.core.kernels.vectors import add, dot, fill_vector, frame_about, row_vector, scale, sub
 from plenoptic.core.kernels.wavelengths import one_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
+from plenoptic.scene.geometry.geometry_records import POINT as INTERACTION_POINT
 from plenoptic.scene.geometry.kernels.intersect import interpolate_uv
-from plenoptic.scene.geometry.record import POINT as INTERACTION_POINT
 from plenoptic.scene.lights.kernels.sky import sample_cdf, sample_environment
-from plenoptic.scene.lights.record import (
+from plenoptic.scene.lights.light_records import (
     CORNER,
     DELTA,
     DIRECTION,

@@ -12,10 +12,10 @@ import numpy as np
 from plenoptic.core.kernels.vectors import dot, row_vector, sub
 from plenoptic.core.kernels.wavelengths import row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
+from plenoptic.scene.geometry.geometry_records import FRONT, NORMAL, POINT
 from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle, is_mirrored
-from plenoptic.scene.geometry.record import FRONT, NORMAL, POINT
-from plenoptic.scene.lights.record import DIRECTION, END
-from plenoptic.scene.materials.record import INSIDE
+from plenoptic.scene.lights.light_records import DIRECTION, END
+from plenoptic.scene.materials.material_records import INSIDE
 
 
 @kernel
@@ -65,10 +65,10 @@ def innermost(row):
 @device
 def holds(row, material):
     """True if a material is among a row of media."""
-    found = False
+    is_held = False
     for k in range(row.size):
-        found = found or row[k] == material
-    return found
+        is_held = is_held or row[k] == material
+    return is_held
 
 
 @device
@@ -132,7 +132,7 @@ def fill_dimmed_lights(drawn, media, interactions, absorption, wavelengths):
             inside = innermost(beyond)
         if inside >= 0:
             d = sub(row_vector(lights, i, END), row_vector(rows, i, POINT))
-            way = math.sqrt(dot(d, d))
+            distance = math.sqrt(dot(d, d))
             wave = wavelength_index(waves, path[i])
             for c in range(radiance.shape[1]):
-                radiance[i, c] *= math.exp(-way * row_channel(absorption, inside, c, basis, wave))
+                radiance[i, c] *= math.exp(-distance * row_channel(absorption, inside, c, basis, wave))

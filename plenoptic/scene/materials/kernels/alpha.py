@@ -17,12 +17,12 @@ from plenoptic.scene.geometry.kernels.intersect import (
 )
 from plenoptic.scene.textures.kernels.lookup import opacity_at
 
-_THERE = np.uint64(411)
+_OPACITY_SALT = np.uint64(411)
 _UNIT_53 = 2.0**-53
 
 
 @kernel
-def follow(again, rays, hits, which, keys, shadows, geometry, alpha):
+def advance_rays(again, rays, hits, which, keys, shadows, geometry, alpha):
     """Advance those of the rays `which` that go through the surface they hit; returns their number, their indices in
     `again`.
 
@@ -56,41 +56,42 @@ def follow(again, rays, hits, which, keys, shadows, geometry, alpha):
                 continue
         elif not t < SHADOW_END:
             continue
-        there = 1.0
+        coverage = 1.0
         if alpha.opacity[material] < 1.0 and t > 0.0:
             st = interpolate_uv(uv, triangles, k, u, v)
             texture = -1 if rows is None else rows[material]
-            there = opacity_at(number, alpha.opacity[material], alpha.cutoff[material], texture, st, texels, textures)
+            opacity, cutoff = alpha.opacity[material], alpha.cutoff[material]
+            coverage = opacity_at(number, opacity, cutoff, texture, st, texels, textures)
         if shadows is not None:
-            if there >= 1.0:
+            if coverage >= 1.0:
                 shadows.blocked[i] = 1
                 continue
             for c in range(shadows.radiance.shape[1]):
-                shadows.radiance[i, c] *= 1.0 - there
+                shadows.radiance[i, c] *= 1.0 - coverage
         elif keys is None:
-            if there >= 0.5:
+            if coverage >= 0.5:
                 continue
         else:
             path = keys.path[i]
-            key = mix(mix(keys.key[path], _THERE + np.uint64(keys.salt)), np.uint64(keys.number[path]))
-            if np.float64(key >> np.uint64(11)) * _UNIT_53 < there:
+            key = mix(mix(keys.key[path], _OPACITY_SALT + np.uint64(keys.salt)), np.uint64(keys.number[path]))
+            if np.float64(key >> np.uint64(11)) * _UNIT_53 < coverage:
                 continue
         distance = instance_distance(instance_to_world, instance)
-        way = t + _behind(origin, direction, t, normal, triangle, middle, distance)
+        t_next = t + _step_behind(origin, direction, t, normal, triangle, middle, distance)
         if shadows is None:
-            hits.travelled[i] += way
+            hits.travelled[i] += t_next
         else:
-            if not way < SHADOW_END:
+            if not t_next < SHADOW_END:
                 continue
-            fill_vector(rays, i, 3, scale(direction, 1.0 - way))
-        fill_vector(rays, i, 0, add(origin, scale(direction, way)))
+            fill_vector(rays, i, 3, scale(direction, 1.0 - t_next))
+        fill_vector(rays, i, 0, add(origin, scale(direction, t_next)))
         again[passed] = i
         passed += 1
     return passed
 
 
 @device
-def _behind(origin, direction, t, normal, triangle, middle, distance):
+def _step_behind(origin, direction, t, normal, triangle, middle, distance):
     """Distance along a ray from its hit at t to behind the triangle, as float32 sees it."""
     length = np.sqrt(dot(normal, normal))
     n = (normal[0] / length, normal[1] / length, normal[2] / length)

@@ -2,7 +2,7 @@
 
 o is the unit direction to the viewer, z above 0; i that to the light, z below 0 behind the surface. `f` (channels,)
 holds the base colour before, and f |cos i| afterwards; densities are per steradian. Columns are those of
-`materials.record.Bsdf`; one that no material of a scene has is None.
+`materials.material_records.Bsdf`; one that no material of a scene has is None.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import numpy as np
 
 from plenoptic.core.kernels.vectors import fill_vector, row_vector
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.scene.geometry.record import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS
+from plenoptic.scene.geometry.geometry_records import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS
 from plenoptic.scene.materials.kernels import conductor, dielectric, diffuse, metallic_roughness
 from plenoptic.scene.materials.kernels.microfacets import nothing
-from plenoptic.scene.materials.record import Surface
+from plenoptic.scene.materials.material_records import SurfaceMaterial
 from plenoptic.scene.materials.registry import (
     CONDUCTOR,
     DIELECTRIC,
@@ -29,11 +29,11 @@ from plenoptic.scene.materials.registry import (
 def surface_at(rows, i, material, wave, kind, glass_index, pane_index, extra_shares):
     """Material of an interaction."""
     if kind is None:
-        return Surface(None, 0.0, 0.0, None, None, None, material, wave)
+        return SurfaceMaterial(None, 0.0, 0.0, None, None, None, material, wave)
     eta = None if glass_index is None else dielectric.relative_index(glass_index, material, rows[i, FRONT] > 0.0)
     pane = None if pane_index is None else pane_index[material]
     extra = None if extra_shares is None else rows[i, INTERACTION_COLUMNS:]
-    return Surface(kind[material], rows[i, ROUGHNESS], rows[i, METALLIC], eta, pane, extra, material, wave)
+    return SurfaceMaterial(kind[material], rows[i, ROUGHNESS], rows[i, METALLIC], eta, pane, extra, material, wave)
 
 
 @device
@@ -80,13 +80,13 @@ def sample(f, surface, o, u, metal_index, coupling, basis):
 def _only_surface(bsdf, front):
     """The only material of a record."""
     if bsdf.kind is None:
-        return Surface(None, 0.0, 0.0, None, None, None, 0, 0)
+        return SurfaceMaterial(None, 0.0, 0.0, None, None, None, 0, 0)
     roughness = 0.0 if bsdf.roughness is None else bsdf.roughness[0]
     metallic = 0.0 if bsdf.metallic is None else bsdf.metallic[0]
     eta = None if bsdf.glass_index is None else dielectric.relative_index(bsdf.glass_index, 0, front)
     pane = None if bsdf.pane_index is None else bsdf.pane_index[0]
     extra = None if bsdf.extra_shares is None else bsdf.extra_shares[0]
-    return Surface(bsdf.kind[0], roughness, metallic, eta, pane, extra, 0, 0)
+    return SurfaceMaterial(bsdf.kind[0], roughness, metallic, eta, pane, extra, 0, 0)
 
 
 @kernel

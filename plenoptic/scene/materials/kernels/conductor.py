@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from plenoptic.core.numba.jit import device
-from plenoptic.scene.lights.record import DELTA
+from plenoptic.scene.lights.light_records import DELTA
 from plenoptic.scene.materials.kernels.fresnel import conductor
 from plenoptic.scene.materials.kernels.microfacets import half_way, nothing, sample_reflected, smith_lambda
-from plenoptic.scene.materials.record import EXTINCTION, INDEX, SMOOTH
+from plenoptic.scene.materials.material_records import EXTINCTION, INDEX, SMOOTH
 
 
 @device
@@ -39,9 +39,9 @@ def eval_conductor(f, surface, o, i, metal_index, basis):
         return nothing(f)
     _reflectance(f, cosine, metal_index, surface.material, basis, surface.wave)
     hidden_o, hidden_i = smith_lambda(o, alpha), smith_lambda(i, alpha)
-    seen = d / (4.0 * o[2] * (1.0 + hidden_o + hidden_i))
+    reflected = d / (4.0 * o[2] * (1.0 + hidden_o + hidden_i))
     for c in range(f.size):
-        f[c] *= seen
+        f[c] *= reflected
     return d / (4.0 * o[2] * (1.0 + hidden_o))
 
 
@@ -57,7 +57,7 @@ def sample_conductor(f, surface, o, u, metal_index, basis):
         return (0.0, 0.0, 1.0), 0.0, 1.0
     hidden_o, hidden_i = smith_lambda(o, alpha), smith_lambda(i, alpha)
     _reflectance(f, cosine, metal_index, surface.material, basis, surface.wave)
-    seen = (1.0 + hidden_o) / (1.0 + hidden_o + hidden_i)
+    unshadowed = (1.0 + hidden_o) / (1.0 + hidden_o + hidden_i)
     for c in range(f.size):
-        f[c] *= seen
+        f[c] *= unshadowed
     return i, pdf, 1.0

@@ -9,10 +9,10 @@ import math
 
 from plenoptic.core.kernels.vectors import add, dot, scale
 from plenoptic.core.numba.jit import device
-from plenoptic.scene.lights.record import DELTA
+from plenoptic.scene.lights.light_records import DELTA
 from plenoptic.scene.materials.kernels.fresnel import dielectric
 from plenoptic.scene.materials.kernels.microfacets import distribution, nothing, reflect, smith_lambda, visible_normal
-from plenoptic.scene.materials.record import INSIDE, OUTSIDE, SMOOTH
+from plenoptic.scene.materials.material_records import INSIDE, OUTSIDE, SMOOTH
 
 
 @device

@@ -68,8 +68,8 @@ def _reflected_once(cosine, roughness):
     sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
     part = sine * (math.acos(min(cosine, 1.0)) - sine * cosine)
     # (1 - sine^3) / cosine tends to 0 at grazing.
-    rest = sine * (1.0 - sine * sine * sine) / cosine - sine if cosine > 1e-7 else -sine
-    return (1.0 + roughness / math.pi * (part + 2.0 / 3.0 * rest)) / (1.0 + _C1 * roughness)
+    grazing_term = sine * (1.0 - sine * sine * sine) / cosine - sine if cosine > 1e-7 else -sine
+    return (1.0 + roughness / math.pi * (part + 2.0 / 3.0 * grazing_term)) / (1.0 + _C1 * roughness)
 
 
 @device

@@ -1,6 +1,6 @@
 """A rough reflecting layer on a matt base: device functions. See `bsdf` for directions and f.
 
-`coupling` is that of `materials.record.Bsdf`.
+`coupling` is that of `materials.material_records.Bsdf`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from plenoptic.core.numba.jit import device
 from plenoptic.scene.materials.kernels.diffuse import OVER_PI, sample_cosine
 from plenoptic.scene.materials.kernels.fresnel import schlick
 from plenoptic.scene.materials.kernels.microfacets import half_way, nothing, sample_reflected, smith_lambda
-from plenoptic.scene.materials.record import COUPLING_COSINES
+from plenoptic.scene.materials.material_records import COUPLING_COSINES
 
 PLASTIC = 0.04
 """Reflectance of the layer at normal incidence (glTF 2.0, appendix B)."""

@@ -9,8 +9,15 @@ import numpy as np
 from plenoptic.core.kernels.vectors import add, cross, dot, fill_vector, row_vector, scale, sub
 from plenoptic.core.kernels.wavelengths import one_channel, row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
+from plenoptic.scene.geometry.geometry_records import (
+    FRONT,
+    INTERACTION_COLUMNS,
+    METALLIC,
+    ROUGHNESS,
+    SHADING_NORMAL,
+    UV,
+)
 from plenoptic.scene.geometry.kernels.intersect import corners
-from plenoptic.scene.geometry.record import FRONT, INTERACTION_COLUMNS, METALLIC, ROUGHNESS, SHADING_NORMAL, UV
 from plenoptic.scene.textures.kernels.lookup import fill_texel
 
 
@@ -92,8 +99,8 @@ def apply_normal_map(interactions, hits, rays, geometry, texture):
         triangle = corners(vertices, triangles, k, instance_to_world, instance)
         side = 1.0 if rows[i, FRONT] > 0.0 else -1.0
         n = scale(row_vector(rows, i, SHADING_NORMAL), side)
-        found, tangent, bitangent = _tangents(triangle, n, uv, triangles, k)
-        if not found:
+        has_tangents, tangent, bitangent = _tangents(triangle, n, uv, triangles, k)
+        if not has_tangents:
             continue
         x, y, z = 2.0 * texel[0] - 1.0, 2.0 * texel[1] - 1.0, 2.0 * texel[2] - 1.0
         v = add(add(scale(tangent, x), scale(bitangent, y)), scale(n, z))

@@ -44,7 +44,7 @@ def grid_faces(chosen: NDArray[np.bool_]) -> Faces:
     return np.concatenate([np.stack([a, a + 1, c + 1], axis=1), np.stack([a, c + 1, c], axis=1)])
 
 
-def snapped(places: Floats, tolerance: float) -> Floats:
+def snap(places: Floats, tolerance: float) -> Floats:
     """The same places, but those that differ from their neighbour by a tolerance at most are the same number."""
     values, number = np.unique(places, return_inverse=True)
     first = np.concatenate([[True], np.diff(values) > tolerance])

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, Given, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, frozen_array, positions, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.geometry.mesh import Mesh
@@ -66,9 +66,7 @@ class Target:
         meshes = tuple(self.meshes) if isinstance(self.meshes, Iterable) else ()
         if not meshes or not all(isinstance(mesh, Mesh) for mesh in meshes):
             raise InvalidValueError(f"meshes is {self.meshes!r}; it must be one Mesh or more, as in [mesh]")
-        points = frozen_array(self.points, name="points", shape=(None, 3))
-        if not np.isfinite(points).all():
-            raise InvalidValueError("points hold numbers that are not finite; leave such points out")
+        points = positions(self.points, name="points", shape=(None, 3))
         if not isinstance(self.name, str):
             raise InvalidValueError(f"name is {self.name!r}; it must be a text")
         set_field(self, "meshes", meshes)

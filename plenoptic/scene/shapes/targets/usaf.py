@@ -9,13 +9,7 @@ import numpy as np
 from plenoptic.core.values import Floats, not_negative, positive, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.registry import Material
-from plenoptic.scene.shapes.targets.checker_layouts import (
-    flat_mesh,
-    free_rectangles,
-    in_plane,
-    joined_rectangles,
-    snapped,
-)
+from plenoptic.scene.shapes.targets.checker_layouts import flat_mesh, free_rectangles, in_plane, joined_rectangles, snap
 from plenoptic.scene.shapes.targets.target import BRIGHT, DARK, Target
 
 _WIDTHS = 2.0 ** (-np.arange(6) / 6)
@@ -106,7 +100,7 @@ def usaf_1951(
     # Elements that lie flush do so to the last bit, so that no slivers are left between their ends.
     x = (places - (low + high) / 2)[:, :1] + width[:, None] * _ACROSS_LINES
     y = (places - (low + high) / 2)[:, 1:] + width[:, None] * _UP_LINES
-    x, y = (snapped(lines, _ROUNDING * (high - low).max()) for lines in (x, y))
+    x, y = (snap(lines, _ROUNDING * (high - low).max()) for lines in (x, y))
     parts = [_element(*lines) for lines in zip(x, y, strict=True)]
     blocks = np.stack([x[:, 0], y[:, 0], x[:, -1], y[:, -1]], axis=1)
     outer = [*(blocks[:, :2].min(axis=0) - border), *(blocks[:, 2:].max(axis=0) + border)]

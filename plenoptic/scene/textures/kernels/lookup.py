@@ -1,6 +1,6 @@
 """Texture lookup at a point: device functions.
 
-Textures lie in one flat array of texels; a row of `scene.textures.record.TEXTURE` says where.
+Textures lie in one flat array of texels; a row of `scene.textures.texture_records.TEXTURE` says where.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic.core.numba.jit import device
-from plenoptic.scene.textures.record import MIRROR, NEAREST, REPEAT
+from plenoptic.scene.textures.texture_records import MIRROR, NEAREST, REPEAT
 
 
 @device

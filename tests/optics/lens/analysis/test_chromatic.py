@@ -58,8 +58,8 @@ def test_impossible_questions_of_colour_are_refused():
     plate = pl.LensStack([pl.CircularStop(5.0, 1.0), front, pl.Surface(math.inf, semi_diameter=9.0)])
     for call, message in (
         (lambda: shift(GAUSS, reference=500.0), "one of the wavelengths"),
-        (lambda: shift(GAUSS, wavelengths=[]), "wavelengths is empty"),
-        (lambda: shift(GAUSS, wavelengths=["blue"]), "wavelengths is not"),
+        (lambda: shift(GAUSS, wavelengths=[]), "wavelength is an empty sequence"),
+        (lambda: shift(GAUSS, wavelengths=["blue"]), "wavelength is .blue.; it must be a number"),
         (lambda: shift(GAUSS, wavelengths=[100.0]), "100"),
         (lambda: pl.aberrations.colour_sums(GAUSS, field=0.1, wavelengths=(500.0,)), "must be three"),
         (lambda: shift(plate, field=0.1), "light leaves the lens parallel"),

@@ -9,7 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.aberrations import Projection, coma, depth_distortion, distortion, field_curvature, foci, seidel_sums
 from plenoptic.aiming import aimed_rays, aimed_rays_reverse, chief_ray
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 BUNDLED = sorted(pl.lens_names())
 
@@ -64,7 +64,7 @@ def test_coma_converges_to_third_order():
 def close_foci(lens: pl.LensStack, angle: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Sagittal and tangential focus by rays a step of the iris away from the chief ray."""
     rays = aimed_rays(lens, field=(0.0, angle), pupil=[[step, 0.0], [0.0, step], [0.0, -step]])
-    out = traced_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
+    out = trace_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
     (side, up, down), (d_side, d_up, d_down) = out.origin, out.direction
     t = np.linalg.solve(np.column_stack([d_up, -d_down])[1:], (down - up)[1:])[0]
     return side - d_side * side[0] / d_side[0], up + t * d_up

@@ -11,7 +11,7 @@ import plenoptic as pl
 from plenoptic import CircularStop, ConstantMedium, LensModel, LensStack, RayBundle, Surface, load_lens
 from plenoptic.aberrations import spot_diagram
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import best_focus, front_focus, paraxial_focus, working_f_number
+from plenoptic.optics.lens.analysis.best_focus import best_focus, front_focus, paraxial_focus, working_f_number
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.pupil.beam import REPLICATES
 
@@ -31,7 +31,7 @@ def test_a_perfect_lens_is_sharp_at_its_paraxial_image():
 
 def test_the_square_of_the_rms_radius_is_a_parabola(monkeypatch):
     # The rays that spots are of: those are drawn in more sets, so that their errors are known.
-    monkeypatch.setattr("plenoptic.optics.lens.analysis.focus._REPLICATES", REPLICATES)
+    monkeypatch.setattr("plenoptic.optics.lens.analysis.best_focus._REPLICATES", REPLICATES)
     for field in ((0.0, 0.0), (0.0, 0.15)):
 
         def spot(z):

@@ -10,7 +10,7 @@ import pytest
 from plenoptic import CircularStop, LensModel, load_lens
 from plenoptic.aberrations import diffraction_mtf, mtf, point_spread, spot_diagram
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.analysis.focus import working_f_number
+from plenoptic.optics.lens.analysis.best_focus import working_f_number
 from plenoptic.optics.lens.gaussian import paraxial
 
 GAUSS = load_lens("double-gauss-100mm-f2")

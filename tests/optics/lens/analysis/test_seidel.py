@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from test_fields import ASPHERIC, GLASS
 
 import plenoptic as pl
-from plenoptic.aberrations import SeidelSums, seidel_sums
+from plenoptic.aberrations import seidel_sums
 from plenoptic.aiming import aimed_rays
-from plenoptic.optics.lens.elements import opened
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.elements import with_round_stops
+from plenoptic.optics.lens.trace import trace_part
 
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
 WATER = pl.ConstantMedium(1.333)
@@ -39,7 +39,7 @@ MANGIN = pl.LensStack(
 )  # fmt: skip
 BUNDLED = [*map(pl.load_lens, pl.lens_names())]
 # Without discs in the middle of stops, which shade rays near the axis.
-LENSES = [dataclasses.replace(lens, elements=opened(lens.elements)) for lens in BUNDLED]
+LENSES = [dataclasses.replace(lens, elements=with_round_stops(lens.elements)) for lens in BUNDLED]
 LENSES += [CASSEGRAIN, MANGIN, ASPHERIC, IN_WATER]
 
 
@@ -56,7 +56,7 @@ def miss_and_third_order(lens: pl.LensStack, z_object: float, scale: float) -> t
     slope_x = 4 * w040 * square * x + 2 * w131 * x * y + 2 * w220 * x
     slope_y = 4 * w040 * square * y + w131 * (square + 2 * y * y) + 2 * (w222 + w220) * y + w311
     rays = aimed_rays(small, field=(0.0, field), z_object=z_object, pupil=PUPIL)
-    out = traced_part(small, rays, 0, len(small.elements) - 1, clipping=False)
+    out = trace_part(small, rays, 0, len(small.elements) - 1, clipping=False)
     far = math.isinf(z_object)
     efl, m = pl.paraxial.cardinal_points(small).efl, pl.paraxial.magnification(small, z_object)
     ideal = -efl * math.tan(field) if far else m * field
@@ -179,12 +179,10 @@ def test_a_plane_plate_in_parallel_light_and_in_a_beam_that_spreads(u, n, thickn
 
 
 def test_impossible_questions_are_refused():
-    n = np.zeros(3)
     for call, message in (
         (lambda: seidel_sums(GAUSS, field=0.1, z_object=5.0), "must lie in front of the first element"),
         (lambda: seidel_sums("lens", field=0.1), "lens is a str; give a LensStack"),
         (lambda: seidel_sums(GAUSS, field=0.1, wavelength=100.0), "100"),
-        (lambda: SeidelSums(n, np.zeros(2), n, n, n, -0.1, 587.6), "coma has shape"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             call()

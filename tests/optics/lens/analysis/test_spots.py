@@ -9,11 +9,11 @@ from plenoptic import CircularStop, ConstantMedium, LensModel, LensStack, Polygo
 from plenoptic.aberrations import ray_fan, spot_diagram
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics import MaskStop
-from plenoptic.optics.lens.analysis.focus import working_f_number
-from plenoptic.optics.lens.analysis.spots import AIRY
+from plenoptic.optics.lens.analysis.best_focus import working_f_number
+from plenoptic.optics.lens.analysis.spot_diagram import AIRY
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.pupil.beam import REPLICATES
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 GAUSS = load_lens("double-gauss-100mm-f2")
 PERFECT = [GAUSS.with_model(LensModel.PARAXIAL), GAUSS.with_model(LensModel.THIN)]
@@ -51,7 +51,7 @@ def wide_beam(angle: float, half: float, n: int) -> RayBundle:
 def behind_iris(lens: LensStack, rays: RayBundle) -> RayBundle:
     """Rays of which those before the iris lose none."""
     iris = lens.iris_index
-    return traced_part(lens, traced_part(lens, rays, 0, iris - 1, clipping=False), iris, iris)
+    return trace_part(lens, trace_part(lens, rays, 0, iris - 1, clipping=False), iris, iris)
 
 
 def test_against_rays_that_are_not_aimed():

@@ -174,16 +174,13 @@ def test_a_wrong_entry_is_named(tmp_path: Path):
         (3, "it has 3"),
         ({**circle, "stop": "oval"}, 'stop is .oval.; it must be "circle", "polygon", "star", "mask" or "ring"'),
         ({**circle, "stop": "mask"}, ".*it must have semi_diameter, stop, thickness, transmission"),
-        ({**circle, "stop": "mask", "transmission": 1.0}, ".*is 1.0; it must be a list of lists of numbers"),
+        ({**circle, "stop": "mask", "transmission": 1.0}, "transmission has shape"),
         ({**circle, "stop": "mask", "transmission": [[1], [1, 0]]}, ".*transmission is not an array of numbers"),
         ({**circle, **star, "inner_semi_diameter": 9.0}, ".*inner_semi_diameter is 9 mm"),
-        (
-            {**PLANE, "freeform": {"value": ["CircularStop", {"semi_diameter": 1.0}]}},
-            ".*; it must be ZernikeSag or BiconicSag",
-        ),
+        ({**PLANE, "freeform": {"value": ["CircularStop", {"semi_diameter": 1.0}]}}, ".*; it must be ZernikeSag"),
         ({**circle, "semi_diameter": True}, "semi_diameter is True"),
         ({"stop": "circle", "semi_diameter": 1, "thicknes": 0}, "it has .*thicknes"),
-        ({**circle, "semi_diameter": 10**400}, ".*too large"),
+        ({**circle, "semi_diameter": 10**400}, "semi_diameter is 1000"),
         ({**sphere, "medium": "glass"}, "medium is 'glass'"),
         ({**sphere, "medium": {"index": 0.5}}, ".*is 0.5"),
         ({**sphere, "radius": math.nan, "medium": "air"}, "radius is nan"),
@@ -192,7 +189,7 @@ def test_a_wrong_entry_is_named(tmp_path: Path):
         ({**PLANE, "depth": 1}, "depth is 1 mm"),
         ({**PLANE, "placement": {"shift": [1, 2, 3]}}, "placement has shift"),
         ({**PLANE, "placement": {"shift": [1], "rotation": [[1]]}}, "shift has shape"),
-        ({**PLANE, "placement": {"shift": [1, 2, 3], "rotation": 1}}, "rotation is 1"),
+        ({**PLANE, "placement": {"shift": [1, 2, 3], "rotation": 1}}, "rotation has shape"),
     )
     for change, message in (
         *(({"elements": [element]}, f"element 0: {message}") for element, message in of_elements),

@@ -244,8 +244,8 @@ def test_what_cannot_be_is_refused_by_name_and_line(tmp_path):
         line = next((f"  {line}" for line in surface if line.split()[0] == keyword), None)
         refused(tmp_path, zmx(STOP, surface, FRONT, BACK), message, line)
     text = zmx(STOP, ("TYPE DGRATING", "DISZ 1"), FRONT, BACK)
-    refused(tmp_path, text, "a grating", "TYPE DGRATING")
-    refused(tmp_path, text.replace("\n", "\r\n"), "a grating", "TYPE DGRATING")
+    refused(tmp_path, text, "type DGRATING", "TYPE DGRATING")
+    refused(tmp_path, text.replace("\n", "\r\n"), "type DGRATING", "TYPE DGRATING")
     refused(tmp_path, zmx(STOP, (*FRONT, "SQAP 2 3 0"), BACK), "rectangular", "SQAP 2 3")
 
 

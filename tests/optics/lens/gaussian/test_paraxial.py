@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic import CircularStop, ConstantMedium, LensStack, Surface, lens_names, load_lens, paraxial
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 GLASS = ConstantMedium(1.5)
 GAUSS = pl.load_lens("double-gauss-100mm-f2")
@@ -145,7 +145,7 @@ def test_a_paraxial_ray_goes_as_the_matrix_says_and_exact_rays_tend_to_it():
         for scale in (0.02, 0.01):
             height, angle = 0.5 * lens.stop.semi_diameter * scale, -0.05 * scale
             rays = pl.RayBundle([[0.0, height, lens.vertices[0]]], [[0.0, angle, 1.0]])
-            out = traced_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
+            out = trace_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
             ray = paraxial.paraxial_ray(lens, height=height, angle=angle)
             slope = out.direction[0, 1] / out.direction[0, 2]
             left.append([out.at_z(lens.vertices[-1])[0, 1] - ray.height[-1], slope - ray.angle[-1]])
@@ -278,7 +278,6 @@ def test_impossible_questions_are_refused():
         (lambda: paraxial.paraxial_ray(GAUSS, height=math.inf, angle=0.0), "height is inf"),
         (lambda: paraxial.numerical_apertures(5), "lens is an int; give a LensStack"),
         (lambda: paraxial.chief_ray(None, 0.1), "give a LensStack"),
-        (lambda: paraxial.ParaxialRay([1.0], [1.0], [1.0, 1.0]), "angle has shape"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             call()

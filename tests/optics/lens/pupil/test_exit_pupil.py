@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
-from plenoptic.optics.lens.pupil.outline import SIDES, Sight, up_to_stops
-from plenoptic.optics.lens.record import lens_record
+from plenoptic.optics.lens.pupil.outline import SIDES, PupilRays, up_to_stops
 from plenoptic.optics.microlens.lattice import polygon_area
 
 
@@ -101,7 +101,7 @@ def test_outlines_waste_little_on_the_axis_and_their_corners_lie_on_two_sides():
         x = (np.arange(side) + 0.5) / side * 2 * half - half
         grid = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
         sight = up_to_stops(lens_record(lens, 587.6, reverse=True)), np.array([0, 0, behind(lens)])
-        passing = Sight(*sight, float(lens.vertices[-1])).fates(grid).code == 0
+        passing = PupilRays(*sight, float(lens.vertices[-1])).fates(grid).code == 0
         area = np.count_nonzero(passing) * (2 * half / side) ** 2
         # The circle's 16-gon (1.013), one step of the grid of 128 (about 1.05), and what the cell and the interval of
         # 0.8 mm move: with a stop of 1 mm that is most of it. Counting cells of the grid is good to 2 / 400.

@@ -11,7 +11,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.aiming import aimed_rays, aimed_rays_reverse, entrance_pupil_of, fan, hexapolar, square_grid
-from plenoptic.optics.lens.trace import traced_part
+from plenoptic.optics.lens.trace import trace_part
 
 EPS = np.finfo(float).eps
 
@@ -32,7 +32,7 @@ def iris_points(lens: pl.LensStack, pupil: np.ndarray) -> np.ndarray:
 
 
 def on_iris(lens: pl.LensStack, rays: pl.RayBundle) -> np.ndarray:
-    return traced_part(lens, rays, 0, lens.iris_index, clipping=False).origin
+    return trace_part(lens, rays, 0, lens.iris_index, clipping=False).origin
 
 
 def seen_at(field: tuple[float, float]) -> np.ndarray:
@@ -124,7 +124,7 @@ def test_lenses_from_files():
 
 
 def on_iris_reversed(lens: pl.LensStack, rays: pl.RayBundle) -> np.ndarray:
-    return traced_part(lens, rays, lens.iris_index, len(lens.elements) - 1, reverse=True, clipping=False).origin
+    return trace_part(lens, rays, lens.iris_index, len(lens.elements) - 1, reverse=True, clipping=False).origin
 
 
 def test_reverse_rays_fill_the_iris_too():
@@ -142,7 +142,7 @@ def test_reverse_rays_fill_the_iris_too():
     assert rays.direction[0] == pytest.approx([0.0, -math.sin(0.2), -math.cos(0.2)], abs=1e-15)
     assert np.abs(on_iris_reversed(lens, rays) - iris_points(lens, 0.5 * hexapolar(3))).max() < 1e-11
     last = len(lens.elements) - 1
-    there = traced_part(lens, rays, last, last, reverse=True, clipping=False).origin
+    there = trace_part(lens, rays, last, last, reverse=True, clipping=False).origin
     assert np.einsum("ij,ij->i", there - rays.origin, rays.direction).min() > 0
 
 

@@ -93,7 +93,7 @@ def test_contrast_turns_with_the_field():
 def test_what_is_impossible_says_so():
     lens = pl.load_lens("double-gauss-100mm-f2")
     for traced, frequencies, how, text in (
-        (lens, [-1.0], {}, "frequencies must be numbers that are finite and not negative"),
+        (lens, [-1.0], {}, "frequencies holds a number that is below 0"),
         (lens, [1.0], {"wavelength": (500, 600), "weights": [1.0]}, "weights must be 2 numbers"),
         (lens.with_model(pl.LensModel.THIN), [1.0], {}, "has no aberrations; use LensModel.EXACT"),
     ):

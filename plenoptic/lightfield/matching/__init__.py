@@ -1,0 +1,1 @@
+"""Disparity by matching: four steps on one record, `ImageStack`, each of which another function can replace."""

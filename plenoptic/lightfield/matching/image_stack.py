@@ -1,0 +1,109 @@
+"""Images that see the same points, and the geometry that relates them: the record of all steps of matching."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import Floats
+
+_MIN_NOISE = 1e-3
+"""Standard deviation, relative to the mean radiance, below which differences are not texture."""
+
+
+class ImageStack(NamedTuple):
+    """k images of equal size to be matched: micro images, or sub-aperture views. Made by `depth` for its matcher.
+
+    In the pinhole model, a point at p (row, column) of one image is seen at p + base - disparity step in another one.
+    All lengths are in pixels.
+    """
+
+    values: NDArray[np.float32]
+    """(k, rows, columns): radiance, mean of the channels."""
+    mask: NDArray[np.uint8]
+    """(k, rows, columns): 1 for valid pixels; values are extrapolated for two pixels around them."""
+    noise_variance: Floats
+    """(k,): variance of the radiance up to which differences are not texture."""
+    first: NDArray[np.int64]
+    """(m + 1,): the images 0 to m - 1 are matched, image i with those of the rows first[i] to first[i + 1] of `other`,
+    `base` and `step`, nearest first."""
+    other: NDArray[np.int64]
+    """(n,): index of the other image."""
+    base: Floats
+    """(n, 2): shift at disparity 0."""
+    step: Floats
+    """(n, 2): shift per pixel of disparity."""
+    disparities: Floats
+    """(planes,): disparities of the planes, ascending or descending."""
+    window_radius: int
+    """Radius of the compared windows."""
+    max_compared: int
+    """Largest number of images compared with one on each plane: the nearest."""
+    max_shift: float
+    """Largest shift between two compared images."""
+    reach: tuple[float, float]
+    """Search range around a plane of disparity d: reach[0] |d| + reach[1]."""
+    pitch: float = 1.0
+    """Pitch of the microlenses."""
+    residual_displacement: Floats | None = None
+    """(k, rows, columns, 2, 2): displacement from the pinhole model in rows and columns, as coefficients of 1 and of
+    disparity / pitch; nan where unknown. None: no displacement."""
+    blurred: NDArray[np.float32] | None = None
+    """(k, levels, rows, columns): the images blurred by Gaussians, whose variance grows by equal steps from level to
+    level; None if all images have equal blur."""
+    defocus: Floats | None = None
+    """(k,): 1 - b / f of the microlenses; minus disparity / pitch, the blur diameter of a point over the aperture."""
+    blur_variance: float = 0.0
+    """Variance of the blur at a diameter of one aperture along one axis, in steps of the levels of `blurred`."""
+
+
+class Matches(NamedTuple):
+    """Disparities found by matching, in arrays of one shape. See `depth`, whose matcher returns them."""
+
+    disparity: Floats
+    """Disparity in pixels; nan where there is none."""
+    standard_error: Floats
+    """Standard error of the disparity, pixels; inf without a match."""
+    confidence: Floats
+    """Fraction of the compared images that agree, 0 to 1."""
+
+
+def noise_variance(values: Floats, variance: Floats, mask: NDArray[np.bool_]) -> Floats:
+    """(k,): variance below which differences within images (k, rows, columns) are noise and not texture."""
+    count = np.maximum(mask.sum(axis=(1, 2)), 1)
+    mean, noise = (np.where(mask, plane, 0.0).sum(axis=(1, 2)) / count for plane in (values, variance))
+    return np.asarray(np.maximum(np.maximum(noise, (_MIN_NOISE * mean) ** 2), 1e-30))
+
+
+def extrapolate_border(values: Floats, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Extrapolate values (k, rows, columns) by means of neighbours for two pixels around the mask; 0 beyond."""
+    filled, valid = np.where(mask, values, 0.0), mask.copy()
+    for _ in range(2):
+        total, count = np.zeros_like(filled), np.zeros(filled.shape)
+        for down in (-1, 0, 1):
+            for right in (-1, 0, 1):
+                shifted = np.roll(np.where(valid, filled, 0.0), (down, right), axis=(1, 2))
+                total, count = total + shifted, count + np.roll(valid, (down, right), axis=(1, 2))
+        new = ~valid & (count > 0)
+        filled, valid = np.where(new, total / np.maximum(count, 1), filled), valid | new
+    return filled.astype(np.float32)
+
+
+def blur_levels(values: Floats, mask: NDArray[np.bool_], variances: Floats) -> NDArray[np.float32]:
+    """Images (k, rows, columns) blurred by Gaussians of given variances within the mask: (k, levels, rows, columns)."""
+    levels = []
+    for variance in variances.tolist():
+        reach = math.ceil(3.0 * math.sqrt(variance))
+        offsets = range(-reach, reach + 1)
+        weights = np.exp(-0.5 * np.square(offsets) / max(variance, 1e-9))
+        total, coverage = np.where(mask, values, 0.0), mask.astype(np.float64)
+        for axis in (1, 2):
+            total, coverage = (
+                np.sum([w * np.roll(plane, k, axis=axis) for w, k in zip(weights, offsets, strict=True)], axis=0)
+                for plane in (total, coverage)
+            )
+        levels.append(extrapolate_border(total / np.maximum(coverage, 1e-9), mask))
+    return np.stack(levels, axis=1)

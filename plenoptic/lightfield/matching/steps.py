@@ -1,0 +1,104 @@
+"""Steps of matching a stack of images: plane sweep, semi-global matching and refinement between the planes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.parallel import run_in_order
+from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.matching.image_stack import ImageStack, Matches
+
+_ERROR_RATIO = 2.0
+"""Ratio of the actual error to that of independent residuals: neighbouring pixels of micro images share their blur,
+interpolated pixels of views their noise.
+"""
+
+Matcher: TypeAlias = Callable[[ImageStack, int, int], Matches]
+"""Matches the images first to end - 1 of a stack; returns arrays (end - first, rows, columns)."""
+
+
+class Workspace(NamedTuple):
+    """Work arrays for the comparison of two images."""
+
+    shifted: NDArray[np.float32]
+    shifted_mask: NDArray[np.uint8]
+    sums: Floats
+    scores: NDArray[np.float32]
+    row_minimum: NDArray[np.float32]
+
+
+def match_images(stack: ImageStack, first: int, end: int) -> Matches:
+    """Match the images first to end - 1 of a stack with their neighbours: the default matcher of `depth`."""
+    cost = plane_sweep(stack, first, end)
+    disparity = semi_global(cost, stack.disparities)
+    return refine(stack, disparity, first)
+
+
+def plane_sweep(stack: ImageStack, first: int, end: int) -> NDArray[np.float32]:
+    """Cost of the planes of a stack in its images first to end - 1: (end - first, rows, columns, planes).
+
+    The cost is 1 - correlation, from 0 to 2: mean of the better half of the normalised correlations with other images,
+    the best of all windows that contain the pixel. See `depth`.
+    """
+    from plenoptic.lightfield.kernels.plane_sweep import fill_costs
+
+    shape = stack.values.shape[1:]
+    cost = np.empty((end - first, *shape, len(stack.disparities)), np.float32)
+    workspace = Workspace(
+        np.empty(shape, np.float32),
+        np.empty(shape, np.uint8),
+        np.empty((6, shape[0] + 1, shape[1])),
+        np.empty((stack.max_compared, *shape), np.float32),
+        np.empty(cost.shape[1:], np.float32),
+    )
+    fill_costs(cost, stack, workspace, first)
+    return cost
+
+
+def semi_global(cost: NDArray[np.float32], disparities: Floats) -> Floats:
+    """Disparity of least cost (n, rows, columns), interpolated between planes, made smooth by semi-global matching.
+
+    `cost` is (n, rows, columns, planes), of planes of given disparities. Paths along four directions penalise
+    differences between neighbouring pixels. See `depth`.
+    """
+    from plenoptic.lightfield.kernels.semi_global import fill_best_disparities
+
+    disparity, path_costs = np.empty(cost.shape[:3]), np.empty((2, cost.shape[3]), np.float32)
+    fill_best_disparities(disparity, cost, disparities, np.empty(cost.shape[1:], np.float32), path_costs)
+    return disparity
+
+
+def refine(stack: ImageStack, disparity: Floats, first: int) -> Matches:
+    """Refine disparities (n, rows, columns) of the images from `first` on by least squares over their windows.
+
+    Window pixels of another depth do not count. nan outside the mask of the stack. See `depth`.
+    """
+    from plenoptic.lightfield.kernels.subpixel import fill_refined
+
+    matches = Matches(*(np.full(disparity.shape, np.nan) for _ in Matches._fields))
+    fill_refined(matches, disparity, stack, np.empty((2, (2 * stack.window_radius + 1) ** 2)), first)
+    return matches._replace(standard_error=_ERROR_RATIO * matches.standard_error)
+
+
+def match_stack(stack: ImageStack, matcher: Matcher, threads: int) -> Matches:
+    """Match all images of a stack by a matcher, in blocks that are distributed over threads."""
+    count, (rows, columns) = len(stack.first) - 1, stack.values.shape[1:]
+    block = max(1, 1 << 14 >> (rows * columns).bit_length())
+
+    def match_block(first: int) -> Matches:
+        end = min(first + block, count)
+        matches = Matches(*matcher(stack, first, end))
+        for name, plane in zip(Matches._fields, matches, strict=True):
+            if np.shape(plane) != (end - first, rows, columns):
+                raise InvalidValueError(
+                    f"the matcher returns {name} of shape {np.shape(plane)}; it must be {(end - first, rows, columns)}"
+                )
+        return matches
+
+    blocks = run_in_order(match_block, range(0, count, block), threads=threads)
+    return Matches(*(np.concatenate(planes) for planes in zip(*blocks, strict=True)))

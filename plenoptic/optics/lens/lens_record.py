@@ -1,0 +1,239 @@
+"""A lens as the numbers that kernels read."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import Floats
+from plenoptic.errors import PrescriptionError
+from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, IDEAL, ElementRow
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.placement import Placement
+from plenoptic.optics.stops.stop_registry import Stop
+from plenoptic.optics.surfaces.mirror import Mirror
+from plenoptic.optics.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
+
+ROW = np.dtype(
+    [
+        ("kind", np.int64),
+        ("z", np.float64),  # vertex in mm
+        ("curvature", np.float64),  # 1 / radius in 1/mm, 0 for planes and stops; IDEAL: 1 / focal length
+        ("index_ratio", np.float64),  # before over behind, in the direction of travel; at the first of wavelengths
+        ("semi_diameter2", np.float64),  # mm^2
+        # Largest c (1 + k) z of a point of the surface: 1 is the equator, inf no limit; IDEAL: from the principal plane
+        # where light arrives to the one where it leaves, in mm.
+        ("max_depth", np.float64),
+        ("surface_index", np.int64),  # index of the element in the lens
+    ]
+)
+"""One element of a lens."""
+
+FRAME = 13
+"""Numbers of a placement: the rotation row by row, the shift, and 1 if there is one."""
+
+MOVED = FRAME - 1
+"""Where a placement has that last number."""
+
+MASK_HEAD = 4
+"""Numbers of a mask before its cells: where they begin in `masks`, rows, columns, and cells per mm."""
+
+STEEPEST, SHARPEST, TALLEST, FIRST_TERM = range(4)
+"""Where aspheric numbers, and those of a freeform term, have the largest slope, second derivative and sag inside the
+semi-diameter, and where the coefficients begin."""
+
+ROUNDING, FREEFORM_KIND, FIRST_NUMBER = range(3, 6)
+"""Where the numbers of a freeform term have the other bound, its kind, and its own numbers."""
+
+
+class LensRecord(NamedTuple):
+    """A lens for one direction of travel, one entry an element, in the order in which light arrives."""
+
+    rows: NDArray[np.void]
+    """(n,) of the dtype ROW."""
+    edges: Floats
+    """(k, 4): a, b, p and q of the edges of all stops, a x + b y + q (x^2 + y^2) <= p; see `PolygonStop.edges` and
+    `StarStop.edges`. Straight ones: outward normal x, y, distance from the axis, and 0."""
+    first_edge: NDArray[np.int64]
+    """(n + 1,): the edges of element i are first_edge[i] to first_edge[i + 1]."""
+    conic: Floats | None
+    """(n,) conic constants; None where all surfaces are spheres and planes."""
+    aspheric: Floats | None
+    """(n, FIRST_TERM + terms): the largest slope, the largest second derivative by r and the largest sag of an asphere,
+    in size, and its coefficients of r^2, r^4, ...; None without aspheres."""
+    freeform: Floats | None
+    """(n, numbers) of surfaces without rotational symmetry: like `aspheric`, then what rounding may leave of the added
+    sag, the kind of freeform term, and its own numbers; None without them."""
+    frames: Floats | None
+    """(n, FRAME) placements; None where all elements are centred."""
+    mirrors: Floats | None
+    """(n, FRAME): what takes rays from the space before a mirror to the one behind it and back, in the axes of the
+    mirror, and 1; None without mirrors."""
+    masks: Floats | None
+    """MASK_HEAD numbers for each element, then the cells of all masks, row by row; None without masks."""
+    index_ratios: Floats | None
+    """(n, wavelengths) ratios of indices; IDEAL: the power over that at the first wavelength. None: one wavelength."""
+    direction: float
+    """+1 towards the sensor, -1 towards the scene."""
+
+    @property
+    def completed(self) -> LensRecord:
+        """The same lens with spheres and planes only, or with hardly anything left out, for kernels that few need: two
+        or three compiled ones serve all lenses, with the same bits.
+        """
+        n = len(self.rows)
+        completed = self._replace(
+            frames=np.zeros((n, FRAME)) if self.frames is None else self.frames,
+            masks=np.zeros(0) if self.masks is None else self.masks,
+        )
+        if self.conic is not None and self.aspheric is None:
+            return completed._replace(aspheric=np.zeros((n, FIRST_TERM)))
+        return completed
+
+    def part(self, begin: int, end: int) -> LensRecord:
+        """Elements begin ... end - 1; where the lens has masks, from the first one on."""
+        by_element = ("rows", "conic", "aspheric", "freeform", "frames", "mirrors", "index_ratios")
+        cut = {name: column[begin:end] for name in by_element if (column := getattr(self, name)) is not None}
+        return self._replace(first_edge=self.first_edge[begin : end + 1], **cut)
+
+
+def lens_record(
+    lens: LensStack,
+    wavelength: float | Floats,
+    *,
+    reverse: bool,
+    round_stops: bool = False,
+    first: int | None = None,
+    last: int | None = None,
+    clipping: bool = True,
+) -> LensRecord:
+    """The record for one wavelength (nm), or an array of several, and one direction of travel.
+
+    With `round_stops`, all stops become the circles around them, as bounds on pupils need them. `first` and
+    `last` choose a part of the lens, both included, always traced exactly. Without `clipping`, neither semi-diameters
+    nor stops stop a ray.
+    """
+    wavelengths = np.array(wavelength, dtype=np.float64, ndmin=1).tolist()
+    if first is None and last is None and lens.model is not LensModel.EXACT:
+        rows = _ideal_rows(lens, wavelengths[0], reverse=reverse)
+    else:
+        begin, end = 0 if first is None else first, len(lens.elements) - 1 if last is None else last
+        rows = _exact_rows(lens, wavelengths[0], begin, end, reverse=reverse)
+    if round_stops or not clipping:
+        rows = [row.opened for row in rows]
+    if not clipping:
+        rows = [row._replace(semi_diameter2=math.inf) for row in rows]
+    record = _columns(rows[::-1], -1.0) if reverse else _columns(rows, 1.0)
+    if not isinstance(wavelength, np.ndarray):
+        return record
+    kind, at = record.rows["kind"], record.rows["surface_index"]
+    if IDEAL in kind:
+        ratios = np.ones((len(kind), len(wavelengths)))
+        power = 1.0 / np.array([cardinal_points(lens, each).efl for each in wavelengths])
+        ratios[kind == IDEAL] = power / power[0]
+        return record._replace(index_ratios=ratios)
+    index = np.array([lens.indices(each) for each in wavelengths]).T
+    ahead, behind = index[at], index[at + 1]
+    return record._replace(index_ratios=np.ascontiguousarray(behind / ahead if reverse else ahead / behind))
+
+
+def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
+    edges = [edge for row in rows for edge in row.edges]
+    still = (0.0,) * FRAME
+    shaped = any(row.kind in (CONIC, ASPHERE, FREEFORM) for row in rows)
+    return LensRecord(
+        rows=np.array([tuple(getattr(row, name) for name in ROW.names or ()) for row in rows], dtype=ROW),
+        edges=np.array(edges, dtype=np.float64).reshape(-1, 4),
+        first_edge=np.cumsum([0, *(len(row.edges) for row in rows)], dtype=np.int64),
+        conic=np.array([row.conic for row in rows]) if shaped else None,
+        aspheric=_pad([row.aspheric for row in rows]),
+        freeform=_pad([row.freeform for row in rows]),
+        frames=np.array([row.frame or still for row in rows]) if any(row.frame for row in rows) else None,
+        mirrors=np.array([row.mirror or still for row in rows]) if any(row.mirror for row in rows) else None,
+        masks=_masks(rows),
+        index_ratios=None,
+        direction=direction,
+    )
+
+
+def _pad(numbers: list[tuple[float, ...]]) -> Floats | None:
+    """One row an element, filled up with 0; None where no element has any."""
+    width = max(map(len, numbers))
+    return np.array([(*row, *[0.0] * (width - len(row))) for row in numbers]) if width else None
+
+
+def _masks(rows: list[ElementRow]) -> Floats | None:
+    if all(row.cells is None for row in rows):
+        return None
+    heads, cells, begin = np.zeros((len(rows), MASK_HEAD)), [], MASK_HEAD * len(rows)
+    for head, row in zip(heads, rows, strict=True):
+        if row.cells is not None:
+            head[:] = begin, *row.cells.shape, row.cells_per_mm
+            cells.append(row.cells.ravel())
+            begin += row.cells.size
+    return np.concatenate([heads.ravel(), *cells])
+
+
+def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, reverse: bool) -> list[ElementRow]:
+    index, vertices, rows = lens.indices(wavelength), lens.vertices, []
+    for i, element in enumerate(lens.elements[first : last + 1], start=first):
+        row = element.row()._replace(z=float(vertices[i]), surface_index=i)
+        if element.placement is not None:
+            turn, shift = element.placement.rotation.ravel().tolist(), element.placement.shift.tolist()
+            row = row._replace(frame=(*turn, *shift, 1.0))
+        if isinstance(element, Surface):
+            row = row._replace(index_ratio=float(index[i + 1] / index[i] if reverse else index[i] / index[i + 1]))
+            if isinstance(element.medium, Mirror):
+                row = row._replace(mirror=_between_spaces(element.placement, element.medium))
+        rows.append(row)
+    return rows
+
+
+def _between_spaces(placement: Placement | None, mirror: Mirror) -> tuple[float, ...]:
+    """From the space before a mirror to the one behind it, seen in the plane of its fold: numbers of a frame.
+
+    A point p of the mirror's axes lies at t + R p from its place on the axis, and is seen at U (t + R p), which is
+    t + R q for q = R' U R p + R' (U t - t). The inverse of that reflection is itself.
+    """
+    where = Placement() if placement is None else placement
+    turn, shift = where.rotation, where.shift
+    linear, offset = turn.T @ mirror.unfolding @ turn, turn.T @ (mirror.unfolding @ shift - shift)
+    return (*linear.ravel().tolist(), *offset.tolist(), 1.0)
+
+
+def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[ElementRow]:
+    """Rows that replace the lens in the models NONE, THIN and PARAXIAL, from scene to sensor."""
+    if lens.model is LensModel.NONE:
+        stops = [i for i, element in enumerate(lens.elements) if not isinstance(element, Surface)]
+        return [lens.elements[i].row()._replace(z=float(lens.vertices[i]), surface_index=i) for i in stops]
+    points = cardinal_points(lens, wavelength)
+    if not math.isfinite(points.efl):
+        raise PrescriptionError(
+            f"the lens {lens.name!r} has no focal length at {wavelength:g} nm and so no principal planes; "
+            "use LensModel.EXACT"
+        )
+    rear, iris = points.rear_principal, lens.iris_index
+    front = rear if lens.model is LensModel.THIN else points.front_principal
+    arrives, leaves = (rear, front) if reverse else (front, rear)
+    ideal = ElementRow(IDEAL, curvature=1.0 / points.efl, max_depth=leaves - arrives, z=arrives, surface_index=iris)
+    stop_seen, z_stop, behind = shown_stop(lens, wavelength)
+    stop = stop_seen.row()._replace(z=z_stop, surface_index=iris)
+    return [ideal, stop] if behind else [stop, ideal]
+
+
+def shown_stop(lens: LensStack, wavelength: float) -> tuple[Stop, float, bool]:
+    """The iris as an ideal model of a lens shows it, its place on the axis, and whether it lies behind the lens."""
+    points = cardinal_points(lens, wavelength)
+    scale = points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
+    if lens.model is LensModel.THIN:
+        return lens.stop.image(scale), points.rear_principal, True
+    if math.isfinite(points.exit_pupil):
+        return lens.stop.image(points.pupil_magnification), points.exit_pupil, True
+    return lens.stop.image(scale), points.entrance_pupil, False
