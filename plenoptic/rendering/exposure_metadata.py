@@ -77,7 +77,7 @@ class ExposureMetadata(NamedTuple):
         return ", ".join(filter(None, parts))
 
 
-FACTS = ExposureMetadata._fields[2:]
+FACTS: tuple[str, ...] = ExposureMetadata._fields[2:]
 """Fields stored as texts in files."""
 
 
