@@ -82,7 +82,7 @@ def _lines(content: Any) -> list[str]:
 def _store_lines(path: Path) -> list[str]:
     """Arrays and metadata of a store; no pixel is read."""
     from plenoptic.core.files.serialization import fields_from_metadata
-    from plenoptic.core.files.zarr_reading import attributes_of, summarize_store
+    from plenoptic.core.files.zarr_files import attributes_of, summarize_store
 
     arrays, size = summarize_store(path)
     metadata = fields_from_metadata(attributes_of(path) or {}, ("samples", "replicates", "seed", "region", "camera"))

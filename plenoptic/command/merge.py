@@ -12,10 +12,10 @@ from plenoptic.command.tiles import missing_tiles
 from plenoptic.errors import FileError, InvalidValueError
 
 if TYPE_CHECKING:
+    from plenoptic.core.files.zarr_files import Region
     from plenoptic.rendering.exposure import Exposure
     from plenoptic.rendering.exposure_metadata import ExposureMetadata
-    from plenoptic.rendering.merging.parts import Part
-    from plenoptic.rendering.merging.regions import Region
+    from plenoptic.rendering.merging.merge_plan import Part
 
 _NAMED = 8
 """Missing parts that a message names."""
@@ -51,10 +51,10 @@ def run(options: argparse.Namespace) -> None:
 
 def _part(name: str) -> Part:
     """A file or folder, of which only the metadata has been read if that is possible."""
-    from plenoptic.core.files.zarr_reading import attributes_of
+    from plenoptic.core.files.zarr_files import attributes_of
     from plenoptic.rendering.exposure_files import metadata_of_image
     from plenoptic.rendering.exposure_metadata import metadata_of
-    from plenoptic.rendering.merging.parts import FilePart, StorePart
+    from plenoptic.rendering.merging.merge_plan import FilePart, StorePart
 
     def load() -> Exposure:
         file = open_file(name)
@@ -74,7 +74,7 @@ def _check_complete(heads: list[ExposureMetadata], region: tuple[slice, slice] |
     """Raise if parts of a region, or of the sensor, are missing; the error names them."""
     from plenoptic.camera.checks import sensor_region
     from plenoptic.rendering.crop import region_text
-    from plenoptic.rendering.merging.regions import missing_regions
+    from plenoptic.rendering.merging.merge_plan import missing_regions
 
     regions = {head.sensor_region for head in heads}
     camera = heads[0].camera

@@ -72,7 +72,7 @@ def load_camera(name: str) -> PlenopticCamera:
     """The camera of a file, or of an image, store or package."""
     from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.core.files.serialization import fields_from_metadata
-    from plenoptic.core.files.zarr_reading import attributes_of
+    from plenoptic.core.files.zarr_files import attributes_of
 
     kind, content = open_file(name)
     camera = content if isinstance(content, PlenopticCamera) else getattr(content, "camera", None)
@@ -92,7 +92,7 @@ def _load(name: str, wanted: type[Kind], remedy: str) -> Kind:
 
 def exposure_of(file: OpenFile) -> Exposure | None:
     """The exposure of an image, a store or a package; None if it is something else."""
-    from plenoptic.package.contents import Package
+    from plenoptic.package.reading import Package
     from plenoptic.rendering.exposure import Exposure
 
     content = file.content.exposure if isinstance(file.content, Package) else file.content
@@ -102,11 +102,10 @@ def exposure_of(file: OpenFile) -> Exposure | None:
 
 
 def _open_folder(path: Path) -> OpenFile:
-    from plenoptic.core.files.zarr_reading import METADATA, attributes_of
-    from plenoptic.dataset.contents import MANIFEST
-    from plenoptic.dataset.reading import read
-    from plenoptic.package.contents import PROVENANCE
-    from plenoptic.rendering.stores import EXPOSURE, KIND, SEQUENCE
+    from plenoptic.core.files.zarr_files import METADATA, attributes_of
+    from plenoptic.dataset.contents import MANIFEST, read
+    from plenoptic.package.reading import PROVENANCE
+    from plenoptic.rendering.exposure_files import EXPOSURE, KIND, SEQUENCE
 
     kinds = {EXPOSURE: "an exposure in a zarr store", SEQUENCE: "a sequence of exposures in a zarr store"}
     if (attributes := attributes_of(path)) is not None:
@@ -144,7 +143,7 @@ def _open_image(path: Path) -> OpenFile:
 
 def _open_json(path: Path) -> OpenFile:
     from plenoptic.core.files.file_limits import read_file
-    from plenoptic.core.files.value_files import FORMAT, load_value
+    from plenoptic.core.files.serialization import FORMAT, load_value
     from plenoptic.optics.lens.files.library import load_lens
 
     try:

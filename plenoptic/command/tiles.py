@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from plenoptic.rendering.merging.regions import Region
+    from plenoptic.core.files.zarr_files import Region
 
 _MORE = 8
 """Numbers of tiles are tried up to this times the number of regions."""

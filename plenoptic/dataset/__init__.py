@@ -1,7 +1,6 @@
 """Data sets: the frames of sequences, with truth, errors and a manifest, in a folder that grows until all are there."""
 
-from plenoptic.dataset.contents import DataSet
-from plenoptic.dataset.reading import read
+from plenoptic.dataset.contents import DataSet, read
 from plenoptic.dataset.writing import write
 
 __all__ = ["DataSet", "read", "write"]

@@ -1,31 +1,36 @@
-"""Data set: its folder, and readers of its contents."""
+"""Data sets: opening them, and readers of their contents."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
+import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.files.extras import extra_package
-from plenoptic.core.files.file_limits import DEFAULT, FileLimits
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, read_file
 from plenoptic.core.files.serialization import from_tree
-from plenoptic.core.files.zarr_files import EXTRA
-from plenoptic.core.files.zarr_reading import read_arrays
-from plenoptic.core.values import result, whole
+from plenoptic.core.files.zarr_files import EXTRA, read_arrays
+from plenoptic.core.values import file_path, result, whole
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.exposure_metadata import EXPOSURE_NAMES
-from plenoptic.rendering.stores import MOTION_NAMES
+from plenoptic.rendering.exposure_files import MOTION_NAMES
+from plenoptic.rendering.exposure_metadata import EXPOSURE_NAMES, fields_of
 from plenoptic.sequences.point_motion import MotionTruth
-from plenoptic.truth.channels import CHANNELS, GroundTruth
+from plenoptic.truth.channels import CHANNELS
 
 if TYPE_CHECKING:
     import xarray
 
 FORMAT = "plenoptic-dataset-1"
 MANIFEST, STATISTICS, CONTACT_SHEET, LOG = "manifest.json", "statistics.csv", "contact_sheet.png", "frames.log"
+NAME = re.compile(r"[A-Za-z0-9_-]{1,60}")
+"""Pattern of the names of cameras: they become names of folders."""
 
 
 @result
@@ -57,7 +62,7 @@ class DataSet:
 
     @property
     def complete(self) -> bool:
-        """True if all frames are present; `write` goes on where they are not."""
+        """True if all frames are present; `write` renders the missing ones."""
         return bool(self.manifest["complete"])
 
     def open(self, camera: str | None = None) -> xarray.Dataset:
@@ -75,7 +80,7 @@ class DataSet:
         Parameters
         ----------
         number : int
-            Of the frame, the first one being 0 and the last one -1.
+            Number of the frame: 0 for the first one, -1 for the last one.
         camera : str, optional
             Its name; None: the only one.
         limits : FileLimits
@@ -84,29 +89,25 @@ class DataSet:
         Raises
         ------
         InvalidValueError
-            Where there is no such frame or camera.
+            If there is no such frame or camera.
         FileError
-            Where files cannot be read.
+            If files cannot be read.
         """
         name, k = self._camera_name(camera), self._frame_number(number)
         about = self._about(name, k)
-        noted = about["parts"][0]["arrays"]  # others of its store belong to other frames
-        noted = tuple(key for key in (*EXPOSURE_NAMES, *CHANNELS) if key in noted)
-        fields: dict[str, Any] = dict(read_arrays(self._store(name), noted, limits, frame=k))
-        counts = fields.get("sample_counts")
+        recorded = about["parts"][0]["arrays"]  # others of its store belong to other frames
+        names = tuple(key for key in (*EXPOSURE_NAMES, *CHANNELS) if key in recorded)
+        arrays = read_arrays(self._store(name), names, limits, frame=k)
+        counts = arrays.get("sample_counts")
         if counts is not None and (counts == about["samples"]).all():
-            del fields["sample_counts"]
-        truth = {key: fields.pop(key) for key in CHANNELS if key in fields}
+            del arrays["sample_counts"]
         return Exposure(
-            **fields,
-            truth=GroundTruth(**truth) if truth else None,
-            samples=about["samples"],
-            replicates=about["replicates"],
-            seed=about["seed"],
+            **fields_of(arrays),
+            **{key: about[key] for key in ("samples", "replicates", "seed")},
             camera=self._camera(about),
             settings=from_tree(self.manifest["made_with"]["settings"]),
             white=False,
-            object_names=self.manifest["object_names"][about["object_names"]] if "object" in truth else None,
+            object_names=self.manifest["object_names"][about["object_names"]] if "object" in arrays else None,
         )
 
     def motion(self, number: int, camera: str | None = None, *, limits: FileLimits = DEFAULT) -> MotionTruth:
@@ -145,3 +146,58 @@ class DataSet:
         if not isinstance(camera, PlenopticCamera):
             raise FileError(f"{str(self.path / MANIFEST)!r} holds a {type(camera).__name__} where a camera must be")
         return dataclasses.replace(camera, pose=from_tree(about["pose"]), shutter=from_tree(about["shutter"]))
+
+
+def read(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> DataSet:
+    """Open a data set that `write` wrote, or has begun.
+
+    Parameters
+    ----------
+    folder : path-like
+    limits : FileLimits
+        The size of the manifest.
+
+    Raises
+    ------
+    FileError
+        If there is no data set, or its manifest is damaged.
+
+    Examples
+    --------
+    See `write`.
+    """
+    source = file_path(folder)
+    path = source / MANIFEST
+    if not path.is_file():
+        begun = "is begun and has no manifest yet: call `write` again" if (source / LOG).is_file() else "is no data set"
+        raise FileError(f"{str(source)!r} {begun}; `write` makes {MANIFEST} at its end")
+    try:
+        content = json.loads(read_file(path, limits))
+        _check(content)
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
+        raise FileError(f"{str(path)!r} is no manifest of a data set: {error}; restore it from its origin") from None
+    return DataSet(source, MappingProxyType(content))
+
+
+def _check(content: Any) -> None:
+    """Raise an error if something is missing that `DataSet` looks up."""
+    if content["format"] != FORMAT:
+        raise ValueError(f"its format is {content['format']!r:.40}, not {FORMAT!r}")
+    count, complete, cameras = content["frames"], content["complete"], content["cameras"]
+    if type(count) is not int or count < 1 or type(complete) is not bool:
+        raise ValueError("it does not say how many frames there are")
+    if not isinstance(cameras, dict) or not cameras:
+        raise ValueError("it does not say which cameras there are")
+    for name in cameras:
+        if not NAME.fullmatch(name):
+            raise ValueError(f"{name!r:.80} is no name of a camera")
+    origin = content["made_with"]
+    keys = {"camera", "frame", "camera_value", "pose", "shutter", "samples", "replicates", "seed", "motion", "parts"}
+    for image in content["images"]:
+        if missing := keys - image.keys():
+            raise ValueError(f"an image lacks {', '.join(sorted(missing))}")
+        cameras[image["camera"]][image["camera_value"]]
+        content["object_names"][image["object_names"]]
+        if "image" not in image["parts"][0]["arrays"]:
+            raise ValueError("an image does not say which arrays it has")
+    origin["settings"]

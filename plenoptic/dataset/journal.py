@@ -15,42 +15,43 @@ from plenoptic.errors import FileError, FileWarning
 from plenoptic.rendering.schedule.identity import differences
 
 _ELSEWHERE = "give another folder, or remove it"
-KEPT = ("camera_value", "object_names", "versions")
-"""What records of images name, and `Journal.kept` keeps."""
+SHARED = ("camera_value", "object_names", "versions")
+"""Facts of an image that are stored once for all records, which name them by their hash."""
 _KIND = LogKind("data set", 1, _ELSEWHERE)
 
 
 class Journal:
-    """The log of a data set, which is begun if there is none; a FileError where it is that of another one."""
+    """The log of a data set, which is begun if there is none; FileError if it is that of another one."""
 
-    def __init__(self, path: Path, identity: Mapping[str, str], frames: int) -> None:
+    def __init__(self, path: Path, identity: Mapping[str, str], n_frames: int) -> None:
         if not log_exists(path):
             begin_log(path, _KIND, {"identity": dict(identity)})
         self._path, self._log = path, RecordLog(path, _KIND)
-        facts = [entry.facts for entry in self._log.entries]
-        self.items = {of["item"]: of["value"] for of in facts if {"item", "value"} <= of.keys()}
-        """What `kept` has kept."""
-        self.done = {task: of for of in facts if (task := _task(of)) and self._has_items_of(task, of)}
-        """What is noted of each task."""
+        records = [entry.facts for entry in self._log.entries]
+        self.values = {record["item"]: record["value"] for record in records if {"item", "value"} <= record.keys()}
+        """Shared facts by their hashes."""
+        # Shared facts may be missing, since the journal may have been damaged: then images are rendered again.
+        self.done = {
+            Task(record["camera"], record["frame"], (record["rows"][0], record["rows"][1]), record["image"]): record
+            for record in records
+            if "inputs" in record and (not record["image"] or all(record[name] in self.values for name in SHARED))
+        }
+        """Records of finished tasks."""
         try:
-            self._check(identity, frames)
+            self._check(identity, n_frames)
         except BaseException:
             self._log.close()
             raise
 
-    def _has_items_of(self, task: Task, facts: Mapping[str, Any]) -> bool:
-        """True if all files that a record names are present: the journal may have been damaged."""
-        return not task.image or all(facts.get(name) in self.items for name in KEPT)
-
-    def _check(self, identity: Mapping[str, str], frames: int) -> None:
-        theirs = self._log.header.get("identity")
-        if theirs != identity:
-            what = ", ".join(differences(theirs if isinstance(theirs, dict) else {}, identity))
-            raise FileError(f"{str(self._path.parent)!r} holds another data set, with {what}; {_ELSEWHERE}")
-        if (last := max((task.frame for task in self.done), default=-1)) >= frames:
+    def _check(self, identity: Mapping[str, str], n_frames: int) -> None:
+        recorded, folder = self._log.header.get("identity"), str(self._path.parent)
+        if recorded != identity:
+            what = ", ".join(differences(recorded if isinstance(recorded, dict) else {}, identity))
+            raise FileError(f"{folder!r} holds another data set, with {what}; {_ELSEWHERE}")
+        if (last := max((task.frame for task in self.done), default=-1)) >= n_frames:
             raise FileError(
-                f"frame {last} is in {str(self._path.parent)!r}, and the sequence has {frames} frames; it may only "
-                f"become longer: {_ELSEWHERE}"
+                f"frame {last} is in {folder!r}, and the sequence has {n_frames} frames; it may only become longer: "
+                f"{_ELSEWHERE}"
             )
         if self._log.damaged:
             warn(
@@ -58,8 +59,8 @@ class Journal:
                 FileWarning,
             )
 
-    def of(self, task: Task, inputs: str) -> dict[str, Any] | None:
-        """Record of a task; None where it is not done, and an error where it was done with other inputs."""
+    def record_of(self, task: Task, inputs: str) -> dict[str, Any] | None:
+        """Record of a task; None if it is not done, and an error if it was done with other inputs."""
         record = self.done.get(task)
         if record is not None and record["inputs"] != inputs:
             raise FileError(
@@ -69,31 +70,20 @@ class Journal:
             )
         return record
 
-    def note(self, task: Task, facts: Mapping[str, Any]) -> None:
-        """A task is done, and all that it made is on the disk."""
-        self._log.append({**task._asdict(), **facts}, {})
-        self._log.flush()
+    def add(self, task: Task, facts: Mapping[str, Any]) -> None:
+        """Record a task whose results are on the disk."""
         self.done[task] = {**task._asdict(), **facts}
+        self._log.append(self.done[task], {})
+        self._log.flush()
 
-    def kept(self, value: Any) -> str:
-        """Store a value, as JSON, that many tasks share, and return the name by which they refer to it."""
+    def share(self, value: Any) -> str:
+        """Store a value, as JSON, that many records share, and return the hash by which they name it."""
         name = hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
-        if name not in self.items:
+        if name not in self.values:
             self._log.append({"item": name, "value": value}, {})
-            self.items[name] = value
+            self.values[name] = value
         return name
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._log.close()
-
-
-def _task(facts: Mapping[str, Any]) -> Task | None:
-    """The task of a record; None where it is that of none."""
-    try:
-        first, end = facts["rows"]
-        task = Task(facts["camera"], facts["frame"], (first, end), facts["image"])
-        valid = isinstance(facts["inputs"], str) and isinstance(facts["arrays"], list)
-        return task if valid and hash(task) else None
-    except (KeyError, TypeError, ValueError):
-        return None

@@ -1,23 +1,27 @@
-"""Manifest of a data set, and a table of the time and statistics of each image."""
+"""Files of a data set beside its stores: the manifest, a table of statistics, and a contact sheet."""
 
 from __future__ import annotations
 
 import csv
 import io
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from plenoptic import __version__
 from plenoptic.core.color.percentile import HighPercentile
 from plenoptic.core.files.atomic_file import write_file, write_json
-from plenoptic.dataset.contents import FORMAT, MANIFEST, STATISTICS
+from plenoptic.core.files.codes import block_means, codes, white_point
+from plenoptic.core.files.zarr_files import CHUNK, translate_zarr_errors, zarr_module
+from plenoptic.dataset.contents import CONTACT_SHEET, FORMAT, MANIFEST, STATISTICS
 from plenoptic.dataset.journal import Journal
-from plenoptic.dataset.task import Frames, Taking, Task, tasks_of
+from plenoptic.dataset.task import FrameOptions, Frames, Task, tasks_of
 from plenoptic.rendering.exposure import Exposure
 
 _COLUMNS = (
@@ -25,6 +29,12 @@ _COLUMNS = (
     *("mean", "percentile_99", "maximum", "paths", "paths_through_lens", "nonfinite", "stopped_by"),
     *("seconds", "cpu_seconds", "motion_visible"),
 )
+_SIDE, _GAP, _TEXT = 160, 6, 14
+"""Pixels of a picture along its longer side, between pictures, and of a line of text."""
+_LABEL, _TITLE = 80, 240
+"""Pixels across a picture and a sheet at least, for what is written there."""
+_MOST, _ACROSS = 48, 8
+"""Pictures of a camera, and those side by side."""
 _PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "zarr")
 
 
@@ -68,9 +78,11 @@ def write_statistics(folder: Path, done: Mapping[Task, Mapping[str, Any]]) -> No
     write_file(folder / STATISTICS, text.getvalue().encode())
 
 
-def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking, journal: Journal) -> dict[str, Any]:
+def write_manifest(
+    folder: Path, sequences: Mapping[str, Frames], options: FrameOptions, journal: Journal
+) -> dict[str, Any]:
     """Write the manifest: the images, the inputs of each, and the hashes of its arrays."""
-    tasks = list(tasks_of(sequences, motion=taking.motion))
+    tasks = list(tasks_of(sequences, motion=options.motion))
     of_image: dict[tuple[int, str], list[Task]] = {}
     for task in tasks:
         of_image.setdefault((task.frame, task.camera), []).append(task)
@@ -108,13 +120,13 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
     manifest = {
         "format": FORMAT,
         "software": f"plenoptic {__version__}",
-        "versions": [journal.items[key] for key in made_by],
+        "versions": [journal.values[key] for key in made_by],
         "units": "lengths mm, times s, angles rad; pose: world = rotation @ camera + position, object_to_world 3 x 4",
         "complete": all(task in records for task in tasks),
         "frames": len(next(iter(sequences.values()))),
-        "made_with": taking.to_tree(),
-        "cameras": {name: [journal.items[key] for key in keys] for name, keys in cameras.items()},
-        "object_names": [journal.items[key] for key in names],
+        "made_with": options.to_tree(),
+        "cameras": {name: [journal.values[key] for key in keys] for name, keys in cameras.items()},
+        "object_names": [journal.values[key] for key in names],
         "images": images,
     }
     write_json(folder / MANIFEST, manifest)
@@ -124,3 +136,53 @@ def write_manifest(folder: Path, sequences: Mapping[str, Frames], taking: Taking
 def _number(key: str, numbers: dict[str, int]) -> int:
     """The number of an item, the next one if it is new."""
     return numbers.setdefault(key, len(numbers))
+
+
+def write_contact_sheet(folder: Path, images: Sequence[Mapping[str, Any]]) -> None:
+    """Some images of each camera, evenly chosen and of one brightness, with their numbers and times."""
+    by_camera: dict[str, list[Mapping[str, Any]]] = {}
+    for image in images:
+        by_camera.setdefault(image["camera"], []).append(image)
+    rows = [_row(folder, name, shots) for name, shots in by_camera.items()]
+    if not rows:
+        return
+    width = max(row.width for row in rows)
+    sheet = Image.new("RGB", (width, sum(row.height for row in rows)), "white")
+    top = 0
+    for row in rows:
+        sheet.paste(row, (0, top))
+        top += row.height
+    file = io.BytesIO()
+    sheet.save(file, "png", optimize=True)
+    write_file(folder / CONTACT_SHEET, file.getvalue())
+
+
+def _row(folder: Path, name: str, images: Sequence[Mapping[str, Any]]) -> Image.Image:
+    """The pictures of a camera."""
+    chosen = np.unique(np.linspace(0, len(images) - 1, min(len(images), _MOST)).round().astype(int))
+    pictures = [_small(folder / f"{name}.zarr", images[i]["frame"]) for i in chosen]
+    white = white_point(np.concatenate([picture.reshape(-1) for picture in pictures]))
+    (high, wide), across = pictures[0].shape[:2], min(len(pictures), _ACROSS)
+    down, right = high + _TEXT + _GAP, max(wide, _LABEL) + _GAP
+    sheet = Image.new(
+        "RGB", (max(across * right, _TITLE) + _GAP, -(-len(pictures) // across) * down + 2 * _TEXT), "white"
+    )
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=_TEXT - 3)
+    draw.text((_GAP, 2), f"{name}: {len(images)} frames, {white:.3g} is white", "black", font)
+    for place, (i, picture) in enumerate(zip(chosen, pictures, strict=True)):
+        x, y = _GAP + place % across * right, 2 * _TEXT + place // across * down - _GAP
+        pixels = np.broadcast_to(codes(picture, scale=white, encoded=True, bits=8), (high, wide, 3))
+        sheet.paste(Image.fromarray(np.ascontiguousarray(pixels)), (x, y))
+        draw.text((x, y + high), f"{images[i]['frame']}: {images[i]['time']:.4g} s", "black", font)
+    return sheet
+
+
+def _small(store: Path, frame: int) -> NDArray[Any]:
+    """Means over blocks of a frame, some rows at a time."""
+    with translate_zarr_errors(store, "read"):
+        image = zarr_module().open_array(store / "image", mode="r")
+        _, rows, columns, _ = image.shape
+        block = -(-max(rows, columns) // _SIDE)
+        high, end = max(CHUNK // block, 1) * block, max(rows - rows % block, 1)
+        parts = [block_means(image[frame, first : first + high], block) for first in range(0, end, high)]
+    return np.concatenate(parts)

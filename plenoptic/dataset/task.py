@@ -15,7 +15,7 @@ from plenoptic.core.files.digest import digest
 from plenoptic.core.files.serialization import to_tree
 from plenoptic.core.files.zarr_files import CHUNK
 from plenoptic.core.values import Floats, check_kind, seed_number, wrong_kind
-from plenoptic.dataset.reading import NAME
+from plenoptic.dataset.contents import NAME
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.schedule.identity import identity
 from plenoptic.rendering.settings import RenderSettings
@@ -28,7 +28,7 @@ _PART = 1 << 24
 Frames = collections.abc.Sequence[Frame] | Sequence
 
 
-class Taking(NamedTuple):
+class FrameOptions(NamedTuple):
     """Options with which all frames are rendered; see `write`."""
 
     samples: int | None
@@ -76,8 +76,8 @@ def tasks_of(sequences: Mapping[str, Frames], *, motion: bool) -> Iterator[Task]
     bands = {name: list(_bands(*sequence[0].camera.sensor.shape)) for name, sequence in sequences.items()}
     for k in range(frames):
         for image in (True, False) if motion and k + 1 < frames else (True,):
-            for name, of in bands.items():
-                yield from (Task(name, k, rows, image) for rows in of)
+            for name, parts in bands.items():
+                yield from (Task(name, k, rows, image) for rows in parts)
 
 
 def _bands(rows: int, columns: int) -> Iterator[tuple[int, int]]:

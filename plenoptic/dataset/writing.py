@@ -1,10 +1,11 @@
-"""Writing data sets: frame by frame, each noted when it is on the disk."""
+"""Writing data sets: frame by frame, each recorded when it is on the disk."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -25,15 +26,15 @@ from plenoptic.core.files.atomic_file import (
 from plenoptic.core.files.digest import bytes_of
 from plenoptic.core.files.zarr_files import Store, zarr_module
 from plenoptic.core.parallel import thread_count
+from plenoptic.core.progress.bar import DELAY, Poller, load_tqdm
+from plenoptic.core.progress.compiling import compiling_text
 from plenoptic.core.values import check_kind, flag, seed_number
-from plenoptic.dataset.bar import FrameBar
 from plenoptic.dataset.contents import LOG, DataSet
-from plenoptic.dataset.journal import KEPT, Journal
-from plenoptic.dataset.sheet import write_contact_sheet
-from plenoptic.dataset.tables import statistics_of, versions, write_manifest, write_statistics
+from plenoptic.dataset.journal import SHARED, Journal
+from plenoptic.dataset.tables import statistics_of, versions, write_contact_sheet, write_manifest, write_statistics
 from plenoptic.dataset.task import (
+    FrameOptions,
     Frames,
-    Taking,
     Task,
     described_frame,
     frame_seed,
@@ -43,11 +44,11 @@ from plenoptic.dataset.task import (
     times_of,
 )
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.exposure_files import MOTION_NAMES, create_store, layout_of
 from plenoptic.rendering.exposure_metadata import pixels_of
 from plenoptic.rendering.render import render
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.settings import RenderSettings
-from plenoptic.rendering.stores import MOTION_NAMES, create_store, layout_of
 from plenoptic.sequences.point_motion import motion_truth
 from plenoptic.sequences.sequence import Frame, Sequence
 from plenoptic.truth.channels import Truth
@@ -80,7 +81,7 @@ def write(  # noqa: PLR0913
     client: distributed.Client | None = None,
     progress: bool = True,
 ) -> DataSet:
-    """Render all frames of a sequence into a folder, and go on where an earlier call ended.
+    """Render all frames of a sequence into a folder, and continue after an earlier call.
 
     It may be killed at any time: rendered frames stay, and called again with the same arguments it renders the rest,
     with the same bits as without a break. A sequence may have become longer meanwhile. Ctrl-C ends it
@@ -93,18 +94,18 @@ def write(  # noqa: PLR0913
     sequence : Sequence, or list of Frame
         Frames in a list may have scenes and cameras of their own; of cameras the sensors have the same shape.
     cameras : mapping from str to PlenopticCamera, optional
-        Those that see the frames of a `Sequence`, each in place of its camera: posed as it is, and moved by
+        Cameras that see the frames of a `Sequence`, each in place of its camera: posed as it is, and moved by
         `camera_motion`. Names are letters, digits, - and _. None: the one of the sequence, called "camera".
     samples, target_error, replicates, truth, threads, client
         As for `render`, of each frame.
     motion : bool
-        Whether to find where the points of pixels are in the next frame: see `motion_truth`.
+        True to compute the positions of the pixels' points in the next frame: see `motion_truth`.
     seed : int
-        From which the seeds of all images are drawn; the manifest names them.
+        Seed from which those of all images are drawn; the manifest lists them.
     settings : RenderSettings, optional
         Further arguments of `render`.
     progress : bool
-        Whether to show a progress bar.
+        True to show a progress bar.
 
     Returns
     -------
@@ -113,9 +114,9 @@ def write(  # noqa: PLR0913
     Raises
     ------
     InvalidValueError
-        Where an argument is impossible, or a frame does not fit those before: colours after grey ones.
+        If an argument is impossible, or a frame does not fit those before: colours after grey ones.
     FileError
-        Where the folder holds something else, or data of other inputs, or another program is writing to it.
+        If the folder holds something else, or data of other inputs, or another program is writing to it.
 
     Notes
     -----
@@ -145,31 +146,24 @@ def write(  # noqa: PLR0913
     check_kind(settings, "settings", RenderSettings, "pl.rendering.RenderSettings(max_bounces=2)")
     thread_count(threads)
     cluster_of(client, threads)
-    taking = Taking(
-        budget.samples,
-        budget.target_error,
-        budget.replicates,
-        valid_truth(truth),
-        flag(motion, "motion"),
-        seed_number(seed),
-        settings,
-    )
+    shared = (budget.samples, budget.target_error, budget.replicates)
+    options = FrameOptions(*shared, valid_truth(truth), flag(motion, "motion"), seed_number(seed), settings)
     sequences, show_bar = named_cameras(sequence, cameras), flag(progress, "progress")
     target = _folder(folder)
     with claim_folder(target):
-        journal = Journal(target / LOG, taking.identity(sequences), len(next(iter(sequences.values()))))
+        journal = Journal(target / LOG, options.identity(sequences), len(next(iter(sequences.values()))))
         try:
-            _Writer(target, sequences, taking, journal, {"threads": threads, "client": client}).run(show=show_bar)
+            _Writer(target, sequences, options, journal, {"threads": threads, "client": client}).run(show=show_bar)
         finally:
             journal.close()
         write_statistics(target, journal.done)
-        manifest = write_manifest(target, sequences, taking, journal)
+        manifest = write_manifest(target, sequences, options, journal)
         write_contact_sheet(target, manifest["images"])
     return DataSet(target, MappingProxyType(manifest))
 
 
 def _folder(folder: str | os.PathLike[str]) -> Path:
-    """A folder that is made if there is none; an error where it holds something else than a data set."""
+    """A folder that is made if there is none; FileError if it holds something else than a data set."""
     target = real_path(folder)
     if not target.exists():
         check_folder(target)
@@ -180,44 +174,63 @@ def _folder(folder: str | os.PathLike[str]) -> Path:
     return target
 
 
+@contextmanager
+def _frame_bar(total: int, *, show: bool) -> Iterator[Any]:
+    """Context manager of a bar over all tasks, with the time left; None if it is not to be shown."""
+    if not show:
+        yield None
+        return
+    bar = load_tqdm()(total=total, unit="part")
+    with bar, Poller(lambda: bar.set_postfix_str(compiling_text("scene", after=DELAY))):
+        yield bar
+
+
 class _Writer:
     """Writer of missing frames."""
 
     def __init__(
-        self, folder: Path, sequences: Mapping[str, Frames], taking: Taking, journal: Journal, workers: dict[str, Any]
+        self,
+        folder: Path,
+        sequences: Mapping[str, Frames],
+        options: FrameOptions,
+        journal: Journal,
+        workers: dict[str, Any],
     ) -> None:
-        self._folder, self._sequences, self._taking = folder, sequences, taking
+        self._folder, self._sequences, self._options = folder, sequences, options
         self._journal, self._workers = journal, workers
-        self._there: dict[str, Store] = {}  # as they were: nothing is changed before all that is noted is known to fit
-        self._stores: dict[str, Store] = {}
+        # Stores are opened as they are to look for chunks, and extended only when a frame is to be written.
+        self._old_stores, self._stores = dict[str, Store](), dict[str, Store]()
 
     def run(self, *, show: bool) -> None:
-        """Until all is there, or Ctrl-C."""
-        tasks = list(tasks_of(self._sequences, motion=self._taking.motion))
+        """Render frames until all are on the disk, or Ctrl-C."""
+        tasks = list(tasks_of(self._sequences, motion=self._options.motion))
         frames: dict[int, dict[str, Frame]] = {}
-        with FrameBar(len(tasks), show=show) as bar:
+        with _frame_bar(len(tasks), show=show) as bar:
             for task in tasks:
                 frames = {k: frames.get(k) or self._frames(k) for k in task.frames}
                 task_frames = [frames[k][task.camera] for k in task.frames]
                 inputs = inputs_of(*task_frames)
-                if self._is_kept(task, task_frames[0].camera, self._journal.of(task, inputs)):
-                    bar.kept()
+                if self._is_done(task, task_frames[0].camera, self._journal.record_of(task, inputs)):
+                    if bar is not None and not bar.disable:  # the time left is that of tasks to be done
+                        bar.initial += 1
+                        bar.n += 1
                     continue
                 result = self._image(task, *task_frames) if task.image else self._motion(task, *task_frames)
                 if result is None:
                     break
-                self._keep(task, inputs, *result)
+                self._save(task, inputs, *result)
                 del result  # before the next one takes memory
-                bar.done()
+                if bar is not None:
+                    bar.update()
 
-    def _is_kept(self, task: Task, camera: PlenopticCamera, noted: Mapping[str, Any] | None) -> bool:
+    def _is_done(self, task: Task, camera: PlenopticCamera, record: Mapping[str, Any] | None) -> bool:
         """True if a task is recorded, and its chunks have not been removed since."""
-        if noted is None or not self._path(task).exists():
+        if record is None or not self._path(task).exists():
             return False
         region = (*task.rows, 0, camera.sensor.shape[1])
-        if task.camera not in self._there:
-            self._there[task.camera] = Store(self._path(task))
-        return self._there[task.camera].has(region, noted["arrays"], frame=task.frame)
+        if task.camera not in self._old_stores:
+            self._old_stores[task.camera] = Store(self._path(task))
+        return self._old_stores[task.camera].has(region, record["arrays"], frame=task.frame)
 
     def _frames(self, k: int) -> dict[str, Frame]:
         """Frames of all cameras at a time, with one scene, which is compiled once."""
@@ -225,37 +238,31 @@ class _Writer:
         scene = next(iter(frames.values())).scene
         return {name: Frame(scene, frame.camera, frame.time) for name, frame in frames.items()}
 
-    def _keep(self, task: Task, inputs: str, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
-        """Put arrays on the disk, and then note that they are there."""
+    def _save(self, task: Task, inputs: str, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+        """Write arrays to the disk, and then the record of their task."""
         store, sha = self._stores[task.camera], hashlib.sha256()
         columns = next(iter(arrays.values())).shape[1]
         store.put((*task.rows, 0, columns), arrays, frame=task.frame)
         store.flush(task.frame)
         for name in sorted(arrays):
             sha.update(name.encode() + bytes_of(np.ascontiguousarray(arrays[name])))
-        self._journal.note(task, {**facts, "inputs": inputs, "arrays": sorted(arrays), "sha256": sha.hexdigest()})
+        self._journal.add(task, {**facts, "inputs": inputs, "arrays": sorted(arrays), "sha256": sha.hexdigest()})
         if task.image:
             self._checkpoint(task).unlink(missing_ok=True)
 
     def _image(self, task: Task, frame: Frame) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
-        """Render; None where that was interrupted."""
-        taking, (rows, columns), (first, end) = self._taking, frame.camera.sensor.shape, task.rows
-        about, settings = {**described_frame(frame), "versions": versions()}, taking.settings
-        paths = (end - first) * columns * (taking.samples or _USUAL)
-        seed = frame_seed(taking.seed, task.frame, list(self._sequences).index(task.camera))
+        """Facts and arrays of a rendered image; None if it was interrupted."""
+        options, (rows, columns), (first, end) = self._options, frame.camera.sensor.shape, task.rows
+        about = {**described_frame(frame), "versions": versions()}
+        paths = (end - first) * columns * (options.samples or _USUAL)
+        seed = frame_seed(options.seed, task.frame, list(self._sequences).index(task.camera))
         shot = render(
             frame.scene,
             frame.camera,
-            samples=taking.samples,
-            target_error=taking.target_error,
+            **{name: getattr(options, name) for name in ("samples", "target_error", "replicates", "truth")},
+            **vars(options.settings),
             region=None if (first, end) == (0, rows) else np.s_[first:end, :],
             seed=seed,
-            replicates=taking.replicates,
-            sampler=settings.sampler,
-            max_bounces=settings.max_bounces,
-            caustics=settings.caustics,
-            clamp=settings.clamp,
-            truth=taking.truth,
             checkpoint=self._checkpoint(task) if paths >= _LONG else None,
             progress=False,
             **self._workers,
@@ -263,25 +270,25 @@ class _Writer:
         if shot.interrupted:
             return None
         facts = {"seed": seed, "replicates": shot.replicates, "samples": shot.samples, **statistics_of(shot), **about}
-        facts |= {name: self._journal.kept(about[name]) for name in KEPT}
-        return facts, self._fitting(task, frame, shot)
+        facts |= {name: self._journal.share(about[name]) for name in SHARED}
+        return facts, self._arrays(task, frame, shot)
 
-    def _fitting(self, task: Task, frame: Frame, shot: Exposure) -> dict[str, NDArray[Any]]:
-        """The arrays of an image as the store of its camera has them; it is made with the first one."""
+    def _arrays(self, task: Task, frame: Frame, shot: Exposure) -> dict[str, NDArray[Any]]:
+        """Arrays of an image as the store of its camera holds them; the store is made with the first image."""
         arrays = pixels_of(shot)
-        if self._taking.target_error is not None:
+        if self._options.target_error is not None:
             arrays.setdefault("sample_counts", np.full(shot.image.shape[:2], shot.samples, dtype=np.int32))
         path = self._path(task)
         if not path.exists():
             frames = self._sequences[task.camera]
             cameras = (frames.camera,) if isinstance(frames, Sequence) else (each.camera for each in frames)
             microlenses = any(camera.microlenses is not None for camera in cameras)
-            layout = layout_of(shot, self._taking.truth, microlenses=microlenses)
+            layout = layout_of(shot, self._options.truth, microlenses=microlenses)
             layout = layout._replace(shape=frame.camera.sensor.shape, corner=(0, 0))
-            names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._taking.motion else ()))
+            names = (*dict.fromkeys((*layout.names, *arrays)), *(MOTION_NAMES if self._options.motion else ()))
             with replace_folder(path) as new:
                 create_store(new, layout._replace(names=names), {}, times=times_of(self._sequences[task.camera]))
-        channels = self._store(task).sizes("image")[-1]
+        channels = self._store(task).array("image").shape[-1]
         for name in ("image", "standard_error"):
             if name in arrays and arrays[name].shape[2] < channels:
                 arrays[name] = np.repeat(arrays[name], channels, axis=2)

@@ -4,8 +4,7 @@ from plenoptic.export.to_compote import compote
 from plenoptic.export.to_hci import hci
 from plenoptic.export.to_jpeg_pleno import jpeg_pleno
 from plenoptic.export.to_lftoolbox import lftoolbox
-from plenoptic.export.to_microscopy import napari_lf, pyolaf
-from plenoptic.export.to_microscopy_patterns import napari_lf_patterns, pyolaf_patterns
+from plenoptic.export.to_microscopy import napari_lf, napari_lf_patterns, pyolaf, pyolaf_patterns
 from plenoptic.export.to_plenoptic_toolbox import plenoptic_toolbox
 from plenoptic.export.to_plenopticam import plenopticam
 from plenoptic.export.to_plenoptomos import VoxFile, plenoptomos, read_plenoptomos

@@ -23,9 +23,9 @@ class Direction(NamedTuple):
     step: tuple[int, int]
     """From a lens to the next one of its row, in lattice indices."""
     row: tuple[int, int]
-    """What of the indices stays along a row: their product with this."""
+    """The product of the indices with this is constant along a row."""
     along: tuple[int, int]
-    """Their product with this is twice the place along a row."""
+    """The product of the indices with this is twice the place along a row."""
 
 
 _SQUARE = (Direction((1, 0), (0, 1), (2, 0)), Direction((0, 1), (1, 0), (0, 2)))
@@ -51,16 +51,21 @@ class LensRows(NamedTuple):
     shifted: NDArray[np.bool_]
     """(n,) every other row of hexagonal lattices."""
     angle: float
-    """Of the rows against those of the turned image, counter-clockwise, in radians."""
+    """Angle of the rows to those of the turned image, counter-clockwise, in radians."""
     pitch: tuple[float, float]
     """Distance of neighbours along a row, and of rows, in pixels."""
 
     @property
+    def array(self) -> MicrolensArray:
+        """The microlenses."""
+        return _array(self.camera)
+
+    @property
     def hexagonal(self) -> bool:
         """True for a hexagonal lattice."""
-        return _array(self.camera).lattice is Lattice.HEXAGONAL
+        return self.array.lattice is Lattice.HEXAGONAL
 
-    def turned(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    def turn_image(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
         """An image (H, W, C) turned as the centres are."""
         return np.rot90(image, self.turns)
 
@@ -69,9 +74,9 @@ class LensRows(NamedTuple):
         size = np.array(shape if self.turns % 2 == 0 else shape[::-1])
         half = 0.5 * self.pitch[0]
         inside = ((self.centre >= half - 0.5) & (self.centre <= size - 0.5 - half)).all(axis=1)
-        return self.selected(np.asarray(inside))
+        return self.select(np.asarray(inside))
 
-    def selected(self, kept: NDArray[Any]) -> LensRows:
+    def select(self, kept: NDArray[Any]) -> LensRows:
         """Some of the lenses, by a mask or their numbers."""
         names = ("lens", "type", "centre", "row", "place", "shifted")
         return self._replace(**{name: getattr(self, name)[kept] for name in names})
@@ -95,7 +100,7 @@ class LensRows(NamedTuple):
         _, left, right = size(first, last)
         inside = (self.row >= first) & (self.row <= last) & (self.place >= left) & (self.place <= right)
         order = np.flatnonzero(inside)[np.lexsort((self.place[inside], self.row[inside]))]
-        ordered = self.selected(order)
+        ordered = self.select(order)
         return ordered._replace(row=ordered.row - first, place=ordered.place - left)
 
 
@@ -136,21 +141,11 @@ def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod
     row = index @ np.array(direction.row)
     next_row = np.linalg.lstsq(np.column_stack([row, twice, np.ones(len(row))]), places, rcond=None)[0][0]
     row = row * int(np.sign(next_row[0]))
-    along = np.array(direction.step) @ steps
-    length = float(np.hypot(*along))
-    row_distance = abs(float(np.linalg.det(steps))) / length
-    return LensRows(
-        camera,
-        turns,
-        index,
-        kind,
-        places,
-        row - row.min(),
-        (twice - twice.min()) // 2,
-        (twice - twice.min()) % 2 == 1,
-        angle,
-        (length, row_distance),
-    )
+    twice = twice - twice.min()
+    length = float(np.hypot(*(np.array(direction.step) @ steps)))
+    pitch = length, abs(float(np.linalg.det(steps))) / length
+    rows = row - row.min(), twice // 2, twice % 2 == 1
+    return LensRows(camera, turns, index, kind, places, *rows, angle, pitch)
 
 
 def _steps(index: NDArray[np.int64], places: Floats) -> Floats:

@@ -19,7 +19,7 @@ from plenoptic.errors import FileError, InvalidValueError
 
 
 def folder_at(path: str | os.PathLike[str], *below: str) -> Path:
-    """A folder, made where it is missing, with folders below it."""
+    """A folder, made if it is missing, with folders below it."""
     folder = file_path(path)
     with translate_errors(folder, "made"):
         for part in (folder, *(folder / name for name in below)):
@@ -30,7 +30,7 @@ def folder_at(path: str | os.PathLike[str], *below: str) -> Path:
 
 
 def check_no_others(folder: Path, pattern: str, names: Collection[str]) -> None:
-    """An error where a folder holds files that match a pattern and are not among those that are to be written."""
+    """Raise an error if a folder holds files that match a pattern and are not among those that are to be written."""
     old = sorted(path.name for path in folder.glob(pattern) if path.name not in names)
     if old:
         raise FileError(
@@ -60,20 +60,6 @@ def write_pfm(path: Path, plane: NDArray[np.floating[Any]]) -> None:
     rows, columns = plane.shape
     head = f"Pf\n{columns} {rows}\n-1\n".encode("ascii")
     write_file(path, head + np.ascontiguousarray(plane[::-1], dtype="<f4").tobytes())
-
-
-def read_pfm(path: Path, content: bytes) -> NDArray[np.float32]:
-    """The plane of a portable float map of one channel, the highest row first."""
-    parts = content.split(b"\n", 3)
-    try:
-        (kind, size, order), data = (part.strip() for part in parts[:3]), parts[3]
-        columns, rows = map(int, size.split())
-        if kind != b"Pf" or rows < 1 or columns < 1:
-            raise ValueError("it is not of one channel")
-        plane = np.frombuffer(data, dtype="<f4" if float(order) < 0 else ">f4", count=rows * columns)
-    except (ValueError, IndexError) as error:
-        raise FileError(f"{str(path)!r} is no portable float map: {error}") from None
-    return plane.reshape(rows, columns)[::-1].astype(np.float32)
 
 
 def write_readme(folder: Path, program: str, how: str, cannot: str, more: Mapping[str, Any] | None = None) -> None:

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import Rigid, rigid
-from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import CameraKind
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.files.codes import white_point
+from plenoptic.core.files.text_lines import csv_text
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
@@ -52,24 +52,24 @@ def compote(  # noqa: PLR0913
     Parameters
     ----------
     folder : path-like
-        Is made where it is missing; files of the same name are replaced.
+        Folder, made if it is missing; files of the same name are replaced.
     shot, white : Exposure
-        Of the whole sensor, `shot` with its camera.
+        Images of the whole sensor, `shot` with its camera.
     other_whites : sequence of Exposure, optional
         White images at other stops, of which its pre-calibration wants one at least; each names its camera.
     targets : Target or sequence of Target, optional
-        In the world, one for each frame: their points are written as observations, traced through the real lens.
+        Targets in the world, one for each frame; their points, traced through the real lens, are the observations.
     scene : Scene, optional
         Scene that may hide points.
     name : str, optional
-        Of the picture.
+        Name of the picture.
 
     Raises
     ------
     InvalidValueError
         Without microlenses on a lattice, or for images of a region.
     FileError
-        Where a file cannot be written.
+        If a file cannot be written.
 
     Notes
     -----
@@ -110,7 +110,7 @@ def compote(  # noqa: PLR0913
         stopped = cardinal_points(other.camera.lens, other.camera.wavelength).f_number
         whites.append((f"white_{number + 2}.png", stopped, other.image[crop_in_white_image(shot, other)[0]]))
     for file, _, image in [(f"{name}.png", f_number, shot.image), *whites]:
-        write_picture(target / file, rows.turned(image), scale=white_point(image), bits=8, encoded=True)
+        write_picture(target / file, rows.turn_image(image), scale=white_point(image), bits=8, encoded=True)
     boards = targets_of(targets)
     frame_facts = {"path": f"{name}.png", "fnumber": f_number}
     listed = [{"path": file, "fnumber": stopped} for file, stopped, _ in whites]
@@ -125,24 +125,20 @@ def compote(  # noqa: PLR0913
         },
     )
     _write_camera(target, rows, f_number)
-    table = zip(rows.place.tolist(), rows.row.tolist(), rows.centre.tolist(), strict=True)
-    centre = [f"{i},{j},{u!r},{v!r}" for i, j, (v, u) in table]
-    write_file(target / "centres.csv", "\n".join(["k,l,u,v", *centre, ""]).encode("ascii"))
+    v, u = rows.centre.T
+    write_file(target / "centres.csv", csv_text(["k", "l", "u", "v"], (rows.place, rows.row, u, v)).encode("ascii"))
     if boards:
         _write_boards(target, rows, boards, scene)
     turned = ", and so do width and height in camera.js" if rows.turns else ""
-    instruction = (
-        "its model of this camera and poses (intrinsics.js, poses.js, scene.js) is what calibration should find"
-    )
+    stops = "" if other_whites else "   (it wants white images at several stops: give other_whites)"
+    observed = "-f features.csv -s scene.js" if boards else "-s SCENE   (no targets were given)"
     write_readme(
         target,
         "COMPOTE, PRISM and BLADE",
-        "1. precalibrate finds params.js: -i images.js -c camera.js"
-        + ("" if other_whites else "   (it wants white images at several stops: give other_whites)")
-        + "\n2. calibrate -i images.js -c camera.js -p params.js "
-        + ("-f features.csv -s scene.js" if boards else "-s SCENE   (no targets were given)")
-        + f"\n3. compare: {instruction}."
-        + f"\nImages have been turned by {90 * rows.turns} degrees counter-clockwise{turned}.",
+        f"1. precalibrate finds params.js: -i images.js -c camera.js{stops}\n"
+        f"2. calibrate -i images.js -c camera.js -p params.js {observed}\n"
+        "3. compare: its model of this camera and poses (intrinsics.js, poses.js, scene.js) is what calibration should "
+        f"find.\nImages have been turned by {90 * rows.turns} degrees counter-clockwise{turned}.",
         "thick lenses, further stops, single microlenses out of place, errors, truth.",
     )
 
@@ -151,8 +147,8 @@ def _with_even_rows(rows: LensRows) -> LensRows:
     """A rectangle of lenses with an even number of rows, the first of which is shifted in a hexagonal lattice."""
     lens = rows.rectangle()
     if lens.hexagonal and not lens.shifted[0]:
-        lens = lens.selected(lens.row > 0)._replace(row=lens.row[lens.row > 0] - 1)
-    return lens.selected(lens.row < (lens.row.max() + 1) // 2 * 2)
+        lens = lens.select(lens.row > 0)._replace(row=lens.row[lens.row > 0] - 1)
+    return lens.select(lens.row < (lens.row.max() + 1) // 2 * 2)
 
 
 def _mesh(rows: LensRows, places: Floats, columns: NDArray[np.int64], lines: NDArray[np.int64]) -> dict[str, Any]:
@@ -168,26 +164,16 @@ def _mesh(rows: LensRows, places: Floats, columns: NDArray[np.int64], lines: NDA
         "width": int(columns.max()) + 1,
         "height": int(lines.max()) + 1,
         "pitch": [pitch],
-        "pose": {"rotation": np.column_stack(axes).tolist(), "translation": [start.tolist()]},
+        "pose": _pose(np.column_stack(axes), start),
     }
-
-
-def _principal(camera: PlenopticCamera) -> tuple[float, float]:
-    """Z of the thin lens for the scene and for the sensor."""
-    points = cardinal_points(camera.lens, camera.wavelength)
-    rear = points.rear_principal
-    return (rear if camera.lens.model is LensModel.THIN else points.front_principal), rear
 
 
 def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
     camera, turn = rows.camera, _TURNED[rows.turns]
-    array, points = camera.microlenses, cardinal_points(camera.lens, camera.wavelength)
-    assert array is not None
-    rear = _principal(camera)[1]
-    report = camera_report(camera)
+    array, points = rows.array, cardinal_points(camera.lens, camera.wavelength)
+    rear, report = points.rear_principal, camera_report(camera)
     focus = report.array_plane
-    size = camera.sensor.shape if rows.turns == 0 else camera.sensor.shape[::-1]
-    height, width = size
+    height, width = camera.sensor.shape if rows.turns == 0 else camera.sensor.shape[::-1]
 
     def placed(place: Rigid, on_part: Floats) -> Floats:
         return np.asarray((place.points(on_part) - [0.0, 0.0, rear]) @ turn.T)
@@ -208,10 +194,9 @@ def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
     nodes = placed(rigid(camera.microlenses_placement, camera.stop_to_microlenses), np.pad(centres, ((0, 0), (0, 1))))
     last_column, last_line = rows.place.max(), rows.row.max()
     own_mesh = _mesh(rows, nodes, last_column - rows.place, last_line - rows.row)
-    mia = {"mesh": _mesh(rows, rows.centre[:, ::-1], rows.place, rows.row)}
     sensor = {"scale": pixel, "width": width, "height": height}
     common = {
-        "mia": mia,
+        "mia": {"mesh": _mesh(rows, rows.centre[:, ::-1], rows.place, rows.row)},
         "dist_focus": abs(focus) if focus is not None and np.isfinite(focus) else 0.0,
         "I": len(array.focal_lengths),
         "mode": _MODES.get(report.kind, 2),
@@ -219,64 +204,63 @@ def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
     write_json(
         target / "camera.js", common | {"sensor": sensor, "main_lens": {"aperture": f_number, "f": abs(points.efl)}}
     )
-    pose = {"rotation": np.eye(3).tolist(), "translation": [[0.0, 0.0, 0.0]]}
-    write_json(
-        target / "intrinsics.js",
-        common
-        | {
-            "D": camera.stop_to_microlenses - rear,
-            "d": camera.microlenses_to_sensor,
-            "distortions": {"radial": [0.0] * 3, "tangential": [0.0] * 2, "depth": [0.0] * 3, "model": 0},
-            "distortions_inverse": {"radial": [0.0] * 3, "tangential": [0.0] * 2, "depth": [0.0] * 3, "model": 0},
-            "main_lens": {
-                "aperture": f_number,
-                "diameter": 2 * points.entrance_pupil_semi_diameter,
-                "f": abs(points.efl),
-                "pose": pose,
-            },
-            "mla": {"focal_lengths": list(array.focal_lengths), "mesh": own_mesh},
-            "sensor": sensor | {"pose": {"rotation": turned.tolist(), "translation": [origin.tolist()]}},
+    undistorted = {"radial": [0.0] * 3, "tangential": [0.0] * 2, "depth": [0.0] * 3, "model": 0}
+    intrinsics = {
+        "D": camera.stop_to_microlenses - rear,
+        "d": camera.microlenses_to_sensor,
+        "distortions": undistorted,
+        "distortions_inverse": undistorted,
+        "main_lens": {
+            "aperture": f_number,
+            "diameter": 2 * points.entrance_pupil_semi_diameter,
+            "f": abs(points.efl),
+            "pose": _pose(np.eye(3), np.zeros(3)),
         },
-    )
+        "mla": {"focal_lengths": list(array.focal_lengths), "mesh": own_mesh},
+        "sensor": sensor | {"pose": _pose(turned, origin)},
+    }
+    write_json(target / "intrinsics.js", common | intrinsics)
+
+
+def _pose(rotation: Floats, translation: Floats) -> dict[str, Any]:
+    return {"rotation": rotation.tolist(), "translation": [translation.tolist()]}
 
 
 def _write_boards(target: Path, rows: LensRows, boards: tuple[Target, ...], scene: Scene | None) -> None:
     camera, turn = rows.camera, _TURNED[rows.turns]
-    front = np.array([0.0, 0.0, _principal(camera)[0]])
+    points = cardinal_points(camera.lens, camera.wavelength)
+    is_thin = camera.lens.model is LensModel.THIN
+    front = np.array([0.0, 0.0, points.rear_principal if is_thin else points.front_principal])
     # From the program's axes of the camera to the world.
     rotation, place = turn.T, front
     if camera.pose is not None:
         place = camera.pose.to_world(front)
         rotation = np.column_stack([camera.pose.to_world(front + axis) - place for axis in turn])
-    pose = {"rotation": np.asarray(rotation).tolist(), "translation": [np.asarray(place).tolist()]}
+    pose = _pose(np.asarray(rotation), np.asarray(place))
     write_json(target / "poses.js", {"poses": [{"frame": frame, "pose": pose} for frame in range(len(boards))]})
     write_json(target / "scene.js", {"checkerboards": [_board(board) for board in boards]})
     corners = calibration_points(camera, boards, scene=scene)
     lens_numbers = {tuple(pair): number for number, pair in enumerate(rows.lens.tolist())}
-    lines = ["k,l,u,v,rho,cluster,frame"]
-    width = camera.sensor.shape[1]
-    for frame, point, lens, (row, column), blur in zip(
-        *(a.tolist() for a in (corners.frame, corners.point, corners.index, corners.pixel, corners.blur)), strict=True
-    ):
-        number = lens_numbers.get(tuple(lens))
-        if number is not None:
-            u, v = (column, row) if rows.turns == 0 else (row, width - 1 - column)
-            lines.append(f"{rows.place[number]},{rows.row[number]},{u!r},{v!r},{blur!r},{point},{frame}")
-    write_file(target / "features.csv", "\n".join([*lines, ""]).encode("ascii"))
+    lens = np.array([lens_numbers.get(tuple(pair), -1) for pair in corners.index.tolist()], np.int64)
+    listed, lens = lens >= 0, lens[lens >= 0]
+    row, column = corners.pixel[listed].T
+    u, v = (column, row) if rows.turns == 0 else (row, camera.sensor.shape[1] - 1 - column)
+    columns = rows.place[lens], rows.row[lens], u, v, corners.blur[listed], corners.point[listed], corners.frame[listed]
+    header = ["k", "l", "u", "v", "rho", "cluster", "frame"]
+    write_file(target / "features.csv", csv_text(header, columns).encode("ascii"))
 
 
 def _board(board: Target) -> dict[str, Any]:
-    """The points of a target in the world; as a grid where it is one."""
-    said: dict[str, Any] = {"points": board.points.tolist()}
+    """The points of a target in the world; as a grid if it is one."""
+    content: dict[str, Any] = {"points": board.points.tolist()}
     if board.index is None or len(board.points) < 3:
-        return said
+        return content
     table = np.column_stack([board.index[:, ::-1] - board.index.min(axis=0)[::-1], np.ones(len(board.points))])
     if np.linalg.matrix_rank(table) < 3:
-        return said
+        return content
     (along, down, start), *_ = np.linalg.lstsq(table, board.points, rcond=None)
     side = float(np.linalg.norm(along))
     axes = [along / side, down / np.linalg.norm(down)]
     columns, lines = (np.ptp(board.index[:, ::-1], axis=0) + 1).tolist()
-    rotation = np.column_stack([*axes, np.cross(*axes)]).tolist()
-    grid = {"lph": side, "x_grid": columns, "y_grid": lines}
-    return said | grid | {"pose": {"rotation": rotation, "translation": [start.tolist()]}}
+    pose = _pose(np.column_stack([*axes, np.cross(*axes)]), start)
+    return content | {"lph": side, "x_grid": columns, "y_grid": lines, "pose": pose}

@@ -32,7 +32,7 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
     Parameters
     ----------
     folder : path-like
-        The scene's folder; is made where it is missing, and files of the same name are replaced.
+        The scene's folder, made if it is missing; files of the same name are replaced.
     field : LightField
         From `decode`: of a camera with a plane in focus, as many views along u as along v, 3 or more.
     scene : Scene, optional
@@ -41,9 +41,9 @@ def hci(folder: str | os.PathLike[str], field: LightField, *, scene: Scene | Non
     Raises
     ------
     InvalidValueError
-        Where the light field has other views, no plane in focus, or no pupil at a finite distance.
+        If the light field has other views, no plane in focus, or no pupil at a finite distance.
     FileError
-        Where a file cannot be written, or the folder holds views of another light field.
+        If a file cannot be written, or the folder holds views of another light field.
 
     Notes
     -----
@@ -108,7 +108,7 @@ class _ThinLens(NamedTuple):
     baseline: float
     focal_length: float
     focus: float
-    """From the pupil to the plane in focus."""
+    """Distance from the pupil to the plane in focus."""
     sensor: float
     """Its larger side."""
     pixels: int

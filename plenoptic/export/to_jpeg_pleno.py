@@ -23,14 +23,14 @@ def jpeg_pleno(folder: str | os.PathLike[str], field: LightField) -> None:
     Parameters
     ----------
     folder : path-like
-        Is made where it is missing; files of the same name are replaced.
+        Folder, made if it is missing; files of the same name are replaced.
     field : LightField
         From `decode`, `render_views` or a reader.
 
     Raises
     ------
     FileError
-        Where a file cannot be written, or the folder holds views of another light field.
+        If a file cannot be written, or the folder holds views of another light field.
 
     Notes
     -----

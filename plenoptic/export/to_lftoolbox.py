@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic import __version__
+from plenoptic.core.files.array_files import matlab_7_3
 from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.files.codes import brightest, codes
-from plenoptic.core.files.matlab import matlab_7_3
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
@@ -33,21 +33,10 @@ def lftoolbox(
 
     Parameters
     ----------
-    folder : path-like
-        Is made where it is missing; files of the same name are replaced.
-    shot, white : Exposure
-        Of the same pixels, `shot` with its camera.
-    name : str, optional
-        Of the files.
+    folder, shot, white, name
+        As for `plenopticam`, with the same errors.
     views : int, optional
         As in `pl.lightfield.decode`.
-
-    Raises
-    ------
-    InvalidValueError
-        Without microlenses on a lattice, or where the white image has other pixels.
-    FileError
-        Where a file cannot be written.
 
     Notes
     -----
@@ -94,8 +83,8 @@ def lftoolbox(
         "GeneratedByInfo": {"mfilename": "plenoptic", "VersionStr": __version__},
     }
     write_file(target / f"{name}__Decoded.mat", matlab_7_3(content))
-    write_picture(target / f"{name}.png", lens.turned(shot.image), scale=brightest(shot.image))
-    write_picture(target / f"{name}_white.png", lens.turned(light), scale=brightest(light))
+    write_picture(target / f"{name}.png", lens.turn_image(shot.image), scale=brightest(shot.image))
+    write_picture(target / f"{name}_white.png", lens.turn_image(light), scale=brightest(light))
     matrix = intrinsics(field)
     if matrix is not None:
         calibrated = {"EstCamIntrinsicsH": matrix.tolist(), "EstCamDistortionV": [0.0] * 5, "LensletGridModel": model}

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-from itertools import product
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.camera.points.centres import CentreMethod
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import white_point
-from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
 from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
@@ -31,20 +30,20 @@ def plenoptic_toolbox(
     Parameters
     ----------
     folder : path-like
-        Is made where it is missing; files of the same name are replaced.
+        Folder, made if it is missing; files of the same name are replaced.
     shot : Exposure
-        With its camera. Where it has DISPARITY, a picture of it is written too, in lens diameters.
+        Exposure that names its camera. DISPARITY, if it has that, is written as a picture too, in lens diameters.
     name : str, optional
-        Of the files.
+        Name of the files.
     method : CentreMethod, optional
         Definition of the centres to which the grid is fitted.
 
     Raises
     ------
     InvalidValueError
-        Where the array is not hexagonal, or its types do not repeat as the format has them.
+        If the array is not hexagonal, or its types do not repeat as the format has them.
     FileError
-        Where a file cannot be written.
+        If a file cannot be written.
 
     Notes
     -----
@@ -69,10 +68,8 @@ def plenoptic_toolbox(
     rows = lens_rows(shot, turn=False, method=method)
     if not rows.hexagonal:
         raise InvalidValueError("the PlenopticToolbox knows hexagonal arrays only; use another exporter")
-    size = shot.image.shape[:2]
-    first, axes, steps, residual = _grid(rows, size)
-    diameter, rotation, offset = axes
-    types = _types(rows, first, steps)
+    steps, diameter, rotation, offset, residual = _grid(rows, shot.image.shape[:2])
+    types = _types(rows, steps)
     scale = white_point(shot.image)
     write_picture(target / f"{name}.png", shot.image, scale=scale, bits=8, encoded=True)
     ranges = [_sharp(rows, kind) for kind in types]
@@ -119,36 +116,24 @@ def plenoptic_toolbox(
     )
 
 
-def _grid(
-    rows: LensRows, size: tuple[int, int]
-) -> tuple[np.ndarray, tuple[float, float, tuple[float, float]], np.ndarray, float]:
-    """The central lens, (diameter, rotation, offset), lattice steps of both axes (2, 2), and the residual of the fit.
-
-    x to the right, y up, from the middle of the image.
+def _grid(rows: LensRows, size: tuple[int, int]) -> tuple[NDArray[np.int64], float, float, tuple[float, float], float]:
+    """Steps (n, 2) from the central lens along a row and 60 degrees farther; the diameter, rotation and offset of the
+    grid that fits best, and its residual. x is to the right, y up, from the middle of the image.
     """
-    x = rows.centre[:, 1] - 0.5 * (size[1] - 1)
-    y = 0.5 * (size[0] - 1) - rows.centre[:, 0]
-    first = rows.lens[np.argmin(x**2 + y**2)]
-    table = np.column_stack([rows.lens, np.ones(len(x))])
-    step, *_ = np.linalg.lstsq(table, x + 1j * y, rcond=None)
-    neighbours = [np.array(pair) for pair in product((-1, 0, 1), repeat=2) if pair not in ((0, 0), (1, 1), (-1, -1))]
-    turned = [complex(pair @ step[:2]) for pair in neighbours]
-    # The row that is most level, from left to right, and the one 60 degrees farther.
-    along = max(range(6), key=lambda k: turned[k].real / abs(turned[k]))
-    second = max(range(6), key=lambda k: (turned[k] / turned[along] * np.exp(-1j * math.pi / 3)).real)
-    steps = np.array([neighbours[along], neighbours[second]])
-    place = (rows.lens - first) @ np.linalg.inv(steps)
-    ideal = place @ np.array([1.0, np.exp(1j * math.pi / 3)])
-    (grow, start), *_ = np.linalg.lstsq(np.column_stack([ideal, np.ones(len(ideal))]), x + 1j * y, rcond=None)
-    residual = float(np.sqrt(np.mean(np.abs(grow * ideal + start - (x + 1j * y)) ** 2)))
-    axes = (float(abs(grow)), float(np.angle(grow)), (float(start.real), float(start.imag)))
-    return first, axes, steps, residual
+    centre = rows.centre[:, 1] - 0.5 * (size[1] - 1) + 1j * (0.5 * (size[0] - 1) - rows.centre[:, 0])
+    first = np.argmin(np.abs(centre))
+    up, twice = rows.row[first] - rows.row, 2 * rows.place + rows.shifted
+    right = (twice - twice[first] - up) // 2
+    ideal = right + up * np.exp(1j * math.pi / 3)
+    (scale, offset), *_ = np.linalg.lstsq(np.column_stack([ideal, np.ones(len(ideal))]), centre, rcond=None)
+    residual = float(np.sqrt(np.mean(np.abs(scale * ideal + offset - centre) ** 2)))
+    place = float(offset.real), float(offset.imag)
+    return np.column_stack([right, up]), float(abs(scale)), float(np.angle(scale)), place, residual
 
 
-def _types(rows: LensRows, first: Floats, steps: Floats) -> list[int]:
+def _types(rows: LensRows, steps: NDArray[np.int64]) -> list[int]:
     """The type of the array for each of the three of the format."""
-    place = np.rint((rows.lens - first) @ np.linalg.inv(steps)).astype(int)
-    number = (np.mod(-place[:, 0], _TYPES) + place[:, 1]) % _TYPES
+    number = (np.mod(-steps[:, 0], _TYPES) + steps[:, 1]) % _TYPES
     types_of_lenses = [np.unique(rows.type[number == k]).tolist() for k in range(_TYPES)]
     if any(len(kinds) != 1 for kinds in types_of_lenses):
         raise InvalidValueError(
@@ -160,8 +145,7 @@ def _types(rows: LensRows, first: Floats, steps: Floats) -> list[int]:
 
 def _sharp(rows: LensRows, kind: int) -> tuple[float, float]:
     """Virtual depths that a type of microlens images to within a pixel, between the bounds."""
-    camera, array = rows.camera, rows.camera.microlenses
-    assert array is not None
+    camera, array = rows.camera, rows.array
     b = camera.microlenses_to_sensor
     # A circle of confusion of 1 - b (1/f - 1/(v b)) diameters.
     focus, room = b / array.focal_lengths[kind] - 1.0, camera.sensor.pixel_pitch / max(array.pitches)

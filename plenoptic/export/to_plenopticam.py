@@ -31,20 +31,20 @@ def plenopticam(
     Parameters
     ----------
     folder : path-like
-        Is made where it is missing; files of the same name are replaced.
+        Folder, made if it is missing; files of the same name are replaced.
     shot, white : Exposure
-        Of the same pixels, `shot` with its camera.
+        Images of the same pixels, `shot` with its camera.
     name : str, optional
-        Of the files.
+        Name of the files.
     method : CentreMethod, optional
         Definition of the centres.
 
     Raises
     ------
     InvalidValueError
-        Without microlenses on a lattice, or where the white image has other pixels.
+        Without microlenses on a lattice, or if the white image has other pixels.
     FileError
-        Where a file cannot be written.
+        If a file cannot be written.
 
     Notes
     -----
@@ -64,8 +64,8 @@ def plenopticam(
     target, name, light = folder_at(folder), plain_name(name), white.image[crop_in_white_image(shot, white)[0]]
     lens = lens_rows(shot, turn=True, method=method).whole(shot.image.shape[:2]).rectangle()
     scale = brightest(shot.image)
-    write_picture(target / f"{name}.tiff", lens.turned(shot.image), scale=scale, encoded=True)
-    write_picture(target / f"{name}_white.tiff", lens.turned(light), scale=brightest(light))
+    write_picture(target / f"{name}.tiff", lens.turn_image(shot.image), scale=scale, encoded=True)
+    write_picture(target / f"{name}_white.tiff", lens.turn_image(light), scale=brightest(light))
     listed = np.column_stack([lens.centre, lens.row, lens.place]).tolist()
     across, row_pitch = lens.pitch
     content = {

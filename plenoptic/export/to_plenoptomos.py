@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.files.array_files import hdf5
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import brightest, codes
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, read_file
-from plenoptic.core.files.matlab import hdf5
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.export.lattice import lens_rows
@@ -22,7 +22,7 @@ from plenoptic.rendering.exposure import Exposure
 
 _ABOUT = {"units": "counts", "axes": "tau:sigma", "mode": "raw"}
 _LARGEST_ANGLE = 1e-3
-"""Of the array against the sensor, in radians: the format has no place for it."""
+"""Largest angle of the array to the sensor in radians, which the format cannot express."""
 
 
 class VoxFile(NamedTuple):
@@ -35,7 +35,7 @@ class VoxFile(NamedTuple):
     mode: str
     """raw, micro-image or sub-aperture."""
     numbers: dict[str, Any]
-    """Of the camera, by path: `micro_lens/f2`, `sensor/pixel_size`, ... as arrays or floats, in mm and pixels."""
+    """Numbers of the camera by path (`micro_lens/f2`, `sensor/pixel_size`, ...): arrays or floats, in mm and pixels."""
 
 
 def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -> None:
@@ -48,15 +48,15 @@ def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     path : path-like
         Ends in .vox.
     shot, white : Exposure
-        Of the same pixels, `shot` with its camera, whose microlenses lie on a square or rectangular lattice along the
+        Images of the same pixels, `shot` with its camera; microlenses lie on a square or rectangular lattice along the
         sensor.
 
     Raises
     ------
     InvalidValueError
-        For hexagonal, free and turned lattices, or where the white image has other pixels.
+        For hexagonal, free and turned lattices, or if the white image has other pixels.
     FileError
-        Where the file cannot be written.
+        If the file cannot be written.
 
     Notes
     -----
@@ -108,8 +108,7 @@ def _numbers(shot: Exposure) -> dict[str, tuple[Any, dict[str, str]]]:
             f"{'hexagonal' if lens.hexagonal else f'turned by {lens.angle:.3g} rad'}; use pl.package"
         )
     lens, camera = lens.whole(shot.image.shape[:2]).rectangle(), lens.camera
-    array, sensor = camera.microlenses, camera.sensor
-    assert array is not None
+    array, sensor = lens.array, camera.sensor
     across, row_pitch = lens.pitch
     points = cardinal_points(camera.lens, camera.wavelength)
     corner = lens.centre.min(axis=0) + 0.5 - 0.5 * np.array([row_pitch, across])
@@ -152,7 +151,7 @@ def read_plenoptomos(path: str | os.PathLike[str], *, limits: FileLimits = DEFAU
     Raises
     ------
     FileError
-        Where it is no such file.
+        If it is no such file.
 
     Examples
     --------

@@ -24,19 +24,8 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
 
     Parameters
     ----------
-    folder : path-like
-        Is made where it is missing; files of the same name are replaced.
-    shot, white : Exposure
-        Of the same pixels, `shot` with its camera.
-    name : str, optional
-        Of the raw image.
-
-    Raises
-    ------
-    InvalidValueError
-        Without microlenses on a lattice, or where the white image has other pixels.
-    FileError
-        Where a file cannot be written.
+    folder, shot, white, name
+        As for `plenopticam`, with the same errors; `name` is that of the raw image.
 
     Notes
     -----
@@ -57,22 +46,20 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
     target, name = folder_at(folder, "Images", "Calibration", _WHITE), plain_name(name)
     lens = lens_rows(shot, turn=True)
     camera, scale = lens.camera, brightest(light)
-    # What the raw image is divided by the white one, which then is 1 where a white scene is.
+    # Ratio of the full codes, so that the raw image over the white one is 1 for a white scene.
     ratio = max(brightest(shot.image) / scale, 1e-30)
-    write_picture(target / "Images" / f"{name}.png", lens.turned(shot.image), scale=scale * max(ratio, 1.0))
-    write_picture(target / _WHITE / "white.png", lens.turned(light), scale=scale)
+    write_picture(target / "Images" / f"{name}.png", lens.turn_image(shot.image), scale=scale * max(ratio, 1.0))
+    write_picture(target / _WHITE / "white.png", lens.turn_image(light), scale=scale)
     z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
     said = {"camera": {"imageDistance": camera.stop_to_microlenses, "focusDistance": -z if np.isfinite(z) else 1e9}}
     for file in (target / "Images" / f"{name}.json", target / _WHITE / "white.json"):
         write_json(file, said)
-    array = camera.microlenses
-    assert array is not None
     call = f"RayTracerLF(folder, grid_type={'hex' if lens.hexagonal else 'rect'!r}, ml_size={lens.pitch[0]:.6g}, "
     write_readme(
         target,
         "plenpy",
         "from plenpy.cameras.raytracer_lightfield_camera import RayTracerLF\n"
-        f'camera = {call}ml_focal_length={1e-3 * array.focal_lengths[0]:.6g}, format="PNG-PIL")\n'
+        f'camera = {call}ml_focal_length={1e-3 * lens.array.focal_lengths[0]:.6g}, format="PNG-PIL")\n'
         "camera.calibrate()\ncamera.load_sensor_image(0)\ncamera.decode_sensor_image(0)",
         "errors, truth, focal types, centres.",
         {"quarters turned, counter-clockwise": lens.turns, "full code over that of the white image": max(ratio, 1.0)},

@@ -199,7 +199,7 @@ def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
     --------
     See `pl.export.lftoolbox`.
     """
-    from plenoptic.core.files.matlab import matlab_array
+    from plenoptic.core.files.array_files import matlab_array
 
     target = file_path(path)
     content = read_file(target, limits)

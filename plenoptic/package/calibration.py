@@ -1,4 +1,4 @@
-"""Calibration points: where known points of targets appear in the images of the microlenses."""
+"""Calibration points: images of known points of targets behind the microlenses."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import image_plane, opening_width
 from plenoptic.camera.points.projection import project
+from plenoptic.core.files.text_lines import csv_text
 from plenoptic.core.values import Floats, check_kind, result
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, InvalidValueError, UnseenSceneWarning
@@ -63,13 +64,8 @@ class CalibrationPoints:
 
     def to_csv(self) -> str:
         """A table with a heading; u is the column and v the row."""
-        text = io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow(_HEADER)
-        for row in zip(self.frame, self.point, self.world, self.index, self.pixel, self.blur, strict=True):
-            frame, point, world, index, (v, u), blur = (np.asarray(part).tolist() for part in row)
-            table.writerow([frame, point, *world, *index, u, v, blur])
-        return text.getvalue()
+        v, u = self.pixel.T
+        return csv_text(_HEADER, (self.frame, self.point, *self.world.T, *self.index.T, u, v, self.blur))
 
     @classmethod
     def from_csv(cls, text: str) -> CalibrationPoints:
@@ -86,7 +82,7 @@ class CalibrationPoints:
 
 
 def targets_of(targets: Target | Sequence[Target]) -> tuple[Target, ...]:
-    """One target or several, as a tuple; an error where something else is among them."""
+    """One target or several, as a tuple; an error if something else is among them."""
     listed = (targets,) if isinstance(targets, Target) else tuple(targets)
     for target in listed:
         check_kind(target, "targets", Target, "pl.targets.checkerboard(9, 6, square=2.0)")
@@ -101,9 +97,9 @@ def calibration_points(
     Parameters
     ----------
     camera : PlenopticCamera
-        With microlenses.
+        Camera with microlenses.
     targets : Target or sequence of Target
-        In the world, one for each frame.
+        Targets in the world, one for each frame.
     scene : Scene, optional
         Scene that may hide points; None: nothing does.
 
@@ -142,16 +138,8 @@ def calibration_points(
         with np.errstate(divide="ignore"):
             spread = np.abs(1.0 - camera.microlenses_to_sensor * (power - 1.0 / distance))
         blur = 0.5 * opening_width(array) * spread / camera.sensor.pixel_pitch
-        parts.append(
-            (
-                np.full(len(projection), frame),
-                projection.point,
-                target.points[projection.point],
-                projection.index,
-                projection.pixel,
-                blur,
-            )
-        )
+        frames, world = np.full(len(projection), frame), target.points[projection.point]
+        parts.append((frames, projection.point, world, projection.index, projection.pixel, blur))
     if not parts:
         raise InvalidValueError("targets is empty; give one target or more")
     if not any(len(part[0]) for part in parts):

@@ -1,10 +1,9 @@
-"""Reading packages."""
+"""Contents of packages, and reading them."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
-import io
 import json
 import os
 import re
@@ -17,23 +16,75 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres
+from plenoptic.core.files.array_files import read_npz
 from plenoptic.core.files.atomic_file import translate_errors, write_file
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, read_file
-from plenoptic.core.files.value_files import load_value
-from plenoptic.core.values import file_path
+from plenoptic.core.files.serialization import load_value
+from plenoptic.core.files.text_lines import csv_text
+from plenoptic.core.values import file_path, result
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.package.calibration import CalibrationPoints
-from plenoptic.package.contents import CAMERA, POINTS, PROVENANCE, PROVENANCE_FORMAT, TRUTH, Package, centres_from
 from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.truth.channels import CHANNELS, GroundTruth
 
+PROVENANCE, CAMERA, TRUTH, POINTS = "provenance.json", "camera.json", "truth.npz", "points.csv"
+PROVENANCE_FORMAT = "plenoptic-package-1"
 _NAME = re.compile(r"[a-z0-9_.-]+\.(exr|tif|json|npz|csv)")
 """How files of a package are named: nothing else is looked at."""
 _MOST_FILES = 200
+
+
+@result
+class Package:
+    """A picture of a plenoptic camera with all that belongs to it. See `write` and `read`.
+
+    Parameters
+    ----------
+    exposure : Exposure
+        The picture as light, with its standard error and truth.
+    raw : RawImage
+        The same as its sensor reads it out.
+    camera : PlenopticCamera
+        Camera of the picture.
+    white : Exposure or None
+        Its white image.
+    white_raw : RawImage or None
+        The same as the sensor reads it out, lit so that its brightest pixels reach 0.8 of the white level.
+    other_whites : tuple of (Exposure, RawImage)
+        White images at other stops; each exposure names its camera.
+    dark : RawImage
+        Raw image without light.
+    centres : mapping from CentreMethod to MicrolensCentres
+        Centres of the microlens images, where they are defined; empty without microlenses.
+    points : CalibrationPoints or None
+        Points of calibration targets on the sensor.
+    provenance : mapping
+        Versions, seeds, samples, error, plan, and the SHA-256 of every file.
+    """
+
+    exposure: Exposure
+    raw: RawImage
+    camera: PlenopticCamera
+    white: Exposure | None
+    white_raw: RawImage | None
+    other_whites: tuple[tuple[Exposure, RawImage], ...]
+    dark: RawImage
+    centres: Mapping[CentreMethod, MicrolensCentres]
+    points: CalibrationPoints | None
+    provenance: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        whites = (self.white is not None) + len(self.other_whites)
+        parts = [
+            f"{whites} white image{'s' * (whites != 1)}",
+            f"{max(map(len, self.centres.values()), default=0)} microlenses",
+        ]
+        parts += [] if self.points is None else [repr(self.points)]
+        return f"Package({self.exposure!r}, {', '.join(parts)})"
 
 
 def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Package:
@@ -54,7 +105,7 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
     Raises
     ------
     FileError
-        Where there is no package, a file is missing, or its hash is not the one noted: it has been changed.
+        If there is no package, a file is missing, or its hash is not the one noted: it has been changed.
 
     Examples
     --------
@@ -106,7 +157,7 @@ def _read(folder: Path, limits: FileLimits) -> Package:
     pairs = {name: _pair(folder, name, limits) for name in sorted(whites)}
     raw, dark = (_raw(folder / name, camera, limits) for name in ("raw.tif", "dark.tif"))
     white, white_raw = pairs.pop("white", (None, None))
-    centres = centres_from(_arrays(folder / "centres.npz", limits)) if "centres.npz" in files else MappingProxyType({})
+    centres = centres_from(read_npz(folder / "centres.npz", limits)) if "centres.npz" in files else MappingProxyType({})
     points = read_file(folder / POINTS, limits).decode("latin-1") if POINTS in files else None
     return Package(
         exposure=exposure,
@@ -150,22 +201,44 @@ def _raw(path: Path, camera: PlenopticCamera | None, limits: FileLimits) -> RawI
 
 
 def _truth(path: Path, limits: FileLimits) -> GroundTruth:
-    arrays = {name: array for name, array in _arrays(path, limits).items() if name in CHANNELS}
+    arrays = {name: array for name, array in read_npz(path, limits).items() if name in CHANNELS}
     try:
         return GroundTruth(**arrays)
     except InvalidValueError as error:
         raise FileError(f"{str(path)!r} holds no possible ground truth: {error}") from None
 
 
-def _arrays(path: Path, limits: FileLimits) -> Mapping[str, NDArray[Any]]:
-    """The arrays of an NPZ file, which may claim to be of any size."""
-    content = read_file(path, limits)
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            memory = sum(entry.file_size for entry in archive.infolist())
-        if memory > allowed_memory(len(content), limits):
-            raise ValueError(f"it would take {memory} bytes; give limits=pl.images.FileLimits(memory={memory})")
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except (ValueError, OSError, EOFError, MemoryError, KeyError, zipfile.BadZipFile, RuntimeError) as error:
-        raise FileError(f"{str(path)!r} cannot be read: {error}; restore it from its origin") from None
+def centre_arrays(centres: Mapping[CentreMethod, MicrolensCentres]) -> dict[str, Any]:
+    """All centres as arrays: `index`, `type` and `on_array` of all microlenses, and pixels and mm by each method."""
+    index = np.unique(np.concatenate([listed.index for listed in centres.values()]), axis=0)
+    order = {tuple(pair): row for row, pair in enumerate(index.tolist())}
+    arrays: dict[str, Any] = {"index": index, "type": np.zeros(len(index), dtype=np.int64)}
+    arrays["on_array"] = np.full((len(index), 2), np.nan)
+    for method, listed in centres.items():
+        rows = [order[tuple(pair)] for pair in listed.index.tolist()]
+        arrays["type"][rows], arrays["on_array"][rows] = listed.type, listed.on_array
+        for name in ("position", "pixel"):
+            arrays[f"{method.name.lower()}_{name}"] = places = np.full((len(index), 2), np.nan)
+            places[rows] = getattr(listed, name)
+    return arrays
+
+
+def centres_from(arrays: Mapping[str, Any]) -> Mapping[CentreMethod, MicrolensCentres]:
+    """The centres of `centre_arrays`; KeyError if an array is missing."""
+    by_method = {}
+    for method in CentreMethod:
+        position = arrays.get(f"{method.name.lower()}_position")
+        if position is not None:
+            finite = np.isfinite(position).all(axis=1)
+            parts = {name: arrays[name][finite] for name in ("index", "type", "on_array")}
+            pixel = arrays[f"{method.name.lower()}_pixel"][finite]
+            by_method[method] = MicrolensCentres(**parts, position=position[finite], pixel=pixel, method=method)
+    return MappingProxyType(by_method)
+
+
+def centre_table(arrays: Mapping[str, Any]) -> str:
+    """CSV table of `centre_arrays`: k, l, type, and row and column by each method."""
+    methods = [name.removesuffix("_pixel") for name in arrays if name.endswith("_pixel")]
+    header = ["k", "l", "type", *(f"{name}_{axis}" for name in methods for axis in ("row", "column"))]
+    pixels = np.concatenate([arrays[f"{name}_pixel"] for name in methods], axis=1)
+    return csv_text(header, (*arrays["index"].T, arrays["type"], *pixels.T))

@@ -4,32 +4,32 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import io
 import os
 import platform
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from plenoptic import __version__
-from plenoptic.camera.assembly import assembly, rigid
+from plenoptic.camera.assembly import Rigid, assembly, rigid
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
+from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files import images
+from plenoptic.core.files.array_files import write_npz
 from plenoptic.core.files.atomic_file import replace_file, replace_folder, write_file, write_json
-from plenoptic.core.files.value_files import save_value
+from plenoptic.core.files.serialization import save_value
 from plenoptic.core.values import check_kind, file_path, seed_number
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise
 from plenoptic.package.calibration import calibration_points, targets_of
-from plenoptic.package.contents import CAMERA, POINTS, PROVENANCE, PROVENANCE_FORMAT, TRUTH, centre_arrays, centre_table
+from plenoptic.package.reading import CAMERA, POINTS, PROVENANCE, PROVENANCE_FORMAT, TRUTH, centre_arrays, centre_table
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.plan import plan
 from plenoptic.scene.shapes.targets.target import Target
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
 _WHITE_PART = 0.8
-"""Of the white level, which the brightest pixels of a white image reach."""
+"""Part of the white level that the brightest pixels of a white image reach."""
 
 _OF_FILES = (".json", ".exr", ".tif", ".tiff", ".png", ".npz", ".csv")
 
@@ -63,29 +63,29 @@ def write(
     Parameters
     ----------
     path : path-like
-        A new or empty folder, or one that holds a package, which is replace_file; with the ending `.zip`, one file.
+        A new or empty folder, or one that holds a package, which is replaced; with the ending `.zip`, one file.
     exposure : Exposure
-        From `render`; names its camera.
+        Exposure of `render`, which names its camera.
     white : Exposure, optional
-        From `render_white`, of the same camera.
+        White image of `render_white`, of the same camera.
     sensor : SensorModel, optional
         Sensor that reads the exposure out, of at least 8 bits. None: 16 bits without noise, on which the brightest
         pixel reaches 0.8 of the white level.
     other_whites : sequence of Exposure, optional
         White images at other stops; each names its camera.
     targets : Target or sequence of Target, optional
-        Whose points are written as calibration points.
+        Targets, the points of which are written as calibration points.
     scene : Scene, optional
         The rendered scene: for the plan, and for surfaces that hide calibration points.
     seed : int, optional
-        Of the noise of raw, white (seed + 1), dark (seed + 2) and further white images.
+        Seed of the noise of raw, white (seed + 1), dark (seed + 2) and further white images.
 
     Raises
     ------
     InvalidValueError
-        Where the exposure names no camera, white images are of other cameras, or the sensor has no quantisation.
+        If the exposure names no camera, white images are of other cameras, or the sensor has no quantisation.
     FileError
-        Where the package cannot be written.
+        If the package cannot be written.
 
     Examples
     --------
@@ -101,24 +101,21 @@ def write(
     """
     target, seed = file_path(path), seed_number(seed)
     camera = _checked_camera(exposure, white, other_whites)
-    model = _quiet_sensor(exposure) if sensor is None else sensor
+    model = _noiseless_sensor(exposure) if sensor is None else sensor
     check_kind(model, "sensor", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     zipped = target.suffix.lower() == ".zip"
-    if target.suffix.lower() in _OF_FILES:
-        raise FileError(f"{str(target)!r} ends in {target.suffix}; a package is a folder, or a file that ends in .zip")
-    if zipped and target.is_file() and not _holds_package(target):
-        raise FileError(f"the file {str(target)!r} is something else than a package; choose a new name")
-    if not zipped:
-        _check_replaceable(target)
+    _check_replaceable(target, zipped=zipped)
     with tempfile.TemporaryDirectory() if zipped else replace_folder(target) as location:
         folder = Path(location)
-        _fill(folder, exposure, white, tuple(other_whites), model, seed)
-        _describe(folder, camera)
+        _write_images(folder, exposure, white, tuple(other_whites), model, seed)
+        _write_camera(folder, camera)
         if listed := targets_of(targets):
             write_file(folder / POINTS, calibration_points(camera, listed, scene=scene).to_csv().encode("ascii"))
-        _sign(folder, exposure, None if scene is None else str(_plan(exposure, scene, camera)))
+        _write_provenance(folder, exposure, None if scene is None else str(_plan(exposure, scene, camera)).splitlines())
         if zipped:
-            _zip(folder, target)
+            with replace_file(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+                for part in sorted(folder.iterdir()):
+                    archive.write(part, part.name)
 
 
 def _checked_camera(exposure: Exposure, white: Exposure | None, others: Sequence[Exposure]) -> PlenopticCamera:
@@ -138,14 +135,14 @@ def _checked_camera(exposure: Exposure, white: Exposure | None, others: Sequence
     return camera
 
 
-def _quiet_sensor(exposure: Exposure) -> SensorModel:
+def _noiseless_sensor(exposure: Exposure) -> SensorModel:
     brightest = float(np.nanmax(exposure.image, initial=0.0))
     rate = _WHITE_PART * 65535 / brightest if brightest > 0 else 1.0
     return SensorModel(rate, bits=16, shot_noise=ShotNoise.NONE)
 
 
-def _lit(white: Exposure, model: SensorModel) -> SensorModel:
-    """The same sensor before as much light as a white image needs."""
+def _white_sensor(white: Exposure, model: SensorModel) -> SensorModel:
+    """The sensor with the photon rate at which the brightest pixels of a white image reach 0.8 of the white level."""
     brightest = float(np.max(white.image.max(axis=(0, 1)) * np.broadcast_to(model.electrons_per_unit, 3)))
     electrons = _WHITE_PART * (model.white_level - model.black_level) / model.gain - model.dark_electrons
     if not brightest > 0 or not electrons > 0:
@@ -154,7 +151,7 @@ def _lit(white: Exposure, model: SensorModel) -> SensorModel:
     return dataclasses.replace(model, photon_rate=rate if len(rate) > 1 else rate[0])
 
 
-def _fill(
+def _write_images(
     folder: Path,
     exposure: Exposure,
     white: Exposure | None,
@@ -162,7 +159,7 @@ def _fill(
     model: SensorModel,
     seed: int,
 ) -> None:
-    """The pictures."""
+    """Write the images as light and as raw images, and the truth."""
     light = dataclasses.replace(exposure, truth=None)
     light.save(folder / "raw.exr")
     exposure.develop(model, seed=seed).save(folder / "raw.tif")
@@ -171,28 +168,24 @@ def _fill(
         whites[_white_name(other, whites)] = other
     for number, (name, image) in enumerate(whites.items()):
         image.save(folder / f"{name}.exr")
-        image.develop(_lit(image, model), seed=seed + 1 + number + (number > 0)).save(folder / f"{name}.tif")
+        image.develop(_white_sensor(image, model), seed=seed + 1 + number + (number > 0)).save(folder / f"{name}.tif")
     dark = dataclasses.replace(light, image=np.zeros_like(exposure.image), standard_error=None)
     dark.develop(model, seed=seed + 2).save(folder / "dark.tif")
     if exposure.truth is not None:
         note = {"plenoptic:note": file_comment(exposure.truth)}
         images.write_channels(folder / "truth.exr", file_planes(exposure.truth), note)
-        write_file(folder / TRUTH, _npz(exposure.truth.arrays()))
+        write_npz(folder / TRUTH, exposure.truth.arrays())
 
 
-def _describe(folder: Path, camera: PlenopticCamera) -> None:
-    """The camera and the centres of its microlens images."""
-    save_value(camera, folder / CAMERA, about=_about(camera))
-    if centres := _centres(camera):
-        arrays = centre_arrays(centres)
-        write_file(folder / "centres.npz", _npz(arrays))
+def _write_camera(folder: Path, camera: PlenopticCamera) -> None:
+    """Write the camera and the centres of its microlens images."""
+    save_value(camera, folder / CAMERA, about=_camera_description(camera))
+    if camera.microlenses is not None:
+        walls = camera.microlenses.walls is Walls.OPAQUE
+        methods = [method for method in CentreMethod if not (walls and method is CentreMethod.CENTROID)]
+        arrays = centre_arrays({method: microlens_centres(camera, method) for method in methods})
+        write_npz(folder / "centres.npz", arrays)
         write_file(folder / "centres.csv", centre_table(arrays).encode("ascii"))
-
-
-def _npz(arrays: Mapping[str, Any]) -> bytes:
-    file = io.BytesIO()
-    np.savez_compressed(file, **arrays)
-    return file.getvalue()
 
 
 def _white_name(white: Exposure, taken: Any) -> str:
@@ -204,46 +197,38 @@ def _white_name(white: Exposure, taken: Any) -> str:
     return name
 
 
-def _centres(camera: PlenopticCamera) -> dict[CentreMethod, MicrolensCentres]:
-    if camera.microlenses is None:
-        return {}
-    walls = camera.microlenses.walls is Walls.OPAQUE
-    methods = [method for method in CentreMethod if not (walls and method is CentreMethod.CENTROID)]
-    return {method: microlens_centres(camera, method) for method in methods}
-
-
-def _about(camera: PlenopticCamera) -> dict[str, Any]:
+def _camera_description(camera: PlenopticCamera) -> dict[str, Any]:
     """Description of a camera for other programs, beside its value."""
     parts, sensor = assembly(camera), camera.sensor
-    said: dict[str, Any] = {
+    description: dict[str, Any] = {
         "units": "mm, nm, radians; light in the scene's units",
         "axes": "of the camera: origin at the centre of the iris, x right, y up, the scene at z < 0, the sensor at "
         "z > 0; rotations take a part's own axes to the camera's",
         "pixels": "row 0, column 0 is the upper left of the upright picture; whole numbers are centres of pixels; from "
         "the sensor's centre, x = -(column + 1/2 - columns/2) pitch and y = (row + 1/2 - rows/2) pitch",
         "sensor": {"rows": sensor.shape[0], "columns": sensor.shape[1], "pixel_pitch": sensor.pixel_pitch},
-        "sensor_as_built": _place(rigid(camera.sensor_placement, camera.z_sensor)),
-        "lens_as_built": _place(rigid(camera.lens_placement, 0.0)),
+        "sensor_as_built": _pose_of(rigid(camera.sensor_placement, camera.z_sensor)),
+        "lens_as_built": _pose_of(rigid(camera.lens_placement, 0.0)),
         "lens_vertices": camera.lens.vertices.tolist(),
         "lens_indices": camera.lens.indices(camera.wavelength).tolist(),
         "report": str(camera_report(camera)).splitlines(),
     }
     array = camera.microlenses
     if array is not None:
-        said["array_as_built"] = _place(rigid(camera.microlenses_placement, camera.stop_to_microlenses))
-        said["array_origin_and_turn_before_the_lens"] = [parts.array_origin.tolist(), parts.array_turn.tolist()]
-        said["array"] = {
+        description["array_as_built"] = _pose_of(rigid(camera.microlenses_placement, camera.stop_to_microlenses))
+        description["array_origin_and_turn_before_the_lens"] = [parts.array_origin.tolist(), parts.array_turn.tolist()]
+        description["array"] = {
             "lattice": array.lattice.name,
             "basis": None if array.centres is not None else array.basis.tolist(),
             "pitches": list(array.pitches),
             "focal_lengths": list(array.focal_lengths),
             "distance_to_sensor": camera.microlenses_to_sensor,
         }
-    return said
+    return description
 
 
-def _place(place: Any) -> dict[str, Any]:
-    return {"rotation": place.turn.tolist(), "origin": place.shift.tolist()}
+def _pose_of(part: Rigid) -> dict[str, Any]:
+    return {"rotation": part.turn.tolist(), "origin": part.shift.tolist()}
 
 
 def _plan(exposure: Exposure, scene: Scene, camera: PlenopticCamera) -> Any:
@@ -251,52 +236,39 @@ def _plan(exposure: Exposure, scene: Scene, camera: PlenopticCamera) -> Any:
     return plan(scene, camera, samples=exposure.samples or 1, replicates=exposure.replicates or 1, **options)
 
 
-def _sign(folder: Path, exposure: Exposure, planned: str | None) -> None:
-    """Write down where everything comes from, with the hash of every file."""
-    files = {file.name: _hash(file) for file in sorted(folder.iterdir())}
-    said = {
+def _write_provenance(folder: Path, exposure: Exposure, plan_lines: list[str] | None) -> None:
+    """Write the provenance: versions, seed, samples, error, plan, and the hash of every file."""
+    files, error = {}, exposure.relative_error
+    for path in sorted(folder.iterdir()):
+        with open(path, "rb") as file:
+            files[path.name] = hashlib.file_digest(file, "sha256").hexdigest()
+    content = {
         "format": PROVENANCE_FORMAT,
         "versions": {"plenoptic": __version__, "numpy": np.__version__, "python": platform.python_version()},
         "seed": exposure.seed,
         "samples": exposure.samples,
         "replicates": exposure.replicates,
-        "relative_error": _finite(exposure.relative_error),
-        "plan": None if planned is None else planned.splitlines(),
+        "relative_error": error if error is not None and np.isfinite(error) else None,
+        "plan": plan_lines,
         "files": files,
     }
-    write_json(folder / PROVENANCE, said)
+    write_json(folder / PROVENANCE, content)
 
 
-def _finite(number: float | None) -> float | None:
-    return number if number is not None and np.isfinite(number) else None
-
-
-def _hash(file: Path) -> str:
-    sha = hashlib.sha256()
-    with open(file, "rb") as opened:
-        while part := opened.read(1 << 20):
-            sha.update(part)
-    return sha.hexdigest()
-
-
-def _check_replaceable(folder: Path) -> None:
-    if not folder.exists() and not folder.is_symlink():
-        return
-    if not folder.is_dir() or folder.is_symlink():
-        raise FileError(f"{str(folder)!r} is no folder; choose another name, or one that ends in .zip")
-    if not (folder / PROVENANCE).is_file() and any(folder.iterdir()):
-        raise FileError(f"the folder {str(folder)!r} holds something else than a package; choose a new one")
-
-
-def _holds_package(file: Path) -> bool:
-    try:
-        with zipfile.ZipFile(file) as archive:
-            return PROVENANCE in archive.namelist()
-    except (OSError, zipfile.BadZipFile):
-        return False
-
-
-def _zip(folder: Path, target: Path) -> None:
-    with replace_file(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(folder.iterdir()):
-            archive.write(path, path.name)
+def _check_replaceable(target: Path, *, zipped: bool) -> None:
+    """Raise FileError if the target is something else than a package."""
+    if target.suffix.lower() in _OF_FILES:
+        raise FileError(f"{str(target)!r} ends in {target.suffix}; a package is a folder, or a file that ends in .zip")
+    if zipped and target.is_file():
+        try:
+            with zipfile.ZipFile(target) as archive:
+                is_package = PROVENANCE in archive.namelist()
+        except (OSError, zipfile.BadZipFile):
+            is_package = False
+        if not is_package:
+            raise FileError(f"the file {str(target)!r} is something else than a package; choose a new name")
+    elif not zipped and (target.exists() or target.is_symlink()):
+        if not target.is_dir() or target.is_symlink():
+            raise FileError(f"{str(target)!r} is no folder; choose another name, or one that ends in .zip")
+        if not (target / PROVENANCE).is_file() and any(target.iterdir()):
+            raise FileError(f"the folder {str(target)!r} holds something else than a package; choose a new one")

@@ -16,11 +16,11 @@ from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.relative_error import ImageError, image_error
 from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, seed_number, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.rendering.crop import checked_region, region_text, samples_text
-from plenoptic.rendering.exposure_metadata import checked_seed, impossible_as_file_error
+from plenoptic.rendering.crop import checked_region, samples_text
+from plenoptic.rendering.exposure_metadata import checked_seed, impossible_as_file_error, metadata_of
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
-from plenoptic.truth.channels import GroundTruth, truth_names
+from plenoptic.truth.channels import GroundTruth
 
 if TYPE_CHECKING:
     import xarray
@@ -262,7 +262,7 @@ class Exposure:
         ...     pl.Exposure.load(path) == shot
         True
         """
-        from plenoptic.rendering import exposure_files, stores
+        from plenoptic.rendering import exposure_files
 
         ending = exposure_files.checked_ending(path)
         if ending in (".exr", ".zarr"):
@@ -270,7 +270,7 @@ class Exposure:
                 raise InvalidValueError(
                     f"scale is {scale:g}, but {ending} files keep the values as they are; leave it out"
                 )
-            (stores.save_store if ending == ".zarr" else exposure_files.save_exr)(self, path)
+            (exposure_files.save_store if ending == ".zarr" else exposure_files.save_exr)(self, path)
         else:
             exposure_files.save_16bit(self, path, scale, linear=ending != ".png")
 
@@ -291,11 +291,11 @@ class Exposure:
         --------
         See `save`.
         """
-        from plenoptic.rendering import exposure_files, stores
+        from plenoptic.rendering import exposure_files
 
         stored = file_path(path).suffix.lower() == ".zarr"
         with impossible_as_file_error(path):
-            return cls(**(stores.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
+            return cls(**(exposure_files.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
 
     def to_xarray(self) -> xarray.Dataset:
         """The exposure as an xarray dataset, with units and coordinates: rows and columns, mm on the sensor, channels.
@@ -314,7 +314,7 @@ class Exposure:
         >>> float(data.image.sel(row=1, column=2, channel="R"))
         1.0
         """
-        from plenoptic.rendering.stores import dataset_of
+        from plenoptic.rendering.exposure_files import dataset_of
 
         return dataset_of(self)
 
@@ -370,23 +370,11 @@ class Exposure:
         return f"Exposure({self._facts()})"
 
     def _facts(self) -> str:
-        facts = [" x ".join(map(str, self.image.shape))]
-        if self.interrupted:
-            facts.append("interrupted")
-        if (samples := self.samples) is not None:
-            counts = self.sample_counts
-            facts.append(f"{samples} sample{'s' * (samples > 1)} per pixel" if counts is None else samples_text(counts))
-        if not self.image.any():
-            facts.append("black")
-        elif (error := self.relative_error) is not None and error < np.inf:
-            suffix = " or more: light is rare" if self.rare_light else ""
-            facts.append(f"relative error {100 * error:.3g} %{suffix}")
-        if self.truth is not None:
-            facts.append(f"with {truth_names(self.truth.kinds)}")
-        if self.region is not None:
-            facts.append(region_text(self.region))
-        if self.stats is not None:
-            facts.append(f"{self.stats.seconds:.3g} s")
-        return ", ".join(facts)
+        counts, quality = self.sample_counts, "" if self.image.any() else "black"
+        if not quality and (error := self.relative_error) is not None and error < np.inf:
+            quality = f"relative error {100 * error:.3g} %{' or more: light is rare' if self.rare_light else ''}"
+        return metadata_of(self).summary(
+            "" if counts is None or self.samples is None else samples_text(counts), quality
+        )
 
     _repr_html_ = picture_of

@@ -57,22 +57,27 @@ class ExposureMetadata(NamedTuple):
         return {name: getattr(self, name) for name in FACTS}
 
     def __repr__(self) -> str:
-        facts = [" x ".join(map(str, self.shape))]
-        if self.stats is not None and self.stats.stopped_by is StopReason.INTERRUPTED:
-            facts.append("interrupted")
-        if self.samples is not None:
+        return f"Exposure({self.summary()})"
+
+    def summary(self, samples: str = "", quality: str = "") -> str:
+        """One line of facts, with texts on the samples and the errors of pixels if these are known."""
+        if not samples and self.samples is not None:
             up_to = "up to " if "sample_counts" in self.arrays else ""
-            facts.append(f"{up_to}{self.samples} sample{'s' * (self.samples > 1)} per pixel")
-        if flags := [CHANNELS[name].flag for name in self.arrays if name in CHANNELS]:
-            facts.append(f"with {truth_names(np.bitwise_or.reduce(flags))}")
-        if self.region is not None:
-            facts.append(region_text(self.region))
-        if self.stats is not None:
-            facts.append(f"{self.stats.seconds:.3g} s")
-        return f"Exposure({', '.join(facts)})"
+            samples = f"{up_to}{self.samples} sample{'s' * (self.samples > 1)} per pixel"
+        flags = [CHANNELS[name].flag for name in self.arrays if name in CHANNELS]
+        parts = (
+            " x ".join(map(str, self.shape)),
+            "interrupted" if self.stats is not None and self.stats.stopped_by is StopReason.INTERRUPTED else "",
+            samples,
+            quality,
+            f"with {truth_names(np.bitwise_or.reduce(flags))}" if flags else "",
+            "" if self.region is None else region_text(self.region),
+            "" if self.stats is None else f"{self.stats.seconds:.3g} s",
+        )
+        return ", ".join(filter(None, parts))
 
 
-FACTS = ExposureMetadata._fields[2:]
+FACTS: tuple[str, ...] = ExposureMetadata._fields[2:]
 """Fields stored as texts in files."""
 
 

@@ -11,7 +11,7 @@ import plenoptic as pl
 from plenoptic.command.main import COMMANDS, main
 from plenoptic.core.warn import warn
 from plenoptic.rendering import warm_up as warming
-from plenoptic.rendering.stores import Layout, create_store
+from plenoptic.rendering.exposure_files import Layout, create_store
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
 CAMERA = pl.camera.example_camera(shape=(4, 6))

@@ -171,7 +171,7 @@ def test_xarray_knows_times_and_units(made):
         made.open()
 
 
-STEPS = ("render", "motion_truth", "put", "flush", "note", "write_manifest", "write_contact_sheet")
+STEPS = ("render", "motion_truth", "put", "flush", "add", "write_manifest", "write_contact_sheet")
 
 
 class Killed(BaseException):
@@ -183,7 +183,7 @@ def test_stopped_at_any_step_it_goes_on_with_the_same_bits(after, moving, tmp_pa
     how = {**HOW, "motion": True}
     for step in STEPS:
         broken = tmp_path / step
-        owner = {"put": writing.Store, "flush": writing.Store, "note": writing.Journal}.get(step, writing)
+        owner = {"put": writing.Store, "flush": writing.Store, "add": writing.Journal}.get(step, writing)
         real, calls = getattr(owner, step), itertools.count(1)
         last = 1 if step.startswith("write") or step == "motion_truth" else 2
 

@@ -54,7 +54,7 @@ def test_a_turned_centre_is_where_the_turned_image_shows_it():
     shot, white = plain_shots(HEXAGONAL)
     found = lens_rows(shot, turn=True)
     assert found.turns == 1  # as rendered, neighbours lie along columns
-    picture = found.turned(white.image)[:, :, 0]
+    picture = found.turn_image(white.image)[:, :, 0]
     half = int(found.pitch[0] / 2)
     rows, columns = np.mgrid[-half : half + 1, -half : half + 1]
     inside = rows**2 + columns**2 <= half**2

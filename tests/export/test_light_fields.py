@@ -8,7 +8,6 @@ from raws import camera, shots
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
-from plenoptic.export.pictures import read_pfm
 
 SLANTED = pl.quad((-30, -30, 0), (60, 0, 0), (0, 60, 0), material=pl.Lambertian(0.5)).rotated_deg((0, 1, 0), 35)
 SCENE = pl.Scene([SLANTED.translated(z=-404)], background=1)
@@ -18,6 +17,14 @@ SCENE = pl.Scene([SLANTED.translated(z=-404)], background=1)
 def fields():
     cameras = [camera(lattice).focused_at(z=-404.0) for lattice in (pl.Lattice.SQUARE, pl.Lattice.HEXAGONAL)]
     return [pl.lightfield.decode(*shots(taken_by), views=7) for taken_by in cameras]
+
+
+def read_pfm(path):
+    """The plane of a portable float map of one channel, little-endian, the highest row first."""
+    kind, size, order, data = path.read_bytes().split(b"\n", 3)
+    columns, rows = map(int, size.split())
+    assert kind == b"Pf" and float(order) < 0
+    return np.frombuffer(data, dtype="<f4").reshape(rows, columns)[::-1]
 
 
 def hci_disparity(parameters, depth):
@@ -39,8 +46,7 @@ def test_the_benchmark_gets_what_it_reads(tmp_path, fields):
         assert parameters["extrinsics"]["num_cams_x"] == "7"
 
         def plane(name, folder=folder):
-            path = folder / f"{name}.pfm"
-            return read_pfm(path, path.read_bytes())
+            return read_pfm(folder / f"{name}.pfm")
 
         for number in (0, 6, 24, 48):
             u, v = number % 7 - 3, number // 7 - 3

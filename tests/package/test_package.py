@@ -10,7 +10,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError
-from plenoptic.package.contents import PROVENANCE
+from plenoptic.package.reading import PROVENANCE
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
 

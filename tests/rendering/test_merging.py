@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import plenoptic as pl
 from plenoptic.rendering import RenderStats, StopReason
 from plenoptic.rendering.exposure_metadata import metadata_of
-from plenoptic.rendering.merging.regions import missing_regions
+from plenoptic.rendering.merging.merge_plan import missing_regions
 
 CAMERA = pl.camera.example_camera(shape=(29, 43))
 SCENE = pl.check_scene()

@@ -11,11 +11,10 @@ from test_zarr_files import content
 
 import plenoptic as pl
 from plenoptic.rendering import RenderStats
-from plenoptic.rendering.exposure_files import metadata_of_image
+from plenoptic.rendering.exposure_files import metadata_of_image, metadata_of_store
 from plenoptic.rendering.exposure_metadata import metadata_of
 from plenoptic.rendering.merging.merge import merge_parts, merge_to_store
-from plenoptic.rendering.merging.parts import FilePart, MemoryPart, StorePart
-from plenoptic.rendering.stores import metadata_of_store
+from plenoptic.rendering.merging.merge_plan import FilePart, StorePart, memory_part
 
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
 
@@ -34,7 +33,7 @@ def saved(shot, folder, ending):
     """An exposure as a part: in memory, in a store, or in an EXR file."""
     path = folder / f"{len(list(folder.iterdir()))}{ending or ''}"
     if ending is None:
-        return MemoryPart(path.name, shot)
+        return memory_part(path.name, shot)
     shot.save(path)
     if ending == ".zarr":
         return StorePart(path)
@@ -67,12 +66,12 @@ def test_what_one_part_lacks_the_store_lacks(tmp_path):
     top, bottom = (200, 600, *REGION[2:]), (600, *REGION[1:])
     bare = {name: None for name in ("standard_error", "truth", "sample_counts", "stats")}
     parts = [part_of(made_up(rng, 0), top), dataclasses.replace(part_of(made_up(rng, 0), bottom), **bare)]
-    merge_to_store([MemoryPart("a", parts[0]), MemoryPart("b", parts[1])], tmp_path / "a.zarr")
+    merge_to_store([memory_part("a", parts[0]), memory_part("b", parts[1])], tmp_path / "a.zarr")
     assert pl.Exposure.load(tmp_path / "a.zarr") == pl.Exposure.merged(parts)
     # Counts that come to the same are not kept.
     one = made_up(rng, 0)
     two = dataclasses.replace(made_up(rng, 1), sample_counts=8 - one.sample_counts)
-    head = merge_to_store([MemoryPart("a", one), MemoryPart("b", two)], tmp_path / "b.zarr")
+    head = merge_to_store([memory_part("a", one), memory_part("b", two)], tmp_path / "b.zarr")
     together = pl.Exposure.merged([one, two])
     assert (together.samples, together.sample_counts) == (8, None) and "sample_counts" not in head.arrays
     together.save(tmp_path / "c.zarr")
@@ -136,7 +135,7 @@ def test_a_merge_that_fails_leaves_what_was_there(tmp_path):
         (lambda: dataclasses.replace(bottom, seed=1), pl.errors.FileError),
     ):
         with pytest.raises(error, match="b.exr has been changed while" if error is pl.errors.FileError else None):
-            merge_to_store([MemoryPart("a", top), FilePart("b.exr", metadata_of(bottom), load)], tmp_path / "a.zarr")
+            merge_to_store([memory_part("a", top), FilePart("b.exr", metadata_of(bottom), load)], tmp_path / "a.zarr")
         assert pl.Exposure.load(tmp_path / "a.zarr") == before
         assert [entry.name for entry in tmp_path.iterdir()] == ["a.zarr"]
 

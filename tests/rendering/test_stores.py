@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.rendering.stores import Layout, create_store
+from plenoptic.rendering.exposure_files import Layout, create_store
 from plenoptic.truth.channels import CHANNELS, GroundTruth, Truth
 from plenoptic.truth.truth_arrays import empty_truth
 

@@ -85,7 +85,7 @@ def replace_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         try:
             with ExitStack() as stack:
                 with suppress(OSError):  # a file system without locks: left-over folders stay
-                    stack.enter_context(lock_folder(new))
+                    stack.enter_context(lock_path(new))
                 yield new
                 sync_files(new)
                 if target.exists():
@@ -207,7 +207,7 @@ def _remove_left_over(target: Path) -> None:
     with suppress(PermissionError):  # a folder that may be written but not read
         for name in filter(_TEMPORARY.fullmatch, os.listdir(target.parent)):
             path = target.with_name(name)
-            with suppress(OSError), lock_folder(path) if path.is_dir() else _lock_file(path):
+            with suppress(OSError), lock_path(path):
                 if name.endswith("old"):  # a folder that has been replaced, or was to be when its process ended
                     is_needed = not (name.startswith(ours) and target.exists())
                 else:
@@ -217,17 +217,10 @@ def _remove_left_over(target: Path) -> None:
 
 
 @contextmanager
-def _lock_file(path: Path) -> Iterator[None]:
-    """Context manager that locks a file; OSError while the process that writes it lives."""
-    with open(path, "r+b") as file:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-
-
-@contextmanager
-def lock_folder(path: Path) -> Iterator[None]:
-    """Context manager that locks a folder; OSError while another process holds the lock. No-op without locks."""
-    descriptor = None if fcntl is None else os.open(path, os.O_RDONLY)
+def lock_path(path: Path) -> Iterator[None]:
+    """Context manager that locks a file or folder, if there are locks; OSError while another process holds the lock."""
+    flags = os.O_RDONLY if path.is_dir() else os.O_RDWR
+    descriptor = None if fcntl is None else os.open(path, flags)
     try:
         if descriptor is not None:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -250,7 +243,7 @@ def claim_folder(folder: Path) -> Iterator[None]:
     """Context manager of a folder to which one program writes at a time; FileError if another one does."""
     with ExitStack() as stack:
         try:
-            stack.enter_context(lock_folder(folder))
+            stack.enter_context(lock_path(folder))
         except BlockingIOError:
             raise FileError(f"another program is writing to {str(folder)!r}; wait until it ends") from None
         except OSError:

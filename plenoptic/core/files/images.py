@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
 from plenoptic.core.files.atomic_file import check_room, replace_file, translate_errors, utf8_path
+from plenoptic.core.files.codes import ImageHeader, each_channel, linearize, picture_names, picture_of
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, check_memory, check_scans
-from plenoptic.core.files.picture_channels import ImageHeader, each_channel, linearize, picture_names, picture_of
 from plenoptic.core.values import AnyFloats, choice, whole
 from plenoptic.errors import FileError, InvalidValueError
 

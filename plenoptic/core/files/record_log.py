@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.files.atomic_file import check_folder, file_exists, real_path, replace_file, translate_errors
 from plenoptic.core.files.digest import bytes_of, little_endian
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.errors import FileError
 
 try:
     import fcntl
@@ -71,7 +71,7 @@ class Entry(NamedTuple):
     facts: dict[str, Any]
     layouts: tuple[tuple[str, np.dtype[Any], tuple[int, ...]], ...]
     position: int
-    """Of the body in the file."""
+    """Position of the body in the file."""
     length: int
     digest: bytes
 
@@ -85,7 +85,12 @@ def begin_log(path: str | os.PathLike[str], kind: LogKind, header: Mapping[str, 
     """Write a new log without records; an error if there is a file."""
     text = json.dumps(header).encode() + b"\n"
     target = real_path(path)
-    with replace_file(target, check=lambda: _check_absent(target)) as file:
+
+    def check_absent() -> None:
+        if file_exists(target):
+            raise FileError(f"{str(target)!r} has been made by another program just now; try again")
+
+    with replace_file(target, check=check_absent) as file:
         file.write(kind.first_line + b"%s %016d\n" % (hashlib.sha256(text).hexdigest().encode(), len(text)) + text)
 
 
@@ -114,7 +119,7 @@ class RecordLog:
 
         Facts are numbers, texts and lists of them. Arrays of booleans and numbers keep every bit.
         """
-        storable = {name: _storable(name, array) for name, array in arrays.items()}
+        storable = {name: little_endian(np.asarray(array)) for name, array in arrays.items()}
         layouts = tuple((name, array.dtype, array.shape) for name, array in storable.items())
         description = {"facts": facts, "arrays": [(name, dtype.str, shape) for name, dtype, shape in layouts]}
         head = json.dumps(description, default=np.generic.item).encode()
@@ -190,23 +195,27 @@ def _head_digest(head: bytes, length: int, digest: bytes) -> bytes:
 def _read_header(file: Any, path: Path, kind: LogKind) -> tuple[dict[str, Any], int]:
     """The header, checked against its digest, and its end in the file."""
     size, line = os.fstat(file.fileno()).st_size, kind.first_line
+
+    def damage(reason: str) -> FileError:
+        return FileError(f"{str(path)!r} is a damaged {kind.name}, {reason}; remove it to begin anew")
+
     start = file.read(len(line) + _PREAMBLE)
     if not start.startswith(line):
         raise _foreign_error(start, path, kind)
     match = re.fullmatch(rb"([0-9a-f]{64}) ([0-9]{16})\n", start[len(line) :])
     if match is None:
-        raise _damaged_error(path, kind, "its first lines have changed, or it is cut off")
+        raise damage("its first lines have changed, or it is cut off")
     if int(match[2]) > size - len(start):
-        raise _damaged_error(path, kind, f"it is cut off after {size} bytes")
+        raise damage(f"it is cut off after {size} bytes")
     text = file.read(int(match[2]))
     if hashlib.sha256(text).hexdigest().encode() != match[1]:
-        raise _damaged_error(path, kind, "its header has changed since it was written")
+        raise damage("its header has changed since it was written")
     try:
         header = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise _damaged_error(path, kind, "its header cannot be understood") from error
+    except (ValueError, RecursionError):
+        header = None
     if not isinstance(header, dict):
-        raise _damaged_error(path, kind, "its header cannot be understood")
+        raise damage("its header cannot be understood")
     return header, len(start) + len(text)
 
 
@@ -266,29 +275,12 @@ def _layout(description: Any) -> tuple[str, np.dtype[Any], tuple[int, ...]]:
     return str(name), np.dtype(dtype), tuple(shape)
 
 
-def _storable(name: str, array: NDArray[Any]) -> NDArray[Any]:
-    plain = little_endian(np.asarray(array))
-    if plain.dtype.str not in _TYPES:
-        raise InvalidValueError(f"{name} is an array of {plain.dtype}; a record keeps booleans and numbers only")
-    return plain
-
-
 def _foreign_error(start: bytes, path: Path, kind: LogKind) -> FileError:
     version = re.match(rb"plenoptic %s ([0-9]{1,9})\n" % kind.name.encode(), start)
     if version is not None:
         other = f"version {int(version[1])} of the format, not {kind.version}, of another plenoptic"
         return FileError(f"{str(path)!r} has {other}; {kind.otherwise}")
     return FileError(f"{str(path)!r} is {f'not a {kind.name}' if start else 'an empty file'}; {kind.otherwise}")
-
-
-def _damaged_error(path: Path, kind: LogKind, reason: str) -> FileError:
-    return FileError(f"{str(path)!r} is a damaged {kind.name}, {reason}; remove it to begin anew")
-
-
-def _check_absent(target: Path) -> None:
-    """Raise an error if another program has made the file meanwhile."""
-    if file_exists(target):
-        raise FileError(f"{str(target)!r} has been made by another program just now; try again")
 
 
 def log_exists(path: str | os.PathLike[str]) -> bool:

@@ -1,4 +1,4 @@
-"""The package's values as text and back: the description of the camera in an image file.
+"""The package's values as text and back: JSON files of values, and the description of the camera in an image file.
 
 The text is JSON. Numbers, texts, True, False and None stand for themselves and a list for a tuple;
 everything else is an object with a single key that names its kind:
@@ -20,6 +20,7 @@ import enum
 import importlib
 import json
 import math
+import os
 import pkgutil
 from collections.abc import Iterable, Iterator, Mapping
 from types import ModuleType
@@ -27,7 +28,14 @@ from typing import Any
 
 import numpy as np
 
+from plenoptic import __version__
+from plenoptic.core.files.atomic_file import write_json
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, read_file
+from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError
+
+FORMAT = "plenoptic-value-1"
+"""Format of the files of `save_value`."""
 
 _DTYPES = (
     *("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"),
@@ -89,11 +97,11 @@ def to_tree(value: Any) -> Any:
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, float):
-        return _float_to_tree(value) if math.isfinite(value) else {"float": str(value)}
+        return value if math.isfinite(value) else {"float": str(value)}
     if isinstance(value, tuple):
         return [to_tree(item) for item in value]
     if isinstance(value, np.ndarray) and value.dtype.name in _DTYPES:
-        values = [_float_to_tree(item) for item in value.ravel().tolist()]
+        values = [item if math.isfinite(item) else str(item) for item in value.ravel().tolist()]
         return {"array": {"dtype": value.dtype.name, "shape": list(value.shape), "values": values}}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         _check_public(type(value))
@@ -103,11 +111,6 @@ def to_tree(value: Any) -> Any:
         f"a {type(value).__name__} cannot be described in a file; only numbers, texts, tuples, arrays of numbers "
         "and the package's own values can"
     )
-
-
-def _float_to_tree(number: Any) -> Any:
-    """A number as JSON can hold it: finite ones by their shortest exact decimals, others by name."""
-    return number if math.isfinite(number) else str(number)
 
 
 def _from_tree(tree: Any) -> Any:
@@ -170,3 +173,72 @@ def _check_public(kind: type) -> None:
             f"a {kind.__name__} cannot be described in a file: it is no public value of this package; "
             "leave it out or use one that is"
         )
+
+
+def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, Any] | None = None) -> None:
+    """Write a camera, or any other value of the package, as JSON, from which `load_value` makes an equal one.
+
+    The file is an object with `format`, `software`, the entries of `about`, and `value`, whose format is described in
+    docs/package.md. Floats keep every bit.
+
+    Parameters
+    ----------
+    value
+        A camera, lens, array, sensor, sensor model, pose, render settings, or a tuple of them. Not scenes.
+    path : path-like
+        An existing file is replaced, as a whole or not at all.
+    about : mapping, optional
+        Information for readers, as JSON; it is not read back.
+
+    Raises
+    ------
+    InvalidValueError
+        If a part of it is not of this package.
+    FileError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> sensor = pl.Sensor(shape=(512, 512), pixel_pitch=0.01)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.package.save_value(sensor, pathlib.Path(folder) / "sensor.json")
+    ...     pl.package.load_value(pathlib.Path(folder) / "sensor.json") == sensor
+    True
+    """
+    if isinstance(value, str | os.PathLike) and not isinstance(path, str | os.PathLike):
+        raise InvalidValueError(f"the value is {value!r}; give the value first and then the path")
+    content = {"format": FORMAT, "software": f"plenoptic {__version__}", **(about or {}), "value": to_tree(value)}
+    write_json(file_path(path), content)
+
+
+def load_value(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Any:
+    """Read the value that `save_value` wrote.
+
+    Parameters
+    ----------
+    path : path-like
+    limits : FileLimits
+        Limit of the size of the file.
+
+    Raises
+    ------
+    FileError
+        If there is no such file, or it holds no value of this package.
+
+    Examples
+    --------
+    See `save_value`.
+    """
+    source = file_path(path)
+    try:
+        content = json.loads(read_file(source, limits))
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{str(source)!r} is not JSON: {error}; give a file that save_value wrote") from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT or "value" not in content:
+        file_format = content.get("format") if isinstance(content, dict) else None
+        raise FileError(f"{str(source)!r} has format {file_format!r:.40}; it must be {FORMAT!r}, with a value")
+    try:
+        return from_tree(content["value"])
+    except FileError as error:
+        raise FileError(f"{str(source)!r}: {error}") from None

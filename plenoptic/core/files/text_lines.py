@@ -1,11 +1,14 @@
-"""Text files of other programs or people: encodings, numbers, and errors that name the line."""
+"""Text files of other programs or people: encodings, numbers, errors that name the line, and CSV tables."""
 
 from __future__ import annotations
 
 import codecs
+import csv
+import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 from plenoptic.errors import InvalidValueError, PrescriptionError
 
@@ -39,3 +42,12 @@ def parse_number(word: str, name: str) -> float:
     if abs(number) == float("inf"):
         raise PrescriptionError(f"{name} is {word[:40]}, too large for a number; correct it")
     return number
+
+
+def csv_text(header: Sequence[str], columns: Iterable[Any]) -> str:
+    """CSV table of columns, each an array; floats keep every bit."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(header)
+    table.writerows(zip(*(column.tolist() for column in columns), strict=True))
+    return text.getvalue()

@@ -2,12 +2,16 @@
 
 A store is a group of version 3 of the format. Its arrays name their dimensions and its attributes name the coordinates,
 so that `xarray.open_zarr` opens the whole store. Chunks are compressed without loss (Blosc with byte shuffle, then
-zstd), and each has a checksum.
+zstd), and each has a checksum. Parts of a store are read by xarray, whole stores and frames here: a store may be
+untrusted, and is checked as files are.
 """
 
 from __future__ import annotations
 
+import json
+import math
 import os
+import stat
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,10 +21,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.files.atomic_file import check_folder, sync_files, translate_errors
+from plenoptic.core.files.atomic_file import sync_files, translate_errors
 from plenoptic.core.files.extras import extra_package
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, read_file
 from plenoptic.core.parallel import run_in_order, thread_count
-from plenoptic.core.values import file_path, frozen_array, plain_array, whole
+from plenoptic.core.values import file_path, frozen_array
 from plenoptic.errors import FileError, InvalidValueError, PlenopticError
 
 CHUNK = 512
@@ -30,6 +35,14 @@ EXTRA = "zarr xarray"
 FRAME, ROW, COLUMN = "frame", "row", "column"
 _LEVEL = 3
 """Compression level of zstd: higher ones hardly shrink images."""
+METADATA = "zarr.json"
+"""Metadata file of a store, by which a folder is recognised as one."""
+_CODECS = {"bytes", "transpose", "blosc", "zstd", "gzip", "crc32c"}
+"""Codecs of arrays that are read: those of the format itself."""
+ANY_SIZE = FileLimits(file_size=1 << 62)
+"""Limits for stores of which a part is read."""
+_AT_ONCE = 10
+"""Chunks that zarr reads at a time."""
 Region = tuple[int, int, int, int]
 """First row, end row, first column, end column."""
 
@@ -55,21 +68,22 @@ class Variable(NamedTuple):
         return {"long_name": self.meaning, **({"units": self.unit} if self.unit else {}), **self.more}
 
 
+def coordinate(dimension: str, values: NDArray[Any], meaning: str, unit: str = "1") -> Variable:
+    """Coordinate along a dimension."""
+    return Variable((dimension,), values.shape, values.dtype, 0, meaning, unit, {}, values)
+
+
 class Store:
     """A store that is written region by region; other processes open the same one by `Store(path)`.
 
-    Regions consist of whole chunks, so that each chunk has one writer, and no writer waits for another. Memory holds
-    about two chunks for each thread, while they are compressed.
+    Regions consist of whole chunks: they begin and end at multiples of 512 rows and columns or at the end of the store.
+    So each chunk has one writer, and no writer waits for another. Memory holds about two chunks for each thread, while
+    they are compressed.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = file_path(path)
-        self._open()
-
-    def _open(self) -> None:
-        with translate_zarr_errors(self.path, "written"):
-            self._group = zarr_module().open_group(self.path, mode="r+", zarr_format=3, use_consolidated=False)
-            arrays = dict(self._group.arrays())
+        self._group, arrays = _open_group(self.path, mode="r+")
         self._arrays = {name: array for name, array in arrays.items() if {ROW, COLUMN} <= {*dimensions_of(array)}}
         if not self._arrays:
             raise FileError(f"{str(self.path)!r} holds no pixels; make a new store")
@@ -83,15 +97,11 @@ class Store:
         *,
         frames: int | None = None,
     ) -> Store:
-        """Make a new store, in which only coordinates are written.
+        """Make a new store, in which only coordinates are written, in a new or empty folder.
 
-        With `frames`, the present length of a sequence, pixels have a leading dimension `frame`, one frame a
-        chunk. FileError if `path` exists and is no empty folder.
+        With `frames`, the present length of a sequence, pixels have a leading dimension `frame`, one frame a chunk.
         """
         target = file_path(path)
-        check_folder(target)
-        if target.exists() and not (target.is_dir() and not any(target.iterdir())):
-            raise FileError(f"{str(target)!r} exists; choose a new name, or remove it first")
         pixels = {name for name, variable in variables.items() if variable.values is None}
         dimensions = {dimension for variable in variables.values() for dimension in variable.dimensions}
         others = [name for name in variables if name not in pixels | dimensions]
@@ -103,26 +113,20 @@ class Store:
             _consolidate(group)
         return cls(target)
 
-    @property
-    def frames(self) -> int | None:
-        """Length of a sequence; None for a single exposure."""
-        array = next(iter(self._arrays.values()))
-        return int(array.shape[0]) if dimensions_of(array)[0] == FRAME else None
-
-    def sizes(self, name: str) -> tuple[int, ...]:
-        """The shape of an array."""
+    def array(self, name: str) -> Any:
+        """An array of pixels of zarr; FileError if there is none of this name."""
         if name not in self._arrays:
             raise FileError(f"{str(self.path)!r} has no array {name}; restore it from its origin, or remove it")
-        return tuple(self._arrays[name].shape)
+        return self._arrays[name]
 
     def extend(self, frames: int, coordinates: Mapping[str, ArrayLike] | None = None) -> None:
         """Extend a sequence to `frames` frames in all; one worker does it, and others see it.
 
         `coordinates` (frames,) are the new coordinates of all frames, by name.
         """
-        if self.frames is None or whole(frames, "frames", at_least=0) < self.frames:
-            have = "is no sequence" if self.frames is None else f"has {self.frames} frames already"
-            raise InvalidValueError(f"{str(self.path)!r} {have}; it cannot be given {frames}")
+        length = next(iter(self._arrays.values())).shape[0]
+        if frames < length:
+            raise InvalidValueError(f"{str(self.path)!r} has {length} frames already; it cannot be given {frames}")
         with translate_zarr_errors(self.path, "written"):
             for array in self._arrays.values():
                 array.resize((frames, *array.shape[1:]))
@@ -141,7 +145,7 @@ class Store:
     def finish(self, names: Collection[str], attributes: Mapping[str, Any]) -> None:
         """Set further attributes, and delete arrays of pixels that are not in `names`; nobody else may write then."""
         with translate_zarr_errors(self.path, "written"):
-            for name in sorted({*self._arrays} - {*names}):
+            for name in self._arrays.keys() - {*names}:
                 del self._group[name], self._arrays[name]
             self._group.attrs.update(attributes)
             _consolidate(self._group)
@@ -157,48 +161,31 @@ class Store:
     def put(self, region: Region, arrays: Mapping[str, ArrayLike], *, frame: int | None = None) -> None:
         """Write the pixels of a region, of all arrays or of some, into chunks that nobody else writes.
 
-        The region counts from the store's first row and column. It begins and ends at multiples of 512 or at the end
-        of the store; otherwise, and for arrays of other shapes and types, InvalidValueError. `frame` counts from 0.
+        The region counts from the store's first row and column, `frame` from 0. InvalidValueError if an array has
+        another shape or type than that of the store.
         """
-        checked = {name: self._check(name, values, region) for name, values in arrays.items()}
-        self._check_frame(frame)
+        for name, values in arrays.items():
+            shape = (region[1] - region[0], region[3] - region[2], *self._components(name))
+            if np.shape(values) != shape:
+                has = f"{name} has shape {np.shape(values)}"
+                raise InvalidValueError(f"{has}; in the region {region} it must have {shape}")
         leading = () if frame is None else (frame,)
-        blocks = [(name, block) for name in checked for block in _blocks(region)]
 
-        def write(task: tuple[str, Region]) -> None:
-            name, (row, end_row, column, end_column) = task
-            target = self._arrays[name]
-            part = checked[name][row - region[0] : end_row - region[0], column - region[2] : end_column - region[2]]
-            chunk = frozen_array(part, name=name, shape=part.shape, dtype=target.dtype)
-            target[(*leading, slice(row, end_row), slice(column, end_column))] = chunk
+        def write(chunk: tuple[str, Region]) -> None:
+            name, (row, end_row, column, end_column) = chunk
+            array, values = self.array(name), np.asarray(arrays[name])
+            part = values[row - region[0] : end_row - region[0], column - region[2] : end_column - region[2]]
+            checked = frozen_array(part, name=name, shape=part.shape, dtype=array.dtype)
+            array[(*leading, slice(row, end_row), slice(column, end_column))] = checked
 
+        chunks = [(name, block) for name in arrays for block in _blocks(region)]
         with translate_zarr_errors(self.path, "written"):
-            for _ in run_in_order(write, blocks, threads=min(thread_count(None), len(blocks))):
-                pass
+            list(run_in_order(write, chunks, threads=min(thread_count(None), len(chunks))))
 
-    def _check(self, name: str, values: ArrayLike, region: Region) -> NDArray[Any]:
-        """The values as an array of pixels, or an error if name, region or shape do not fit the store."""
-        if name not in self._arrays:
-            raise InvalidValueError(f"{str(self.path)!r} has no array {name}; it has {', '.join(sorted(self._arrays))}")
-        array, pixels = self._arrays[name], plain_array(values, name)
-        rows, columns, *channels = array.shape[dimensions_of(array).index(ROW) :]
-        _check_aligned(region, (rows, columns))
-        shape = (region[1] - region[0], region[3] - region[2], *channels)
-        if pixels.shape != shape:
-            raise InvalidValueError(f"{name} has shape {pixels.shape}; in the region {region} it must have {shape}")
-        return pixels
-
-    def _check_frame(self, frame: int | None) -> None:
-        n_frames = self.frames
-        if frame is None or n_frames is None:
-            if frame is not None or n_frames is not None:
-                is_one = "no sequence" if n_frames is None else "a sequence"
-                raise InvalidValueError(f"frame is {frame}, and {str(self.path)!r} is {is_one}")
-            return
-        if whole(frame, "frame", at_least=0) >= n_frames:
-            self._open()  # another worker may have extended it
-            if frame >= (self.frames or 0):
-                raise InvalidValueError(f"frame is {frame}; the sequence has {self.frames} frames: extend it first")
+    def _components(self, name: str) -> tuple[int, ...]:
+        """Shape of a pixel's value."""
+        array = self.array(name)
+        return tuple(array.shape[dimensions_of(array).index(COLUMN) + 1 :])
 
 
 def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None:
@@ -209,6 +196,7 @@ def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None
     chunk_sizes = {FRAME: 1, ROW: CHUNK, COLUMN: CHUNK} if variable.values is None else {}
     text = np.dtype(variable.dtype).kind == "U"
     codecs = zarr_module("zarr.codecs")
+    packed = [codecs.BloscCodec(cname="zstd", clevel=_LEVEL, shuffle="shuffle"), codecs.Crc32cCodec()]
     array = group.create_array(
         name,
         shape=shape,
@@ -217,9 +205,7 @@ def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None
         fill_value="" if text else variable.fill,
         dimension_names=dimensions,
         attributes=variable.attributes,
-        compressors="auto"
-        if text
-        else [codecs.BloscCodec(cname="zstd", clevel=_LEVEL, shuffle="shuffle"), codecs.Crc32cCodec()],
+        compressors="auto" if text else packed,
         config={"write_empty_chunks": True},  # so that a chunk exists if and only if it has been written
     )
     if variable.values is not None:
@@ -252,17 +238,6 @@ def _key(array: Any, block: Region, frame: int) -> str:
     return str(array.metadata.encode_chunk_key(tuple(index.get(side, 0) for side in dimensions_of(array))))
 
 
-def _check_aligned(region: Region, shape: tuple[int, int]) -> None:
-    for first, end, length, what in ((*region[:2], shape[0], "rows"), (*region[2:], shape[1], "columns")):
-        if not 0 <= first < end <= length:
-            raise InvalidValueError(f"region has {what} {first}:{end}; the store has {what} 0:{length}")
-        if first % CHUNK or (end % CHUNK and end != length):
-            raise InvalidValueError(
-                f"region has {what} {first}:{end} of {length}; it must begin and end at multiples of {CHUNK} or at the "
-                "end, since a chunk is written as a whole"
-            )
-
-
 @contextmanager
 def translate_zarr_errors(folder: Path, what: str) -> Iterator[None]:
     """Context manager that turns errors of the system and of zarr into FileError."""
@@ -280,11 +255,109 @@ def translate_zarr_errors(folder: Path, what: str) -> Iterator[None]:
         except Exception as error:  # zarr and its codecs raise errors of many kinds
             reason = " ".join(str(error).split()) or type(error).__name__
             raise FileError(
-                f"{str(folder)!r} cannot be {what} as a zarr store: {reason}; restore it from its origin, should it be "
-                "damaged"
+                f"{str(folder)!r} cannot be {what} as a zarr store: {reason}; if it is damaged, restore it"
             ) from error
 
 
 def zarr_module(name: str = "zarr") -> Any:
     """Module of the package zarr, or an error that says how to install it."""
     return extra_package(name, "a store that ends in .zarr", EXTRA)
+
+
+def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Attributes of a store of any origin; None if a folder or file is no store."""
+    file = file_path(path) / METADATA
+    if not file.is_file():
+        return None
+    try:
+        content = json.loads(read_file(file))
+        return dict(content["attributes"]) if content["node_type"] == "group" else None
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return None
+
+
+def summarize_store(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
+    """A line of text for each array of pixels, by name, and the size of the store on the disk in bytes."""
+    folder = file_path(path)
+    size, lines = _size(folder, ANY_SIZE), {}
+    for name, array in _open_group(folder)[1].items():
+        if array.ndim > 1:  # others are coordinates
+            sides = ", ".join(f"{side} {n}" for side, n in zip(dimensions_of(array), array.shape, strict=True))
+            about = ", ".join(str(array.attrs[key]) for key in ("units", "long_name") if key in array.attrs)
+            lines[name] = f"({sides}) {array.dtype}{about and ', ' + about.removeprefix('1, ')}"
+    return lines, size
+
+
+def array_shapes(path: str | os.PathLike[str], names: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
+    """Shapes of those of the named arrays that a store has; no pixel is read."""
+    _, arrays = _open_group(file_path(path))
+    return {name: tuple(arrays[name].shape) for name in names if name in arrays}
+
+
+def read_arrays(
+    path: str | os.PathLike[str],
+    names: tuple[str, ...],
+    limits: FileLimits = DEFAULT,
+    *,
+    frame: int | None = None,
+    rows: slice = slice(None),
+) -> dict[str, NDArray[Any]]:
+    """Those of the named arrays that a store has: a frame of a sequence, or some rows of a single exposure.
+
+    FileError if they cannot be read, or a frame lacks one.
+    """
+    folder = file_path(path)
+    arrays = {name: array for name, array in _open_group(folder)[1].items() if name in names}
+    if frame is not None and (missing := sorted({*names} - arrays.keys())):
+        raise FileError(f"{str(folder)!r} has no array {', '.join(missing)}; restore it from its origin")
+    parts = [folder] if frame is None else [folder / name / "c" / str(frame) for name in arrays]
+    size, nbytes = sum(_size(part, limits) for part in parts), 0
+    with translate_zarr_errors(folder, "read"):
+        for name, array in arrays.items():
+            codecs = {codec["name"] for codec in array.metadata.to_dict()["codecs"]}
+            if not codecs <= _CODECS or array.dtype.kind not in "biuf":
+                raise FileError(
+                    f"{str(folder / name)!r} is packed by {', '.join(sorted(codecs))}; that is not read here"
+                )
+            first = len(range(*rows.indices(array.shape[0]))) if frame is None else 1
+            numbers = first * math.prod(array.shape[1:]) + math.prod(array.chunks) * _AT_ONCE
+            nbytes += numbers * array.dtype.itemsize
+        check_memory(2 * nbytes, repr(str(folder)), size, limits)  # an exposure copies its arrays
+        if frame is not None:
+            for name, array in arrays.items():
+                _check_chunks(folder / name, array, frame)
+        return {name: np.asarray(array[rows if frame is None else frame]) for name, array in arrays.items()}
+
+
+def _check_chunks(folder: Path, array: Any, frame: int) -> None:
+    """Raise an error if a chunk of a frame is missing: zarr would silently fill it with nan."""
+    for index in np.ndindex(*(-(-n // chunk) for n, chunk in zip(array.shape[1:], array.chunks[1:], strict=True))):
+        key = array.metadata.encode_chunk_key((frame, *index))
+        if not (folder / key).is_file():
+            raise FileError(f"{str(folder / key)!r} is missing; restore it, or call `dataset.write` to render it again")
+
+
+def _open_group(folder: Path, *, mode: str = "r") -> tuple[Any, dict[str, Any]]:
+    """Group of a store, and its arrays by name; an error if one cannot be opened, which zarr would skip."""
+    with translate_zarr_errors(folder, "read"):
+        group = zarr_module().open_group(folder, mode=mode, zarr_format=3, use_consolidated=False)
+        names = sorted(entry.name for entry in folder.iterdir() if (entry / METADATA).is_file())
+        items = {name: group[name] for name in names}
+        return group, {name: item for name, item in items.items() if isinstance(item, zarr_module().Array)}
+
+
+def _size(folder: Path, limits: FileLimits) -> int:
+    """Total bytes of all files; an error if one is no ordinary file, or they exceed the limit."""
+    total = 0
+    with translate_errors(folder, "read"):
+        for path in folder.rglob("*"):
+            status = path.lstat()
+            if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+                raise FileError(f"{str(path)!r} is no ordinary file; a store holds no links")
+            total += status.st_size if stat.S_ISREG(status.st_mode) else 0
+    if total > limits.file_size:
+        raise FileError(
+            f"{str(folder)!r} has {total} bytes; the limit is {limits.file_size}: raise it by "
+            "limits=pl.images.FileLimits(file_size=...), or open it a part at a time by xarray.open_zarr"
+        )
+    return total

@@ -13,17 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.core.files.atomic_file import real_path, replace_folder
-from plenoptic.core.files.zarr_files import CHUNK
+from plenoptic.core.files.zarr_files import CHUNK, Region
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.exposure_files import texts_of
+from plenoptic.rendering.exposure_files import check_store, create_store, empty_arrays, texts_of
 from plenoptic.rendering.exposure_metadata import ExposureMetadata, fields_of
-from plenoptic.rendering.merging.merge_plan import MergePlan, plan_merge
-from plenoptic.rendering.merging.parts import Arrays, MemoryPart, Part
-from plenoptic.rendering.merging.regions import Region
-from plenoptic.rendering.merging.stacking import stack_exposures
-from plenoptic.rendering.merging.statistics import light_of_rows, merge_stats
-from plenoptic.rendering.stores import check_store, create_store, empty_arrays
+from plenoptic.rendering.merging.merge_plan import Arrays, MergePlan, Part, memory_part, plan_merge
+from plenoptic.rendering.merging.stacking import light_of_rows, merge_stats, stack_exposures
 
 
 class _Strip(NamedTuple):
@@ -41,7 +37,7 @@ def merged(exposures: Iterable[Exposure]) -> Exposure:
     parts = list(exposures)
     for part in parts:
         check_kind(part, "an item of parts", Exposure, "an exposure of `render`")
-    return merge_parts([MemoryPart(f"part {number}", part) for number, part in enumerate(parts)])
+    return merge_parts([memory_part(f"part {number}", part) for number, part in enumerate(parts)])
 
 
 def merge_parts(parts: Sequence[Part]) -> Exposure:
@@ -111,10 +107,7 @@ def _merged_metadata(plan: MergePlan, strips: Sequence[_Strip]) -> ExposureMetad
     """Metadata of the merged exposure, after its pixels are filled."""
     metadata, max_samples = plan.metadata, max(strip.max_samples for strip in strips)
     equal_counts = min(strip.min_samples for strip in strips) == max_samples
-    light: dict[int, list[Floats]] = {}
-    for strip in strips:
-        for number, rows in strip.light.items():
-            light.setdefault(number, []).append(rows)
+    light = [[strip.light[k] for strip in strips if k in strip.light] for k in range(len(plan.parts))]
     camera = metadata[0].camera
     sensor = None if camera is None else (0, camera.sensor.shape[0], 0, camera.sensor.shape[1])
     whole_sensor = all(one.region is None for one in metadata) or plan.whole == sensor

@@ -1,19 +1,67 @@
-"""Merge plan: parts of equal regions that are stacked, adjacent regions, and metadata of the whole."""
+"""Merge plan: parts, which are read by rows; those of equal regions are stacked, others must leave no gaps."""
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple, TypeAlias
 
-from plenoptic.errors import InvalidValueError
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.files.zarr_files import Region
+from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.rendering.crop import region_text
-from plenoptic.rendering.exposure_metadata import EXPOSURE_NAMES, ExposureMetadata
-from plenoptic.rendering.merging.parts import Part
-from plenoptic.rendering.merging.regions import Region, bounds
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.exposure_files import Layout, metadata_of_store, rows_of_store
+from plenoptic.rendering.exposure_metadata import EXPOSURE_NAMES, ExposureMetadata, metadata_of, pixels_of
 from plenoptic.rendering.schedule.budget import MAX_SAMPLES
-from plenoptic.rendering.stores import Layout
 from plenoptic.truth.channels import CHANNELS
+
+Arrays = Mapping[str, NDArray[Any]]
+_NAMED = 8
+"""Missing regions listed in an error."""
+
+
+class FilePart:
+    """An exposure that is loaded when its first rows are requested, and released after the last ones."""
+
+    def __init__(self, name: str, metadata: ExposureMetadata, load: Callable[[], Exposure]) -> None:
+        self.name, self.metadata = name, metadata
+        self._load, self._arrays = load, dict[str, NDArray[Any]]()
+
+    def rows(self, first: int, end: int) -> Arrays:
+        """Views of rows, requested from top to bottom; FileError if the file has changed since `metadata` was read."""
+        if not self._arrays:
+            exposure = self._load()
+            if metadata_of(exposure) != self.metadata:
+                raise FileError(f"{self.name} has been changed while parts were merged; merge them again")
+            self._arrays = pixels_of(exposure)
+        rows = {name: array[first:end] for name, array in self._arrays.items()}
+        if end == self.metadata.shape[0]:
+            self._arrays = {}
+        return rows
+
+
+class StorePart:
+    """A zarr store, of which only the requested rows are read."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.name, self.metadata = os.fspath(path), metadata_of_store(path)
+
+    def rows(self, first: int, end: int) -> Arrays:
+        """Read rows from the disk."""
+        return pixels_of(rows_of_store(self.name, self.metadata, first, end))
+
+
+Part: TypeAlias = FilePart | StorePart
+
+
+def memory_part(name: str, exposure: Exposure) -> FilePart:
+    """An exposure in memory."""
+    return FilePart(name, metadata_of(exposure), lambda: exposure)
 
 
 class MergePlan(NamedTuple):
@@ -107,3 +155,53 @@ def _array_names(stacks: Sequence[Sequence[ExposureMetadata]]) -> tuple[str, ...
         for name in (*EXPOSURE_NAMES, *CHANNELS)
         if name in names or all(name in truth_of_stack for truth_of_stack in truth_names)
     )
+
+
+def bounds(parts: Mapping[Region, str]) -> Region:
+    """Rectangle that regions of named parts fill; raises InvalidValueError if they overlap or leave pixels out."""
+    low, high = np.min([*parts], axis=0), np.max([*parts], axis=0)
+    whole = int(low[0]), int(high[1]), int(low[2]), int(high[3])
+    rows, columns, covered = _coverage(parts)
+    if (covered > 1).any():
+        i, j = np.argwhere(covered > 1)[0]
+        row, column = rows[i], columns[j]
+        both = [
+            f"{name} ({region_text(region)})"
+            for region, name in parts.items()
+            if region[0] <= row < region[1] and region[2] <= column < region[3]
+        ]
+        raise InvalidValueError(
+            f"{both[0]} and {both[1]} overlap; regions of parts must be the same or lie beside each other"
+        )
+    if missing := missing_regions(whole, parts):
+        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
+        listed = "; ".join(region_text(region) for region in missing[:_NAMED])
+        raise InvalidValueError(f"parts of {region_text(whole)} leave {listed}{more} out; give the missing ones")
+    return whole
+
+
+def missing_regions(whole: Region, regions: Collection[Region]) -> list[Region]:
+    """Rectangles of a whole that regions do not cover."""
+    rows, columns, covered = _coverage([whole, *regions])
+    missing: list[Region] = []
+    for i, (row, end_row) in enumerate(pairwise(rows.tolist())):
+        inside = (columns[:-1] >= whole[2]) & (columns[1:] <= whole[3]) & (whole[0] <= row < whole[1])
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], inside & (covered[i] == 1), [False]])))
+        for first, end in edges.reshape(-1, 2):
+            columns_of_gap = int(columns[first]), int(columns[end])
+            above = next((region for region in missing if region[1] == row and region[2:] == columns_of_gap), None)
+            if above is not None:
+                missing.remove(above)
+            missing.append((row if above is None else above[0], end_row, *columns_of_gap))
+    return missing
+
+
+def _coverage(regions: Collection[Region]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the region boundaries, and the number of regions that cover each cell between them."""
+    cuts = np.array(list(regions))
+    rows, columns = np.unique(cuts[:, :2]), np.unique(cuts[:, 2:])
+    counts = np.zeros((rows.size - 1, columns.size - 1), dtype=np.int64)
+    at_rows, at_columns = np.searchsorted(rows, cuts[:, :2]), np.searchsorted(columns, cuts[:, 2:])
+    for (first_row, end_row), (first_column, end_column) in zip(at_rows, at_columns, strict=True):
+        counts[first_row:end_row, first_column:end_column] += 1
+    return rows, columns, counts

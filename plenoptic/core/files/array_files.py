@@ -1,19 +1,45 @@
-"""MATLAB's .mat files of version 7.3, by h5py; Octave reads them too."""
+"""Named arrays in files of NumPy (NPZ), and of MATLAB 7.3 by h5py, which Octave reads too."""
 
 from __future__ import annotations
 
 import io
+import zipfile
 from collections.abc import Mapping
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.extras import extra_package
+from plenoptic.core.files.file_limits import FileLimits, allowed_memory, read_file
+from plenoptic.errors import FileError
 
 _HEADER = 512
 """Bytes before HDF5's own."""
+
+
+def write_npz(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays to an NPZ file, as a whole or not at all."""
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    write_file(path, file.getvalue())
+
+
+def read_npz(path: Path, limits: FileLimits) -> Mapping[str, NDArray[Any]]:
+    """The arrays of an NPZ file, which may claim to be of any size; FileError if it cannot be read."""
+    content = read_file(path, limits)
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            memory = sum(entry.file_size for entry in archive.infolist())
+        if memory > allowed_memory(len(content), limits):
+            raise ValueError(f"it would take {memory} bytes; give limits=pl.images.FileLimits(memory={memory})")
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (ValueError, OSError, EOFError, MemoryError, KeyError, zipfile.BadZipFile, RuntimeError) as error:
+        raise FileError(f"{str(path)!r} cannot be read: {error}; restore it from its origin") from None
 
 
 def matlab_7_3(content: Mapping[str, Any]) -> bytes:
