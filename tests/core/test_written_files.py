@@ -13,7 +13,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.core.files import images
-from plenoptic.core.files.atomic_file import write_file
+from plenoptic.core.files.atomic_file import replace_folder, write_file
 
 HARNESS = Path(__file__).with_name("kinds_of_saves.py")
 FORKS = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
@@ -100,3 +100,21 @@ def test_all_that_is_written_goes_through_one_writer():
                 if name in ("savefig", "savez_compressed"):
                     assert isinstance(node.args[0], ast.Name) and node.args[0].id == "file", path
     assert writers == {"core/files/atomic_file.py", "core/files/record_log.py"}  # logs grow in place
+
+
+@pytest.mark.parametrize("error", [OSError(28, "no room"), KeyboardInterrupt()])
+def test_a_folder_that_cannot_be_replaced_stays(tmp_path, monkeypatch, error):
+    target, replace = tmp_path / "store", os.replace
+    target.mkdir()
+    (target / "data").write_text("old", encoding="utf-8")
+
+    def fail_for_new(source, destination):
+        if Path(source).suffix == ".part":
+            raise error
+        replace(source, destination)
+
+    monkeypatch.setattr(os, "replace", fail_for_new)
+    with pytest.raises((pl.errors.FileError, KeyboardInterrupt)), replace_folder(target) as folder:
+        (folder / "data").write_text("new", encoding="utf-8")
+    assert [path.name for path in tmp_path.iterdir()] == ["store"]
+    assert (target / "data").read_text(encoding="utf-8") == "old"

@@ -88,9 +88,14 @@ def replace_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
                     stack.enter_context(lock_path(new))
                 yield new
                 sync_files(new)
-                if target.exists():
-                    os.replace(target, old)
-                os.replace(new, target)
+                try:
+                    if target.exists():
+                        os.replace(target, old)
+                    os.replace(new, target)
+                except BaseException:
+                    if old.exists() and not target.exists():
+                        os.replace(old, target)
+                    raise
         finally:
             for folder in (new, old):
                 shutil.rmtree(folder, ignore_errors=True)
