@@ -89,7 +89,7 @@ class _Cut(ast.NodeTransformer):
     def visit_If(self, node):
         known = self._known(node.test)
         if known is not UNKNOWN:
-            return self._reached(node.body if known else node.orelse)
+            return self._call_tree(node.body if known else node.orelse)
         node.test = self._rest(node.test)
         return self._block(node)
 
@@ -97,14 +97,14 @@ class _Cut(ast.NodeTransformer):
         """Whatever holds statements."""
         for name, field in ast.iter_fields(node):
             if name in ("body", "orelse"):
-                setattr(node, name, self._reached(field) or ([ast.Pass()] if name == "body" else []))
+                setattr(node, name, self._call_tree(field) or ([ast.Pass()] if name == "body" else []))
             elif isinstance(field, ast.AST):
                 setattr(node, name, self.visit(field))
         return node
 
     visit_FunctionDef = visit_For = visit_While = _block
 
-    def _reached(self, statements):
+    def _call_tree(self, statements):
         """Statements up to the first that leaves: what is behind a branch that was always taken is not reached."""
         kept = []
         for statement in statements:

@@ -38,7 +38,7 @@ class Cancelled(Exception):  # noqa: N818
 _thread_state = threading.local()
 
 
-def check_cancelled() -> None:
+def check_cancellation() -> None:
     """Raise Cancelled if the work that this thread does for `run_in_order` is cancelled."""
     is_cancelled: Callable[[], bool] | None = getattr(_thread_state, "is_cancelled", None)
     if is_cancelled is not None and is_cancelled():

@@ -133,10 +133,10 @@ def is_dominated_by_few(squares: Floats) -> bool:
     White images have n / 6, `objects` n / 50 at 32 samples.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        return _is_dominated(float(np.sum(squares)), float(np.sum(np.square(squares))), squares.size)
+        return _few_dominate(float(np.sum(squares)), float(np.sum(np.square(squares))), squares.size)
 
 
-def _is_dominated(total: float, sum_of_squares: float, count: int) -> bool:
+def _few_dominate(total: float, sum_of_squares: float, count: int) -> bool:
     """`is_dominated_by_few` from the sum of the squared errors, the sum of their squares, and their number."""
     return total * total < min(_FEW, count / (2 * _FEW)) * sum_of_squares
 
@@ -190,7 +190,7 @@ def image_error(image: AnyFloats, error: AnyFloats) -> ImageError:
         for level, values in ((expected, strip.expected), (bright, strip.bright), (lower, _less_error(*strip[:2]))):
             level.add(values[values > 0])
     sums = _sums_above(_threshold(expected), image, error)
-    rare = _is_dominated(*sums) or not _is_near(_threshold(bright), _threshold(lower))
+    rare = _few_dominate(*sums) or not _is_near(_threshold(bright), _threshold(lower))
     return ImageError(_relative(sums, error), rare)
 
 

@@ -175,7 +175,7 @@ def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
     focus = report.array_plane
     height, width = camera.sensor.shape if rows.turns == 0 else camera.sensor.shape[::-1]
 
-    def placed(place: Rigid, on_part: Floats) -> Floats:
+    def in_compote_axes(place: Rigid, on_part: Floats) -> Floats:
         return np.asarray((place.points(on_part) - [0.0, 0.0, rear]) @ turn.T)
 
     # The last pixel is the origin of the sensor, and numbers of lenses of the array run against those of their images.
@@ -184,14 +184,16 @@ def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
     u, v = corners.T
     row, column = (v, u) if rows.turns == 0 else (u, camera.sensor.shape[1] - 1 - v)
     flat = np.column_stack([camera.sensor.centre_of(row, column), np.zeros(3)])  # type: ignore[arg-type]
-    origin, right, above = placed(sensor_place, flat)
+    origin, right, above = in_compote_axes(sensor_place, flat)
     pixel = camera.sensor.pixel_pitch
     axes = [(right - origin) / pixel, (above - origin) / pixel]
     turned = np.column_stack([*axes, np.cross(*axes)])
     lenses = microlens_centres(camera, CentreMethod.ORTHOGONAL, margin=10 * max(array.pitches))
     lens_numbers = {tuple(pair): number for number, pair in enumerate(lenses.index.tolist())}
     centres = lenses.on_array[[lens_numbers[tuple(pair)] for pair in rows.lens.tolist()]]
-    nodes = placed(rigid(camera.microlenses_placement, camera.stop_to_microlenses), np.pad(centres, ((0, 0), (0, 1))))
+    nodes = in_compote_axes(
+        rigid(camera.microlenses_placement, camera.stop_to_microlenses), np.pad(centres, ((0, 0), (0, 1)))
+    )
     last_column, last_line = rows.place.max(), rows.row.max()
     own_mesh = _mesh(rows, nodes, last_column - rows.place, last_line - rows.row)
     sensor = {"scale": pixel, "width": width, "height": height}

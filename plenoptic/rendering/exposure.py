@@ -198,9 +198,9 @@ class Exposure:
         >>> pl.Exposure.merged(halves)
         Exposure(8 x 16 x 1, 4 samples per pixel, rows 0:8, columns 0:16)
         """
-        from plenoptic.rendering.merging.merge import merged  # knows this class
+        from plenoptic.rendering.merging.merge import merge_exposures  # knows this class
 
-        return merged(parts)
+        return merge_exposures(parts)
 
     def develop(self, sensor: SensorModel, *, seed: int = 0) -> RawImage:
         """Simulate the read-out of a sensor exposed to this image: electrons, noise and digital numbers.

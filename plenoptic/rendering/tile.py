@@ -17,7 +17,7 @@ from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.plan.stages import Stage
-from plenoptic.rendering.tile_sums import PathCounts, SamplingPass, add_bundle, add_diffracted, add_pixels
+from plenoptic.rendering.tile_sums import PathCounts, SamplingPass, add_bundle, add_with_diffraction, add_pixels
 from plenoptic.truth.ground_truth import Arrays, compute_truth
 from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.truth_stages import TruthRecord
@@ -103,7 +103,7 @@ def render_tile(
         whole[:] = before.reshape(whole.shape)
     statistics = PathCounts(context, status_codes(camera))
     trace = functools.partial(_trace_passes, context, statistics, tile, stopped)
-    add = add_pixels if camera.diffraction_kernel is None else add_diffracted
+    add = add_pixels if camera.diffraction_kernel is None else add_with_diffraction
     if not add(context, illuminated, batch, whole, trace):
         return None
     return TileResult(

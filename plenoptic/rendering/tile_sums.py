@@ -112,7 +112,7 @@ def add_pixels(
     return True
 
 
-def add_diffracted(
+def add_with_diffraction(
     context: RenderContext, illuminated: IlluminatedPixels, batch: Batch, whole: Floats, trace: Trace
 ) -> bool:
     """Add a batch of a tile with diffraction to its sums `whole`, see `add_pixels`.

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from plenoptic.core.parallel import MAX_THREADS, Cancelled, check_cancelled, run_in_order, thread_count
+from plenoptic.core.parallel import MAX_THREADS, Cancelled, check_cancellation, run_in_order, thread_count
 from plenoptic.core.progress import bar
 from plenoptic.core.progress import compiling as module
 from plenoptic.core.progress.bar import CallProgress, Poller, current_progress
@@ -143,7 +143,7 @@ def test_what_nobody_waits_for_gives_up():
         begun.set()
         while True:
             try:
-                check_cancelled()
+                check_cancellation()
             except Cancelled:
                 ended.append(task)
                 raise
@@ -155,7 +155,7 @@ def test_what_nobody_waits_for_gives_up():
     assert ended == [1]
     with pytest.raises(Cancelled):
         list(run_in_order(work, [1], threads=1, is_cancelled=lambda: True))
-    check_cancelled()  # nothing is given up here
+    check_cancellation()  # nothing is given up here
 
 
 def test_numba_num_threads_is_the_most_that_is_taken_unasked(monkeypatch):

@@ -97,7 +97,7 @@ def read_linear(
     image = picture_of(pixels, names, path)
     if channel is not None and image.shape[2] > 1:
         image = np.ascontiguousarray(image[:, :, channel : channel + 1])
-    return linearize(image) if encoding is Encoding.SRGB and _is_encoded(content) else image
+    return linearize(image) if encoding is Encoding.SRGB and _has_srgb_encoding(content) else image
 
 
 def channel_number(channel: int | None) -> int | None:
@@ -152,7 +152,7 @@ def read_picture(
     """Results of `read_linear` and `read_channels` from a single read of the file."""
     pixels, names, metadata, _ = content = _read(path, limits)
     channels, image = each_channel(pixels, names), picture_of(pixels, names, path)
-    return linearize(image) if _is_encoded(content) else image, channels, metadata
+    return linearize(image) if _has_srgb_encoding(content) else image, channels, metadata
 
 
 def read_header(path: str | os.PathLike[str]) -> ImageHeader:
@@ -266,7 +266,7 @@ def bayer_to_rgb(mosaic: AnyFloats, *, layout: str, algorithm: str) -> NDArray[n
     return np.asarray(image.get_pixels(oiio.FLOAT), dtype=np.float32)
 
 
-def _is_encoded(content: _Content) -> bool:
+def _has_srgb_encoding(content: _Content) -> bool:
     """True if integers are sRGB: the file does not say that they are linear."""
     _, _, metadata, is_integer = content
     return is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower()

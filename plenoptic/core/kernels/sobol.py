@@ -59,7 +59,7 @@ def reverse_bits(x):
 
 
 @device
-def scramble_reversed(x, seed):
+def scramble_bits(x, seed):
     """Nested uniform scrambling of a bit-reversed number."""
     x = np.uint32(x)
     seed = np.uint32(seed)
@@ -106,13 +106,13 @@ def to_unit(x):
 @device
 def shuffle_index(index, seed):
     """Owen-shuffled index: aligned blocks of 2^k indices stay aligned blocks (Burley, section 4)."""
-    return reverse_bits(scramble_reversed(reverse_bits(np.uint32(index)), seed))
+    return reverse_bits(scramble_bits(reverse_bits(np.uint32(index)), seed))
 
 
 @device
 def sample(index, dimension, key):
     """Coordinate of a scrambled point of the set that `key` names."""
-    return to_unit(scramble_reversed(reversed_point(index, dimension), np.uint32(mix(key, np.uint64(dimension)))))
+    return to_unit(scramble_bits(reversed_point(index, dimension), np.uint32(mix(key, np.uint64(dimension)))))
 
 
 @kernel

@@ -43,10 +43,10 @@ def code_digest(function: _Function, callers: frozenset[_Function] = frozenset()
 
 def bytecode_size(function: _Function) -> int:
     """Bytes of the bytecode of a kernel and of all that it calls: compiling takes about as long."""
-    return sum(len(one.__code__.co_code) for one in _reached(function))
+    return sum(len(one.__code__.co_code) for one in _call_tree(function))
 
 
-def _reached(function: _Function) -> set[_Function]:
+def _call_tree(function: _Function) -> set[_Function]:
     """A function and all that it calls, directly or not."""
     reached: set[_Function] = set()
     waiting = [function]

@@ -18,7 +18,7 @@ from plenoptic.core.numba.deviations import deviations, leave_all_out, plainly
 from plenoptic.core.numba.kernel_cache import KernelCache
 from plenoptic.core.numba.parallel_compilation import Task, claim, listed_tasks
 from plenoptic.core.numba.pipeline import KernelCompiler
-from plenoptic.core.parallel import Cancelled, check_cancelled
+from plenoptic.core.parallel import Cancelled, check_cancellation
 from plenoptic.core.progress.deferring import defer_interrupts
 
 _OPTIONS: dict[str, Any] = {
@@ -70,7 +70,7 @@ class KernelDispatcher(CPUDispatcher):
 
     def compile(self, signature: Any) -> Any:
         """Compile for types of arguments, or load the compiled code; Cancelled if nobody waits for it any longer."""
-        check_cancelled()
+        check_cancellation()
         if not _probed:
             _probed.append(True)  # the probe compiles a kernel, too
             probe_numba()

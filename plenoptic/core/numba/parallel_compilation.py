@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from plenoptic.core.numba.deviations import deviations
-from plenoptic.core.parallel import check_cancelled
+from plenoptic.core.parallel import check_cancellation
 from plenoptic.core.progress.compiling import compiling
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class _Tasks:
         if begun is not None:
             with compiling.track(None):
                 while not begun.wait(_PATIENCE):
-                    check_cancelled()
+                    check_cancellation()
 
     def begin(self) -> Task | None:
         """Take the last kernel that no process has begun, for a helper."""

@@ -22,7 +22,7 @@ Element: TypeAlias = Surface | Stop
 """What a lens is made of."""
 
 
-def is_centred(element: Element) -> bool:
+def is_on_axis(element: Element) -> bool:
     """True if an element is rotationally symmetric about the lens's axis."""
     return element.placement is None and not (isinstance(element, Surface) and element.freeform is not None)
 

@@ -186,11 +186,11 @@ class PathIntegrator:
         # Rays after the last bounce can only hit emitters.
         n_rays = 0
         if self._traces_scattered:
-            n_rays = self._sample_scattered(interactions, wavelengths, russian_roulette=bounce >= ROULETTE)
+            n_rays = self._sample_scattering(interactions, wavelengths, russian_roulette=bounce >= ROULETTE)
         if observer is not None:
             n_sampled = n_rays
             if self._traces_scattered and not n_rays:
-                n_sampled = self._sample_scattered(interactions, wavelengths, russian_roulette=False)
+                n_sampled = self._sample_scattering(interactions, wavelengths, russian_roulette=False)
             observer.on_scatter(interactions, self._next_queue, n_rays, n_sampled)
         return n_rays
 
@@ -211,7 +211,9 @@ class PathIntegrator:
             add_direct(radiance, blocked, shadow)
         return shadow, blocked
 
-    def _sample_scattered(self, interactions: Interactions, wavelengths: Wavelengths, *, russian_roulette: bool) -> int:
+    def _sample_scattering(
+        self, interactions: Interactions, wavelengths: Wavelengths, *, russian_roulette: bool
+    ) -> int:
         """Sample the scattered rays; return their number."""
         scene, queue, next_queue = self.scene, self._queue, self._next_queue
         target = next_queue, self._source

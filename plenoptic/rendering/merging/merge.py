@@ -32,7 +32,7 @@ class _Strip(NamedTuple):
     """Light of the rows of each part, by its number."""
 
 
-def merged(exposures: Iterable[Exposure]) -> Exposure:
+def merge_exposures(exposures: Iterable[Exposure]) -> Exposure:
     """See `Exposure.merged`."""
     parts = list(exposures)
     for part in parts:

@@ -26,7 +26,7 @@ from plenoptic.core.kernels.sobol import (
     mix,
     reversed_point,
     sample,
-    scramble_reversed,
+    scramble_bits,
     set_index,
     set_key,
     stream,
@@ -112,7 +112,7 @@ def _fill_coordinates(u, net, dimension, index, run, key):
     """Scrambled coordinates of points index ... index + run - 1 of a net."""
     seed = np.uint32(mix(key, np.uint64(dimension)))
     for k in range(run):
-        u[dimension, k] = to_unit(scramble_reversed(net[dimension, index + k], seed))
+        u[dimension, k] = to_unit(scramble_bits(net[dimension, index + k], seed))
 
 
 @device
@@ -375,7 +375,7 @@ def fill_waves(waves, start, n, batch, number, cdf, guide):
         scrambling = np.uint32(mix(key, np.uint64(0)))
         for k in range(run):
             point = set_index(batch.first_index + index + k, key, WAVELENGTH_SET)
-            u = to_unit(scramble_reversed(reversed_point(point, 0), scrambling))
+            u = to_unit(scramble_bits(reversed_point(point, 0), scrambling))
             wave = guide[int(u * guide.size)]
             while cdf[wave] <= u:
                 wave += 1
