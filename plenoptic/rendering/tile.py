@@ -17,7 +17,7 @@ from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.values import Floats
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.plan.stages import Stage
-from plenoptic.rendering.tile_sums import PathCounts, SamplingPass, add_bundle, add_with_diffraction, add_pixels
+from plenoptic.rendering.tile_sums import PathCounts, SamplingPass, add_bundle, add_pixels, add_with_diffraction
 from plenoptic.truth.ground_truth import Arrays, compute_truth
 from plenoptic.truth.representative_rays import representative_rays
 from plenoptic.truth.truth_stages import TruthRecord
