@@ -4,25 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast, dataclass_transform
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
-
-if TYPE_CHECKING:
-    from typing_extensions import dataclass_transform
-else:
-
-    def dataclass_transform(**_: Any) -> Callable[[Any], Any]:
-        """Stand-in for the decorator that type checkers know since Python 3.11."""
-        return lambda cls: cls
-
 
 Floats = NDArray[np.float64]
 AnyFloats = NDArray[np.floating[Any]]
@@ -298,15 +290,9 @@ def _with_article(noun: str) -> str:
 
 
 def _same(a: Any, b: Any) -> bool:
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return (
-            isinstance(a, np.ndarray)
-            and isinstance(b, np.ndarray)
-            and a.shape == b.shape
-            and a.dtype == b.dtype
-            and np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
-        )
-    return bool(a == b)
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
+    return not isinstance(a, np.ndarray) and not isinstance(b, np.ndarray) and bool(a == b)
 
 
 def _hashable(item: Any) -> Any:
@@ -353,18 +339,33 @@ def _restore(self: Any, state: dict[str, Any]) -> None:
         object.__setattr__(self, name, item)
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given))
+def checked(check: Callable[..., Any], *, default: Any = dataclasses.MISSING, **limits: Any) -> Any:
+    """A field that holds check(value, name=field, **limits), from before `__post_init__`; a None by default stays."""
+    return dataclasses.field(default=default, metadata={"check": functools.partial(check, **limits)})
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given, checked))
 def value(cls: type[T]) -> type[T]:
     """Make a class a frozen dataclass that also compares, hashes, prints and pickles with arrays in it."""
-    has_repr = "__repr__" in cls.__dict__
+    has_repr, made = "__repr__" in cls.__dict__, cls.__dict__.get("__post_init__")
+    if any(isinstance(item, dataclasses.Field) and "check" in item.metadata for item in vars(cls).values()):
+
+        def post_init(self: Any) -> None:
+            for field in dataclasses.fields(self):
+                item = getattr(self, field.name)
+                if "check" in field.metadata and not (item is None and field.default is None):
+                    set_field(self, field.name, field.metadata["check"](item, name=field.name))
+            if made is not None:
+                made(self)
+
+        cls.__post_init__ = post_init  # type: ignore[attr-defined]
     decorated: Any = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
     decorated.__eq__ = _equal
     decorated.__hash__ = _hash
     decorated.__setstate__ = _restore
     if not has_repr:
         decorated.__repr__ = _repr
-    typed: type[T] = decorated
-    return typed
+    return cast("type[T]", decorated)
 
 
 def flag(value: bool, name: str) -> bool:

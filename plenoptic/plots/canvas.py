@@ -66,9 +66,9 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
     if figure is not None:
         return figure
     plt = pyplot()
-    figure_of_pyplot: Any = plt.figure(figsize=size, layout="constrained")
-    figure_of_pyplot._repr_mimebundle_ = partial(_leave_pyplot, figure_of_pyplot)
-    return figure_of_pyplot
+    new: Figure = plt.figure(figsize=size, layout="constrained")
+    new._repr_mimebundle_ = partial(_leave_pyplot, new)  # type: ignore[attr-defined]
+    return new
 
 
 def _leave_pyplot(figure: Figure, **_: Any) -> dict[str, Any]:

@@ -77,7 +77,7 @@ def _fact(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
         return "light reaches the visible surfaces and not the camera; give more samples or bounces, or other colours"
     facts = [f"{name} {obstacle}" for name, obstacle in obstacles.items()]
     more = f", and {len(facts) - _NAMED} more do not reach them" * (len(facts) > _NAMED)
-    return f"no light reaches the visible surfaces: {', '.join(facts[:_NAMED])}{more}"
+    return f"no light reaches the visible surfaces: {', '.join(facts[:_NAMED])}{more}; move or turn them"
 
 
 class _Emitter(NamedTuple):

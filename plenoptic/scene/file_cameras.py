@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import Frustum
-from plenoptic.core.values import Floats, Given, finite, positions, positive, set_field, value
+from plenoptic.core.values import Floats, Given, checked, finite, positions, positive, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -52,30 +52,24 @@ class View:
     """
 
     name: str
-    position: Given[Floats, ArrayLike]
-    look_at: Given[Floats, ArrayLike]
-    up: Given[Floats, ArrayLike] = Given(default=(0.0, 1.0, 0.0))
-    vertical_field_of_view: float | None = None
-    aspect_ratio: float | None = None
+    position: Given[Floats, ArrayLike] = checked(positions, shape=(3,))
+    look_at: Given[Floats, ArrayLike] = checked(positions, shape=(3,))
+    up: Given[Floats, ArrayLike] = checked(positions, shape=(3,), default=(0.0, 1.0, 0.0))
+    vertical_field_of_view: float | None = checked(finite, default=None)
+    aspect_ratio: float | None = checked(positive, default=None)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise InvalidValueError(f"name is {self.name!r}; it must be a text")
-        for field in ("position", "look_at", "up"):
-            set_field(self, field, positions(getattr(self, field), name=field, shape=(3,)))
         ahead = self.look_at - self.position
         if not ahead.any():
             raise InvalidValueError(f"look_at is the position, {self.position.tolist()} mm; give a point ahead of it")
         across = np.linalg.norm(np.cross(ahead, self.up))
         if not across > 1e-9 * np.linalg.norm(ahead) * np.linalg.norm(self.up):
             raise InvalidValueError(f"up is {self.up.tolist()}, along the view; give a direction across it")
-        if self.vertical_field_of_view is not None:
-            angle = finite(self.vertical_field_of_view, "vertical_field_of_view")
-            if not 0 < angle < math.pi:
-                raise InvalidValueError(f"vertical_field_of_view is {angle:g} rad; it must be above 0 and below pi")
-            set_field(self, "vertical_field_of_view", angle)
-        if self.aspect_ratio is not None:
-            set_field(self, "aspect_ratio", positive(self.aspect_ratio, "aspect_ratio"))
+        angle = self.vertical_field_of_view
+        if angle is not None and not 0 < angle < math.pi:
+            raise InvalidValueError(f"vertical_field_of_view is {angle:g} rad; it must be above 0 and below pi")
 
     @property
     def frustum(self) -> Frustum:

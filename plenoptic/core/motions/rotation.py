@@ -13,14 +13,14 @@ from plenoptic.errors import InvalidValueError
 _DEFECT = 1e-9
 
 
-def rotation_matrix(matrix: ArrayLike, *, remedy: str) -> Floats:
+def rotation_matrix(matrix: ArrayLike, *, remedy: str, name: str = "rotation") -> Floats:
     """(3, 3), read-only, or an error if the matrix is not right-handed and orthonormal to 1e-9."""
-    array = frozen_array(matrix, name="rotation", shape=(3, 3))
+    array = frozen_array(matrix, name=name, shape=(3, 3))
     with np.errstate(all="ignore"):
         defect = float(np.abs(array @ array.T - np.eye(3)).max())
     if not defect <= _DEFECT or np.linalg.det(array) < 0:
         raise InvalidValueError(
-            f"rotation is not a right-handed orthonormal matrix (defect {defect:.3g}, limit {_DEFECT:g}); {remedy}"
+            f"{name} is not a right-handed orthonormal matrix (defect {defect:.3g}, limit {_DEFECT:g}); {remedy}"
         )
     return array
 

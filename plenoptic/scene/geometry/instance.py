@@ -15,10 +15,10 @@ from plenoptic.core.values import (
     Floats,
     Given,
     check_kind,
+    checked,
     contiguous,
     frozen_array,
     read_only,
-    set_field,
     value,
 )
 from plenoptic.errors import SceneError
@@ -66,14 +66,13 @@ class Instances:
     """
 
     mesh: Mesh
-    matrices: Given[Floats, ArrayLike]
+    matrices: Given[Floats, ArrayLike] = checked(frozen_array, shape=(None, 4, 4))
     motion: Motion | None = None
 
     def __post_init__(self) -> None:
         check_kind(self.mesh, "mesh", Mesh, "pl.box(4)")
         if self.motion is not None:
             check_kind(self.motion, "motion", Motion, "pl.Motion.screw((0, 1), axis=(0, 1, 0), angle_deg=90)")
-        set_field(self, "matrices", frozen_array(self.matrices, name="matrices", shape=(None, 4, 4)))
         if not len(self.matrices):
             raise SceneError("matrices has no rows; give at least one place, or leave the instances out")
         with np.errstate(over="ignore", invalid="ignore"):

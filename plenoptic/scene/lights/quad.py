@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, flag, length_in_mm, set_field, value
+from plenoptic.core.values import Floats, Given, checked, flag, length_in_mm, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm
@@ -47,22 +47,18 @@ class QuadLight:
     ([0.0, 0.0, 1.0], 200.0)
     """
 
-    center: Given[Floats, ArrayLike]
-    edge_u: Given[Floats, ArrayLike]
-    edge_v: Given[Floats, ArrayLike]
-    radiance: Colour = 1.0
-    two_sided: bool = False
+    center: Given[Floats, ArrayLike] = checked(place_in_mm)
+    edge_u: Given[Floats, ArrayLike] = checked(place_in_mm)
+    edge_v: Given[Floats, ArrayLike] = checked(place_in_mm)
+    radiance: Colour = checked(as_colour, default=1.0)
+    two_sided: bool = checked(flag, default=False)
 
     def __post_init__(self) -> None:
-        for name in ("center", "edge_u", "edge_v"):
-            set_field(self, name, place_in_mm(getattr(self, name), name))
         if not self.area > 0:
             raise SceneError(
                 f"edge_u {self.edge_u.tolist()} and edge_v {self.edge_v.tolist()} span no area; "
                 "they must be longer than 0 mm and not parallel"
             )
-        set_field(self, "radiance", as_colour(self.radiance, "radiance"))
-        set_field(self, "two_sided", flag(self.two_sided, "two_sided"))
 
     @classmethod
     def facing(

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, length_in_mm, set_field, value
+from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, checked, length_in_mm, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, place_in_mm
@@ -54,14 +54,12 @@ class SphereLight:
     1280
     """
 
-    center: Given[Floats, ArrayLike]
-    radius: float
-    radiance: Colour = 1.0
+    center: Given[Floats, ArrayLike] = checked(place_in_mm)
+    radius: float = checked(length_in_mm)
+    radiance: Colour = checked(as_colour, default=1.0)
 
     def __post_init__(self) -> None:
-        set_field(self, "center", place_in_mm(self.center, "center"))
-        radius = length_in_mm(self.radius, "radius")
-        farthest = float(np.abs(self.center).max())
+        radius, farthest = self.radius, float(np.abs(self.center).max())
         if radius < _SMALLEST * farthest:
             raise SceneError(
                 f"radius is {radius:g} mm; around center {self.center.tolist()} mm it must be at least "
@@ -72,8 +70,6 @@ class SphereLight:
                 f"radius is {radius:g} mm; around center {self.center.tolist()} mm the sphere must stay within "
                 f"{LARGEST_LENGTH:g} mm, so reduce it"
             )
-        set_field(self, "radius", radius)
-        set_field(self, "radiance", as_colour(self.radiance, "radiance"))
 
     @property
     def area(self) -> float:

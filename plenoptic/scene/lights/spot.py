@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, finite, numbers, set_field, value
+from plenoptic.core.values import Floats, Given, checked, finite, numbers, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm, times, unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -54,17 +54,14 @@ class SpotLight:
         intensity=100000.0, inner_angle=0.2, outer_angle=0.4)
     """
 
-    position: Given[Floats, ArrayLike]
-    direction: Given[Floats, ArrayLike]
-    intensity: Colour = 1.0
-    inner_angle: float = 0.0
-    outer_angle: float = math.pi / 4
+    position: Given[Floats, ArrayLike] = checked(place_in_mm)
+    direction: Given[Floats, ArrayLike] = checked(unit_vector)
+    intensity: Colour = checked(as_colour, default=1.0)
+    inner_angle: float = checked(finite, default=0.0)
+    outer_angle: float = checked(finite, default=math.pi / 4)
 
     def __post_init__(self) -> None:
-        set_field(self, "position", place_in_mm(self.position, "position"))
-        set_field(self, "direction", unit_vector(self.direction, "direction"))
-        set_field(self, "intensity", as_colour(self.intensity, "intensity"))
-        inner, outer = finite(self.inner_angle, "inner_angle"), finite(self.outer_angle, "outer_angle")
+        inner, outer = self.inner_angle, self.outer_angle
         if not 0 < outer <= math.pi:
             raise InvalidValueError(f"outer_angle is {outer:g} rad; it must be above 0 and at most pi")
         if inner < 0:
@@ -75,8 +72,6 @@ class SpotLight:
                 f"inner_angle is {inner:g} rad and outer_angle {outer:g} rad; the cosine of the inner one must be "
                 "larger by 1e-12 or more, so reduce inner_angle or increase outer_angle"
             )
-        set_field(self, "inner_angle", inner)
-        set_field(self, "outer_angle", outer)
 
     @classmethod
     def facing(

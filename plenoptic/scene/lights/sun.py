@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, finite, radians, set_field, value
+from plenoptic.core.values import Floats, Given, checked, finite, radians, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.lights.fields import unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -51,20 +51,17 @@ class SunLight:
     SunLight(direction=[0.0, -0.6, -0.8], irradiance=3.0)
     """
 
-    direction: Given[Floats, ArrayLike]
-    irradiance: Colour = 1.0
-    angular_radius: float = SUN_RADIUS
+    direction: Given[Floats, ArrayLike] = checked(unit_vector)
+    irradiance: Colour = checked(as_colour, default=1.0)
+    angular_radius: float = checked(finite, default=SUN_RADIUS)
 
     def __post_init__(self) -> None:
-        set_field(self, "direction", unit_vector(self.direction, "direction"))
-        set_field(self, "irradiance", as_colour(self.irradiance, "irradiance"))
-        radius = finite(self.angular_radius, "angular_radius")
+        radius = self.angular_radius
         if not (radius == 0 or _SMALLEST_RADIUS <= radius < math.pi / 2):
             raise InvalidValueError(
                 f"angular_radius is {radius:g} rad; it must be 0, for parallel light, or within {_SMALLEST_RADIUS:g} "
                 "and pi/2"
             )
-        set_field(self, "angular_radius", radius)
         radiance = self.radiance
         if radiance is not None and not np.isfinite(radiance).all():
             raise SceneError(

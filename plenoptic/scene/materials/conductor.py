@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from plenoptic.core.values import set_field, value
+from plenoptic.core.values import checked, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.material_records import SMOOTH, Index, MaterialRow
 from plenoptic.scene.textures.color import Colour, as_colour, as_fraction
@@ -53,13 +53,11 @@ class Conductor:
     >>> gold = pl.Conductor(index=(0.18 + 3.4j, 0.42 + 2.35j, 1.37 + 1.77j), alpha=0.2)
     """
 
-    reflectance: Colour = 1.0
-    alpha: float = 0.0
+    reflectance: Colour = checked(as_colour, default=1.0, at_most=1.0)
+    alpha: float = checked(as_fraction, default=0.0)
     index: Index | None = None
 
     def __post_init__(self) -> None:
-        set_field(self, "reflectance", as_colour(self.reflectance, "reflectance", at_most=1.0))
-        set_field(self, "alpha", as_fraction(self.alpha, "alpha"))
         if self.index is not None:
             set_field(self, "index", _as_index(self.index))
 

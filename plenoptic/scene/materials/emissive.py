@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import flag, set_field, value
+from plenoptic.core.values import checked, flag, value
 from plenoptic.scene.materials.material_records import MaterialRow
 from plenoptic.scene.textures.color import Colour, as_textured
 from plenoptic.scene.textures.texture import Texture
@@ -33,12 +33,8 @@ class Emissive:
     Emissive(radiance=10.0, two_sided=True)
     """
 
-    radiance: Colour | Texture = 1.0
-    two_sided: bool = False
-
-    def __post_init__(self) -> None:
-        set_field(self, "radiance", as_textured(self.radiance, "radiance"))
-        set_field(self, "two_sided", flag(self.two_sided, "two_sided"))
+    radiance: Colour | Texture = checked(as_textured, default=1.0)
+    two_sided: bool = checked(flag, default=False)
 
     def row(self) -> MaterialRow:
         """Row of the material's numbers; missing ones keep their default."""

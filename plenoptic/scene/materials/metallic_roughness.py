@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from plenoptic.core.values import Floats, flag, read_only, set_field, value
+from plenoptic.core.values import Floats, checked, flag, read_only, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.material_records import COUPLING_COSINES, MaterialRow
 from plenoptic.scene.textures.color import Colour, as_fraction, as_share, as_textured
@@ -74,29 +74,22 @@ class MetallicRoughness:
     MetallicRoughness(base=(0.8, 0.1, 0.1), roughness=0.3)
     """
 
-    base: Colour | Texture = 0.5
-    metallic: float | Texture = 0.0
-    roughness: float | Texture = 0.5
+    base: Colour | Texture = checked(as_textured, default=0.5, at_most=1.0)
+    metallic: float | Texture = checked(as_share, default=0.0)
+    roughness: float | Texture = checked(as_share, default=0.5)
     _: dataclasses.KW_ONLY
     normal_map: Texture | None = None
-    emission: Colour | Texture = 0.0
-    two_sided: bool = False
-    opacity: float | Texture = 1.0
-    cutoff: float | None = None
-    clearcoat: float | Texture = 0.0
-    clearcoat_roughness: float | Texture = 0.0
+    emission: Colour | Texture = checked(as_textured, default=0.0)
+    two_sided: bool = checked(flag, default=False)
+    opacity: float | Texture = checked(as_share, default=1.0)
+    cutoff: float | None = checked(as_fraction, default=None)
+    clearcoat: float | Texture = checked(as_share, default=0.0)
+    clearcoat_roughness: float | Texture = checked(as_share, default=0.0)
 
     def __post_init__(self) -> None:
-        set_field(self, "base", as_textured(self.base, "base", at_most=1.0))
-        for name in ("metallic", "roughness", "opacity", "clearcoat", "clearcoat_roughness"):
-            set_field(self, name, as_share(getattr(self, name), name))
         normals = self.normal_map
         if normals is not None and not (isinstance(normals, Texture) and normals.texels.shape[2] == 3):
             raise InvalidValueError(f"normal_map is {normals!r}; it must be a texture of 3 channels, or None")
-        set_field(self, "emission", as_textured(self.emission, "emission"))
-        set_field(self, "two_sided", flag(self.two_sided, "two_sided"))
-        if self.cutoff is not None:
-            set_field(self, "cutoff", as_fraction(self.cutoff, "cutoff"))
 
     def row(self) -> MaterialRow:
         """Row of the material's numbers; missing ones keep their default."""
