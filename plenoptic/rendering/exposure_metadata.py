@@ -72,7 +72,7 @@ class ExposureMetadata(NamedTuple):
         return f"Exposure({', '.join(facts)})"
 
 
-FACTS = ExposureMetadata._fields[2:]
+FACTS: tuple[str, ...] = ExposureMetadata._fields[2:]
 """Fields stored as texts in files."""
 
 
