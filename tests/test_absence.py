@@ -455,7 +455,7 @@ OF_THE_SCENE = {
     *("interaction.fill_interactions", "parameters.fill_parameters", "sample_emitters.sample_emitters"),
     *("emission.add_emission", "direct_light.eval_direct", "bounce.sample_bsdf"),
 }
-AS_NEEDED = {"embree._fill_blocked", "direct_light.add_direct"}
+AS_NEEDED = {"embree._fill_occlusion", "direct_light.add_direct"}
 """Called where the few paths of the test find a lamp that shines on what they meet."""
 
 

@@ -17,25 +17,25 @@ _MORE = 8
 """Numbers of tiles are tried up to this times the number of regions."""
 
 
-class Tile(NamedTuple):
+class SensorPart(NamedTuple):
     """The k-th of n tiles of the sensor, counted from 1."""
 
     k: int
     n: int
 
 
-def parse_tile(text: str) -> Tile:
-    """Tile of a text such as 3/16, for argparse."""
+def parse_tile(text: str) -> SensorPart:
+    """Part of the sensor from a text such as 3/16, for argparse."""
     numbers = re.fullmatch(r"(\d+)/(\d+)", text)
     if numbers is None:
         raise argparse.ArgumentTypeError(f"{text!r} is no part of the sensor; give one such as 3/16, the third of 16")
-    tile = Tile(*map(int, numbers.groups()))
+    tile = SensorPart(*map(int, numbers.groups()))
     if not 1 <= tile.k <= tile.n:
         raise argparse.ArgumentTypeError(f"{text!r} is no part of {tile.n}; they are counted from 1/{tile.n}")
     return tile
 
 
-def tile_region(shape: tuple[int, int], tile: Tile) -> tuple[slice, slice]:
+def tile_region(shape: tuple[int, int], tile: SensorPart) -> tuple[slice, slice]:
     """Rows and columns of a tile."""
     from plenoptic.camera.checks import BLOCK, sensor_tiles
 
@@ -57,7 +57,7 @@ def tile_grid(shape: tuple[int, int], n: int) -> tuple[int, int] | None:
     return min(pairs, key=lambda pair: abs(math.log(shape[0] * pair[1] / (shape[1] * pair[0]))), default=None)
 
 
-def missing_tiles(shape: tuple[int, int], regions: Collection[Region]) -> list[Tile]:
+def missing_tiles(shape: tuple[int, int], regions: Collection[Region]) -> list[SensorPart]:
     """Tiles that complete the regions, if the regions are tiles of a common number; otherwise none."""
     from plenoptic.camera.checks import sensor_tiles
 
@@ -66,5 +66,5 @@ def missing_tiles(shape: tuple[int, int], regions: Collection[Region]) -> list[T
         if (grid := tile_grid(shape, n)) is not None:
             tiles = [(row.start, row.stop, column.start, column.stop) for row, column in sensor_tiles(shape, *grid)]
             if rendered <= set(tiles):
-                return [Tile(k, n) for k, tile in enumerate(tiles, start=1) if tile not in rendered]
+                return [SensorPart(k, n) for k, tile in enumerate(tiles, start=1) if tile not in rendered]
     return []

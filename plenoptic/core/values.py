@@ -339,12 +339,12 @@ def _restore(self: Any, state: dict[str, Any]) -> None:
         object.__setattr__(self, name, item)
 
 
-def checked(check: Callable[..., Any], *, default: Any = dataclasses.MISSING, **limits: Any) -> Any:
+def checked_field(check: Callable[..., Any], *, default: Any = dataclasses.MISSING, **limits: Any) -> Any:
     """A field that holds check(value, name=field, **limits), from before `__post_init__`; a None by default stays."""
     return dataclasses.field(default=default, metadata={"check": functools.partial(check, **limits)})
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given, checked))
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given, checked_field))
 def value(cls: type[T]) -> type[T]:
     """Make a class a frozen dataclass that also compares, hashes, prints and pickles with arrays in it."""
     has_repr, made = "__repr__" in cls.__dict__, cls.__dict__.get("__post_init__")
@@ -396,6 +396,5 @@ def _freeze(self: Any) -> None:
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Given))
 def result(cls: type[T]) -> type[T]:
     """Make a class a value that only functions of the package construct: its arrays become read-only, unchecked."""
-    decorated: Any = cls
-    decorated.__post_init__ = _freeze
+    cls.__post_init__ = _freeze  # type: ignore[attr-defined]
     return value(cls)

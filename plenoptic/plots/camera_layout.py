@@ -8,7 +8,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats
 from plenoptic.plots.canvas import figure_or_new
-from plenoptic.plots.lens import plot_lens, unfolded
+from plenoptic.plots.lens import plot_lens, unfolding_note
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,7 +65,7 @@ def draw_section(camera: PlenopticCamera, rays: SectionRays, ax: Axes) -> None:
     ax.plot([], [], color=_RAYS, linewidth=0.7, label=f"rays of pixel ({row}, {column})")
     ax.legend(frameon=False, fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
     ax.set_anchor("N")
-    ax.set(title="", xlabel=f"z / mm (scene on the left, iris at 0{unfolded(camera.lens)})")
+    ax.set(title="", xlabel=f"z / mm (scene on the left, iris at 0{unfolding_note(camera.lens)})")
     ax.margins(0.03)
 
 
@@ -115,13 +115,13 @@ def _draw_pixels(camera: PlenopticCamera, rays: SectionRays, sensor: Any, reach:
     half = 0.5 * camera.sensor.size[0]
     ends = np.clip([y - 2.0 * reach, y + 2.0 * reach], -half, half)
 
-    def placed(heights: Floats) -> Floats:
+    def on_sensor(heights: Floats) -> Floats:
         return np.asarray(sensor.points(np.column_stack([np.full(len(heights), x), heights, np.zeros(len(heights))])))
 
-    line, edges = placed(ends), placed(np.array([y - 0.5 * pitch, y + 0.5 * pitch]))
+    line, edges = on_sensor(ends), on_sensor(np.array([y - 0.5 * pitch, y + 0.5 * pitch]))
     ax.plot(line[:, 2], line[:, 1], color=_SENSOR, linewidth=1.6)
     if 2.0 * reach / pitch <= _MOST_PIXELS:
-        borders = placed(np.arange(np.ceil(ends[0] / pitch), np.floor(ends[1] / pitch) + 1) * pitch)
+        borders = on_sensor(np.arange(np.ceil(ends[0] / pitch), np.floor(ends[1] / pitch) + 1) * pitch)
         ax.hlines(borders[:, 1], borders[:, 2], borders[:, 2] + thick, color=_SENSOR, linewidth=0.5)
     corners = np.concatenate([edges[:, 1:], edges[::-1, 1:] + [0.0, thick]])
     ax.fill(corners[:, 1], corners[:, 0], color=_PIXEL, linewidth=0, zorder=2.5)

@@ -51,7 +51,7 @@ class _Frame(NamedTuple):
         row, column = (0, 0) if region is None else (region[0], region[2])
         return cls(row, column, min(-(-max(image.shape[:2]) // _MOST), *image.shape[:2]))
 
-    def reduced(self, values: NDArray[Any]) -> NDArray[Any]:
+    def reduce(self, values: NDArray[Any]) -> NDArray[Any]:
         """Means over blocks, where an image is large."""
         return block_means(values, self.block)
 
@@ -76,8 +76,8 @@ def _draw_image(
     ax: Axes, image: NDArray[Any], missing: NDArray[np.bool_], frame: _Frame, norm: Normalize, labels: tuple[str, str]
 ) -> None:
     """Draw an image with its scale, or the value that is white; labels are its name and its unit."""
-    small, (title, unit) = frame.reduced(image), labels
-    scale = _draw_pixels(ax, small, frame.reduced(missing) == 1, frame.extent(small.shape), norm)
+    small, (title, unit) = frame.reduce(image), labels
+    scale = _draw_pixels(ax, small, frame.reduce(missing) == 1, frame.extent(small.shape), norm)
     if scale is None:
         ax.set_title(f"{title} (white: {norm.vmax:.3g} {unit})", fontsize="small")
     else:
@@ -208,10 +208,10 @@ def _draw_error(ax: Axes, exposure: Exposure, missing: NDArray[np.bool_], frame:
     whole = exposure.standard_error.shape[0] // frame.block * frame.block
     steps = range(0, whole, _STRIP * frame.block)
     strips = (exposure.standard_error[top : min(top + _STRIP * frame.block, whole)] for top in steps)
-    error = np.concatenate([frame.reduced(np.sqrt(mean_square(strip))) for strip in strips])
-    lit = lit_pixels(np.nan_to_num(frame.reduced(exposure.image), posinf=0.0, neginf=0.0))
+    error = np.concatenate([frame.reduce(np.sqrt(mean_square(strip))) for strip in strips])
+    lit = lit_pixels(np.nan_to_num(frame.reduce(exposure.image), posinf=0.0, neginf=0.0))
     vmax = white_point(error[lit] if lit.any() else error)
-    small = np.ma.array(error, mask=frame.reduced(missing) == 1)
+    small = np.ma.array(error, mask=frame.reduce(missing) == 1)
     shown = {"extent": frame.extent(small.shape), "cmap": "magma", "vmin": 0.0, "vmax": vmax}
     draw_map(ax, small, _IRRADIANCE, "standard error", interpolation="antialiased", **shown)
 

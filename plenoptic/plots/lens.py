@@ -25,7 +25,7 @@ _STOP = "#222222"
 _OTHER_STOP = "#888888"
 
 
-def unfolded(lens: LensStack) -> str:
+def unfolding_note(lens: LensStack) -> str:
     """Remark for the picture of a lens with mirrors; empty for others."""
     return ", unfolded at its mirrors" if _mirrors(lens) else ""
 
@@ -72,7 +72,7 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
             ax.plot([z, z], [-radius, radius], color=_STOP, linewidth=thick)
     ax.axhline(0.0, color=_OTHER_STOP, linewidth=0.6, linestyle="--")
     ax.set_aspect("equal")
-    ax.set(xlabel="z / mm", ylabel="y / mm", title=(lens.name or "lens") + unfolded(lens))
+    ax.set(xlabel="z / mm", ylabel="y / mm", title=(lens.name or "lens") + unfolding_note(lens))
     return ax
 
 

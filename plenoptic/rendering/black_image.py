@@ -194,7 +194,7 @@ class _Probe:
         start, intersector = np.broadcast_to(points[:, None], to_light.shape)[arrives], self.context.intersector
         assert intersector is not None
         blocked = np.empty(len(start), dtype=np.uint8)
-        intersector.fill_blocked(blocked, np.hstack([start, to_light[arrives]]))
+        intersector.fill_occlusion(blocked, np.hstack([start, to_light[arrives]]))
         return "is hidden by other objects" if blocked.all() else ""
 
     def scene_position(self, scene: Scene) -> str:

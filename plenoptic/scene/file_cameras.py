@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import Frustum
-from plenoptic.core.values import Floats, Given, checked, finite, positions, positive, value
+from plenoptic.core.values import Floats, Given, checked_field, finite, positions, positive, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -52,11 +52,11 @@ class View:
     """
 
     name: str
-    position: Given[Floats, ArrayLike] = checked(positions, shape=(3,))
-    look_at: Given[Floats, ArrayLike] = checked(positions, shape=(3,))
-    up: Given[Floats, ArrayLike] = checked(positions, shape=(3,), default=(0.0, 1.0, 0.0))
-    vertical_field_of_view: float | None = checked(finite, default=None)
-    aspect_ratio: float | None = checked(positive, default=None)
+    position: Given[Floats, ArrayLike] = checked_field(positions, shape=(3,))
+    look_at: Given[Floats, ArrayLike] = checked_field(positions, shape=(3,))
+    up: Given[Floats, ArrayLike] = checked_field(positions, shape=(3,), default=(0.0, 1.0, 0.0))
+    vertical_field_of_view: float | None = checked_field(finite, default=None)
+    aspect_ratio: float | None = checked_field(positive, default=None)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):

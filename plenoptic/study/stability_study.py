@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from plenoptic.core.values import seed_number, whole
 from plenoptic.errors import InvalidValueError, PlenopticError
-from plenoptic.study.study_table import Cell, StudyTable, until_interrupted
+from plenoptic.study.study_table import Cell, StudyTable, run_until_interrupt
 
 QUICK, THOROUGH = 40, 1000
 """Rays of a case: to see that all works, and by default."""
@@ -132,7 +132,7 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
         seconds = time.perf_counter() - begin
         return StabilityRow._make((case.name, count, *largest, returned, right.count(False), seconds))
 
-    rows = until_interrupted(measure, chosen)
+    rows = run_until_interrupt(measure, chosen)
     beyond = [row.case for row in rows if not row.holds]
     note = f"{len(beyond)} beyond their bounds: {', '.join(beyond)}" if beyond else "all within their bounds"
     return StudyTable(rows, [f"{len(rows)} cases, {note}."], interrupted=len(rows) < len(chosen))

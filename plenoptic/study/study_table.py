@@ -82,7 +82,7 @@ class StudyTable(Generic[Row]):
         return f"<StudyTable: {len(self.rows)} row{'s' * (len(self.rows) != 1)}{', interrupted' * self.interrupted}>"
 
 
-def until_interrupted(measure: Callable[[Item], Measured], items: Iterable[Item]) -> list[Measured]:
+def run_until_interrupt(measure: Callable[[Item], Measured], items: Iterable[Item]) -> list[Measured]:
     """Measure each item; after Ctrl-C return the first ones, or raise KeyboardInterrupt if there is none."""
     measured: list[Measured] = []
     try:

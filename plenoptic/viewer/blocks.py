@@ -45,14 +45,14 @@ class Blocks:
         self.size += len(content)
         return place
 
-    def joined(self) -> bytes:
+    def join(self) -> bytes:
         """All of them."""
         return b"".join(self._parts)
 
     def whole_numbers(self, numbers: NDArray[Any]) -> dict[str, Any]:
         """Whole numbers (rows, columns) of 0 to 2^32 - 1."""
         wide = numbers.size > 0 and int(numbers.max()) > NOTHING
-        return {"bytes": self.add(packed(numbers.astype(np.uint32 if wide else np.uint16))), "wide": wide}
+        return {"bytes": self.add(pack(numbers.astype(np.uint32 if wide else np.uint16))), "wide": wide}
 
     def plane(self, values: AnyFloats, *, curve: Curve, step: float | None = None, unit: float = 1.0) -> dict[str, Any]:
         """Values (rows, columns), in 65534 steps over their range, or in given ones.
@@ -66,10 +66,10 @@ class Blocks:
         codes = np.full(bent.shape, NOTHING, dtype=np.uint16)
         codes[finite] = np.rint((bent[finite] - low) / spacing)
         codes[np.isinf(values)] = INFINITE
-        return {"bytes": self.add(packed(codes)), "curve": int(curve), "low": low, "step": spacing, "unit": unit}
+        return {"bytes": self.add(pack(codes)), "curve": int(curve), "low": low, "step": spacing, "unit": unit}
 
 
-def packed(codes: NDArray[np.unsignedinteger[Any]]) -> bytes:
+def pack(codes: NDArray[np.unsignedinteger[Any]]) -> bytes:
     """Codes (rows, columns) as differences along rows, byte by byte, compressed."""
     differences = codes.copy()
     differences[:, 1:] -= codes[:, :-1]  # modulo 2^16, as the sum in the browser

@@ -94,7 +94,7 @@ def light_field_page(field: LightField, *, depth: DepthMap | None = None) -> Vie
     return page(
         f"Light field, {len(field.u)} × {len(field.v)} views",
         facts={"light_field": facts},
-        data=blocks.joined(),
+        data=blocks.join(),
         still=middle if len(middle) < 2e5 else webp(codes[len(codes) // 2], 75),
         modules=_MODULES,
         shaders=_SHADERS,

@@ -18,7 +18,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.raw_arrays import raw_arrays
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.truth.channels import NO_MICROLENS
-from plenoptic.viewer.blocks import Blocks, Curve, packed
+from plenoptic.viewer.blocks import Blocks, Curve, pack
 from plenoptic.viewer.page import Viewer, page
 from plenoptic.viewer.pictures import block_for, middles, positive_white, rgba, webp
 from plenoptic.viewer.sight import ENOUGH, Sight, sight
@@ -96,7 +96,7 @@ def exposure_page(
     return page(
         f"Raw image, {exposure.image.shape[0]} × {exposure.image.shape[1]} pixels",
         facts={"raw": facts},
-        data=blocks.joined(),
+        data=blocks.join(),
         still=webp(rgba(_means(display.image, step), top), 75),
         modules=_MODULES,
         shaders=_SHADERS,
@@ -171,7 +171,7 @@ def _add_image(facts: dict[str, Any], blocks: Blocks, image: NDArray[np.float32]
             break
     for each in channels:
         each["bytes"][0] += blocks.size
-    blocks.add(trial.joined())
+    blocks.add(trial.join())
     facts["image"] = channels
 
 
@@ -202,7 +202,7 @@ def _add_lenses(facts: dict[str, Any], blocks: Blocks, camera: PlenopticCamera, 
     table = np.column_stack([index, lenses.type, lenses.axis, centre]).astype("<f4")
     facts["lenses"] = {
         "count": len(index),
-        "table": {"bytes": blocks.add(packed(np.ascontiguousarray(table).view("<u4"))), "wide": True},
+        "table": {"bytes": blocks.add(pack(np.ascontiguousarray(table).view("<u4"))), "wide": True},
         "free": array.lattice is Lattice.FREE,
         "cell": _cell(array.lattice, array.cell_corners, array.basis, centres),
         "focal_lengths": list(array.focal_lengths),

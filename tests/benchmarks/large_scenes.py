@@ -94,7 +94,7 @@ def onwards(intersector, first):
         reached = (low + high) / 2
         rays = first.copy()
         rays[:, 3:] *= reached[:, None]
-        intersector.fill_blocked(blocked, rays)
+        intersector.fill_occlusion(blocked, rays)
         low, high = np.where(blocked, low, reached), np.where(blocked, reached, high)
     points = (first[:, :3] + low[:, None] * first[:, 3:])[low < 699] + [0, 0, 1e-3]
     points = points[rng.integers(0, len(points), len(first))]
@@ -113,7 +113,7 @@ def speed(intersector, rays, shadow=False):
             part = rays[start : start + BUNDLE]
             n = len(part)
             if shadow:
-                intersector.fill_blocked(blocked[:n], part)
+                intersector.fill_occlusion(blocked[:n], part)
             else:
                 intersector.fill_closest(Hits(hits[:n], placed[:n], None), part)
 

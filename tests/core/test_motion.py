@@ -64,7 +64,7 @@ def test_a_motion_seen_from_a_time_and_in_another_world_is_the_same():
         relative, pose = motion.seen_from(0.3).at(time).to_world(reference.to_world(POINTS)), motion.at(time)
         np.testing.assert_allclose(relative, motion.at(0.3 + time).to_world(POINTS), atol=1e-11)
         turn, shift = rotation_about((1, 1, 0), 0.7), np.array([5.0, 6.0, 7.0])
-        transformed = motion.carried(turn, shift, 2.0).at(time).to_world(2.0 * POINTS @ turn.T + shift)
+        transformed = motion.in_frame(turn, shift, 2.0).at(time).to_world(2.0 * POINTS @ turn.T + shift)
         np.testing.assert_allclose(transformed, 2.0 * pose.to_world(POINTS) @ turn.T + shift, atol=1e-11)
 
 

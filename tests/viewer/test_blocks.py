@@ -11,7 +11,7 @@ from plenoptic.viewer.blocks import INFINITE, NOTHING, Blocks, Curve
 def unpacked(blocks, place, shape, each=2):
     """As web/planes.js does it."""
     start, size = place
-    split = np.frombuffer(gzip.decompress(blocks.joined()[start : start + size]), np.uint8).reshape(each, -1)
+    split = np.frombuffer(gzip.decompress(blocks.join()[start : start + size]), np.uint8).reshape(each, -1)
     codes = np.ascontiguousarray(split.T).view(f"<u{each}").reshape(shape)
     return np.cumsum(codes, axis=1, dtype=codes.dtype)
 

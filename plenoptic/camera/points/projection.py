@@ -229,7 +229,7 @@ def occlusion_of_points(
     blocked = np.zeros(len(points), dtype=np.uint8)
     transmission = np.ones((len(points), 1))
     if scene_record.alpha is None:
-        intersector.fill_blocked(blocked, rays)
+        intersector.fill_occlusion(blocked, rays)
     else:
         attenuate_shadows(scene_record, intersector, rays, blocked, transmission)
     return np.asarray((blocked != 0) | (transmission[:, 0] <= 0.5))

@@ -159,7 +159,7 @@ class Motion:
             poses.append(Pose(rotation, position - rotation @ pivot))
         return Motion(self.times - time, poses, pivot)
 
-    def carried(self, rotation: Floats, shift: Floats, scale: float = 1.0) -> Motion:
+    def in_frame(self, rotation: Floats, shift: Floats, scale: float = 1.0) -> Motion:
         """The same motion in a world transformed by p' = scale * rotation @ p + shift."""
         rotations, pivots = self._keyframes()
         pivot = scale * rotation @ self.pivot + shift

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.motions.rotation import rotation_matrix
-from plenoptic.core.values import Floats, Given, checked, frozen_array, numbers, positions, value
+from plenoptic.core.values import Floats, Given, checked_field, frozen_array, numbers, positions, value
 from plenoptic.errors import InvalidValueError
 
 
@@ -34,8 +34,10 @@ class Pose:
     array([[  0.,   0., 500.]])
     """
 
-    rotation: Given[Floats, ArrayLike] = checked(rotation_matrix, remedy="scaling and mirroring belong to the scene")
-    position: Given[Floats, ArrayLike] = checked(positions, shape=(3,))
+    rotation: Given[Floats, ArrayLike] = checked_field(
+        rotation_matrix, remedy="scaling and mirroring belong to the scene"
+    )
+    position: Given[Floats, ArrayLike] = checked_field(positions, shape=(3,))
 
     @classmethod
     def look_at(cls, position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> Pose:

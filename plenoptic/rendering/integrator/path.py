@@ -165,9 +165,9 @@ class PathIntegrator:
         """Attenuate the throughput by absorption along each ray, then add the emission at its hit or of the sky."""
         scene, queue = self.scene, self._queue
         if scene.absorption is not None and scene.bsdf is not None:
-            from plenoptic.scene.materials.kernels.absorption import fill_absorbed
+            from plenoptic.scene.materials.kernels.absorption import fill_absorption
 
-            fill_absorbed(queue, hits, scene.geometry, scene.bsdf.glass_index, scene.absorption, wavelengths)
+            fill_absorption(queue, hits, scene.geometry, scene.bsdf.glass_index, scene.absorption, wavelengths)
         if scene.emission is not None or any(part is not None for part in scene.lights.sky):
             from plenoptic.rendering.integrator.kernels.emission import add_emission
 
@@ -205,7 +205,7 @@ class PathIntegrator:
             intersector = self._intersector if self.moving is None else self.moving.at_times(shadow.path)
             assert intersector is not None
             if scene.alpha is None:
-                intersector.fill_blocked(blocked, shadow.rays)
+                intersector.fill_occlusion(blocked, shadow.rays)
             else:
                 attenuate_shadows(scene, intersector, shadow.rays, blocked, shadow.radiance)
             add_direct(radiance, blocked, shadow)

@@ -17,7 +17,7 @@ class Intersector(Protocol):
     def fill_closest(self, hits: Hits, rays: Floats) -> None:
         """Triangle that each ray (origin and direction, (n, 6)) meets first, and its instance; see `Hits`."""
 
-    def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
+    def fill_occlusion(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
 
 

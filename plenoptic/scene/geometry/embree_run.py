@@ -36,7 +36,7 @@ class SceneRunTriangles:
         if hits.instance is not None:
             hits.instance[:] = -1 if self._instance is None else np.where(rows < 0, -1, self._instance[rows])
 
-    def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
+    def fill_occlusion(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
         blocked[: len(rays)] = self._scene.run(*self._halves(rays), query="DISTANCE") < SHADOW_END
 

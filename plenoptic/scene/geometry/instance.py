@@ -15,7 +15,7 @@ from plenoptic.core.values import (
     Floats,
     Given,
     check_kind,
-    checked,
+    checked_field,
     contiguous,
     frozen_array,
     read_only,
@@ -66,7 +66,7 @@ class Instances:
     """
 
     mesh: Mesh
-    matrices: Given[Floats, ArrayLike] = checked(frozen_array, shape=(None, 4, 4))
+    matrices: Given[Floats, ArrayLike] = checked_field(frozen_array, shape=(None, 4, 4))
     motion: Motion | None = None
 
     def __post_init__(self) -> None:
@@ -120,7 +120,7 @@ class Instances:
         motion = self.motion
         if motion is not None:
             full, scale = moves.similarity(full)
-            motion = motion.carried(full[:3, :3] / scale, full[:3, 3], scale)
+            motion = motion.in_frame(full[:3, :3] / scale, full[:3, 3], scale)
         return dataclasses.replace(self, matrices=full @ self.matrices, motion=motion)
 
     translated, rotated, rotated_deg, scaled = moves.translated, moves.rotated, moves.rotated_deg, moves.scaled

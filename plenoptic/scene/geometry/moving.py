@@ -71,15 +71,15 @@ class MovingTriangles:
             mesh.tree.fill_closest(Hits(triangles, None, None), local)
             fill_nearer(hits, reached, triangles, local, self._geometry, mesh.first, mesh.row)
 
-    def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
+    def fill_occlusion(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
         blocked[:] = 0
         if self._still is not None:
-            self._still.fill_blocked(blocked, rays)
+            self._still.fill_occlusion(blocked, rays)
         local, more = np.empty((len(rays), 6)), np.empty_like(blocked)
         for mesh in self.meshes:
             fill_in_frame(local, rays, mesh.places, self._path if len(mesh.places) > 1 else None)
-            mesh.tree.fill_blocked(more, local)
+            mesh.tree.fill_occlusion(more, local)
             blocked |= more
 
     def along(self, path: NDArray[np.int64], meshes: tuple[MovingMesh, ...]) -> MovingTriangles:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.files.images import read_linear
 from plenoptic.core.motions.rotation import rotation_about, rotation_matrix
-from plenoptic.core.values import Floats, Given, checked, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, checked_field, frozen_array, set_field, value
 from plenoptic.errors import FileError, SceneError
 from plenoptic.scene.geometry import moves
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -45,7 +45,7 @@ class ConstantBackground:
     Scene(no meshes, background (0.2, 0.3, 0.5))
     """
 
-    radiance: Colour = checked(as_colour, default=1.0)
+    radiance: Colour = checked_field(as_colour, default=1.0)
 
 
 @value

@@ -7,7 +7,7 @@ import math
 
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, checked, value
+from plenoptic.core.values import Floats, Given, checked_field, value
 from plenoptic.scene.lights.fields import channel_mean, place_in_mm, times
 from plenoptic.scene.textures.color import Colour, as_colour
 
@@ -42,8 +42,8 @@ class PointLight:
     PointLight(position=[0.0, 200.0, 0.0], intensity=40000.0)
     """
 
-    position: Given[Floats, ArrayLike] = checked(place_in_mm)
-    intensity: Colour = checked(as_colour, default=1.0)
+    position: Given[Floats, ArrayLike] = checked_field(place_in_mm)
+    intensity: Colour = checked_field(as_colour, default=1.0)
 
     @property
     def power(self) -> float:

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, checked, flag, length_in_mm, value
+from plenoptic.core.values import Floats, Given, checked_field, flag, length_in_mm, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm
@@ -47,11 +47,11 @@ class QuadLight:
     ([0.0, 0.0, 1.0], 200.0)
     """
 
-    center: Given[Floats, ArrayLike] = checked(place_in_mm)
-    edge_u: Given[Floats, ArrayLike] = checked(place_in_mm)
-    edge_v: Given[Floats, ArrayLike] = checked(place_in_mm)
-    radiance: Colour = checked(as_colour, default=1.0)
-    two_sided: bool = checked(flag, default=False)
+    center: Given[Floats, ArrayLike] = checked_field(place_in_mm)
+    edge_u: Given[Floats, ArrayLike] = checked_field(place_in_mm)
+    edge_v: Given[Floats, ArrayLike] = checked_field(place_in_mm)
+    radiance: Colour = checked_field(as_colour, default=1.0)
+    two_sided: bool = checked_field(flag, default=False)
 
     def __post_init__(self) -> None:
         if not self.area > 0:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, checked, length_in_mm, value
+from plenoptic.core.values import LARGEST_LENGTH, Floats, Given, checked_field, length_in_mm, value
 from plenoptic.errors import SceneError
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.fields import channel_mean, place_in_mm
@@ -54,9 +54,9 @@ class SphereLight:
     1280
     """
 
-    center: Given[Floats, ArrayLike] = checked(place_in_mm)
-    radius: float = checked(length_in_mm)
-    radiance: Colour = checked(as_colour, default=1.0)
+    center: Given[Floats, ArrayLike] = checked_field(place_in_mm)
+    radius: float = checked_field(length_in_mm)
+    radiance: Colour = checked_field(as_colour, default=1.0)
 
     def __post_init__(self) -> None:
         radius, farthest = self.radius, float(np.abs(self.center).max())

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, checked, finite, numbers, value
+from plenoptic.core.values import Floats, Given, checked_field, finite, numbers, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.lights.fields import channel_mean, direction_towards, place_in_mm, times, unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -54,11 +54,11 @@ class SpotLight:
         intensity=100000.0, inner_angle=0.2, outer_angle=0.4)
     """
 
-    position: Given[Floats, ArrayLike] = checked(place_in_mm)
-    direction: Given[Floats, ArrayLike] = checked(unit_vector)
-    intensity: Colour = checked(as_colour, default=1.0)
-    inner_angle: float = checked(finite, default=0.0)
-    outer_angle: float = checked(finite, default=math.pi / 4)
+    position: Given[Floats, ArrayLike] = checked_field(place_in_mm)
+    direction: Given[Floats, ArrayLike] = checked_field(unit_vector)
+    intensity: Colour = checked_field(as_colour, default=1.0)
+    inner_angle: float = checked_field(finite, default=0.0)
+    outer_angle: float = checked_field(finite, default=math.pi / 4)
 
     def __post_init__(self) -> None:
         inner, outer = self.inner_angle, self.outer_angle

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, checked, finite, radians, value
+from plenoptic.core.values import Floats, Given, checked_field, finite, radians, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.lights.fields import unit_vector
 from plenoptic.scene.textures.color import Colour, as_colour
@@ -51,9 +51,9 @@ class SunLight:
     SunLight(direction=[0.0, -0.6, -0.8], irradiance=3.0)
     """
 
-    direction: Given[Floats, ArrayLike] = checked(unit_vector)
-    irradiance: Colour = checked(as_colour, default=1.0)
-    angular_radius: float = checked(finite, default=SUN_RADIUS)
+    direction: Given[Floats, ArrayLike] = checked_field(unit_vector)
+    irradiance: Colour = checked_field(as_colour, default=1.0)
+    angular_radius: float = checked_field(finite, default=SUN_RADIUS)
 
     def __post_init__(self) -> None:
         radius = self.angular_radius

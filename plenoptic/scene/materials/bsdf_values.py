@@ -11,7 +11,7 @@ from plenoptic.core.values import Floats, frozen_array, numbers
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.build_materials import bsdf_record
 from plenoptic.scene.materials.diffuse import Lambertian
-from plenoptic.scene.materials.kernels.bsdf import fill_evaluated, fill_sampled
+from plenoptic.scene.materials.kernels.bsdf import fill_bsdf_samples, fill_bsdf_values
 from plenoptic.scene.materials.material_records import Bsdf
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
@@ -76,7 +76,7 @@ def evaluate(material: Material, to_viewer: ArrayLike, to_light: ArrayLike, *, f
     viewers, lights = np.broadcast_arrays(viewers, lights)
     record = _record(material)
     scattered = Scattered(np.empty((len(viewers), record.base_color.shape[1])), np.empty(len(viewers)))
-    fill_evaluated(*scattered, np.ascontiguousarray(viewers), np.ascontiguousarray(lights), bool(front), record)
+    fill_bsdf_values(*scattered, np.ascontiguousarray(viewers), np.ascontiguousarray(lights), bool(front), record)
     return scattered
 
 
@@ -116,7 +116,7 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
         np.empty((len(random_points), record.base_color.shape[1])),
         np.empty(len(random_points)),
     )
-    fill_sampled(*drawn, np.ascontiguousarray(viewers), random_points, bool(front), record)
+    fill_bsdf_samples(*drawn, np.ascontiguousarray(viewers), random_points, bool(front), record)
     return drawn
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from plenoptic.core.values import checked, set_field, value
+from plenoptic.core.values import checked_field, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.materials.material_records import SMOOTH, Index, MaterialRow
 from plenoptic.scene.textures.color import Colour, as_colour, as_fraction
@@ -53,8 +53,8 @@ class Conductor:
     >>> gold = pl.Conductor(index=(0.18 + 3.4j, 0.42 + 2.35j, 1.37 + 1.77j), alpha=0.2)
     """
 
-    reflectance: Colour = checked(as_colour, default=1.0, at_most=1.0)
-    alpha: float = checked(as_fraction, default=0.0)
+    reflectance: Colour = checked_field(as_colour, default=1.0, at_most=1.0)
+    alpha: float = checked_field(as_fraction, default=0.0)
     index: Index | None = None
 
     def __post_init__(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import checked, value
+from plenoptic.core.values import checked_field, value
 from plenoptic.scene.materials.material_records import SMOOTH, MaterialRow
 from plenoptic.scene.textures.color import Colour, as_colour, as_fraction, as_index
 
@@ -45,10 +45,10 @@ class Dielectric:
     Dielectric(index=1.33, absorption=(0.02, 0.004, 0.001))
     """
 
-    index: float = checked(as_index, default=1.5)
-    alpha: float = checked(as_fraction, default=0.0)
-    absorption: Colour = checked(as_colour, default=0.0)
-    exterior: float = checked(as_index, default=1.0)
+    index: float = checked_field(as_index, default=1.5)
+    alpha: float = checked_field(as_fraction, default=0.0)
+    absorption: Colour = checked_field(as_colour, default=0.0)
+    exterior: float = checked_field(as_index, default=1.0)
 
     def row(self) -> MaterialRow:
         """Row of the material's numbers; missing ones keep their default."""
@@ -89,8 +89,8 @@ class ThinGlass:
     ThinGlass(transmittance=(0.9, 1.0, 0.9))
     """
 
-    index: float = checked(as_index, default=1.5)
-    transmittance: Colour = checked(as_colour, default=1.0, at_most=1.0)
+    index: float = checked_field(as_index, default=1.5)
+    transmittance: Colour = checked_field(as_colour, default=1.0, at_most=1.0)
 
     def row(self) -> MaterialRow:
         """Row of the material's numbers; missing ones keep their default."""

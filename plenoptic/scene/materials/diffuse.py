@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import checked, value
+from plenoptic.core.values import checked_field, value
 from plenoptic.scene.materials.material_records import MaterialRow
-from plenoptic.scene.textures.color import Colour, as_fraction, as_textured
+from plenoptic.scene.textures.color import Colour, as_fraction, as_texture_or_colour
 from plenoptic.scene.textures.texture import Texture
 
 
@@ -33,7 +33,7 @@ class Lambertian:
     Lambertian(albedo=(0.8, 0.3, 0.2))
     """
 
-    albedo: Colour | Texture = checked(as_textured, default=0.5, at_most=1.0)
+    albedo: Colour | Texture = checked_field(as_texture_or_colour, default=0.5, at_most=1.0)
 
     def row(self) -> MaterialRow:
         """Row of the material's numbers; missing ones keep their default."""
@@ -73,8 +73,8 @@ class RoughDiffuse:
     RoughDiffuse(albedo=0.8, roughness=0.6)
     """
 
-    albedo: Colour | Texture = checked(as_textured, default=0.5, at_most=1.0)
-    roughness: float = checked(as_fraction, default=0.5)
+    albedo: Colour | Texture = checked_field(as_texture_or_colour, default=0.5, at_most=1.0)
+    roughness: float = checked_field(as_fraction, default=0.5)
 
     def row(self) -> MaterialRow:
         """Row of the material's numbers; missing ones keep their default."""

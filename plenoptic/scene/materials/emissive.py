@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import checked, flag, value
+from plenoptic.core.values import checked_field, flag, value
 from plenoptic.scene.materials.material_records import MaterialRow
-from plenoptic.scene.textures.color import Colour, as_textured
+from plenoptic.scene.textures.color import Colour, as_texture_or_colour
 from plenoptic.scene.textures.texture import Texture
 
 
@@ -33,8 +33,8 @@ class Emissive:
     Emissive(radiance=10.0, two_sided=True)
     """
 
-    radiance: Colour | Texture = checked(as_textured, default=1.0)
-    two_sided: bool = checked(flag, default=False)
+    radiance: Colour | Texture = checked_field(as_texture_or_colour, default=1.0)
+    two_sided: bool = checked_field(flag, default=False)
 
     def row(self) -> MaterialRow:
         """Row of the material's numbers; missing ones keep their default."""

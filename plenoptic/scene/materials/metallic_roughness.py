@@ -8,10 +8,10 @@ from functools import cache
 
 import numpy as np
 
-from plenoptic.core.values import Floats, checked, flag, read_only, value
+from plenoptic.core.values import Floats, checked_field, flag, read_only, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.materials.material_records import COUPLING_COSINES, MaterialRow
-from plenoptic.scene.textures.color import Colour, as_fraction, as_share, as_textured
+from plenoptic.scene.textures.color import Colour, as_fraction, as_share, as_texture_or_colour
 from plenoptic.scene.textures.texture import Texture
 
 _ROUGHNESSES, _DRAWS = 41, 32
@@ -74,17 +74,17 @@ class MetallicRoughness:
     MetallicRoughness(base=(0.8, 0.1, 0.1), roughness=0.3)
     """
 
-    base: Colour | Texture = checked(as_textured, default=0.5, at_most=1.0)
-    metallic: float | Texture = checked(as_share, default=0.0)
-    roughness: float | Texture = checked(as_share, default=0.5)
+    base: Colour | Texture = checked_field(as_texture_or_colour, default=0.5, at_most=1.0)
+    metallic: float | Texture = checked_field(as_share, default=0.0)
+    roughness: float | Texture = checked_field(as_share, default=0.5)
     _: dataclasses.KW_ONLY
     normal_map: Texture | None = None
-    emission: Colour | Texture = checked(as_textured, default=0.0)
-    two_sided: bool = checked(flag, default=False)
-    opacity: float | Texture = checked(as_share, default=1.0)
-    cutoff: float | None = checked(as_fraction, default=None)
-    clearcoat: float | Texture = checked(as_share, default=0.0)
-    clearcoat_roughness: float | Texture = checked(as_share, default=0.0)
+    emission: Colour | Texture = checked_field(as_texture_or_colour, default=0.0)
+    two_sided: bool = checked_field(flag, default=False)
+    opacity: float | Texture = checked_field(as_share, default=1.0)
+    cutoff: float | None = checked_field(as_fraction, default=None)
+    clearcoat: float | Texture = checked_field(as_share, default=0.0)
+    clearcoat_roughness: float | Texture = checked_field(as_share, default=0.0)
 
     def __post_init__(self) -> None:
         normals = self.normal_map

@@ -28,7 +28,7 @@ def as_colour(colour: Any, name: str, *, at_most: float = np.inf) -> Colour:
     return parts[0] if shape == () else (parts[0], parts[1], parts[2])
 
 
-def as_textured(colour: Any, name: str, *, at_most: float = np.inf) -> Colour | Texture:
+def as_texture_or_colour(colour: Any, name: str, *, at_most: float = np.inf) -> Colour | Texture:
     """A colour, or a texture none of whose texels is above the limit."""
     if not isinstance(colour, Texture):
         return as_colour(colour, name, at_most=at_most)
@@ -59,7 +59,7 @@ def as_share(share: Any, name: str) -> float | Texture:
         return as_fraction(share, name)
     if share.texels.shape[2] != 1:
         raise InvalidValueError(f"{name} is a texture of {share.texels.shape[2]} channels; it must have 1")
-    as_textured(share, name, at_most=1.0)
+    as_texture_or_colour(share, name, at_most=1.0)
     return share
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.color.srgb import Encoding
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.files.images import read_linear
-from plenoptic.core.values import Floats, Given, checked, choice, frozen_array, set_field, value
+from plenoptic.core.values import Floats, Given, checked_field, choice, frozen_array, set_field, value
 from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.scene.textures.pillow_images import linear_texels
 
@@ -102,7 +102,7 @@ class Texture:
     texels: Given[NDArray[np.float32], ArrayLike]
     _: dataclasses.KW_ONLY
     wrap: Wrap | tuple[Wrap, Wrap] = Wrap.REPEAT
-    filter: TextureFilter = checked(choice, kind=TextureFilter, default=TextureFilter.BILINEAR)
+    filter: TextureFilter = checked_field(choice, kind=TextureFilter, default=TextureFilter.BILINEAR)
 
     def __post_init__(self) -> None:
         codes = "Texture.from_image for image codes"

@@ -95,7 +95,7 @@ def _without_pose(subject: Subject) -> Subject:
     if scene is not None:
         scene = scene.transformed(np.vstack([np.column_stack([turn, shift]), [0, 0, 0, 1]]))
     if shutter is not None and shutter.motion is not None:
-        shutter = dataclasses.replace(shutter, motion=shutter.motion.carried(turn, shift))
+        shutter = dataclasses.replace(shutter, motion=shutter.motion.in_frame(turn, shift))
     camera = dataclasses.replace(subject.camera, pose=None, shutter=shutter)
     return dataclasses.replace(subject, scene=scene, camera=camera)
 

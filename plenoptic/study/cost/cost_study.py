@@ -19,7 +19,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
 from plenoptic.study.exposures import Region, central_pixel, expose, region_bounds
-from plenoptic.study.study_table import Cell, StudyTable, until_interrupted
+from plenoptic.study.study_table import Cell, StudyTable, run_until_interrupt
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -256,7 +256,7 @@ def _measure_all(
             )
             return row, float(set_up[0])
 
-        return until_interrupted(measure, separable)
+        return run_until_interrupt(measure, separable)
 
 
 def share_of(without: Floats, whole: Floats) -> tuple[float, float | None]:

@@ -21,7 +21,7 @@ from plenoptic.study.error_time.error_split import Reference, reference_of, spli
 from plenoptic.study.error_time.error_table import ErrorRow, ErrorTable
 from plenoptic.study.error_time.variants import Variant, checked_variants, default_variants
 from plenoptic.study.exposures import Region, central_pixel, expose, region_bounds
-from plenoptic.study.study_table import until_interrupted
+from plenoptic.study.study_table import run_until_interrupt
 from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
@@ -232,7 +232,7 @@ def measure_rows(
             for name in variants
         ]
 
-    return [row for rows in until_interrupted(measure, range(len(runs.samples))) for row in rows]
+    return [row for rows in run_until_interrupt(measure, range(len(runs.samples))) for row in rows]
 
 
 def _subject(variant: Variant, scene: Scene | None, camera: PlenopticCamera) -> Subject:

@@ -129,7 +129,7 @@ def test_finds_what_float64_finds_and_is_blocked_where_that_is_before_the_end():
         for build in BUILDS:
             intersector, blocked = build(*records), np.full(2000, 7, np.uint8)
             assert_found(intersector, rays, rows, places, clear)
-            intersector.fill_blocked(blocked, rays)
+            intersector.fill_occlusion(blocked, rays)
             assert sure.mean() > 0.9 and some < blocked.mean() < 0.9
             np.testing.assert_array_equal(blocked[sure], reached[sure] < 1)
 
@@ -184,7 +184,7 @@ def test_no_ray_slips_between_triangles():
         rays = np.concatenate([starts, 1.1 * (aims - starts)], axis=1)
         assert (ask(build, rays)[0] >= 0).all()
         blocked = np.empty(len(rays), np.uint8)
-        build.fill_blocked(blocked, rays)
+        build.fill_occlusion(blocked, rays)
         assert blocked.all()
 
 

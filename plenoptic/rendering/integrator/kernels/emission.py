@@ -9,7 +9,7 @@ import numpy as np
 from plenoptic.core.kernels.vectors import dot, row_vector
 from plenoptic.core.kernels.wavelengths import one_channel, wavelength_index
 from plenoptic.core.numba.jit import kernel
-from plenoptic.scene.geometry.kernels.intersect import corners, interpolate_uv, intersect_triangle, is_mirrored
+from plenoptic.scene.geometry.kernels.intersect import corners, interpolate_uv, intersect_triangle, is_reflection
 from plenoptic.scene.lights.kernels.sky import add_environment, add_suns, weight
 from plenoptic.scene.lights.light_records import DELTA
 from plenoptic.scene.textures.kernels.lookup import fill_texel
@@ -96,7 +96,7 @@ def add_emission(radiance, queue, hits, geometry, emission, sky, wavelengths):
             triangle = corners(vertices, triangles, k, instance_to_world, instance)
             t, u, v, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
             normal_component = dot(normal, direction)
-            front = (normal_component < 0.0) != is_mirrored(instance_to_world, instance)
+            front = (normal_component < 0.0) != is_reflection(instance_to_world, instance)
             if (not front and two_sided[material] == 0) or not t > 0.0:
                 continue
             if texture_row is not None:

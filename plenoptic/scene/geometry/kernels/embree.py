@@ -127,9 +127,9 @@ class EmbreeTriangles:
         address = ctypes.addressof(self._arguments)
         _fill_closest(hits.triangle, hits.instance, self._first, rays, self._middle, self._scene, address)
 
-    def fill_blocked(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
+    def fill_occlusion(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""
-        _fill_blocked(blocked, rays, self._middle, self._scene, ctypes.addressof(self._arguments))
+        _fill_occlusion(blocked, rays, self._middle, self._scene, ctypes.addressof(self._arguments))
 
     def _new_scene(self) -> int:
         scene: int = _library.rtcNewScene(self._device)
@@ -234,7 +234,7 @@ def _fill_closest(triangles, instances, first, rays, middle, scene, arguments):
 
 
 @kernel
-def _fill_blocked(blocked, rays, middle, scene, arguments):
+def _fill_occlusion(blocked, rays, middle, scene, arguments):
     ray, center = _new_ray(), vector(middle, 0)
     number, address = ray.view(np.uint32), ray.ctypes.data
     for i in range(rays.shape[0]):

@@ -15,7 +15,7 @@ from plenoptic.scene.geometry.kernels.intersect import (
     interpolate_normal,
     interpolate_uv,
     intersect_triangle,
-    is_mirrored,
+    is_reflection,
     ray_offset,
     transform_normal,
 )
@@ -54,7 +54,7 @@ def fill_interactions(interactions, hits, rays, path, geometry, scatters):
         front = 1.0
         if dot(g, direction) > 0.0:
             over, front = -over, 0.0
-        if is_mirrored(instance_to_world, instance):
+        if is_reflection(instance_to_world, instance):
             front = 1.0 - front
         g = scale(g, over)
         point = add(row_vector(rays, i, 0), scale(direction, t))
@@ -88,7 +88,7 @@ def meets_back(rays, hits, geometry):
     instance = -1 if hits.instance is None else hits.instance[0]
     triangle = corners(geometry.vertices, geometry.triangles, hits.triangle[0], geometry.instance_to_world, instance)
     _, _, _, normal = intersect_triangle(row_vector(rays, 0, 0), row_vector(rays, 0, 3), triangle)
-    return (dot(normal, row_vector(rays, 0, 3)) > 0.0) != is_mirrored(geometry.instance_to_world, instance)
+    return (dot(normal, row_vector(rays, 0, 3)) > 0.0) != is_reflection(geometry.instance_to_world, instance)
 
 
 @kernel

@@ -145,7 +145,7 @@ def transform_normal(m, n):
 
 
 @device
-def is_mirrored(instance_to_world, instance):
+def is_reflection(instance_to_world, instance):
     """True if corners that run counter-clockwise in the frame of the mesh run clockwise in the world."""
     if instance_to_world is not None:
         if instance >= 0:

@@ -13,13 +13,13 @@ from plenoptic.core.kernels.vectors import dot, row_vector, sub
 from plenoptic.core.kernels.wavelengths import row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.scene.geometry.geometry_records import FRONT, NORMAL, POINT
-from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle, is_mirrored
+from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle, is_reflection
 from plenoptic.scene.lights.light_records import DIRECTION, END
 from plenoptic.scene.materials.material_records import INSIDE
 
 
 @kernel
-def fill_absorbed(queue, hits, geometry, glass_index, absorption, wavelengths):
+def fill_absorption(queue, hits, geometry, glass_index, absorption, wavelengths):
     """Attenuate rays by the media along them since their origin (Beer-Lambert).
 
     A ray that meets the back of a body's surface was inside that body, whatever was known of it.
@@ -38,7 +38,7 @@ def fill_absorbed(queue, hits, geometry, glass_index, absorption, wavelengths):
         triangle = corners(geometry.vertices, geometry.triangles, k, instance_to_world, instance)
         direction = row_vector(rays, i, 3)
         t, _, _, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
-        behind = (dot(normal, direction) > 0.0) != is_mirrored(instance_to_world, instance)
+        behind = (dot(normal, direction) > 0.0) != is_reflection(instance_to_world, instance)
         material = geometry.triangle_material[k]
         if behind and glass_index[material, INSIDE] > 0.0 and not holds(media[i], material):
             enter(media[i], material)

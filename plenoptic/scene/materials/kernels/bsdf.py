@@ -90,7 +90,7 @@ def _only_surface(bsdf, front):
 
 
 @kernel
-def fill_evaluated(values, pdf, to_viewer, to_light, front, bsdf):
+def fill_bsdf_values(values, pdf, to_viewer, to_light, front, bsdf):
     """F |cos| and density of pairs of directions in the frame of the surface of the only material of a record."""
     surface = _only_surface(bsdf, front)
     for i in range(pdf.size):
@@ -104,7 +104,7 @@ def fill_evaluated(values, pdf, to_viewer, to_light, front, bsdf):
 
 
 @kernel
-def fill_sampled(directions, weights, pdf, to_viewer, points, front, bsdf):
+def fill_bsdf_samples(directions, weights, pdf, to_viewer, points, front, bsdf):
     """Directions drawn for each viewer by three numbers, their weights and densities."""
     surface = _only_surface(bsdf, front)
     for i in range(pdf.size):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from plenoptic.core.numba.jit import device
 from plenoptic.scene.lights.light_records import DELTA
 from plenoptic.scene.materials.kernels.fresnel import conductor
-from plenoptic.scene.materials.kernels.microfacets import half_way, nothing, sample_reflected, smith_lambda
+from plenoptic.scene.materials.kernels.microfacets import half_way, nothing, sample_reflection, smith_lambda
 from plenoptic.scene.materials.material_records import EXTINCTION, INDEX, SMOOTH
 
 
@@ -52,7 +52,7 @@ def sample_conductor(f, surface, o, u, metal_index, basis):
     if alpha < SMOOTH:
         _reflectance(f, o[2], metal_index, surface.material, basis, surface.wave)
         return (-o[0], -o[1], o[2]), DELTA, 1.0
-    i, cosine, pdf = sample_reflected(o, alpha, u[0], u[1])
+    i, cosine, pdf = sample_reflection(o, alpha, u[0], u[1])
     if not i[2] > 0.0:
         return (0.0, 0.0, 1.0), 0.0, 1.0
     hidden_o, hidden_i = smith_lambda(o, alpha), smith_lambda(i, alpha)

@@ -10,7 +10,7 @@ import math
 from plenoptic.core.numba.jit import device
 from plenoptic.scene.materials.kernels.diffuse import OVER_PI, sample_cosine
 from plenoptic.scene.materials.kernels.fresnel import schlick
-from plenoptic.scene.materials.kernels.microfacets import half_way, nothing, sample_reflected, smith_lambda
+from plenoptic.scene.materials.kernels.microfacets import half_way, nothing, sample_reflection, smith_lambda
 from plenoptic.scene.materials.material_records import COUPLING_COSINES
 
 PLASTIC = 0.04
@@ -141,7 +141,7 @@ def sample_metallic_roughness(f, surface, o, u, coupling):
             else:
                 chance = (chance - coated) / (1.0 - coated)
     if chance < fraction:
-        i, _, _ = sample_reflected(o, max(roughness * roughness, 1e-3), chance / fraction, u[1])
+        i, _, _ = sample_reflection(o, max(roughness * roughness, 1e-3), chance / fraction, u[1])
     else:
         i = sample_cosine((chance - fraction) / (1.0 - fraction), u[1])
     if not i[2] > 0.0:

@@ -61,7 +61,7 @@ def reflect(o, h, cosine):
 
 
 @device
-def sample_reflected(o, alpha, u, v):
+def sample_reflection(o, alpha, u, v):
     """The direction reflected by a facet that is seen, the cosine at the facet, and the density of the direction."""
     h = visible_normal(o, alpha, u, v)
     cosine = min(max(dot(o, h), 0.0), 1.0)

@@ -12,7 +12,7 @@ from plenoptic.scene.textures.texture_records import MIRROR, NEAREST, REPEAT
 
 
 @device
-def wrapped(s, wrap):
+def wrap_coordinate(s, wrap):
     """Texture coordinate s brought into [0, 1]; 0 where it is no number. Off by 2^-54 at most."""
     if wrap == REPEAT:
         s -= np.floor(s)
@@ -26,7 +26,7 @@ def wrapped(s, wrap):
 @device
 def neighbours(s, n, wrap):
     """Neighbours of coordinate s among n texels along an axis, and its position between them."""
-    x = wrapped(s, wrap) * n + 0.5
+    x = wrap_coordinate(s, wrap) * n + 0.5
     second = int(x)
     f = x - second
     first = second - 1
@@ -48,8 +48,8 @@ def fill_texel(value, texels, row, s, t):
     start, rows, columns, channels = row.start, row.rows, row.columns, row.channels
     last = value.shape[0] if channels > 1 else 1
     if row.filter == NEAREST:
-        column = min(int(wrapped(s, row.wrap_u) * columns), columns - 1)
-        above = min(int(wrapped(t, row.wrap_v) * rows), rows - 1)
+        column = min(int(wrap_coordinate(s, row.wrap_u) * columns), columns - 1)
+        above = min(int(wrap_coordinate(t, row.wrap_v) * rows), rows - 1)
         at = start + ((rows - 1 - above) * columns + column) * channels
         for k in range(last):
             value[k] = texels[at + k]
