@@ -125,6 +125,7 @@ def _draw_pixels(camera: PlenopticCamera, rays: SectionRays, sensor: Any, reach:
         ax.hlines(borders[:, 1], borders[:, 2], borders[:, 2] + thick, color=_SENSOR, linewidth=0.5)
     corners = np.concatenate([edges[:, 1:], edges[::-1, 1:] + [0.0, thick]])
     ax.fill(corners[:, 1], corners[:, 0], color=_PIXEL, linewidth=0, zorder=2.5)
-    place, text = (edges[0, 2] + thick, edges[:, 1].mean()), {"va": "center", "fontsize": "small", "color": _PIXEL}
-    ax.annotate("pixel", place, (4, 0), textcoords="offset points", **text)
+    place = (edges[0, 2] + thick, edges[:, 1].mean())
+    text: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": "small"}
+    ax.annotate("pixel", place, (4, 0), color=_PIXEL, **text)
     ax.margins(x=0.16)  # room for that word

@@ -66,9 +66,9 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
     if figure is not None:
         return figure
     plt = pyplot()
-    figure_of_pyplot: Figure = plt.figure(figsize=size, layout="constrained")
-    figure_of_pyplot._repr_mimebundle_ = partial(_leave_pyplot, figure_of_pyplot)
-    return figure_of_pyplot
+    new: Figure = plt.figure(figsize=size, layout="constrained")
+    new._repr_mimebundle_ = partial(_leave_pyplot, new)  # type: ignore[attr-defined]
+    return new
 
 
 def _leave_pyplot(figure: Figure, **_: Any) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def encode(image: NDArray[Any], white: float, missing: NDArray[np.bool_] | None 
     colours = image.shape[2] == 3
     image = image if colours else np.mean(image, axis=2, keepdims=True)
     scaled = np.clip(np.asarray(image, dtype=np.float64) / white, 0.0, 1.0)
-    unknown = ~np.isfinite(scaled).all(axis=2) if missing is None else missing
+    unknown = np.asarray(~np.isfinite(scaled).all(axis=2) if missing is None else missing)
     encoded = linear_to_srgb(np.nan_to_num(scaled)) if colours else scaled
     return np.where(unknown[:, :, None], NOTHING, encoded)
 

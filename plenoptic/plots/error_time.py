@@ -58,7 +58,13 @@ def plot_error_against_time(table: ErrorTable, ax: Axes | None = None) -> Axes:
     style: dict[str, Any] = {"color": _FRONT, "linewidth": 4.0, "alpha": 0.35, "zorder": 1}
     ax.plot(seconds, errors, "o-", drawstyle="steps-post", label="Pareto front, with n", **style)
     for row, place in zip(front, zip(seconds, errors, strict=True), strict=True):
-        text = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": "x-small", "color": _FRONT}
+        text: dict[str, Any] = {
+            "textcoords": "offset points",
+            "ha": "right",
+            "va": "top",
+            "fontsize": "x-small",
+            "color": _FRONT,
+        }
         ax.annotate(str(row.samples), place, xytext=(-6, -6), **text)
     ax.set(xscale="log", yscale="log", xlabel=f"CPU time of {table.pixels} pixels / s", ylabel="relative RMS error / %")
     _plain_ticks(ax)

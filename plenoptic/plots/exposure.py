@@ -61,7 +61,7 @@ class _Frame(NamedTuple):
 
 
 def _draw_pixels(
-    ax: Axes, image: NDArray[Any], missing: NDArray[np.bool_], extent: tuple[float, ...], norm: Normalize
+    ax: Axes, image: NDArray[Any], missing: NDArray[np.bool_], extent: tuple[float, float, float, float], norm: Any
 ) -> Any:
     """Draw an image up to `norm.vmax`; the scale of its greys, None of colours, which are encoded for the screen."""
     if image.shape[2] == 3:

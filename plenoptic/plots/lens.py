@@ -56,20 +56,20 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
     """
     check_has(lens, "lens", "LensStack", "camera.lens", "profiles")
     ax = axes_or_new(ax, (7.0, 5.0))
-    profiles, thick = lens.profiles(), {"linewidth": 2.5}
+    profiles, thick = lens.profiles(), 2.5
     _fill_glass(lens, profiles, ax)
     reach = 1.05 * max(element.semi_diameter for element in lens.elements)
     for i, (z, element, profile) in enumerate(zip(lens.vertices.tolist(), lens.elements, profiles, strict=True)):
         if hasattr(element, "medium"):
-            style = {"color": _MIRROR, **thick} if i in _mirrors(lens) else {"color": _EDGE, "linewidth": 1.0}
-            ax.plot(profile[:, 0], profile[:, 1], **style)
+            colour, width = (_MIRROR, thick) if i in _mirrors(lens) else (_EDGE, 1.0)
+            ax.plot(profile[:, 0], profile[:, 1], color=colour, linewidth=width)
         else:
             colour = _STOP if i == lens.iris_index else _OTHER_STOP
             hole, outer = element.semi_diameter, max(reach, 1.15 * element.semi_diameter)
-            ax.plot([z, z, np.nan, z, z], [-outer, -hole, np.nan, hole, outer], color=colour, **thick)
-        if hasattr(element, "inner_semi_diameter") and not element.contains(0.0, 0.0):
+            ax.plot([z, z, np.nan, z, z], [-outer, -hole, np.nan, hole, outer], color=colour, linewidth=thick)
+        if hasattr(element, "inner_semi_diameter") and not element.contains(0.0, 0.0):  # type: ignore[union-attr]
             radius = element.inner_semi_diameter
-            ax.plot([z, z], [-radius, radius], color=_STOP, **thick)
+            ax.plot([z, z], [-radius, radius], color=_STOP, linewidth=thick)
     ax.axhline(0.0, color=_OTHER_STOP, linewidth=0.6, linestyle="--")
     ax.set_aspect("equal")
     ax.set(xlabel="z / mm", ylabel="y / mm", title=(lens.name or "lens") + unfolded(lens))

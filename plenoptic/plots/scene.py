@@ -60,7 +60,7 @@ def plot_scene(scene: Scene, camera: PlenopticCamera | None = None, *, figure: F
     ----------
     scene : Scene
         Meshes in the colours of their materials, glass pale, lights yellow; the smaller is drawn over the larger. Of
-        very many triangles the largest are drawn, and points of the others.
+        very many triangles the largest are drawn, and some of the others, enlarged.
     camera : PlenopticCamera, optional
         Its field is drawn to the plane in focus, which is red; those of the scene's `views` always.
     figure : matplotlib.figure.Figure, default: a new one
@@ -111,9 +111,7 @@ def _shown(shapes: list[Shape], seen: list[Frustum], lamps: list[Any]) -> Floats
     sizes = np.array([np.ptp(box, axis=0).max() for box in boxes])
     order = np.argsort(sizes, kind="stable").tolist()
     while (
-        len(order) > 1
-        and sizes[order[-1]] > _HUGE * sizes[order[-2]] > 0
-        and len(shapes[order[-1]].triangles) + len(shapes[order[-1]].points) <= _FLAT
+        len(order) > 1 and sizes[order[-1]] > _HUGE * sizes[order[-2]] > 0 and len(shapes[order[-1]].triangles) <= _FLAT
     ):
         del order[-1]
     points = [corner for frustum in seen for corner in (frustum.origins, frustum.in_focus) if corner is not None]

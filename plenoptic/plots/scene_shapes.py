@@ -1,11 +1,10 @@
-"""Meshes seen along an axis: of large ones the largest triangles and points of the others."""
+"""Meshes seen along an axis: of large ones the largest triangles and some of the others."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.values import Floats
@@ -13,10 +12,8 @@ from plenoptic.core.values import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_TRIANGLES, _FEWEST = 6000, 40
-"""Triangles of a scene that are drawn as such, and the least of a mesh."""
-_POINTS = 200_000
-"""Points of a scene by which the other triangles are drawn."""
+_TRIANGLES, _FEWEST = 12_000, 40
+"""Triangles of a scene that are drawn, and the least of a mesh."""
 _PLACES = 400
 """Instances that are drawn, as boxes where their triangles are too many."""
 _BOX = np.array([[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
@@ -31,8 +28,6 @@ class Shape(NamedTuple):
 
     triangles: Floats
     """(n, 3, 3) corners, mm."""
-    points: Floats
-    """(m, 3)"""
     colour: Floats
     """(3,) sRGB, 0 to 1."""
     bounds: Floats
@@ -50,54 +45,46 @@ def shapes_of(scene: Any, window: Floats | None = None) -> list[Shape]:
     `window` is (2, 3), or (2, 2) for x and y alone.
     """
     shining = [light.mesh() for light in scene.lights if hasattr(light, "mesh")]
-    lights = len(scene.meshes)
     parts = [*scene.meshes, *shining]
-    triangles, points = max(_FEWEST, _TRIANGLES // max(1, len(parts))), _POINTS // max(1, len(parts))
-    shapes = []
+    most, shapes = max(_FEWEST, _TRIANGLES // max(1, len(parts))), []
     for k, part in enumerate(parts):
         mesh = getattr(part, "mesh", part)
-        vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces)
-        dots = np.empty((0, 3))
+        triangles = np.asarray(mesh.vertices, dtype=np.float32)[np.asarray(mesh.faces)]
         if hasattr(part, "matrices"):
-            drawn = _places(part, vertices[faces] if len(faces) <= triangles else None, triangles)
+            triangles = _places(part, triangles, most)
         else:
-            if window is not None and len(faces) > triangles:
-                faces = _within(vertices, faces, window)
-            drawn, dots = _largest(vertices, faces, triangles, points)
-        colour = np.array(_LIGHT) if k >= lights else _colour(mesh.material.row())
-        if len(drawn):
-            box = around([drawn.reshape(-1, 3), *([dots] if len(dots) else [])])
-            shapes.append(Shape(drawn, dots, colour, box))
+            if window is not None and len(triangles) > most:
+                triangles = _within(triangles, window)
+            triangles = _fewer(triangles, most)
+        colour = np.array(_LIGHT) if k >= len(scene.meshes) else _colour(mesh.material.row())
+        if len(triangles):
+            shapes.append(Shape(triangles, colour, around([triangles.reshape(-1, 3)])))
     return shapes
 
 
-def _within(vertices: NDArray[Any], faces: NDArray[Any], window: Floats) -> NDArray[Any]:
+def _within(triangles: Floats, window: Floats) -> Floats:
     """Triangles that reach into a box."""
     k = window.shape[1]
-    high = np.stack([vertices[faces[:, i], :k] for i in range(3)])
-    return np.asarray(faces[((high.max(axis=0) >= window[0]) & (high.min(axis=0) <= window[1])).all(axis=1)])
+    low, high = triangles.min(axis=1)[:, :k], triangles.max(axis=1)[:, :k]
+    return np.asarray(triangles[((high >= window[0]) & (low <= window[1])).all(axis=1)])
 
 
-def _largest(vertices: NDArray[Any], faces: NDArray[Any], triangles: int, points: int) -> tuple[Floats, Floats]:
-    """The largest triangles of a mesh, and points evenly over the others, some of which are left out of very many."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    if len(faces) <= triangles:
-        return np.stack([a, b, c], axis=1), np.empty((0, 3))
-    size = np.abs(b - a).sum(axis=1) + np.abs(c - a).sum(axis=1)
-    large = np.argpartition(size, len(size) - triangles)[-triangles:]
-    each, step = max(1, points // len(faces)), max(1, len(faces) // points)
-    u, v = (np.arange(each)[:, None, None] * np.array([0.7549, 0.5698])[:, None, None, None] + 0.3) % 1.0
-    over = u + v > 1.0
-    u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
-    a_, b_, c_ = (corner[::step] for corner in (a, b, c))
-    some = a_ + u * (b_ - a_) + v * (c_ - a_)
-    return np.stack([a[large], b[large], c[large]], axis=1), some.reshape(-1, 3)
+def _fewer(triangles: Floats, most: int) -> Floats:
+    """The largest triangles, and of the others every k-th, sqrt(k) times as large about its middle."""
+    if len(triangles) <= most:
+        return triangles
+    order = np.argsort(np.ptp(triangles, axis=1).sum(axis=1), kind="stable")[::-1]
+    large, small = order[: most // 2], order[most // 2 :]
+    step = -(-len(small) // (most - len(large)))
+    some = triangles[small[::step]]
+    middle = some.mean(axis=1, keepdims=True)
+    return np.concatenate([triangles[large], middle + np.sqrt(step) * (some - middle)])
 
 
-def _places(part: Any, corners: Floats | None, triangles: int) -> Floats:
+def _places(part: Any, corners: Floats, most: int) -> Floats:
     """Triangles of instances at as many places as are drawn: those of the mesh, or of the box around it."""
     matrices = np.asarray(part.matrices)[:: -(-len(part.matrices) // _PLACES)]
-    if corners is None or len(corners) * len(matrices) > triangles:
+    if len(corners) * len(matrices) > most:
         low, high = part.mesh.bounds
         box = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
         corners = box[_BOX]
@@ -133,9 +120,5 @@ def draw_shapes(ax: Axes, shapes: list[Shape], right: Floats, up: Floats, unit: 
         lengths = np.linalg.norm(normals, axis=1)
         cosines = np.abs(normals @ towards) / np.where(lengths > 0, lengths, 1.0)
         colours, faces = shape.colour * (_SHADE + (1.0 - _SHADE) * cosines[:, None]), triangles @ across / unit
-        dots = shape.points @ across / unit
-        ax.plot(
-            dots[:, 0], dots[:, 1], linestyle="none", marker="s", markersize=0.8, color=shape.colour, rasterized=True
-        )
         style: dict[str, Any] = {"edgecolors": "face", "linewidths": 0.3, "antialiased": False, "rasterized": True}
         ax.add_collection(PolyCollection(faces, facecolors=colours, **style))
