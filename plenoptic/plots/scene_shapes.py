@@ -120,9 +120,5 @@ def draw_shapes(ax: Axes, shapes: list[Shape], right: Floats, up: Floats, unit: 
         lengths = np.linalg.norm(normals, axis=1)
         cosines = np.abs(normals @ towards) / np.where(lengths > 0, lengths, 1.0)
         colours, faces = shape.colour * (_SHADE + (1.0 - _SHADE) * cosines[:, None]), triangles @ across / unit
-        dots = shape.points @ across / unit
-        ax.plot(
-            dots[:, 0], dots[:, 1], linestyle="none", marker="s", markersize=0.8, color=shape.colour, rasterized=True
-        )
         style: dict[str, Any] = {"edgecolors": "face", "linewidths": 0.3, "antialiased": False, "rasterized": True}
         ax.add_collection(PolyCollection(faces, facecolors=colours, **style))
