@@ -130,7 +130,7 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
         right, *columns = zip(*errors, strict=True)
         largest = [max((error for error in column if error is not None), default=None) for column in columns]
         seconds = time.perf_counter() - begin
-        return StabilityRow._make((case.name, count, *largest, returned, right.count(False), seconds))
+        return StabilityRow._make((case.name, count, *largest, tuple(returned), right.count(False), seconds))
 
     rows = run_until_interrupt(measure, chosen)
     beyond = [row.case for row in rows if not row.holds]
