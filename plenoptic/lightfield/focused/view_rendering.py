@@ -1,4 +1,4 @@
-"""Views of a focused camera: rendering of one picture from its raw image."""
+"""Views of a focused camera, rendered from its raw image."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.decode import field_of, odd_count
 from plenoptic.lightfield.focused.edges import correct_edges, edge_weights
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, pixel_rays
 from plenoptic.lightfield.focused.splats import (
@@ -29,9 +30,12 @@ from plenoptic.lightfield.focused.splats import (
 from plenoptic.lightfield.focused.view import View
 from plenoptic.lightfield.pinhole_model import image_distance_behind_array
 from plenoptic.lightfield.raw_arrays import checked_viewpoint
+from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
-LEAST_LIGHT = 0.1
+_LEAST_LIGHT = 0.1
+_HALF_SIDE = 0.6
+"""Half the side of the grid of viewpoints, in semi-diameters of the iris; its corners lie at 0.85."""
 _FINEST = 0.01
 """Minimum pixel width of a picture, as a fraction of the pitch."""
 _OVERSHOOT = 0.25
@@ -61,7 +65,7 @@ def render_view(  # noqa: PLR0913
     viewpoint: tuple[float, float] = (0.0, 0.0),
     aperture: float | None = None,
     spacing: float | None = None,
-    least_light: float = LEAST_LIGHT,
+    least_light: float = _LEAST_LIGHT,
     camera: PlenopticCamera | None = None,
     threads: int | None = None,
     progress: bool = True,
@@ -142,11 +146,79 @@ def render_view(  # noqa: PLR0913
     radius = math.inf if aperture is None else positive(aperture, "aperture")
     pupil_point = checked_viewpoint(viewpoint)
     with CallProgress("rendering the view", kind="camera", show=progress):
-        samples = picture_samples(rays, *picture_focus(rays, disparity, z), spacing)
-        return render_from_viewpoint(samples, pupil_point, radius, thread_count(threads))
+        samples = _picture_samples(rays, *_picture_focus(rays, disparity, z), spacing)
+        return _render_from_viewpoint(samples, pupil_point, radius, thread_count(threads))
 
 
-def render_from_viewpoint(samples: ViewSamples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
+def render_views(
+    shot: Exposure,
+    white: Exposure,
+    disparity: ArrayLike,
+    *,
+    views: int = 5,
+    spacing: float | None = None,
+    camera: PlenopticCamera | None = None,
+    threads: int | None = None,
+) -> LightField:
+    """Render views of a focused plenoptic camera (2.0) from a grid of points of the pupil, as a light field.
+
+    Parameters
+    ----------
+    shot, white, disparity, spacing, camera, threads
+        As in `render_view`; the disparity of each pixel.
+    views : int, optional
+        Number of views along u and along v; odd. The outermost lie at 0.6 of the iris's semi-diameter to the right and
+        left, above and below.
+
+    Returns
+    -------
+    LightField
+        Its `u` and `v` are offsets from the chief rays on the sensor, as in `decode`, so that
+        `LightField.disparity_at`, `LightField.truth`, `refocus` and exports apply. Views are in focus everywhere.
+
+    Raises
+    ------
+    InvalidValueError
+        As `render_view` does, and for an even number of views.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.camera.example_camera(shape=(96, 96))
+    >>> shot = pl.render(pl.check_scene(), camera, samples=16, progress=False, truth=pl.Truth.CHORD_DISPARITY)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> field = pl.lightfield.render_views(shot, white, shot.truth.chord_disparity, views=3)
+    >>> field, field.pupil[2, 2].round(6).tolist()
+    (LightField(3 x 3 views of 31 x 31 x 1), [0.6, -0.6])
+    """
+    count = odd_count(views)
+    rays = pixel_rays(shot, white, camera, _LEAST_LIGHT)
+    camera, pupil = rays.camera, rays.pupil
+    samples = _picture_samples(rays, *_picture_focus(rays, disparity), spacing)
+    positions = np.linspace(-_HALF_SIDE, _HALF_SIDE, count) if count > 1 else np.zeros(1)
+    # Offsets increase to the right in the image, and in an upright pupil.
+    scale = pupil.slope * camera.microlenses_to_sensor / camera.sensor.pixel_pitch
+    sign, workers = math.copysign(1.0, scale), thread_count(threads)
+    rendered = [
+        [_render_from_viewpoint(samples, (sign * x, -sign * y), math.inf, workers) for y in positions]
+        for x in positions
+    ]
+    axes, local = array_axes(camera), samples.grid.positions()
+    chief = axes.on_sensor(local.reshape(-1, 2), local.reshape(-1, 2) * pupil.vergence)
+    pixel = camera.sensor.pixel_of(chief).reshape(local.shape)
+    errors = [[view.standard_error for view in column] for column in rendered]
+    return field_of(
+        camera,
+        np.array([[view.picture for view in column] for column in rendered]),
+        None if rays.raw.variance is None else np.array(errors),
+        np.tile(abs(scale) * positions, (2, 1)),
+        local[0, 0],
+        (samples.grid.spacing, samples.grid.spacing),
+        np.concatenate([pixel, rendered[0][0].on_array], axis=-1),
+    )
+
+
+def _render_from_viewpoint(samples: ViewSamples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
     """The view from a point of the pupil, from pixels whose rays pass within an aperture around it."""
     rays, splats, grid, terms = samples
     camera, array, slope = rays.camera, rays.array, rays.pupil.slope
@@ -185,7 +257,7 @@ def render_from_viewpoint(samples: ViewSamples, viewpoint: tuple[float, float], 
     )
 
 
-def picture_focus(rays: PixelRays, disparity: ArrayLike | None, z: float | None = None) -> tuple[Floats, bool]:
+def _picture_focus(rays: PixelRays, disparity: ArrayLike | None, z: float | None = None) -> tuple[Floats, bool]:
     """Disparities (n,) of the rays at which a picture is in focus, in pitches; True if each pixel has its own.
 
     Raises InvalidValueError unless exactly one of disparity and plane is given.
@@ -223,8 +295,8 @@ def _disparities_of_plane(rays: PixelRays, z: float) -> Floats:
     return rays.to_sensor / behind
 
 
-def picture_samples(rays: PixelRays, disparity: Floats, everywhere: bool, pixel_spacing: float | None) -> ViewSamples:
-    """Rays as samples of pictures, see `picture_focus`; their positions and density depend on the viewpoint."""
+def _picture_samples(rays: PixelRays, disparity: Floats, everywhere: bool, pixel_spacing: float | None) -> ViewSamples:
+    """Rays as samples of pictures, see `_picture_focus`; their positions and density depend on the viewpoint."""
     pupil, raw, pitch = rays.pupil, rays.raw, min(rays.array.pitches)
     spacing = pitch / _PIXELS_PER_PITCH if pixel_spacing is None else length_in_mm(pixel_spacing, "spacing")
     if not _FINEST * pitch <= spacing <= pitch:
