@@ -11,7 +11,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
-from plenoptic.optics.lens.kernels.biconic import biconic_at, biconic_bending
+from plenoptic.optics.lens.kernels.biconic import biconic_at, biconic_second_bound
 from plenoptic.optics.lens.lens_record import FIRST_NUMBER
 from plenoptic.optics.lens.trace import trace_part
 
@@ -79,7 +79,7 @@ def test_sag_derivatives_and_bounds():
                 value,
                 bound,
             )
-        within = [biconic_bending.py_func(r2, row) for r2 in x * x + y * y]
+        within = [biconic_second_bound.py_func(r2, row) for r2 in x * x + y * y]
         assert np.all(np.linalg.norm(hessian, ord=2, axis=(1, 2)) <= np.multiply(within, 1 + 1e-9)), name
         assert term.vertex == (0.0, 0.0, 1 / term.radius_x, 0.0, 1 / term.radius_y)
         assert term.inverted.sag(x, y) == pytest.approx(-term.sag(x, y), rel=0, abs=0)

@@ -241,20 +241,27 @@ def blocks_of(rays: RayBundle) -> Floats:
 def probe_rays(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | None = None) -> ProbeRecords:
     """Trace the first n rays of a bundle in place and record their conditioning; see `fill_conditions`."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
-    from plenoptic.optics.lens.kernels.notes import INCIDENCE, LOG, NEWTON, REACH, REFRACTION, STEPS
+    from plenoptic.optics.lens.kernels.conditioning_probes import (
+        INCIDENCE,
+        PROBE_ROWS,
+        NEWTON,
+        ROUNDED_LENGTH,
+        REFRACTION,
+        STEPS,
+    )
     from plenoptic.optics.lens.kernels.trace import fill_conditions
 
     elements, whole = len(lens.rows), blocks.size // RAY
-    columns = np.empty((LOG, elements, whole, BLOCK))
+    columns = np.empty((PROBE_ROWS, elements, whole, BLOCK))
     for first in range(0, whole, CHUNK):
         end = min(first + CHUNK, whole)
-        log = np.empty((end - first, elements, LOG, BLOCK))
+        probes = np.empty((end - first, elements, PROBE_ROWS, BLOCK))
         part = None if waves is None else waves[first * BLOCK : end * BLOCK]
-        fill_conditions(blocks[first * RAY : end * RAY], log, lens.completed, part)
-        columns[:, :, first:end] = log.transpose(2, 1, 0, 3)
-    rays = columns.reshape(LOG, elements, -1)[:, :, :n]
+        fill_conditions(blocks[first * RAY : end * RAY], probes, lens.completed, part)
+        columns[:, :, first:end] = probes.transpose(2, 1, 0, 3)
+    rays = columns.reshape(PROBE_ROWS, elements, -1)[:, :, :n]
     codes = blocks.reshape(-1, RAY)[:, STATUS:].reshape(-1)[:n].astype(np.int64)
-    cancellation = rays[REACH] / sizes(lens)[:, None]
+    cancellation = rays[ROUNDED_LENGTH] / sizes(lens)[:, None]
     return ProbeRecords(lens, rays[INCIDENCE], rays[REFRACTION], cancellation, rays[NEWTON], rays[STEPS], codes)
 
 

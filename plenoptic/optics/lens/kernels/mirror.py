@@ -1,4 +1,4 @@
-"""Rays reflected at one surface that they have been moved to: the kernel."""
+"""Kernel: reflection of rays at a surface, from their intersections with it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from plenoptic.optics.lens.kernels.freeform import freeform_at
 
 @device
 def reflect(ray, lens, k):
-    """At the surface in row k, whose vertex is the origin: d - 2 (d . n) n / n^2, with a normal n of any length.
+    """Reflect rays at the surface in row k, whose vertex is the origin: d - 2 (d . n) n / n^2, with n of any length.
 
-    A conic's is the gradient of its equation, which holds beyond an equator too.
+    The normal of a conic is the gradient of its implicit equation, which holds beyond the equator too.
     """
     row = lens.rows[k]
     c, kz = row.curvature, 1.0 if lens.conic is None else 1.0 + lens.conic[k]
