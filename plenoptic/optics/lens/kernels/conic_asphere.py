@@ -22,8 +22,8 @@ from plenoptic.core.kernels.ray_blocks import (
     Z,
 )
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.kernels.freeform_term import freeform_second_bound, freeform_term_at
 from plenoptic.optics.lens.kernels.conditioning_probes import NEWTON, STEPS
+from plenoptic.optics.lens.kernels.freeform_term import freeform_second_bound, freeform_term_at
 from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
 NEWTON_STEPS = 12

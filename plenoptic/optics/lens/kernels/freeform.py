@@ -8,6 +8,13 @@ import numpy as np
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, CLIPPED, NOT_FINITE, STATUS, TOTAL_REFLECTION, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device
+from plenoptic.optics.lens.kernels.conditioning_probes import (
+    NEWTON,
+    ROUNDED_LENGTH,
+    STEPS,
+    record_refraction,
+    rounded_length,
+)
 from plenoptic.optics.lens.kernels.conic_asphere import (
     AT_VERTEX,
     EPS,
@@ -17,13 +24,6 @@ from plenoptic.optics.lens.kernels.conic_asphere import (
     to_conic_of_asphere,
 )
 from plenoptic.optics.lens.kernels.freeform_term import freeform_term_at
-from plenoptic.optics.lens.kernels.conditioning_probes import (
-    NEWTON,
-    ROUNDED_LENGTH,
-    STEPS,
-    rounded_length,
-    record_refraction,
-)
 from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
 

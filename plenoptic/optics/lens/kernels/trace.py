@@ -9,19 +9,19 @@ import numpy as np
 from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.element_record import ASPHERE, CIRCLE, CONIC, FREEFORM, IDEAL, SPHERE
+from plenoptic.optics.lens.kernels.conditioning_probes import (
+    INCIDENT_ROWS,
+    init_incident,
+    record_asphere,
+    record_conic,
+    record_plane,
+    store_incident,
+)
 from plenoptic.optics.lens.kernels.conic_asphere import refract_asphere, refract_conic
 from plenoptic.optics.lens.kernels.frames import into_frame, out_of_frame
 from plenoptic.optics.lens.kernels.freeform import record_freeform, refract_freeform
 from plenoptic.optics.lens.kernels.ideal import refract_ideal, to_plane
 from plenoptic.optics.lens.kernels.mirror import reflect
-from plenoptic.optics.lens.kernels.conditioning_probes import (
-    INCIDENT_ROWS,
-    init_incident,
-    store_incident,
-    record_asphere,
-    record_conic,
-    record_plane,
-)
 from plenoptic.optics.lens.kernels.paths import add_path, begin_path, store_start
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.lens.kernels.stops import clip_circle, clip_shape
