@@ -130,8 +130,8 @@ def require_axis(lens: LensStack, subject: str) -> None:
             ("is decentred or tilted", "placement") if placed else ("has no rotational symmetry", "freeform term")
         )
         raise InvalidValueError(
-            f"element {i} of {lens.name!r} {fault}; {subject} defined for a lens with an axis only: leave out its {cause}, or use  "
-            "at spot diagrams"
+            f"element {i} of {lens.name!r} {fault}; {subject} defined for a lens with an axis only: leave out its "
+            f"{cause}, or use spot diagrams"
         )
     if lens.model is LensModel.NONE:
         raise InvalidValueError(f"the model of {lens.name!r} is NONE, which forms no image; use lens.with_model(EXACT)")

@@ -140,7 +140,7 @@ class Conditioning:
 
     def __repr__(self) -> str:
         worst = self.worst
-            worst_text = "" if worst is None else f": worst at element {worst.element}, {_element_name(worst)}"
+        worst_text = "" if worst is None else f": worst at element {worst.element}, {_element_name(worst)}"
         return f"<Conditioning of {self.rays} rays at {len(self.elements)} elements{worst_text}>"
 
     def __str__(self) -> str:
@@ -216,7 +216,8 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
 
 class ProbeRecords(NamedTuple):
     """Conditioning of each ray; arrays (elements, rays) in the order of travel, nan if the ray does not pass the
-    element."""
+    element.
+    """
 
     lens: LensRecord
     incidence: Floats
@@ -246,10 +247,10 @@ def probe_rays(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
     from plenoptic.optics.lens.kernels.conditioning_probes import (
         INCIDENCE,
-        PROBE_ROWS,
         NEWTON,
-        ROUNDED_LENGTH,
+        PROBE_ROWS,
         REFRACTION,
+        ROUNDED_LENGTH,
         STEPS,
     )
     from plenoptic.optics.lens.kernels.trace import fill_conditions

@@ -1,8 +1,8 @@
-"""Aberrations against the field, by real rays: distortion, curvature of the image, coma, distortion of depth.
+"""Aberrations against the field, by real rays: distortion, field curvature, coma, distortion of depth.
 
-Fields lie along +y: half angles in rad of objects infinitely far away, otherwise heights in mm of points in the plane
-z_object. Rays are aimed at the real iris and pass all rims; a field whose chief ray does not exist has nan. The passing
-light and how bright it is, is in `illumination`.
+Fields lie along +y: half angles in rad for objects at infinity, otherwise heights in mm in the plane z_object. Rays are
+aimed at the real iris; rims do not clip them. A field without a chief ray gives nan. Vignetting and relative
+illumination are in `illumination`.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Projection(enum.IntEnum):
     ORTHOGRAPHIC = 4
 
     def height(self, focal_length: float, angle: ArrayLike) -> Floats:
-        """Distance from the axis in mm of the image of a half angle in rad; negative angles give negative ones."""
+        """Image height in mm of a half angle in rad; negative angles have negative heights."""
         theta = np.asarray(angle, dtype=np.float64)
         scaled = {
             Projection.RECTILINEAR: lambda: np.tan(theta),
@@ -69,24 +69,24 @@ def checked_fields(lens: LensStack, fields: ArrayLike, z_object: float, *, name:
 
 
 def image_plane(lens: LensStack, z_object: float, wavelength: float) -> float:
-    """The paraxial image plane, or an error where the image is infinitely far away."""
+    """Position z in mm of the paraxial image plane; an error if the image is at infinity."""
     z = image_position(lens, z_object, wavelength)
     if not math.isfinite(z):
         raise InvalidValueError(
-            f"{lens.name!r} images z_object {z_object:g} mm to infinity, where there is no image plane; move the object"
+            f"{lens.name!r} images z_object {z_object:g} mm to infinity, so there is no image plane; move the object"
         )
     return z
 
 
 def trace_past_rims(lens: LensStack, rays: RayBundle) -> RayBundle:
-    """Trace a bundle past all rims; through a model that is not exact, as it is."""
+    """Trace a bundle without clipping by rims; a lens that is not LensModel.EXACT is traced by its model."""
     if lens.model is not LensModel.EXACT:
         return lens.trace(rays)
     return trace_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
 
 
 def chief_rays(lens: LensStack, fields: Floats, z_object: float, wavelength: float) -> RayBundle:
-    """The chief rays of fields (n,) along +y, before the lens."""
+    """Chief rays of fields (n,) along +y, in front of the lens."""
     rays = [chief_ray(lens, field=(0.0, y), z_object=z_object, wavelength=wavelength) for y in fields.tolist()]
     origin, direction = (np.reshape([getattr(ray, name) for ray in rays], (-1, 3)) for name in ("origin", "direction"))
     return RayBundle(origin, direction, wavelength, status=np.ravel([ray.status for ray in rays]))
@@ -101,7 +101,7 @@ class Distortion:
     fields : (n,) array
         rad, or mm.
     height : (n,) array
-        y of the real chief ray in mm: mostly below 0, since the image stands upside down.
+        y of the real chief ray in mm: mostly below 0, since the image is inverted.
     ideal : (n,) array
         y of the ideal image in mm.
     projection : Projection
@@ -120,7 +120,7 @@ class Distortion:
 
     @property
     def relative(self) -> Floats:
-        """(height - ideal) / ideal, (n,): negative for a barrel, positive for a cushion; 0 on the axis."""
+        """(height - ideal) / ideal, (n,): negative for barrel, positive for pincushion distortion; 0 on the axis."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.ideal == 0, 0.0 * self.height, self.height / self.ideal - 1.0)
 
@@ -212,14 +212,14 @@ class FieldCurvature:
 
     @property
     def medial(self) -> Floats:
-        """Mean of sagittal and tangential, (n,), mm: where the spot is about smallest."""
+        """Mean of sagittal and tangential, (n,), mm: about the position of the smallest spot."""
         return np.asarray((self.tangential + self.sagittal) / 2.0)
 
 
 def field_curvature(
     lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6
 ) -> FieldCurvature:
-    """Sagittal and tangential image surfaces, and so astigmatism, by Coddington's equations along real chief rays.
+    """Sagittal and tangential image surfaces, hence astigmatism, by Coddington's equations along real chief rays.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def field_curvature(
     Raises
     ------
     InvalidValueError
-        If the lens is not centred or not EXACT, or the image is infinitely far away.
+        If the lens is not centred or not EXACT, or the image is at infinity.
 
     References
     ----------
@@ -254,14 +254,14 @@ def field_curvature(
 
 @result
 class Coma:
-    """Asymmetry of spots. See `coma`, which makes it.
+    """Sagittal and tangential coma. Made by `coma`.
 
     Attributes
     ----------
     fields, z_image, z_object
         As in `Distortion`.
     sagittal, tangential : (n,) array
-        Mean y of two rays from opposite points of the zone, along x and along y, minus y of the chief ray, in mm.
+        Mean y of two rays through opposite points of the zone, along x and along y, minus y of the chief ray, in mm.
     zone : float
         Distance of these points from the centre of the iris in units of its semi-diameter.
     """
@@ -294,7 +294,7 @@ def coma(
     Raises
     ------
     InvalidValueError
-        If the image is infinitely far away or the zone is not above 0.
+        If the image is at infinity or the zone is not above 0.
 
     References
     ----------
@@ -308,7 +308,7 @@ def coma(
     True
     """
     radii, size = checked_fields(lens, fields, z_object), positive(zone, "zone")
-    require_axis(lens, "coma here is")
+    require_axis(lens, "coma is")
     z_image = image_plane(lens, z_object, wavelength)
     pupil = size * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     y = np.empty((len(radii), 5))
@@ -320,7 +320,7 @@ def coma(
 
 @result
 class DepthDistortion:
-    """Distances that are sharp on a flat sensor. Made by `depth_distortion`.
+    """Object points in focus on a flat sensor. Made by `depth_distortion`.
 
     Attributes
     ----------
@@ -331,8 +331,7 @@ class DepthDistortion:
     z_object : (m,) array
         Their paraxial conjugates, mm.
     sagittal, tangential : (m, n) array
-        z in mm of the object points on the chief rays that are sharp; above 0 where the lens is focused beyond
-        infinity.
+        z in mm of the object points in focus on the chief rays; above 0 if the lens is focused beyond infinity.
     """
 
     heights: Floats
@@ -351,10 +350,10 @@ class DepthDistortion:
 def depth_distortion(
     lens: LensStack, heights: ArrayLike, *, z_image: ArrayLike, wavelength: float = 587.6
 ) -> DepthDistortion:
-    """Sharp object points of flat sensors, by the height on them: field curvature in object space.
+    """Object points in focus on flat sensors, against the image height: field curvature in object space.
 
-    A camera that takes depth from sharpness or disparity, and was calibrated on the axis, errs by the difference to
-    `z_object`. Chief rays are followed backwards from the sensor.
+    The difference from `z_object` is the depth error of a camera calibrated on the axis, which measures depth by focus
+    or disparity. Chief rays are traced in reverse from the sensor.
 
     Parameters
     ----------
