@@ -34,14 +34,14 @@ def _needs_a_lens(lens: LensStack) -> None:
 
 
 def front_focus(lens: LensStack, wavelength: float = 587.6) -> float:
-    """Z in mm of the front focus by the lens's model; objects in front of it have a real image."""
+    """Position z in mm of the front focus by the lens's model; objects in front of it have a real image."""
     _needs_a_lens(lens)
     points = cardinal_points(lens, wavelength)
     return points.rear_principal - points.efl if lens.model is LensModel.THIN else points.front_focus
 
 
 def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
-    """Z in mm of the Gaussian image of an object plane by the lens's model; see `image_position`.
+    """Position z in mm of the Gaussian image of a plane by the lens's model; see `image_position`.
 
     THIN has both principal planes at the rear principal point; PARAXIAL and EXACT image by the cardinal points.
     LensModel.NONE raises an InvalidValueError.

@@ -70,11 +70,10 @@ class SeidelSums:
         """(5,): transverse aberrations in the Gaussian image plane in mm.
 
         Spherical aberration of the marginal ray S_I / (2 n'u') and tangential coma 3 S_II / (2 n'u'). Rim rays by
-        tangential field curvature (3 S_III + S_IV) / (2 n'u') and by sagittal field curvature (S_III + S_IV) / (2
-        n'u'). Distortion of the chief ray S_V / (2 n'u'). The pupil is a disc of radius 1 and the object lies above the
-        axis. A ray through the pupil point (x, y) then misses the Gaussian image by (dW/dx, dW/dy) / (n'u'). The
-        wavefront is W = W040 r^4 + W131 r^2 y + W222 y^2 + W220 r^2 + W311 y. Infinite or nan if the emerging light is
-        collimated.
+        tangential field curvature (3 S_III + S_IV) / (2 n'u'), by sagittal field curvature (S_III + S_IV) / (2 n'u').
+        Distortion of the chief ray S_V / (2 n'u'). The pupil is a disc of radius 1 and the object lies above the axis.
+        A ray through the pupil point (x, y) then misses the Gaussian image by (dW/dx, dW/dy) / (n'u'). The wavefront is
+        W = W040 r^4 + W131 r^2 y + W222 y^2 + W220 r^2 + W311 y. Infinite or nan if the emerging light is collimated.
         """
         s1, s2, s3, s4, s5 = self.total
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -111,7 +111,7 @@ def without_one(weights: Sequence[Floats], replicate: NDArray[np.uint8]) -> Floa
 
 
 def jackknife_error(estimates: Floats) -> Floats:
-    """Standard error from estimates (..., n) that leave one of n equal, independent parts out each.
+    """Standard error from estimates (..., n) that each leave out one of n equal, independent parts.
 
     B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, SIAM 1982, equation 3.1.
     """
@@ -129,11 +129,11 @@ def spot_diagram(
     rays: int = 1024,
     seed: int = 0,
 ) -> SpotDiagram:
-    """Trace the rays from one object point that fill the iris, and see where they meet the image plane.
+    """Trace the rays from one object point that fill the iris to the image plane.
 
-    Each ray carries the same light: an object at infinity sends them evenly over the cross section of its beam, and a
-    finite one evenly over direction cosines, as a Lambertian patch of the object plane does. The real stop and the rims
-    of all surfaces decide which rays pass.
+    Each ray carries the same light. Rays of an object at infinity are uniform over the cross section of the beam. Rays
+    of a finite object are uniform over direction cosines, as from a Lambertian patch of the object plane. The real stop
+    and the rims of all surfaces clip them.
 
     Parameters
     ----------

@@ -42,11 +42,11 @@ def test_the_entrance_pupil_counts_and_not_the_diameter_of_the_stop(tmp_path):
     lens = load(tmp_path, "ENPD 10", STOP, *LENS)
     assert f_number(lens) == pytest.approx(7.8, rel=1e-12)
     (found,) = about_aperture(lens)
-    assert "semi-diameter of 5 mm, and its file says 10 mm" in found and "StopSize.DIAMETER" in found
+    assert "semi-diameter of 5 mm, but its file states 10 mm" in found and "StopSize.DIAMETER" in found
     by_stop = load(tmp_path, "ENPD 10", STOP, *LENS, stop_size=DIAMETER)
     assert f_number(by_stop) == pytest.approx(3.9, rel=1e-12)
     (found,) = about_aperture(by_stop)
-    assert "10 mm wide (f/7.8), which it makes 20 mm (f/3.9)" in found
+    assert "an entrance pupil of 10 mm (f/7.8); its diameter is 20 mm (f/3.9)" in found
     # Where both agree nothing is said, and nothing of a stop that its user has chosen.
     assert about_aperture(load(tmp_path, "ENPD 20", STOP, *LENS)) == []
     assert about_aperture(lens.with_stop(pl.CircularStop(1.0))) == []
