@@ -178,7 +178,7 @@ def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
             return _Piece(CircularStop(size, gap, placement=row.placement), row, has_size)
         equator = _equator(row)
         if equator < size <= equator * (1.0 + _ROUNDING):
-            # The reciprocal of a curvature is the original radius up to a rounding error: round it.
+            # A radius from a written curvature has a rounding error: the semi-diameter may exceed the equator by it.
             size = equator
         surface = Surface(
             radius,
@@ -278,8 +278,8 @@ def _with_sizes(
             scale = beam.factor(aperture)
         except PrescriptionError as error:
             raise PrescriptionError(
-                f"{where}, line {aperture.line}: {aperture.keyword} {aperture.size:g} does not determine the size of the stop"
-                f": {error}; give stop_size=pl.optics.StopSize.DIAMETER"
+                f"{where}, line {aperture.line}: {aperture.keyword} {aperture.size:g} does not determine the stop: "
+                f"{error}; give stop_size=pl.optics.StopSize.DIAMETER"
             ) from None
         pieces = _with_stop(pieces, beam.stop, scale * float(abs(beam.heights[beam.stop] @ beam.marginal)), where)
     unknown = [piece for piece in pieces if not piece.size_is_known]
@@ -330,7 +330,7 @@ def _resize(piece: _Piece, size: float, where: str) -> _Piece:
 def _specification(
     lens: LensStack, stop: Row | None, system: System, beam: _ParaxialBeam | None, gaps: tuple[float, float], image: Row
 ) -> Specification:
-    """Specification of the lens by the file; None if its data are incomplete."""
+    """Specification of the lens by the file, without data that cannot be derived."""
     aperture, diameter, fields = system.aperture, None, np.zeros((0, 2))
     if beam is not None:
         with contextlib.suppress(PrescriptionError), np.errstate(all="ignore"):

@@ -85,9 +85,7 @@ class System(NamedTuple):
             return -self.fields / (distance + pupil)
         if self.field_type in (_IMAGE_HEIGHT, _REAL_IMAGE_HEIGHT) and math.isinf(distance):
             return self.fields / focal_length
-        raise PrescriptionError(
-            f"fields of type {self.field_type} do not determine the chief ray of this lens; give it"
-        )
+        raise PrescriptionError(f"fields of type {self.field_type} do not determine the chief ray; give it")
 
     def object_points(self, distance: float, pupil: float, focal_length: float) -> Floats:
         """Object points (n, 2) in the units of analyses: radians for an object at infinity, otherwise mm."""
