@@ -230,7 +230,7 @@ def _followed_outlines(
     exit_pupil, semi_diameter, *across = pupil
     parts = up_to_stops(lens)
 
-    def seen(radius: float, heading: Place | None) -> Outline:
+    def outline_at(radius: float, predicted: Place | None) -> Outline:
         reach = 1.02 * (rear[0] + rear[1] * radius)
         rays, grazing = PupilRays(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
         rim = _around((0.0, 0.0, reach), _WHOLE)
@@ -240,29 +240,29 @@ def _followed_outlines(
             fraction = (z_plane - z) / (z_plane - exit_pupil)
             x, y = (fraction * shift for shift in across)
             guesses.append(_around((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
-        if heading is not None:
-            guesses.append(_around(heading, _COARSE))
+        if predicted is not None:
+            guesses.append(_around(predicted, _COARSE))
         return light_outline(rays._replace(lit=grazing[rays.fates(grazing).code == 0]), guesses, rim, _FINE)
 
     outlines: list[Outline] = []
-    centre, heading = None, None
+    centre, predicted = None, None
     for i, radius in enumerate(rho):
-        outline = seen(radius, heading)
+        outline = outline_at(radius, predicted)
         if outline is not DARK:
             x, y, half_width = _middle(outline.support)
             step = 0.0 if centre is None else x - centre
-            centre, heading = x, (x + step, y, 3 * half_width + abs(step))
+            centre, predicted = x, (x + step, y, 3 * half_width + abs(step))
         elif centre is not None:
             outline, lit, dark = outlines[-1], rho[i - 1], radius
             for _ in range(_BISECTIONS):
                 between = 0.5 * (lit + dark)
                 x, y, half_width = _middle(outline.support)
-                nearer = seen(between, (x, y, 4 * half_width))
-                if nearer is DARK:
+                middle_outline = outline_at(between, (x, y, 4 * half_width))
+                if middle_outline is DARK:
                     dark = between
                 else:
-                    lit, outline = between, nearer
-            centre, heading = None, None
+                    lit, outline = between, middle_outline
+            centre, predicted = None, None
         outlines.append(outline)
     return np.array([outline.support for outline in outlines]), np.array([outline.parted for outline in outlines])
 
