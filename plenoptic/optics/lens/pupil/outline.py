@@ -143,8 +143,8 @@ class Outline(NamedTuple):
 DARK = Outline(np.full(SIDES, -np.inf), False)
 
 
-class _Lit(NamedTuple):
-    """Passing part of a grid."""
+class _GridLight(NamedTuple):
+    """Transmitted rays of a search grid."""
 
     points: Floats
     """(m, 2): ends of the lit rows of the grid."""
@@ -173,37 +173,37 @@ def light_outline(rays: PupilRays, guesses: list[Guess], rim: Guess, fine: int) 
     for guess in guesses:
         if np.all(normals_of(SIDES) @ (0.5 * (guess.low + guess.high)) <= outline.support):
             continue
-        lit = _grown(rays, guess, rim)
+        lit = _trace_growing_grid(rays, guess, rim)
         if len(lit.points):
-            outline = _with(outline, rays, lit, fine)
+            outline = _extend(outline, rays, lit, fine)
         elif lit.thin:
             late.append(lit)
     for lit in late:
-        outline = _with(outline, rays, lit, fine)
+        outline = _extend(outline, rays, lit, fine)
     return outline
 
 
-def _with(found: Outline, rays: PupilRays, lit: _Lit, fine: int) -> Outline:
+def _extend(outline: Outline, rays: PupilRays, lit: _GridLight, fine: int) -> Outline:
     """Extend an outline to the transmitted rays of a grid."""
     normals = normals_of(SIDES)
-    if not (lit.all @ normals.T > found.support).any():
-        return found
+    if not (lit.all @ normals.T > outline.support).any():
+        return outline
     # Ends of a thin part may lie between the lines with a close search.
     lines, margin = (1, _LINES * lit.mesh) if lit.thin or lit.parted else (None, lit.mesh)
     low, high = lit.all.min(axis=0) - margin, lit.all.max(axis=0) + margin
-    inside = _lit(rays, Guess(low, high, fine), lines)
+    inside = _trace_grid(rays, Guess(low, high, fine), lines)
     points, mesh = inside.all, inside.mesh
     if not len(points):
         points, mesh = np.array([low, [low[0], high[1]], high, [high[0], low[1]]]), 0.0
-    support = np.maximum(found.support, (points @ normals.T).max(axis=0) + mesh)
-    return Outline(support, lit.parted or inside.parted or found is not DARK)
+    support = np.maximum(outline.support, (points @ normals.T).max(axis=0) + mesh)
+    return Outline(support, lit.parted or inside.parted or outline is not DARK)
 
 
-def _grown(rays: PupilRays, guess: Guess, rim: Guess) -> _Lit:
+def _trace_growing_grid(rays: PupilRays, guess: Guess, rim: Guess) -> _GridLight:
     """Transmitted rays of a grid that grows where light reaches its border, at most up to the box `rim`."""
     low, high = guess.low, guess.high
     while True:
-        lit = _lit(rays, Guess(low, high, guess.rays), _LINES)
+        lit = _trace_grid(rays, Guess(low, high, guess.rays), _LINES)
         if not len(lit.all):
             return lit
         left, right = lit.all.min(axis=0) - lit.mesh, lit.all.max(axis=0) + lit.mesh
@@ -215,7 +215,7 @@ def _grown(rays: PupilRays, guess: Guess, rim: Guess) -> _Lit:
         high = np.where(grow_high, np.minimum(high + width, rim.high), high)
 
 
-def _lit(rays: PupilRays, box: Guess, lines: int | None) -> _Lit:
+def _trace_grid(rays: PupilRays, box: Guess, lines: int | None) -> _GridLight:
     """Transmitted rays of a grid over a box, and between neighbours on every `lines`-th line; None: on no line."""
     n = box.rays
     x, y = (np.linspace(box.low[k], box.high[k], n) for k in range(2))
@@ -226,16 +226,16 @@ def _lit(rays: PupilRays, box: Guess, lines: int | None) -> _Lit:
     mesh = float(np.hypot(*((box.high - box.low) / (n - 1))))
     ends = passes.copy()
     ends[:, 1:-1] &= ~(passes[:, :-2] & passes[:, 2:])
-    lit, between = points[ends], np.empty((0, 2)) if lines is None else _between(rays, points, fates, lines)
-    between = between[_beyond(between, lit, mesh)]
+    lit, between = points[ends], np.empty((0, 2)) if lines is None else _search_between(rays, points, fates, lines)
+    between = between[_is_outside(between, lit, mesh)]
     thin = len(between) > 0
     if thin or len(lit):
         between = np.concatenate([between, rays.lit])
     parted = max(_span(passes), _span(passes.T)) > (1.0 + _HOLES) * np.count_nonzero(passes)
-    return _Lit(lit, between, mesh, thin, bool(parted or _beyond(between, lit, _TIP * mesh).any()))
+    return _GridLight(lit, between, mesh, thin, bool(parted or _is_outside(between, lit, _TIP * mesh).any()))
 
 
-def _beyond(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
+def _is_outside(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
     """True for points (n, 2) at more than a distance outside the bounding polygon of others (m, 2)."""
     if not len(points) or not len(lit):
         return np.ones(len(points), dtype=np.bool_)
@@ -249,7 +249,7 @@ def _span(passes: NDArray[np.bool_]) -> int:
     return int((lit.shape[1] - lit.argmax(axis=1) - lit[:, ::-1].argmax(axis=1)).sum())
 
 
-def _between(rays: PupilRays, points: Floats, fates: Fates, lines: int) -> Floats:
+def _search_between(rays: PupilRays, points: Floats, fates: Fates, lines: int) -> Floats:
     """Transmitted points (m, 2) between neighbours on every `lines`-th line of a grid of points (n, n, 2)."""
     pairs = []
     for before, after in ((np.s_[:-1, ::lines], np.s_[1:, ::lines]), (np.s_[::lines, :-1], np.s_[::lines, 1:])):
