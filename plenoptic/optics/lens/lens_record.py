@@ -222,12 +222,12 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[El
     front = rear if lens.model is LensModel.THIN else points.front_principal
     arrives, leaves = (rear, front) if reverse else (front, rear)
     ideal = ElementRow(IDEAL, curvature=1.0 / points.efl, max_depth=leaves - arrives, z=arrives, surface_index=iris)
-    stop_seen, z_stop, behind = shown_stop(lens, wavelength)
+    stop_seen, z_stop, behind = ideal_stop_image(lens, wavelength)
     stop = stop_seen.row()._replace(z=z_stop, surface_index=iris)
     return [ideal, stop] if behind else [stop, ideal]
 
 
-def shown_stop(lens: LensStack, wavelength: float) -> tuple[Stop, float, bool]:
+def ideal_stop_image(lens: LensStack, wavelength: float) -> tuple[Stop, float, bool]:
     """Image of the iris in an ideal model of a lens, its z in mm, and True if it lies behind the lens."""
     points = cardinal_points(lens, wavelength)
     scale = points.entrance_pupil_semi_diameter / lens.stop.semi_diameter

@@ -112,7 +112,7 @@ def to_lens_axes(placement: Placement | None, points: Floats) -> Floats:
     return points if placement is None else np.asarray(points @ placement.rotation.T + placement.shift)
 
 
-def kept_placement(placement: Placement | None) -> Placement | None:
+def normalised_placement(placement: Placement | None) -> Placement | None:
     """Check a placement; the identity becomes None."""
     if placement is None:
         return None
@@ -131,4 +131,4 @@ def set_place(element: Any) -> None:
             "list the elements in the order of the light path"
         )
     set_field(element, "thickness", gap)
-    set_field(element, "placement", kept_placement(element.placement))
+    set_field(element, "placement", normalised_placement(element.placement))

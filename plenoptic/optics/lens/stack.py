@@ -315,7 +315,7 @@ class LensStack:
         z_image: float | None = None,
         ax: Axes | None = None,
     ) -> Axes:
-        """Draw the lens with a fan of real rays for each of some fields, true to scale.
+        """Draw the lens with a fan of real rays for each field, true to scale.
 
         z to the right, y upwards, in mm; one colour a field.
 
@@ -324,22 +324,22 @@ class LensStack:
         fields : (n,) array, optional
             Along +y: half angles in radians, or heights in mm in the plane `z_object`; three if left out.
         z_object : float, optional
-            mm; -inf: infinitely far. If left out, that, or the front focus of a lens with no rear focus behind it.
+            mm; -inf for infinity. Default: -inf, or the front focus of a lens without a rear focus behind it.
         rays : int, optional
-            Rays of each fan, evenly over the diameter along y of the iris. Those that a rim stops end there.
+            Rays of each fan, uniform over the diameter of the iris along y. Clipped rays end at their rim.
         wavelength : float, optional
             nm.
         z_image : float, optional
-            Where rays end, mm; the paraxial image plane if left out.
+            z at which rays end, mm; by default the paraxial image plane.
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure if left out.
+            Axes to draw on; a new figure by default.
 
         Raises
         ------
         InvalidValueError
             If a field is out of range or the object is not before the lens.
         PlenopticError
-            Which is an ImportError too: without matplotlib.
+            If matplotlib is missing; also an ImportError.
 
         Examples
         --------
@@ -359,15 +359,15 @@ class LensStack:
         Parameters
         ----------
         rays : RayBundle
-            In the lens frame. Where a ray's origin lies on it does not matter.
+            In the lens frame. The position of a ray's origin along the ray has no effect.
         threads : int, optional
             Threads for large bundles; None: one for each processor, at most NUMBA_NUM_THREADS.
 
         Returns
         -------
         RayBundle
-            Origins on the last element. A lost ray has weight 0, a status, the element that it was lost at, and NaN for
-            origin and direction.
+            Origins on the last element. A lost ray has weight 0, a status, the index of its element, and NaN for origin
+            and direction.
 
         Examples
         --------

@@ -173,7 +173,7 @@ def test_numbers_that_cannot_be_are_refused():
         (lambda: BiconicSag(5.0, math.nan), "radius_y is nan mm"),
         (lambda: BiconicSag("5", 5.0), "radius_x is '5'; it must be a number"),
         (lambda: BiconicSag(5.0, 5.0, INF), "conic_x is inf; it must be finite"),
-        (lambda: biconic(BiconicSag(5.0, INF), 5.0), "gives no finite height and slope up to the semi-diameter 5 mm"),
+        (lambda: biconic(BiconicSag(5.0, INF), 5.0), "has no finite sag and slope up to the semi-diameter 5 mm"),
         (lambda: BiconicSag(5.0, INF).sag(6.0, 0.0), "the points reach 6 mm from the vertex, beyond BiconicSag"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):

@@ -331,7 +331,7 @@ def test_zemax_files_are_read():
 
 
 def test_zemax_files_that_cannot_be_read():
-    number = "XDAT 1, the number of Zernike terms, is missing or no such number"
+    number = "XDAT 1, the number of Zernike terms, is missing or invalid"
     for old, new, message in (
         ("XDAT 2 1.1", "XDAT 90 1.1", "line 13.*XDAT 2, the norm radius of the Zernike terms, is missing"),
         ("PARM 2", "PARM 9", "PARM 9 is 0.001; only PARM 1 to 8"),

@@ -24,7 +24,7 @@ _REPLICATES = 8
 """Fewer replicates than for standard errors, which best focus does not need: fewer sets of points are more even."""
 
 
-def _needs_a_lens(lens: LensStack) -> None:
+def _require_image(lens: LensStack) -> None:
     check_kind(lens, "lens", LensStack, "camera.lens")
     if lens.model is LensModel.NONE:
         raise InvalidValueError(
@@ -35,7 +35,7 @@ def _needs_a_lens(lens: LensStack) -> None:
 
 def front_focus(lens: LensStack, wavelength: float = 587.6) -> float:
     """Position z in mm of the front focus by the lens's model; objects in front of it have a real image."""
-    _needs_a_lens(lens)
+    _require_image(lens)
     points = cardinal_points(lens, wavelength)
     return points.rear_principal - points.efl if lens.model is LensModel.THIN else points.front_focus
 
@@ -46,7 +46,7 @@ def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) 
     THIN has both principal planes at the rear principal point; PARAXIAL and EXACT image by the cardinal points.
     LensModel.NONE raises an InvalidValueError.
     """
-    _needs_a_lens(lens)
+    _require_image(lens)
     if lens.model is not LensModel.THIN:
         return image_position(lens, z_object, wavelength)
     points = cardinal_points(lens, wavelength)
@@ -138,7 +138,7 @@ def best_focus(
     >>> [round(pl.aberrations.best_focus(lens, criterion=kind), 2) for kind in kinds]
     [102.7, 101.55, 101.4]
     """
-    _needs_a_lens(lens)
+    _require_image(lens)
     kind = choice(criterion, FocusCriterion, "criterion")
     if kind is FocusCriterion.PARAXIAL:
         _, z = checked_point(lens, field, z_object)
@@ -243,11 +243,11 @@ def through_focus(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4"))
-    >>> round(found.best, 2), round(float(found.z[found.rms_radius.argmin()]), 1)
+    >>> scan = pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4"))
+    >>> round(scan.best, 2), round(float(scan.z[scan.rms_radius.argmin()]), 1)
     (101.55, 101.6)
     """
-    _needs_a_lens(lens)
+    _require_image(lens)
     beam = _beam(lens, field, z_object, wavelength, rays, seed)
     if beam.parallel:
         raise InvalidValueError("the emerging rays are parallel and have no focus; give another z_object")

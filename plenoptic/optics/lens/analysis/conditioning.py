@@ -88,10 +88,11 @@ class Conditioning:
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("singlet-100mm-f4")
-    >>> found = pl.optics.conditioning(lens, pl.RayBundle([[0, 3.0, -100.0], [0, 30, -100]], [[0, 0, 1.0], [0, 0, 1]]))
-    >>> found
+    >>> rays = pl.RayBundle([[0, 3.0, -100.0], [0, 30, -100]], [[0, 0, 1.0], [0, 0, 1]])
+    >>> condition = pl.optics.conditioning(lens, rays)
+    >>> condition
     <Conditioning of 2 rays at 3 elements: worst at element 0, cancellation 16>
-    >>> found.lost
+    >>> condition.lost
     (('clipped', 0, 1),)
     """
 
@@ -203,10 +204,10 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
     >>> lens = pl.load_lens("double-gauss-100mm-f2")
     >>> y = np.linspace(-12.0, 12.0, 101)
     >>> rays = pl.RayBundle(np.stack([0 * y, y, 0 * y - 50.0], axis=1), [[0, 0, 1.0]] * 101)
-    >>> found = pl.optics.conditioning(lens, rays)
-    >>> bool(found.incidence.max() < 2), bool(found.digits_lost.max() < 1)
+    >>> condition = pl.optics.conditioning(lens, rays)
+    >>> bool(condition.incidence.max() < 2), bool(condition.digits_lost.max() < 1)
     (True, True)
-    >>> found.worst.element, found.worst.condition.name
+    >>> condition.worst.element, condition.worst.condition.name
     (0, 'CANCELLATION')
     """
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')

@@ -106,9 +106,9 @@ class Distortion:
         y of the ideal image in mm.
     projection : Projection
     z_image : float
-        The paraxial image plane, mm.
+        Paraxial image plane, mm.
     z_object : float
-        mm; -inf: infinitely far away.
+        mm; -inf for an object at infinity.
     """
 
     fields: Floats
@@ -141,16 +141,17 @@ def distortion(
     fields : (n,) array
         Along +y: half angles in rad, or heights in mm in the plane z_object.
     z_object : float, optional
-        mm; -inf: infinitely far away.
+        mm; -inf for an object at infinity.
     wavelength : float, optional
         nm.
     projection : Projection, optional
-        Of an object infinitely far away. At a finite distance the ideal image is the paraxial one: RECTILINEAR.
+        Ideal projection for an object at infinity. For a finite object the ideal image is the paraxial one:
+        RECTILINEAR.
 
     Raises
     ------
     InvalidValueError
-        If the image is infinitely far away or the projection does not reach the fields.
+        If the image is at infinity or the projection does not reach the fields.
 
     References
     ----------
@@ -159,8 +160,8 @@ def distortion(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
-    >>> (100 * found.relative).round(2).tolist()
+    >>> distortion = pl.aberrations.distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> (100 * distortion.relative).round(2).tolist()
     [0.0, -0.3, -1.08]
     """
     radii, ideal = checked_fields(lens, fields, z_object), choice(projection, Projection, "projection")
@@ -240,8 +241,8 @@ def field_curvature(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.field_curvature(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1])
-    >>> found.sagittal.round(2).tolist(), found.tangential.round(2).tolist()
+    >>> surfaces = pl.aberrations.field_curvature(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1])
+    >>> surfaces.sagittal.round(2).tolist(), surfaces.tangential.round(2).tolist()
     ([0.0, -0.82], [0.0, -1.8])
     """
     radii = checked_fields(lens, fields, z_object)
@@ -303,8 +304,8 @@ def coma(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.coma(pl.load_lens("singlet-100mm-f4"), [0.02], zone=0.1)
-    >>> bool(abs(found.tangential[0] / found.sagittal[0] - 3) < 0.01)
+    >>> coma = pl.aberrations.coma(pl.load_lens("singlet-100mm-f4"), [0.02], zone=0.1)
+    >>> bool(abs(coma.tangential[0] / coma.sagittal[0] - 3) < 0.01)
     True
     """
     radii, size = checked_fields(lens, fields, z_object), positive(zone, "zone")
@@ -376,8 +377,8 @@ def depth_distortion(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.depth_distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 20.0], z_image=134.624)
-    >>> found.z_object.round(2).tolist(), found.medial.round(2).tolist()
+    >>> depth = pl.aberrations.depth_distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 20.0], z_image=134.624)
+    >>> depth.z_object.round(2).tolist(), depth.medial.round(2).tolist()
     ([-404.0], [[-404.0, -399.29]])
     """
     radii = checked_fields(lens, heights, 0.0, name="heights")

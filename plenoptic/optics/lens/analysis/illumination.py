@@ -137,8 +137,8 @@ def vignetting(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
-    >>> found.fraction.round(2).tolist()
+    >>> vignetting = pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> vignetting.fraction.round(2).tolist()
     [0.99, 0.68, 0.36]
     """
     radii, stop = checked_fields(lens, fields, z_object), lens.stop
@@ -246,8 +246,8 @@ def relative_illumination(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.relative_illumination(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
-    >>> found.relative.round(2).tolist()
+    >>> illumination = pl.aberrations.relative_illumination(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> illumination.relative.round(2).tolist()
     [1.0, 0.65, 0.29]
     """
     radii, cells = checked_fields(lens, fields, z_object), whole(grid, "grid", at_least=8, at_most=MOST_ACROSS)

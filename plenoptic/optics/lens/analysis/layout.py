@@ -110,7 +110,7 @@ def lens_layout(
     wavelength: float = 587.6,
     z_image: float | None = None,
 ) -> LensLayout:
-    """Trace a fan of real rays for each of some fields; see `LensStack.layout`."""
+    """Trace a fan of real rays for each field; see `LensStack.layout`."""
     (first_vertex, last_vertex), z = lens.vertices[[0, -1]].tolist(), z_object
     if z is None:
         points = cardinal_points(lens, wavelength)

@@ -26,7 +26,7 @@ from plenoptic.core.values import (
 )
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.best_focus import imaged_point, working_f_number
-from plenoptic.optics.lens.analysis.spot_diagram import SpotDiagram, jackknife_error, spots_of, without_one
+from plenoptic.optics.lens.analysis.spot_diagram import SpotDiagram, jackknife_error, leave_one_out_sums, spots_of
 from plenoptic.optics.lens.pupil.beam import REPLICATES, ImagedPoint, meridian
 from plenoptic.optics.lens.stack import LensStack
 
@@ -216,8 +216,8 @@ def mtf(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.mtf(pl.load_lens("double-gauss-100mm-f2"), [0, 10, 20], field=(0, 0.1))
-    >>> found.tangential.round(2).tolist()
+    >>> contrast = pl.aberrations.mtf(pl.load_lens("double-gauss-100mm-f2"), [0, 10, 20], field=(0, 0.1))
+    >>> contrast.tangential.round(2).tolist()
     [1.0, 0.6, 0.5]
     """
     checked = checked_frequencies(frequencies)
@@ -249,7 +249,7 @@ def _modulus(spot: SpotDiagram, position: Floats, frequencies: Floats) -> tuple[
         phase = (2.0 * math.pi * frequency) * position
         real, imaginary = spot.weight * np.cos(phase), spot.weight * np.sin(phase)
         modulus[i] = math.hypot(real.sum(), imaginary.sum()) / spot.weight.sum()
-        re, im, light = without_one([real, imaginary, spot.weight], spot.replicate)
+        re, im, light = leave_one_out_sums([real, imaginary, spot.weight], spot.replicate)
         with np.errstate(divide="ignore", invalid="ignore"):
             error[i] = jackknife_error(np.hypot(re, im) / light)
     return np.minimum(modulus, 1.0), error

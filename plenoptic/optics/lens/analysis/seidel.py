@@ -11,7 +11,7 @@ from plenoptic.core.values import Floats, finite, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
-from plenoptic.optics.lens.gaussian.paraxial import image_position, leaving_aperture
+from plenoptic.optics.lens.gaussian.paraxial import image_position, image_side_aperture
 from plenoptic.optics.lens.pupil.beam import checked_wavelengths
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
@@ -137,7 +137,7 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
             table[i] = _spherical_part(element, marginal, chief, invariant, i)
             table[i] += _aspheric_part(element, marginal, chief, i)
     spherical, coma, astigmatism, petzval, distortion = table.T
-    aperture = leaving_aperture(lens, marginal, wavelength)
+    aperture = image_side_aperture(lens, marginal, wavelength)
     return SeidelSums(spherical, coma, astigmatism, petzval, distortion, aperture, float(wavelength))
 
 
@@ -243,7 +243,7 @@ def chromatic_shift(
     --------
     >>> import plenoptic as pl
     >>> shift = pl.aberrations.chromatic_shift(pl.load_lens("singlet-100mm-f4"))
-    >>> round(shift.axial, 2)                           # some f / V = 100 / 64.2, and below 0.2 for an achromat
+    >>> round(shift.axial, 2)                           # about f / V = 100 / 64.2; below 0.2 for an achromat
     1.53
     """
     lines = np.array(checked_wavelengths(wavelengths))

@@ -82,7 +82,7 @@ class SpotDiagram:
         """Standard error in mm of the sampled quantity `rms_radius`; NaN for fewer than 2 replicates."""
         dx, dy = self._offsets()
         sums = [self.weight, self.weight * dx, self.weight * dy, self.weight * (dx * dx + dy * dy)]
-        light, x, y, r2 = without_one(sums, self.replicate)
+        light, x, y, r2 = leave_one_out_sums(sums, self.replicate)
         with np.errstate(divide="ignore", invalid="ignore"):
             return float(jackknife_error(np.sqrt(np.maximum(r2 / light - (x * x + y * y) / light**2, 0.0))))
 
@@ -104,7 +104,7 @@ class SpotDiagram:
         )
 
 
-def without_one(weights: Sequence[Floats], replicate: NDArray[np.uint8]) -> Floats:
+def leave_one_out_sums(weights: Sequence[Floats], replicate: NDArray[np.uint8]) -> Floats:
     """Sums of each array over all replicates but one: (arrays, REPLICATES)."""
     sums = np.array([np.bincount(replicate, weights=w, minlength=REPLICATES) for w in weights])
     return np.asarray(sums.sum(axis=1, keepdims=True) - sums)
@@ -186,7 +186,7 @@ def spots_of(lens: LensStack, point: ImagedPoint, rays: int, seed: int) -> SpotD
     if total == 0:
         unit = "rad, not degrees" if math.isinf(point.z_object) else "mm"
         warn(f"no light from the field {point.field} ({unit}) passes {lens.name or 'the lens'}; choose a smaller field")
-    passing, through_iris = without_one([light.weight], light.replicate)[0], light.through_iris
+    passing, through_iris = leave_one_out_sums([light.weight], light.replicate)[0], light.through_iris
     emitted = float(through_iris.sum())
     remaining = emitted - through_iris
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -277,7 +277,7 @@ def _positions(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     reach = max(float(z[last] - z[first]), abs(points.efl))
     if outside > reach:
         message = (
-            f"the iris, element {lens.iris_index}, stands {outside:.4g} mm outside the lens, farther than the lens is "
+            f"the iris, element {lens.iris_index}, lies {outside:.4g} mm outside the lens, farther than the lens is "
             f"long and than its focal length, {points.efl:.4g} mm; check the gap"
         )
         yield Finding(FindingKind.IRIS_FAR, (lens.iris_index,), message)
@@ -295,16 +295,16 @@ def _aperture(lens: LensStack) -> Iterator[Finding]:
     specification, size, iris = lens.specification, lens.stop.semi_diameter, (lens.iris_index,)
     if specification is None:
         return
-    stated, asked = specification.stop_semi_diameter, specification.entrance_pupil_diameter
+    stated, stated_pupil = specification.stop_semi_diameter, specification.entrance_pupil_diameter
     message = f"the iris has a semi-diameter of {size:.4g} mm, but its file states "
     if stated is not None and abs(size - stated) > _OTHER_SIZE * stated:
         remedy = "which its system aperture overrides; load_lens(path, stop_size=pl.optics.StopSize.DIAMETER) uses it"
         yield Finding(FindingKind.APERTURE, iris, f"{message}{stated:.4g} mm, {remedy}")
-    if asked is not None:
+    if stated_pupil is not None:
         points = cardinal_points(lens, specification.wavelengths[0])
         pupil, length = 2.0 * points.entrance_pupil_semi_diameter, abs(points.efl)
-        if abs(pupil - asked) > _OTHER_SIZE * asked:
-            request = f"an entrance pupil of {asked:.4g} mm (f/{length / asked:.3g}); its diameter is "
+        if abs(pupil - stated_pupil) > _OTHER_SIZE * stated_pupil:
+            request = f"an entrance pupil of {stated_pupil:.4g} mm (f/{length / stated_pupil:.3g}); its diameter is "
             remedy = "lens.with_stop() sets another iris"
             yield Finding(
                 FindingKind.APERTURE, iris, f"{message}{request}{pupil:.4g} mm (f/{length / pupil:.3g}); {remedy}"

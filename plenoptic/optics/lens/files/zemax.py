@@ -94,7 +94,7 @@ def lens_from_zmx(
         raise wrong_kind(glasses, "glasses", "mapping from names to media", 'pl.optics.load_glasses("schott.agf")')
     makers = " ".join(line.rest for line in head if line.keyword == "GCAT")
     media = _Glasses({} if glasses is None else glasses, makers)
-    left_out = _left_out(blocks)
+    left_out = _ignored_data(blocks)
     blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV")]
     rows, turned = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)], False
     if has_folds(rows):
@@ -112,7 +112,7 @@ def lens_from_zmx(
     return lens
 
 
-def _left_out(blocks: list[list[Line]]) -> list[str]:
+def _ignored_data(blocks: list[list[Line]]) -> list[str]:
     """Properties of surfaces that are ignored."""
     coated = [str(i) for i, block in enumerate(blocks) for line in block if line.keyword == "COAT" and line.rest]
     ignored = [f"coatings (COAT of surface{'s' * (len(coated) > 1)} {', '.join(coated)})"] if coated else []

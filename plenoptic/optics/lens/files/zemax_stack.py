@@ -236,7 +236,7 @@ class _ParaxialBeam(NamedTuple):
     def at_pupil(self) -> float:
         """Height of the marginal ray in the entrance pupil."""
         if not math.isfinite(self.pupil):
-            raise PrescriptionError("the entrance pupil is infinitely far away")
+            raise PrescriptionError("the entrance pupil is at infinity")
         return float(abs(self.marginal[0] + self.marginal[1] * self.pupil / self.medium_index))
 
     def factor(self, aperture: Aperture) -> float:
@@ -296,7 +296,7 @@ def _with_sizes(
             at_stop = float(abs(beam.heights[beam.stop] @ beam.marginal))
             scale = pieces[beam.stop].element.semi_diameter / at_stop if at_stop else math.inf
         if not math.isfinite(beam.pupil):
-            raise PrescriptionError("the entrance pupil is infinitely far away; give it")
+            raise PrescriptionError("the entrance pupil is at infinity; give it")
         slopes = system.chief_slopes(beam.distance, beam.pupil, beam.focal_length)
     except InvalidValueError as error:
         row = unknown[0].row

@@ -34,7 +34,7 @@ def position(z: float, name: str) -> float:
     """Check that a position on the axis is a number; it may be infinite, but not nan."""
     place = number(z, name)
     if math.isnan(place):
-        raise InvalidValueError(f"{name} is nan; it must be a position in mm, math.inf for infinitely far away")
+        raise InvalidValueError(f"{name} is nan; it must be a position in mm, math.inf for infinity")
     return place
 
 

@@ -318,10 +318,10 @@ def numerical_apertures(lens: LensStack, z_object: float = -math.inf, wavelength
     (0.0605, 0.1898)
     """
     ray = marginal_ray(lens, z_object, wavelength)
-    return abs(float(ray.index[0] * ray.angle[0])), abs(leaving_aperture(lens, ray, wavelength))
+    return abs(float(ray.index[0] * ray.angle[0])), abs(image_side_aperture(lens, ray, wavelength))
 
 
-def leaving_aperture(lens: LensStack, marginal: ParaxialRay, wavelength: float = 587.6) -> float:
+def image_side_aperture(lens: LensStack, marginal: ParaxialRay, wavelength: float = 587.6) -> float:
     """Product n' u' of a marginal ray behind the lens: negative for converging light, exactly 0 for collimated
     light.
     """

@@ -299,7 +299,7 @@ def _newton(ray, heights, conic, aspheric, semi_diameter2, probes):
             ray[Y + i] = y + step * m
             ray[Z + i] = z + step * n
             far += 1 if going and left > 0.0 else 0
-            if probes is not None:  # noqa: SIM102 - alone, so that it is pruned
+            if probes is not None:  # noqa: SIM102 - nested for compile-time pruning
                 if going:
                     probes[NEWTON, i] = min(max(probes[NEWTON, i], 1.0) + (1.0 if left > 0.0 else 0.0), NEWTON_STEPS)
         if far == 0:
@@ -307,7 +307,7 @@ def _newton(ray, heights, conic, aspheric, semi_diameter2, probes):
 
 
 @device
-def _settle(ray, heights, conic, aspheric, semi_diameter2, s, code, probes):
+def _search_first_crossings(ray, heights, conic, aspheric, semi_diameter2, s, code, probes):
     """Search the first intersection of each ray for which Newton's method may have found another one.
 
     The root is certain if the point lies on the surface, in the clear cylinder, and the ray can cross only once.
@@ -363,7 +363,7 @@ def refract_asphere(ray, row, conic, aspheric, index_ratios, s, code, probes):
     index_ratio, semi_diameter2 = row.index_ratio, row.semi_diameter2
     to_conic_of_asphere(ray, heights, shape)
     _newton(ray, heights, shape, aspheric, semi_diameter2, probes)
-    _settle(ray, heights, shape, aspheric, semi_diameter2, s, code, probes)
+    _search_first_crossings(ray, heights, shape, aspheric, semi_diameter2, s, code, probes)
     for i in range(BLOCK):
         mu = index_ratio if index_ratios is None else index_ratios[i]
         x, y = ray[X + i], ray[Y + i]

@@ -25,7 +25,7 @@ def reflect(ray, lens, k):
             if row.kind == ASPHERE:
                 _, bend = height(x * x + y * y, (c, kz), lens.aspheric[k])
                 nx, ny, nz = -2.0 * bend * x, -2.0 * bend * y, 1.0
-            if lens.freeform is not None:  # noqa: SIM102 - alone, so that it is pruned
+            if lens.freeform is not None:  # noqa: SIM102 - nested for compile-time pruning
                 if row.kind == FREEFORM:
                     _, dx, dy = freeform_at(x, y, (c, kz), lens.aspheric[k], lens.freeform[k])
                     nx, ny, nz = -dx, -dy, 1.0

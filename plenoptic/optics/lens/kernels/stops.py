@@ -84,6 +84,6 @@ def clip_shape(ray, lens, k, code):
     elif kind == STAR:
         for j in range(0, edges.shape[0], 2):
             _clip_notch(ray, edges[j], edges[j + 1], code)
-    elif lens.masks is not None:  # noqa: SIM102 - alone, so that it is pruned
+    elif lens.masks is not None:  # noqa: SIM102 - nested for compile-time pruning
         if kind == MASK:
             _through_mask(ray, lens.masks, k, code)

@@ -93,7 +93,7 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
                 ray[Z + i] -= gap
         if waves is not None:
             _fill_index_ratios(index_ratios, lens.index_ratios[k], waves, first)
-        if lens.frames is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if lens.frames is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.frames[k, MOVED] != 0.0:
                 into_frame(ray, lens.frames[k])
         if lens.mirrors is not None:
@@ -127,15 +127,15 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
                     refract_freeform(ray, lens, k, index_ratios, s, code, probes)
         if path is not None:
             add_path(path, ray, k)
-        if lens.mirrors is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.mirrors[k, MOVED] != 0.0:
                 reflect(ray, lens, k)
         if probes is not None:
             _record_element(probes, incident, ray, lens, k, index_ratios)
-        if lens.mirrors is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.mirrors[k, MOVED] != 0.0 and lens.direction > 0.0:
                 out_of_frame(ray, lens.mirrors[k])
-        if lens.frames is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if lens.frames is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.frames[k, MOVED] != 0.0:
                 out_of_frame(ray, lens.frames[k])
     _leave(ray, rows[rows.size - 1].z)

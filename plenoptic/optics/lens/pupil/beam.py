@@ -158,10 +158,10 @@ def pencil(
     if len(aimed) < 3:
         return None
     launch = _launch(aimed, finite_object=math.isfinite(point.z_object))
-    corners = _grown(lens, launch, _outline(launch.coordinates(aimed)))
+    corners = _grow_polygon(lens, launch, _outline(launch.coordinates(aimed)))
     each = -(-rays // replicates)
     uniform = np.concatenate([sobol_points(each, seed=seed, replicate=k)[:, :2] for k in range(replicates)])
-    points, extent = _fill(corners, uniform)
+    points, extent = _sample_polygon(corners, uniform)
     entering = launch.rays(points)
     return Pencil(entering, lens.trace(entering), lens.trace(chief), extent)
 
@@ -269,7 +269,7 @@ def _outline(points: Floats) -> Floats:
     return np.asarray(centre + polygon_around(support) @ spread.T)
 
 
-def _grown(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
+def _grow_polygon(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
     """Enlarge a polygon until no ray from its edge passes the lens."""
     edge = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=0))])
     centre, size = corners.mean(axis=0), 1.0
@@ -280,7 +280,7 @@ def _grown(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
     return np.asarray(centre + size * (corners - centre))
 
 
-def _fill(corners: Floats, uniform: Floats) -> tuple[Floats, float]:
+def _sample_polygon(corners: Floats, uniform: Floats) -> tuple[Floats, float]:
     """Map points (n, 2) of the unit square uniformly to a polygon; returns points (n, 2) and the polygon's area."""
     centre = corners.mean(axis=0)
     first = corners - centre

@@ -76,7 +76,7 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
     return Entrance(z + low, high - low, axis, reach, pupil, record, up_to_stops(record))
 
 
-def entering_polygon(where: Entrance, point: Floats) -> Floats | None:
+def entrance_polygon(where: Entrance, point: Floats) -> Floats | None:
     """Corners (SIDES, 2) of a polygon on the plane of the entrance around all transmitted rays from a point; None if
     dark.
     """

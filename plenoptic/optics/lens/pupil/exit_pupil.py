@@ -233,15 +233,15 @@ def _followed_outlines(
     def outline_at(radius: float, predicted: Place | None) -> Outline:
         reach = 1.02 * (rear[0] + rear[1] * radius)
         rays, grazing = PupilRays(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
-        rim = _around((0.0, 0.0, reach), _WHOLE)
+        rim = _square((0.0, 0.0, reach), _WHOLE)
         guesses = [rim]
         if math.isfinite(exit_pupil) and exit_pupil != z_plane:
             # The paraxial pupil projected from the cell onto the plane of the last vertex.
             fraction = (z_plane - z) / (z_plane - exit_pupil)
             x, y = (fraction * shift for shift in across)
-            guesses.append(_around((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
+            guesses.append(_square((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
         if predicted is not None:
-            guesses.append(_around(predicted, _COARSE))
+            guesses.append(_square(predicted, _COARSE))
         return light_outline(rays._replace(lit=grazing[rays.fates(grazing).code == 0]), guesses, rim, _FINE)
 
     outlines: list[Outline] = []
@@ -267,7 +267,7 @@ def _followed_outlines(
     return np.array([outline.support for outline in outlines]), np.array([outline.parted for outline in outlines])
 
 
-def _around(place: Place, rays: int) -> Guess:
+def _square(place: Place, rays: int) -> Guess:
     x, y, half_width = place
     return Guess(np.array([x - half_width, y - half_width]), np.array([x + half_width, y + half_width]), rays)
 

@@ -80,8 +80,8 @@ def wave_mtf(  # noqa: PLR0913
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0))
-    >>> found = pl.aberrations.wave_mtf(lens, [0.0, 50.0, 500.0])
-    >>> found.tangential.round(2).tolist()
+    >>> contrast = pl.aberrations.wave_mtf(lens, [0.0, 50.0, 500.0])
+    >>> contrast.tangential.round(2).tolist()
     [1.0, 0.7, 0.0]
     """
     point = aberrated_point(lens, field, z_object, z_image, wavelength)

@@ -15,7 +15,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.waves.even_field import EvenField, checked_shares, even_field
-from plenoptic.optics.lens.waves.wavefront import aberrated_point, farther, huygens_sum
+from plenoptic.optics.lens.waves.wavefront import aberrated_point, excess_path, huygens_sum
 
 MOST_PIXELS, MOST_GRID = 1 << 20, 512
 FAR_ENOUGH = 5e-3
@@ -165,7 +165,7 @@ def wave_spread(  # noqa: PLR0913
         _check_sampling(one_field, corners - one_field.image)
     if chosen is None:
         near = not any(turned) and all(
-            _left_out(one_field, corners - one_field.image) <= FAR_ENOUGH for one_field in fields
+            _fourier_phase_error(one_field, corners - one_field.image) <= FAR_ENOUGH for one_field in fields
         )
         chosen = SpreadMethod.FOURIER if near else SpreadMethod.HUYGENS
     elif chosen is SpreadMethod.FOURIER and any(turned):
@@ -214,7 +214,7 @@ def _check_sampling(found: EvenField, corners: Floats) -> None:
     """
     largest = 0.0
     for corner in corners:
-        phase = found.opd - farther(found.toward, found.radius, corner) / found.wave
+        phase = found.opd - excess_path(found.toward, found.radius, corner) / found.wave
         largest = max(largest, *(float(np.nanmax(np.abs(np.diff(phase, axis=k)))) for k in (0, 1)))
     if largest >= 0.5:
         n, first = len(found.side), "give a smaller picture"
@@ -225,12 +225,12 @@ def _check_sampling(found: EvenField, corners: Floats) -> None:
         )
 
 
-def _left_out(found: EvenField, corners: Floats) -> float:
+def _fourier_phase_error(found: EvenField, corners: Floats) -> float:
     """Largest phase error of a Fourier transform at corners (4, 3), in radians."""
     n, lit = len(found.side), np.isfinite(found.opd)
     axes = [np.broadcast_to(side, (n, n))[lit] for side in (found.side[:, None], found.side)]
     off = [
-        farther(found.toward[lit], found.radius, corner) + axes[0] * corner[0] + axes[1] * corner[1]
+        excess_path(found.toward[lit], found.radius, corner) + axes[0] * corner[0] + axes[1] * corner[1]
         for corner in corners
     ]
     return max(math.pi * float(np.ptp(one)) / found.wave for one in off)

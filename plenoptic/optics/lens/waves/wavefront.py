@@ -150,7 +150,7 @@ class Wavefront:
     _repr_html_ = picture_of
 
 
-def farther(toward: Floats, radius: float, point: Floats) -> Floats:
+def excess_path(toward: Floats, radius: float, point: Floats) -> Floats:
     """(...): distance in mm of a point (3,) from points of the sphere in directions (..., 3), minus the radius."""
     x, y, z = point.tolist()
     off = (x * x + y * y + z * z) / radius - 2.0 * (toward[..., 0] * x + toward[..., 1] * y + toward[..., 2] * z)
@@ -160,7 +160,7 @@ def farther(toward: Floats, radius: float, point: Floats) -> Floats:
 def huygens_sum(light: NDArray[np.complex128], toward: Floats, radius: float, wave: float, point: Floats) -> complex:
     """Field at a point (3,), relative to the image in mm, of amplitudes (n,) on the sphere in directions (n, 3)."""
     # Vector products through BLAS would wait for its threads.
-    return complex((light * np.exp((-2j * math.pi / wave) * farther(toward, radius, point))).sum())
+    return complex((light * np.exp((-2j * math.pi / wave) * excess_path(toward, radius, point))).sum())
 
 
 def _sum(noll: Floats, pupil: Floats) -> Floats:
@@ -208,10 +208,10 @@ def wavefront(
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0))
-    >>> found = pl.aberrations.wavefront(lens)
-    >>> found
+    >>> wave = pl.aberrations.wavefront(lens)
+    >>> wave
     <Wavefront: 3228 rays from (0, 0) rad at 587.6 nm, RMS 0.0736 waves, peak to valley 0.243, Strehl 0.805>
-    >>> found.without("defocus").rms < found.rms
+    >>> wave.without("defocus").rms < wave.rms
     True
     """
     wave = wavelength_in_nm(wavelength)

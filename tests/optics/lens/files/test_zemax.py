@@ -257,7 +257,7 @@ def test_a_wrong_head_and_a_file_without_a_lens_are_refused(tmp_path):
         ("SURF 2", "SURF 3", "SURF is '3'; the next surface has number 2"),
         ("FLOA", "ENPD ten", "ENPD is 'ten'"),
         ("FLOA", "ENPD 0 0", "ENPD 0 does not determine the stop: it must be above 0; give stop_size="),
-        ("FLOA", "OBNA 0.1 0", "the object is infinitely far away"),
+        ("FLOA", "OBNA 0.1 0", "the object is at infinity"),
         ("FLOA", "FNUM -1 0", "it must be above 0"),
     ):
         refused(tmp_path, zmx(STOP, FRONT, BACK).replace(old, new, 1), re.escape(message), new)

@@ -95,7 +95,7 @@ def test_an_aperture_on_the_stop_ends_the_beam(tmp_path):
 
 def test_a_stop_that_does_not_follow_is_refused_with_a_way_out(tmp_path):
     collimated = (*LENS, STOP)
-    with pytest.raises(PrescriptionError, match=r"line 2: ENPD 10 .*infinitely far away; give stop_size=pl"):
+    with pytest.raises(PrescriptionError, match=r"line 2: ENPD 10 .*at infinity; give stop_size=pl"):
         load(tmp_path, "ENPD 10", *collimated)
     assert load(tmp_path, "ENPD 10", *collimated, stop_size=DIAMETER).stop.semi_diameter == 10.0
     # In front of such a lens, the numerical aperture of a near object says it all the same.
