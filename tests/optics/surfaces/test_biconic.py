@@ -214,7 +214,7 @@ def test_zemax_files_are_read():
         assert lens_from_zmx(ZMX.replace(old, new), "mine.zmx").elements[0].freeform == expected, new
     with pytest.raises(pl.errors.PrescriptionError, match="PARM 3 is 1; only PARM 1 to 2 of BICONICX surfaces"):
         lens_from_zmx(ZMX.replace("PARM 2 0.25", "PARM 3 1"), "mine.zmx")
-    with pytest.raises(pl.errors.PrescriptionError, match="line 7: freeform BiconicSag.* no finite height and slope"):
+    with pytest.raises(pl.errors.PrescriptionError, match="line 7: freeform BiconicSag.* no finite sag and slope"):
         lens_from_zmx(ZMX.replace("PARM 1 3.0", "PARM 1 0.9"), "mine.zmx")
     with pytest.raises(pl.errors.PrescriptionError, match="element 0 has no rotational symmetry"):
         zmx_of_lens(lens_from_zmx(ZMX, "mine.zmx"))

@@ -82,7 +82,7 @@ class Conditioning:
     searched : (n,) array of int
         Rays for which the search was needed.
     lost : tuple of (str, int or None, int)
-        Cause, index of the element (None if it is at no element) and number of rays, as in `RenderStats.lost`.
+        Cause, index of the element (None for no element) and number of rays, as in `RenderStats.lost`.
 
     Examples
     --------

@@ -68,9 +68,9 @@ def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
 def layout_fields(lens: LensStack, *, z_object: float = -math.inf, wavelength: float = 587.6) -> Floats:
     """Three fields for a figure: the axis, 0.7 of the largest usable field, and that field.
 
-    A field is usable if its sagittal and tangential foci lie within 5 % of the focal length of the image plane, and a
-    third of the diameter of the iris along y is unvignetted. The foci are not tested for a decentred lens, or for one
-    without an image. Parameters and units are those of `distortion`.
+    In a usable field, both foci lie within 5 % of the focal length of the image plane. A third of the diameter of the
+    iris along y is unvignetted. The foci are not tested for a decentred lens, or for one without an image. Parameters
+    and units are those of `distortion`.
     """
     exact = lens.with_model(LensModel.EXACT)
     tried = largest_field(exact, z_object=z_object, wavelength=wavelength) * np.linspace(0.0, 1.0, _TRIED)

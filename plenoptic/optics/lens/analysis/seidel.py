@@ -95,8 +95,8 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
               S_{III} = -\sum \bar A^2 y\, \Delta(u/n), \quad S_{IV} = -\sum H^2 c\, \Delta(1/n), \quad
               S_V = -\sum \bar A \{ \bar A^2 \Delta(1/n^2)\, y + (H - \bar A y)\, \bar y c\, \Delta(1/n) \}
 
-    An r^4 term g beyond that of the sphere of the same vertex curvature adds :math:`8 g\, \Delta n\, y^4` to S_I, and
-    times :math:`\bar y / y`, its square and its cube to S_II, S_III and S_V.
+    An r^4 term g beyond that of the sphere of the same vertex curvature adds :math:`8 g\, \Delta n\, y^4` to S_I. It
+    adds the same times :math:`\bar y / y`, its square and its cube to S_II, S_III and S_V.
 
     Parameters
     ----------

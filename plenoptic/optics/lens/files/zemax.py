@@ -19,16 +19,16 @@ part of the lens, nor are the gaps next to them. A glass on the object is the me
   1, half the cone angle in degrees). An aperture of the stop limits its size. If the system aperture floats by the stop
   (FLOA) or is missing, the size is DIAM, or the aperture of the surface if smaller. See `StopSize`.
 - Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM; for the stop's surface at
-  least that of the stop. If DIAM is 0 or missing, it is the sum of the paraxial heights of the marginal ray and of the
-  chief ray of the largest field (XFLN, YFLN), at most the radius of a sphere.
-- An obscuration, the inner radius of CLAP or FLAP and the disc of OBSC, is a `RingStop` in the plane of
-  the vertex, in front of the surface.
+  least that of the stop. If DIAM is 0 or missing, the semi-diameter is the sum of the paraxial heights of the marginal
+  ray and the chief ray. The field is the largest one (XFLN, YFLN); the radius of a sphere is the limit.
+- An obscuration (inner radius of CLAP or FLAP, disc of OBSC) is a `RingStop` in the plane of the vertex, in front of
+  the surface.
 - STOP on a surface between equal media is the iris. On a refracting surface it becomes a stop of the same size in the
   plane of the vertex, in front of it.
 - Other surfaces between equal media are removed, and their gaps are added to the preceding one. Those with an aperture
   stay, planes as stops other than the iris.
-- NAME and NOTE are read. Fields (of FTYP 0 to 3, real image heights as paraxial ones), wavelengths (WAVM, WAVL, PWAV),
-  the positions of object and image, and the curvature of the image form the lens's `Specification`.
+- NAME and NOTE are read. The lens's `Specification` holds fields (of FTYP 0 to 3, real image heights as paraxial ones)
+  and wavelengths (WAVM, WAVL, PWAV). It also holds the positions of object and image, and the curvature of the image.
 - Ignored, with a warning if they are set: vignetting factors, temperature and pressure (ENVD), coatings (COAT), further
   configurations (MNUM), telecentric object space, fields of other types, other shapes of the image. All other lines are
   ignored without a warning.

@@ -118,8 +118,8 @@ def _rounding(r2, z, conic, aspheric):
 def first_crossing(point, direction, conic, aspheric, freeform, semi_diameter2, s, steps):
     """First intersection of a ray with the surface within the clear cylinder, in the direction of the stack.
 
-    Returns the distance along the ray in mm and a status: NOT_CONVERGED at the limit of iterations, CLIPPED if the ray
-    misses the cylinder or leaves it without an intersection, MISSED if the surface has no cylinder.
+    Returns the distance along the ray in mm and a status. NOT_CONVERGED: limit of iterations. CLIPPED: the ray misses
+    the cylinder or leaves it without an intersection. MISSED: the surface has no cylinder.
     """
     (x, y, z), (l, m, n) = point, direction
     if semi_diameter2 == math.inf:

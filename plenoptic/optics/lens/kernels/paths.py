@@ -1,7 +1,6 @@
 """Kernels: optical path length of rays from element to element.
 
-Each step adds the index times the distance from the last intersection to the next, along the ray's direction, in the
-axes of the next element.
+Each step adds the index times the distance between two intersections, along the ray, in the axes of the next element.
 """
 
 from __future__ import annotations

@@ -224,7 +224,7 @@ def _followed_outlines(
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Support distances (n, SIDES) for points at the distances rho from the axis; True for outlines of several parts.
 
-    A grid over the whole rim may miss a small pupil, so it is searched at the paraxial pupil too, and at a position
+    A grid over the whole rim may miss a small pupil. Further grids lie around the paraxial pupil, and around a position
     extrapolated from the last two radii. Next to a dark point, the outline at the edge of the field is used.
     """
     exit_pupil, semi_diameter, *across = pupil

@@ -1,8 +1,7 @@
 """Convex outline of the pupil seen from one point, from grids of traced rays.
 
-The point lies in object space or in image space. The pupil may have several parts. A part thinner than the step of the
-grid lies between neighbouring rays that are lost by different causes, such as at the stop and by total reflection;
-these gaps are searched.
+The point lies in object space or in image space. The pupil may have several parts. A thin part lies between
+neighbouring rays that are lost by different causes, such as the stop and total reflection; these gaps are searched.
 """
 
 from __future__ import annotations

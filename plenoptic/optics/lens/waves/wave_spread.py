@@ -25,9 +25,9 @@ FAR_ENOUGH = 5e-3
 class SpreadMethod(enum.IntEnum):
     """Method for the field of an object point in its image.
 
-    FOURIER: for a picture small against its distance from the exit pupil, the field is the Fourier transform of that in
-    the pupil, computed by two matrix products (R. Soummer et al., Opt. Express 15, 15935, 2007). HUYGENS: sum of
-    spherical waves from all points of the reference sphere, with exact distances.
+    FOURIER: the field is the Fourier transform of that in the pupil, for a picture small against its distance from it.
+    Two matrix products compute it (R. Soummer et al., Opt. Express 15, 15935, 2007). HUYGENS: sum of spherical waves
+    from all points of the reference sphere, with exact distances.
 
     Examples
     --------

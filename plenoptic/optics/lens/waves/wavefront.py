@@ -122,7 +122,7 @@ class Wavefront:
         """Intensity at points around the image, over that at the image point without aberrations.
 
         Direct Huygens summation over all rays. It is valid for strong aberrations, small f-numbers, and points off the
-        image plane, if the paths of neighbouring rays to the point differ by less than half a wave.
+        image plane. The paths of neighbouring rays to the point must differ by less than half a wave.
 
         Parameters
         ----------

@@ -82,7 +82,7 @@ def test_the_cone_of_a_near_object_may_be_given(tmp_path):
 
 def test_an_aperture_on_the_stop_ends_the_beam(tmp_path):
     lens = load(tmp_path, "ENPD 30", f"{STOP}; CLAP 0 6", *LENS)
-    assert lens.stop.semi_diameter == 6.0 and "30 mm wide" in about_aperture(lens)[0]
+    assert lens.stop.semi_diameter == 6.0 and "entrance pupil of 30 mm" in about_aperture(lens)[0]
     for radius, size in ((6, 6.0), (12, 10.0)):
         floating = load(tmp_path, "FLOA", f"{STOP}; CLAP 0 {radius}", *LENS)
         assert floating.stop.semi_diameter == size and about_aperture(floating) == []
@@ -102,7 +102,7 @@ def test_a_stop_that_does_not_follow_is_refused_with_a_way_out(tmp_path):
     telecentric = load(tmp_path, "OBNA 0.1 0", *collimated, first="DISZ 50")
     assert telecentric.stop.semi_diameter == pytest.approx(F * math.tan(math.asin(0.1)), rel=1e-9)
     # A stop placed by rule says that the pupil is another.
-    assert "10 mm wide (f/7.8)" in about_aperture(load(tmp_path, "ENPD 10", *LENS))[0]
+    assert "entrance pupil of 10 mm (f/7.8)" in about_aperture(load(tmp_path, "ENPD 10", *LENS))[0]
 
 
 SYSTEM = (

@@ -142,7 +142,7 @@ def test_a_grid_too_coarse_says_so():
     lens = perfect(pl.CircularStop(10.0))
     plane = pl.paraxial.cardinal_points(lens).rear_focus + 20.0
     for how, text in (
-        ({"grid": 32, "shape": (65, 65)}, r"neighbouring points of the grid differ by .* or grid=\d+"),
+        ({"grid": 32, "shape": (65, 65)}, r"paths from neighbouring grid points .* differ by .* or grid=\d+"),
         ({"z_image": plane}, "the limit is a half; give a smaller picture$"),
         ({"tilt": (0.1, 0.2, 0.3)}, "tilt is .*; it must be two angles"),
         ({"weights": [1.0, 2.0]}, "weights must be 1 numbers"),
