@@ -125,10 +125,10 @@ def check_from(rays: RayBundle, point: Floats, extent: float) -> None:
     extent.
     """
     along = ((rays.origin - point) * rays.direction).sum(axis=1)
-    off = np.linalg.norm(rays.origin - point - along[:, None] * rays.direction, axis=1)
+    miss = np.linalg.norm(rays.origin - point - along[:, None] * rays.direction, axis=1)
     far = np.linalg.norm(rays.origin - point, axis=1)
-    if np.any(off > _TOLERANCE * np.maximum(far, extent)):
-        raise InvalidValueError(f"a ray misses the point {point.tolist()} by {off.max():.3g} mm; all must come from it")
+    if np.any(miss > _TOLERANCE * np.maximum(far, extent)):
+        raise InvalidValueError(f"a ray misses the point {point.tolist()} by {miss.max():.3g} mm; all must pass it")
 
 
 def paths_of_part(

@@ -92,10 +92,10 @@ class Placement:
         rotation = frozen_array(self.rotation, name="rotation", shape=(3, 3))
         if not np.isfinite(rotation).all():
             raise PrescriptionError("rotation holds a number that is not finite; correct it")
-        off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-        if off > _ORTHONORMAL or np.linalg.det(rotation) < 0:
+        deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        if deviation > _ORTHONORMAL or np.linalg.det(rotation) < 0:
             raise PrescriptionError(
-                f"rotation differs from an orthonormal matrix of determinant 1 by {off:.1e}; it may differ by "
+                f"rotation differs from an orthonormal matrix of determinant 1 by {deviation:.1e}; it may differ by "
                 f"{_ORTHONORMAL:g}: use lens.moved(..., tilt=...), which makes one from angles"
             )
         set_field(self, "shift", shift)

@@ -130,8 +130,8 @@ class LensStack:
     def indices(self, wavelength: float = 587.6) -> Floats:
         """Refractive index before the first element and behind each element, (n + 1,), at a wavelength in nm.
 
-        A stop has the index of its gap. Raises InvalidValueError if a medium is not defined at the wavelength, and
-        PrescriptionError if an index is below 1 or not finite.
+        A stop has the index of its gap. InvalidValueError if a medium is not defined there; PrescriptionError if an
+        index is below 1 or not finite.
 
         Examples
         --------
@@ -237,8 +237,8 @@ class LensStack:
     def inserted(self, stop: Stop, z: float) -> LensStack:
         """The same lens with one more stop at z, mm in the lens frame, in an air gap; the iris stays.
 
-        It may lie in front of the lens or behind it. The rest of the gap replaces its thickness. Raises
-        PrescriptionError if z lies inside a glass.
+        It may lie outside the lens. Its thickness becomes the rest of the gap. PrescriptionError if z is inside a
+        glass.
 
         Examples
         --------
@@ -248,18 +248,18 @@ class LensStack:
         array([30.31, 31.  ])
         """
         _check_stop(stop)
-        place, ends = finite(z, "z"), [-np.inf, *self.vertices.tolist(), np.inf]
-        gaps = [i for i, (low, high) in enumerate(pairwise(ends)) if low <= place <= high]
+        z_stop, ends = finite(z, "z"), [-np.inf, *self.vertices.tolist(), np.inf]
+        gaps = [i for i, (low, high) in enumerate(pairwise(ends)) if low <= z_stop <= high]
         in_air = [i for i in gaps if self.gap_media[i] == self.ambient]
         if not in_air:
             low, high = ends[gaps[0]], ends[gaps[0] + 1]
             raise PrescriptionError(
-                f"z {place:g} mm lies in glass, which reaches from {low:g} to {high:g} mm; place the stop in an air gap"
+                f"z {z_stop:g} mm lies in glass from {low:g} to {high:g} mm; place the stop in an air gap"
             )
         gap, elements = in_air[0], list(self.elements)
         if gap > 0:
-            elements[gap - 1] = dataclasses.replace(elements[gap - 1], thickness=place - ends[gap])
-        behind = ends[gap + 1] - place if gap < len(elements) else 0.0
+            elements[gap - 1] = dataclasses.replace(elements[gap - 1], thickness=z_stop - ends[gap])
+        behind = ends[gap + 1] - z_stop if gap < len(elements) else 0.0
         elements.insert(gap, dataclasses.replace(stop, thickness=behind))
         return dataclasses.replace(self, elements=elements, iris=self.iris_index + (gap <= self.iris_index))
 

@@ -23,7 +23,7 @@ from plenoptic.optics.surfaces.surface import Surface
 
 
 class Foci(NamedTuple):
-    """The foci of narrow beams around rays; nan where a ray does not exist. See `foci`, which makes it."""
+    """Foci of narrow beams around rays; nan if a ray is lost. Made by `foci`."""
 
     ray: RayBundle
     """(n) rays behind the lens, with origins on the last element."""

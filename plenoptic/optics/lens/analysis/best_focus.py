@@ -106,8 +106,8 @@ def best_focus(
 ) -> float:
     """Best focus of an object point: z in mm, in the lens frame.
 
-    Rays behind the lens are straight, so the variance of the spot is a quadratic in z, whose minimum is taken; the
-    largest distance from the centroid is convex in z and is searched by golden section.
+    Rays behind the lens are straight, so the variance of the spot is a quadratic function of z with a closed-form
+    minimum. The largest distance from the centroid is convex in z and is minimised by golden section.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class _StraightRays(NamedTuple):
 
     @property
     def sharpest(self) -> float:
-        """Distance behind z at which the mean square of the heights is least."""
+        """Distance behind z of the minimum of the mean square height."""
         return -float(self.weight @ np.einsum("ij,ij->i", self.heights, self.slopes)) / self.spread
 
 
@@ -194,7 +194,7 @@ def _beam(
 
 @result
 class ThroughFocus:
-    """Size of the spot in planes around the focus. See `through_focus`, which makes it.
+    """Size of the spot in planes around the focus. Made by `through_focus`.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ def through_focus(
     rays: int = 1 << 14,
     seed: int = 0,
 ) -> ThroughFocus:
-    """Size of the spot in planes around the focus, of which `best_focus` finds the minimum.
+    """Through-focus spot size: RMS and geometric radius in planes around the best focus.
 
     Parameters
     ----------
@@ -269,7 +269,9 @@ def through_focus(
 
 
 def _least_radius(beam: _StraightRays) -> float:
-    """Distance behind z at which the largest distance from the centroid, a convex function of the plane, is least."""
+    """Distance behind z of the minimum of the largest ray distance from the centroid, a convex function of the
+    plane.
+    """
 
     def radius2(z: float) -> float:
         offsets = beam.heights + z * beam.slopes

@@ -31,7 +31,7 @@ def few_reverse_rays(
     Returns
     -------
     points : (n, k + 1, 3) array
-        The origins and the points on the k elements, the last one first; nan from where a ray is lost.
+        The origins and the points on the k elements, the last one first; nan after the loss of a ray.
     direction : (n, 3) array
         Unit vectors in front of the lens; nan for lost rays.
     """

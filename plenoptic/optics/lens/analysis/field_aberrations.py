@@ -27,9 +27,9 @@ from plenoptic.optics.lens.trace import trace_part
 class Projection(enum.IntEnum):
     """Projection of the half angle theta by an ideal lens of focal length f.
 
-    RECTILINEAR: f tan(theta), straight lines stay straight. EQUIDISTANT: f theta, which most fisheyes approach.
-    STEREOGRAPHIC: 2 f tan(theta / 2), circles stay circles. EQUISOLID: 2 f sin(theta / 2), equal solid angles have
-    equal areas. ORTHOGRAPHIC: f sin(theta), equal illumination by a uniform sky.
+    RECTILINEAR: f tan(theta), straight lines stay straight. EQUIDISTANT: f theta, the approximate projection of most
+    fisheyes. STEREOGRAPHIC: 2 f tan(theta / 2), circles stay circles. EQUISOLID: 2 f sin(theta / 2), equal solid angles
+    have equal areas. ORTHOGRAPHIC: f sin(theta), equal illumination by a uniform sky.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def chief_rays(lens: LensStack, fields: Floats, z_object: float, wavelength: flo
 
 @result
 class Distortion:
-    """Heights of chief rays in the paraxial image plane. See `distortion`, which makes it.
+    """Heights of chief rays in the paraxial image plane. Made by `distortion`.
 
     Attributes
     ----------

@@ -144,7 +144,7 @@ def vignetting(
     radii, stop = checked_fields(lens, fields, z_object), lens.stop
     side = whole(grid, "grid", at_least=2, at_most=MOST_ACROSS)
     # Off the centre, so that a symmetric aperture has no symmetric grid.
-    x, y = (-1.0 + 2.0 / side * (np.arange(side) + 0.5 + off) for off in (-0.13, 0.29))
+    x, y = (-1.0 + 2.0 / side * (np.arange(side) + 0.5 + offset) for offset in (-0.13, 0.29))
     pupil = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     pupil = pupil[stop.contains(*(stop.semi_diameter * pupil.T))]
     if not len(pupil):
@@ -172,7 +172,7 @@ def vignetting(
 
 
 def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
-    """The smallest and the largest y on the diameter along y at which rays pass."""
+    """Smallest and largest y of transmitted rays on the diameter along y."""
     limits = []
     for end in (-INSIDE, INSIDE):
         low, high = -end, end
@@ -192,7 +192,7 @@ def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
 
 @result
 class RelativeIllumination:
-    """Illumination of the image plane by a scene of uniform radiance. See `relative_illumination`, which makes it.
+    """Illumination of the image plane by a scene of uniform radiance. Made by `relative_illumination`.
 
     Attributes
     ----------
@@ -274,8 +274,8 @@ def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelengt
     low, high = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
     if (aimed.status == 0).any():
         iris = aimed.direction[aimed.status == 0, :2]
-        around = _AROUND * np.ptp(iris, axis=0)
-        low, high = iris.min(axis=0) - around, iris.max(axis=0) + around
+        margin = _AROUND * np.ptp(iris, axis=0)
+        low, high = iris.min(axis=0) - margin, iris.max(axis=0) + margin
     for n in (_COARSE, cells):
         # Off the centre, so that a symmetric outline has no symmetric grid.
         offsets = np.add.outer([0.5 - 0.13, 0.5 + 0.29], np.arange(n)) / n

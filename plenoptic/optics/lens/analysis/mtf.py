@@ -38,7 +38,7 @@ _SMALLEST_PICTURE = 1e-6
 
 @result
 class PointSpread:
-    """Geometric point-spread function as a picture. See `point_spread`, which makes it.
+    """Geometric point-spread function as a picture. Made by `point_spread`.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ def _count(spot: SpotDiagram, centre: Floats, size: float, rows: int, columns: i
 
 @result
 class Mtf:
-    """Geometric modulation transfer function of one object point. See `mtf`, which makes it.
+    """Geometric modulation transfer function of one object point. Made by `mtf`.
 
     Attributes
     ----------

@@ -119,7 +119,7 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
 
     References
     ----------
-    W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8, with S_V in the form that has no 0 / 0 where A = 0.
+    W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8, with S_V in the form without 0 / 0 for A = 0.
 
     Examples
     --------

@@ -231,7 +231,7 @@ def _vertex(i: int, surface: Surface) -> Iterator[Finding]:
 
 
 def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
-    """Glasses that differ from the bundled ones of the same name, or from each other."""
+    """Glasses that differ from the bundled glass of the same name, or from each other."""
     by_name: dict[str, list[tuple[int, float, float]]] = {}
     for i, surface in _surfaces(lens):
         name = getattr(surface.medium, "name", "")
@@ -254,7 +254,7 @@ def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
 
 
 def _nd_vd(medium: Medium | str) -> tuple[float, float] | None:
-    """Index nd and Abbe number of a medium, or of a bundled glass by name; None where unknown, or for the infrared."""
+    """Index nd and Abbe number of a medium, or of a bundled glass by name; None if unknown, or for the infrared."""
     try:
         material = glass(medium) if isinstance(medium, str) else medium
         return material.index(D_LINE), abbe_number(material)

@@ -22,7 +22,7 @@ _ENDINGS = ".csv, .json and .zmx"
 
 
 def lens_names() -> tuple[str, ...]:
-    """Names of the lenses that come with the package, in alphabetical order, for `load_lens`.
+    """Names of the bundled lenses, in alphabetical order, for `load_lens`.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def load_lens(
     stop_size: StopSize = StopSize.SYSTEM_APERTURE,
     limits: FileLimits = TEXT,
 ) -> LensStack:
-    """Load a lens that comes with the package, or one from a file.
+    """Load a bundled lens by name, or a lens from a file.
 
     Formats, by the ending of the path:
 

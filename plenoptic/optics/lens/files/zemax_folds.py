@@ -41,9 +41,9 @@ def unfold(rows: list[Row], where: str) -> tuple[list[Row], bool]:
             shift, rotation = _break(row.turn)
             origin, axes = origin + axes @ shift, axes @ rotation
         gap = row.gap * sense if row is not rows[-1] else 0.0
-        place = _placement(axes_seen @ origin + offset - (0.0, 0.0, along), axes_seen @ axes * (1.0, 1.0, sense))
+        placement = _placement(axes_seen @ origin + offset - (0.0, 0.0, along), axes_seen @ axes * (1.0, 1.0, sense))
         facing, curved = sense, row.is_mirror and not row.is_plane
-        fold = Mirror() if place is None else Mirror(place.rotation[:, 2])
+        fold = Mirror() if placement is None else Mirror(placement.rotation[:, 2])
         if row.is_mirror:
             if row.is_plane and row.is_stop:
                 raise PrescriptionError(
@@ -56,14 +56,14 @@ def unfold(rows: list[Row], where: str) -> tuple[list[Row], bool]:
             offset = offset + 2.0 * (normal @ point) * (axes_seen @ normal)
             axes_seen, sense, gap = axes_seen @ (np.eye(3) - 2.0 * np.outer(normal, normal)), -sense, -gap
         if curved:
-            unfolded_rows.append(_facing(row, facing)._replace(gap=gap, placement=place, medium=fold))
+            unfolded_rows.append(_facing(row, facing)._replace(gap=gap, placement=placement, medium=fold))
         elif row.is_mirror or row.turn is not None:
             # An unfolded plane mirror is a window: its rim becomes a stop.
             unfolded_rows.append(
-                Row(row.number, row.lines, gap=gap, medium=before, aperture=row.aperture, placement=place)
+                Row(row.number, row.lines, gap=gap, medium=before, aperture=row.aperture, placement=placement)
             )
         else:
-            unfolded_rows.append(_facing(row, sense)._replace(gap=gap, placement=place))
+            unfolded_rows.append(_facing(row, sense)._replace(gap=gap, placement=placement))
             before = row.medium
         origin, along = origin + axes[:, 2] * gap * sense, along + gap
     return unfolded_rows, unfolded_rows[-1].placement is not None

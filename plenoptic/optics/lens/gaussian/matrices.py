@@ -32,10 +32,10 @@ def over(numerator: float, denominator: float) -> float:
 
 def position(z: float, name: str) -> float:
     """Check that a position on the axis is a number; it may be infinite, but not nan."""
-    place = number(z, name)
-    if math.isnan(place):
+    z_mm = number(z, name)
+    if math.isnan(z_mm):
         raise InvalidValueError(f"{name} is nan; it must be a position in mm, math.inf for infinity")
-    return place
+    return z_mm
 
 
 def bending(lens: LensStack, indices: Floats, i: int) -> tuple[float, float]:

@@ -95,13 +95,13 @@ def height(r2, conic, aspheric):
     """
     c, kz = conic
     w = math.sqrt(1.0 - kz * c * c * r2)
-    share = c / (w * (1.0 + w))
+    conic_factor = c / (w * (1.0 + w))
     terms = 0.0
-    change = 0.0
+    second_by_r2 = 0.0
     for j in range(aspheric.size - 1, FIRST_TERM - 1, -1):
-        change = change * r2 + terms
+        second_by_r2 = second_by_r2 * r2 + terms
         terms = terms * r2 + aspheric[j]
-    return r2 * (share * w + terms), 0.5 * share * (1.0 + w) + (change * r2 + terms)
+    return r2 * (conic_factor * w + terms), 0.5 * conic_factor * (1.0 + w) + (second_by_r2 * r2 + terms)
 
 
 @device
@@ -126,10 +126,10 @@ def first_crossing(point, direction, conic, aspheric, freeform, semi_diameter2, 
         return 0.0, MISSED
     sin2 = l * l + m * m
     half = x * l + y * m
-    apart = half * half - sin2 * (x * x + y * y - semi_diameter2)
-    if not (apart > 0.0 or x * x + y * y <= semi_diameter2):
+    discriminant = half * half - sin2 * (x * x + y * y - semi_diameter2)
+    if not (discriminant > 0.0 or x * x + y * y <= semi_diameter2):
         return 0.0, CLIPPED
-    root = math.sqrt(max(apart, 0.0))
+    root = math.sqrt(max(discriminant, 0.0))
     begin = (-half - root) / sin2 if sin2 > 0.0 else -math.inf
     end = (-half + root) / sin2 if sin2 > 0.0 else math.inf
     # A ray nearly parallel to the axis leaves the cylinder far away: limit it by the largest sag.
@@ -268,10 +268,10 @@ def _fill_heights(heights, ray, conic, aspheric):
     for i in range(BLOCK):
         r2 = ray[X + i] * ray[X + i] + ray[Y + i] * ray[Y + i]
         w = math.sqrt(1.0 - kz * c * c * r2)
-        share = c / (w * (1.0 + w))
+        conic_factor = c / (w * (1.0 + w))
         terms = heights[0, i]
-        heights[0, i] = r2 * (share * w + terms)
-        heights[1, i] = 0.5 * share * (1.0 + w) + (heights[1, i] * r2 + terms)
+        heights[0, i] = r2 * (conic_factor * w + terms)
+        heights[1, i] = 0.5 * conic_factor * (1.0 + w) + (heights[1, i] * r2 + terms)
 
 
 @device
@@ -325,8 +325,8 @@ def _search_first_crossings(ray, heights, conic, aspheric, semi_diameter2, s, co
         out = abs(x) + abs(y)
         close = abs(z - heights[0, i]) <= 8.0 * EPS * (out + abs(z)) * (1.0 + 2.0 * abs(sag_by_r2) * out) + at_vertex
         # An unlimited surface has no known slope bound, so the root of Newton's method is accepted.
-        alone = n * n > steepest2 * (l * l + m * m) or semi_diameter2 == math.inf
-        settled = close and x * x + y * y <= semi_diameter2 and s * slope > 0.0 and alone
+        single_crossing = n * n > steepest2 * (l * l + m * m) or semi_diameter2 == math.inf
+        settled = close and x * x + y * y <= semi_diameter2 and s * slope > 0.0 and single_crossing
         heights[0, i] = 1.0 if settled or ray[STATUS + i] != 0.0 else 0.0
         unsettled += 0 if settled or ray[STATUS + i] != 0.0 else 1
     if unsettled == 0:

@@ -41,7 +41,7 @@ def _newton(point, direction, conic, aspheric, freeform, semi_diameter2):
     count."""
     (x, y, z), (l, m, n) = point, direction
     sharpest = aspheric[SHARPEST] + freeform[SHARPEST]
-    taken = 0
+    n_steps = 0
     for _ in range(NEWTON_STEPS):
         sag, dx, dy = freeform_at(x, y, conic, aspheric, freeform)
         slope = n - (dx * l + dy * m)
@@ -51,11 +51,11 @@ def _newton(point, direction, conic, aspheric, freeform, semi_diameter2):
         x += step * l
         y += step * m
         z += step * n
-        taken += 1
+        n_steps += 1
         # Remaining error: the step squared times half the second derivative of z - sag along the ray, over its slope.
         if 0.5 * sharpest * step * step <= EPS * abs(slope) * (abs(x) + abs(y) + abs(z)):
             break
-    return x, y, z, taken
+    return x, y, z, n_steps
 
 
 @device
@@ -68,8 +68,8 @@ def _is_first(point, direction, conic, aspheric, freeform, semi_diameter2, s):
     size = (abs(x) + abs(y) + abs(z)) * (1.0 + abs(dx) + abs(dy))
     rounding = 8.0 * EPS * size + freeform[ROUNDING] + AT_VERTEX * (aspheric[TALLEST] + freeform[TALLEST])
     # An unlimited surface has no known slope bound, so the root of Newton's method is accepted.
-    alone = n * n > steepest * steepest * (l * l + m * m) or semi_diameter2 == math.inf
-    return abs(z - sag) <= rounding and x * x + y * y <= semi_diameter2 and s * slope > 0.0 and alone
+    single_crossing = n * n > steepest * steepest * (l * l + m * m) or semi_diameter2 == math.inf
+    return abs(z - sag) <= rounding and x * x + y * y <= semi_diameter2 and s * slope > 0.0 and single_crossing
 
 
 @device
@@ -87,11 +87,11 @@ def refract_freeform(ray, lens, k, index_ratios, s, code, probes):
         if ray[STATUS + i] != 0.0:
             continue
         direction = l, m, n = ray[L + i], ray[M + i], ray[N + i]
-        x, y, z, taken = _newton(
+        x, y, z, n_steps = _newton(
             (ray[X + i], ray[Y + i], ray[Z + i]), direction, conic, aspheric, freeform, semi_diameter2
         )
         if probes is not None:
-            probes[k, NEWTON, i] = taken
+            probes[k, NEWTON, i] = n_steps
         lost = 0.0
         if not _is_first((x, y, z), direction, conic, aspheric, freeform, semi_diameter2, s):
             # Start again from the closest approach: large Newton steps leave the ray by their rounding error.

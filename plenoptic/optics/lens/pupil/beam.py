@@ -287,12 +287,12 @@ def _sample_polygon(corners: Floats, uniform: Floats) -> tuple[Floats, float]:
     second = np.roll(first, -1, axis=0)
     ends = np.cumsum(0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]))
     area = float(ends[-1])
-    place = uniform[:, 0] * area
-    triangle = np.minimum(np.searchsorted(ends, place, side="right"), len(corners) - 1)
+    target_area = uniform[:, 0] * area
+    triangle = np.minimum(np.searchsorted(ends, target_area, side="right"), len(corners) - 1)
     starts = np.concatenate([[0.0], ends[:-1]])
     # The first number samples a triangle by area, its remainder the direction in it; the second number samples the
     # distance.
-    turned = (place - starts[triangle]) / (ends - starts)[triangle]
+    turned = (target_area - starts[triangle]) / (ends - starts)[triangle]
     points = first[triangle] + turned[:, None] * (second - first)[triangle]
     points *= np.sqrt(uniform[:, 1])[:, None]
     return points + centre, area

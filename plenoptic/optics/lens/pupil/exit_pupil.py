@@ -65,7 +65,7 @@ class PupilBounds(NamedTuple):
     normals: Floats
     """(SIDES, 2) outward normals."""
     support: Floats
-    """(n, SIDES) distances of the sides from the axis in mm; -inf where no light passes."""
+    """(n, SIDES) distances of the sides from the axis in mm; -inf if no light passes."""
     corners: Floats
     """(n, SIDES, 2) corners in mm, counter-clockwise."""
     reach: Floats

@@ -12,7 +12,7 @@ MOST_ACROSS = 2048
 """Largest number of points along a diameter, about 4 million in all."""
 
 INSIDE = 1.0 - 1e-9
-"""Radius at which rays for the rim of the iris are aimed, so rounding errors do not clip them."""
+"""Radius in the unit disc of rays for the rim of the iris: rounding errors do not clip them."""
 
 
 def hexapolar(rings: int) -> Floats:

@@ -117,8 +117,8 @@ class PupilRays(NamedTuple):
                 code = CAUSES * (last["surface_index"] + 1.0) + CLIPPED
                 stopped = blocks[:, 7].reshape(-1)[:n] == code
                 for k in range(2):
-                    place = (blocks[:, k].reshape(-1)[:n] - centre[k]) / math.sqrt(last["semi_diameter2"])
-                    places[k] = np.where(stopped, place, places[k])
+                    point = (blocks[:, k].reshape(-1)[:n] - centre[k]) / math.sqrt(last["semi_diameter2"])
+                    places[k] = np.where(stopped, point, places[k])
         return Fates(blocks[:, 7].reshape(-1)[:n], *places)
 
 
@@ -252,8 +252,8 @@ def _search_between(rays: PupilRays, points: Floats, fates: Fates, lines: int) -
     """Transmitted points (m, 2) between neighbours on every `lines`-th line of a grid of points (n, n, 2)."""
     pairs = []
     for before, after in ((np.s_[:-1, ::lines], np.s_[1:, ::lines]), (np.s_[::lines, :-1], np.s_[::lines, 1:])):
-        differ = fates.of(before).apart(fates.of(after))
-        pairs.append((points[before][differ], points[after][differ], *(part[before][differ] for part in fates)))
+        separate = fates.of(before).apart(fates.of(after))
+        pairs.append((points[before][separate], points[after][separate], *(part[before][separate] for part in fates)))
     first, last, *begin = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     fates = Fates(*begin)
     lit = [np.empty((0, 2))]

@@ -64,8 +64,8 @@ def _exact_rays(lens: LensStack, half: Half, pupil: Floats) -> RayBundle:
     arrived, _ = traced_through(half.inwards, origin, direction, half.wavelength)
     allowed = _ON_THE_IRIS + 1e2 * _EPS * np.abs(origin[np.isfinite(origin)]).max(initial=0.0)
     with np.errstate(invalid="ignore"):
-        off = np.linalg.norm(arrived - targets, axis=1)
-        lost = ~((miss <= SOLVED) & (off <= allowed))
+        miss = np.linalg.norm(arrived - targets, axis=1)
+        lost = ~((miss <= SOLVED) & (miss <= allowed))
     return _bundle(origin, direction, half.wavelength, lost)
 
 
@@ -123,17 +123,17 @@ def _checked_pair(values: float | Sequence[float] | Floats, name: str) -> Floats
 def _aim(lens: LensStack, pair: Floats, z: float, *, scene: bool) -> Floats:
     """Target point of the rays, as in `Half.aim`."""
     name, sign = ("z_object", -1.0) if scene else ("z_image", 1.0)
-    place = number(z, name)
-    if place == sign * math.inf:
+    z_target = number(z, name)
+    if z_target == sign * math.inf:
         if not math.hypot(*pair) < math.pi:
             subject = "field" if scene else "image_point"
             raise InvalidValueError(f"{subject} {pair.tolist()} is not below pi; give radians")
         return pair
     end = float(lens.vertices[0 if scene else -1])
-    if not (math.isfinite(place) and sign * (place - end) > 0):
+    if not (math.isfinite(z_target) and sign * (z_target - end) > 0):
         side = "before the first element, below" if scene else "behind the last element, above"
-        raise InvalidValueError(f"{name} is {place:g} mm; it must lie {side} {end:g}, or be {sign * math.inf:g}")
-    return np.array([*pair, place])
+        raise InvalidValueError(f"{name} is {z_target:g} mm; it must lie {side} {end:g}, or be {sign * math.inf:g}")
+    return np.array([*pair, z_target])
 
 
 def _aim_rays(

@@ -229,11 +229,11 @@ def _fourier_phase_error(found: EvenField, corners: Floats) -> float:
     """Largest phase error of a Fourier transform at corners (4, 3), in radians."""
     n, lit = len(found.side), np.isfinite(found.opd)
     axes = [np.broadcast_to(side, (n, n))[lit] for side in (found.side[:, None], found.side)]
-    off = [
+    phase_errors = [
         excess_path(found.toward[lit], found.radius, corner) + axes[0] * corner[0] + axes[1] * corner[1]
         for corner in corners
     ]
-    return max(math.pi * float(np.ptp(one)) / found.wave for one in off)
+    return max(math.pi * float(np.ptp(one)) / found.wave for one in phase_errors)
 
 
 def _fourier(found: EvenField, places: Floats) -> NDArray[np.complex128]:
