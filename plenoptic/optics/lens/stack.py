@@ -237,8 +237,7 @@ class LensStack:
     def inserted(self, stop: Stop, z: float) -> LensStack:
         """The same lens with one more stop at z, mm in the lens frame, in an air gap; the iris stays.
 
-        It may lie outside the lens. Its thickness becomes the rest of the gap. PrescriptionError if z is inside a
-        glass.
+        It may lie outside the lens. Its thickness becomes the rest of the gap. PrescriptionError if z is in a glass.
 
         Examples
         --------

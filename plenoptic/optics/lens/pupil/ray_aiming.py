@@ -64,8 +64,8 @@ def _exact_rays(lens: LensStack, half: Half, pupil: Floats) -> RayBundle:
     arrived, _ = traced_through(half.inwards, origin, direction, half.wavelength)
     allowed = _ON_THE_IRIS + 1e2 * _EPS * np.abs(origin[np.isfinite(origin)]).max(initial=0.0)
     with np.errstate(invalid="ignore"):
-        miss = np.linalg.norm(arrived - targets, axis=1)
-        lost = ~((miss <= SOLVED) & (miss <= allowed))
+        miss_at_iris = np.linalg.norm(arrived - targets, axis=1)
+        lost = ~((miss <= SOLVED) & (miss_at_iris <= allowed))
     return _bundle(origin, direction, half.wavelength, lost)
 
 
