@@ -60,7 +60,7 @@ MISTAKES = [
     ('pl.Surface("inf", semi_diameter=5.0)', LENS_ERROR, "math.inf for a plane"),
     ("pl.Surface(51.68, 4.0, 1.5168, semi_diameter=12.0)", LENS_ERROR, "pl.ConstantMedium(1.5)"),
     ('pl.Surface(51.68, 4.0, "BK7", semi_diameter=12.0)', LENS_ERROR, 'pl.glass("N-BK7")'),
-    ("pl.Surface(51.68, -4.0, GLASS, semi_diameter=12.0)", LENS_ERROR, "in the order in which light meets them"),
+    ("pl.Surface(51.68, -4.0, GLASS, semi_diameter=12.0)", LENS_ERROR, "in the order of the light path"),
     ("pl.Surface(10.0, 4.0, GLASS, semi_diameter=12.0)", LENS_ERROR, "reduce it to 10 or less"),
     ("pl.Surface(51.68, semi_diameter=12.0, aspheric=1e-8)", LENS_ERROR, "a sequence of coefficients, of r^2 first"),
     ('pl.glass("N-BK77")', INVALID, "near to it are N-BK7"),

@@ -19,7 +19,7 @@ from plenoptic.core.motions.pose import Pose as Pose  # public there too
 from plenoptic.core.values import SMALLEST_LENGTH, choice, coordinate, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import FocusCriterion
-from plenoptic.optics.lens.placement import Placement, kept_placement, rotation_about_axes
+from plenoptic.optics.lens.placement import Placement, normalised_placement, rotation_about_axes
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import Blemishes
@@ -131,7 +131,7 @@ class PlenopticCamera:
         for name in ("stop_to_microlenses", "microlenses_to_sensor"):
             set_field(self, name, coordinate(getattr(self, name), name))
         for name in ("lens_placement", "microlenses_placement", "sensor_placement"):
-            set_field(self, name, kept_placement(getattr(self, name)))
+            set_field(self, name, normalised_placement(getattr(self, name)))
         if self.microlenses is None and self.microlenses_placement is not None:
             raise InvalidValueError("microlenses_placement is given without microlenses; leave it out")
         is_sequence = isinstance(self.blemishes, tuple | list)

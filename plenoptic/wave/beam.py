@@ -29,7 +29,7 @@ from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_l
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.pupil.entrance_pupil import entering_polygon
+from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygon
 
 _GRID_SIZE = 96
 """Rays across the entrance pupil to which the functions are fitted."""
@@ -184,7 +184,7 @@ def beam_of(camera: PlenopticCamera, point: Floats) -> Beam | None:
     """Light of a world point (3,) at the camera's wavelength; None if no light passes the lens."""
     record = forward_record(camera)
     lens_point = in_lens_axes(record, point[None])[0]
-    corners = entering_polygon(record.entrance, lens_point)
+    corners = entrance_polygon(record.entrance, lens_point)
     if corners is None:
         return None
     plane = plane_of(record)

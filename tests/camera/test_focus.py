@@ -76,7 +76,7 @@ def test_ideal_lenses_focus_by_their_cardinal_points_whatever_the_criterion():
         assert thin.focused_at(-404.0, **options).z_sensor == pytest.approx(image, abs=1e-11)
         assert thin.focused_at(-math.inf, **options).z_sensor == pytest.approx(POINTS.rear_focus, abs=1e-11)
         assert paraxial.focused_at(-404.0, **options).z_sensor == pytest.approx(IMAGE, abs=1e-11)
-        with refused(r"LensModel\.NONE, which bends no ray, so no plane is"):
+        with refused(r"LensModel\.NONE, which refracts no ray, so there is no image plane"):
             nothing.focused_at(-404.0, **options)
     slopes = np.linspace(-0.05, 0.05, 5)
     fan = pl.RayBundle([[3.0, 0, -404.0]] * 5, np.column_stack([slopes, 0 * slopes, np.ones(5)]))

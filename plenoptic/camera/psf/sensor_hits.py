@@ -22,7 +22,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.diffraction.far_field import FarField
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entering_polygon, entrance
+from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entrance, entrance_polygon
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import BlemishSite
@@ -246,7 +246,7 @@ def ray_tasks(record: ForwardRecord, points: Floats, replicates: int, rays_per_r
     """
     tasks = []
     for number, point in enumerate(points):
-        corners = entering_polygon(record.entrance, point)
+        corners = entrance_polygon(record.entrance, point)
         if corners is None:
             continue
         polygon = np.ascontiguousarray(corners.T)

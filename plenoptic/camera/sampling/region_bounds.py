@@ -16,7 +16,7 @@ from plenoptic.camera.diffraction import deflection_reach
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.sampling.sampling_records import GROUP_SIDE, Openings
 from plenoptic.core.values import Floats, read_only
-from plenoptic.optics.lens.lens_record import lens_record, shown_stop
+from plenoptic.optics.lens.lens_record import ideal_stop_image, lens_record
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds, rear_reach
 from plenoptic.optics.lens.pupil.outline import normals_of, polygon_around
@@ -54,7 +54,7 @@ def openings(lens: LensStack, wavelength: float | Floats) -> Openings:
     for k, number in enumerate(bare.rows["surface_index"]):
         element = lens.elements[number]
         if isinstance(element, Stop) and np.isfinite(semi_diameter2[k]):
-            edges[k], exact[k] = _edges(shown_stop(lens, float(np.ravel(wavelength)[0]))[0] if ideal else element)
+            edges[k], exact[k] = _edges(ideal_stop_image(lens, float(np.ravel(wavelength)[0]))[0] if ideal else element)
         elif isinstance(element, Surface) and not ideal:
             exact[k] = element.depth is None and element.freeform is None
     return Openings(

@@ -1,1 +1,1 @@
-"""The main lens: a stack of surfaces and stops, and how rays go through it."""
+"""The main lens: a stack of surfaces and stops, ray tracing through it, and its analyses."""

@@ -1,4 +1,4 @@
-"""Elements in a row: their kinds, the requirements of a lens, and their sections."""
+"""Elements of a lens: kinds, validation of a sequence, and cross sections."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from plenoptic.optics.surfaces.mirror import Mirror, medium_behind
 from plenoptic.optics.surfaces.surface import Surface
 
 Element: TypeAlias = Surface | Stop
-"""What a lens is made of."""
+"""Element of a lens: a surface or a stop."""
 
 
 def is_on_axis(element: Element) -> bool:
@@ -28,22 +28,24 @@ def is_on_axis(element: Element) -> bool:
 
 
 def with_round_stops(elements: Sequence[Element]) -> list[Element]:
-    """Elements with circles around their masks and rings, of whose holes rays in one plane say little."""
+    """Elements with masks and rings replaced by the circles around them: rays in one plane do not sample their
+    openings.
+    """
     return [circle_around(element) if isinstance(element, MaskStop | RingStop) else element for element in elements]
 
 
 MOST_ELEMENTS = 10_000
-"""Of one lens."""
+"""Largest number of elements of a lens."""
 
 
 def check_count(elements: int) -> None:
-    """Refuse a file or list of more elements than anyone means, before each of them takes its time."""
+    """Refuse a file or list with more than MOST_ELEMENTS elements, before any is constructed."""
     if elements > MOST_ELEMENTS:
         raise PrescriptionError(f"there are {elements} surfaces and stops; a lens has at most {MOST_ELEMENTS}")
 
 
 def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
-    """The elements of a lens, or an error where they cannot be one."""
+    """Check a sequence of elements and return it as a tuple, with the last thickness set to 0."""
     check_medium(ambient, "ambient")
     try:
         stack = tuple(elements)
@@ -64,7 +66,7 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         )
     if len(surfaces) == len(stack):
         raise PrescriptionError(
-            f"the lens has {len(stack)} surfaces and no stop; add one, such as a CircularStop, where the iris stands"
+            f"the lens has {len(stack)} surfaces and no stop; add one, such as a CircularStop, for the iris"
         )
     behind = ambient
     for element in stack:
@@ -81,20 +83,22 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
 
 
 def check_one_space(elements: Sequence[Element], group: Collection[int]) -> None:
-    """Refuse a rigid group that reaches through a mirror, behind which the frame of the lens shows places mirrored."""
+    """Refuse a rigid group with elements on both sides of a mirror: the lens frame mirrors the space behind it."""
     for i in range(min(group), max(group)):
         element = elements[i]
         if isinstance(element, Surface) and isinstance(element.medium, Mirror):
             raise PrescriptionError(
-                f"elements {min(group)} and {max(group)} stand before and behind the mirror {i}, which shows what is "
-                "behind it mirrored; move what is before it, with the mirror, and what is behind it one after the other"
+                f"elements {min(group)} and {max(group)} lie on both sides of the mirror {i}, and the lens frame "
+                "mirrors the space behind it; move the elements up to and with the mirror, then those behind it"
             )
 
 
 def profile_of(element: Element, z: float, points: int) -> Floats:
-    """Points (n, 2), z and y in mm in the lens frame, on the section of an element in the plane x = 0 of its axes."""
+    """Points (n, 2), z and y in mm in the lens frame, on the cross section of an element in the plane x = 0 of its
+    axes.
+    """
     if isinstance(element, Surface) and element.depth is not None:
-        # An ellipse by its angle, so that the part beyond the equator has points too.
+        # An ellipse is sampled by its angle, so the part beyond the equator has points too.
         pole = abs(element.radius) / (1.0 + element.conic)
         angle = np.linspace(-1.0, 1.0, points) * np.arccos(1.0 - element.depth / pole)
         y, sag = element.equator * np.sin(angle), np.copysign(pole, element.radius) * (1.0 - np.cos(angle))

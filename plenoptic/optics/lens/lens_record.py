@@ -1,4 +1,4 @@
-"""A lens as the numbers that kernels read."""
+"""Lens record: the arrays of a lens that kernels read."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ ROW = np.dtype(
         ("curvature", np.float64),  # 1 / radius in 1/mm, 0 for planes and stops; IDEAL: 1 / focal length
         ("index_ratio", np.float64),  # before over behind, in the direction of travel; at the first of wavelengths
         ("semi_diameter2", np.float64),  # mm^2
-        # Largest c (1 + k) z of a point of the surface: 1 is the equator, inf no limit; IDEAL: from the principal plane
-        # where light arrives to the one where it leaves, in mm.
+        # Largest c (1 + k) z of a point of the surface: 1 is the equator, inf no limit; IDEAL: distance in mm from the
+        # first to the second principal plane in the direction of travel.
         ("max_depth", np.float64),
         ("surface_index", np.int64),  # index of the element in the lens
     ]
@@ -37,45 +37,45 @@ ROW = np.dtype(
 """One element of a lens."""
 
 FRAME = 13
-"""Numbers of a placement: the rotation row by row, the shift, and 1 if there is one."""
+"""Numbers of a placement: rotation matrix by rows, shift in mm, and 1 (0 for no placement)."""
 
 MOVED = FRAME - 1
-"""Where a placement has that last number."""
+"""Column of that last number."""
 
 MASK_HEAD = 4
-"""Numbers of a mask before its cells: where they begin in `masks`, rows, columns, and cells per mm."""
+"""Header of a mask: index of its first cell in `masks`, rows, columns, and cells per mm."""
 
 STEEPEST, SHARPEST, TALLEST, FIRST_TERM = range(4)
-"""Where aspheric numbers, and those of a freeform term, have the largest slope, second derivative and sag inside the
-semi-diameter, and where the coefficients begin."""
+"""Columns of aspheric and freeform numbers: bounds on slope, second derivative and sag inside the semi-diameter, and
+the first coefficient."""
 
 ROUNDING, FREEFORM_KIND, FIRST_NUMBER = range(3, 6)
-"""Where the numbers of a freeform term have the other bound, its kind, and its own numbers."""
+"""Columns of freeform numbers: rounding bound, kind, and the first number of the term."""
 
 
 class LensRecord(NamedTuple):
-    """A lens for one direction of travel, one entry an element, in the order in which light arrives."""
+    """A lens for one direction of travel: one entry for each element, in the order of travel."""
 
     rows: NDArray[np.void]
     """(n,) of the dtype ROW."""
     edges: Floats
     """(k, 4): a, b, p and q of the edges of all stops, a x + b y + q (x^2 + y^2) <= p; see `PolygonStop.edges` and
-    `StarStop.edges`. Straight ones: outward normal x, y, distance from the axis, and 0."""
+    `StarStop.edges`. For a straight edge: outward normal x, y, distance from the axis, and 0."""
     first_edge: NDArray[np.int64]
     """(n + 1,): the edges of element i are first_edge[i] to first_edge[i + 1]."""
     conic: Floats | None
-    """(n,) conic constants; None where all surfaces are spheres and planes."""
+    """(n,) conic constants; None if all surfaces are spheres and planes."""
     aspheric: Floats | None
-    """(n, FIRST_TERM + terms): the largest slope, the largest second derivative by r and the largest sag of an asphere,
-    in size, and its coefficients of r^2, r^4, ...; None without aspheres."""
+    """(n, FIRST_TERM + terms): the largest absolute slope, second derivative by r and sag of an asphere, then its
+    coefficients of r^2, r^4, ...; None without aspheres."""
     freeform: Floats | None
-    """(n, numbers) of surfaces without rotational symmetry: like `aspheric`, then what rounding may leave of the added
-    sag, the kind of freeform term, and its own numbers; None without them."""
+    """(n, numbers) of surfaces without rotational symmetry: as `aspheric`, then the rounding error of the freeform sag
+    in mm, the kind of the freeform term, and its numbers; None without freeform terms."""
     frames: Floats | None
-    """(n, FRAME) placements; None where all elements are centred."""
+    """(n, FRAME) placements; None if all elements are centred."""
     mirrors: Floats | None
-    """(n, FRAME): what takes rays from the space before a mirror to the one behind it and back, in the axes of the
-    mirror, and 1; None without mirrors."""
+    """(n, FRAME): transform of rays between the spaces before and behind a mirror, in the axes of the mirror, and 1;
+    None without mirrors."""
     masks: Floats | None
     """MASK_HEAD numbers for each element, then the cells of all masks, row by row; None without masks."""
     index_ratios: Floats | None
@@ -85,8 +85,8 @@ class LensRecord(NamedTuple):
 
     @property
     def completed(self) -> LensRecord:
-        """The same lens with spheres and planes only, or with hardly anything left out, for kernels that few need: two
-        or three compiled ones serve all lenses, with the same bits.
+        """Record with default `frames`, `masks` and, for lenses with conics, `aspheric` in place of None. Rarely used
+        kernels then compile for two or three types only; results have the same bits.
         """
         n = len(self.rows)
         completed = self._replace(
@@ -98,7 +98,7 @@ class LensRecord(NamedTuple):
         return completed
 
     def part(self, begin: int, end: int) -> LensRecord:
-        """Elements begin ... end - 1; where the lens has masks, from the first one on."""
+        """Record of elements begin ... end - 1; `begin` must be 0 if the lens has masks."""
         by_element = ("rows", "conic", "aspheric", "freeform", "frames", "mirrors", "index_ratios")
         cut = {name: column[begin:end] for name in by_element if (column := getattr(self, name)) is not None}
         return self._replace(first_edge=self.first_edge[begin : end + 1], **cut)
@@ -114,11 +114,10 @@ def lens_record(
     last: int | None = None,
     clipping: bool = True,
 ) -> LensRecord:
-    """The record for one wavelength (nm), or an array of several, and one direction of travel.
+    """Lens record for one wavelength in nm, or an array of several, and one direction of travel.
 
-    With `round_stops`, all stops become the circles around them, as bounds on pupils need them. `first` and
-    `last` choose a part of the lens, both included, always traced exactly. Without `clipping`, neither semi-diameters
-    nor stops stop a ray.
+    With `round_stops`, all stops become the circles around them, as pupil bounds require. `first` and `last`, both
+    included, select a part of the lens, always traced exactly. Without `clipping`, no rim or stop clips a ray.
     """
     wavelengths = np.array(wavelength, dtype=np.float64, ndmin=1).tolist()
     if first is None and last is None and lens.model is not LensModel.EXACT:
@@ -164,7 +163,7 @@ def _columns(rows: list[ElementRow], direction: float) -> LensRecord:
 
 
 def _pad(numbers: list[tuple[float, ...]]) -> Floats | None:
-    """One row an element, filled up with 0; None where no element has any."""
+    """One row for each element, padded with 0; None if no element has numbers."""
     width = max(map(len, numbers))
     return np.array([(*row, *[0.0] * (width - len(row))) for row in numbers]) if width else None
 
@@ -197,10 +196,10 @@ def _exact_rows(lens: LensStack, wavelength: float, first: int, last: int, *, re
 
 
 def _between_spaces(placement: Placement | None, mirror: Mirror) -> tuple[float, ...]:
-    """From the space before a mirror to the one behind it, seen in the plane of its fold: numbers of a frame.
+    """Frame numbers of the transform from the space before a mirror to the unfolded space behind it.
 
-    A point p of the mirror's axes lies at t + R p from its place on the axis, and is seen at U (t + R p), which is
-    t + R q for q = R' U R p + R' (U t - t). The inverse of that reflection is itself.
+    A point p in the mirror's axes lies at t + R p from its nominal vertex. The fold U images it to U (t + R p), which
+    is t + R q for q = R' U R p + R' (U t - t). This reflection is its own inverse.
     """
     where = Placement() if placement is None else placement
     turn, shift = where.rotation, where.shift
@@ -216,20 +215,20 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[El
     points = cardinal_points(lens, wavelength)
     if not math.isfinite(points.efl):
         raise PrescriptionError(
-            f"the lens {lens.name!r} has no focal length at {wavelength:g} nm and so no principal planes; "
+            f"the lens {lens.name!r} has no focal length at {wavelength:g} nm, hence no principal planes; "
             "use LensModel.EXACT"
         )
     rear, iris = points.rear_principal, lens.iris_index
     front = rear if lens.model is LensModel.THIN else points.front_principal
     arrives, leaves = (rear, front) if reverse else (front, rear)
     ideal = ElementRow(IDEAL, curvature=1.0 / points.efl, max_depth=leaves - arrives, z=arrives, surface_index=iris)
-    stop_seen, z_stop, behind = shown_stop(lens, wavelength)
+    stop_seen, z_stop, behind = ideal_stop_image(lens, wavelength)
     stop = stop_seen.row()._replace(z=z_stop, surface_index=iris)
     return [ideal, stop] if behind else [stop, ideal]
 
 
-def shown_stop(lens: LensStack, wavelength: float) -> tuple[Stop, float, bool]:
-    """The iris as an ideal model of a lens shows it, its place on the axis, and whether it lies behind the lens."""
+def ideal_stop_image(lens: LensStack, wavelength: float) -> tuple[Stop, float, bool]:
+    """Image of the iris in an ideal model of a lens, its z in mm, and True if it lies behind the lens."""
     points = cardinal_points(lens, wavelength)
     scale = points.entrance_pupil_semi_diameter / lens.stop.semi_diameter
     if lens.model is LensModel.THIN:

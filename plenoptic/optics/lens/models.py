@@ -9,11 +9,12 @@ class LensModel(enum.IntEnum):
     """Model of the main lens; `LensStack.with_model` chooses it.
 
     - NONE: the stops alone, without glass.
-    - THIN: one plane with the lens's focal length, in its rear principal point, with the iris in it as large as the
-      entrance pupil: the same f-number. Both principal planes are one, so that the scene seems farther away or nearer
-      by their distance.
-    - PARAXIAL: an ideal thick lens: rays meet the front principal plane, leave from the rear one at the same height,
-      and pass the paraxial exit pupil. No aberrations, no vignetting by rims or further stops, nothing out of place.
+    - THIN: one plane with the lens's focal length, in its rear principal point. It has the iris in it with the size of
+      the entrance pupil, hence the same f-number. Both principal planes coincide, which shifts the scene by their
+      distance.
+    - PARAXIAL: an ideal thick lens. Rays enter at the front principal plane, leave from the rear one at the same
+      height, and pass the paraxial exit pupil. No aberrations, no vignetting by rims or further stops, no decentres or
+      tilts.
     - EXACT: every surface and stop.
 
     Gaussian optics, Seidel sums, `check` and `layout` describe the prescription, whatever the model.
@@ -35,8 +36,8 @@ class LensModel(enum.IntEnum):
 class FocusCriterion(enum.IntEnum):
     """Criterion of best focus.
 
-    PARAXIAL: where rays close to the axis meet. RMS_SPOT: the least root mean square distance of all rays from their
-    centroid. GEOMETRIC_SPOT: the least largest distance, the circle of least confusion.
+    PARAXIAL: the paraxial focus. RMS_SPOT: minimum of the root mean square distance of all rays from their centroid.
+    GEOMETRIC_SPOT: minimum of the largest distance, the circle of least confusion.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Substitute for the main lens of a camera that has none."""
+"""Substitute for the main lens of a camera without one."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from plenoptic.optics.surfaces.surface import Surface
 
 
 def no_lens(semi_diameter: float) -> LensStack:
-    """An opening and no lens: an array of microlenses behind it is an array of cameras.
+    """Opening without a lens: a microlens array behind it is an array of cameras.
 
-    As a stack it is a stop and a plane of air, with LensModel.NONE.
+    The stack is a stop and a plane in air, with LensModel.NONE.
 
     Parameters
     ----------
     semi_diameter : float
-        Radius in mm of the round opening at z = 0; the array stands behind it. Light outside it is not seen. Rays
-        are drawn over all of it, so that it should be just large enough for the array and its field.
+        Radius in mm of the round opening at z = 0, in front of the array. It blocks all light outside. Rays sample all
+        of it, so it should be just large enough for the array and its field.
 
     Examples
     --------

@@ -18,41 +18,41 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import RayArrays, in_chunks, trace_record
 
 _TOLERANCE = 1e-9
-"""Of the way from a point, by which rays may pass it."""
+"""Largest distance of a ray from its object point, over their distance along the ray."""
 
 
 def optical_path(
     lens: LensStack, rays: RayBundle, *, reverse: bool = False, point: ArrayLike | None = None
 ) -> tuple[RayBundle, Floats]:
-    """Trace a bundle as `LensStack.trace` does, and tell how long the way of each ray is, times the refractive index.
+    """Trace a bundle as `LensStack.trace` does, with the optical path length of each ray.
 
     Parameters
     ----------
     lens : LensStack
     rays : RayBundle
-        Before the lens, or with `reverse` behind it.
+        In front of the lens, or with `reverse` behind it.
     reverse : bool, optional
         Towards the scene.
     point : (3,) array, optional
-        For the ideal models THIN and PARAXIAL, which have no surfaces: the point, in the lens frame, mm, through
-        which all rays come. All paths from there to its image are equal; how long is known but for a constant.
+        For the ideal models THIN and PARAXIAL, which have no surfaces: object point of all rays in the lens frame, mm.
+        All paths from it to its image are equal, and defined up to a constant.
 
     Returns
     -------
     rays : RayBundle
-        Rays of `LensStack.trace`: they stand on the last element.
+        Rays of `LensStack.trace`, with origins on the last element.
     path : (n,) array
-        From the origins given to there, mm; negative where an origin lies behind the lens; nan for lost rays.
+        Optical path length from the origins of `rays` to those points, mm; negative for origins behind the lens; nan
+        for lost rays.
 
     Raises
     ------
     InvalidValueError
-        An ideal lens without a point, or rays that do not come from it.
+        For an ideal lens without a point, or rays that do not come from it.
 
-    Notes
-    -----
-    Rounding leaves some eps times the path: 2e-10 waves of a metre. The common path of rays and the chief ray
-    falls out of differences; rays from far away are best begun on a wavefront near the lens, as `aiming` does.
+    Notes ----- The rounding error is about eps times the path: 2e-10 waves for a path of 1 m. Differences from the
+    chief ray cancel the common path, not its rounding error. Rays of a distant object should start on a wavefront near
+    the lens, as in `aiming`.
 
     Examples
     --------
@@ -66,18 +66,18 @@ def optical_path(
     check_kind(rays, "rays", RayBundle, "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
     if lens.model is LensModel.EXACT:
         if point is not None:
-            raise InvalidValueError("point is for ideal lenses, whose paths follow from it; leave it out")
+            raise InvalidValueError("point is for ideal lenses only; leave it out")
         return paths_of_part(lens, rays, 0, len(lens.elements) - 1, reverse=reverse)
     if point is None:
         raise InvalidValueError(
-            f"an ideal lens ({lens.model.name}) makes all paths from a point to its image equal, and says nothing of a "
-            "ray by itself; give the point from which the rays come, or use LensModel.EXACT"
+            f"an ideal lens ({lens.model.name}) makes all paths from a point to its image equal, "
+            "and defines no path of a single ray; give the point from which the rays come, or use LensModel.EXACT"
         )
     return _ideal(lens, rays, positions(point, name="point", shape=(3,)), reverse=reverse)
 
 
 def _ideal(lens: LensStack, rays: RayBundle, point: Floats, *, reverse: bool) -> tuple[RayBundle, Floats]:
-    """From the point to its image each path is as long as that of the ray through the principal points."""
+    """Paths of an ideal lens: from the point to its image, all equal that of the ray through the principal points."""
     behind = trace_record(lens_record(lens, rays.wavelength, reverse=reverse), rays)
     index = float(lens.indices(rays.wavelength)[0])
     check_from(rays, point, np.abs(lens.vertices).max() + 1.0)
@@ -94,20 +94,20 @@ def _ideal(lens: LensStack, rays: RayBundle, point: Floats, *, reverse: bool) ->
 
 
 class IdealPlanes(NamedTuple):
-    """Lenses along z without aberrations, one or one for each ray."""
+    """Principal planes of aberration-free lenses along z: one lens, or one for each ray."""
 
     front: Floats
-    """(3,) or (n, 3), mm: the principal point where light arrives."""
+    """(3,) or (n, 3), mm: the first principal point in the direction of travel."""
     rear: Floats
-    """Where it leaves."""
+    """(3,) or (n, 3), mm: the second principal point in the direction of travel."""
     power: float | Floats
-    """1/mm; a number or (n,)."""
+    """Power in 1/mm; a number or (n,)."""
     direction: float
-    """Of the light along z: 1 or -1."""
+    """Direction of travel along z: 1 or -1."""
 
 
 def paths_to_image(rays: RayBundle, behind: RayBundle, point: Floats, lenses: IdealPlanes) -> Floats:
-    """Paths (n,) of rays from a point, mm: to its image all are as long as the one through the principal points."""
+    """Paths (n,) of rays from a point, mm; up to its image all equal the path through the principal points."""
     away = point - lenses.front
     distance = -lenses.direction * away[..., 2]
     scale = 1.0 / (1.0 - distance * lenses.power)
@@ -121,18 +121,20 @@ def paths_to_image(rays: RayBundle, behind: RayBundle, point: Floats, lenses: Id
 
 
 def check_from(rays: RayBundle, point: Floats, extent: float) -> None:
-    """Refuse rays that pass a point by more than rounding, of their way from it or of the lens's extent."""
+    """Refuse rays that miss a point by more than a rounding error of their distance from it, or of the lens's
+    extent.
+    """
     along = ((rays.origin - point) * rays.direction).sum(axis=1)
-    off = np.linalg.norm(rays.origin - point - along[:, None] * rays.direction, axis=1)
+    miss = np.linalg.norm(rays.origin - point - along[:, None] * rays.direction, axis=1)
     far = np.linalg.norm(rays.origin - point, axis=1)
-    if np.any(off > _TOLERANCE * np.maximum(far, extent)):
-        raise InvalidValueError(f"a ray passes the point {point.tolist()} by {off.max():.3g} mm; all must come from it")
+    if np.any(miss > _TOLERANCE * np.maximum(far, extent)):
+        raise InvalidValueError(f"a ray misses the point {point.tolist()} by {miss.max():.3g} mm; all must pass it")
 
 
 def paths_of_part(
     lens: LensStack, rays: RayBundle, first: int, last: int, *, reverse: bool = False, clipping: bool = True
 ) -> tuple[RayBundle, Floats]:
-    """Trace as `trace.trace_part`, with optical paths."""
+    """Trace as `trace.trace_part`, with optical path lengths."""
     from plenoptic.core.kernels.ray_blocks import BLOCK
     from plenoptic.optics.lens.kernels.trace import fill_paths
 

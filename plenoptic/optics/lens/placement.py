@@ -24,13 +24,13 @@ from plenoptic.core.values import (
 from plenoptic.errors import PrescriptionError
 
 _ORTHONORMAL = 1e-12
-"""How far the rows of a rotation may be from orthonormal: a product of some hundred rotations stays within."""
+"""Largest deviation of a rotation matrix from orthonormality; a product of a hundred rotations stays below it."""
 
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def rotation_about_axis(axis: int, angle: float) -> Floats:
-    """The matrix that turns about the axis x (0), y (1) or z (2) by an angle in radians."""
+    """Rotation matrix about the axis x (0), y (1) or z (2), by an angle in radians."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     turn = np.eye(3)
     turn[i, i] = turn[j, j] = math.cos(angle)
@@ -39,7 +39,7 @@ def rotation_about_axis(axis: int, angle: float) -> Floats:
 
 
 def rotation_about_axes(tilt: Sequence[float]) -> Floats:
-    """The matrix that turns about x by tilt[0], then about y by tilt[1], then about z by tilt[2]; axes fixed, radians.
+    """Rotation matrix about x by tilt[0], then about y by tilt[1], then about z by tilt[2]; axes fixed, radians.
 
     Positive angles turn y towards z, z towards x, and x towards y.
     """
@@ -49,7 +49,7 @@ def rotation_about_axes(tilt: Sequence[float]) -> Floats:
         raise PrescriptionError(f"tilt is {tilt!r}; it must be {expected}")
     if not max(abs(angles[0]), abs(angles[1])) < math.pi / 2:
         raise PrescriptionError(
-            f"tilt is {tuple(tilt)!r} rad; about x and y it must be below pi / 2, or light meets the back of the "
+            f"tilt is {tuple(tilt)!r} rad; about x and y it must be below pi / 2, or light arrives at the back of the "
             "element: give radians, such as math.radians(2.0)"
         )
     matrix = np.eye(3)
@@ -60,22 +60,22 @@ def rotation_about_axes(tilt: Sequence[float]) -> Floats:
 
 @value
 class Placement:
-    """Shift and rotation of an element against its place on the axis; `LensStack.moved` makes them.
+    """Shift and rotation of an element relative to its nominal position on the axis; made by `LensStack.moved`.
 
-    A point p of the element, measured from its vertex, lies at shift + rotation @ p from the vertex's place on the
-    axis. An element that stands where the prescription has it has no placement (None) and costs nothing.
+    A point p of the element, relative to its vertex, lies at shift + rotation @ p from the nominal vertex on the axis.
+    An element in its nominal position has no placement (None) and needs no extra time.
 
     Parameters
     ----------
     shift : (3,) array, optional
         mm.
     rotation : (3, 3) array, optional
-        From the element's axes to the lens's; orthonormal, with determinant 1.
+        Rotation from the element's axes to the lens's; orthonormal, with determinant 1.
 
     Raises
     ------
     PrescriptionError
-        If the matrix is no rotation, or a number is not finite.
+        If `rotation` is not a rotation matrix, or a number is not finite.
 
     Examples
     --------
@@ -92,10 +92,10 @@ class Placement:
         rotation = frozen_array(self.rotation, name="rotation", shape=(3, 3))
         if not np.isfinite(rotation).all():
             raise PrescriptionError("rotation holds a number that is not finite; correct it")
-        off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-        if off > _ORTHONORMAL or np.linalg.det(rotation) < 0:
+        deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        if deviation > _ORTHONORMAL or np.linalg.det(rotation) < 0:
             raise PrescriptionError(
-                f"rotation differs from an orthonormal matrix of determinant 1 by {off:.1e}; it may differ by "
+                f"rotation differs from an orthonormal matrix of determinant 1 by {deviation:.1e}; it may differ by "
                 f"{_ORTHONORMAL:g}: use lens.moved(..., tilt=...), which makes one from angles"
             )
         set_field(self, "shift", shift)
@@ -103,17 +103,17 @@ class Placement:
 
     @property
     def is_identity(self) -> bool:
-        """True if the element stands exactly as without a placement."""
+        """True if the placement is exactly the identity."""
         return bool(np.all(self.shift == 0) and np.array_equal(self.rotation, np.eye(3)))
 
 
 def to_lens_axes(placement: Placement | None, points: Floats) -> Floats:
-    """Points (..., 3) of an element in the axes of the lens, from its place on the axis."""
+    """Points (..., 3) of an element in the axes of the lens, relative to its nominal vertex."""
     return points if placement is None else np.asarray(points @ placement.rotation.T + placement.shift)
 
 
-def kept_placement(placement: Placement | None) -> Placement | None:
-    """Placement of an element: None for one that changes nothing, an error for another object."""
+def normalised_placement(placement: Placement | None) -> Placement | None:
+    """Check a placement; the identity becomes None."""
     if placement is None:
         return None
     if not isinstance(placement, Placement):
@@ -122,13 +122,13 @@ def kept_placement(placement: Placement | None) -> Placement | None:
 
 
 def set_place(element: Any) -> None:
-    """Check and set the common members of all elements: semi-diameter, gap that follows in mm, and placement."""
+    """Check and set the common fields of all elements: semi-diameter and thickness in mm, and placement."""
     set_field(element, "semi_diameter", length_in_mm(element.semi_diameter, "semi_diameter"))
     gap = coordinate(element.thickness, "thickness")
     if gap < 0:
         raise PrescriptionError(
             f"thickness is {gap:g} mm; the gap to the next element must be at least 0: "
-            "list the elements in the order in which light meets them"
+            "list the elements in the order of the light path"
         )
     set_field(element, "thickness", gap)
-    set_field(element, "placement", kept_placement(element.placement))
+    set_field(element, "placement", normalised_placement(element.placement))

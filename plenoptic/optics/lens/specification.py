@@ -14,7 +14,7 @@ from plenoptic.errors import InvalidValueError
 
 
 class StopSize(enum.IntEnum):
-    """Source of the stop's size in a Zemax file. See `load_lens`.
+    """Source of the stop size in a Zemax file. See `load_lens`.
 
     Examples
     --------
@@ -24,48 +24,48 @@ class StopSize(enum.IntEnum):
     """
 
     SYSTEM_APERTURE = 0
-    """The file's system aperture, as in Zemax: entrance pupil diameter (ENPD), f-number (FNUM) or numerical aperture
-    (OBNA), by the paraxial marginal ray; where it floats by the stop (FLOA), or the file has none, DIAMETER."""
+    """System aperture, as in Zemax: entrance pupil diameter (ENPD), f-number (FNUM) or numerical aperture (OBNA), by
+    the paraxial marginal ray. DIAMETER if the aperture floats by the stop (FLOA) or is missing."""
     DIAMETER = 1
-    """The semi-diameter of the stop's surface (DIAM, or its aperture), whatever the system aperture."""
+    """Semi-diameter of the stop's surface (DIAM, or its aperture), regardless of the system aperture."""
 
 
 @value
 class Specification:
-    """Fields, wavelengths, object and image of a lens, as its file says; `LensStack.specification` of Zemax files.
+    """Fields, wavelengths, object and image of a lens, as stated in its file; `LensStack.specification` of Zemax files.
 
     Lengths are in mm, z in the lens frame.
 
     Parameters
     ----------
     fields : (n, 2) array
-        Object points for `field=` of analyses: angles in radians where `z_object` is -inf, otherwise heights in mm.
+        Object points for `field=` of analyses: angles in radians if `z_object` is -inf, otherwise heights in mm.
     wavelengths : tuple of float
         nm, the primary one first.
     z_object : float
-        Where the object is; -inf: infinitely far.
+        z of the object; -inf for an object at infinity.
     z_image : float
-        Where the axis meets the image surface.
+        z of the vertex of the image surface.
     image_radius : float
         Radius of curvature of the image surface; inf: a plane.
     entrance_pupil_diameter : float, optional
-        Diameter by the system aperture, paraxially, at the primary wavelength.
+        Paraxial diameter by the system aperture, at the primary wavelength, mm.
     stop_semi_diameter : float, optional
-        Semi-diameter by the stop's surface.
+        Semi-diameter by the stop's surface, mm.
 
     Raises
     ------
     InvalidValueError
-        For numbers out of range.
+        If a number is out of range.
 
     Examples
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2")
     >>> z = pl.paraxial.cardinal_points(lens).rear_focus
-    >>> told = pl.optics.Specification([(0.0, 0.0), (0.0, 0.17)], (587.6, 486.1, 656.3), z_image=z)
-    >>> wide = pl.aberrations.spot_diagram(lens, field=told.fields[1], z_object=told.z_object,
-    ...                                    z_image=told.z_image, wavelength=told.wavelengths)
+    >>> specification = pl.optics.Specification([(0.0, 0.0), (0.0, 0.17)], (587.6, 486.1, 656.3), z_image=z)
+    >>> wide = pl.aberrations.spot_diagram(lens, field=specification.fields[1],
+    ...                                    z_image=z, wavelength=specification.wavelengths)
     >>> f"{wide.centroid[1]:.0f} mm"
     '-17 mm'
     """
@@ -94,5 +94,5 @@ class Specification:
                 set_field(self, name, positive(getattr(self, name), name, "mm"))
 
     def without_aperture(self) -> Specification:
-        """The same, of a lens that has got another stop."""
+        """Specification of the same lens with another stop: without aperture data."""
         return dataclasses.replace(self, entrance_pupil_diameter=None, stop_semi_diameter=None)

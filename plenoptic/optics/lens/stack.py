@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @value
 class LensStack:
-    """A lens: surfaces and stops in the order in which light from the scene meets them.
+    """A lens: surfaces and stops in the order of the light path from the scene.
 
     The lens has its own frame: z along the axis towards the sensor, z = 0 at the iris, lengths in mm. Scene and
     sensor are in the same medium, mostly air. Lenses are equal when all their fields are.
@@ -42,23 +42,24 @@ class LensStack:
         From the scene (-z) to the sensor (+z); at least one surface and one stop. Each one's `thickness` is the gap
         to the next. Kept as a tuple; the gap behind the last one belongs to the camera and is set to 0.
     iris : int, optional
-        Index in `elements` of the stop that is the iris; the first stop if it is left out.
+        Index in `elements` of the iris; the first stop by default.
     name : str, optional
-        For people and for figures.
+        Name for messages and figures.
     source : str, optional
-        Where the numbers come from: patent, book and page.
+        Source of the prescription: patent, book and page.
     ambient : Medium, optional
         Medium before the first surface and behind the last one; keyword only. AIR means that all indices are relative
         to air, as in glass catalogues. For a lens in vacuum, or in real air with absolute indices, see `Absolute`.
     model : LensModel, optional
-        How faithfully rays are followed; keyword only. EXACT: through every surface.
+        Model of ray tracing; keyword only. EXACT traces every surface.
     specification : Specification, optional
-        Fields, wavelengths, object and image by the file of the lens; keyword only.
+        Fields, wavelengths, object and image as stated in the lens file; keyword only.
 
     Raises
     ------
     PrescriptionError
-        For no surface or stop, an `iris` that is none, no finite length, or another medium at the end than `ambient`.
+        If there is no surface or no stop, `iris` is no stop, the length is not finite, or the last medium is not
+        `ambient`.
 
     Examples
     --------
@@ -120,17 +121,17 @@ class LensStack:
 
     @property
     def gap_media(self) -> tuple[Medium, ...]:
-        """The medium before the first element and behind each of them, n + 1 in all."""
+        """Medium before the first element and behind each element, n + 1 in all."""
         media: list[Medium] = [self.ambient]
         for element in self.elements:
             media.append(medium_behind(element.medium, media[-1]) if isinstance(element, Surface) else media[-1])
         return tuple(media)
 
     def indices(self, wavelength: float = 587.6) -> Floats:
-        """Refractive index before the first element and behind each of them, (n + 1,), at a wavelength in nm.
+        """Refractive index before the first element and behind each element, (n + 1,), at a wavelength in nm.
 
-        A stop has the index of the gap in which it stands. An InvalidValueError where a medium is not defined, a
-        PrescriptionError where it answers with an index that is below 1 or not finite.
+        A stop has the index of its gap. InvalidValueError if a medium is not defined there; PrescriptionError if an
+        index is below 1 or not finite.
 
         Examples
         --------
@@ -147,7 +148,7 @@ class LensStack:
         return read_only(values)
 
     def with_model(self, model: LensModel) -> LensStack:
-        """The same lens, followed more or less faithfully: `trace` and cameras treat it as the model says.
+        """The same lens with another model, which `trace` and cameras use.
 
         Examples
         --------
@@ -169,26 +170,26 @@ class LensStack:
     ) -> LensStack:
         """The same lens with one element, or several as one rigid group, decentred and tilted.
 
-        Moves add up: each one acts on the lens as the ones before left it. The paraxial description stays that of the
+        Moves accumulate: each one acts on the result of the preceding ones. The paraxial description stays that of the
         centred lens.
 
         Parameters
         ----------
         which : int, slice or sequence of int
-            Indices in `elements` of the moving elements.
+            Indices in `elements` of the elements to move.
         shift : (3,) sequence of float, optional
             Along x, y and z in mm.
         tilt : (3,) sequence of float, optional
             About the axes through the pivot parallel to x, y and z, one after the other, radians. A positive tilt about
             x turns y towards z.
         pivot : float, optional
-            z in the lens frame of the point of the axis about which the group is turned, mm; the vertex of its first
-            element if it is left out.
+            z in the lens frame, mm, of the axial point about which the group is rotated; by default the vertex of its
+            first element.
 
         Raises
         ------
         PrescriptionError
-            If `which` names no element, or some before and behind a mirror.
+            If `which` selects no element, or elements on both sides of a mirror.
 
         Examples
         --------
@@ -203,7 +204,7 @@ class LensStack:
         except (IndexError, TypeError, ValueError):
             chosen = []
         if not chosen:
-            raise PrescriptionError(f"which is {which!r}; it must name elements, from 0 to {len(elements) - 1}")
+            raise PrescriptionError(f"which is {which!r}; it must select elements, from 0 to {len(elements) - 1}")
         check_one_space(elements, chosen)
         turn, along = rotation_about_axes(tilt), Placement(shift=shift).shift
         vertices = np.zeros((len(elements), 3))
@@ -234,10 +235,9 @@ class LensStack:
         return dataclasses.replace(self, elements=elements, specification=specification)
 
     def inserted(self, stop: Stop, z: float) -> LensStack:
-        """The same lens with one more stop at z, mm in the lens frame, where no glass is; the iris stays.
+        """The same lens with one more stop at z, mm in the lens frame, in an air gap; the iris stays.
 
-        It may stand in front of the lens or behind it. Its own thickness is replaced by the rest of the gap. A
-        PrescriptionError if z lies inside glass.
+        It may lie outside the lens. Its thickness becomes the rest of the gap. PrescriptionError if z is in a glass.
 
         Examples
         --------
@@ -247,32 +247,32 @@ class LensStack:
         array([30.31, 31.  ])
         """
         _check_stop(stop)
-        place, ends = finite(z, "z"), [-np.inf, *self.vertices.tolist(), np.inf]
-        gaps = [i for i, (low, high) in enumerate(pairwise(ends)) if low <= place <= high]
+        z_stop, ends = finite(z, "z"), [-np.inf, *self.vertices.tolist(), np.inf]
+        gaps = [i for i, (low, high) in enumerate(pairwise(ends)) if low <= z_stop <= high]
         in_air = [i for i in gaps if self.gap_media[i] == self.ambient]
         if not in_air:
             low, high = ends[gaps[0]], ends[gaps[0] + 1]
             raise PrescriptionError(
-                f"z {place:g} mm lies in glass, which reaches from {low:g} to {high:g} mm; place the stop in an air gap"
+                f"z {z_stop:g} mm lies in glass from {low:g} to {high:g} mm; place the stop in an air gap"
             )
         gap, elements = in_air[0], list(self.elements)
         if gap > 0:
-            elements[gap - 1] = dataclasses.replace(elements[gap - 1], thickness=place - ends[gap])
-        behind = ends[gap + 1] - place if gap < len(elements) else 0.0
+            elements[gap - 1] = dataclasses.replace(elements[gap - 1], thickness=z_stop - ends[gap])
+        behind = ends[gap + 1] - z_stop if gap < len(elements) else 0.0
         elements.insert(gap, dataclasses.replace(stop, thickness=behind))
         return dataclasses.replace(self, elements=elements, iris=self.iris_index + (gap <= self.iris_index))
 
     def profiles(self, points: int = 41) -> tuple[Floats, ...]:
-        """The section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
+        """Cross section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
 
-        Of an element that is tilted out of that plane, the projection; a mirror as light that comes meets it.
+        An element that is tilted out of that plane is projected. A mirror is drawn in the space before it.
         """
         count = whole(points, "points", at_least=2, at_most=MAX_POINTS)
         return tuple(profile_of(*at, count) for at in zip(self.elements, self.vertices.tolist(), strict=True))
 
     @property
     def glasses(self) -> tuple[tuple[int, int], ...]:
-        """The pairs of surfaces (indices in `elements`) that have glass between them."""
+        """Pairs of surfaces (indices in `elements`) with glass between them."""
         surfaces = [i for i, element in enumerate(self.elements) if isinstance(element, Surface)]
         return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != self.ambient)
 
@@ -291,7 +291,8 @@ class LensStack:
     def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
         """Check the lens at a wavelength in nm; the result is empty where nothing is implausible.
 
-        Edges that overlap, rays that cannot pass, total reflection at the rims, another aperture than its file's.
+        Checks include overlapping edges, vignetting, total reflection, and a deviation of the aperture from the lens
+        file.
 
         Examples
         --------
@@ -299,7 +300,7 @@ class LensStack:
         >>> pl.load_lens("double-gauss-100mm-f2").check()
         ()
         """
-        from plenoptic.optics.lens.checks.check import findings  # knows this class
+        from plenoptic.optics.lens.checks.check import findings  # imports this module
 
         return findings(self, wavelength)
 
@@ -313,7 +314,7 @@ class LensStack:
         z_image: float | None = None,
         ax: Axes | None = None,
     ) -> Axes:
-        """Draw the lens with a fan of real rays for each of some fields, true to scale.
+        """Draw the lens with a fan of real rays for each field, true to scale.
 
         z to the right, y upwards, in mm; one colour a field.
 
@@ -322,22 +323,22 @@ class LensStack:
         fields : (n,) array, optional
             Along +y: half angles in radians, or heights in mm in the plane `z_object`; three if left out.
         z_object : float, optional
-            mm; -inf: infinitely far. If left out, that, or the front focus of a lens with no rear focus behind it.
+            mm; -inf for infinity. Default: -inf, or the front focus of a lens without a rear focus behind it.
         rays : int, optional
-            Rays of each fan, evenly over the diameter along y of the iris. Those that a rim stops end there.
+            Rays of each fan, uniform over the diameter of the iris along y. Clipped rays end at their rim.
         wavelength : float, optional
             nm.
         z_image : float, optional
-            Where rays end, mm; the paraxial image plane if left out.
+            z at which rays end, mm; by default the paraxial image plane.
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure if left out.
+            Axes to draw on; a new figure by default.
 
         Raises
         ------
         InvalidValueError
             If a field is out of range or the object is not before the lens.
         PlenopticError
-            Which is an ImportError too: without matplotlib.
+            If matplotlib is missing; also an ImportError.
 
         Examples
         --------
@@ -357,15 +358,15 @@ class LensStack:
         Parameters
         ----------
         rays : RayBundle
-            In the lens frame. Where a ray's origin lies on it does not matter.
+            In the lens frame. The position of a ray's origin along the ray has no effect.
         threads : int, optional
             Threads for large bundles; None: one for each processor, at most NUMBA_NUM_THREADS.
 
         Returns
         -------
         RayBundle
-            Origins on the last element. A lost ray has weight 0, a status, the element that it was lost at, and NaN for
-            origin and direction.
+            Origins on the last element. A lost ray has weight 0, a status, the index of its element, and NaN for origin
+            and direction.
 
         Examples
         --------
@@ -375,7 +376,7 @@ class LensStack:
         >>> [pl.RayStatus(s).name for s in out.status], out.lost_at.tolist()
         (['OK', 'CLIPPED'], [-1, 0])
         """
-        from plenoptic.optics.lens.trace import trace_rays  # knows this class
+        from plenoptic.optics.lens.trace import trace_rays  # imports this module
 
         return trace_rays(self, rays, reverse=False, threads=threads)
 
@@ -389,7 +390,7 @@ class LensStack:
         >>> lens.trace_reverse(pl.RayBundle([[0, 0, 123.3]], [[0, 0, -1.0]])).at_z(-404.0)
         array([[   0.,    0., -404.]])
         """
-        from plenoptic.optics.lens.trace import trace_rays  # knows this class
+        from plenoptic.optics.lens.trace import trace_rays  # imports this module
 
         return trace_rays(self, rays, reverse=True, threads=threads)
 

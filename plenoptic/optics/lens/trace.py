@@ -1,4 +1,4 @@
-"""Bundles of rays through a lens, large ones on several threads."""
+"""Tracing of ray bundles through a lens; large bundles use several threads."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 CHUNK = 1 << 15
-"""Rays that one thread takes at a time: a few milliseconds of work."""
+"""Rays of one task of a thread: a few milliseconds of work."""
 
 
 def trace_rays(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int | None = None) -> RayBundle:
-    """Trace a bundle one way or the other; see `LensStack.trace`."""
+    """Trace a bundle through a lens, or in reverse; see `LensStack.trace`."""
     check_kind(rays, "rays", RayBundle, "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
     return trace_record(lens_record(lens, rays.wavelength, reverse=reverse), rays, threads=threads)
 
@@ -27,19 +27,19 @@ def trace_rays(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int 
 def trace_part(
     lens: LensStack, rays: RayBundle, first: int, last: int, *, reverse: bool = False, clipping: bool = True
 ) -> RayBundle:
-    """Trace a bundle exactly through the elements `first` to `last`, both included; without `clipping` to no rim.
+    """Trace a bundle exactly through the elements `first` to `last`, both included; `clipping` enables rims and stops.
 
-    The origins come to lie on the element met last: `last`, or `first` in reverse.
+    The resulting origins lie on the element `last`, or on `first` in reverse.
     """
     record = lens_record(lens, rays.wavelength, reverse=reverse, first=first, last=last, clipping=clipping)
     return trace_record(record, rays)
 
 
 class RayArrays(NamedTuple):
-    """A bundle as kernels see it; n rays."""
+    """Arrays of a bundle of n rays in the layout of kernels."""
 
     origin: Floats
-    """(3 n,): the compiler makes vector instructions of strides that it knows."""
+    """(3 n,): strides known at compile time allow SIMD instructions."""
     direction: Floats
     """(3 n,)"""
     weight: Floats
@@ -60,7 +60,7 @@ def trace_record(record: LensRecord, rays: RayBundle, *, threads: int | None = N
 def in_chunks(
     fill: Callable[[RayArrays, RayArrays, int, int], None], rays: RayBundle, *, threads: int | None = None
 ) -> RayBundle:
-    """Call `fill` for all chunks of a bundle, with its output, its input and the chunk's range; returns the output."""
+    """Call `fill(output, input, begin, end)` for all chunks of a bundle; returns the output."""
     n = len(rays)
     arrays = RayArrays(rays.origin.reshape(-1), rays.direction.reshape(-1), rays.weight, rays.status, rays.lost_at)
     out = RayArrays(np.empty(3 * n), np.empty(3 * n), np.empty(n), np.empty(n, np.uint8), np.empty(n, np.int16))

@@ -93,8 +93,8 @@ def _checked_source(array: MicrolensArray, point: ArrayLike | None) -> Floats | 
         return None
     if point is None:
         raise InvalidValueError(
-            f"an ideal microlens ({model.name}) makes all paths from a point to its image equal, and says nothing of a "
-            "ray by itself; give the point from which the rays come, or use the model SPHERICAL"
+            f"an ideal microlens ({model.name}) makes all paths from a point to its image equal, "
+            "and defines no path of a single ray; give the point from which the rays come, or use the model SPHERICAL"
         )
     return positions(point, name="point", shape=(3,))
 

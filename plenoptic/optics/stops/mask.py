@@ -20,18 +20,18 @@ from plenoptic.optics.stops.polygon import convex_hull, subdivide
 class MaskStop:
     """A stop defined by an image of its transmission: any shape, several holes, grey levels.
 
-    The transmission is constant over a cell of the image, and 0 outside of the image. Seen from behind, from the sensor
-    along -z with y up, the mask looks as the image does: row 0 is at the top, towards +y, and column 0 on the left,
-    towards -x. An iris looks so in a white image, too, under each microlens. The weight of a ray is multiplied by the
-    transmission at its intersection; if that is 0, the ray is clipped.
+    The transmission is constant over a cell of the image, and 0 outside of the image. Seen from the sensor along -z
+    with y up, the mask has the orientation of the image: row 0 at the top, towards +y, and column 0 on the left,
+    towards -x. The micro images of a white image show the iris in this orientation too. The weight of a ray is
+    multiplied by the transmission at its intersection; if that is 0, the ray is clipped.
 
     Parameters
     ----------
     transmission : (H, W) array
         From 0, opaque, to 1, clear; above 0 somewhere. The centre of the image is on the axis.
     semi_diameter : float
-        Radius in mm of the smallest circle about the axis that holds all cells that are not opaque: as for a polygon,
-        the distance of the outermost corners. An opaque border changes nothing. See `of_cells` for the size of a cell.
+        Radius in mm of the smallest circle about the axis that contains all non-opaque cells: the distance of their
+        outermost corners. An opaque border has no effect. See `of_cells` for the size of a cell.
     thickness, placement
         As of `CircularStop`.
 
@@ -63,7 +63,7 @@ class MaskStop:
             invalid = cells[~((cells >= 0) & (cells <= 1))][0]
             raise InvalidValueError(f"transmission holds {invalid:g}; it must be from 0, opaque, to 1, clear: scale it")
         if not cells.any():
-            raise InvalidValueError("transmission is 0 everywhere; let light through in one cell at least")
+            raise InvalidValueError("transmission is 0 everywhere; at least one cell must transmit light")
 
     @classmethod
     def of_cells(
@@ -96,8 +96,8 @@ class MaskStop:
         ----------
         path : path-like
             Any file that `images.read_linear` reads; colours become the mean of their channels. Grey levels of integer
-            files are decoded from sRGB, so that the mask transmits as the picture suggests. Only exact black is
-            opaque: files with lossy compression (JPEG) have open specks all over.
+            files are decoded from sRGB to linear transmissions. Only exact black is opaque: files with lossy
+            compression (JPEG) have open specks.
         semi_diameter, thickness, placement
             As of the class.
         limits : FileLimits

@@ -27,10 +27,11 @@ from plenoptic.optics.element_record import ARCS, POLYGON, ElementRow
 from plenoptic.optics.lens.placement import Placement, set_place
 
 MAX_CORNERS = 1024
-"""Kernels test all corners; edges of a polygon of more differ from a circle by 5e-6 of its radius."""
+"""Largest number of blades: kernels test all edges, and a polygon of more differs from a circle by 5e-6 of its
+radius."""
 
 _ROUNDING = 1e-12
-"""Relative tolerance of a radius at its limit: lengths that are scaled together differ by rounding."""
+"""Relative tolerance of a radius at its limit: common scaling of lengths has rounding errors."""
 
 
 @value
@@ -86,7 +87,7 @@ class PolygonStop:
         radius = number(self.blade_radius, "blade_radius")
         inwards = self.semi_diameter * math.tan(math.pi / self.blades)
         if radius >= self.semi_diameter * (1 - _ROUNDING) or radius <= -inwards * (1 - _ROUNDING):
-            return radius if abs(radius) <= LARGEST_LENGTH else math.inf  # -inf is as straight as inf
+            return radius if abs(radius) <= LARGEST_LENGTH else math.inf  # -inf means straight, as inf
         raise InvalidValueError(
             f"blade_radius is {radius:g} mm; for {self.blades} blades it must be at least {self.semi_diameter:g} mm, "
             f"or at most {-inwards:g} mm for blades that bulge into the hole: math.inf makes them straight"
@@ -108,9 +109,8 @@ class PolygonStop:
 
     @property
     def edges(self) -> Floats:
-        """(blades, 4) rows (a, b, p, q): points of the hole have a x + b y + q (x^2 + y^2) <= p for all of them.
-
-        They also lie in the hole's circle. With the curvature c of the edges and their apothem p0, (a, b) is the normal
+        """(blades, 4) rows (a, b, p, q): points of the hole satisfy a x + b y + q (x^2 + y^2) <= p for all rows. They
+        also lie in the hole's circle. With the curvature c of the edges and their apothem p0, (a, b) is the normal
         times 1 - c p0, q is c / 2 and p is p0 (1 - c p0 / 2): one formula, accurate for large radii, covers straight,
         outward and inward edges.
         """

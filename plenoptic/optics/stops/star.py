@@ -82,7 +82,7 @@ class StarStop:
     def edges(self) -> Floats:
         """(2 points, 4) rows (a, b, p, 0) in pairs, one pair for each corner between two tips.
 
-        Points of the hole have a x + b y <= p for at least one row of each pair, and lie in the circle of the tips.
+        Points of the hole satisfy a x + b y <= p for at least one row of each pair, and lie in the circle of the tips.
         """
         half, r = math.pi / self.points, self.inner_semi_diameter
         across, along = r * math.sin(half), self.semi_diameter - r * math.cos(half)

@@ -1,7 +1,7 @@
 """Registry of stops, thin opaque screens with a hole.
 
-Each has a `semi_diameter`, the radius of the circle about the axis that holds the hole. It stands for the stop in
-paraxial data and in bounds on pupils.
+Each has a `semi_diameter`, the radius of the circle about the axis that contains the hole. This circle replaces the
+stop in paraxial data and in pupil bounds.
 """
 
 from __future__ import annotations
@@ -35,5 +35,5 @@ def circle_around(stop: Stop) -> CircularStop:
 
 
 def is_convex(stop: Stop) -> bool:
-    """True if the hole is convex, which holes of stars and masks need not be and rings are not."""
+    """True if the hole is convex: never for rings, not always for stars and masks."""
     return isinstance(stop, CircularStop | PolygonStop)

@@ -1,4 +1,4 @@
-"""A biconic: a surface with a radius and a conic constant of its own in the sections x z and y z."""
+"""Biconic: a surface with different radii and conic constants in the sections x z and y z."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ SECTORS = 32
 """Intervals of the squared cosine of the azimuth with separate bounds."""
 
 _LEAST_W2 = 1e-4
-"""Least square of the root in the denominator up to the semi-diameter: slopes are about 100 there, and infinite at the
-equator, where the root is 0."""
+"""Smallest radicand in the denominator up to the semi-diameter: slopes are about 100 there, and infinite at the
+equator, where it is 0."""
 
 _AT_EQUATOR = 1e-12
-"""Rounding error of that square; a point within it is taken for one of the equator."""
+"""Rounding error of the radicand; a point within it counts as a point of the equator."""
 
 _MARGIN = 1.0 + 1e-9
 _EPS = float(np.finfo(np.float64).eps)
@@ -37,7 +37,7 @@ class BiconicSag:
 
     .. math:: z = \frac{c_x x^2 + c_y y^2}{1 + \sqrt{1 - (1 + k_x) c_x^2 x^2 - (1 + k_y) c_y^2 y^2}}
 
-    With one radius infinite it is a cylinder. Paraxial data of a lens are those of the mean curvature.
+    With one radius infinite it is a cylinder. Paraxial data of a lens use the mean curvature.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class BiconicSag:
         return BiconicSag(-self.radius_x, -self.radius_y, self.conic_x, self.conic_y)
 
     def sag(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """Sag in mm at points (x, y), mm; PrescriptionError where the biconic has none."""
+        """Sag in mm at points (x, y), mm; PrescriptionError beyond the equator of the biconic."""
         _, a, w = self._at(x, y)
         return np.asarray(a / (1.0 + w))
 
@@ -91,7 +91,7 @@ class BiconicSag:
         return 2.0 * np.stack(parts)
 
     def _at(self, x: ArrayLike, y: ArrayLike) -> tuple[tuple[Floats, Floats], Floats, Floats]:
-        """At points: (c_x x, c_y y), the numerator of the sag, and the root in its denominator."""
+        """(c_x x, c_y y), the numerator of the sag, and the root in its denominator, at points (x, y)."""
         _, cx, cy, kx, ky = self.numbers()
         x, y = broadcast(x=x, y=y)
         sx, sy = cx * x, cy * y
@@ -117,7 +117,7 @@ class BiconicSag:
     def from_zemax(cls, surface: ZemaxNumbers) -> tuple[BiconicSag | None, float]:
         """The surface of a type BICONICX, and 0; None for a plane.
 
-        CURV and CONI are those along y, PARM 1 is the radius along x (0: flat), and PARM 2 the conic constant along x.
+        CURV and CONI hold along y, PARM 1 is the radius along x (0: flat), and PARM 2 the conic constant along x.
         """
         radius_x = surface.parameters.get(1, 0.0) * surface.unit or math.inf
         radius_y = 1.0 / surface.curvature if surface.curvature else math.inf
@@ -128,10 +128,10 @@ class BiconicSag:
 @functools.lru_cache(maxsize=256)
 @np.errstate(over="ignore", invalid="ignore")  # the surface rejects a term without finite bounds
 def _bounds(cx: float, cy: float, kx: float, ky: float, radius: float) -> FreeformBounds:
-    # z = A h(B), h = 1 / (1 + w), w = sqrt(1 - B), with A = c_x x^2 + c_y y^2 and B as under the root. By r^2 and the
-    # squared cosine of the azimuth both are bilinear: in a cell of these two they lie between their values at its
-    # corners. h, h' and h'' are positive and grow with B. Sums and products of intervals bound the derivatives.
-    # Cells are narrow where a steep hyperbola turns to its asymptote, and at the rim.
+    # z = A h(B), h = 1 / (1 + w), w = sqrt(1 - B), with A = c_x x^2 + c_y y^2 and radicand 1 - B. Both are bilinear in
+    # r^2 and the squared cosine of the azimuth: in a cell of these two they lie between their values at its corners. h,
+    # h' and h'' are positive and increase with B. Sums and products of intervals bound the derivatives. Cells are
+    # narrow near the vertex, for steep hyperbolas, and at the rim.
     r, cosine2 = (np.sin(np.linspace(0.0, 0.5 * math.pi, n + 1)) ** power for n, power in ((RINGS, 1), (SECTORS, 2)))
     r *= radius
     shares = np.array([cosine2, 1.0 - cosine2])
@@ -155,7 +155,7 @@ def _bounds(cx: float, cy: float, kx: float, ky: float, radius: float) -> Freefo
     mixed = _times(kx * cx + ky * cy, h1) + _times(kx * ky * cy, _times(_times(cx, a), h2))
     along, across, oblique = *second, 4.0 * np.sqrt(_cells(steep2[0])[1] * _cells(steep2[1])[1]) * _size(mixed)
     bending = 0.5 * (along + across) + np.hypot(0.5 * (along - across), oblique)
-    # Some eps of the sum of the sizes of the terms of A and B, and half of one of 1 - B.
+    # A few eps of the sum of the magnitudes of the terms of A and B, and half an eps of 1 - B.
     terms_a, terms_b = (_size(_cells(abs(x) + abs(y))) for x, y in ((a_x, a_y), (b_x, b_y)))
     rounding = 6.0 * terms_a * h[1] + _size(_times(a, h1)) * (6.0 * terms_b + 2.0)
     return FreeformBounds(
@@ -168,17 +168,19 @@ def _bounds(cx: float, cy: float, kx: float, ky: float, radius: float) -> Freefo
 
 
 def _cells(corners: Floats) -> Floats:
-    """(2, rings, sectors): least and largest value of a bilinear function in each cell, from those at the corners."""
+    """(2, rings, sectors): smallest and largest value of a bilinear function in each cell, from its values at the
+    corners.
+    """
     four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
     return np.stack([four.min(axis=0), four.max(axis=0)])
 
 
 def _times(factor: float | Floats, interval: Floats) -> Floats:
-    """Interval of the products of a number or an interval and an interval, (2, rings, sectors)."""
+    """Product of a number or an interval with an interval, (2, rings, sectors)."""
     products = np.stack([np.asarray(end) * interval for end in np.atleast_1d(factor)]).reshape(-1, *interval.shape[1:])
     return np.stack([products.min(axis=0), products.max(axis=0)])
 
 
 def _size(interval: Floats) -> Floats:
-    """Largest size of a number of an interval."""
+    """Largest magnitude in each interval."""
     return np.asarray(np.abs(interval).max(axis=0))

@@ -1,4 +1,6 @@
-"""Freeform terms: what a sag without rotational symmetry, added to a conic or asphere, states and is read from."""
+"""Data of freeform terms: derivatives and bounds of a sag without rotational symmetry, and its numbers in Zemax
+files.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ class VertexShape(NamedTuple):
 
     @property
     def curvature(self) -> float:
-        """The rotationally symmetric part of the second order, in 1/mm."""
+        """Mean curvature: the rotationally symmetric part of the second order, in 1/mm."""
         return 0.5 * (self.dxx + self.dyy)
 
 
@@ -25,11 +27,11 @@ class FreeformBounds(NamedTuple):
     """Proven bounds in a disc about the vertex."""
 
     slope: float
-    """Largest size of the gradient."""
+    """Largest magnitude of the gradient."""
     bending: float
-    """Largest size of the second derivative in any direction, 1/mm."""
+    """Largest magnitude of the second derivative in any direction, 1/mm."""
     height: float
-    """Largest size of the sag in mm."""
+    """Largest magnitude of the sag in mm."""
     rounding: float
     """Largest rounding error of the sag in mm."""
 
@@ -42,8 +44,8 @@ class ZemaxNumbers(NamedTuple):
     conic: float
     """CONI."""
     parameters: Mapping[int, float]
-    """PARM by number, lengths in units of the file; those that are missing are 0."""
+    """PARM by number, lengths in units of the file; missing ones are 0."""
     extra: Mapping[int, float]
-    """XDAT by number, likewise."""
+    """XDAT by number, lengths in units of the file; missing ones are 0."""
     unit: float
     """Unit of the file in mm."""

@@ -1,6 +1,6 @@
 """Registry of freeform terms, and their types in Zemax files.
 
-Each is a sag that is added to a conic or asphere, and 0 at the vertex.
+Each term is a sag that is added to a conic or asphere, and 0 at the vertex.
 """
 
 from __future__ import annotations
@@ -26,12 +26,11 @@ class ZemaxType(NamedTuple):
     n_parameters: int
     """Number of its PARM."""
     is_whole: bool = False
-    """True if the term is the whole surface, with CURV, CONI and PARM; otherwise they are those of an even asphere to
-    which it is added."""
+    """True if the term includes CURV, CONI and PARM; otherwise these describe an even asphere to which it is added."""
 
 
 ZEMAX: dict[str, ZemaxType] = {
     "SZERNSAG": ZemaxType(ZernikeSag.from_zemax, 8),
     "BICONICX": ZemaxType(BiconicSag.from_zemax, 2, is_whole=True),
 }
-"""By the TYPE of the surface."""
+"""Zemax types by the TYPE of the surface."""

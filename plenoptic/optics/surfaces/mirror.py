@@ -10,14 +10,14 @@ from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import Medium
 
 _STEEPEST = 1e-6
-"""Smallest cosine of the angle between the axis and a fold's normal; below, light would be parallel to the mirror."""
+"""Smallest cosine of the angle between the axis and a fold's normal; below it, light is parallel to the mirror."""
 
 
 @value
 class Mirror:
     """Medium of a reflecting surface: the ray stays in the medium in front.
 
-    The lens's frame is unfolded: what follows a mirror is described as seen in the mirror. Light therefore always
+    The lens frame is unfolded: elements behind a mirror are described by their mirror images. Light therefore always
     travels towards +z and gaps are positive. A surface of positive radius is convex towards the incident light: a
     concave mirror has a negative radius, a convex one a positive one. Behind an odd number of mirrors radii have the
     opposite sign than in prescriptions that reverse the axis. A ray reflected at a height z over the mirror's vertex
@@ -50,7 +50,7 @@ class Mirror:
         length = float(np.linalg.norm(normal))
         if not abs(normal[2]) > _STEEPEST * length:
             raise PrescriptionError(
-                f"fold is {normal.tolist()}; it must be the normal of a plane that light comes to along the axis, such "
+                f"fold is {normal.tolist()}; it must be the normal of a plane that reflects light along the axis, such "
                 "as (0, 0, 1)"
             )
         set_field(self, "fold", positions(normal / (length if normal[2] > 0 else -length), name="fold", shape=(3,)))
@@ -58,8 +58,8 @@ class Mirror:
     def index(self, wavelength: float) -> float:
         """Raise PrescriptionError, since a mirror has no index. See `LensStack.indices`."""
         raise PrescriptionError(
-            f"a mirror has no refractive index at {wavelength:g} nm, and there is nothing before it; put it on a "
-            "surface of a lens and ask lens.indices()"
+            f"a mirror has no refractive index at {wavelength:g} nm, and no medium precedes it; use it as the "
+            "medium of a surface of a lens, and call lens.indices()"
         )
 
     @property

@@ -17,7 +17,8 @@ _ROUNDING = 1.0 + 1e-9
 
 @functools.lru_cache(maxsize=256)
 def asphere_bounds(c: float, conic: float, terms: tuple[float, ...], edge: float) -> tuple[float, float, float]:
-    """Bounds up to the semi-diameter on the size of the slope dz/dr, of the second derivative by r, and of the sag.
+    """Bounds up to the semi-diameter on the magnitudes of the slope dz/dr, of the second derivative by r, and of the
+    sag.
 
     With u = (r / semi-diameter)^2, each is a polynomial in u plus a part of the conic that is monotone in u. In every
     ring of u, a polynomial lies between the smallest and the largest of its Bernstein coefficients (G. Farin, Curves
@@ -41,7 +42,9 @@ def asphere_bounds(c: float, conic: float, terms: tuple[float, ...], edge: float
 
 
 def _bound(monotone: Floats, powers: Floats) -> Floats:
-    """Bound for each ring on the size of a monotone part, given at the ends of the rings, plus a polynomial in u."""
+    """Bound for each ring on the magnitude of a monotone part, given at the ends of the rings, plus a polynomial in
+    u.
+    """
     low, high = bernstein_range(powers)
     ends = np.stack([monotone[:-1], monotone[1:]])
     return np.asarray(np.maximum(np.abs(ends.min(axis=0) + low), np.abs(ends.max(axis=0) + high)))

@@ -20,7 +20,8 @@ from plenoptic.optics.surfaces.radius import signed_radius
 from plenoptic.optics.surfaces.sag_bounds import asphere_bounds
 
 STEEPEST_ASPHERE = 100.0
-"""Largest slope of a rim, 89.4 degrees. Real ones have a few; the intersection search takes ever more steps."""
+"""Largest slope of a rim, 89.4 degrees. Real slopes are far smaller; steep rims need many steps of intersection
+search."""
 
 EQUATOR_TOLERANCE = 1e-12
 """Tolerance with which the equator itself belongs to the surface."""
@@ -95,9 +96,9 @@ class Surface:
         set_field(self, "conic", finite(self.conic, "conic"))
         set_field(self, "aspheric", self._checked_coefficients())
         if self.semi_diameter > self.equator:
-            what = "radius of curvature" if self.conic == 0 else "semi-axis of the ellipsoid,"
+            limit = "radius of curvature" if self.conic == 0 else "semi-axis of the ellipsoid,"
             raise PrescriptionError(
-                f"semi_diameter {self.semi_diameter:g} mm exceeds the {what} {self.equator:g} mm; "
+                f"semi_diameter {self.semi_diameter:g} mm exceeds the {limit} {self.equator:g} mm; "
                 f"reduce it to {self.equator:g} or less"
             )
         if not (self.freeform is None or isinstance(self.freeform, FREEFORM_TERMS)):
@@ -105,7 +106,7 @@ class Surface:
             raise PrescriptionError(f"freeform is {self.freeform!r}; it must be {kinds}")
         if self.freeform is not None and not np.isfinite(self.freeform.bounds(self.semi_diameter)).all():
             raise PrescriptionError(
-                f"freeform {self.freeform!r} gives no finite height and slope up to the semi-diameter "
+                f"freeform {self.freeform!r} has no finite sag and slope up to the semi-diameter "
                 f"{self.semi_diameter:g} mm; correct it"
             )
         if self.depth is not None:
@@ -158,7 +159,7 @@ class Surface:
         return self.curvature + (2.0 * self.aspheric[0] if self.aspheric else 0.0) + freeform
 
     def signed_index(self, behind: float) -> float:
-        """Index behind the surface as in formulas of refraction: negative for a mirror in a medium of that index."""
+        """Index behind the surface in the sign convention of refraction formulas: negative for a mirror in a medium."""
         return -behind if isinstance(self.medium, Mirror) else behind
 
     @property

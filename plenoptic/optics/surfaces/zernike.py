@@ -19,7 +19,7 @@ ZERNIKE = 1
 """Kind of the freeform term, for kernels."""
 
 _SMALLEST_RADIUS = 1e-9
-"""Limit of norm radii in mm, as is its reciprocal; powers of others overflow."""
+"""Smallest norm radius in mm, and reciprocal of the largest; powers of others overflow."""
 
 MAX_TERMS = 91
 """All terms of degree 12 and below. Beyond, sums of powers lose too many digits near the rim."""
@@ -161,11 +161,11 @@ class ZernikeSag:
         """
         extra, unit = surface.extra, surface.unit
         if 1 not in extra or not float(extra[1]).is_integer() or extra[1] < 0:
-            raise PrescriptionError("XDAT 1, the number of Zernike terms, is missing or no such number; give it")
+            raise PrescriptionError("XDAT 1, the number of Zernike terms, is missing or invalid; give it")
         last = 2 + int(extra[1])
         if last > max(2, *extra):
             raise PrescriptionError(
-                f"XDAT 1 says that there are {last - 2} Zernike terms, and XDAT {last}, the last of them, is missing: "
+                f"XDAT 1 states {last - 2} Zernike terms, but XDAT {last}, the last of them, is missing: "
                 "give all of them, or their number"
             )
         terms = {j - 2: a * unit for j, a in extra.items() if 2 < j <= last and a != 0}
@@ -232,13 +232,13 @@ def _sum(*parts: Floats) -> Floats:
 def _bounds(terms: tuple[float, ...], norm_radius: float, radius: float) -> FreeformBounds:
     # In polar coordinates, a term f(rho) cos(m phi), f = rho^m P(u), has the gradient f', m f / rho, and the second
     # derivatives f'', f' / rho - m^2 f / rho^2 and m (f' / rho - f / rho^2): powers of rho times polynomials in u,
-    # which in each ring lie between their Bernstein coefficients. The sizes of all terms are added up.
+    # which in each ring lie between their Bernstein coefficients. The magnitudes of all terms are added up.
     parts = _harmonics(terms)
     edge2 = (radius / norm_radius) ** 2
     rho = np.sqrt(np.linspace(0.0, edge2, RINGS + 1)[1:])  # at the outer end of each ring
 
     def size(p: Floats) -> Floats:
-        """Bound on the size of a polynomial in u in each ring."""
+        """Bound on the magnitude of a polynomial in u in each ring."""
         low, high = bernstein_range(p * edge2 ** np.arange(len(p)))
         return np.maximum(np.abs(low), np.abs(high))
 
@@ -269,7 +269,7 @@ def _bounds(terms: tuple[float, ...], norm_radius: float, radius: float) -> Free
                 mixed = outer * m * size(_sum((m - 1) * p, _times_u(2 * d1)))
             bending += np.hypot(np.maximum(along, across), mixed)
     margin = 1.0 + 1e-9
-    # Horner's scheme, powers of zeta and the sum: some eps for each of their steps.
+    # Horner's scheme, powers of zeta and the sum: a few eps for each step.
     steps = 2 * parts.cosine.shape[1] + 4 * parts.cosine.shape[0] + 4
     return FreeformBounds(
         margin * float(slope.max()) / norm_radius,

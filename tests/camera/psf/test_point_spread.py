@@ -11,7 +11,7 @@ from camera_helpers import CAMERA, bare_camera, refused, the_lens, with_array
 import plenoptic as pl
 from plenoptic.camera.psf import sensor_hits
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.optics.lens.pupil.entrance_pupil import entering_polygon, entrance
+from plenoptic.optics.lens.pupil.entrance_pupil import entrance, entrance_polygon
 
 
 def test_light_of_a_perfect_lens_is_pi_m2_sin2():
@@ -149,7 +149,7 @@ def test_polygons_around_the_light_hold_all_of_it():
     for lens, seen_from in cases:
         where = entrance(lens, 587.6)
         for point in np.array(seen_from):
-            corners = entering_polygon(where, point)
+            corners = entrance_polygon(where, point)
             assert corners is not None
             low, high = corners.min(axis=0), corners.max(axis=0)
             close = rng.uniform(1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low, (5000, 2))

@@ -167,7 +167,7 @@ def test_mirrors_say_what_they_are_not():
     for make, text in (
         (lambda: MIRROR.index(500.0), "a mirror has no refractive index at 500 nm"),
         (lambda: Mirror((1.0, 0.0, 0.0)), "fold is .*; it must be the normal of a plane"),
-        (lambda: cassegrain().moved(slice(0, 3), shift=(0.1, 0, 0)), "stand before and behind the mirror 1"),
+        (lambda: cassegrain().moved(slice(0, 3), shift=(0.1, 0, 0)), "lie on both sides of the mirror 1"),
     ):
         with pytest.raises(PrescriptionError, match=text):
             make()

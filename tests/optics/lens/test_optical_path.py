@@ -124,9 +124,9 @@ def test_what_cannot_be_said_is_said():
     focus = pl.paraxial.cardinal_points(lens).front_focus
     from_focus = pl.RayBundle([[0, 0, focus]], [[0, 0, 1.0]])
     for traced, given_rays, point, text in (
-        (thin, rays, None, "says nothing of a ray by itself; give the point"),
+        (thin, rays, None, "defines no path of a single ray; give the point"),
         (lens, rays, (0, 0, -400), "point is for ideal lenses"),
-        (thin, rays, (0, 1, -400), r"a ray passes the point \[0.0, 1.0, -400.0\] by 1 mm"),
+        (thin, rays, (0, 1, -400), r"a ray misses the point \[0.0, 1.0, -400.0\] by 1 mm"),
         (paraxial, from_focus, (0, 0, focus), "is in the focal plane"),
     ):
         with pytest.raises(InvalidValueError, match=text):

@@ -112,8 +112,8 @@ def test_moves_add_up_and_go_back():
 
 def test_impossible_moves_are_refused():
     for call, message in (
-        ({"which": 40}, "which is 40; it must name elements, from 0 to 10"),
-        ({"which": []}, "must name elements"),
+        ({"which": 40}, "which is 40; it must select elements, from 0 to 10"),
+        ({"which": []}, "must select elements"),
         ({"which": 1, "tilt": (0.1, 0.2)}, "three angles"),
         ({"which": 1, "tilt": (2.0, 0.0, 0.0)}, "give radians"),
         ({"which": 1, "shift": (0.1, math.nan, 0)}, "not finite"),

@@ -88,7 +88,7 @@ def test_what_is_impossible_says_why():
             LensStack([FRONT, BACK, STOP], iris)
     lens = two_lenses()
     for z in (-6.99, -5.0, 3.0):
-        with pytest.raises(PrescriptionError, match=r"lies in glass, which reaches from .* mm"):
+        with pytest.raises(PrescriptionError, match=r"lies in glass from .* mm"):
             lens.inserted(CircularStop(3.0), z)
     for z in (math.nan, math.inf):
         with pytest.raises(InvalidValueError, match="z is"):

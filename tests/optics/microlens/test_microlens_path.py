@@ -212,10 +212,10 @@ def test_origins_behind_the_array_have_negative_paths_and_turned_rays_none():
 def test_what_cannot_be_said_is_said():
     rays = pl.RayBundle([[0, 0, -4.0]], [[0, 0, 1.0]])
     for model, point, message in (
-        (Model.THIN, None, "says nothing of a ray by itself; give the point"),
+        (Model.THIN, None, "defines no path of a single ray; give the point"),
         (Model.SPHERICAL, (0, 0, -4), "point is for ideal microlenses"),
         (Model.PINHOLE, None, "a PINHOLE passes one ray of a point"),
-        (Model.THIN, (0, 0.05, -4), r"a ray passes the point \[0.0, 0.05, -4.0\] by 0.05 mm"),
+        (Model.THIN, (0, 0.05, -4), r"a ray misses the point \[0.0, 0.05, -4.0\] by 0.05 mm"),
     ):
         with pytest.raises(InvalidValueError, match=message):
             microlens_path(array_of(model), rays, point=point)

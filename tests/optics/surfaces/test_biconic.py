@@ -11,7 +11,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
-from plenoptic.optics.lens.kernels.biconic import biconic_at, biconic_bending
+from plenoptic.optics.lens.kernels.biconic import biconic_at, biconic_second_bound
 from plenoptic.optics.lens.lens_record import FIRST_NUMBER
 from plenoptic.optics.lens.trace import trace_part
 
@@ -79,7 +79,7 @@ def test_sag_derivatives_and_bounds():
                 value,
                 bound,
             )
-        within = [biconic_bending.py_func(r2, row) for r2 in x * x + y * y]
+        within = [biconic_second_bound.py_func(r2, row) for r2 in x * x + y * y]
         assert np.all(np.linalg.norm(hessian, ord=2, axis=(1, 2)) <= np.multiply(within, 1 + 1e-9)), name
         assert term.vertex == (0.0, 0.0, 1 / term.radius_x, 0.0, 1 / term.radius_y)
         assert term.inverted.sag(x, y) == pytest.approx(-term.sag(x, y), rel=0, abs=0)
@@ -173,7 +173,7 @@ def test_numbers_that_cannot_be_are_refused():
         (lambda: BiconicSag(5.0, math.nan), "radius_y is nan mm"),
         (lambda: BiconicSag("5", 5.0), "radius_x is '5'; it must be a number"),
         (lambda: BiconicSag(5.0, 5.0, INF), "conic_x is inf; it must be finite"),
-        (lambda: biconic(BiconicSag(5.0, INF), 5.0), "gives no finite height and slope up to the semi-diameter 5 mm"),
+        (lambda: biconic(BiconicSag(5.0, INF), 5.0), "has no finite sag and slope up to the semi-diameter 5 mm"),
         (lambda: BiconicSag(5.0, INF).sag(6.0, 0.0), "the points reach 6 mm from the vertex, beyond BiconicSag"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
@@ -214,7 +214,7 @@ def test_zemax_files_are_read():
         assert lens_from_zmx(ZMX.replace(old, new), "mine.zmx").elements[0].freeform == expected, new
     with pytest.raises(pl.errors.PrescriptionError, match="PARM 3 is 1; only PARM 1 to 2 of BICONICX surfaces"):
         lens_from_zmx(ZMX.replace("PARM 2 0.25", "PARM 3 1"), "mine.zmx")
-    with pytest.raises(pl.errors.PrescriptionError, match="line 7: freeform BiconicSag.* no finite height and slope"):
+    with pytest.raises(pl.errors.PrescriptionError, match="line 7: freeform BiconicSag.* no finite sag and slope"):
         lens_from_zmx(ZMX.replace("PARM 1 3.0", "PARM 1 0.9"), "mine.zmx")
     with pytest.raises(pl.errors.PrescriptionError, match="element 0 has no rotational symmetry"):
         zmx_of_lens(lens_from_zmx(ZMX, "mine.zmx"))

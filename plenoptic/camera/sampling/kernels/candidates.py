@@ -222,7 +222,7 @@ def fill_cells(candidates, corners, counts, pixels, pixel_margin, sensor, array,
                         power = lens.power
                         cx, cy, ox, oy = lens.cell_x, lens.cell_y, lens.axis_x, lens.axis_y
                     at = crossing((cx, cy), (sx, sy), (ox, oy, power), per_h, pinhole, plane)
-                    if walls is not None:  # noqa: SIM102 - alone, so that it is pruned
+                    if walls is not None:  # noqa: SIM102 - nested for compile-time pruning
                         if _is_behind_wall(sx - cx, sy - cy, walls, pixel_margin):
                             continue
                     rho, azimuth = polar(cx, cy, frame)

@@ -1,8 +1,8 @@
 """Foci of a narrow beam around a ray: Coddington's equations along real rays.
 
-A beam has two foci, one for the plane that holds the axis and the ray (tangential) and one for the plane across it
-(sagittal). In each plane its half width h, across the ray, and its reduced angle w are carried from surface to surface;
-the focus is at -n h / w along the ray, and neither a parallel beam nor a focus on a surface is an exception.
+A narrow beam has two foci: the tangential one in the plane of axis and ray, the sagittal one in the plane perpendicular
+to it. In each plane the half width h across the ray and the reduced angle w are traced from surface to surface. The
+focus lies at -n h / w along the ray. Collimated beams and foci on a surface need no special case.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from plenoptic.optics.surfaces.surface import Surface
 
 
 class Foci(NamedTuple):
-    """The foci of narrow beams around rays; nan where a ray does not exist. See `foci`, which makes it."""
+    """Foci of narrow beams around rays; nan if a ray is lost. Made by `foci`."""
 
     ray: RayBundle
-    """(n) rays behind the lens, origins on the last element met."""
+    """(n) rays behind the lens, with origins on the last element."""
     sagittal: Floats
-    """(n, 3) points in mm; infinite where the beam leaves parallel."""
+    """(n, 3) points in mm; infinite where the emerging beam is collimated."""
     tangential: Floats
     """(n, 3) points in mm."""
 
@@ -38,7 +38,7 @@ def _bending(surface: Surface, at: Floats) -> tuple[Floats, Floats, Floats]:
     x, y, z = at.T
     r2, c, k = x * x + y * y, surface.curvature, surface.conic
     if not surface.aspheric:
-        # A conic by its own height, which holds beyond an equator too.
+        # Evaluate a conic at the given z, which holds beyond its equator too.
         normal = np.column_stack([-c * x, -c * y, 1.0 - c * (1.0 + k) * z])
         size = np.sqrt(1.0 - k * c * c * r2)
         return normal / size[:, None], c / size, c / size**3
@@ -53,7 +53,7 @@ def _bending(surface: Surface, at: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = False) -> Foci:
-    """Follow narrow beams around rays that lie in planes with the axis through a centred lens, past all rims.
+    """Tangential and sagittal foci of narrow beams around meridional rays of a centred lens; rims do not clip.
 
     Parameters
     ----------
@@ -61,9 +61,9 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     rays : RayBundle
         n rays before the lens (behind it in reverse).
     parallel : bool
-        Whether the beams come from infinitely far away; otherwise from the origins of the rays.
+        True if the beams come from infinity; otherwise they diverge from the origins of the rays.
     reverse : bool, optional
-        Towards the scene.
+        Trace towards the scene.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
         outgoing = trace_part(lens, incident, k, k, reverse=reverse, clipping=False)
         element, vertex = lens.elements[k], np.array([0.0, 0.0, lens.vertices[k]])
         reflects = isinstance(element, Surface) and isinstance(element.medium, Mirror)
-        # A mirror's points are seen in its plane from behind, in front of it as they are.
+        # Points behind a mirror are reflected in its vertex plane; points in front of it stay.
         hit = (outgoing.origin - vertex) * (1.0, 1.0, -1.0) + vertex if reflects else outgoing.origin
         h = h + w / before * np.einsum("ij,ij->i", hit - incident.origin, incident.direction)
         if isinstance(element, Surface):
@@ -109,7 +109,7 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
                 cos_t, power = cos_i, -2.0 * after * cos_i * np.array(curvature)
             else:
                 power = sign * (after * cos_t - before * cos_i) * np.array(curvature)
-            # The width across the ray changes in the plane of incidence only.
+            # Refraction changes the width across the ray in the plane of incidence only.
             widen = np.stack([np.ones(n), cos_t / cos_i])
             h, w = h * widen, (w - power * h / np.stack([np.ones(n), cos_i**2])) / widen
         incident = outgoing
@@ -119,8 +119,8 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
     return Foci(incident, points[0], points[1])
 
 
-def require_axis(lens: LensStack, what: str) -> None:
-    """Raise an error where a lens has no axis of symmetry, or is left out, so that `what` is undefined."""
+def require_axis(lens: LensStack, subject: str) -> None:
+    """Raise an error if the lens has no axis of symmetry, or has LensModel.NONE, so that `subject` is undefined."""
     check_kind(lens, "lens", LensStack, "camera.lens")
     off_axis = next(((i, element) for i, element in enumerate(lens.elements) if not is_on_axis(element)), None)
     if off_axis is not None:
@@ -130,8 +130,8 @@ def require_axis(lens: LensStack, what: str) -> None:
             ("is decentred or tilted", "placement") if placed else ("has no rotational symmetry", "freeform term")
         )
         raise InvalidValueError(
-            f"element {i} of {lens.name!r} {fault}; {what} that of a lens with an axis: leave out its {cause}, or look "
-            "at spot diagrams"
+            f"element {i} of {lens.name!r} {fault}; {subject} defined for a lens with an axis only: leave out its "
+            f"{cause}, or use spot diagrams"
         )
     if lens.model is LensModel.NONE:
-        raise InvalidValueError(f"the model of {lens.name!r} is NONE, which images nothing; use lens.with_model(EXACT)")
+        raise InvalidValueError(f"the model of {lens.name!r} is NONE, which forms no image; use lens.with_model(EXACT)")

@@ -21,32 +21,32 @@ _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _SEARCH_STEPS = 80
 """Golden sections: 0.618^80 is 2e-17 of the first interval."""
 _REPLICATES = 8
-"""Fewer than for errors, which are not asked for here: fewer sets of points are more even."""
+"""Fewer replicates than for standard errors, which best focus does not need: fewer sets of points are more even."""
 
 
-def _needs_a_lens(lens: LensStack) -> None:
+def _require_image(lens: LensStack) -> None:
     check_kind(lens, "lens", LensStack, "camera.lens")
     if lens.model is LensModel.NONE:
         raise InvalidValueError(
-            "the lens has the model LensModel.NONE, which bends no ray, so no plane is its image; "
+            "the lens has the model LensModel.NONE, which refracts no ray, so there is no image plane; "
             "use LensModel.THIN, PARAXIAL or EXACT"
         )
 
 
 def front_focus(lens: LensStack, wavelength: float = 587.6) -> float:
-    """Front focus of a lens by its model: z in mm; objects beyond it have a real image."""
-    _needs_a_lens(lens)
+    """Position z in mm of the front focus by the lens's model; objects in front of it have a real image."""
+    _require_image(lens)
     points = cardinal_points(lens, wavelength)
     return points.rear_principal - points.efl if lens.model is LensModel.THIN else points.front_focus
 
 
 def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
-    """Gaussian image of a plane by the lens's model: z in mm; see `image_position`.
+    """Position z in mm of the Gaussian image of a plane by the lens's model; see `image_position`.
 
-    THIN has both principal planes at the rear principal point; PARAXIAL and EXACT image by the cardinal points. A lens
-    with LensModel.NONE is an InvalidValueError.
+    THIN has both principal planes at the rear principal point; PARAXIAL and EXACT image by the cardinal points.
+    LensModel.NONE raises an InvalidValueError.
     """
-    _needs_a_lens(lens)
+    _require_image(lens)
     if lens.model is not LensModel.THIN:
         return image_position(lens, z_object, wavelength)
     points = cardinal_points(lens, wavelength)
@@ -55,7 +55,7 @@ def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) 
     distance = points.rear_principal - z_object
     if distance == points.efl:
         return math.inf
-    # Newton's form, which has no difference of reciprocals.
+    # Newton's form of the imaging equation, without a difference of reciprocals.
     return points.rear_focus + points.efl**2 / (distance - points.efl)
 
 
@@ -64,7 +64,7 @@ def imaged_point(
 ) -> ImagedPoint:
     """An object point, wavelengths and image plane, by default the paraxial one of the first wavelength; or an error.
 
-    Parameters as those of `spot_diagram`.
+    Parameters are those of `spot_diagram`.
     """
     point, z = checked_point(lens, field, z_object)
     wavelengths = checked_wavelengths(wavelength)
@@ -75,15 +75,16 @@ def imaged_point(
 
 
 def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
-    """1 over twice the paraxial numerical aperture in the image of an axial object point, as the lens's model has it.
+    """Working f-number: 1 / (2 NA'), with the paraxial numerical aperture NA' on axis in image space, by the lens's
+    model.
 
-    NaN where it is not defined: for LensModel.NONE, and for lenses without a focal length.
+    NaN for LensModel.NONE and for lenses without a focal length.
     """
     points = cardinal_points(lens, wavelength)
     if lens.model is LensModel.NONE or not math.isfinite(points.efl):
         return math.nan
     if lens.model is LensModel.THIN:
-        # The iris is in the plane of the lens, as large as the entrance pupil.
+        # THIN has its iris in the plane of the lens, with the size of the entrance pupil.
         reach = abs(paraxial_focus(lens, z_object, wavelength) - points.rear_principal)
         return reach / (2.0 * points.entrance_pupil_semi_diameter * float(lens.indices(wavelength)[0]))
     try:
@@ -105,8 +106,8 @@ def best_focus(
 ) -> float:
     """Best focus of an object point: z in mm, in the lens frame.
 
-    Rays behind the lens are straight, so the variance of the spot is a quadratic in z, whose minimum is taken; the
-    largest distance from the centroid is convex in z and is searched by golden section.
+    Rays behind the lens are straight, so the variance of the spot is a quadratic function of z with a closed-form
+    minimum. The largest distance from the centroid is convex in z and is minimised by golden section.
 
     Parameters
     ----------
@@ -117,12 +118,12 @@ def best_focus(
     Returns
     -------
     float
-        In front of the lens for a virtual image; inf where the rays leave parallel.
+        In front of the lens for a virtual image; inf if the emerging rays are parallel.
 
     Raises
     ------
     InvalidValueError
-        For a lens with LensModel.NONE, and where fewer than two rays pass the lens.
+        If the lens has LensModel.NONE, or fewer than two rays pass it.
 
     References
     ----------
@@ -137,7 +138,7 @@ def best_focus(
     >>> [round(pl.aberrations.best_focus(lens, criterion=kind), 2) for kind in kinds]
     [102.7, 101.55, 101.4]
     """
-    _needs_a_lens(lens)
+    _require_image(lens)
     kind = choice(criterion, FocusCriterion, "criterion")
     if kind is FocusCriterion.PARAXIAL:
         _, z = checked_point(lens, field, z_object)
@@ -149,7 +150,7 @@ def best_focus(
 
 
 class _StraightRays(NamedTuple):
-    """Straight rays behind the lens, heights and slopes from their centroid's, in a plane near the image."""
+    """Rays behind the lens: heights and slopes relative to their centroid, in a plane near the image."""
 
     z: float
     heights: Floats
@@ -166,7 +167,7 @@ class _StraightRays(NamedTuple):
 
     @property
     def sharpest(self) -> float:
-        """Distance behind z at which the mean square of the heights is least."""
+        """Distance behind z of the minimum of the mean square height."""
         return -float(self.weight @ np.einsum("ij,ij->i", self.heights, self.slopes)) / self.spread
 
 
@@ -176,7 +177,7 @@ def _beam(
     point, z = checked_point(lens, field, z_object)
     wavelengths = checked_wavelengths(wavelength)
     guess = paraxial_focus(lens, z, wavelengths[0])
-    # Near the image, heights and slopes are not correlated much, and nothing cancels.
+    # Near the image, heights and slopes have little correlation, so there is no cancellation.
     z_near = guess if math.isfinite(guess) else float(lens.vertices[-1])
     source = ImagedPoint(point, z, z_near, wavelengths)
     light = passing_light(lens, source, rays=rays, seed=seed, replicates=_REPLICATES)
@@ -193,16 +194,16 @@ def _beam(
 
 @result
 class ThroughFocus:
-    """Size of the spot in planes around the focus. See `through_focus`, which makes it.
+    """Size of the spot in planes around the focus. Made by `through_focus`.
 
     Attributes
     ----------
     z : (n,) array
         Planes in the lens frame, mm.
     rms_radius, geometric_radius : (n,) array
-        Of the spot in each plane about its centroid, mm.
+        RMS and largest distance of the rays from their centroid in each plane, mm.
     best : float
-        z of the least RMS radius, mm.
+        z of the smallest RMS radius, mm.
     field, z_object
         As in `SpotDiagram`.
     """
@@ -225,32 +226,31 @@ def through_focus(
     rays: int = 1 << 14,
     seed: int = 0,
 ) -> ThroughFocus:
-    """Size of the spot in planes around the focus, of which `best_focus` finds the minimum.
+    """Through-focus spot size: RMS and geometric radius in planes around the best focus.
 
     Parameters
     ----------
     lens, field, z_object, wavelength, rays, seed
         See `spot_diagram`.
     z : (n,) array, optional
-        Planes in the lens frame, mm; 101 around the best focus if left out, to where the spot is some four times as
-        large.
+        Planes in the lens frame, mm. Default: 101 around the best focus, up to about four times the smallest spot.
 
     Raises
     ------
     InvalidValueError
-        As `best_focus`, and where the rays leave parallel.
+        As `best_focus`, and if the emerging rays are parallel.
 
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4"))
-    >>> round(found.best, 2), round(float(found.z[found.rms_radius.argmin()]), 1)
+    >>> scan = pl.aberrations.through_focus(pl.load_lens("singlet-100mm-f4"))
+    >>> round(scan.best, 2), round(float(scan.z[scan.rms_radius.argmin()]), 1)
     (101.55, 101.6)
     """
-    _needs_a_lens(lens)
+    _require_image(lens)
     beam = _beam(lens, field, z_object, wavelength, rays, seed)
     if beam.parallel:
-        raise InvalidValueError("the rays leave the lens parallel and have no focus; give another z_object")
+        raise InvalidValueError("the emerging rays are parallel and have no focus; give another z_object")
     best = beam.z + beam.sharpest
     total = float(beam.weight.sum())
     if z is None:
@@ -269,15 +269,16 @@ def through_focus(
 
 
 def _least_radius(beam: _StraightRays) -> float:
-    """Distance behind z at which the largest distance from the centroid, a convex function of the plane, is least."""
+    """Distance behind z of the minimum of the largest ray distance from the centroid, a convex function of the
+    plane.
+    """
 
     def radius2(z: float) -> float:
         offsets = beam.heights + z * beam.slopes
         return float(np.einsum("ij,ij->i", offsets, offsets).max())
 
     shift = beam.sharpest
-    # Around the best RMS focus, as far as the ray with the largest distance there needs to come to the centroid if it
-    # has the RMS slope; doubled until the smallest radius lies inside.
+    # Start interval around the best RMS focus: largest ray distance over RMS slope; doubled until it holds the minimum.
     reach = math.sqrt(radius2(shift) * float(beam.weight.sum()) / beam.spread)
     low, high = shift - reach, shift + reach
     while radius2(low) < radius2(shift) or radius2(high) < radius2(shift):

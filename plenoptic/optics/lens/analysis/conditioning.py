@@ -18,25 +18,25 @@ from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 CHUNK = 64
-"""Blocks of 256 rays that are followed together: with ten elements 8 MB of records."""
+"""Blocks of 256 rays that are traced together; ten elements need 8 MB of records."""
 
 
 class Condition(enum.IntEnum):
-    """Cause of amplified errors of a ray. See `conditioning`, which measures it."""
+    """Cause of amplified errors of a ray. Measured by `conditioning`."""
 
     INCIDENCE = 0
-    """1 / cos i: how much farther apart on the surface two parallel rays are than from each other. Large at grazing
+    """1 / cos i: distance of two parallel rays on the surface over their distance from each other. Large at grazing
     incidence."""
     REFRACTION = 1
-    """d i' / d i = n cos i / (n' cos i'): how much the angle behind the surface changes by that before it. Infinite at
+    """d i' / d i = n cos i / (n' cos i'): derivative of the angle of refraction by the angle of incidence. Infinite at
     the critical angle of total reflection."""
     CANCELLATION = 2
-    """The lengths that are added up on the way to a point, over the size of the element: 10^d where d of the 15.7
-    decimal digits of float64 are lost."""
+    """Sum of the lengths that enter an intersection, over the size of the element: 10^d if d of the 15.7 decimal digits
+    of float64 are lost."""
 
 
 class Worst(NamedTuple):
-    """The largest condition number there is."""
+    """Largest condition number of a lens."""
 
     element: int
     """Index in `LensStack.elements`."""
@@ -46,51 +46,53 @@ class Worst(NamedTuple):
 
 @result
 class Conditioning:
-    r"""Conditioning of rays at each element that they meet; made by `conditioning`. Printed, it is a table.
+    r"""Conditioning of rays at each element; made by `conditioning`. `print` shows a table.
 
-    Rays through a lens have errors: float64 rounds their numbers, and origins and directions are themselves only known
-    so well. At a point met, an error e of where a ray runs becomes e / cos i along the surface, and an error a of its
-    direction becomes a n cos i / (n' cos i') behind it, in the plane of incidence. So, with eps = 2.2e-16,
+    Origins and directions of rays have errors, at least the rounding errors of float64. At an intersection, a lateral
+    error e of the ray becomes e / cos i along the surface. An error a of its direction becomes a n cos i / (n' cos i')
+    behind the surface, in the plane of incidence. With eps = 2.2e-16,
 
         \|error of the point\| <= 4 eps incidence cancellation size
 
-    (ten times that where cos i is below 0.01) of one element, for a ray whose numbers are good to eps; `size` is the
-    semi-diameter, or the radius of curvature of a surface with a depth. Cancellation counts the distance from the
-    element's vertex to where the ray came from, from there to the point, the terms of the surface's equation and, at
-    the ends of the lens, the distance from the lens's origin: all that is rounded to eps of its own size.
+    for one element and a ray with relative errors of eps; ten times that if cos i < 0.01. `size` is the semi-diameter,
+    or the radius of curvature of a surface with a depth. Cancellation adds up the lengths that are rounded to eps of
+    their own size. These are the distance from the element's vertex to the ray's origin, from there to the
+    intersection, and the terms of the surface equation. At the first and last element the distance from the lens origin
+    counts too.
 
-    Columns are [largest, median] over the rays that pass the element, nan where there are none; for the steps,
-    [largest, mean] over those that come to it.
+    Columns are [largest, median] over the rays that pass the element, nan if no ray does. For numbers of steps they are
+    [largest, mean] over the rays that reach the element.
 
     Attributes
     ----------
     elements : (n,) array of int
-        Indices in `LensStack.elements`, in the order in which rays meet them. Models other than EXACT have fewer.
+        Indices in `LensStack.elements`, in the order of the intersections. Models other than EXACT have fewer.
     kinds : tuple of str
         "plane", "sphere", "conic", "asphere", "stop" or "ideal lens".
     rays : int
         Rays traced.
     reached : (n,) array of int
-        Rays that came to the element.
+        Rays that reach the element.
     incidence, refraction, cancellation : (n, 2) array
-        Condition numbers, see `Condition`; at ideal lenses, refraction is cos^2 i' / cos^2 i.
+        Condition numbers, see `Condition`; refraction at an ideal lens is cos^2 i' / cos^2 i.
     newton : (n, 2) array
-        Steps of Newton's method on an asphere. Planes, spheres and conics take none.
+        Steps of Newton's method on an asphere; 0 for planes, spheres and conics.
     search : (n, 2) array
-        Steps of the search for the first crossing of an asphere, for rays that may cross it more than once.
+        Steps of the search for the first intersection with an asphere, for rays that may have more than one.
     searched : (n,) array of int
-        Rays that were searched in that way.
+        Rays for which the search was needed.
     lost : tuple of (str, int or None, int)
-        Cause, index of the element (None where no element is to blame) and number of rays, as `RenderStats.lost`.
+        Cause, index of the element (None for no element) and number of rays, as in `RenderStats.lost`.
 
     Examples
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("singlet-100mm-f4")
-    >>> found = pl.optics.conditioning(lens, pl.RayBundle([[0, 3.0, -100.0], [0, 30, -100]], [[0, 0, 1.0], [0, 0, 1]]))
-    >>> found
+    >>> rays = pl.RayBundle([[0, 3.0, -100.0], [0, 30, -100]], [[0, 0, 1.0], [0, 0, 1]])
+    >>> condition = pl.optics.conditioning(lens, rays)
+    >>> condition
     <Conditioning of 2 rays at 3 elements: worst at element 0, cancellation 16>
-    >>> found.lost
+    >>> condition.lost
     (('clipped', 0, 1),)
     """
 
@@ -108,12 +110,12 @@ class Conditioning:
 
     @property
     def digits_lost(self) -> Floats:
-        """(n, 2): largest and median number of decimal digits that cancellation takes, of the 15.7 of float64."""
+        """(n, 2): largest and median number of decimal digits lost by cancellation, out of the 15.7 of float64."""
         return np.asarray(np.log10(np.maximum(self.cancellation, 1.0)))
 
     @property
     def worst(self) -> Worst | None:
-        """The element and kind of the largest condition number; None where no ray passes any element."""
+        """Element and kind of the largest condition number; None if no ray passes any element."""
         largest = np.stack([self.incidence[:, 0], self.refraction[:, 0], self.cancellation[:, 0]])
         if np.isnan(largest).all():
             return None
@@ -122,11 +124,11 @@ class Conditioning:
 
     @property
     def lost_by_cause(self) -> dict[str, int]:
-        """The number of lost rays for each cause, over all elements."""
+        """Number of lost rays for each cause, over all elements."""
         return by_cause(self.lost)
 
     def lost_at(self, element: int | None) -> dict[str, int]:
-        """The number of rays lost at an element, or (None) where no element is to blame, for each cause.
+        """Number of rays lost at an element, for each cause; `element` None counts rays that are lost at no element.
 
         Examples
         --------
@@ -139,8 +141,8 @@ class Conditioning:
 
     def __repr__(self) -> str:
         worst = self.worst
-        what = "" if worst is None else f": worst at element {worst.element}, {_element_name(worst)}"
-        return f"<Conditioning of {self.rays} rays at {len(self.elements)} elements{what}>"
+        worst_text = "" if worst is None else f": worst at element {worst.element}, {_element_name(worst)}"
+        return f"<Conditioning of {self.rays} rays at {len(self.elements)} elements{worst_text}>"
 
     def __str__(self) -> str:
         rows = [_HEAD, *(self._row(i) for i in range(len(self.elements)))]
@@ -182,18 +184,19 @@ def _element_name(worst: Worst) -> str:
 
 
 def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> Conditioning:
-    """Amplification of errors of rays by each element of a lens, with the steps and rays that each costs.
+    """Amplification of ray errors at each element of a lens, with the cost of its intersections in steps and rays.
 
-    Takes some fifty times as long as tracing, and 40 bytes for each ray and element: for thousands of rays. They are
-    followed as `lens.model` says.
+    Needs about fifty times the time of tracing, and 40 bytes for each ray and element: use thousands of rays. They are
+    traced by `lens.model`.
 
     Parameters
     ----------
     lens : LensStack
     rays : RayBundle
-        In the lens frame. Where origins lie on rays matters here: far points are known with a larger error.
+        In the lens frame. Positions of the origins along the rays matter here: distant points have larger rounding
+        errors.
     reverse : bool, optional
-        Towards the scene, as `LensStack.trace_reverse`.
+        Trace towards the scene, as `LensStack.trace_reverse`.
 
     Examples
     --------
@@ -201,10 +204,10 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
     >>> lens = pl.load_lens("double-gauss-100mm-f2")
     >>> y = np.linspace(-12.0, 12.0, 101)
     >>> rays = pl.RayBundle(np.stack([0 * y, y, 0 * y - 50.0], axis=1), [[0, 0, 1.0]] * 101)
-    >>> found = pl.optics.conditioning(lens, rays)
-    >>> bool(found.incidence.max() < 2), bool(found.digits_lost.max() < 1)
+    >>> condition = pl.optics.conditioning(lens, rays)
+    >>> bool(condition.incidence.max() < 2), bool(condition.digits_lost.max() < 1)
     (True, True)
-    >>> found.worst.element, found.worst.condition.name
+    >>> condition.worst.element, condition.worst.condition.name
     (0, 'CANCELLATION')
     """
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
@@ -213,21 +216,23 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
 
 
 class ProbeRecords(NamedTuple):
-    """Records of rays; arrays (elements, rays) in the order of travel, nan where a ray did not pass the element."""
+    """Conditioning of each ray; arrays (elements, rays) in the order of travel, nan if the ray does not pass the
+    element.
+    """
 
     lens: LensRecord
     incidence: Floats
     refraction: Floats
     cancellation: Floats
     newton: Floats
-    """Here and below, nan only where a ray did not come to the element."""
+    """As `search`: nan only if the ray does not reach the element."""
     search: Floats
     codes: NDArray[np.int64]
     """(rays,): status behind the lens, as in `ray_blocks`."""
 
 
 def blocks_of(rays: RayBundle) -> Floats:
-    """Rays as they lie in memory; see `ray_blocks`. The last block is filled with rays that are lost."""
+    """Rays in the memory layout of kernels; see `ray_blocks`. Lost rays fill up the last block."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, MISSED, RAY
 
     n = len(rays)
@@ -241,25 +246,32 @@ def blocks_of(rays: RayBundle) -> Floats:
 def probe_rays(lens: LensRecord, blocks: Floats, n: int, waves: NDArray[np.int64] | None = None) -> ProbeRecords:
     """Trace the first n rays of a bundle in place and record their conditioning; see `fill_conditions`."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS
-    from plenoptic.optics.lens.kernels.notes import INCIDENCE, LOG, NEWTON, REACH, REFRACTION, STEPS
+    from plenoptic.optics.lens.kernels.conditioning_probes import (
+        INCIDENCE,
+        NEWTON,
+        PROBE_ROWS,
+        REFRACTION,
+        ROUNDED_LENGTH,
+        STEPS,
+    )
     from plenoptic.optics.lens.kernels.trace import fill_conditions
 
     elements, whole = len(lens.rows), blocks.size // RAY
-    columns = np.empty((LOG, elements, whole, BLOCK))
+    columns = np.empty((PROBE_ROWS, elements, whole, BLOCK))
     for first in range(0, whole, CHUNK):
         end = min(first + CHUNK, whole)
-        log = np.empty((end - first, elements, LOG, BLOCK))
+        probes = np.empty((end - first, elements, PROBE_ROWS, BLOCK))
         part = None if waves is None else waves[first * BLOCK : end * BLOCK]
-        fill_conditions(blocks[first * RAY : end * RAY], log, lens.completed, part)
-        columns[:, :, first:end] = log.transpose(2, 1, 0, 3)
-    rays = columns.reshape(LOG, elements, -1)[:, :, :n]
+        fill_conditions(blocks[first * RAY : end * RAY], probes, lens.completed, part)
+        columns[:, :, first:end] = probes.transpose(2, 1, 0, 3)
+    rays = columns.reshape(PROBE_ROWS, elements, -1)[:, :, :n]
     codes = blocks.reshape(-1, RAY)[:, STATUS:].reshape(-1)[:n].astype(np.int64)
-    cancellation = rays[REACH] / sizes(lens)[:, None]
+    cancellation = rays[ROUNDED_LENGTH] / sizes(lens)[:, None]
     return ProbeRecords(lens, rays[INCIDENCE], rays[REFRACTION], cancellation, rays[NEWTON], rays[STEPS], codes)
 
 
 def sizes(lens: LensRecord) -> Floats:
-    """Semi-diameters in mm, or, where an element ends at its depth or nowhere, its radius or focal length."""
+    """Semi-diameters in mm; for elements limited by depth or unlimited, the radius or focal length."""
     squared, curvature = lens.rows["semi_diameter2"], lens.rows["curvature"]
     with np.errstate(divide="ignore"):
         return np.asarray(np.where(np.isfinite(squared), np.sqrt(squared), 1.0 / np.abs(curvature)))
@@ -274,7 +286,7 @@ def kinds(lens: LensRecord) -> tuple[str, ...]:
 
 
 def largest_and(typical: Callable[[Floats], Any], numbers: Floats) -> Floats:
-    """(n, 2) of (n, rays): the largest number and the mean or median, without rays that are nan; nan where all are."""
+    """(n, 2) from (n, rays): the largest number and the mean or median, without nan; nan if all are nan."""
     passing = (row[~np.isnan(row)] for row in numbers)
     pairs = [(row.max(), typical(row)) if len(row) else (math.nan, math.nan) for row in passing]
     return np.array(pairs).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""A few rays from behind through a lens, by its kernels run as Python: pictures do not wait for a compiler."""
+"""A few reverse rays through a lens, by its kernels run as Python: figures need no compilation."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from plenoptic.optics.lens.stack import LensStack
 def few_reverse_rays(
     lens: LensStack, origin: Floats, direction: Floats, wavelength: float, *, clipping: bool = True
 ) -> tuple[Floats, Floats]:
-    """Trace some hundred rays at most from behind a lens into the scene, as LensModel.EXACT.
+    """Trace at most some hundred rays from the sensor side into the scene, as LensModel.EXACT.
 
     Parameters
     ----------
     lens : LensStack
     origin, direction : (n, 3) arrays
-        In the lens's frame, mm; the directions of any length.
+        In the lens frame, mm; directions may have any length.
     wavelength : float
         nm.
     clipping : bool, optional
-        Whether rims and stops end rays; their last point lies on the element that ends them.
+        True if rims and stops clip rays; the last point of a clipped ray lies on the element that clips it.
 
     Returns
     -------
     points : (n, k + 1, 3) array
-        The origins and the points on the k elements, the last one first; nan from where a ray is lost.
+        The origins and the points on the k elements, the last one first; nan after the loss of a ray.
     direction : (n, 3) array
-        Of unit length, in front of the lens; nan for lost rays.
+        Unit vectors in front of the lens; nan for lost rays.
     """
     from plenoptic.core.kernels.ray_blocks import CAUSES, CLIPPED
     from plenoptic.optics.lens.kernels.trace import trace_block
@@ -46,7 +46,7 @@ def few_reverse_rays(
     for i in reversed(range(len(lens.elements))):
         record = lens_record(lens, wavelength, reverse=True, first=i, last=i, clipping=clipping)
         going = status == 0
-        with np.errstate(all="ignore"):  # lost rays are numbers without meaning
+        with np.errstate(all="ignore"):  # lost rays hold undefined numbers
             trace(rays.reshape(-1), record._replace(rows=record.rows.view(np.recarray)), None, 0, None, None, None)
         arrives = going & ((status == 0) | (status % CAUSES == CLIPPED))
         points.append(np.where(arrives[:, None], rays[:3].T, np.nan))
@@ -54,7 +54,7 @@ def few_reverse_rays(
 
 
 def _block_of(n: int) -> dict[str, int]:
-    """The names of `ray_blocks` for blocks of n rays."""
+    """Constants of `ray_blocks` for blocks of n rays."""
     from plenoptic.core.kernels import ray_blocks
 
     names = ("X", "Y", "Z", "L", "M", "N", "WEIGHT", "STATUS", "BLOCK", "RAY")
@@ -64,9 +64,9 @@ def _block_of(n: int) -> dict[str, int]:
 def _as_python(
     function: Callable[..., Any], block: dict[str, int], made: dict[Callable[..., Any], Callable[..., Any]]
 ) -> Callable[..., Any]:
-    """Python functions of a kernel and all its callees, for blocks of another length; `made` holds those that exist.
+    """Python functions of a kernel and all its callees, for blocks of another length; `made` holds those made so far.
 
-    NumPy's mathematics is as compiled code has it: the root of a negative number is nan, and no error.
+    NumPy functions replace `math`, as in compiled code: the square root of a negative number is nan, not an error.
     """
     if function not in made:
         namespace = {**function.__globals__, "math": np}

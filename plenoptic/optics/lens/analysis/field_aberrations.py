@@ -1,8 +1,8 @@
-"""Aberrations against the field, by real rays: distortion, curvature of the image, coma, distortion of depth.
+"""Aberrations against the field, by real rays: distortion, field curvature, coma, distortion of depth.
 
-Fields lie along +y: half angles in rad of objects infinitely far away, otherwise heights in mm of points in the plane
-z_object. Rays are aimed at the real iris and pass all rims; a field whose chief ray does not exist has nan. The passing
-light and how bright it is, is in `illumination`.
+Fields lie along +y: half angles in rad for objects at infinity, otherwise heights in mm in the plane z_object. Rays are
+aimed at the real iris; rims do not clip them. A field without a chief ray gives nan. Vignetting and relative
+illumination are in `illumination`.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from plenoptic.optics.lens.trace import trace_part
 class Projection(enum.IntEnum):
     """Projection of the half angle theta by an ideal lens of focal length f.
 
-    RECTILINEAR: f tan(theta), straight lines stay straight. EQUIDISTANT: f theta, which most fisheyes approach.
-    STEREOGRAPHIC: 2 f tan(theta / 2), circles stay circles. EQUISOLID: 2 f sin(theta / 2), equal solid angles have
-    equal areas. ORTHOGRAPHIC: f sin(theta), equal illumination by a uniform sky.
+    RECTILINEAR: f tan(theta), straight lines stay straight. EQUIDISTANT: f theta, the approximate projection of most
+    fisheyes. STEREOGRAPHIC: 2 f tan(theta / 2), circles stay circles. EQUISOLID: 2 f sin(theta / 2), equal solid angles
+    have equal areas. ORTHOGRAPHIC: f sin(theta), equal illumination by a uniform sky.
 
     Examples
     --------
@@ -45,7 +45,7 @@ class Projection(enum.IntEnum):
     ORTHOGRAPHIC = 4
 
     def height(self, focal_length: float, angle: ArrayLike) -> Floats:
-        """Distance from the axis in mm of the image of a half angle in rad; negative angles give negative ones."""
+        """Image height in mm of a half angle in rad; negative angles have negative heights."""
         theta = np.asarray(angle, dtype=np.float64)
         scaled = {
             Projection.RECTILINEAR: lambda: np.tan(theta),
@@ -69,24 +69,24 @@ def checked_fields(lens: LensStack, fields: ArrayLike, z_object: float, *, name:
 
 
 def image_plane(lens: LensStack, z_object: float, wavelength: float) -> float:
-    """The paraxial image plane, or an error where the image is infinitely far away."""
+    """Position z in mm of the paraxial image plane; an error if the image is at infinity."""
     z = image_position(lens, z_object, wavelength)
     if not math.isfinite(z):
         raise InvalidValueError(
-            f"{lens.name!r} images z_object {z_object:g} mm to infinity, where there is no image plane; move the object"
+            f"{lens.name!r} images z_object {z_object:g} mm to infinity, so there is no image plane; move the object"
         )
     return z
 
 
 def trace_past_rims(lens: LensStack, rays: RayBundle) -> RayBundle:
-    """Trace a bundle past all rims; through a model that is not exact, as it is."""
+    """Trace a bundle without clipping by rims; a lens that is not LensModel.EXACT is traced by its model."""
     if lens.model is not LensModel.EXACT:
         return lens.trace(rays)
     return trace_part(lens, rays, 0, len(lens.elements) - 1, clipping=False)
 
 
 def chief_rays(lens: LensStack, fields: Floats, z_object: float, wavelength: float) -> RayBundle:
-    """The chief rays of fields (n,) along +y, before the lens."""
+    """Chief rays of fields (n,) along +y, in front of the lens."""
     rays = [chief_ray(lens, field=(0.0, y), z_object=z_object, wavelength=wavelength) for y in fields.tolist()]
     origin, direction = (np.reshape([getattr(ray, name) for ray in rays], (-1, 3)) for name in ("origin", "direction"))
     return RayBundle(origin, direction, wavelength, status=np.ravel([ray.status for ray in rays]))
@@ -94,21 +94,21 @@ def chief_rays(lens: LensStack, fields: Floats, z_object: float, wavelength: flo
 
 @result
 class Distortion:
-    """Heights of chief rays in the paraxial image plane. See `distortion`, which makes it.
+    """Heights of chief rays in the paraxial image plane. Made by `distortion`.
 
     Attributes
     ----------
     fields : (n,) array
         rad, or mm.
     height : (n,) array
-        y of the real chief ray in mm: mostly below 0, since the image stands upside down.
+        y of the real chief ray in mm: mostly below 0, since the image is inverted.
     ideal : (n,) array
         y of the ideal image in mm.
     projection : Projection
     z_image : float
-        The paraxial image plane, mm.
+        Paraxial image plane, mm.
     z_object : float
-        mm; -inf: infinitely far away.
+        mm; -inf for an object at infinity.
     """
 
     fields: Floats
@@ -120,7 +120,7 @@ class Distortion:
 
     @property
     def relative(self) -> Floats:
-        """(height - ideal) / ideal, (n,): negative for a barrel, positive for a cushion; 0 on the axis."""
+        """(height - ideal) / ideal, (n,): negative for barrel, positive for pincushion distortion; 0 on the axis."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.ideal == 0, 0.0 * self.height, self.height / self.ideal - 1.0)
 
@@ -141,16 +141,17 @@ def distortion(
     fields : (n,) array
         Along +y: half angles in rad, or heights in mm in the plane z_object.
     z_object : float, optional
-        mm; -inf: infinitely far away.
+        mm; -inf for an object at infinity.
     wavelength : float, optional
         nm.
     projection : Projection, optional
-        Of an object infinitely far away. At a finite distance the ideal image is the paraxial one: RECTILINEAR.
+        Ideal projection for an object at infinity. For a finite object the ideal image is the paraxial one:
+        RECTILINEAR.
 
     Raises
     ------
     InvalidValueError
-        If the image is infinitely far away or the projection does not reach the fields.
+        If the image is at infinity or the projection does not reach the fields.
 
     References
     ----------
@@ -159,8 +160,8 @@ def distortion(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
-    >>> (100 * found.relative).round(2).tolist()
+    >>> distortion = pl.aberrations.distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> (100 * distortion.relative).round(2).tolist()
     [0.0, -0.3, -1.08]
     """
     radii, ideal = checked_fields(lens, fields, z_object), choice(projection, Projection, "projection")
@@ -212,14 +213,14 @@ class FieldCurvature:
 
     @property
     def medial(self) -> Floats:
-        """Mean of sagittal and tangential, (n,), mm: where the spot is about smallest."""
+        """Mean of sagittal and tangential, (n,), mm: about the position of the smallest spot."""
         return np.asarray((self.tangential + self.sagittal) / 2.0)
 
 
 def field_curvature(
     lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6
 ) -> FieldCurvature:
-    """Sagittal and tangential image surfaces, and so astigmatism, by Coddington's equations along real chief rays.
+    """Sagittal and tangential image surfaces, hence astigmatism, by Coddington's equations along real chief rays.
 
     Parameters
     ----------
@@ -231,7 +232,7 @@ def field_curvature(
     Raises
     ------
     InvalidValueError
-        If the lens is not centred or not EXACT, or the image is infinitely far away.
+        If the lens is not centred or not EXACT, or the image is at infinity.
 
     References
     ----------
@@ -240,8 +241,8 @@ def field_curvature(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.field_curvature(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1])
-    >>> found.sagittal.round(2).tolist(), found.tangential.round(2).tolist()
+    >>> surfaces = pl.aberrations.field_curvature(pl.load_lens("singlet-100mm-f4"), [0.0, 0.1])
+    >>> surfaces.sagittal.round(2).tolist(), surfaces.tangential.round(2).tolist()
     ([0.0, -0.82], [0.0, -1.8])
     """
     radii = checked_fields(lens, fields, z_object)
@@ -254,14 +255,14 @@ def field_curvature(
 
 @result
 class Coma:
-    """Asymmetry of spots. See `coma`, which makes it.
+    """Sagittal and tangential coma. Made by `coma`.
 
     Attributes
     ----------
     fields, z_image, z_object
         As in `Distortion`.
     sagittal, tangential : (n,) array
-        Mean y of two rays from opposite points of the zone, along x and along y, minus y of the chief ray, in mm.
+        Mean y of two rays through opposite points of the zone, along x and along y, minus y of the chief ray, in mm.
     zone : float
         Distance of these points from the centre of the iris in units of its semi-diameter.
     """
@@ -294,7 +295,7 @@ def coma(
     Raises
     ------
     InvalidValueError
-        If the image is infinitely far away or the zone is not above 0.
+        If the image is at infinity or the zone is not above 0.
 
     References
     ----------
@@ -303,12 +304,12 @@ def coma(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.coma(pl.load_lens("singlet-100mm-f4"), [0.02], zone=0.1)
-    >>> bool(abs(found.tangential[0] / found.sagittal[0] - 3) < 0.01)
+    >>> coma = pl.aberrations.coma(pl.load_lens("singlet-100mm-f4"), [0.02], zone=0.1)
+    >>> bool(abs(coma.tangential[0] / coma.sagittal[0] - 3) < 0.01)
     True
     """
     radii, size = checked_fields(lens, fields, z_object), positive(zone, "zone")
-    require_axis(lens, "coma here is")
+    require_axis(lens, "coma is")
     z_image = image_plane(lens, z_object, wavelength)
     pupil = size * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     y = np.empty((len(radii), 5))
@@ -320,7 +321,7 @@ def coma(
 
 @result
 class DepthDistortion:
-    """Distances that are sharp on a flat sensor. Made by `depth_distortion`.
+    """Object points in focus on a flat sensor. Made by `depth_distortion`.
 
     Attributes
     ----------
@@ -331,8 +332,7 @@ class DepthDistortion:
     z_object : (m,) array
         Their paraxial conjugates, mm.
     sagittal, tangential : (m, n) array
-        z in mm of the object points on the chief rays that are sharp; above 0 where the lens is focused beyond
-        infinity.
+        z in mm of the object points in focus on the chief rays; above 0 if the lens is focused beyond infinity.
     """
 
     heights: Floats
@@ -351,10 +351,10 @@ class DepthDistortion:
 def depth_distortion(
     lens: LensStack, heights: ArrayLike, *, z_image: ArrayLike, wavelength: float = 587.6
 ) -> DepthDistortion:
-    """Sharp object points of flat sensors, by the height on them: field curvature in object space.
+    """Object points in focus on flat sensors, against the image height: field curvature in object space.
 
-    A camera that takes depth from sharpness or disparity, and was calibrated on the axis, errs by the difference to
-    `z_object`. Chief rays are followed backwards from the sensor.
+    The difference from `z_object` is the depth error of a camera calibrated on the axis, which measures depth by focus
+    or disparity. Chief rays are traced in reverse from the sensor.
 
     Parameters
     ----------
@@ -377,8 +377,8 @@ def depth_distortion(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.depth_distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 20.0], z_image=134.624)
-    >>> found.z_object.round(2).tolist(), found.medial.round(2).tolist()
+    >>> depth = pl.aberrations.depth_distortion(pl.load_lens("double-gauss-100mm-f2"), [0.0, 20.0], z_image=134.624)
+    >>> depth.z_object.round(2).tolist(), depth.medial.round(2).tolist()
     ([-404.0], [[-404.0, -399.29]])
     """
     radii = checked_fields(lens, heights, 0.0, name="heights")

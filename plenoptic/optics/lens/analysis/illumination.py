@@ -23,11 +23,12 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_part
 
 _ZOOMS, _ZOOM = 3, 129
-"""A limit is looked for in 129 places, then in 129 between two of them, and once more: to 1 in 2 million."""
+"""Points of each of 3 nested searches for a limit: 128 intervals each, so the result is good to 1 in 2 million."""
 
 _COARSE = 48
 _AROUND = 0.15
-"""Cells a side of the first look at what reaches an image point, and how far beyond the outline of the iris it goes."""
+"""Cells along a side of the coarse grid over the rays to an image point; margin of that grid around the iris, over the
+width of the iris."""
 
 _COUNTING = math.sqrt(0.0724 * 4.0)
 """The number N of points of a square grid that lie in an area has the variance 0.0724 b sqrt(N), with b the outline
@@ -36,10 +37,10 @@ Microsc. 147, 229, 1987). So its relative standard error is this over N^(3/4).""
 
 
 def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
-    """The field up to which chief rays pass all rims.
+    """Largest field whose chief ray passes all rims.
 
-    Found by a fan of rays from the centre of the iris, both ways, up to the first that meets a rim; masks and rings
-    count with the circles around them.
+    A fan of rays is traced from the centre of the iris in both directions, up to the first ray that a rim clips. Masks
+    and rings are replaced by the circles around them.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
     Returns
     -------
     float
-        Half angle in rad, or height in mm in the plane z_object. Designers mostly use less of it.
+        Half angle in rad, or height in mm in the plane z_object. The design field is mostly smaller.
 
     Examples
     --------
@@ -84,7 +85,7 @@ def largest_field(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
 
 
 def _field_of(ray: RayBundle, z_object: float) -> float:
-    """The field from which a ray, traced towards the scene, would come."""
+    """Field of a ray that was traced towards the scene."""
     if z_object != -math.inf:
         return abs(float(ray.at_z(z_object)[0, 1]))
     _, m, n = ray.direction[0].tolist()
@@ -100,12 +101,12 @@ class Vignetting:
     fields, z_object
         As in `Distortion`.
     fraction : (n,) array
-        Part of the light through the iris that passes all rims and stops too: of its area, for all but grey masks.
+        Fraction of the light through the iris that also passes all rims and stops: of its area, except for grey masks.
     standard_error : (n,) array
-        Of the fraction, from counting points of a grid.
+        Standard error of `fraction`, from the number of grid points.
     lower, upper : (n,) array
-        The rim rays: the smallest and the largest y on the diameter along y of the iris, in units of its semi-diameter,
-        whose rays pass; nan where none does.
+        Lower and upper rim ray: smallest and largest y of unvignetted rays on the diameter of the iris along y, in
+        units of its semi-diameter; nan if all are vignetted.
     """
 
     fields: Floats
@@ -119,7 +120,7 @@ class Vignetting:
 def vignetting(
     lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6, grid: int = 64
 ) -> Vignetting:
-    """Vignetting: the part of the iris that is filled by light which passes all rims.
+    """Vignetting: fraction of the iris filled by light that passes all rims.
 
     Parameters
     ----------
@@ -136,14 +137,14 @@ def vignetting(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
-    >>> found.fraction.round(2).tolist()
+    >>> vignetting = pl.aberrations.vignetting(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> vignetting.fraction.round(2).tolist()
     [0.99, 0.68, 0.36]
     """
     radii, stop = checked_fields(lens, fields, z_object), lens.stop
     side = whole(grid, "grid", at_least=2, at_most=MOST_ACROSS)
-    # Off the centre, so that what is symmetric does not meet the grid symmetrically.
-    x, y = (-1.0 + 2.0 / side * (np.arange(side) + 0.5 + off) for off in (-0.13, 0.29))
+    # Off the centre, so that a symmetric aperture has no symmetric grid.
+    x, y = (-1.0 + 2.0 / side * (np.arange(side) + 0.5 + offset) for offset in (-0.13, 0.29))
     pupil = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     pupil = pupil[stop.contains(*(stop.semi_diameter * pupil.T))]
     if not len(pupil):
@@ -162,7 +163,7 @@ def vignetting(
 
         light = passing(pupil)
         count = int(np.count_nonzero(light))
-        # Where all points pass, what passes is the iris itself; where none does, less than one of them may.
+        # If all points pass, the fraction is exactly 1. If none passes, the light may be that of less than one point.
         entire = bool(np.all(light == full))
         fraction[i] = 1.0 if entire else min(float(light.sum()) * cell_share, 1.0)
         error[i] = 0.0 if entire else cell_share * _COUNTING * max(count, 1) ** 0.25
@@ -171,7 +172,7 @@ def vignetting(
 
 
 def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
-    """The smallest and the largest y on the diameter along y at which rays pass."""
+    """Smallest and largest y of transmitted rays on the diameter along y."""
     limits = []
     for end in (-INSIDE, INSIDE):
         low, high = -end, end
@@ -180,7 +181,7 @@ def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
             passing_rows = np.flatnonzero(passing(np.column_stack([np.zeros(_ZOOM), y])))
             if passing_rows.size == 0:
                 return math.nan, math.nan
-            # From the last that passes to the first beyond it that does not.
+            # Refine between the last ray that passes and the first that does not.
             last = int(passing_rows[-1])
             low, high = float(y[last]), float(y[min(last + 1, _ZOOM - 1)])
             if low == high:
@@ -191,20 +192,21 @@ def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
 
 @result
 class RelativeIllumination:
-    """Illumination of the image plane by a scene of uniform radiance. See `relative_illumination`, which makes it.
+    """Illumination of the image plane by a scene of uniform radiance. Made by `relative_illumination`.
 
     Attributes
     ----------
     fields, z_image, z_object
         As in `Distortion`.
     heights : (n,) array
-        y of the image points in mm: where the chief rays meet the image plane.
+        y in mm of the image points, the intersections of the chief rays with the image plane.
     projected_solid_angle : (n,) array
-        Of all rays that reach the point from the scene, sr: the irradiance at radiance 1, and the white image.
+        Projected solid angle in sr of all rays from the scene to the image point: the irradiance at radiance 1, and the
+        value of the white image.
     relative : (n,) array
-        The same over that on the axis; nan where the axis itself is dark.
+        Projected solid angle relative to that on the axis; nan if the axis is dark.
     standard_error : (n,) array
-        Of `relative`, from counting points of a grid.
+        Standard error of `relative`, from the number of grid points.
     """
 
     fields: Floats
@@ -219,23 +221,22 @@ class RelativeIllumination:
 def relative_illumination(
     lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6, grid: int = 160
 ) -> RelativeIllumination:
-    """Irradiance of the image plane against that on the axis, of a scene of the same radiance everywhere.
+    """Irradiance of the image plane relative to the axis, for a scene of uniform radiance.
 
-    The rays that reach a point of the image and come from the scene are counted on a grid of equal steps in their
-    direction cosines l and m, in which the projected solid angle is the area: E = L integral dl dm. The image plane is
-    the paraxial image of z_object.
+    The rays from the scene to an image point are counted on a uniform grid of the direction cosines l and m. Its area
+    is the projected solid angle: E = L integral dl dm. The image plane is the paraxial image of z_object.
 
     Parameters
     ----------
     lens, fields, z_object, wavelength
         See `distortion`.
     grid : int, optional
-        Cells of the grid across the passing light.
+        Cells of the grid across the unvignetted light.
 
     Returns
     -------
     RelativeIllumination
-        0 for a field whose chief ray does not exist.
+        0 for a field without a chief ray.
 
     Raises
     ------
@@ -245,8 +246,8 @@ def relative_illumination(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.relative_illumination(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
-    >>> found.relative.round(2).tolist()
+    >>> illumination = pl.aberrations.relative_illumination(pl.load_lens("double-gauss-100mm-f2"), [0.0, 0.2, 0.35])
+    >>> illumination.relative.round(2).tolist()
     [1.0, 0.65, 0.29]
     """
     radii, cells = checked_fields(lens, fields, z_object), whole(grid, "grid", at_least=8, at_most=MOST_ACROSS)
@@ -273,10 +274,10 @@ def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelengt
     low, high = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
     if (aimed.status == 0).any():
         iris = aimed.direction[aimed.status == 0, :2]
-        around = _AROUND * np.ptp(iris, axis=0)
-        low, high = iris.min(axis=0) - around, iris.max(axis=0) + around
+        margin = _AROUND * np.ptp(iris, axis=0)
+        low, high = iris.min(axis=0) - margin, iris.max(axis=0) + margin
     for n in (_COARSE, cells):
-        # Off the centre, so that a symmetric outline does not meet the grid symmetrically.
+        # Off the centre, so that a symmetric outline has no symmetric grid.
         offsets = np.add.outer([0.5 - 0.13, 0.5 + 0.29], np.arange(n)) / n
         l, m = (axis.ravel() for axis in np.meshgrid(*(low[:, None] + (high - low)[:, None] * offsets)))
         real = l * l + m * m < 1

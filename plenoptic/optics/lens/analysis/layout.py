@@ -1,4 +1,4 @@
-"""A lens with rays, as a lens design program draws it: the ways of rays through all elements."""
+"""Lens layout: cross section of a lens with fans of rays, as a lens design program draws it."""
 
 from __future__ import annotations
 
@@ -21,23 +21,24 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_part
 
 _MOST_RAYS = 10_000
-"""Of a field in a picture, where they are lines."""
+"""Points of a ray fan for each field of a drawing."""
 _LEAD = 0.35
-"""Length of the rays that are drawn before the lens, over that of the lens."""
+"""Drawn length of the rays in front of the lens, over the length of the lens."""
 
 _LEAD_OF_ALL = 0.15
-"""The same over the distance from the lens's first vertex to the image: what a short lens needs."""
+"""Drawn length of the rays in front of the lens, over the distance from its first vertex to the image, for short
+lenses."""
 
 _SHARP, _OPEN, _TRIED = 0.05, 1.0 / 3.0, 25
-"""A field is worth drawing, out of 25 tried, where both foci are within 5 % of the focal length of the image plane and
-a third of the diameter of the iris gets light."""
+"""Selection of drawn fields among 25: both foci lie within 5 % of the focal length of the image plane, and a third of
+the diameter of the iris is unvignetted."""
 
 
 class LensLayout(NamedTuple):
     """Rays through a lens, for a figure."""
 
     paths: list[Floats]
-    """(n_rays, n_points, 3) for each field: points x, y, z in mm, to the first nan."""
+    """(n_rays, n_points, 3) for each field: points x, y, z in mm; a path ends before its first nan."""
     labels: list[str]
     """Names of the fields."""
     z_image: float | None
@@ -45,11 +46,11 @@ class LensLayout(NamedTuple):
 
 
 def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
-    """The points at which n rays meet the k elements of a lens, taken as LensModel.EXACT: (n, k + 2, 3).
+    """Points of n rays at the k elements of a lens, traced as LensModel.EXACT: (n, k + 2, 3).
 
-    They are the origins before the lens, the points on the elements, and the points in the plane z_end behind it. The
-    path of a ray that is clipped ends on the element that clips it, that of one that is lost otherwise on the one
-    before; later points are nan.
+    They are the origins in front of the lens, the intersections with the elements, and the points in the plane z_end
+    behind it. The path of a clipped ray ends on the element that clips it. The path of a ray lost by another cause ends
+    one element earlier. Later points are nan.
     """
     elements = len(lens.elements)
     lost_at = lens.with_model(LensModel.EXACT).trace(rays).lost_at
@@ -65,11 +66,11 @@ def ray_paths(lens: LensStack, rays: RayBundle, *, z_end: float) -> Floats:
 
 
 def layout_fields(lens: LensStack, *, z_object: float = -math.inf, wavelength: float = 587.6) -> Floats:
-    """Three fields for a figure: the axis, 0.7 of the largest field that the lens still images, and that one.
+    """Three fields for a figure: the axis, 0.7 of the largest usable field, and that field.
 
-    There, sagittal and tangential focus are within 5 % of the focal length of the image plane, and a third of the
-    diameter along y of the iris gets light. Sharpness is not asked of a decentred lens, or of one without an image. For
-    the parameters and units see `distortion`.
+    In a usable field, both foci lie within 5 % of the focal length of the image plane. A third of the diameter of the
+    iris along y is unvignetted. The foci are not tested for a decentred lens, or for one without an image. Parameters
+    and units are those of `distortion`.
     """
     exact = lens.with_model(LensModel.EXACT)
     tried = largest_field(exact, z_object=z_object, wavelength=wavelength) * np.linspace(0.0, 1.0, _TRIED)
@@ -82,13 +83,15 @@ def layout_fields(lens: LensStack, *, z_object: float = -math.inf, wavelength: f
         depth = _SHARP * abs(cardinal_points(lens, wavelength).efl)
         good &= (np.abs(curvature.sagittal) <= depth) & (np.abs(curvature.tangential) <= depth)
     except InvalidValueError:
-        pass  # No image plane, or foci in no common plane.
+        pass  # There is no image plane, or the foci are undefined.
     last = _TRIED - 1 if good.all() else int(np.argmin(good)) - 1
     return float(tried[max(last, 1)]) * np.array([0.0, 0.7, 1.0])
 
 
 def _start_rays(rays: RayBundle, first: Floats, lead: float, *, parallel: bool) -> RayBundle:
-    """The rays from at most `lead` before their first point on the lens; parallel ones from their wavefront there."""
+    """Rays that start at most `lead` mm before their first point on the lens; parallel rays start on a common
+    wavefront.
+    """
     before = np.einsum("ij,ij->i", first - rays.origin, rays.direction)
     if parallel:
         ahead = np.full_like(before, np.nanmin(before, initial=np.inf) - lead)
@@ -107,7 +110,7 @@ def lens_layout(
     wavelength: float = 587.6,
     z_image: float | None = None,
 ) -> LensLayout:
-    """Trace a fan of real rays for each of some fields; see `LensStack.layout`."""
+    """Trace a fan of real rays for each field; see `LensStack.layout`."""
     (first_vertex, last_vertex), z = lens.vertices[[0, -1]].tolist(), z_object
     if z is None:
         points = cardinal_points(lens, wavelength)
@@ -129,7 +132,7 @@ def lens_layout(
         lead = max(_LEAD * lens.length, _LEAD_OF_ALL * (z_end - first_vertex))
         started = _start_rays(aimed, first, lead, parallel=parallel)
         polylines = ray_paths(exact, started, z_end=z_end)
-        # Rays that pass beside the lens are not drawn.
+        # Rays that miss the lens are not drawn.
         paths.append(polylines[np.isfinite(polylines[:, 2, 2])])
     labels = [f"{math.degrees(field):.3g}°" if parallel else f"{field:.3g} mm" for field in radii.tolist()]
     return LensLayout(paths, labels, plane)

@@ -1,7 +1,7 @@
 """Geometric point-spread function and modulation transfer function.
 
-Both are those of geometrical optics: light goes where its rays go. Diffraction is not included; where the geometric
-MTF comes near `diffraction_mtf`, or passes it, the real one is lower than either: `wave_mtf` finds it.
+Both neglect diffraction. Where the geometric MTF comes near `diffraction_mtf` or exceeds it, the true MTF is lower than
+either; `wave_mtf` computes it.
 """
 
 from __future__ import annotations
@@ -26,33 +26,33 @@ from plenoptic.core.values import (
 )
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.best_focus import imaged_point, working_f_number
-from plenoptic.optics.lens.analysis.spot_diagram import SpotDiagram, jackknife_error, spots_of, without_one
+from plenoptic.optics.lens.analysis.spot_diagram import SpotDiagram, jackknife_error, leave_one_out_sums, spots_of
 from plenoptic.optics.lens.pupil.beam import REPLICATES, ImagedPoint, meridian
 from plenoptic.optics.lens.stack import LensStack
 
 _SPREAD = 1.25
-"""Half width of a picture over the geometric radius of the spot, where no pixel size is given."""
+"""Default half width of a picture over the geometric radius of the spot."""
 _SMALLEST_PICTURE = 1e-6
-"""mm; a perfect image has no size."""
+"""Smallest default half width in mm, for a perfect image of radius 0."""
 
 
 @result
 class PointSpread:
-    """Geometric point-spread function as a picture. See `point_spread`, which makes it.
+    """Geometric point-spread function as a picture. Made by `point_spread`.
 
     Attributes
     ----------
     image : (rows, columns) array
-        Part of the light that passes the lens that falls on each pixel; row 0 is at the largest y, column 0 at the
-        smallest x. With `outside`, the sum is 1.
+        Fraction of the transmitted light on each pixel; row 0 is at the largest y, column 0 at the smallest x. The sum
+        of `image` and `outside` is 1.
     standard_error : (rows, columns) array
         Standard error of `image`.
     outside : float
-        Part of the light that misses the picture.
+        Fraction of the light outside the picture.
     pixel_size : float
         mm.
     centre : (2,) array
-        x and y on the image plane of the middle of the picture, mm.
+        x and y of the centre of the picture on the image plane, mm.
     field, z_object, z_image, wavelengths
         As in `SpotDiagram`.
     """
@@ -81,7 +81,7 @@ def point_spread(  # noqa: PLR0913
     rays: int = 1 << 17,
     seed: int = 0,
 ) -> PointSpread:
-    """Count the light of a spot diagram on pixels. Diffraction is not included.
+    """Geometric point-spread function: light of a spot diagram on each pixel. Diffraction is not included.
 
     Parameters
     ----------
@@ -90,9 +90,9 @@ def point_spread(  # noqa: PLR0913
     shape : (int, int), optional
         Rows and columns.
     pixel_size : float, optional
-        mm; if it is left out, the picture is 2.5 times the geometric radius wide, so that nothing falls outside.
+        mm. By default the picture is 2.5 times the geometric radius wide, so that no light falls outside.
     centre : (2,) sequence of float, optional
-        Middle of the picture on the image plane, mm; the centroid of the light if it is left out.
+        Centre of the picture on the image plane, mm; by default the centroid of the light.
 
     Raises
     ------
@@ -128,11 +128,11 @@ def point_spread(  # noqa: PLR0913
 
 
 def _lit_spots(lens: LensStack, point: ImagedPoint, rays: int, seed: int) -> SpotDiagram:
-    """Spot diagram of an object point, or an error where no light passes."""
+    """Spot diagram of an object point; an error if no light passes the lens."""
     spot = spots_of(lens, point, rays, seed)
     if not len(spot.x):
         raise InvalidValueError(
-            f"no ray from the field {point.field} passes the lens; give a field that it images, or more rays"
+            f"no ray from the field {point.field} passes the lens; give a smaller field, or more rays"
         )
     return spot
 
@@ -150,7 +150,7 @@ def _count(spot: SpotDiagram, centre: Floats, size: float, rows: int, columns: i
 
 @result
 class Mtf:
-    """Geometric modulation transfer function of one object point. See `mtf`, which makes it.
+    """Geometric modulation transfer function of one object point. Made by `mtf`.
 
     Attributes
     ----------
@@ -159,10 +159,10 @@ class Mtf:
     tangential, sagittal : (k,) array
         Modulus of the transfer function for patterns that vary along the field (y on the axis), and across it.
     tangential_error, sagittal_error : (k,) array
-        Their standard errors. A modulus that is not above its error is biased upwards.
+        Standard errors of `tangential` and `sagittal`. A modulus not above its error is biased upwards.
     diffraction : (k,) array
-        For comparison: the limit by diffraction on the axis, at the first wavelength and the paraxial working f-number.
-        It is not contained in the other two.
+        For comparison: the diffraction limit on the axis, at the first wavelength and the paraxial working f-number.
+        `tangential` and `sagittal` do not include it.
     field, z_object, z_image, wavelengths
         As in `SpotDiagram`.
     """
@@ -190,7 +190,7 @@ def mtf(
     rays: int = 1 << 14,
     seed: int = 0,
 ) -> Mtf:
-    """Modulus of the Fourier transform of a spot diagram. Diffraction is not included.
+    """Geometric MTF: modulus of the Fourier transform of a spot diagram. Diffraction is not included.
 
     Parameters
     ----------
@@ -216,8 +216,8 @@ def mtf(
     Examples
     --------
     >>> import plenoptic as pl
-    >>> found = pl.aberrations.mtf(pl.load_lens("double-gauss-100mm-f2"), [0, 10, 20], field=(0, 0.1))
-    >>> found.tangential.round(2).tolist()
+    >>> contrast = pl.aberrations.mtf(pl.load_lens("double-gauss-100mm-f2"), [0, 10, 20], field=(0, 0.1))
+    >>> contrast.tangential.round(2).tolist()
     [1.0, 0.6, 0.5]
     """
     checked = checked_frequencies(frequencies)
@@ -235,7 +235,7 @@ def mtf(
 
 
 def checked_frequencies(frequencies: ArrayLike) -> Floats:
-    """Frequencies (k,) that are finite and not negative, or an error."""
+    """Check that frequencies (k,) are finite and not negative."""
     checked = frozen_array(np.atleast_1d(numbers(frequencies, "frequencies")), name="frequencies", shape=("k",))  # type: ignore[arg-type]
     if not (np.isfinite(checked) & (checked >= 0)).all():
         raise InvalidValueError("frequencies holds a number that is below 0 or not finite; give cycles per mm")
@@ -249,14 +249,14 @@ def _modulus(spot: SpotDiagram, position: Floats, frequencies: Floats) -> tuple[
         phase = (2.0 * math.pi * frequency) * position
         real, imaginary = spot.weight * np.cos(phase), spot.weight * np.sin(phase)
         modulus[i] = math.hypot(real.sum(), imaginary.sum()) / spot.weight.sum()
-        re, im, light = without_one([real, imaginary, spot.weight], spot.replicate)
+        re, im, light = leave_one_out_sums([real, imaginary, spot.weight], spot.replicate)
         with np.errstate(divide="ignore", invalid="ignore"):
             error[i] = jackknife_error(np.hypot(re, im) / light)
     return np.minimum(modulus, 1.0), error
 
 
 def diffraction_mtf(frequencies: ArrayLike, *, f_number: float, wavelength: float = 587.6) -> Floats:
-    """Modulation transfer of a perfect lens with a round, evenly filled pupil: the limit by diffraction.
+    """Diffraction-limited MTF of an aberration-free lens with a round, uniformly filled pupil.
 
     Parameters
     ----------

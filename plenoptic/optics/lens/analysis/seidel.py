@@ -1,4 +1,4 @@
-"""Third-order aberrations surface by surface, and how colours part."""
+"""Third-order aberrations surface by surface, and primary chromatic aberration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from plenoptic.core.values import Floats, finite, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
-from plenoptic.optics.lens.gaussian.paraxial import image_position, leaving_aperture
+from plenoptic.optics.lens.gaussian.paraxial import image_position, image_side_aperture
 from plenoptic.optics.lens.pupil.beam import checked_wavelengths
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
@@ -22,21 +22,19 @@ _LINES = (F_LINE, D_LINE, C_LINE)
 
 @result
 class SeidelSums:
-    """Seidel's sums S_I to S_V, element by element, in mm. See `seidel_sums`, which makes it.
+    """Seidel sums S_I to S_V, element by element, in mm. Made by `seidel_sums`.
 
     Attributes
     ----------
     spherical, coma, astigmatism, petzval, distortion : (n,) arrays
         S_I, S_II, S_III, S_IV and S_V of each element in mm, as Welford defines them; 0 for stops.
     aperture : float
-        n' u' of the marginal ray behind the lens, negative for light that converges.
+        n' u' of the marginal ray behind the lens, negative for converging light.
     wavelength : float
         nm.
 
-    References
-    ----------
-    W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8. Others' sums differ by factors: the wavefront is
-    S_I / 8, not S_I / 4, of the fourth power of the pupil's radius.
+    References ---------- W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8. Other definitions differ by
+    factors: here W040 is S_I / 8, not S_I / 4.
     """
 
     spherical: Floats
@@ -49,7 +47,7 @@ class SeidelSums:
 
     @property
     def table(self) -> Floats:
-        """(n, 5): a row an element, S_I to S_V in mm."""
+        """(n, 5): one row for each element, S_I to S_V in mm."""
         return np.stack([getattr(self, name) for name in _SUMS], axis=1)
 
     @property
@@ -71,11 +69,11 @@ class SeidelSums:
     def transverse(self) -> Floats:
         """(5,): transverse aberrations in the Gaussian image plane in mm.
 
-        Of the marginal ray S_I / (2 n'u'); tangential coma 3 S_II / (2 n'u'); heights of the rays through the rim of
-        the pupil by tangential, (3 S_III + S_IV) / (2 n'u'), and sagittal field curvature, (S_III + S_IV) / (2 n'u');
-        and distortion of the chief ray, S_V / (2 n'u'). For a pupil point (x, y) of a disc of radius 1 and an object
-        above the axis the ray misses the Gaussian image by (dW/dx, dW/dy) / (n'u'), with the wavefront W = W040 r^4 +
-        W131 r^2 y + W222 y^2 + W220 r^2 + W311 y. Infinite or nan where light leaves parallel.
+        Spherical aberration of the marginal ray S_I / (2 n'u') and tangential coma 3 S_II / (2 n'u'). Rim rays by
+        tangential field curvature (3 S_III + S_IV) / (2 n'u'), by sagittal field curvature (S_III + S_IV) / (2 n'u').
+        Distortion of the chief ray S_V / (2 n'u'). The pupil is a disc of radius 1 and the object lies above the axis.
+        A ray through the pupil point (x, y) then misses the Gaussian image by (dW/dx, dW/dy) / (n'u'). The wavefront is
+        W = W040 r^4 + W131 r^2 y + W222 y^2 + W220 r^2 + W311 y. Infinite or nan if the emerging light is collimated.
         """
         s1, s2, s3, s4, s5 = self.total
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -88,7 +86,7 @@ class SeidelSums:
 
 
 def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, wavelength: float = 587.6) -> SeidelSums:
-    r"""Seidel's sums of a lens, with conics and aspheres.
+    r"""Seidel sums of a lens, with conics and aspheres.
 
     With the marginal ray (y, u) through the rim of the iris, the chief ray (:math:`\bar y, \bar u`) through its
     centre, A = n (u + y c), :math:`\bar A = n (\bar u + \bar y c)` and the invariant H,
@@ -97,31 +95,31 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
               S_{III} = -\sum \bar A^2 y\, \Delta(u/n), \quad S_{IV} = -\sum H^2 c\, \Delta(1/n), \quad
               S_V = -\sum \bar A \{ \bar A^2 \Delta(1/n^2)\, y + (H - \bar A y)\, \bar y c\, \Delta(1/n) \}
 
-    An r^4 term g beyond that of the sphere of the same vertex curvature adds :math:`8 g\, \Delta n\, y^4` to S_I, and
-    times :math:`\bar y / y`, its square and its cube to S_II, S_III and S_V.
+    An r^4 term g beyond that of the sphere of the same vertex curvature adds :math:`8 g\, \Delta n\, y^4` to S_I. It
+    adds the same times :math:`\bar y / y`, its square and its cube to S_II, S_III and S_V.
 
     Parameters
     ----------
     lens : LensStack
-        Elements out of place count as if they were centred.
+        Decentred and tilted elements count as centred.
     field, z_object, wavelength
-        See `plenoptic.paraxial.chief_ray`; the field is the edge of that to which the sums refer.
+        See `plenoptic.paraxial.chief_ray`; the sums refer to this field.
 
     Returns
     -------
     SeidelSums
-        By element, as light meets them. S_I > 0 is undercorrected spherical aberration, S_IV > 0 a field that is curved
+        Sums by element, in the order of travel. S_I > 0 is undercorrected spherical aberration, S_IV > 0 a field curved
         towards the lens.
 
     Raises
     ------
     InvalidValueError
-        If the object is not in front of the lens, an object at infinity is given a field of a right angle or more, or
-        object and iris are conjugates.
+        If the object is not in front of the lens, the field of an object at infinity is 90 degrees or more, or object
+        and iris are conjugate.
 
     References
     ----------
-    W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8, with S_V in the form that has no 0 / 0 where A = 0.
+    W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8, with S_V in the form without 0 / 0 for A = 0.
 
     Examples
     --------
@@ -139,7 +137,7 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
             table[i] = _spherical_part(element, marginal, chief, invariant, i)
             table[i] += _aspheric_part(element, marginal, chief, i)
     spherical, coma, astigmatism, petzval, distortion = table.T
-    aperture = leaving_aperture(lens, marginal, wavelength)
+    aperture = image_side_aperture(lens, marginal, wavelength)
     return SeidelSums(spherical, coma, astigmatism, petzval, distortion, aperture, float(wavelength))
 
 
@@ -160,8 +158,8 @@ def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, 
     """Contribution of the r^4 term beyond that of the sphere of the same vertex curvature."""
     if surface.freeform is not None:
         raise InvalidValueError(
-            f"surface {i} has no rotational symmetry, so that Seidel sums are not defined; leave out its freeform "
-            "term, or look at spot diagrams"
+            f"surface {i} has no rotational symmetry, so Seidel sums are not defined; leave out its freeform "
+            "term, or use spot diagrams"
         )
     fourth = surface.aspheric[1] if len(surface.aspheric) > 1 else 0.0
     excess = ((1.0 + surface.conic) * surface.curvature**3 - surface.vertex_curvature**3) / 8.0 + fourth
@@ -172,7 +170,7 @@ def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, 
 
 @result
 class ChromaticShift:
-    """Paraxial colour: where each wavelength comes to a focus, and how high. See `chromatic_shift`, which makes it.
+    """Axial and lateral chromatic shift: paraxial focus and image height of each wavelength. Made by `chromatic_shift`.
 
     Attributes
     ----------
@@ -183,7 +181,7 @@ class ChromaticShift:
     height : (n,) array
         Height of the chief ray in the image plane of the reference wavelength, mm.
     reference : float
-        The wavelength (nm) whose image plane it is.
+        Reference wavelength in nm, which defines the image plane of `height`.
     """
 
     wavelengths: Floats
@@ -205,7 +203,7 @@ class ChromaticShift:
     def secondary_spectrum(self) -> float:
         """Mean focus of the first and the last wavelength less that of the reference, mm.
 
-        For F, d and C and an achromat, where the first and the last meet, it is positive, some f / 2000.
+        For an achromat at F, d and C, whose foci at F and C coincide, it is positive, about f / 2000.
         """
         at_reference = self.focus[np.flatnonzero(self.wavelengths == self.reference)[0]]
         return float(0.5 * (self.focus[0] + self.focus[-1]) - at_reference)
@@ -227,15 +225,15 @@ def chromatic_shift(
     wavelengths : sequence of float, optional
         nm; the hydrogen and helium lines F, d and C by default.
     reference : float, optional
-        One of the wavelengths, in whose image plane heights are taken; the middle one of the list if it is left out.
+        One of the wavelengths, whose image plane defines the heights; by default the middle one of the list.
     field, z_object
         See `seidel_sums`.
 
     Raises
     ------
     InvalidValueError
-        If there are no wavelengths, the reference is not among them, a glass is not defined at one of them, or heights
-        are asked for where light leaves parallel.
+        If there are no wavelengths, the reference is not among them, a glass is not defined at one of them, or `field`
+        is not 0 and the emerging light is collimated.
 
     References
     ----------
@@ -245,7 +243,7 @@ def chromatic_shift(
     --------
     >>> import plenoptic as pl
     >>> shift = pl.aberrations.chromatic_shift(pl.load_lens("singlet-100mm-f4"))
-    >>> round(shift.axial, 2)                           # some f / V = 100 / 64.2, and below 0.2 for an achromat
+    >>> round(shift.axial, 2)                           # about f / V = 100 / 64.2; below 0.2 for an achromat
     1.53
     """
     lines = np.array(checked_wavelengths(wavelengths))
@@ -258,7 +256,7 @@ def chromatic_shift(
         return ChromaticShift(lines, focus, height, middle)
     if math.isinf(plane):
         raise InvalidValueError(
-            f"field is {field:g}, but light leaves the lens parallel, so that its image has no height; give field=0"
+            f"field is {field:g}, but the emerging light is collimated, so the image has no height; give field=0"
         )
     for i, w in enumerate(lines.tolist()):
         ray = chief_ray(lens, field, z_object, w)
@@ -269,7 +267,7 @@ def chromatic_shift(
 def colour_sums(
     lens: LensStack, *, field: float, z_object: float = -math.inf, wavelengths: Sequence[float] = _LINES
 ) -> Floats:
-    r"""The chromatic sums C_I (axial) and C_II (lateral) element by element.
+    r"""Chromatic sums C_I (axial) and C_II (lateral), element by element.
 
     .. math:: C_I = \sum A y\, \Delta(\delta n / n), \qquad C_{II} = \sum \bar A y\, \Delta(\delta n / n)
 
@@ -279,13 +277,13 @@ def colour_sums(
     field, z_object
         As for `seidel_sums`.
     wavelengths : (3,) sequence of float, optional
-        Short, middle and long, nm: dn = n(short) - n(long), and rays are those of the middle one.
+        Short, middle and long, nm: dn = n(short) - n(long); rays are traced at the middle one.
 
     Returns
     -------
     (n, 2) array
-        C_I and C_II of each element in mm. Summed and divided by n' u'^2 the first is the shift of the focus from short
-        to long, divided by n' u' the second is minus the shift of the image's height: both to the first order in dn.
+        C_I and C_II of each element in mm. To the first order in dn, sum(C_I) / (n' u'^2) is the focal shift from short
+        to long. -sum(C_II) / (n' u') is the shift of the image height.
 
     References
     ----------

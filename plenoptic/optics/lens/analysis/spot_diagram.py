@@ -1,4 +1,4 @@
-"""Spot diagrams and ray fans: where the rays from one object point meet the image plane."""
+"""Spot diagrams and ray fans: intersections of the rays of one object point with the image plane."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ class SpotDiagram:
     Attributes
     ----------
     x, y : (m,) array
-        Where the rays that pass the lens meet the image plane, mm.
+        Intersections of the transmitted rays with the image plane, mm.
     weight : (m,) array
-        The share of the light each carries; the sum is 1.
+        Fraction of the light in each ray; the sum is 1.
     colour : (m,) array
         Index in `wavelengths` of each ray.
     replicate : (m,) array
-        Which of 32 independent samples each ray belongs to; errors are estimated from their differences.
+        Index of each ray's replicate, one of 32 independent samples; their differences give the errors.
     chief : (w, 2) array
-        Where the chief ray of each wavelength meets the image plane, mm; NaN for one that is lost.
+        Intersection of each wavelength's chief ray with the image plane, mm; NaN if the ray is lost.
     field : (2,) array
         Object point: radians for an object at infinity, otherwise mm.
     z_object, z_image : float
@@ -42,10 +42,10 @@ class SpotDiagram:
     wavelengths : tuple of float
         nm.
     fraction, fraction_error : float
-        Part of the light through the opening of the iris that no rim and no other stop blocks, and its standard error.
+        Fraction of the light through the iris that passes all rims and other stops, and its standard error.
     airy_radius : float
-        Radius in mm of the Airy disc at the first wavelength and the paraxial working f-number of the axis; NaN where
-        there is none.
+        Radius in mm of the Airy disc at the first wavelength and the paraxial working f-number on the axis; NaN if that
+        is undefined.
     """
 
     x: Floats
@@ -64,14 +64,14 @@ class SpotDiagram:
 
     @property
     def centroid(self) -> Floats:
-        """Mean position (2,) of the light, mm; NaN if nothing passes."""
+        """Centroid (2,) of the light, mm; NaN if no light passes."""
         if not len(self.x):
             return read_only(np.full(2, np.nan))
         return read_only(np.array([self.weight @ self.x, self.weight @ self.y]))
 
     @property
     def rms_radius(self) -> float:
-        """Root mean square distance of the light from its centroid, mm; NaN if nothing passes."""
+        """Root mean square distance of the light from its centroid, mm; NaN if no light passes."""
         if not len(self.x):
             return math.nan
         dx, dy = self._offsets()
@@ -79,16 +79,16 @@ class SpotDiagram:
 
     @property
     def rms_radius_error(self) -> float:
-        """Standard error of `rms_radius` in mm, which is a sampled quantity; NaN for fewer than 2 replicates."""
+        """Standard error in mm of the sampled quantity `rms_radius`; NaN for fewer than 2 replicates."""
         dx, dy = self._offsets()
         sums = [self.weight, self.weight * dx, self.weight * dy, self.weight * (dx * dx + dy * dy)]
-        light, x, y, r2 = without_one(sums, self.replicate)
+        light, x, y, r2 = leave_one_out_sums(sums, self.replicate)
         with np.errstate(divide="ignore", invalid="ignore"):
             return float(jackknife_error(np.sqrt(np.maximum(r2 / light - (x * x + y * y) / light**2, 0.0))))
 
     @property
     def geometric_radius(self) -> float:
-        """Largest distance of a ray from the centroid, mm, from below: of the rays that were drawn."""
+        """Largest distance of a sampled ray from the centroid, mm: a lower bound."""
         if not len(self.x):
             return math.nan
         return float(np.hypot(*self._offsets()).max())
@@ -104,14 +104,14 @@ class SpotDiagram:
         )
 
 
-def without_one(weights: Sequence[Floats], replicate: NDArray[np.uint8]) -> Floats:
+def leave_one_out_sums(weights: Sequence[Floats], replicate: NDArray[np.uint8]) -> Floats:
     """Sums of each array over all replicates but one: (arrays, REPLICATES)."""
     sums = np.array([np.bincount(replicate, weights=w, minlength=REPLICATES) for w in weights])
     return np.asarray(sums.sum(axis=1, keepdims=True) - sums)
 
 
 def jackknife_error(estimates: Floats) -> Floats:
-    """Standard error from estimates (..., n) that leave one of n equal, independent parts out each.
+    """Standard error from estimates (..., n) that each leave out one of n equal, independent parts.
 
     B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, SIAM 1982, equation 3.1.
     """
@@ -129,33 +129,33 @@ def spot_diagram(
     rays: int = 1024,
     seed: int = 0,
 ) -> SpotDiagram:
-    """Trace the rays from one object point that fill the iris, and see where they meet the image plane.
+    """Trace the rays from one object point that fill the iris to the image plane.
 
-    Each ray carries the same light: an object at infinity sends them evenly over the cross section of its beam, and a
-    finite one evenly over direction cosines, as a Lambertian patch of the object plane does. The real stop and the rims
-    of all surfaces decide which rays pass.
+    Each ray carries the same light. Rays of an object at infinity are uniform over the cross section of the beam. Rays
+    of a finite object are uniform over direction cosines, as from a Lambertian patch of the object plane. The real stop
+    and the rims of all surfaces clip them.
 
     Parameters
     ----------
     lens : LensStack
-        Its `model` is respected.
+        Rays are traced by its `model`.
     field : (2,) sequence of float, optional
         x and y of the object point: angles in radians for an object at infinity, otherwise mm.
     z_object : float, optional
         z of the object plane in the lens frame, mm; -inf for an object at infinity.
     z_image : float, optional
-        z of the image plane, mm; the paraxial image at the first wavelength if it is left out.
+        z of the image plane, mm; by default the paraxial image at the first wavelength.
     wavelength : float or sequence of float, optional
-        nm. Several carry equal radiance and share one diagram.
+        nm. Several wavelengths have equal radiance and share one diagram.
     rays : int, optional
-        Rays for each wavelength to be traced, rounded up to a multiple of 8. Some 3 % of them miss the iris by design.
+        Rays traced for each wavelength, rounded up to a multiple of 8. About 3 % of them miss the iris by design.
     seed : int, optional
-        Chooses the sampling points, which are Owen-scrambled Sobol points.
+        Seed of the Owen-scrambled Sobol points.
 
     Returns
     -------
     SpotDiagram
-        Without rays, and with NaN for undefined values, where no light passes.
+        If no light passes: without rays, and with NaN for undefined values.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def spots_of(lens: LensStack, point: ImagedPoint, rays: int, seed: int) -> SpotD
     if total == 0:
         unit = "rad, not degrees" if math.isinf(point.z_object) else "mm"
         warn(f"no light from the field {point.field} ({unit}) passes {lens.name or 'the lens'}; choose a smaller field")
-    passing, through_iris = without_one([light.weight], light.replicate)[0], light.through_iris
+    passing, through_iris = leave_one_out_sums([light.weight], light.replicate)[0], light.through_iris
     emitted = float(through_iris.sum())
     remaining = emitted - through_iris
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -207,20 +207,20 @@ def spots_of(lens: LensStack, point: ImagedPoint, rays: int, seed: int) -> SpotD
 
 @result
 class RayFan:
-    """Transverse aberrations of the rays through two lines across the iris. See `ray_fan`, which makes it.
+    """Transverse ray aberrations along two diameters of the iris. Made by `ray_fan`.
 
-    Components are along two axes of the image plane: the sagittal one and the tangential one, which points along the
-    field. They are x and y for a field along +y, and on the axis.
+    Components are along the sagittal and the tangential axis of the image plane; the latter points along the field.
+    They are x and y for a field along +y, and on the axis.
 
     Attributes
     ----------
     pupil : (n,) array
         Coordinate in the iris in units of its semi-diameter, from -1 to 1.
     tangential : (w, n, 2) array
-        Sagittal and tangential aberration in mm of the rays through the tangential line, for each wavelength: the
-        distance on the image plane from the chief ray of the first one. NaN for rays that are lost.
+        Sagittal and tangential aberration in mm of the tangential fan, for each wavelength: displacement on the image
+        plane from the chief ray of the first wavelength. NaN for lost rays.
     sagittal : (w, n, 2) array
-        The same for the sagittal line.
+        Sagittal and tangential aberration in mm of the sagittal fan.
     chief : (2,) array
         x and y of the chief ray of the first wavelength on the image plane, mm.
     field, z_object, z_image, wavelengths
@@ -251,8 +251,8 @@ def ray_fan(
     Parameters
     ----------
     lens, field, z_object, z_image, wavelength
-        See `spot_diagram`. The chief ray of the first wavelength is the reference for all, so that lateral colour
-        shows.
+        See `spot_diagram`. The chief ray of the first wavelength is the reference for all, so the fans include lateral
+        colour.
     points : int, optional
         Rays of each fan.
 
@@ -273,7 +273,7 @@ def ray_fan(
     n = whole(points, "points", at_least=2, at_most=MAX_POINTS)
     pupil = np.linspace(-1.0, 1.0, n)
     along = meridian(point.field)
-    # One row of the matrix each: the axes of the image plane, sagittal and tangential.
+    # Rows of the matrix: sagittal and tangential axes of the image plane.
     axes = np.array([[along[1], -along[0]], along])
     inside = INSIDE * pupil[:, None]
     lines = np.concatenate([np.zeros((1, 2)), inside * axes[1], inside * axes[0]])

@@ -1,4 +1,4 @@
-"""Checks of a lens, for properties that a designer would look at again before trusting its numbers."""
+"""Checks of a lens for implausible properties of its prescription."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
 _PLACES = 257
-"""Distances from the axis at which the gap between two surfaces is looked at."""
+"""Number of distances from the axis at which the gap between two surfaces is tested."""
 _THIN = 0.01
 _TILTED = 1e-3
-"""Slopes that the second order does not know, of the vertex or of the rim."""
+"""Largest slopes that Gaussian optics may neglect, at the vertex and at the rim."""
 _NEAR_EQUATOR = 0.99
 _AZIMUTHS = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
 _OTHER_SIZE = 0.01
@@ -37,13 +37,13 @@ _INDEX_TOLERANCE, _ABBE_TOLERANCE = 0.01, 0.10
 def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
     """Findings about a lens; see `FindingKind` for the checks.
 
-    Nothing of it keeps a lens from being traced. Rays of the `wavelength` in nm go through the lens as it stands, also
-    where `LensStack.model` says otherwise. By kind, then by element.
+    Findings are no errors: the lens can be traced. Rays of `wavelength` in nm are traced through all surfaces, whatever
+    `LensStack.model`. The order is by kind, then by element.
     """
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
     wave = positive(wavelength, "wavelength", "nm")
     lens.indices(wave)
-    with np.errstate(all="ignore"):  # of numbers near the largest and smallest there are
+    with np.errstate(all="ignore"):  # numbers may overflow or underflow
         by_prescription = (_edges, _collisions, _stop_planes, _shapes, _glass_numbers, _aperture)
         all_findings = [finding for check in by_prescription for finding in check(lens)]
         all_findings += [*_positions(lens, wave), *ray_findings(lens, wave)]
@@ -57,7 +57,7 @@ def _surfaces(lens: LensStack) -> list[tuple[int, Surface]]:
 
 
 def _sag_around(surface: Surface, r: ArrayLike) -> Floats:
-    """Sag at distances from the axis, (azimuths, n); one azimuth stands for all of a surface of revolution."""
+    """Sag at distances from the axis, (azimuths, n); a surface of revolution has one azimuth."""
     r = np.atleast_1d(r)
     if surface.freeform is None:
         return surface.sag(r)[None]
@@ -77,7 +77,7 @@ def _edges(lens: LensStack) -> Iterator[Finding]:
     for (i, front), (j, rear) in pairwise(_surfaces(lens)):
         between = "air" if lens.gap_media[i + 1] == lens.ambient else "glass"
         if front.from_behind.placement != rear.placement:
-            continue  # seen by _collisions
+            continue  # tested by _collisions
         gap = float(z[j] - z[i])
         r = np.linspace(0.0, min(front.semi_diameter, rear.semi_diameter), _PLACES)
         room = (gap + _sag_around(rear, r) - _sag_around(front.from_behind, r)).min(axis=0)
@@ -97,7 +97,7 @@ def _edges(lens: LensStack) -> Iterator[Finding]:
 
 def _thin_edge(i: int, front: Surface, j: int, rear: Surface, gap: float) -> Iterator[Finding]:
     outermost = max(front.semi_diameter, rear.semi_diameter)
-    # The smaller surface ends in a flat bevel, or goes on to the edge, whichever leaves more glass.
+    # Beyond the smaller surface the edge is a flat bevel or continues the sag: take the thicker one.
     edge = float((gap + _rim_depth(rear) - _rim_depth(front)).min())
     if outermost <= min(front.equator, rear.equator):
         edge = max(edge, gap + float((_sag_around(rear, outermost) - _sag_around(front, outermost)).min()))
@@ -112,7 +112,7 @@ def _thin_edge(i: int, front: Surface, j: int, rear: Surface, gap: float) -> Ite
 
 
 def _collisions(lens: LensStack) -> Iterator[Finding]:
-    """Neighbours out of place against each other that reach through each other, on a grid over the first one."""
+    """Neighbours that intersect and are decentred or tilted against each other, on a grid over the first one."""
     for i, j in pairwise(range(len(lens.elements))):
         first, second = lens.elements[i], lens.elements[j]
         if first.placement == second.placement:
@@ -125,10 +125,10 @@ def _collisions(lens: LensStack) -> Iterator[Finding]:
         if isinstance(second, Surface):
             ahead = _sag_at(second, local[:, 0], local[:, 1]) - local[:, 2]
         else:
-            # A stop is in the way outside its opening.
+            # A stop blocks outside its opening.
             inside, ahead = ~second.contains(local[:, 0], local[:, 1]), -local[:, 2]
         if not inside.any():
-            yield Finding(FindingKind.OVERLAP, (i, j), f"elements {i} and {j} stand beside each other; move one back")
+            yield Finding(FindingKind.OVERLAP, (i, j), f"elements {i} and {j} lie side by side; move one back")
         elif float(ahead[inside].min()) < -1e-9 * float(np.abs(points).max()):
             message = (
                 f"element {i} reaches up to {-float(ahead[inside].min()):.3g} mm through element {j}, one of which is "
@@ -138,7 +138,7 @@ def _collisions(lens: LensStack) -> Iterator[Finding]:
 
 
 def _sag_at(surface: Surface, x: Floats, y: Floats) -> Floats:
-    """Sag at points; beyond the semi-diameter that at the rim."""
+    """Sag in mm at points; beyond the semi-diameter the sag of the rim."""
     r = np.hypot(x, y)
     within = np.minimum(r, surface.semi_diameter)
     if surface.freeform is None:
@@ -148,7 +148,9 @@ def _sag_at(surface: Surface, x: Floats, y: Floats) -> Floats:
 
 
 def _points_on(element: Element) -> Floats:
-    """Points (n, 3) on a surface or on the plane of a stop, in the lens's axes, from the element's place."""
+    """Points (n, 3) on a surface or on the plane of a stop, in the lens's axes, relative to the element's nominal
+    vertex.
+    """
     across = np.linspace(-1.0, 1.0, 41) * element.semi_diameter
     x, y = (g.ravel() for g in np.meshgrid(across, across))
     inside = np.hypot(x, y) <= element.semi_diameter
@@ -158,7 +160,7 @@ def _points_on(element: Element) -> Floats:
 
 
 def _axes_of(element: Element, points: Floats, z: float) -> Floats:
-    """Points of the lens frame in the axes of an element whose place is z."""
+    """Points of the lens frame in the axes of an element with nominal vertex at z."""
     local = points - [0.0, 0.0, z]
     if element.placement is not None:
         local = (local - element.placement.shift) @ element.placement.rotation
@@ -166,7 +168,7 @@ def _axes_of(element: Element, points: Floats, z: float) -> Floats:
 
 
 def _stop_planes(lens: LensStack) -> Iterator[Finding]:
-    """Surfaces that reach through the plane of a stop beside them, outside its opening."""
+    """Surfaces that intersect the plane of a neighbouring stop outside its opening."""
     z = lens.vertices
     for i, j in pairwise(range(len(lens.elements))):
         first, second = lens.elements[i], lens.elements[j]
@@ -189,7 +191,7 @@ def _stop_planes(lens: LensStack) -> Iterator[Finding]:
 
 
 def _shapes(lens: LensStack) -> Iterator[Finding]:
-    """Surfaces that go nearly to their equator, and steep aspheres."""
+    """Surfaces that extend nearly to their equator, and steep aspheres."""
     for i, surface in _surfaces(lens):
         if surface.depth is None and surface.semi_diameter > _NEAR_EQUATOR * surface.equator:
             message = (
@@ -209,27 +211,27 @@ def _shapes(lens: LensStack) -> Iterator[Finding]:
                 at = surface.semi_diameter * float(np.argmax(slopes)) / (_PLACES - 1)
                 message = (
                     f"the aspheric surface {i} has a slope of {math.degrees(math.atan(slopes.max())):.1f} degrees "
-                    f"{at:.4g} mm from the axis; above 60 it can hardly be made: check its coefficients"
+                    f"{at:.4g} mm from the axis; above 60 degrees it can hardly be made: check its coefficients"
                 )
                 yield Finding(FindingKind.STEEP, (i,), message)
 
 
 def _vertex(i: int, surface: Surface) -> Iterator[Finding]:
-    """A surface that turns or splits the rays along the axis, of which Gaussian data know nothing."""
+    """Surfaces with tilt or astigmatism at the vertex, which Gaussian data neglect."""
     assert surface.freeform is not None
     shape = surface.freeform.vertex
     tilt, split = math.hypot(shape.dx, shape.dy), math.hypot(0.5 * (shape.dxx - shape.dyy), shape.dxy)
     if tilt > _TILTED or split * surface.semi_diameter > _TILTED:
         message = (
             f"surface {i} is tilted by {1e3 * math.atan(tilt):.3g} mrad at its vertex, where its curvatures differ by "
-            f"up to {split:.3g} 1/mm from their mean; Gaussian data are those of an untilted surface of the mean "
-            "curvature: look at rays"
+            f"up to {split:.3g} 1/mm from their mean; Gaussian data assume an untilted surface of the mean "
+            "curvature: check with real rays"
         )
         yield Finding(FindingKind.VERTEX, (i,), message)
 
 
 def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
-    """Glasses that differ from the bundled ones of the same name, or from each other."""
+    """Glasses that differ from the bundled glass of the same name, or from each other."""
     by_name: dict[str, list[tuple[int, float, float]]] = {}
     for i, surface in _surfaces(lens):
         name = getattr(surface.medium, "name", "")
@@ -252,7 +254,7 @@ def _glass_numbers(lens: LensStack) -> Iterator[Finding]:
 
 
 def _nd_vd(medium: Medium | str) -> tuple[float, float] | None:
-    """Index nd and Abbe number of a medium, or of a bundled glass by name; None where unknown, or for the infrared."""
+    """Index nd and Abbe number of a medium, or of a bundled glass by name; None if unknown, or for the infrared."""
     try:
         material = glass(medium) if isinstance(medium, str) else medium
         return material.index(D_LINE), abbe_number(material)
@@ -275,7 +277,7 @@ def _positions(lens: LensStack, wavelength: float) -> Iterator[Finding]:
     reach = max(float(z[last] - z[first]), abs(points.efl))
     if outside > reach:
         message = (
-            f"the iris, element {lens.iris_index}, stands {outside:.4g} mm outside the lens, farther than the lens is "
+            f"the iris, element {lens.iris_index}, lies {outside:.4g} mm outside the lens, farther than the lens is "
             f"long and than its focal length, {points.efl:.4g} mm; check the gap"
         )
         yield Finding(FindingKind.IRIS_FAR, (lens.iris_index,), message)
@@ -289,21 +291,21 @@ def _positions(lens: LensStack, wavelength: float) -> Iterator[Finding]:
 
 
 def _aperture(lens: LensStack) -> Iterator[Finding]:
-    """An iris of another size than the lens's file says."""
+    """An iris whose size differs from that in the lens file."""
     specification, size, iris = lens.specification, lens.stop.semi_diameter, (lens.iris_index,)
     if specification is None:
         return
-    stated, asked = specification.stop_semi_diameter, specification.entrance_pupil_diameter
-    message = f"the iris has a semi-diameter of {size:.4g} mm, and its file says "
+    stated, stated_pupil = specification.stop_semi_diameter, specification.entrance_pupil_diameter
+    message = f"the iris has a semi-diameter of {size:.4g} mm, but its file states "
     if stated is not None and abs(size - stated) > _OTHER_SIZE * stated:
-        remedy = "which its system aperture overrules; load_lens(path, stop_size=pl.optics.StopSize.DIAMETER) takes it"
+        remedy = "which its system aperture overrides; load_lens(path, stop_size=pl.optics.StopSize.DIAMETER) uses it"
         yield Finding(FindingKind.APERTURE, iris, f"{message}{stated:.4g} mm, {remedy}")
-    if asked is not None:
+    if stated_pupil is not None:
         points = cardinal_points(lens, specification.wavelengths[0])
         pupil, length = 2.0 * points.entrance_pupil_semi_diameter, abs(points.efl)
-        if abs(pupil - asked) > _OTHER_SIZE * asked:
-            request = f"that the entrance pupil is {asked:.4g} mm wide (f/{length / asked:.3g}), which it makes "
-            remedy = "lens.with_stop() gives it another iris"
+        if abs(pupil - stated_pupil) > _OTHER_SIZE * stated_pupil:
+            request = f"an entrance pupil of {stated_pupil:.4g} mm (f/{length / stated_pupil:.3g}); its diameter is "
+            remedy = "lens.with_stop() sets another iris"
             yield Finding(
                 FindingKind.APERTURE, iris, f"{message}{request}{pupil:.4g} mm (f/{length / pupil:.3g}); {remedy}"
             )

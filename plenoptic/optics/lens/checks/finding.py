@@ -18,51 +18,52 @@ class FindingKind(enum.IntEnum):
     """
 
     OVERLAP = 0
-    """Neighbouring surfaces, or a surface and a stop, cross within their semi-diameters: a negative edge thickness."""
+    """Neighbouring surfaces, or a surface and a stop, intersect within their semi-diameters: negative edge
+    thickness."""
     THIN_EDGE = 1
     """The edge of a lens is thinner than 1 % of its semi-diameter."""
     EQUATOR = 2
-    """A semi-diameter is more than 99 % of that of the sphere's or ellipsoid's equator."""
+    """A semi-diameter exceeds 99 % of that of the sphere's or ellipsoid's equator."""
     STEEP = 3
     """An aspheric surface is steeper than 60 degrees."""
     GLASS = 4
-    """A glass has another index (by more than 0.01) or Abbe number (by more than 10 %) than the bundled one of its
-    name, or than another of the same name in the lens."""
+    """A glass differs from the bundled glass of its name, or from one of the same name in the lens: in index by more
+    than 0.01, or in Abbe number by more than 10 %."""
     IRIS_FAR = 5
-    """The iris stands farther outside the lens than both the length of the lens and its focal length."""
+    """The distance of the iris from the lens exceeds both the length and the focal length of the lens."""
     IMAGE_INSIDE = 6
     """The image of a far object lies before the rim of the last surface."""
     IRIS_NOT_FILLED = 7
     """Other rims or stops, not the iris, limit the beam on the axis, to less than 95 % of the iris's semi-diameter."""
     NO_LIGHT = 8
-    """No ray of those tried passes the lens."""
+    """None of the traced rays passes the lens."""
     TOTAL_REFLECTION = 9
-    """Rays are totally reflected, or miss a surface, that neither a rim nor a stop has stopped before."""
+    """Unvignetted rays are totally reflected, or miss a surface."""
     GRAZING = 10
-    """Rays that pass the lens meet a surface at more than 84.3 degrees from its normal: 1 / cos i is above 10."""
+    """Transmitted rays have an angle of incidence above 84.3 degrees at a surface: 1 / cos i is above 10."""
     NEAR_TOTAL_REFLECTION = 11
-    """Rays that pass the lens are nearly totally reflected: d i' / d i = n cos i / (n' cos i') is above 10."""
+    """Transmitted rays are close to total reflection: d i' / d i = n cos i / (n' cos i') is above 10."""
     CANCELLATION = 12
-    """Lengths above 10^4 times the size of an element are added up on the way to points on it, so that more than 4 of
-    the 15.7 decimal digits of float64 are lost."""
+    """The lengths that enter an intersection exceed 10^4 times the size of the element: more than 4 of the 15.7 decimal
+    digits of float64 are lost."""
     VERTEX = 13
-    """A surface without rotational symmetry is tilted or astigmatic at its vertex, by slopes above 0.001: Gaussian data
-    leave that out."""
+    """A surface without rotational symmetry is tilted or astigmatic at its vertex, by slopes above 0.001, which
+    Gaussian data neglect."""
     APERTURE = 14
-    """The entrance pupil, or the semi-diameter of the iris, is another than the lens's file says, by more than 1 %."""
+    """The entrance pupil, or the semi-diameter of the iris, differs from that in the lens file by more than 1 %."""
 
 
 @result
 class Finding:
-    """Something in a lens that looks wrong; `LensStack.check` makes them. Printed, it is its message.
+    """Implausible property of a lens; made by `LensStack.check`. `print` shows its message.
 
     Attributes
     ----------
     kind : FindingKind
     elements : tuple of int
-        Indices in `LensStack.elements` of its elements, in rising order.
+        Indices in `LensStack.elements` of the elements concerned, in ascending order.
     message : str
-        A sentence with the numbers.
+        Sentence with the values and a remedy.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Checks of a lens by rays: rims that cut the iris's beam, and elements that amplify errors."""
+"""Checks of a lens by real rays: vignetting of the axial beam, and elements that amplify errors."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 _FILLED = 0.95
 _RAYS = 513
 _BEYOND = 1.5
-"""How far beyond the paraxial edge of the beam rays are tried, for the iris may be overfilled by aberrations."""
+"""Largest height of traced rays over the paraxial semi-diameter of the beam: aberrations may move the edge of the iris
+outwards."""
 _WIDEST = 88.0
 """Largest angle against the axis, degrees, of rays through the centre of the iris."""
 _WIDEST_OUTSIDE = 60.0
-"""The same where the iris stands outside the lens, so that no rim between it and the scene, or the sensor, sets a
-limit."""
+"""Largest angle against the axis, degrees, if the iris lies outside the lens: no rim limits the rays on that side."""
 _WIDEST_FREE = 45.0
-"""The same for `condition_findings`: what lies further out is hardly what the lens is for."""
+"""Largest angle against the axis, degrees, for `condition_findings`: larger ones are hardly used by the lens."""
 _LOST_IN_THE_LENS = (RayStatus.TOTAL_REFLECTION, RayStatus.MISSED)
 
 # Of 23 lenses of W. J. Smith, Modern Lens Design, and the bundled ones, the largest numbers are 3.4, 4.2 and 27.
@@ -45,27 +45,27 @@ _NEAR_CRITICAL = 10.0
 _CANCELLED = 1e4
 
 _GRAZING_SENTENCE = (
-    "rays that pass the lens meet element {at} at up to {degrees:.4g} degrees from its normal, which magnifies their "
-    "errors there {number:.3g} times (1 / cos i), and more than {limit:g} times is too much; reduce its semi-diameter "
+    "transmitted rays have angles of incidence up to {degrees:.4g} degrees at element {at}, which magnifies their "
+    "errors there {number:.3g} times (1 / cos i); the limit is {limit:g}: reduce its semi-diameter "
     "or check the radii"
 )
 _NEAR_CRITICAL_SENTENCE = (
-    "rays that pass the lens are nearly totally reflected at surface {at}, which magnifies errors of their direction "
-    "{number:.3g} times (n cos i / (n' cos i')), and more than {limit:g} times is too much; reduce its semi-diameter "
+    "transmitted rays are close to total reflection at surface {at}, which magnifies errors of their direction "
+    "{number:.3g} times (n cos i / (n' cos i')); the limit is {limit:g}: reduce its semi-diameter "
     "or check the radii"
 )
 _CANCELLED_SENTENCE = (
-    "rays come to element {at} over lengths that add up to {number:.3g} times its size of {size:.3g} mm, so that "
-    "{digits:.2g} of 15.7 decimal digits are lost, and more than 4 are too many; reduce the gaps beside it, or check "
+    "the lengths that enter intersections with element {at} are {number:.3g} times its size of {size:.3g} mm, so "
+    "{digits:.2g} of 15.7 decimal digits are lost; the limit is 4: reduce the gaps next to it, or check "
     "the units"
 )
 
 
 def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
-    """Findings by rays in the plane x = 0: a beam on the axis, and chief rays to both sides.
+    """Findings from rays in the plane x = 0: an axial beam, and chief rays to both sides.
 
     The beam comes from infinity, or from the front focus of a lens of positive focal length whose rear focus does not
-    lie behind it. Masks are taken as the circles around them.
+    lie behind it. Masks are replaced by the circles around them.
     """
     exact = _exact_without_masks(lens)
     rays, origin = _axial_beam(exact, wavelength)
@@ -75,7 +75,7 @@ def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
             yield from _axial_findings(exact, rays, whole, origin)
         elif not len(_passing_rays(exact, np.radians(np.linspace(-_WIDEST, _WIDEST, _RAYS)), 15, wavelength)):
             message = (
-                "no ray passes the lens of those tried, from all over the iris and in all directions of the plane "
+                "none of the traced rays passes the lens, from all over the iris and in all directions of the plane "
                 "x = 0; check decentres, tilts and semi-diameters"
             )
             yield Finding(FindingKind.NO_LIGHT, (), message)
@@ -83,7 +83,7 @@ def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
 
 
 def _passing_rays(lens: LensStack, angle: Floats, heights: int, wavelength: float) -> RayBundle:
-    """The rays of fans through a number of points of the iris that pass the lens, from its first element on."""
+    """Transmitted rays of fans through `heights` points of the iris, starting at the first element."""
     places = np.linspace(-0.98, 0.98, heights) * lens.stop.inner_radius
     fans = [_fan(lens, angle, wavelength, reverse=True, height=float(height)) for height in places]
     origin, direction = (np.concatenate([getattr(fan, name) for fan in fans]) for name in ("origin", "direction"))
@@ -94,7 +94,7 @@ def _passing_rays(lens: LensStack, angle: Floats, heights: int, wavelength: floa
 
 
 def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, str]:
-    """Rays on one side of the axis, from the axis outwards, and where they come from."""
+    """Rays on one side of the axis, from the axis outwards, and the name of their origin."""
     points, z = cardinal_points(lens, wavelength), lens.vertices
     heights, _ = basis_rays(lens.elements, ambient=lens.ambient, wavelength=wavelength)
     from_focus = points.bfl <= 0 < points.efl and points.front_focus != z[0]
@@ -109,21 +109,21 @@ def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, s
     at_first = np.stack([np.zeros(_RAYS), y, np.full(_RAYS, z[0])], axis=1)
     focus = np.array([0.0, 0.0, points.front_focus])
     direction = np.tile([0.0, 0.0, 1.0], (_RAYS, 1))
-    if from_focus:  # which may lie behind the first vertex: in a cover glass, for instance
+    if from_focus:  # the focus may lie behind the first vertex, for instance in a cover glass
         direction = (at_first - focus) * math.copysign(1.0, distance)
     beam = RayBundle(at_first, direction, wavelength)
     return beam, "from the front focus" if from_focus else "from infinity"
 
 
 def _exact_without_masks(lens: LensStack) -> LensStack:
-    """The lens with circles around its masks and rings."""
+    """The lens with its masks and rings replaced by the circles around them."""
     exact = lens if lens.model is LensModel.EXACT else lens.with_model(LensModel.EXACT)
     elements = with_round_stops(exact.elements)
     return exact if elements == list(exact.elements) else dataclasses.replace(exact, elements=elements)
 
 
 def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: str) -> Iterator[Finding]:
-    """From the axis outwards, the first ray that is lost should be lost at the iris."""
+    """Findings of the axial beam: from the axis outwards, the first lost ray must be lost at the iris."""
     lost = np.flatnonzero(whole.status != RayStatus.OK)
     passing = int(lost[0]) - 1 if len(lost) else -1
     if passing < 0 or whole.lost_at[passing + 1] == lens.iris_index:
@@ -149,7 +149,7 @@ def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: 
 
 
 def _chief_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
-    """Rays through the centre of the iris, ever steeper, should end at a rim, in front of the iris or behind it."""
+    """Findings of chief rays: with increasing angle, the first lost ray must be clipped by a rim."""
     angle = np.radians(np.linspace(0.0, _WIDEST_OUTSIDE if _iris_is_outside(lens) else _WIDEST, _RAYS))
     last = len(lens.elements) - 1
     behind = trace_part(lens, _fan(lens, angle, wavelength, reverse=False), lens.iris_index, last)
@@ -163,7 +163,7 @@ def _chief_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
             at, limit = int(out.lost_at[first]), math.degrees(angle[first])
             message = (
                 f"rays through the centre of the iris at more than {limit:.1f} degrees are totally reflected at "
-                f"surface {at}, within its semi-diameter of {lens.elements[at].semi_diameter:.4g} mm; that limits "
+                f"surface {at}, within its semi-diameter of {lens.elements[at].semi_diameter:.4g} mm; this limits "
                 "the field: reduce the semi-diameter, or check the radii"
             )
             yield Finding(FindingKind.TOTAL_REFLECTION, (at,), message)
@@ -176,7 +176,7 @@ def _iris_is_outside(lens: LensStack) -> bool:
 
 
 def _fan(lens: LensStack, angle: Floats, wavelength: float, *, reverse: bool, height: float = 0.0) -> RayBundle:
-    """Rays through a point of the iris, at angles from the axis towards +y."""
+    """Rays through a point of the iris, at angles against the axis towards +y."""
     point = to_lens_axes(lens.stop.placement, np.array([0.0, height, 0.0]))
     side = -1.0 if reverse else 1.0
     direction = np.stack([np.zeros_like(angle), side * np.sin(angle), side * np.cos(angle)], axis=1)
@@ -184,10 +184,10 @@ def _fan(lens: LensStack, angle: Floats, wavelength: float, *, reverse: bool, he
 
 
 def condition_findings(lens: LensStack, wavelength: float, *, leave_out: Collection[int] = ()) -> Iterator[Finding]:
-    """For each kind of condition number, the element at which it is largest, where that is too large.
+    """Finding for each kind of condition number that is too large, at the element with the largest value.
 
-    Of rays that pass the lens, towards the sensor. In reverse, grazing incidence is emergence close to total
-    reflection, and the other way round. Elements to `leave_out` have been found to reflect rays totally.
+    Condition numbers are those of transmitted rays, towards the sensor. In reverse, grazing incidence becomes emergence
+    close to total reflection, and vice versa. `leave_out` are elements with a finding of total reflection.
     """
     exact = _exact_without_masks(lens)
     widest = math.radians(_WIDEST_FREE if _iris_is_outside(exact) else _WIDEST)

@@ -1,4 +1,4 @@
-"""Inference of data that prescriptions leave out: position of the stop, and sizes of surfaces."""
+"""Inference of missing data of a prescription: position and size of the stop."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def basis_rays(
 ) -> tuple[Floats, Floats]:
     """Heights (n, 2) at all elements of two paraxial rays, and (2, 2) their last heights and reduced angles behind.
 
-    They meet the first element with height 1 and angle 0, and with height 0 and reduced angle (angle times index) 1.
+    At the first element they have height 1 and angle 0, and height 0 and reduced angle (angle times index) 1.
     """
     height, angle = np.array([1.0, 0.0]), np.array([0.0, 1.0])
     index, heights = ambient.index(wavelength), []
@@ -46,9 +46,9 @@ def _axial_heights(surfaces: list[Surface]) -> list[float]:
 
 def with_inferred_stop(surfaces: list[Surface]) -> list[Element]:
     """The surfaces, in air, with a stop in the middle of the longest air gap; the rule is in `load_lens`."""
-    with np.errstate(all="ignore"):  # what overflows ends as a stop that is refused
+    with np.errstate(all="ignore"):  # an overflow gives a stop that is refused
         heights = _axial_heights(surfaces)
-    # A surface that the ray crosses on the axis limits nothing.
+    # A surface at which the ray height is 0 does not limit the beam.
     limits = [s.semi_diameter / height for s, height in zip(surfaces, heights, strict=True) if height > 0]
     beam = min(limits, default=math.nan)
     gaps, medium = list[float](), cast(Medium, AIR)

@@ -19,7 +19,9 @@ _HEADER = ["radius", "thickness", "material", "index", "v-no", "sa"]
 
 
 def lens_from_csv(text: str, where: str) -> LensStack:
-    """The lens of a file whose name is `where`; format, and the rule for those without a stop, are in `load_lens`."""
+    """Lens from the text of a table in the file `where`; see `load_lens` for the format and the placement of a missing
+    stop.
+    """
     rows = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     header = [cell.strip().lower() for cell in rows[0][1].split(";")] if rows else []
     if header != _HEADER:

@@ -1,12 +1,12 @@
 """The package's own lens files: JSON with one element per line.
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
-Defaults are left out, so `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `freeform`,
-`blade_radius` and `placement` stand only where they say something. Stops are circle, polygon, star, mask or ring; the
-`transmission` of a mask is a list of its rows. A medium is one of
+Defaults are omitted: `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `freeform`, `blade_radius` and
+`placement` are optional. Stops are circle, polygon, star, mask or ring; the `transmission` of a mask is a list of its
+rows. A medium is one of
 
     "air"
-    "mirror"                                       of a surface that reflects; one that folds the axis by its fields
+    "mirror"               reflecting surface; one that folds the axis is given by its fields
     {"index": 1.5}
     {"name": "BAF10", "nd": 1.67, "vd": 47.1}
     {"name": "N-BK7", "sellmeier": {"b": [...], "c": [...]}, "wavelength_range": [300.0, 2500.0]}
@@ -37,7 +37,7 @@ from plenoptic.optics.surfaces.surface import Surface
 
 _FORMAT = "plenoptic-lens-1"
 _UNREADABLE = (FileError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
-"""Errors of constructors, which check all numbers of a file."""
+"""Errors of constructors, which validate all numbers of a file."""
 _NAMED: dict[str, Medium] = {"air": AIR, "mirror": MIRROR}
 _SHORT_FORMS: tuple[tuple[type[Medium], dict[str, str]], ...] = (
     (ConstantMedium, {"index": "refractive_index"}),
@@ -48,7 +48,7 @@ _SHORT_FORMS: tuple[tuple[type[Medium], dict[str, str]], ...] = (
 
 
 def json_of_lens(lens: LensStack) -> str:
-    """A lens as the text of a JSON file; floats keep every bit. An error where a medium is none of this package's.
+    """A lens as the text of a JSON file; floats are exact. A medium from outside this package is an error.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def json_of_lens(lens: LensStack) -> str:
 
 
 def lens_from_json(text: str, where: str) -> LensStack:
-    """The lens that `json_of_lens` wrote down; errors name the file `where`, and the element or the entry."""
+    """Lens from the text of `json_of_lens`; errors name the file `where`, and the element or the entry."""
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -107,7 +107,7 @@ def lens_from_json(text: str, where: str) -> LensStack:
 
 
 def _fields(data: Any, name: str, wanted: str, allowed: str = "") -> Mapping[str, Any]:
-    """An object of JSON with all the keys wanted and no others but those allowed."""
+    """Check that a JSON object has all `wanted` keys, and no others except those `allowed`."""
     keys, also = set(wanted.split()), set(allowed.split())
     if not isinstance(data, dict) or not keys <= set(data) <= keys | also:
         content = ", ".join(sorted(data)) if isinstance(data, dict) else f"{data!r:.40}"
@@ -130,7 +130,7 @@ def _medium_to_json(medium: Medium, where: str) -> Any:
         return to_tree(medium)
     except InvalidValueError:
         raise PrescriptionError(
-            f"the medium {where} is {medium!r}, which has no place in a lens file; "
+            f"the medium {where} is {medium!r}, which a lens file cannot hold; "
             "use one of this package, such as ConstantMedium, ModelGlass, Sellmeier or Schott"
         ) from None
 
@@ -181,7 +181,7 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
 
 
 def _own_fields(stop: type[Stop]) -> Iterator[dataclasses.Field[Any]]:
-    """The fields that not all stops have."""
+    """Fields of a stop that are not common to all stops."""
     common = ("thickness", "semi_diameter", "placement")
     return (field for field in dataclasses.fields(stop) if field.name not in common)
 
@@ -192,7 +192,7 @@ def _stop_to_json(stop: Stop, size: dict[str, float]) -> dict[str, Any]:
     for field in _own_fields(type(stop)):
         content = getattr(stop, field.name)
         if isinstance(content, np.ndarray):
-            # Black and white, as most masks are, takes 3 letters a cell.
+            # Cells of 0 and 1, as in most masks, take 3 characters each.
             content = [[int(cell) if cell in (0, 1) else cell for cell in line] for line in content.tolist()]
         if not (field.kw_only and content == field.default):
             row[field.name] = content
@@ -216,7 +216,7 @@ def _element_from_json(data: Any, i: int) -> Element:
 
 
 def _element_fields(data: Any) -> dict[str, Any]:
-    """A copy of an element's object, with the keys that its kind has."""
+    """Copy of an element's JSON object, checked for the keys of its kind."""
     if not (isinstance(data, dict) and "stop" in data):
         keys = "radius thickness semi_diameter medium"
         if isinstance(data, dict) and "departure" in data:  # the former name

@@ -22,7 +22,7 @@ _ENDINGS = ".csv, .json and .zmx"
 
 
 def lens_names() -> tuple[str, ...]:
-    """Names of the lenses that come with the package, in alphabetical order, for `load_lens`.
+    """Names of the bundled lenses, in alphabetical order, for `load_lens`.
 
     Examples
     --------
@@ -41,38 +41,38 @@ def load_lens(
     stop_size: StopSize = StopSize.SYSTEM_APERTURE,
     limits: FileLimits = TEXT,
 ) -> LensStack:
-    """A lens that comes with the package, or one from a file.
+    """Load a bundled lens by name, or a lens from a file.
 
     Formats, by the ending of the path:
 
-    - `.json`: the format of `save_lens`; nothing is lost.
-    - `.zmx`: a sequential Zemax file; `plenoptic.optics.lens.files.zemax` describes how it is read. Its
-      fields, wavelengths, object and image are the lens's `specification`; ignored data are named in a warning.
+    - `.json`: the lossless format of `save_lens`.
+    - `.zmx`: a sequential Zemax file; `plenoptic.optics.lens.files.zemax` describes the supported data. Its fields,
+      wavelengths, object and image become the lens's `specification`. A warning names ignored data.
     - `.csv`: a table with the columns `radius;thickness;material;index;v-no;sa`, mm, one row per element from the scene
       to the sensor. An empty radius is a plane, and a plane with air on both sides is a stop: the first is the iris. An
       empty material is air. A row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`,
-      one with neither one of `glass_names`; the thickness of the last row, the distance to the image, is not part of
-      the lens.
+      one with neither a glass of `glass_names`. The thickness of the last row, the distance to the image, is not part
+      of the lens.
 
-    A file that does not mark its stop gets one by a rule, which is not the designer's choice and is named in
-    `source`: a round stop in the middle of the longest air gap between two surfaces (of a lens without one: at its
-    first vertex), as large as the widest paraxial beam on the axis that passes all surfaces, from infinity, or from the
-    front focus where the rear focus does not lie behind the lens, as in a microscope objective.
+    A file without a stop gets a round one by a rule, which is noted in `source` and need not be the designer's choice.
+    The stop lies in the middle of the longest air gap between two surfaces, or at the first vertex if there is none.
+    Its semi-diameter is that of the widest paraxial axial beam that passes all surfaces. The beam comes from infinity,
+    or from the front focus if the rear focus does not lie behind the lens, as in a microscope objective.
 
-    Files are read as they are printed. `lens.check()` lists implausible properties.
+    Misprints are not corrected; `lens.check()` lists implausible properties.
 
     Parameters
     ----------
     name_or_path : str or path-like
         One of `lens_names()`, or a path that ends in `.csv`, `.json` or `.zmx`.
     glasses : mapping from name to Medium, optional
-        Where the glasses that a `.zmx` file names are looked up first, such as a catalogue from `load_glasses`; then
-        among the bundled ones. Other formats bring their glasses along.
+        First catalogue for the glasses that a `.zmx` file names, such as one from `load_glasses`; the bundled ones
+        follow. Other formats contain their glasses.
     stop_size : StopSize, optional
-        Source of the size in a `.zmx` file: its system aperture, or the semi-diameter of the stop's surface.
-        `lens.check()` says where the two disagree.
+        Source of the stop's size in a `.zmx` file: its system aperture, or the semi-diameter of the stop's surface.
+        `lens.check()` reports a disagreement.
     limits : FileLimits
-        The size of the file: by default at most 4 MiB.
+        Limits of the file's size: by default at most 4 MiB.
 
     Returns
     -------
@@ -81,9 +81,9 @@ def load_lens(
     Raises
     ------
     FileError
-        If there is no such lens or file, it cannot be read, or its ending is unknown.
+        If the lens or file does not exist, cannot be read, or has an unknown ending.
     PrescriptionError
-        If the content of the file is no lens; the message names the file and the line or element.
+        If the file does not describe a valid lens; the message names the file and the line or element.
 
     Examples
     --------
@@ -110,8 +110,8 @@ def load_lens(
         text = decode_text(read_file(path, limits), errors="replace")
         return lens_from_zmx(text, path.name, glasses=glasses, stop_size=stop_size)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
-        what = "is a folder" if path.is_dir() else f"ends in {ending!r}"
-        raise FileError(f"{name} {what}; the lens files that can be read are {_ENDINGS}")
+        reason = "is a folder" if path.is_dir() else f"ends in {ending!r}"
+        raise FileError(f"{name} {reason}; the lens files that can be read are {_ENDINGS}")
     close = difflib.get_close_matches(name, lens_names(), n=3, cutoff=0.4) or lens_names()
     raise FileError(
         f"there is no lens {name!r}; pl.lens_names() lists them, among them {', '.join(close)}; "
@@ -120,23 +120,23 @@ def load_lens(
 
 
 def save_lens(lens: LensStack, path: str | os.PathLike[str]) -> None:
-    """Write a lens as JSON, from which `load_lens` gives back an equal one to the last bit, or as a Zemax file.
+    """Write a lens as JSON, which `load_lens` reads back exactly, or as a Zemax file.
 
-    JSON has one element per line, without defaults. A `.zmx` file, for other programs, holds less: centred
-    surfaces and round stops in air. A glass that is not the bundled one of its name becomes a model glass of the same
-    n_d and V_d.
+    JSON has one element per line, without defaults. A `.zmx` file, for other programs, can hold centred surfaces and
+    round stops in air only. A glass that differs from the bundled one of its name becomes a model glass of the same n_d
+    and V_d.
 
     Parameters
     ----------
     lens : LensStack
         Its media must be of this package.
     path : str or path-like
-        Must end in `.json` or `.zmx`. A file of that name is replaced, as a whole or not at all.
+        Must end in `.json` or `.zmx`. An existing file is replaced atomically.
 
     Raises
     ------
     PrescriptionError
-        If something has no place in the format.
+        If the format cannot hold a property of the lens.
     FileError
         If the path has another ending or cannot be written.
 

@@ -1,38 +1,37 @@
 """Reader of sequential Zemax files (.zmx).
 
-Text in UTF-16 with its mark, UTF-8 or Latin-1. Surface 0 is the object and the last one the image: neither is part of
-the lens, nor are the gaps next to them. A glass on the object is the medium around the lens.
+Text in UTF-16 with byte order mark, UTF-8 or Latin-1. Surface 0 is the object and the last one the image. Neither is
+part of the lens, nor are the gaps next to them. A glass on the object is the medium around the lens.
 
 - TYPE STANDARD, EVENASPH and SZERNSAG, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS; lengths are converted
-  from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean square 1 over the disc of the norm radius: XDAT 1 is
-  their number, XDAT 2 the norm radius, XDAT 3 and on the terms; their sag at the vertex moves the surface.
+  from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean square 1 over the disc of the norm radius. XDAT 1 is
+  their number, XDAT 2 the norm radius, XDAT 3, 4, ... the terms. Their sag at the vertex moves the surface.
 - TYPE BICONICX: CURV and CONI along y, PARM 1 the radius along x (0: flat) and PARM 2 the conic constant along x.
 - All other types are refused, and so are tilted surfaces (SCBD), and apertures and obscurations that are not round.
-- COORDBRK: the elements that follow are placed as it says (`Placement`). Mirrors (GLAS MIRROR) are unfolded: plane ones
-  vanish, curved ones reflect (`Mirror`). See `zemax_folds`.
-- Solves and pickups count with the value that the file holds, several configurations as the one that it was saved in.
-- GLAS: a name is looked up in the catalogue that the caller gives, then in the bundled ones, first in those that the
-  file names (GCAT); ___BLANK is a model glass of n_d and V_d (a V_d of 0: no dispersion; the deviation of the partial
-  dispersion is left out).
-- The stop is as large as the system aperture asks for, by the paraxial marginal ray: entrance pupil diameter (ENPD),
-  f-number (FNUM; its second number is 1 for the working one) or numerical aperture in object space (OBNA; with a 1,
-  half the angle of the cone in degrees), and not larger than its aperture, if it has one. Where the system floats by
-  the stop (FLOA), or the file says nothing, it is as large as its surface says: DIAM, or its aperture where that is
-  smaller. See `StopSize`.
-- Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM; of the stop's own surface
-  at least that of the stop. Where DIAM is 0 or missing: the sum of the paraxial heights of the marginal ray and of the
-  chief ray of the largest field (XFLN, YFLN), and not more than the radius of a sphere.
-- An obscuration, the inner radius of CLAP or FLAP and the disc of OBSC, is a `RingStop` in the plane of
-  the vertex, in front of the surface.
+- COORDBRK gives the elements that follow a `Placement`. Mirrors (GLAS MIRROR) are unfolded: plane ones are removed,
+  curved ones reflect (`Mirror`). See `zemax_folds`.
+- Solves and pickups have their values in the file. Of several configurations, the one active on saving is read.
+- GLAS: a name is looked up in the catalogue of the caller, then in the bundled ones, those named by the file (GCAT)
+  first. ___BLANK is a model glass of n_d and V_d; V_d = 0 means no dispersion, and the deviation of the partial
+  dispersion is ignored.
+- The system aperture determines the size of the stop by the paraxial marginal ray. It is the entrance pupil diameter
+  (ENPD), the f-number (FNUM; second number 1: working f-number) or the numerical aperture in object space (OBNA; with a
+  1, half the cone angle in degrees). An aperture of the stop limits its size. If the system aperture floats by the stop
+  (FLOA) or is missing, the size is DIAM, or the aperture of the surface if smaller. See `StopSize`.
+- Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM; for the stop's surface at
+  least that of the stop. If DIAM is 0 or missing, the semi-diameter is the sum of the paraxial heights of the marginal
+  ray and the chief ray. The field is the largest one (XFLN, YFLN); the radius of a sphere is the limit.
+- An obscuration (inner radius of CLAP or FLAP, disc of OBSC) is a `RingStop` in the plane of the vertex, in front of
+  the surface.
 - STOP on a surface between equal media is the iris. On a refracting surface it becomes a stop of the same size in the
   plane of the vertex, in front of it.
-- Other surfaces between equal media vanish, and their gaps are added to the one before. With an aperture they stay:
-  planes as stops that are not the iris.
-- NAME and NOTE are kept. Fields (of FTYP 0 to 3, real image heights as paraxial ones), wavelengths (WAVM, WAVL, PWAV),
-  the places of object and image, and the curvature of the image are the lens's `Specification`.
-- Left out, with a warning where they say something: vignetting factors, temperature and pressure (ENVD), coatings
-  (COAT), further configurations (MNUM), telecentric object space, fields of other types, other shapes of the image. All
-  other lines are passed over.
+- Other surfaces between equal media are removed, and their gaps are added to the preceding one. Those with an aperture
+  stay, planes as stops other than the iris.
+- NAME and NOTE are read. The lens's `Specification` holds fields (of FTYP 0 to 3, real image heights as paraxial ones)
+  and wavelengths (WAVM, WAVL, PWAV). It also holds the positions of object and image, and the curvature of the image.
+- Ignored, with a warning if they are set: vignetting factors, temperature and pressure (ENVD), coatings (COAT), further
+  configurations (MNUM), telecentric object space, fields of other types, other shapes of the image. All other lines are
+  ignored without a warning.
 """
 
 from __future__ import annotations
@@ -77,7 +76,9 @@ def lens_from_zmx(
     glasses: Mapping[str, Medium] | GlassCatalogue | None = None,
     stop_size: StopSize = StopSize.SYSTEM_APERTURE,
 ) -> LensStack:
-    """The lens of a Zemax file whose name is `where`, for messages and lenses without NAME; `glasses` come first."""
+    """Lens from the text of a Zemax file. `where` names the file in messages, and the lens if it has no NAME; `glasses`
+    are looked up first.
+    """
     head, blocks = _blocks(text, where)
     unit = 1.0
     for line in head:
@@ -93,7 +94,7 @@ def lens_from_zmx(
         raise wrong_kind(glasses, "glasses", "mapping from names to media", 'pl.optics.load_glasses("schott.agf")')
     makers = " ".join(line.rest for line in head if line.keyword == "GCAT")
     media = _Glasses({} if glasses is None else glasses, makers)
-    left_out = _left_out(blocks)
+    left_out = _ignored_data(blocks)
     blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV")]
     rows, turned = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)], False
     if has_folds(rows):
@@ -111,7 +112,7 @@ def lens_from_zmx(
     return lens
 
 
-def _left_out(blocks: list[list[Line]]) -> list[str]:
+def _ignored_data(blocks: list[list[Line]]) -> list[str]:
     """Properties of surfaces that are ignored."""
     coated = [str(i) for i, block in enumerate(blocks) for line in block if line.keyword == "COAT" and line.rest]
     ignored = [f"coatings (COAT of surface{'s' * (len(coated) > 1)} {', '.join(coated)})"] if coated else []
@@ -148,11 +149,11 @@ def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
 
 
 class _Glasses(NamedTuple):
-    """Catalogues in which glasses are looked up by name."""
+    """Catalogues for the lookup of glasses by name."""
 
     first: Mapping[str, Medium] | GlassCatalogue
     makers: str
-    """Names of the bundled ones that are looked up next."""
+    """Names of the bundled catalogues that are looked up next."""
 
     def medium(self, line: Line) -> Medium:
         """The medium of a GLAS line."""
@@ -177,7 +178,7 @@ class _Glasses(NamedTuple):
 def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glasses) -> Row:
     row = Row(number, {line.keyword: line.number for line in block})
     kind, parameters, extra = "STANDARD", dict[int, float](), dict[int, float]()
-    # TYPE first, which says what PARM and XDAT mean.
+    # TYPE first: it defines the meaning of PARM and XDAT.
     for line in sorted(block, key=lambda line: line.keyword != "TYPE"):
         with name_line_in_errors(where, line.number):
             if line.keyword == "TYPE":
@@ -198,7 +199,7 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
         row = row._replace(freeform=freeform, offset=offset)
         if ZEMAX[kind].is_whole:
             return row._replace(curvature=0.0, conic=0.0)
-    # z and r scale alike: a_i of r^(2 i) is in unit^(1 - 2 i).
+    # z and r have the same scale: a_i of r^(2 i) is in unit^(1 - 2 i).
     return row._replace(aspheric=tuple(parameters.get(i, 0.0) * unit ** (1 - 2 * i) for i in range(1, _TERMS + 1)))
 
 
@@ -240,13 +241,13 @@ def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
         case "CLAP" | "FLAP":
             inner, outer = line.real(0), line.real(1)
             if inner > 0 and not inner < outer:
-                raise PrescriptionError(f"{line.keyword} passes light from {inner:g} to {outer:g}, which is none")
+                raise PrescriptionError(f"{line.keyword} passes light from {inner:g} to {outer:g}, an empty range")
             return row._replace(obscured=max(row.obscured, inner * unit), aperture=outer * unit)
         case "OBSC":
             if line.real(0) != 0:
                 raise PrescriptionError(
-                    f"OBSC stops light from {line.word(0)} to {line.word(1)} and none nearer to the axis; only discs "
-                    "in the middle can be read: set the first number to 0, or remove the line"
+                    f"OBSC blocks light from {line.word(0)} to {line.word(1)} and none nearer to the axis; only discs "
+                    "around the axis can be read: set the first number to 0, or remove the line"
                 )
             return row._replace(obscured=max(row.obscured, line.real(1) * unit))
         case "STOP":
@@ -258,6 +259,6 @@ def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
         case refused if refused in _REFUSED:
             raise PrescriptionError(
                 f"{refused}: {_REFUSED[refused]} cannot be read, and without them more light would pass; "
-                "remove the line if that does not matter"
+                "remove the line if this is acceptable"
             )
     return row

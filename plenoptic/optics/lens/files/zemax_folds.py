@@ -1,10 +1,10 @@
-"""Coordinate breaks and mirrors of Zemax files: they become placements of the elements that follow.
+"""Coordinate breaks and mirrors of Zemax files: conversion to placements of the elements that follow.
 
-A coordinate break moves and turns the axes of later elements: it is decentred by PARM 1 and 2, then turned by PARM 3, 4
-and 5 degrees about its x, y, z; with PARM 6 not 0 turned first, about z, y, x, then decentred. A mirror folds the path:
-later elements are seen in the mirror, a curved one in the plane that touches its vertex, which is unfolded here, so
-that light goes along +z throughout. Lengths along the path stay those of the file, and so does everything paraxial.
-Plane mirrors vanish then; see `Mirror` for the others.
+A coordinate break decentres the axes of later elements by PARM 1 and 2, then tilts them by PARM 3, 4 and 5 degrees
+about x, y, z. If PARM 6 is not 0, it tilts them first, about z, y, x, then decentres them. A mirror folds the path.
+Here the path is unfolded: later elements are reflected in the mirror, or in the tangent plane at its vertex if it is
+curved, so light travels along +z throughout. Lengths along the path, and hence all paraxial quantities, are those of
+the file. Plane mirrors are removed; see `Mirror` for the others.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from plenoptic.optics.lens.placement import Placement, rotation_about_axis
 from plenoptic.optics.surfaces.mirror import Mirror
 
 _ROUNDING = 1e-12
-"""mm, and of the elements of a matrix: a placement that differs by less from none is none."""
+"""Tolerance in mm, and of the elements of a rotation matrix, below which a placement is dropped."""
 
 
 def has_folds(rows: list[Row]) -> bool:
@@ -29,9 +29,11 @@ def has_folds(rows: list[Row]) -> bool:
 
 
 def unfold(rows: list[Row], where: str) -> tuple[list[Row], bool]:
-    """Rows with breaks and plane mirrors as rows that vanish, and whether the image stands off the axis."""
+    """Replace breaks and plane mirrors by rows that are removed later; the flag is True if the image is decentred or
+    tilted.
+    """
     origin, axes, along = np.zeros(3), np.eye(3), 0.0
-    # From places in the file to places in the unfolded path, and whether light goes along the axis or against it.
+    # Transform from the folded system of the file to the unfolded path, and direction of travel along the axis.
     axes_seen, offset, sense = np.eye(3), np.zeros(3), 1.0
     unfolded_rows, before = [rows[0]], rows[0].medium
     for row in rows[1:]:
@@ -39,9 +41,9 @@ def unfold(rows: list[Row], where: str) -> tuple[list[Row], bool]:
             shift, rotation = _break(row.turn)
             origin, axes = origin + axes @ shift, axes @ rotation
         gap = row.gap * sense if row is not rows[-1] else 0.0
-        place = _placement(axes_seen @ origin + offset - (0.0, 0.0, along), axes_seen @ axes * (1.0, 1.0, sense))
+        placement = _placement(axes_seen @ origin + offset - (0.0, 0.0, along), axes_seen @ axes * (1.0, 1.0, sense))
         facing, curved = sense, row.is_mirror and not row.is_plane
-        fold = Mirror() if place is None else Mirror(place.rotation[:, 2])
+        fold = Mirror() if placement is None else Mirror(placement.rotation[:, 2])
         if row.is_mirror:
             if row.is_plane and row.is_stop:
                 raise PrescriptionError(
@@ -49,19 +51,19 @@ def unfold(rows: list[Row], where: str) -> tuple[list[Row], bool]:
                     "and the stop; put the stop on a plane of its own"
                 )
             normal = axes[:, 2]
-            # The plane goes through the mirror's place on the axis, also where the mirror is decentred.
+            # The plane passes through the nominal vertex of the mirror on the axis, also if the mirror is decentred.
             point = axes_seen.T @ ([0.0, 0.0, along] - offset) if curved else origin
             offset = offset + 2.0 * (normal @ point) * (axes_seen @ normal)
             axes_seen, sense, gap = axes_seen @ (np.eye(3) - 2.0 * np.outer(normal, normal)), -sense, -gap
         if curved:
-            unfolded_rows.append(_facing(row, facing)._replace(gap=gap, placement=place, medium=fold))
+            unfolded_rows.append(_facing(row, facing)._replace(gap=gap, placement=placement, medium=fold))
         elif row.is_mirror or row.turn is not None:
-            # A plane mirror is as a window there: its rim stays, as a stop.
+            # An unfolded plane mirror is a window: its rim becomes a stop.
             unfolded_rows.append(
-                Row(row.number, row.lines, gap=gap, medium=before, aperture=row.aperture, placement=place)
+                Row(row.number, row.lines, gap=gap, medium=before, aperture=row.aperture, placement=placement)
             )
         else:
-            unfolded_rows.append(_facing(row, sense)._replace(gap=gap, placement=place))
+            unfolded_rows.append(_facing(row, sense)._replace(gap=gap, placement=placement))
             before = row.medium
         origin, along = origin + axes[:, 2] * gap * sense, along + gap
     return unfolded_rows, unfolded_rows[-1].placement is not None
@@ -78,7 +80,7 @@ def _break(turn: tuple[float, ...]) -> tuple[Floats, Floats]:
 
 
 def _facing(row: Row, sense: float) -> Row:
-    """A row as light meets it: behind an odd number of mirrors it comes from the other side."""
+    """Row as seen in the direction of travel, which an odd number of mirrors reverses."""
     if sense > 0:
         return row
     return row._replace(
@@ -90,7 +92,7 @@ def _facing(row: Row, sense: float) -> Row:
 
 
 def _placement(shift: Floats, rotation: Floats) -> Placement | None:
-    """None where it differs from none by rounding only, which several turns by 45 degrees leave behind."""
+    """Placement, or None if it is the identity up to rounding errors, such as those of several 45 degree tilts."""
     if np.abs(shift).max() <= _ROUNDING and np.abs(rotation - np.eye(3)).max() <= _ROUNDING:
         return None
     return Placement(shift, rotation)

@@ -1,4 +1,4 @@
-"""From the rows of a Zemax file to a lens: stops, surfaces that vanish, and semi-diameters that are missing."""
+"""Conversion of the rows of a Zemax file to a lens: stops, removal of surfaces, and missing semi-diameters."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from plenoptic.optics.surfaces.surface import Surface
 _ROUNDING = 1e-12
 
 _UNKNOWN_SIZE = 1e-9
-"""Stands for a semi-diameter, in mm, until it is known; relative to the radius of curvature where that is smaller."""
+"""Placeholder for an unknown semi-diameter in mm; relative to the radius of curvature if that is smaller."""
 
 _BEYOND = 1.1
 """Outer radius of a ring over the semi-diameter of its surface."""
 
 _INFINITE = 1e10
-"""mm; an object so far away is infinitely far."""
+"""Distance in mm from which on an object counts as at infinity."""
 
 
 class Row(NamedTuple):
@@ -43,30 +43,30 @@ class Row(NamedTuple):
 
     number: int
     lines: dict[str, int]
-    """In which line of the file each keyword stands."""
+    """Line number in the file of each keyword."""
     curvature: float = 0.0
     conic: float = 0.0
     aspheric: tuple[float, ...] = ()
     freeform: FreeformTerm | None = None
     offset: float = 0.0
-    """Sag at the vertex in mm that the freeform term leaves out: the surface stands so far behind its place."""
+    """Vertex sag in mm that the freeform term excludes: the surface lies this far behind its nominal vertex."""
     gap: float = 0.0
     medium: Medium = AIR
     diameter: float = 0.0
-    """DIAM, which is a semi-diameter; 0 where it is unknown."""
+    """DIAM, which is a semi-diameter in mm; 0 if unknown."""
     aperture: float | None = None
     """Radius of a round aperture."""
     obscured: float = 0.0
-    """Radius of a round part in the middle that stops light."""
+    """Radius of a central round obscuration."""
     is_stop: bool = False
     is_mirror: bool = False
     turn: tuple[float, ...] | None = None
-    """Of a coordinate break: decentre along x and y in mm, turn about x, y and z in degrees, and which comes first."""
+    """Coordinate break: decentre along x and y in mm, tilt about x, y and z in degrees, and the order flag."""
     placement: Placement | None = None
 
     @property
     def stop_size(self) -> float:
-        """Semi-diameter of a stop here; 0 where it is unknown."""
+        """Semi-diameter in mm of a stop at this surface; 0 if unknown."""
         return min([size for size in (self.aperture, self.diameter or None) if size is not None], default=0.0)
 
     @property
@@ -92,7 +92,7 @@ class _Piece(NamedTuple):
 def lens_of_rows(
     rows: list[Row], system: System, where: str, name: str, source: str, *, stop_size: StopSize
 ) -> LensStack:
-    """The lens of the rows, of which the first is the object and the last the image."""
+    """Lens from rows; the first row is the object and the last one the image."""
     flagged = [row for row in rows if row.is_stop]
     if len(flagged) > 1:
         raise _error(where, flagged[1], "STOP", f"surface {flagged[1].number} is a second STOP; a lens has one")
@@ -103,7 +103,7 @@ def lens_of_rows(
     ambient = rows[0].medium
     if rows[0].gap >= _INFINITE:
         rows = [rows[0]._replace(gap=math.inf), *rows[1:]]
-    # A surface whose vertex lies behind its place has a longer gap before it and a shorter one behind.
+    # A surface with its vertex behind the nominal one has a longer gap in front and a shorter one behind.
     offsets = [row.offset for row in rows] + [0.0]
     rows = [row._replace(gap=row.gap + (offsets[i + 1] - offsets[i])) for i, row in enumerate(rows)]
     pieces, distance, behind = _pieces(rows, ambient, where)
@@ -139,8 +139,8 @@ def _error(where: str, row: Row, keyword: str, message: str) -> PrescriptionErro
 
 
 def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece], float, float]:
-    """The elements, and the distances in mm from the object to the first of them, and from the last to the image."""
-    kinds: list[tuple[Row, _As, float]] = []  # row, as what, gap
+    """Elements, and the distances in mm from the object to the first of them and from the last to the image."""
+    kinds: list[tuple[Row, _As, float]] = []  # row, kind of element, gap
     before, distance = ambient, rows[0].gap
     for row in rows[1:-1]:
         refracts, gap = row.medium != before, row.gap
@@ -171,14 +171,14 @@ def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
         size = _UNKNOWN_SIZE * min(1.0, abs(radius))
     try:
         if kind is _As.RING:
-            # The rim of the surface itself limits light; that of the ring lies beyond it.
+            # The rim of the surface limits the light; that of the ring is larger.
             ring = RingStop(_BEYOND * max(size, row.obscured), row.obscured, gap, placement=row.placement)
             return _Piece(ring, row, True)
         if kind is _As.STOP:
             return _Piece(CircularStop(size, gap, placement=row.placement), row, has_size)
         equator = _equator(row)
         if equator < size <= equator * (1.0 + _ROUNDING):
-            # A curvature that was written from a radius gives it back to rounding only.
+            # A radius from a written curvature has a rounding error: the semi-diameter may exceed the equator by it.
             size = equator
         surface = Surface(
             radius,
@@ -203,10 +203,10 @@ def _equator(row: Row) -> float:
 
 
 class _ParaxialBeam(NamedTuple):
-    """The paraxial beam: rays as (height, reduced angle) at the first element, lengths in mm."""
+    """Paraxial beam: rays as (height, reduced angle) at the first element, lengths in mm."""
 
     heights: Floats
-    """(n, 2) at the elements, of the basis rays."""
+    """(n, 2): heights of the basis rays at the elements."""
     leaving: float
     """Reduced angle behind the lens of the marginal ray."""
     stop: int | None
@@ -214,15 +214,15 @@ class _ParaxialBeam(NamedTuple):
     distance: float
     focal_length: float
     pupil: float
-    """From the first element to the entrance pupil; inf or nan where there is none."""
+    """Distance from the first element to the entrance pupil; inf or nan if there is none."""
     marginal: Floats
-    """Up to a factor."""
+    """Marginal ray up to a factor."""
 
     @classmethod
     def of(cls, pieces: list[_Piece], system: System, distance: float, ambient: Medium) -> _ParaxialBeam:
         """Beam through the elements, regardless of their sizes."""
         wavelength = system.wavelengths[0]
-        with np.errstate(all="ignore"):  # what overflows ends as a semi-diameter that is refused
+        with np.errstate(all="ignore"):  # an overflow gives a semi-diameter that is refused
             heights, leaving = basis_rays([piece.element for piece in pieces], ambient=ambient, wavelength=wavelength)
             stop = next((i for i, piece in enumerate(pieces) if piece.row.is_stop), None)
             index = float(ambient.index(wavelength))
@@ -236,17 +236,17 @@ class _ParaxialBeam(NamedTuple):
     def at_pupil(self) -> float:
         """Height of the marginal ray in the entrance pupil."""
         if not math.isfinite(self.pupil):
-            raise PrescriptionError("the entrance pupil is infinitely far away")
+            raise PrescriptionError("the entrance pupil is at infinity")
         return float(abs(self.marginal[0] + self.marginal[1] * self.pupil / self.medium_index))
 
     def factor(self, aperture: Aperture) -> float:
-        """Factor that makes the marginal ray that of a system aperture."""
+        """Factor that scales the marginal ray to a system aperture."""
         keyword, size, is_other = aperture.keyword, aperture.size, aperture.is_other
         if not size > 0:
             raise PrescriptionError("it must be above 0")
         if keyword == "OBNA":
             if math.isinf(self.distance):
-                raise PrescriptionError("the object is infinitely far away, where it has no numerical aperture")
+                raise PrescriptionError("the object is at infinity and has no numerical aperture")
             sine = math.sin(math.radians(min(size, 90.0))) if is_other else size / self.medium_index
             if sine >= 1:
                 raise PrescriptionError("it must be below that of a half space")
@@ -256,7 +256,7 @@ class _ParaxialBeam(NamedTuple):
         else:
             target, has = 0.5 * self.pupil_diameter(aperture), self.at_pupil
         if not (0 < has < math.inf and 0 < target < math.inf):
-            raise PrescriptionError("the marginal ray does not follow from it here")
+            raise PrescriptionError("it does not determine the marginal ray of this lens")
         return target / has
 
     def pupil_diameter(self, aperture: Aperture) -> float:
@@ -271,15 +271,15 @@ class _ParaxialBeam(NamedTuple):
 def _with_sizes(
     pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _ParaxialBeam, where: str
 ) -> list[_Piece]:
-    """With the semi-diameters that follow from the beam; that of the stop from the aperture, if there is one."""
+    """Fill missing semi-diameters from the beam, and that of the stop from the system aperture, if there is one."""
     scale = 0.0
     if beam.stop is not None and aperture is not None:
         try:
             scale = beam.factor(aperture)
         except PrescriptionError as error:
             raise PrescriptionError(
-                f"{where}, line {aperture.line}: {aperture.keyword} {aperture.size:g} does not say how large the stop "
-                f"is: {error}; give stop_size=pl.optics.StopSize.DIAMETER"
+                f"{where}, line {aperture.line}: {aperture.keyword} {aperture.size:g} does not determine the stop: "
+                f"{error}; give stop_size=pl.optics.StopSize.DIAMETER"
             ) from None
         pieces = _with_stop(pieces, beam.stop, scale * float(abs(beam.heights[beam.stop] @ beam.marginal)), where)
     unknown = [piece for piece in pieces if not piece.size_is_known]
@@ -296,7 +296,7 @@ def _with_sizes(
             at_stop = float(abs(beam.heights[beam.stop] @ beam.marginal))
             scale = pieces[beam.stop].element.semi_diameter / at_stop if at_stop else math.inf
         if not math.isfinite(beam.pupil):
-            raise PrescriptionError("the entrance pupil is infinitely far away; give it")
+            raise PrescriptionError("the entrance pupil is at infinity; give it")
         slopes = system.chief_slopes(beam.distance, beam.pupil, beam.focal_length)
     except InvalidValueError as error:
         row = unknown[0].row
@@ -311,7 +311,7 @@ def _with_sizes(
 
 
 def _with_stop(pieces: list[_Piece], stop: int, size: float, where: str) -> list[_Piece]:
-    """With a stop of that semi-diameter, or of its aperture; the surface on which it lies is at least as large."""
+    """Set the semi-diameter of the stop, limited by its aperture; the surface of the stop becomes at least as large."""
     resized, aperture = list(pieces), pieces[stop].row.aperture
     resized[stop] = _resize(pieces[stop], size if aperture is None else min(size, aperture), where)
     for i, piece in enumerate(pieces[stop + 1 :], start=stop + 1):
@@ -330,7 +330,7 @@ def _resize(piece: _Piece, size: float, where: str) -> _Piece:
 def _specification(
     lens: LensStack, stop: Row | None, system: System, beam: _ParaxialBeam | None, gaps: tuple[float, float], image: Row
 ) -> Specification:
-    """Specification of the lens by the file, without data that do not follow."""
+    """Specification of the lens by the file, without data that cannot be derived."""
     aperture, diameter, fields = system.aperture, None, np.zeros((0, 2))
     if beam is not None:
         with contextlib.suppress(PrescriptionError), np.errstate(all="ignore"):

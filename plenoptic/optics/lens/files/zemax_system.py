@@ -1,4 +1,4 @@
-"""System data of a Zemax file: aperture, fields, wavelengths, and a list of ignored ones."""
+"""System data of a Zemax file: aperture, fields, wavelengths, and a list of ignored data."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from plenoptic.optics.glass.media import D_LINE
 
 _ANGLE, _OBJECT_HEIGHT, _IMAGE_HEIGHT, _REAL_IMAGE_HEIGHT = range(4)
 _STEEPEST = 89.0
-"""Degrees, of chief rays."""
+"""Largest angle of chief rays in degrees."""
 _APERTURES = ("ENPD", "FNUM", "OBNA", "FLOA")
 _VIGNETTING = ("VDXN", "VDYN", "VCXN", "VCYN", "VANN")
 _OTHERS = ("MODE", "UNIT", "NAME", "NOTE", "GCAT", "FTYP", "XFLN", "YFLN", "WAVM", "WAVL", "PWAV", "ENVD", "MNUM")
 KEYWORDS = frozenset([*_OTHERS, *_APERTURES, *_VIGNETTING])
-"""Keywords that belong to no surface, wherever they stand."""
+"""Keywords that belong to the system, at any position in the file."""
 
 
 class Line(NamedTuple):
@@ -36,14 +36,14 @@ class Line(NamedTuple):
         return self.rest.split()
 
     def word(self, i: int) -> str:
-        """The i-th entry behind the keyword, or an error where there are fewer."""
+        """The i-th entry after the keyword; an error if there are fewer."""
         words = self.words
         if i >= len(words):
             raise PrescriptionError(f"{self.keyword} has {len(words)} entries; it must have at least {i + 1}")
         return words[i]
 
     def real(self, i: int, default: float | None = None) -> float:
-        """The i-th entry as a finite number; where there are fewer and there is a default, that."""
+        """The i-th entry as a finite number; the default, if any, if there are fewer entries."""
         if default is not None and i >= len(self.words):
             return default
         return parse_number(self.word(i), self.keyword)
@@ -62,47 +62,47 @@ class Aperture(NamedTuple):
     size: float
     """ENPD: mm; FNUM: f-number; OBNA: numerical aperture, or degrees."""
     is_other: bool
-    """FNUM: whether it is the working one; OBNA: whether it is an angle."""
+    """True for a working f-number (FNUM) or a cone angle (OBNA)."""
 
 
 class System(NamedTuple):
-    """Lengths in mm, wavelengths in nm."""
+    """System data of a file: lengths in mm, wavelengths in nm."""
 
     aperture: Aperture | None
-    """None where the system floats by its stop, or the file says nothing."""
+    """None if the aperture floats by the stop or is missing."""
     fields: Floats
-    """(n, 2): degrees, or mm where `field_type` says that fields are heights."""
+    """(n, 2): degrees, or mm if the fields of `field_type` are heights."""
     field_type: int
     wavelengths: tuple[float, ...]
     """The primary one first."""
     left_out: tuple[str, ...]
 
     def chief_slopes(self, distance: float, pupil: float, focal_length: float) -> Floats:
-        """Tangents (n, 2) in front of the lens of the chief rays, towards a pupil behind the first element."""
+        """Slopes (n, 2) of the chief rays in front of the lens, towards a pupil `pupil` mm behind the first element."""
         if self.field_type == _ANGLE:
             return np.tan(np.radians(np.clip(self.fields, -_STEEPEST, _STEEPEST)))
         if self.field_type == _OBJECT_HEIGHT and math.isfinite(distance) and distance + pupil != 0:
             return -self.fields / (distance + pupil)
         if self.field_type in (_IMAGE_HEIGHT, _REAL_IMAGE_HEIGHT) and math.isinf(distance):
             return self.fields / focal_length
-        raise PrescriptionError(f"fields of type {self.field_type} do not give the chief ray here; give it")
+        raise PrescriptionError(f"fields of type {self.field_type} do not determine the chief ray; give it")
 
     def object_points(self, distance: float, pupil: float, focal_length: float) -> Floats:
-        """The fields (n, 2) as analyses take them: radians for an object at infinity, otherwise mm."""
+        """Object points (n, 2) in the units of analyses: radians for an object at infinity, otherwise mm."""
         if self.field_type == _OBJECT_HEIGHT and math.isfinite(distance):
             return self.fields
         slopes = self.chief_slopes(distance, pupil, focal_length)
         if math.isfinite(distance):
             return -slopes * (distance + pupil)
         tangent = np.hypot(*slopes.T)[:, None]
-        # Rays that rise come from below.
+        # Rays with a positive slope come from below the axis.
         points = -slopes * np.where(tangent > 0, np.arctan(tangent) / np.where(tangent > 0, tangent, 1.0), 1.0)
         along = (self.fields == 0).any(axis=1, keepdims=True) & (self.field_type == _ANGLE)
         return np.where(along, -np.radians(self.fields), points)
 
 
 def read_system(head: Iterable[Line], where: str, unit: float) -> System:
-    """From the lines that belong to the whole system; `unit` in mm."""
+    """System data from the lines that belong to the whole system; `unit` in mm."""
     aperture: Aperture | None = None
     waves: dict[int, float] = {}
     fields: dict[str, list[float]] = {"XFLN": [], "YFLN": []}
@@ -136,7 +136,7 @@ def read_system(head: Iterable[Line], where: str, unit: float) -> System:
     pairs = max(map(len, fields.values()))
     pairs = min(pairs, counts[0]) if counts[0] > 0 else pairs
     columns = [(values + [0.0] * pairs)[:pairs] for values in fields.values()]
-    # Files list more wavelengths than they use.
+    # Files may list unused wavelengths.
     used = {i: wave for i, wave in sorted(waves.items()) if wave > 0 and (i <= counts[1] or counts[1] < 1)}
     first = waves.get(primary, 0.0)
     wavelengths = [first if first > 0 else D_LINE, *(wave for i, wave in used.items() if i != primary)]

@@ -21,10 +21,10 @@ _TERMS = 8
 def zmx_of_lens(lens: LensStack) -> bytes:
     """A lens as the content of a Zemax file: UTF-16 with its mark, lines that end in CR LF, millimetres.
 
-    Each surface has its semi-diameter as a fixed aperture (FLAP), so that rays are stopped there as in this package;
-    the system aperture floats by the stop (FLOA).
-    The image lies in the rear focus at 587.6 nm. A medium that has the indices of the bundled glass of its name, to
-    1e-6 at the lines F, d and C, is written by name, any other as a model glass of its n_d and V_d.
+    Each surface has its semi-diameter as a fixed aperture (FLAP), which clips rays as in this package. The system
+    aperture floats by the stop (FLOA). The image lies in the rear focus at 587.6 nm. A medium with the indices of the
+    bundled glass of its name, to 1e-6 at the lines F, d and C, is written by name. Any other is written as a model
+    glass of its n_d and V_d.
     """
     if lens.ambient != AIR:
         raise PrescriptionError(
@@ -42,7 +42,7 @@ def zmx_of_lens(lens: LensStack) -> bytes:
         lines.append(f"SURF {i + 1}")
         lines += [f"  {line}" for line in _element_lines(element, i, is_iris=i == lens.iris_index)]
         if isinstance(element, CircularStop):
-            # A stop in glass has the glass on both sides.
+            # A stop inside a glass has this glass on both sides.
             lines += [f"  {line}" for line in _glass_lines(lens.gap_media[i + 1], i)]
         lines.append(f"  DISZ {gap!r}")
     lines += [f"SURF {len(lens.elements) + 1}", "  TYPE STANDARD", "  CURV 0.0", "  DISZ 0.0"]

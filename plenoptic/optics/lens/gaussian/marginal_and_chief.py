@@ -1,4 +1,4 @@
-"""The two rays that Gaussian optics and third-order theory are made of: the marginal ray and the chief ray."""
+"""Paraxial rays through a lens: the marginal ray and the chief ray."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 @result
 class ParaxialRay:
-    """A paraxial ray through a lens: heights at the elements and angles between them. See `paraxial_ray`.
+    """Paraxial ray through a lens: heights at the elements and angles between them. Made by `paraxial_ray`.
 
     Attributes
     ----------
     height : (n,) array
         At each element, mm.
     angle : (n + 1,) array
-        Slope before the first element and behind each of them, radians; positive where the height grows towards +z.
+        Slope before the first element and behind each element, radians; positive if the height increases towards +z.
     index : (n + 1,) array
-        Refractive index there.
+        Refractive index before the first element and behind each element.
     """
 
     height: Floats
@@ -35,7 +35,7 @@ class ParaxialRay:
 
 
 def paraxial_ray(lens: LensStack, *, height: float, angle: float, wavelength: float = 587.6) -> ParaxialRay:
-    """A paraxial ray by its height at the first element and its angle in front of it.
+    """Trace a paraxial ray from its height at the first element and its angle in front of it.
 
     Parameters
     ----------
@@ -72,14 +72,14 @@ def paraxial_ray(lens: LensStack, *, height: float, angle: float, wavelength: fl
 
 
 def _to_iris(lens: LensStack, wavelength: float) -> tuple[float, float]:
-    """Height at the iris of the rays that have (height, angle) = (1, 0) and (0, 1) at the first element; 0 is exact."""
+    """Heights at the iris of the rays with (height, angle) = (1, 0) and (0, 1) at the first element; 0 is exact."""
     end_surfaces(lens)
     per_height, per_reduced_angle = transfer_matrix(lens, wavelength, 0, lens.iris_index)[0].tolist()
     return per_height, per_reduced_angle * float(lens.indices(wavelength)[0])
 
 
 def _distance(lens: LensStack, z_object: float) -> float:
-    """From the object plane to the first element in mm; inf from the horizon."""
+    """Distance from the object plane to the first element in mm; inf for an object at infinity."""
     z = number(z_object, "z_object")
     distance = float(lens.vertices[0]) - z
     if not distance > 0:
@@ -90,26 +90,26 @@ def _distance(lens: LensStack, z_object: float) -> float:
 
 
 def marginal_ray(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> ParaxialRay:
-    """The paraxial ray from the axial object point through the rim of the iris.
+    """Marginal ray: the paraxial ray from the axial object point through the rim of the iris.
 
     Parameters
     ----------
     lens : LensStack
     z_object : float, optional
-        The object plane in the lens frame, mm, in front of the lens; -inf: infinitely far.
+        z of the object plane in the lens frame, mm, in front of the lens; -inf for an object at infinity.
     wavelength : float, optional
         nm.
 
     Returns
     -------
     ParaxialRay
-        Of height lens.stop.semi_diameter at the iris, in size: positive at the first element.
+        Its height at the iris is lens.stop.semi_diameter in magnitude, and it is positive at the first element.
 
     Raises
     ------
     InvalidValueError
-        If the object lies behind the first element, or its image in the iris, where no ray of the axial point has a
-        height.
+        If the object lies behind the first element, or its image in the iris, where all rays of the axial point have
+        height 0.
 
     Examples
     --------
@@ -121,12 +121,12 @@ def marginal_ray(lens: LensStack, z_object: float = -math.inf, wavelength: float
     """
     iris_a, iris_b = _to_iris(lens, wavelength)
     distance = _distance(lens, z_object)
-    # From the horizon the height matters alone; from a near point, height over angle is the distance.
+    # At infinity the angle is 0; for a finite object, height over angle is the distance.
     height, angle = (1.0, 0.0) if math.isinf(distance) else (distance, 1.0)
     at_iris = without_rounding(height * iris_a + angle * iris_b, height * iris_a, angle * iris_b)
     if at_iris == 0:
         raise InvalidValueError(
-            f"the lens images z_object = {z_object:g} mm onto its iris, where no ray of the axial point has a height; "
+            f"the lens images z_object = {z_object:g} mm onto its iris, so it has no marginal ray; "
             "choose another object plane"
         )
     scale = lens.stop.semi_diameter / abs(at_iris)
@@ -134,20 +134,20 @@ def marginal_ray(lens: LensStack, z_object: float = -math.inf, wavelength: float
 
 
 def chief_ray(lens: LensStack, field: float, z_object: float = -math.inf, wavelength: float = 587.6) -> ParaxialRay:
-    """The paraxial ray from an object point off the axis through the centre of the iris.
+    """Chief ray: the paraxial ray from an off-axis object point through the centre of the iris.
 
     Parameters
     ----------
     lens, z_object, wavelength
         See `marginal_ray`.
     field : float
-        Of an object at infinity the angle in radians between axis and ray, whose slope is taken as its tangent; of a
-        nearer one its height in mm. An object point above the axis has a positive field: its ray falls.
+        Object at infinity: angle in radians between axis and ray, whose slope is the tangent of it. Finite object: its
+        height in mm. An object point above the axis has a positive field and a chief ray of negative slope.
 
     Raises
     ------
     InvalidValueError
-        If the object is not in front of the lens, the field of an object at infinity is a right angle or more, or the
+        If the object is not in front of the lens, the field of an object at infinity is 90 degrees or more, or the
         entrance pupil lies in the object plane.
 
     Examples
@@ -164,7 +164,7 @@ def chief_ray(lens: LensStack, field: float, z_object: float = -math.inf, wavele
         if not abs(size) < math.pi / 2:
             raise InvalidValueError(f"field is {size:g} rad; a paraxial chief ray needs less than pi / 2")
         if iris_a == 0:
-            raise InvalidValueError("the entrance pupil is infinitely far; give an object plane at a finite z_object")
+            raise InvalidValueError("the entrance pupil is at infinity; give an object plane at a finite z_object")
         angle = -math.tan(size)
         return paraxial_ray(lens, height=-angle * iris_b / iris_a, angle=angle, wavelength=wavelength)
     # At the first element y = field + angle * distance; at the iris 0.
@@ -174,17 +174,17 @@ def chief_ray(lens: LensStack, field: float, z_object: float = -math.inf, wavele
             f"the entrance pupil lies in the object plane z_object = {z_object:g} mm; choose another plane"
         )
     angle = -size * iris_a / through
-    # The height is size + angle * distance without its difference.
+    # The height is size + angle * distance, computed without cancellation.
     return paraxial_ray(lens, height=size * iris_b / through, angle=angle, wavelength=wavelength)
 
 
 def lagrange_invariant(marginal: ParaxialRay, chief: ParaxialRay) -> float:
-    """H = n (u y_chief - u_chief y), the same everywhere in a lens, in mm.
+    """Lagrange invariant H = n (u y_chief - u_chief y) in mm, which is constant through a lens.
 
     Parameters
     ----------
     marginal, chief : ParaxialRay
-        Of the same lens, wavelength and object plane.
+        Rays of the same lens, wavelength and object plane.
 
     References
     ----------

@@ -1,6 +1,6 @@
-"""Ray transfer matrices, from which Gaussian optics follows.
+"""Ray transfer matrices for Gaussian optics.
 
-They take (height, index times angle) of a paraxial ray from one element to another, so that all have determinant 1.
+They act on (height, index times angle) of a paraxial ray, from one element to another, so all have determinant 1.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ _EPS = float(np.finfo(np.float64).eps)
 
 
 def without_rounding(total: float, *terms: float, steps: int = 4) -> float:
-    """`total`, or exactly 0 where it is within the rounding errors of its terms."""
+    """`total`, or exactly 0 if it is within the rounding error of its terms."""
     return 0.0 if abs(total) <= 2 * steps * _EPS * sum(map(abs, terms)) else total
 
 
 def over(numerator: float, denominator: float) -> float:
-    """The quotient; inf where the denominator is 0."""
+    """Quotient; inf if the denominator is 0."""
     return numerator / denominator if denominator != 0 else math.inf
 
 
 def position(z: float, name: str) -> float:
-    """A position on the axis, which may be infinite but not nan, or an error that names it."""
-    place = number(z, name)
-    if math.isnan(place):
-        raise InvalidValueError(f"{name} is nan; it must be a position in mm, math.inf for infinitely far away")
-    return place
+    """Check that a position on the axis is a number; it may be infinite, but not nan."""
+    z_mm = number(z, name)
+    if math.isnan(z_mm):
+        raise InvalidValueError(f"{name} is nan; it must be a position in mm, math.inf for infinity")
+    return z_mm
 
 
 def bending(lens: LensStack, indices: Floats, i: int) -> tuple[float, float]:
-    """Step of the index and curvature in 1/mm that paraxial rays meet at element i; 0 for a stop.
+    """Step of the index, and curvature in 1/mm, for paraxial rays at element i; 0 for a stop.
 
-    `indices` as `LensStack.indices` has them. At a mirror the index comes to have the other sign.
+    `indices` is the result of `LensStack.indices`. At a mirror the index changes its sign.
     """
     element, before, behind = lens.elements[i], float(indices[i]), float(indices[i + 1])
     if not isinstance(element, Surface):
@@ -50,15 +50,16 @@ def bending(lens: LensStack, indices: Floats, i: int) -> tuple[float, float]:
 
 
 def end_surfaces(lens: LensStack) -> tuple[int, int]:
-    """Indices of the first and the last surface; an error for an object that is no lens."""
+    """Indices of the first and the last surface of a lens."""
     check_has(lens, "lens", "LensStack", "camera.lens", "elements", "gap_media")
     surfaces = [i for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
     return surfaces[0], surfaces[-1]
 
 
 def transfer_matrix(lens: LensStack, wavelength: float, first: int, last: int) -> Floats:
-    """(2, 2) from before element `first` to behind element `last`: B in mm, C in 1/mm; 0 where only rounding differs
-    from it.
+    """Ray transfer matrix (2, 2) from before element `first` to behind element `last`: B in mm, C in 1/mm.
+
+    Entries within rounding error of 0 are exactly 0.
 
     See E. Hecht, Optics, 5th ed., section 6.2.1 (with height first here).
     """

@@ -1,9 +1,9 @@
 """Gaussian optics of a lens: focal length, cardinal points, pupils, conjugates, numerical apertures.
 
-Everything follows from the matrix that takes height and reduced angle (y, n u) of a paraxial ray from one element to
-another. Positions are z in the lens frame: mm, z = 0 at the iris, light towards +z. Scene and sensor are in the same
-medium, `lens.ambient`, so the nodal points are the principal points. Aspheres count with the curvature of their vertex.
-Elements out of place count as if they were centred, and `lens.model` does not matter.
+All quantities follow from the ray transfer matrix for height and reduced angle (y, n u) of a paraxial ray. Positions
+are z in the lens frame: mm, z = 0 at the iris, light towards +z. Scene and sensor are in the same medium,
+`lens.ambient`, so the nodal points are the principal points. Aspheres have their vertex curvature. Decentred and tilted
+elements count as centred. `lens.model` has no effect.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class CardinalPoints:
     Attributes
     ----------
     efl : float
-        Effective focal length in the ambient medium, mm, positive for a lens that collects; inf for an afocal one.
+        Effective focal length in the ambient medium, mm, positive for a converging lens; inf for an afocal one.
     bfl, ffl : float
         Back and front focal length, mm: z of the rear focus minus z of the last surface, and z of the front focus
         minus z of the first surface. A camera lens mostly has bfl > 0 and ffl < 0.
@@ -43,9 +43,9 @@ class CardinalPoints:
     entrance_pupil, exit_pupil : float
         z of the images of the iris through the elements before and behind it, mm; inf for a telecentric lens.
     entrance_pupil_semi_diameter, exit_pupil_semi_diameter : float
-        Size of these images, mm. Other stops and the edges of the surfaces have no part in it.
+        Paraxial semi-diameters of these images, mm, regardless of other stops and rims.
     pupil_magnification : float
-        Exit pupil over *iris* (not over entrance pupil); negative if the exit pupil stands upside down.
+        Exit pupil over *iris* (not over entrance pupil); negative if the exit pupil is inverted.
     f_number : float
         Absolute focal length over the diameter of the entrance pupil: for an object at infinity.
     wavelength : float
@@ -77,11 +77,10 @@ class CardinalPoints:
 
 
 def system_matrix(lens: LensStack, wavelength: float = 587.6) -> Floats:
-    """The matrix [[A, B], [C, D]] from the vertex of the first surface to that of the last.
+    """Ray transfer matrix [[A, B], [C, D]] from the vertex of the first surface to that of the last.
 
-    It takes (height in mm, angle in radians) of a paraxial ray in front of the lens to those behind it. Since there
-    is the same medium on both sides, its determinant is 1 and C is -1 / efl. Entries that are zero but for rounding
-    are exactly 0.
+    It maps (height in mm, angle in radians) of a paraxial ray in front of the lens to those behind it. With the same
+    medium on both sides, the determinant is 1 and C is -1 / efl. Entries within rounding error of 0 are exactly 0.
 
     Parameters
     ----------
@@ -137,7 +136,7 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
     bfl, ffl = (-a / c, d / c) if focal else (math.inf, -math.inf)
     front_focus, rear_focus = float(z[first]) + ffl, float(z[last]) + bfl
 
-    # The iris, at z = 0, seen through what stands before it and behind it.
+    # Images of the iris, at z = 0, by the elements before it and behind it.
     front = transfer_matrix(lens, wavelength, 0, lens.iris_index)
     rear = transfer_matrix(lens, wavelength, lens.iris_index, len(z) - 1)
     ambient_index = float(lens.indices(wavelength)[0])
@@ -165,7 +164,7 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
 
 
 def _image_distance(matrix: list[list[float]], distance: float) -> float:
-    """Distance behind a system of the image of a plane at a distance before it."""
+    """Image distance behind a system, in mm, for an object distance in front of it."""
     (a, b), (c, d) = matrix
     if math.isinf(distance):
         return over(-a, c)
@@ -173,20 +172,20 @@ def _image_distance(matrix: list[list[float]], distance: float) -> float:
 
 
 def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
-    """Position of a plane's image by the lens: z in mm, in the lens frame.
+    """Image position of an object plane: z in mm, in the lens frame.
 
     Parameters
     ----------
     lens, wavelength
         See `cardinal_points`.
     z_object : float
-        z of the object plane, mm; negative in front of the iris, -inf for the horizon. A plane behind the first
-        surface is a virtual object.
+        z of the object plane, mm; negative in front of the iris, -inf at infinity. A plane behind the first surface is
+        a virtual object.
 
     Returns
     -------
     float
-        z of the image plane; inf where the rays leave parallel. In front of the last surface it is virtual.
+        z of the image plane; inf if the emerging rays are parallel. In front of the last surface the image is virtual.
 
     Examples
     --------
@@ -200,10 +199,9 @@ def image_position(lens: LensStack, z_object: float, wavelength: float = 587.6) 
 
 
 def object_position(lens: LensStack, z_image: float, wavelength: float = 587.6) -> float:
-    """Position of the plane that the lens images to z_image: z in mm, in the lens frame; the inverse of
-    `image_position`.
+    """Object position for an image plane: z in mm, in the lens frame; the inverse of `image_position`.
 
-    z_image is inf where the rays leave parallel, and the object plane -inf for the horizon.
+    z_image is inf for parallel emerging rays; the result is -inf for an object plane at infinity.
 
     Examples
     --------
@@ -219,7 +217,7 @@ def object_position(lens: LensStack, z_image: float, wavelength: float = 587.6) 
 
 
 def magnification(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
-    """Height of the image over height of the object, negative for an image that stands upside down.
+    """Lateral magnification: image height over object height, negative for an inverted image.
 
     Parameters
     ----------
@@ -229,7 +227,7 @@ def magnification(lens: LensStack, z_object: float, wavelength: float = 587.6) -
     Returns
     -------
     float
-        0 for an object infinitely far from a lens that has a focal length, inf for one in its front focus.
+        0 for an object at infinity and a lens with a focal length; inf for an object in the front focus.
 
     Examples
     --------
@@ -246,7 +244,7 @@ def magnification(lens: LensStack, z_object: float, wavelength: float = 587.6) -
 
 
 def conjugates(lens: LensStack, magnification: float, wavelength: float = 587.6) -> tuple[float, float]:
-    """Object and image plane for a magnification.
+    """Conjugate planes: object and image plane for a lateral magnification.
 
     Parameters
     ----------
@@ -263,8 +261,7 @@ def conjugates(lens: LensStack, magnification: float, wavelength: float = 587.6)
     Raises
     ------
     InvalidValueError
-        For a magnification of 0, whose object is infinitely far, or an afocal lens, whose magnification is the same
-        everywhere.
+        For a magnification of 0, whose object is at infinity, or an afocal lens, whose magnification is constant.
 
     References
     ----------
@@ -295,19 +292,19 @@ def conjugates(lens: LensStack, magnification: float, wavelength: float = 587.6)
 
 
 def numerical_apertures(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> tuple[float, float]:
-    """Numerical apertures on the side of the object and on that of the image: n u of the paraxial marginal ray.
+    """Numerical apertures in object space and in image space: n u of the paraxial marginal ray.
 
-    For a lens that obeys the sine condition n u is n sin u of the exact ray, as the engraving on an objective has it.
+    For a lens that fulfils the sine condition, n u is n sin u of the real ray, the value engraved on an objective.
 
     Parameters
     ----------
     lens, z_object, wavelength
-        See `marginal_ray`, also for errors.
+        See `marginal_ray`, also for its errors.
 
     Returns
     -------
     object_side, image_side : float
-        Not negative. The first is 0 for an object at infinity; second times magnification is the first.
+        Not negative. `object_side` is 0 for an object at infinity; it is |magnification| times `image_side`.
 
     References
     ----------
@@ -321,20 +318,22 @@ def numerical_apertures(lens: LensStack, z_object: float = -math.inf, wavelength
     (0.0605, 0.1898)
     """
     ray = marginal_ray(lens, z_object, wavelength)
-    return abs(float(ray.index[0] * ray.angle[0])), abs(leaving_aperture(lens, ray, wavelength))
+    return abs(float(ray.index[0] * ray.angle[0])), abs(image_side_aperture(lens, ray, wavelength))
 
 
-def leaving_aperture(lens: LensStack, marginal: ParaxialRay, wavelength: float = 587.6) -> float:
-    """N' u' of a marginal ray behind the lens: negative where light converges, exactly 0 where it leaves parallel."""
+def image_side_aperture(lens: LensStack, marginal: ParaxialRay, wavelength: float = 587.6) -> float:
+    """Product n' u' of a marginal ray behind the lens: negative for converging light, exactly 0 for collimated
+    light.
+    """
     c, d = transfer_matrix(lens, wavelength, 0, len(lens.elements) - 1)[1].tolist()
     by_height, by_angle = c * float(marginal.height[0]), d * float(marginal.index[0] * marginal.angle[0])
     return without_rounding(by_height + by_angle, by_height, by_angle)
 
 
 def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
-    """1 / (2 NA) on the side of the image, with the paraxial numerical aperture; see `numerical_apertures`.
+    """Working f-number 1 / (2 NA'), with the paraxial numerical aperture NA' in image space; see `numerical_apertures`.
 
-    In air and from infinity it is the f-number; inf where light leaves parallel.
+    In air and for an object at infinity it is the f-number; inf if the emerging light is collimated.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A biconic's sag and its derivatives at one point: the kernel."""
+"""Kernel: sag of a biconic and its derivatives at one point."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from plenoptic.optics.lens.lens_record import FIRST_NUMBER
 
 @device
 def biconic_at(x, y, numbers):
-    """Sag and its derivatives by x and y, nan beyond the equator: `numbers` ends in those of `BiconicSag.numbers`."""
+    """Sag in mm and its derivatives by x and y, nan beyond the equator. `numbers` ends in those of
+    `BiconicSag.numbers`."""
     cx, cy, kx, ky = (
         numbers[FIRST_NUMBER],
         numbers[FIRST_NUMBER + 1],
@@ -21,17 +22,17 @@ def biconic_at(x, y, numbers):
     w = math.sqrt(1.0 - (kx * sx * sx + ky * sy * sy))
     over = 1.0 / (1.0 + w)
     sag = (sx * x + sy * y) * over
-    # The derivative of the sag by the squares under the root.
+    # Derivative of the sag by the radicand.
     change = 0.5 * sag * over / w
     return sag, 2.0 * sx * (over + kx * cx * change), 2.0 * sy * (over + ky * cy * change)
 
 
 @device
-def biconic_bending(r2, numbers):
-    """Bound on the second derivative in any direction up to a distance from the vertex, whose square is `r2`.
+def biconic_second_bound(r2, numbers):
+    """Upper bound, in 1/mm, of the second derivative in any direction, within x^2 + y^2 <= `r2`.
 
-    For a sag A h(B), as in `surfaces.biconic`, |A| <= c r^2 and |B| <= p r^2; h and its derivatives grow with B. That
-    of a sphere is its second derivative along the radius.
+    For a sag A h(B), as in `surfaces.biconic`, |A| <= c r^2 and |B| <= p r^2; h and its derivatives increase with B.
+    For a sphere the bound equals its second derivative along the radius.
     """
     cx, cy, kx, ky = (
         numbers[FIRST_NUMBER],

@@ -1,4 +1,4 @@
-"""Rays through one conic or one even asphere: the kernels that spherical lenses do without."""
+"""Kernels: refraction at one conic or one even asphere; spherical lenses do not need them."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from plenoptic.core.kernels.ray_blocks import (
     Z,
 )
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.kernels.freeform_term import freeform_bending, freeform_term_at
-from plenoptic.optics.lens.kernels.notes import NEWTON, STEPS
+from plenoptic.optics.lens.kernels.conditioning_probes import NEWTON, STEPS
+from plenoptic.optics.lens.kernels.freeform_term import freeform_second_bound, freeform_term_at
 from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
 NEWTON_STEPS = 12
-"""Steps that all rays of a block may take together; those that need more are looked at one by one."""
+"""Largest number of joint Newton steps of a block; rays that need more are treated one by one."""
 
 MOST_STEPS = 400
-"""Steps that one ray may take in the search for its first crossing; each is as long as is surely safe."""
+"""Largest number of steps of one ray in the search for its first intersection; each has the largest safe length."""
 
 EPS = 2.220446049250313e-16
 TINY = 1e-300
 AT_VERTEX = 1e-20
-"""How far from the surface, over its largest sag, a point may be at its vertex."""
+"""Largest distance of a point from the surface at its vertex, over the largest sag."""
 
 
 @device
 def refract_conic(ray, row, conic, index_ratios, s, code):
-    """Through one conic: as `refract_sphere`, with the factor 1 + k where z is squared.
+    """Refract rays at one conic: as `refract_sphere`, with the factor 1 + k of z^2.
 
     The normal (-c x, -c y, 1 - c (1 + k) z) has the squared length 1 - k c^2 (x^2 + y^2).
     """
@@ -91,17 +91,17 @@ def refract_conic(ray, row, conic, index_ratios, s, code):
 def height(r2, conic, aspheric):
     """Sag of an even asphere, and the derivative of the sag by r^2; nan beyond the equator of its conic.
 
-    Here and below, `conic` is its curvature and 1 + k.
+    `conic` is the pair of curvature in 1/mm and 1 + k, as in all functions of this module.
     """
     c, kz = conic
     w = math.sqrt(1.0 - kz * c * c * r2)
-    share = c / (w * (1.0 + w))
+    conic_factor = c / (w * (1.0 + w))
     terms = 0.0
-    change = 0.0
+    second_by_r2 = 0.0
     for j in range(aspheric.size - 1, FIRST_TERM - 1, -1):
-        change = change * r2 + terms
+        second_by_r2 = second_by_r2 * r2 + terms
         terms = terms * r2 + aspheric[j]
-    return r2 * (share * w + terms), 0.5 * share * (1.0 + w) + (change * r2 + terms)
+    return r2 * (conic_factor * w + terms), 0.5 * conic_factor * (1.0 + w) + (second_by_r2 * r2 + terms)
 
 
 @device
@@ -118,21 +118,21 @@ def _rounding(r2, z, conic, aspheric):
 def first_crossing(point, direction, conic, aspheric, freeform, semi_diameter2, s, steps):
     """First intersection of a ray with the surface within the clear cylinder, in the direction of the stack.
 
-    Returns the distance along the ray and a status: NOT_CONVERGED where the limit of iterations is reached, CLIPPED
-    where the ray does not come into the cylinder or passes it without a crossing, MISSED where there is no cylinder.
+    Returns the distance along the ray in mm and a status. NOT_CONVERGED: limit of iterations. CLIPPED: the ray misses
+    the cylinder or leaves it without an intersection. MISSED: the surface has no cylinder.
     """
     (x, y, z), (l, m, n) = point, direction
     if semi_diameter2 == math.inf:
         return 0.0, MISSED
     sin2 = l * l + m * m
     half = x * l + y * m
-    apart = half * half - sin2 * (x * x + y * y - semi_diameter2)
-    if not (apart > 0.0 or x * x + y * y <= semi_diameter2):
+    discriminant = half * half - sin2 * (x * x + y * y - semi_diameter2)
+    if not (discriminant > 0.0 or x * x + y * y <= semi_diameter2):
         return 0.0, CLIPPED
-    root = math.sqrt(max(apart, 0.0))
+    root = math.sqrt(max(discriminant, 0.0))
     begin = (-half - root) / sin2 if sin2 > 0.0 else -math.inf
     end = (-half + root) / sin2 if sin2 > 0.0 else math.inf
-    # A ray nearly along the axis leaves the cylinder far away: the surface lies within its own largest sag.
+    # A ray nearly parallel to the axis leaves the cylinder far away: limit it by the largest sag.
     tall = aspheric[TALLEST] + TINY
     if freeform is not None:
         tall += freeform[TALLEST]
@@ -145,13 +145,12 @@ def first_crossing(point, direction, conic, aspheric, freeform, semi_diameter2, 
 
 
 @device
-def _bend_ahead(r, half, sin2, conic, aspheric, semi_diameter2):
-    """Length ahead for which a bound on the second derivative of the sag along a ray holds, that bound, and the square
-    of the largest distance from the axis on that length.
+def _second_derivative_ahead(r, half, sin2, conic, aspheric, semi_diameter2):
+    """Look-ahead length, bound on the second derivative of the sag along the ray within it, and largest r^2 within it.
 
-    Along a ray it is at most sin^2 times the second derivative by r, since sag' / r is a mean of that. Both parts are
-    largest at the largest r: inwards that of the ray's point, until it is as far from the axis again; outwards, half of
-    the rest to the rim is looked ahead.
+    The second derivative along a ray is at most sin^2 times that by r, since sag' / r is a mean of the latter. The
+    bounds of conic and polynomial are largest at the largest r. For a ray towards the axis, this is its present r, and
+    the length ends where it reaches that r again; for a ray away from the axis, the length is half the rest to the rim.
     """
     c, kz = conic
     edge = math.sqrt(semi_diameter2)
@@ -168,19 +167,19 @@ def _bend_ahead(r, half, sin2, conic, aspheric, semi_diameter2):
 
 @device
 def _safe_step(gap, rate, sharp):
-    """Safe length of a gap that closes at a rate which changes by at most `sharp` per length."""
+    """Safe step for a gap with a closing rate `rate` that changes by at most `sharp` per unit of length."""
     root = math.sqrt(rate * rate + 2.0 * sharp * gap)
     return 2.0 * gap / (rate + root) if rate > 0.0 else (root - rate) / sharp
 
 
 @device
 def _climb(bounds, ray, conic, aspheric, freeform, semi_diameter2, s, steps):
-    """From the first of the bounds on, step by step, to where s (z - sag) first comes from below 0 to above.
+    """Step between the bounds to the first upward zero crossing of f = s (z - sag).
 
-    With f and g the function and its derivative and M a bound on its second derivative, f + g h + M h^2 / 2 is an upper
-    bound: no step to its zero passes a crossing, and near a simple one it is Newton's step. Where a ray begins above
-    the surface, it first goes down in the same way, and on by -g / M, where it is surely below. Of the bounds ahead and
-    on the whole surface, the one that allows the longer step is taken.
+    With g = f' and M a bound on |f''|, f + g h + M h^2 / 2 is an upper bound of f. A step to its zero skips no
+    intersection, and near a simple root it is Newton's step. A ray that starts above the surface first descends in the
+    same way, then steps on by -g / M, where f < 0 for certain. M is the look-ahead bound or that of the whole surface,
+    whichever allows the longer step.
     """
     ((x, y, z), (l, m, n)), (begin, end) = ray, bounds
     sin2 = l * l + m * m
@@ -193,28 +192,28 @@ def _climb(bounds, ray, conic, aspheric, freeform, semi_diameter2, s, steps):
         if steps is not None:
             steps[0] += 1.0
         px, py, pz = x + t * l, y + t * m, z + t * n
-        # At the equator itself the sag has no derivative.
+        # The derivative of the sag is infinite at the equator.
         r2 = min(px * px + py * py, semi_diameter2 * (1.0 - 16.0 * EPS))
         half = px * l + py * m
-        sag, bend = height(r2, conic, aspheric)
+        sag, sag_by_r2 = height(r2, conic, aspheric)
         f = s * (pz - sag)
-        g = s * (n - 2.0 * bend * half)
+        g = s * (n - 2.0 * sag_by_r2 * half)
         close = EPS * (abs(px) + abs(py) + abs(pz)) + TINY
         rounding = _rounding(r2, pz, conic, aspheric)
-        ahead, sharp, farthest2 = _bend_ahead(math.sqrt(r2), half, sin2, conic, aspheric, semi_diameter2)
+        ahead, sharp, farthest2 = _second_derivative_ahead(math.sqrt(r2), half, sin2, conic, aspheric, semi_diameter2)
         if freeform is not None:
             added, dx, dy = freeform_term_at(px, py, freeform)
             f -= s * added
             g -= s * (dx * l + dy * m)
             rounding += freeform[ROUNDING] + EPS * abs(added)
-            sharp += sin2 * freeform_bending(farthest2, freeform)
+            sharp += sin2 * freeform_second_bound(farthest2, freeform)
         if abs(f) <= rounding:
             if below or g > 0.0:
                 return t, 0.0
             step = max(min(-g / sharp, ahead), -g / whole)
         else:
             if below and f > 0.0:
-                # Only rounding leads past the zero of an upper bound.
+                # Only rounding errors lead past the zero of an upper bound.
                 return t, 0.0 if f <= 16.0 * (rounding + abs(g) * close) else NOT_CONVERGED
             rate = -g if f > 0.0 else g
             step = min(_safe_step(abs(f), rate, sharp), ahead)
@@ -230,7 +229,8 @@ def _climb(bounds, ray, conic, aspheric, freeform, semi_diameter2, s, steps):
 
 @device
 def to_conic_of_asphere(ray, heights, conic):
-    """Move rays to the crossing of the asphere's conic, or to their closest approach where there is none; keep that."""
+    """Move rays to the asphere's base conic, or to their closest approach if they miss it; store the closest
+    approach."""
     c, kz = conic
     for i in range(BLOCK):
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
@@ -252,7 +252,8 @@ def to_conic_of_asphere(ray, heights, conic):
 
 @device
 def _fill_heights(heights, ray, conic, aspheric):
-    """`height` for all rays of a block: rows of its sag and its derivative. Term by term, so that loops are vectors."""
+    """Fill `height` for all rays of a block: sag and its derivative by r^2. The loop over terms is outermost, for
+    SIMD."""
     c, kz = conic
     for i in range(BLOCK):
         heights[0, i] = 0.0
@@ -267,17 +268,17 @@ def _fill_heights(heights, ray, conic, aspheric):
     for i in range(BLOCK):
         r2 = ray[X + i] * ray[X + i] + ray[Y + i] * ray[Y + i]
         w = math.sqrt(1.0 - kz * c * c * r2)
-        share = c / (w * (1.0 + w))
+        conic_factor = c / (w * (1.0 + w))
         terms = heights[0, i]
-        heights[0, i] = r2 * (share * w + terms)
-        heights[1, i] = 0.5 * share * (1.0 + w) + (heights[1, i] * r2 + terms)
+        heights[0, i] = r2 * (conic_factor * w + terms)
+        heights[1, i] = 0.5 * conic_factor * (1.0 + w) + (heights[1, i] * r2 + terms)
 
 
 @device
-def _newton(ray, heights, conic, aspheric, semi_diameter2, log):
-    """Newton's method for all rays of a block together, until the next step would be below rounding.
+def _newton(ray, heights, conic, aspheric, semi_diameter2, probes):
+    """Newton's method for all rays of a block together, until the next step is below the rounding error.
 
-    With `log`, each ray's own steps are counted: up to the first one of its own after which that is so.
+    `probes`, if given, counts the steps of each ray up to its own convergence.
     """
     sharpest = aspheric[SHARPEST]
     for _ in range(NEWTON_STEPS):
@@ -288,43 +289,44 @@ def _newton(ray, heights, conic, aspheric, semi_diameter2, log):
             l, m, n = ray[L + i], ray[M + i], ray[N + i]
             slope = n - 2.0 * heights[1, i] * (x * l + y * m)
             step = (heights[0, i] - z) / slope
-            # What a step leaves: its square times half the curvature of z - sag along the ray, over the slope.
+            # Remaining error: the step squared times half the second derivative of z - sag along the ray, over its
+            # slope.
             left = 0.5 * sharpest * step * step - EPS * abs(slope) * (abs(x) + abs(y) + abs(z))
-            # Rays that are lost, outside the clear cylinder or without a height there wait for their turn.
+            # Rays that are lost, outside the clear cylinder or without a sag do not delay convergence.
             going = ray[STATUS + i] == 0.0 and x * x + y * y <= semi_diameter2 and step - step == 0.0
             step = step if going else 0.0
             ray[X + i] = x + step * l
             ray[Y + i] = y + step * m
             ray[Z + i] = z + step * n
             far += 1 if going and left > 0.0 else 0
-            if log is not None:  # noqa: SIM102 - alone, so that it is pruned
+            if probes is not None:  # noqa: SIM102 - nested for compile-time pruning
                 if going:
-                    log[NEWTON, i] = min(max(log[NEWTON, i], 1.0) + (1.0 if left > 0.0 else 0.0), NEWTON_STEPS)
+                    probes[NEWTON, i] = min(max(probes[NEWTON, i], 1.0) + (1.0 if left > 0.0 else 0.0), NEWTON_STEPS)
         if far == 0:
             return
 
 
 @device
-def _settle(ray, heights, conic, aspheric, semi_diameter2, s, code, log):
-    """Look at the rays one by one for which Newton's method did not surely find the first crossing.
+def _search_first_crossings(ray, heights, conic, aspheric, semi_diameter2, s, code, probes):
+    """Search the first intersection of each ray for which Newton's method may have found another one.
 
-    It did where the point lies on the surface, in the clear cylinder, and the ray can cross only once.
+    The root is certain if the point lies on the surface, in the clear cylinder, and the ray can cross only once.
     """
     _fill_heights(heights, ray, conic, aspheric)
     steepest2 = aspheric[STEEPEST] * aspheric[STEEPEST]
-    # At the vertex itself all coordinates vanish, and what is relative to them.
+    # At the vertex all coordinates vanish, and so does a tolerance relative to them.
     at_vertex = AT_VERTEX * aspheric[TALLEST]
     unsettled = 0
     for i in range(BLOCK):
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
-        bend = heights[1, i]
-        slope = n - 2.0 * bend * (x * l + y * m)
+        sag_by_r2 = heights[1, i]
+        slope = n - 2.0 * sag_by_r2 * (x * l + y * m)
         out = abs(x) + abs(y)
-        close = abs(z - heights[0, i]) <= 8.0 * EPS * (out + abs(z)) * (1.0 + 2.0 * abs(bend) * out) + at_vertex
-        # Without a rim the surface goes on where its slope is not known: what Newton's method finds is taken.
-        alone = n * n > steepest2 * (l * l + m * m) or semi_diameter2 == math.inf
-        settled = close and x * x + y * y <= semi_diameter2 and s * slope > 0.0 and alone
+        close = abs(z - heights[0, i]) <= 8.0 * EPS * (out + abs(z)) * (1.0 + 2.0 * abs(sag_by_r2) * out) + at_vertex
+        # An unlimited surface has no known slope bound, so the root of Newton's method is accepted.
+        single_crossing = n * n > steepest2 * (l * l + m * m) or semi_diameter2 == math.inf
+        settled = close and x * x + y * y <= semi_diameter2 and s * slope > 0.0 and single_crossing
         heights[0, i] = 1.0 if settled or ray[STATUS + i] != 0.0 else 0.0
         unsettled += 0 if settled or ray[STATUS + i] != 0.0 else 1
     if unsettled == 0:
@@ -332,17 +334,17 @@ def _settle(ray, heights, conic, aspheric, semi_diameter2, s, code, log):
     for i in range(BLOCK):
         if heights[0, i] == 1.0:
             continue
-        # From the closest approach: wide steps of Newton's method lead off the ray by their own rounding.
+        # Start again from the closest approach: large Newton steps leave the ray by their rounding error.
         x, y, z = heights[2, i], heights[3, i], heights[4, i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
-        steps = None if log is None else log[STEPS, i : i + 1]
+        steps = None if probes is None else probes[STEPS, i : i + 1]
         t, lost = first_crossing((x, y, z), (l, m, n), conic, aspheric, None, semi_diameter2, s, steps)
         ray[X + i] = x + t * l
         ray[Y + i] = y + t * m
         ray[Z + i] = z + t * n
         r2 = ray[X + i] ** 2 + ray[Y + i] ** 2
         _, heights[1, i] = height(r2, conic, aspheric)
-        # A direction so near the axis that its square is 0 says nothing about where the cylinder is left.
+        # The exit from the cylinder is undefined where l^2 + m^2 underflows to 0.
         lost = lost if r2 <= semi_diameter2 * (1.0 + 16.0 * EPS) or lost != 0.0 else CLIPPED
         if lost != 0.0:
             finite = x - x == 0.0 and y - y == 0.0 and z - z == 0.0
@@ -350,25 +352,26 @@ def _settle(ray, heights, conic, aspheric, semi_diameter2, s, code, log):
 
 
 @device
-def refract_asphere(ray, row, conic, aspheric, index_ratios, s, code, log):
-    """Through one even asphere; `aspheric` as in `LensRecord`. With `log` (LOG, BLOCK), steps are counted; see `notes`.
+def refract_asphere(ray, row, conic, aspheric, index_ratios, s, code, probes):
+    """Refract rays at one even asphere; `aspheric` as in `LensRecord`.
 
-    A ray steeper against the vertex plane than the surface is anywhere crosses it at most once, and the crossing that
-    Newton's method finds is that one. All others are searched for their first crossing inside the semi-diameter.
+    `probes` (PROBE_ROWS, BLOCK), if given, counts the steps; see `conditioning_probes`. A ray steeper against the
+    vertex plane than the surface is anywhere has at most one intersection, which Newton's method finds. All other rays
+    are searched for their first intersection inside the semi-diameter.
     """
     heights, shape = np.empty((5, BLOCK)), (row.curvature, 1.0 + conic)
     index_ratio, semi_diameter2 = row.index_ratio, row.semi_diameter2
     to_conic_of_asphere(ray, heights, shape)
-    _newton(ray, heights, shape, aspheric, semi_diameter2, log)
-    _settle(ray, heights, shape, aspheric, semi_diameter2, s, code, log)
+    _newton(ray, heights, shape, aspheric, semi_diameter2, probes)
+    _search_first_crossings(ray, heights, shape, aspheric, semi_diameter2, s, code, probes)
     for i in range(BLOCK):
         mu = index_ratio if index_ratios is None else index_ratios[i]
         x, y = ray[X + i], ray[Y + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
-        bend = heights[1, i]
+        sag_by_r2 = heights[1, i]
         r2 = x * x + y * y
-        nz = 1.0 / math.sqrt(1.0 + 4.0 * bend * bend * r2)
-        nx, ny = -2.0 * bend * x * nz, -2.0 * bend * y * nz
+        nz = 1.0 / math.sqrt(1.0 + 4.0 * sag_by_r2 * sag_by_r2 * r2)
+        nx, ny = -2.0 * sag_by_r2 * x * nz, -2.0 * sag_by_r2 * y * nz
         cos_i = s * (nx * l + ny * m + nz * n)
         cos2 = 1.0 - mu * mu * (1.0 - cos_i * cos_i)
         cos_t = math.sqrt(max(cos2, 0.0))

@@ -1,4 +1,4 @@
-"""Rays into the axes of an element that is out of place, and back: the kernels."""
+"""Kernels: transforms of rays into the axes of a decentred or tilted element, and back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from plenoptic.core.numba.jit import device
 
 @device
 def into_frame(ray, frame):
-    """Rays in the axes of an element that is shifted and turned: `frame` as in `LensRecord.frames`."""
+    """Transform rays from the axes of the lens to those of an element; `frame` is a row of `LensRecord.frames`."""
     for i in range(BLOCK):
         x, y, z = ray[X + i] - frame[9], ray[Y + i] - frame[10], ray[Z + i] - frame[11]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
@@ -22,7 +22,7 @@ def into_frame(ray, frame):
 
 @device
 def out_of_frame(ray, frame):
-    """Rays back from the axes of an element to those of the lens."""
+    """Transform rays from the axes of an element to those of the lens."""
     for i in range(BLOCK):
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]

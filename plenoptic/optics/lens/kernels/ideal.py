@@ -1,4 +1,4 @@
-"""Rays through a plane, and through a thick lens without aberrations: the kernels."""
+"""Kernels: rays to a plane, and through an aberration-free thick lens."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from plenoptic.core.numba.jit import device
 
 @device
 def to_plane(ray):
-    """Move rays along themselves to the plane z = 0."""
+    """Propagate rays to the plane z = 0."""
     for i in range(BLOCK):
         t = -ray[Z + i] / ray[N + i]
         ray[X + i] += t * ray[L + i]
@@ -20,17 +20,18 @@ def to_plane(ray):
 
 @device
 def refract_ideal(ray, power, relative_powers, separation):
-    """A thick lens without aberrations: slopes change by height times power between the two principal planes.
+    """Refract rays by an aberration-free thick lens: the slope changes by minus height times power.
 
-    `relative_powers` is how much stronger the lens is for each ray than `power`; None: no ray differs.
+    `power` is in 1/mm, `separation` of the principal planes in mm. `relative_powers` (BLOCK,) are the power for each
+    ray over `power`; None if all are 1.
     """
     to_plane(ray)
     for i in range(BLOCK):
-        bend = power if relative_powers is None else power * relative_powers[i]
-        # The slope is per length of travel, and so is the bend towards the axis.
+        ray_power = power if relative_powers is None else power * relative_powers[i]
+        # Slopes are per unit of travel along the axis, in either direction.
         ahead = abs(ray[N + i])
-        u = ray[L + i] / ahead - ray[X + i] * bend
-        v = ray[M + i] / ahead - ray[Y + i] * bend
+        u = ray[L + i] / ahead - ray[X + i] * ray_power
+        v = ray[M + i] / ahead - ray[Y + i] * ray_power
         cos = 1.0 / math.sqrt(1.0 + u * u + v * v)
         ray[Z + i] = separation
         ray[L + i] = u * cos

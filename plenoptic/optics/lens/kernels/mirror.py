@@ -1,4 +1,4 @@
-"""Rays reflected at one surface that they have been moved to: the kernel."""
+"""Kernel: reflection of rays at a surface, from their intersections with it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from plenoptic.optics.lens.kernels.freeform import freeform_at
 
 @device
 def reflect(ray, lens, k):
-    """At the surface in row k, whose vertex is the origin: d - 2 (d . n) n / n^2, with a normal n of any length.
+    """Reflect rays at the surface in row k, whose vertex is the origin: d - 2 (d . n) n / n^2, with n of any length.
 
-    A conic's is the gradient of its equation, which holds beyond an equator too.
+    The normal of a conic is the gradient of its implicit equation, which holds beyond the equator too.
     """
     row = lens.rows[k]
     c, kz = row.curvature, 1.0 if lens.conic is None else 1.0 + lens.conic[k]
@@ -25,7 +25,7 @@ def reflect(ray, lens, k):
             if row.kind == ASPHERE:
                 _, bend = height(x * x + y * y, (c, kz), lens.aspheric[k])
                 nx, ny, nz = -2.0 * bend * x, -2.0 * bend * y, 1.0
-            if lens.freeform is not None:  # noqa: SIM102 - alone, so that it is pruned
+            if lens.freeform is not None:  # noqa: SIM102 - nested for compile-time pruning
                 if row.kind == FREEFORM:
                     _, dx, dy = freeform_at(x, y, (c, kz), lens.aspheric[k], lens.freeform[k])
                     nx, ny, nz = -dx, -dy, 1.0

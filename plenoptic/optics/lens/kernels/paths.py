@@ -1,7 +1,6 @@
-"""The optical path of rays from element to element: the kernels.
+"""Kernels: optical path length of rays from element to element.
 
-Rays between two elements are straight, and a ray stands on one until it is moved to the next: the way is that from
-where it stood, along its direction there, in the axes of the element that it meets.
+Each step adds the index times the distance between two intersections, along the ray, in the axes of the next element.
 """
 
 from __future__ import annotations
@@ -12,15 +11,15 @@ from plenoptic.core.numba.jit import device
 
 @device
 def begin_path(path, ray):
-    """Rays as they were given: how far they will be moved to the point closest to the lens origin."""
+    """Initialise path lengths in mm: from the origin of each input ray to its point closest to the lens origin."""
     for i in range(BLOCK):
         ahead = -(ray[X + i] * ray[L + i] + ray[Y + i] * ray[M + i] + ray[Z + i] * ray[N + i])
         path.length[i] = path.indices[0] * ahead
 
 
 @device
-def keep_start(path, ray):
-    """Store positions and directions of rays before they are moved to an element, in its axes."""
+def store_start(path, ray):
+    """Store positions and directions of rays before their propagation to an element, in its axes."""
     for row in range(6):
         for i in range(BLOCK):
             path.start[row, i] = ray[row * BLOCK + i]
@@ -28,7 +27,7 @@ def keep_start(path, ray):
 
 @device
 def add_path(path, ray, k):
-    """Rays stand on element k now."""
+    """Add the optical path length from the stored points to the intersections with element k."""
     index, start = path.indices[k], path.start
     for i in range(BLOCK):
         x, y, z = ray[X + i] - start[0, i], ray[Y + i] - start[1, i], ray[Z + i] - start[2, i]

@@ -1,4 +1,4 @@
-"""Rays through one sphere or plane: the kernel."""
+"""Kernel: refraction at one sphere or plane."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from plenoptic.core.numba.jit import device
 
 @device
 def _quotients(a, b, c, d):
-    """a / b and c / d by one division. A Newton step each makes them as exact as two would."""
+    """a / b and c / d with one division; a Newton step for each restores the accuracy of two divisions."""
     inverse = 1.0 / (b * d)
     of_b, of_d = inverse * d, inverse * b
     x, y = a * of_b, c * of_d
@@ -32,13 +32,12 @@ def _quotients(a, b, c, d):
 
 @device
 def refract_sphere(ray, c, index_ratio, index_ratios, semi_diameter2, max_depth, s, code):
-    """Through one sphere or plane of curvature c, whose vertex is the origin of the rays' z.
+    """Refract rays at one sphere or plane of curvature c in 1/mm, whose vertex is the origin of the rays' z.
 
-    Closest-approach form: with the ray's point nearest to the vertex as its start, F and G suffer no
-    cancellation on flat surfaces, tiny radii or distant origins. `s` is the direction of travel along
-    the stack. `index_ratio` is that of all rays, unless `index_ratios` has one for each. `max_depth` is how deep the
-    surface reaches: up to c z = 1 it is the part of the sphere on the vertex's side of the equator, and a ray
-    that could only meet the other half has missed it.
+    The ray starts at its point closest to the vertex, so F and G suffer no cancellation on flat surfaces, tiny radii or
+    distant origins. `s` is the direction of travel along the stack. `index_ratio` holds for all rays, unless
+    `index_ratios` has one for each. `max_depth` is the largest c z of the surface: 1 at the equator. A ray whose only
+    intersections lie deeper misses the surface.
     """
     for i in range(BLOCK):
         mu = index_ratio if index_ratios is None else index_ratios[i]

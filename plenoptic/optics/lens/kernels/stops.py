@@ -15,7 +15,7 @@ from plenoptic.optics.lens.lens_record import MASK_HEAD
 
 @device
 def clip_circle(ray, semi_diameter2, code):
-    """At the circle around a stop."""
+    """Clip rays outside the circle around a stop."""
     for i in range(BLOCK):
         r2 = ray[X + i] * ray[X + i] + ray[Y + i] * ray[Y + i]
         lost = 0.0 if r2 <= semi_diameter2 else code + CLIPPED
@@ -26,7 +26,7 @@ def clip_circle(ray, semi_diameter2, code):
 
 @device
 def _clip_edge(ray, nx, ny, apothem, code):
-    """At one straight edge."""
+    """Clip rays beyond one straight edge."""
     for i in range(BLOCK):
         inside = nx * ray[X + i] + ny * ray[Y + i] <= apothem
         was = ray[STATUS + i]
@@ -35,7 +35,7 @@ def _clip_edge(ray, nx, ny, apothem, code):
 
 @device
 def _clip_arc(ray, a, b, limit, bend, code):
-    """At one edge of curved blades, or the inner one of a ring; see `PolygonStop.edges`."""
+    """Clip rays beyond one arc: the edge of a curved blade, or the inner edge of a ring; see `PolygonStop.edges`."""
     for i in range(BLOCK):
         x, y = ray[X + i], ray[Y + i]
         inside = a * x + b * y + bend * (x * x + y * y) <= limit
@@ -56,7 +56,7 @@ def _clip_notch(ray, one, other, code):
 
 @device
 def _through_mask(ray, masks, k, code):
-    """Times the transmission of the cell that is met; lost rays may be anywhere, or nowhere."""
+    """Multiply weights by the transmission of the mask's cell at each ray; lost rays may have any position, or nan."""
     first, rows, columns = int(masks[MASK_HEAD * k]), masks[MASK_HEAD * k + 1], masks[MASK_HEAD * k + 2]
     per_mm, width = masks[MASK_HEAD * k + 3], int(columns)
     for i in range(BLOCK):
@@ -73,7 +73,7 @@ def _through_mask(ray, masks, k, code):
 
 @device
 def clip_shape(ray, lens, k, code):
-    """At the edges of the stop in row k that lie inside the circle around it."""
+    """Clip rays at the edges of the stop in row k that lie inside the circle around it."""
     kind, edges = lens.rows[k].kind, lens.edges[lens.first_edge[k] : lens.first_edge[k + 1]]
     if kind == POLYGON:
         for j in range(edges.shape[0]):
@@ -84,6 +84,6 @@ def clip_shape(ray, lens, k, code):
     elif kind == STAR:
         for j in range(0, edges.shape[0], 2):
             _clip_notch(ray, edges[j], edges[j + 1], code)
-    elif lens.masks is not None:  # noqa: SIM102 - alone, so that it is pruned
+    elif lens.masks is not None:  # noqa: SIM102 - nested for compile-time pruning
         if kind == MASK:
             _through_mask(ray, lens.masks, k, code)

@@ -1,4 +1,4 @@
-"""Rays through a lens, element by element: the kernels."""
+"""Kernels that trace rays through a lens, element by element."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.element_record import ASPHERE, CIRCLE, CONIC, FREEFORM, IDEAL, SPHERE
+from plenoptic.optics.lens.kernels.conditioning_probes import (
+    INCIDENT_ROWS,
+    init_incident,
+    record_asphere,
+    record_conic,
+    record_plane,
+    store_incident,
+)
 from plenoptic.optics.lens.kernels.conic_asphere import refract_asphere, refract_conic
 from plenoptic.optics.lens.kernels.frames import into_frame, out_of_frame
-from plenoptic.optics.lens.kernels.freeform import note_freeform, refract_freeform
+from plenoptic.optics.lens.kernels.freeform import record_freeform, refract_freeform
 from plenoptic.optics.lens.kernels.ideal import refract_ideal, to_plane
 from plenoptic.optics.lens.kernels.mirror import reflect
-from plenoptic.optics.lens.kernels.notes import (
-    ARRIVAL,
-    begin_arrival,
-    keep_arrival,
-    note_asphere,
-    note_conic,
-    note_plane,
-)
-from plenoptic.optics.lens.kernels.paths import add_path, begin_path, keep_start
+from plenoptic.optics.lens.kernels.paths import add_path, begin_path, store_start
 from plenoptic.optics.lens.kernels.sphere import refract_sphere
 from plenoptic.optics.lens.kernels.stops import clip_circle, clip_shape
 from plenoptic.optics.lens.lens_record import MOVED
@@ -48,42 +48,42 @@ def _leave(ray, z_last):
 
 
 @device
-def _fill_index_ratios(index_ratios, of_waves, waves, first):
-    """The ratio of indices of each ray of a block: `of_waves` holds one for each wavelength."""
+def _fill_index_ratios(index_ratios, by_wavelength, waves, first):
+    """Fill the index ratio of each ray of a block from `by_wavelength`, which holds one for each wavelength."""
     for i in range(BLOCK):
-        index_ratios[i] = of_waves[waves[first + i]]
+        index_ratios[i] = by_wavelength[waves[first + i]]
 
 
 @device
-def _note(log, arrival, ray, lens, k, index_ratios):
-    """Record the rays behind element k."""
+def _record_element(probes, incident, ray, lens, k, index_ratios):
+    """Record the conditioning of the rays behind element k."""
     row = lens.rows[k]
-    place = abs(row.z) if k == 0 or k == lens.rows.size - 1 else 0.0
+    origin_distance = abs(row.z) if k == 0 or k == lens.rows.size - 1 else 0.0
     kz = 1.0 if lens.conic is None else 1.0 + lens.conic[k]
     if row.kind == SPHERE or row.kind == CONIC:
-        note_conic(log[k], arrival, ray, row, kz, index_ratios, place)
+        record_conic(probes[k], incident, ray, row, kz, index_ratios, origin_distance)
     elif row.kind != ASPHERE and row.kind != FREEFORM:
-        note_plane(log[k], arrival, ray, row.kind == IDEAL, place)
+        record_plane(probes[k], incident, ray, row.kind == IDEAL, origin_distance)
     elif lens.aspheric is not None:
         if row.kind == ASPHERE:
-            note_asphere(log[k], arrival, ray, row, (kz, lens.aspheric[k]), index_ratios, place)
+            record_asphere(probes[k], incident, ray, row, (kz, lens.aspheric[k]), index_ratios, origin_distance)
         elif lens.freeform is not None:
-            note_freeform(log, arrival, ray, lens, k, index_ratios, place)
+            record_freeform(probes, incident, ray, lens, k, index_ratios, origin_distance)
 
 
 @device
-def trace_block(ray, lens, waves, first, index_ratios, log, path):
-    """One block through all elements of a `LensRecord`, in the order of travel.
+def trace_block(ray, lens, waves, first, index_ratios, probes, path):
+    """Trace one block through all elements of a `LensRecord`, in the order of travel.
 
-    With `waves`, rays have wavelengths of their own: ray i of the block the one of column waves[first + i] of
-    `lens.index_ratios`, and `index_ratios` is room for a block. With `log` (elements, LOG, BLOCK), notes are taken;
-    with `path`, the rays' optical paths are found.
+    With `waves`, each ray has its own wavelength: waves[first + i] is the column of `lens.index_ratios` for ray i of
+    the block. `index_ratios` (BLOCK,) is then a buffer. With `probes` (elements, PROBE_ROWS, BLOCK), the conditioning
+    is recorded. With `path`, optical path lengths are computed.
     """
     if path is not None:
         begin_path(path, ray)
-    if log is not None:
-        arrival = np.empty((ARRIVAL, BLOCK))
-        begin_arrival(arrival, ray)
+    if probes is not None:
+        incident = np.empty((INCIDENT_ROWS, BLOCK))
+        init_incident(incident, ray)
     rows, s = lens.rows, lens.direction
     _enter(ray, rows[0].z)
     for k in range(rows.size):
@@ -93,18 +93,18 @@ def trace_block(ray, lens, waves, first, index_ratios, log, path):
                 ray[Z + i] -= gap
         if waves is not None:
             _fill_index_ratios(index_ratios, lens.index_ratios[k], waves, first)
-        if lens.frames is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if lens.frames is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.frames[k, MOVED] != 0.0:
                 into_frame(ray, lens.frames[k])
         if lens.mirrors is not None:
-            # Rays meet a mirror as they come from the scene, whichever way they go through the lens.
+            # A mirror is always traced in the direction from the scene, also when the lens is traced in reverse.
             s = 1.0 if lens.mirrors[k, MOVED] != 0.0 else lens.direction
             if s != lens.direction:
                 out_of_frame(ray, lens.mirrors[k])
-        if log is not None:
-            keep_arrival(arrival, log[k], ray)
+        if probes is not None:
+            store_incident(incident, probes[k], ray)
         if path is not None:
-            keep_start(path, ray)
+            store_start(path, ray)
         row, code = rows[k], CAUSES * (rows[k].surface_index + 1.0)
         if row.kind == SPHERE:
             c, mu = row.curvature, row.index_ratio
@@ -121,21 +121,21 @@ def trace_block(ray, lens, waves, first, index_ratios, log, path):
                 refract_conic(ray, row, lens.conic[k], index_ratios, s, code)
             elif lens.aspheric is not None:
                 if row.kind == ASPHERE:
-                    steps = None if log is None else log[k]
+                    steps = None if probes is None else probes[k]
                     refract_asphere(ray, row, lens.conic[k], lens.aspheric[k], index_ratios, s, code, steps)
                 elif lens.freeform is not None:
-                    refract_freeform(ray, lens, k, index_ratios, s, code, log)
+                    refract_freeform(ray, lens, k, index_ratios, s, code, probes)
         if path is not None:
             add_path(path, ray, k)
-        if lens.mirrors is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.mirrors[k, MOVED] != 0.0:
                 reflect(ray, lens, k)
-        if log is not None:
-            _note(log, arrival, ray, lens, k, index_ratios)
-        if lens.mirrors is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if probes is not None:
+            _record_element(probes, incident, ray, lens, k, index_ratios)
+        if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.mirrors[k, MOVED] != 0.0 and lens.direction > 0.0:
                 out_of_frame(ray, lens.mirrors[k])
-        if lens.frames is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if lens.frames is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.frames[k, MOVED] != 0.0:
                 out_of_frame(ray, lens.frames[k])
     _leave(ray, rows[rows.size - 1].z)
@@ -145,7 +145,7 @@ def trace_block(ray, lens, waves, first, index_ratios, log, path):
 def fill_through_lens(blocks, lens, waves):
     """Trace a bundle, shape (n_blocks * RAY,), in place.
 
-    With `waves` (rays,), rays have wavelengths of their own, numbers of columns of `lens.index_ratios`; None: one.
+    `waves` (rays,) is the column of `lens.index_ratios` of each ray; None if all rays have one wavelength.
     """
     index_ratios = None if waves is None else np.empty(BLOCK)
     for b in range(blocks.size // RAY):
@@ -153,19 +153,19 @@ def fill_through_lens(blocks, lens, waves):
 
 
 @kernel
-def fill_conditions(blocks, log, lens, waves):
-    """Trace a bundle as `fill_through_lens` does, and fill `log`.
+def fill_conditions(blocks, probes, lens, waves):
+    """Trace a bundle as `fill_through_lens` does, and record its conditioning.
 
-    `log` (n_blocks, elements, LOG, BLOCK), elements in the order of travel; see `notes`.
+    `probes` (n_blocks, elements, PROBE_ROWS, BLOCK) has the elements in the order of travel; see `conditioning_probes`.
     """
     index_ratios = None if waves is None else np.empty(BLOCK)
     for b in range(blocks.size // RAY):
-        trace_block(blocks[b * RAY : (b + 1) * RAY], lens, waves, b * BLOCK, index_ratios, log[b], None)
+        trace_block(blocks[b * RAY : (b + 1) * RAY], lens, waves, b * BLOCK, index_ratios, probes[b], None)
 
 
 @device
 def take_rays(ray, given, first, last):
-    """Rays of `RayArrays` into a block."""
+    """Copy rays of `RayArrays` into a block."""
     origin, direction = given.origin[3 * first : 3 * last], given.direction[3 * first : 3 * last]
     weight, status, lost_at = given.weight[first:last], given.status[first:last], given.lost_at[first:last]
     for i in range(last - first):
@@ -181,7 +181,7 @@ def take_rays(ray, given, first, last):
 
 @device
 def give_rays(out, ray, first, last):
-    """The way back; lost rays become NaN."""
+    """Copy a block into `RayArrays`; lost rays become NaN."""
     origin, direction = out.origin[3 * first : 3 * last], out.direction[3 * first : 3 * last]
     weight, status, lost_at = out.weight[first:last], out.status[first:last], out.lost_at[first:last]
     for i in range(last - first):
@@ -200,7 +200,7 @@ def give_rays(out, ray, first, last):
 
 @kernel
 def fill_traced_rows(out, given, lens, first, last):
-    """Trace the rays `first` to `last` of `RayArrays` into others. Lost ones end as NaN with weight 0 and a status."""
+    """Trace rays `first` ... `last` - 1 of `RayArrays` into `out`. Lost rays become NaN, with weight 0 and a status."""
     ray = np.zeros(RAY)
     for start in range(first, last, BLOCK):
         end = min(start + BLOCK, last)
@@ -213,7 +213,7 @@ def fill_traced_rows(out, given, lens, first, last):
 def fill_paths(out, lengths, given, lens, path, first, last):
     """Trace as `fill_traced_rows`, with each ray's optical path in mm from its origin to the last element; nan if lost.
 
-    `path` is a `PathWorkspace` that this call alone writes to.
+    Each concurrent call needs its own `PathWorkspace` as `path`.
     """
     ray = np.zeros(RAY)
     for start in range(first, last, BLOCK):

@@ -1,4 +1,4 @@
-"""Zernike polynomials and their derivatives at one point: the kernel."""
+"""Kernel: sum of Zernike polynomials and its derivatives at one point."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from plenoptic.optics.lens.lens_record import FIRST_NUMBER
 
 @device
 def zernike_at(x, y, numbers):
-    """Sag and its derivatives by x and y: `numbers` ends in those of `ZernikeSag.numbers`.
+    """Sag in mm and its derivatives by x and y; `numbers` ends in those of `ZernikeSag.numbers`.
 
     With zeta = (x + i y) / norm_radius, the derivatives of zeta^m by x and y are m zeta^(m - 1) and i times that.
     """

@@ -1,1 +1,1 @@
-"""Pupils of a real lens: which rays pass the iris, aimed, bounded or sampled."""
+"""Pupils of a real lens: ray aiming, pupil bounds, and sampling of the rays that pass the iris."""

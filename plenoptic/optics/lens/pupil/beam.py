@@ -1,9 +1,8 @@
 """Pencils: the rays from one object point that fill the real iris.
 
-A few rays are aimed at the edge of the iris. Where they leave the object point, as positions across the beam for an
-object at infinity and as direction cosines otherwise, they outline the pupil as this point sees it. The outline is
-widened and filled evenly, and the real stop and rims decide which rays pass. So nothing is interpolated: the outline
-decides where rays are drawn, never which of them count.
+A few rays are aimed at the edge of the iris. In object space they outline the pupil seen from this point: as positions
+across the beam for an object at infinity, otherwise as direction cosines. The outline is widened and sampled uniformly;
+the real stop and rims clip the rays. Nothing is interpolated: the outline is a sampling region only.
 """
 
 from __future__ import annotations
@@ -26,30 +25,31 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_part
 
 REPLICATES = 32
-"""Independent scramblings of the sampling points, from which errors are estimated. From 8 of them, errors of all fields
-and wavelengths are right on average, and one in a hundred states a fifth of what it is."""
+"""Number of independent scramblings of the sampling points, for error estimates. With 8, errors of all fields and
+wavelengths are right on average, and one in a hundred states a fifth of its true value."""
 
 _RIM = 64
 """Rays aimed at the edge of the iris."""
 _SIDES = 48
-"""Sides of the polygon around them: a circle's circumscribed one is 0.14 % larger than the circle."""
+"""Sides of the polygon around them; around a circle it is 0.14 % larger than the circle."""
 _MARGIN = 0.01
-"""How much wider than the outline the filled region is."""
+"""Widening of the sampled region over the outline."""
 _MOST_WAVELENGTHS = 256
 _GROWTH, _MOST_GROWTHS = 1.2, 16
 _PARTS_OF_IRIS = (1.0, 0.9, 0.7, 0.5, 0.3, 0.1)
 
 
 class Pencil(NamedTuple):
-    """Rays from one object point, before and behind the lens, in equal parts one after the other, the replicates."""
+    """Rays from one object point, before and behind the lens, in consecutive replicates of equal size."""
 
     entering: RayBundle
     leaving: RayBundle
-    """Lost rays included, see `RayBundle`."""
+    """Rays behind the lens, including lost ones; see `RayBundle`."""
     chief: RayBundle
-    """One ray through the centre of the iris, behind the lens."""
+    """Chief ray behind the lens."""
     extent: float
-    """Of the region that the rays fill evenly: mm^2 across the beam, or projected solid angle for a finite object."""
+    """Size of the uniformly sampled region: mm^2 across the beam, or projected solid angle in sr for a finite
+    object."""
 
 
 class _Launch(NamedTuple):
@@ -70,7 +70,7 @@ class _Launch(NamedTuple):
             return RayBundle(self.origin + coordinates @ self.across, direction, self.wavelength)
         along = np.empty((n, 3))
         along[:, :2] = coordinates
-        with np.errstate(invalid="ignore"):  # beyond the horizon: NaN, which no lens lets pass
+        with np.errstate(invalid="ignore"):  # l^2 + m^2 > 1 gives NaN, a ray that no lens passes
             along[:, 2] = np.sqrt(1.0 - np.einsum("ij,ij->i", coordinates, coordinates))
         return RayBundle(np.broadcast_to(self.origin, (n, 3)), along, self.wavelength)
 
@@ -81,23 +81,23 @@ class _Launch(NamedTuple):
 
 
 class ImagedPoint(NamedTuple):
-    """One object point, the plane on which its light is looked at, and the wavelengths of that light."""
+    """Object point, image plane and wavelengths of an analysis."""
 
     field: tuple[float, float]
-    """Angles in radians for an object at infinity, otherwise mm."""
+    """x and y: angles in radians for an object at infinity, otherwise mm."""
     z_object: float
     z_image: float
-    """Planes in the lens frame in mm."""
+    """Object and image plane: z in the lens frame, mm."""
     wavelengths: tuple[float, ...]
     """In nm."""
 
     @property
     def result_fields(self) -> dict[str, Any]:
-        """Fields of the results of analyses."""
+        """Attributes common to the results of analyses."""
         return self._asdict() | {"field": np.array(self.field)}
 
     def rays(self, lens: LensStack, pupil: Floats, wavelength: float) -> RayBundle:
-        """Rays of the point before the lens through points (n, 2) of the iris; see `aimed_rays`."""
+        """Rays of the point in front of the lens, aimed at points (n, 2) of the iris; see `aimed_rays`."""
         return aimed_rays(lens, field=self.field, pupil=pupil, z_object=self.z_object, wavelength=wavelength)
 
 
@@ -108,7 +108,7 @@ def field_text(field: Sequence[float] | Floats, z_object: float) -> str:
 
 
 def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> tuple[tuple[float, float], float]:
-    """Field and object distance of one object point as floats, or an error."""
+    """Check an object point; returns field and z of the object as floats."""
     check_kind(lens, "lens", LensStack, "camera.lens")
     try:
         x, y = (0.0, field) if np.ndim(field) == 0 else field  # type: ignore[misc]
@@ -121,7 +121,7 @@ def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> t
 
 
 def checked_wavelengths(wavelength: float | Sequence[float]) -> tuple[float, ...]:
-    """One wavelength or several as a tuple, or an error."""
+    """Check one or several wavelengths; returns a tuple in nm."""
     several = isinstance(wavelength, Sequence) or (isinstance(wavelength, np.ndarray) and wavelength.ndim > 0)
     values: list[Any] = list(wavelength) if several else [wavelength]  # type: ignore[arg-type]
     if not values:
@@ -139,10 +139,11 @@ def meridian(field: Sequence[float] | Floats) -> Floats:
 def pencil(
     lens: LensStack, point: ImagedPoint, wavelength: float, *, rays: int, seed: int, replicates: int
 ) -> Pencil | None:
-    """At least `rays` rays (a multiple of `replicates`) from one object point; None where no ray reaches the iris.
+    """Pencil of at least `rays` rays (a multiple of `replicates`) from one object point; None if no ray reaches the
+    iris.
 
-    Each carries the same light: of an object at infinity they are spread evenly over the cross section of the beam, and
-    of a finite one evenly over the direction cosines, as a Lambertian patch of the object plane sends them.
+    Each ray carries the same light. Rays of an object at infinity are uniform over the cross section of the beam; rays
+    of a finite object are uniform over the direction cosines, as from a Lambertian patch of the object plane.
     """
     rim = np.asarray(lens.stop.outline(_RIM)) / lens.stop.semi_diameter
     chief = point.rays(lens, np.zeros((1, 2)), wavelength)
@@ -152,44 +153,44 @@ def pencil(
         aimed = point.rays(lens, part * rim, wavelength)
         if np.count_nonzero(aimed.status == 0) >= _RIM // 2:
             break
-        # Few rays reach the edge of the iris: begin further inside, and let the region grow.
+        # Few rays reach the edge of the iris: start further inside, and let the region grow.
     aimed = aimed.selected(aimed.status == 0)
     if len(aimed) < 3:
         return None
     launch = _launch(aimed, finite_object=math.isfinite(point.z_object))
-    corners = _grown(lens, launch, _outline(launch.coordinates(aimed)))
+    corners = _grow_polygon(lens, launch, _outline(launch.coordinates(aimed)))
     each = -(-rays // replicates)
     uniform = np.concatenate([sobol_points(each, seed=seed, replicate=k)[:, :2] for k in range(replicates)])
-    points, extent = _fill(corners, uniform)
+    points, extent = _sample_polygon(corners, uniform)
     entering = launch.rays(points)
     return Pencil(entering, lens.trace(entering), lens.trace(chief), extent)
 
 
 class PassingLight(NamedTuple):
-    """Light of one object point that passes the lens: one row a ray, m in all; without arguments no light."""
+    """Transmitted light of one object point: one row for each of m rays; without arguments no light."""
 
     points: Floats = np.empty((0, 2))
-    """(m, 2) x and y on the image plane in mm."""
+    """(m, 2) intersections with the image plane: x and y in mm."""
     slopes: Floats = np.empty((0, 2))
-    """(m, 2) change of x and y with z."""
+    """(m, 2) slopes dx/dz and dy/dz."""
     weight: Floats = np.empty(0)
-    """(m,) relative light: less than of other rays where grey masks take some of it."""
+    """(m,) relative light, reduced by grey masks."""
     colour: NDArray[np.uint8] = np.empty(0, np.uint8)
-    """(m,) which wavelength."""
+    """(m,) index of the wavelength."""
     replicate: NDArray[np.uint8] = np.empty(0, np.uint8)
-    """(m,) which of the replicates."""
+    """(m,) index of the replicate."""
     through_iris: Floats = np.zeros(REPLICATES)
-    """(replicates,) light that passes the iris where nothing else stops or dims it."""
+    """(replicates,) light through the iris if nothing else clips or attenuates it."""
     chief: Floats = np.full((1, 2), np.nan)
-    """(wavelengths, 2) where the chief rays meet the image plane in mm; NaN for those that are lost."""
+    """(wavelengths, 2) intersections of the chief rays with the image plane in mm; NaN for lost rays."""
     emitted: int = 0
-    """Rays that were traced."""
+    """Number of traced rays."""
 
 
 def passing_light(
     lens: LensStack, point: ImagedPoint, *, rays: int, seed: int, replicates: int = REPLICATES
 ) -> PassingLight:
-    """Light from an object point on its image plane, equal radiance at each wavelength."""
+    """Transmitted light of an object point on the image plane, of equal radiance at each wavelength."""
     if len(point.wavelengths) > _MOST_WAVELENGTHS:
         raise InvalidValueError(f"wavelength has {len(point.wavelengths)} entries; give at most {_MOST_WAVELENGTHS}")
     count, start = whole(rays, "rays", at_least=1, at_most=MAX_POINTS), seed_number(seed)
@@ -224,12 +225,12 @@ def _passing_part(lens: LensStack, beam: Pencil, z_image: float, colour: int, re
 
 
 def light_at_iris(lens: LensStack, beam: Pencil) -> Floats:
-    """Transmission by the iris of each ray of a pencil if nothing else stops or dims it, (n,).
+    """Transmission of each ray of a pencil by the iris alone, (n,).
 
-    Rays lost behind the iris have passed it; those lost before it, and all but those lost at it where the iris is a
-    mask, are traced again to the iris, through surfaces and stops without rims.
+    Rays lost behind the iris have passed it. Rays lost in front of it are traced again to the iris, without clipping by
+    other rims and stops; if the iris is a mask, so are all rays except those lost at it.
     """
-    if lens.model in (LensModel.THIN, LensModel.PARAXIAL):  # they have no other stop
+    if lens.model in (LensModel.THIN, LensModel.PARAXIAL):  # these models have no other stop
         return beam.leaving.weight
     iris, lost_at = lens.iris_index, beam.leaving.lost_at
     passes = beam.leaving.status == 0
@@ -248,7 +249,7 @@ def _launch(aimed: RayBundle, *, finite_object: bool) -> _Launch:
     direction = np.asarray(aimed.direction[0])
     if finite_object:
         return _Launch(np.asarray(aimed.origin[0]), None, direction, aimed.wavelength)
-    # Two unit vectors across the beam; x first, unless the beam runs along x.
+    # Two unit vectors perpendicular to the beam; x first, unless the beam runs along x.
     aside = np.array([1.0, 0.0, 0.0]) if abs(direction[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     first = aside - (aside @ direction) * direction
     first /= math.sqrt(first @ first)
@@ -257,19 +258,19 @@ def _launch(aimed: RayBundle, *, finite_object: bool) -> _Launch:
 
 
 def _outline(points: Floats) -> Floats:
-    """Corners (_SIDES, 2) of a convex polygon around points (n, 2), close to them also where they form an ellipse."""
+    """Corners (_SIDES, 2) of a convex polygon around points (n, 2), tight also around an ellipse."""
     centre = points.mean(axis=0)
     offsets = points - centre
     covariance = offsets.T @ offsets / len(points)
-    # Seen in units of their own spread along two axes, the points lie near a circle.
+    # In units of their standard deviations along two axes, the points lie near a circle.
     spread = np.linalg.cholesky(covariance + 1e-12 * np.trace(covariance) * np.eye(2))
     round_points = np.linalg.solve(spread, offsets.T).T
     support = (1.0 + _MARGIN) * (round_points @ normals_of(_SIDES).T).max(axis=0)
     return np.asarray(centre + polygon_around(support) @ spread.T)
 
 
-def _grown(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
-    """The polygon, enlarged until no ray from its edge passes the lens."""
+def _grow_polygon(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
+    """Enlarge a polygon until no ray from its edge passes the lens."""
     edge = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=0))])
     centre, size = corners.mean(axis=0), 1.0
     for _ in range(_MOST_GROWTHS):
@@ -279,18 +280,19 @@ def _grown(lens: LensStack, launch: _Launch, corners: Floats) -> Floats:
     return np.asarray(centre + size * (corners - centre))
 
 
-def _fill(corners: Floats, uniform: Floats) -> tuple[Floats, float]:
-    """Points (n, 2) spread evenly over a polygon from points (n, 2) of the unit square, and the polygon's area."""
+def _sample_polygon(corners: Floats, uniform: Floats) -> tuple[Floats, float]:
+    """Map points (n, 2) of the unit square uniformly to a polygon; returns points (n, 2) and the polygon's area."""
     centre = corners.mean(axis=0)
     first = corners - centre
     second = np.roll(first, -1, axis=0)
     ends = np.cumsum(0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]))
     area = float(ends[-1])
-    place = uniform[:, 0] * area
-    triangle = np.minimum(np.searchsorted(ends, place, side="right"), len(corners) - 1)
+    target_area = uniform[:, 0] * area
+    triangle = np.minimum(np.searchsorted(ends, target_area, side="right"), len(corners) - 1)
     starts = np.concatenate([[0.0], ends[:-1]])
-    # The triangle is chosen by its area; the rest of the same number says where in it, the other one how far out.
-    turned = (place - starts[triangle]) / (ends - starts)[triangle]
+    # The first number samples a triangle by area, its remainder the direction in it; the second number samples the
+    # distance.
+    turned = (target_area - starts[triangle]) / (ends - starts)[triangle]
     points = first[triangle] + turned[:, None] * (second - first)[triangle]
     points *= np.sqrt(uniform[:, 1])[:, None]
     return points + centre, area

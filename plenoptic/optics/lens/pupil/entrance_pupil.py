@@ -1,6 +1,6 @@
-"""Entrance pupil as seen from points in front of the lens: bounds, found by tracing.
+"""Bounds of the entrance pupil seen from points in front of the lens, by ray tracing.
 
-They decide where rays are drawn, never how they are weighed: too large a region wastes rays.
+The bounds are sampling regions and do not affect the weights of rays; too large a region wastes rays.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
 _COARSE, _DENSE, _FINE = 64, 512, 64
-"""Rays along a side of the grids that look for light: over the whole rim, again where none was found, and over the
-part that passes."""
+"""Rays along a side of the search grids: over the whole rim, in a second search if the first finds no light, and over
+the unvignetted part."""
 _HEIGHTS = 65
 _LARGEST_TANGENT = 1e3
-"""Tangent of the steepest ray that is drawn: steeper ones hold a millionth of the light of a plane."""
+"""Tangent of the steepest sampled ray: steeper ones carry a millionth of the light of a plane."""
 
 
 class Entrance(NamedTuple):
-    """Quantities of the entrance that are the same for all points."""
+    """Quantities of the entrance pupil that do not depend on the object point."""
 
     z: float
-    """Plane at which rays are aimed: no part of the lens's first element lies in front of it."""
+    """z in mm of the plane at which rays are aimed: no part of the first element lies in front of it."""
     depth: float
-    """How far the first element reaches behind that plane, in mm."""
+    """Depth of the first element behind that plane, in mm."""
     centre: Floats
-    """(2,) middle of the first element in mm."""
+    """(2,) centre of the first element in mm."""
     reach: float
-    """Its semi-diameter, seen along the axis, in mm."""
+    """Semi-diameter of the first element, projected along the axis, in mm."""
     pupil: tuple[float, float, Floats]
-    """Position, semi-diameter and middle (2,) of the paraxial entrance pupil in mm."""
+    """Position, semi-diameter and centre (2,) of the paraxial entrance pupil in mm."""
     lens: LensRecord
-    """The lens forwards, its stops round."""
+    """Lens record towards the sensor, with round stops."""
     parts: tuple[LensRecord, ...]
-    """The same, see `up_to_stops`."""
+    """`lens` in parts, see `up_to_stops`."""
 
 
 def entrance(lens: LensStack, wavelength: float) -> Entrance:
@@ -66,7 +66,7 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
             sag = np.append(sag, math.copysign(first.depth, first.radius))
     low, high = float(sag.min()), float(sag.max())
     if isinstance(first, Surface) and first.freeform is not None:
-        added = 2.0 * first.freeform.bounds(reach).height  # from one side of a height to the other
+        added = 2.0 * first.freeform.bounds(reach).height  # peak to valley
         low, high = low - added, high + added
     if first.placement is not None:
         shift, turn = first.placement.shift, first.placement.rotation
@@ -76,10 +76,12 @@ def entrance(lens: LensStack, wavelength: float) -> Entrance:
     return Entrance(z + low, high - low, axis, reach, pupil, record, up_to_stops(record))
 
 
-def entering_polygon(where: Entrance, point: Floats) -> Floats | None:
-    """Corners (SIDES, 2) of a polygon on the plane of the entrance that all rays from a point pass; None if dark."""
+def entrance_polygon(where: Entrance, point: Floats) -> Floats | None:
+    """Corners (SIDES, 2) of a polygon on the plane of the entrance around all transmitted rays from a point; None if
+    dark.
+    """
     rays = PupilRays(where.parts, point, where.z)
-    with np.errstate(all="ignore"):  # a point too far away for its squares is out of sight
+    with np.errstate(all="ignore"):  # the squares of a distant point may overflow; it counts as dark
         low, high = _rim_box(where, point)
         rim, box = Guess(low, high, _COARSE), _pupil_box(where, point)
         outline = light_outline(rays, [rim] if box is None else [rim, Guess(*box, _COARSE)], rim, _FINE)
@@ -89,7 +91,7 @@ def entering_polygon(where: Entrance, point: Floats) -> Floats | None:
 
 
 def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:
-    """A box around all rays that can pass the first element, or the opening of an ideal lens."""
+    """Bounding box of all rays that can pass the first element, or the opening of an ideal lens."""
     height = where.z - point[2]
     if IDEAL in where.lens.rows["kind"]:
         centre, reach = _ideal_opening(where.lens, point)
@@ -103,7 +105,7 @@ def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:
 
 
 def _ideal_opening(lens: LensRecord, point: Floats) -> tuple[Floats, float]:
-    """Disc in which rays aimed at the first plane pass the stop of an ideal lens: middle and radius.
+    """Disc on the first plane through which rays pass the stop of an ideal lens: centre and radius in mm.
 
     Heights and slopes are linear in the point aimed at, m, and in the source, p: y = a m + b p, u = c m + d p.
     """
@@ -117,7 +119,7 @@ def _ideal_opening(lens: LensRecord, point: Floats) -> tuple[Floats, float]:
             power = float(row["curvature"])
             c, d, z = c - power * a, d - power * b, z + float(row["max_depth"])
         else:
-            # The image of the stop may lie at the point itself, and all light passes, or none.
+            # If the image of the stop lies at the point itself, all light passes, or none.
             radius = math.sqrt(float(row["semi_diameter2"]))
             a = math.copysign(max(abs(a), radius / (_LARGEST_TANGENT * height)), a)
             return -b / a * point[:2], radius / abs(a)
@@ -125,7 +127,7 @@ def _ideal_opening(lens: LensRecord, point: Floats) -> tuple[Floats, float]:
 
 
 def _pupil_box(where: Entrance, point: Floats) -> tuple[Floats, Floats] | None:
-    """A box around the paraxial entrance pupil as seen from the point: a small one lies between a grid's rays."""
+    """Bounding box of the paraxial entrance pupil seen from the point: a grid over the rim may miss a small pupil."""
     z, semi_diameter, shift = where.pupil
     if not (math.isfinite(z) and math.isfinite(semi_diameter)) or z <= point[2]:
         return None

@@ -1,10 +1,9 @@
-"""From where on a plane behind the lens light can come: bounds on the exit pupil, found by tracing.
+"""Bounds of the exit pupil on the plane of the last vertex, by ray tracing.
 
-For points at a distance rho from the axis, rays are traced in reverse through a grid of points on the
-plane of the lens's last vertex, and the convex outline of those that reach the scene is kept (after
-E. Hanika et al. and pbrt's RealisticCamera, Pharr, Jakob, Humphreys, 3rd ed., section 6.4.5, with polygons of
-16 sides in place of boxes). The outline is widened by one step of the grid, so it is conservative: it
-decides where samples are drawn, never how they are weighed.
+For points at a distance rho from the axis, rays are traced in reverse through a grid of points on the plane of the last
+vertex. The convex outline of those that reach the scene is stored (after E. Hanika et al. and pbrt's RealisticCamera,
+Pharr, Jakob, Humphreys, 3rd ed., section 6.4.5, with polygons of 16 sides in place of boxes). The outline is widened by
+one step of the grid, so it is conservative. It is a sampling region and does not affect the weights of samples.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ def _rings() -> Floats:
 _GRAZING = _rings()
 
 Place: TypeAlias = tuple[float, float, float]
-"""Where light may pass the plane of the outlines: x, y and half the width of a square."""
+"""Square on the plane of the outlines: x and y of its centre, and half its width, in mm."""
 
 
 class PupilBounds(NamedTuple):
@@ -66,30 +65,30 @@ class PupilBounds(NamedTuple):
     normals: Floats
     """(SIDES, 2) outward normals."""
     support: Floats
-    """(n, SIDES) distances of the sides from the axis in mm; -inf where no light passes."""
+    """(n, SIDES) distances of the sides from the axis in mm; -inf if no light passes."""
     corners: Floats
     """(n, SIDES, 2) corners in mm, counter-clockwise."""
     reach: Floats
     """(n,) largest distance of an outline from the axis in mm."""
     parted: NDArray[np.bool_]
-    """(n,) whether light passes in several parts, of which the outline is one hull."""
+    """(n,) True if the pupil has several parts; the outline is their convex hull."""
     step: float
     """Width of an interval in mm."""
     z: float
-    """Plane of the outlines in the lens frame in mm."""
+    """z of the plane of the outlines in the lens frame in mm."""
 
 
 def pupil_bounds(
     lens: LensStack, *, z_plane: float, largest_radius: float, cell_radius: float, wavelength: float
 ) -> PupilBounds:
-    """Outlines of the exit pupil for cells of a plane behind the lens; remembered for the cameras used last.
+    """Outlines of the exit pupil for cells of a plane behind the lens; the results of the latest calls are cached.
 
     The cells lie on the plane `z_plane` of the lens frame, up to `largest_radius` from the axis; `cell_radius` is the
-    largest distance of a cell's points from its centre. In mm, the wavelength in nm.
+    largest distance of a cell's points from its centre. Lengths are in mm, the wavelength in nm.
     """
     record = lens_record(lens, wavelength, reverse=True, round_stops=True)
     points = cardinal_points(lens, wavelength)
-    # Where the iris is, its image is: shifted with it, magnified.
+    # A shift of the iris shifts its image by the magnification.
     shift, placed = np.zeros(2), lens.stop.placement
     if placed is not None:
         shift = points.pupil_magnification * placed.shift[:2]
@@ -99,12 +98,11 @@ def pupil_bounds(
 
 
 def rear_reach(lens: LensStack, z_plane: float, wavelength: float) -> tuple[float, float]:
-    """Bound of the distance from the axis at which light crosses the plane of the last vertex: (a, b) in a + b rho, in
-    mm.
+    """Bound a + b rho, in mm, of the height of rays on the plane of the last vertex: (a, b).
 
-    rho is the distance from the axis of the point of the plane z_plane to which the light goes. It must cross the
-    last surface inside its semi-diameter, at the rim by the sag in front of the vertex's plane or behind it; seen
-    from rho, the rim is projected onto that plane.
+    rho is the distance from the axis of the ray's target point on the plane z_plane. The ray intersects the last
+    surface inside its semi-diameter. The rim, displaced from the vertex plane by its sag, is projected from the target
+    onto it.
     """
     last, z_last = lens.elements[-1], float(lens.vertices[-1])
     gap = z_plane - z_last
@@ -132,11 +130,11 @@ def _project(gap: float, ahead: float, reach: float) -> tuple[float, float]:
 
 
 _REMEMBERED = 64
-"""Bounds of some kilobytes each; a camera in colour with tilted plates of glass needs 12."""
+"""Number of cached bounds, of some kilobytes each; a colour camera with tilted glass plates needs 12."""
 
 
 class _ByContent:
-    """A record as a key: equal to others of the same numbers."""
+    """Lens record as a cache key: equal to another one with the same numbers."""
 
     def __init__(self, lens: LensRecord) -> None:
         self.lens = lens
@@ -159,10 +157,10 @@ def _traced_bounds(
     largest_radius: float,
     cell_radius: float,
 ) -> PupilBounds:
-    """The bounds as a function of numbers alone: those of the lenses used last are remembered.
+    """Bounds as a cached function of numbers.
 
-    A pupil that moves by more than its size from one radius to the next would get outlines much too large; then
-    there are more radii.
+    A pupil that moves by more than its size from one radius to the next would have outlines much too large; the number
+    of radii is then increased.
     """
     radii = _RADII
     while True:
@@ -174,11 +172,11 @@ def _traced_bounds(
 
 
 def _largest_step(support: Floats) -> float:
-    """Largest displacement of an outline's middle from one radius to the next, over its half width."""
+    """Largest displacement of an outline's centre from one radius to the next, over its half width."""
     middle = np.array([_middle(row) for row in support[np.isfinite(support[:, 0])]])
     if len(middle) < 2:
         return 0.0
-    # Where vignetting ends the field, outlines shrink to nothing: that is no reason for more radii.
+    # At the edge of the field, vignetting shrinks outlines to 0, which needs no further radii.
     half_width = np.maximum(middle[1:, 2], 0.3 * middle[:, 2].max())
     return float((np.abs(np.diff(middle[:, 0])) / half_width).max())
 
@@ -186,10 +184,10 @@ def _largest_step(support: Floats) -> float:
 def _all_round(
     lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Support distances of all points at the distances rho, in axes turned with them, and which outlines are parted.
+    """Support distances for points at the distances rho, in axes rotated to them; True for outlines of several parts.
 
-    A centred lens looks the same from everywhere on a circle. Of a lens with elements out of place, the union of
-    outlines from several azimuths is taken, and widened by a bound of those between them.
+    A centred lens has one outline for all azimuths. For decentred or tilted elements, the result is the union of
+    outlines at several azimuths, widened by a bound for those in between.
     """
     if lens.frames is None and lens.freeform is None:
         return _followed_outlines(lens, rho, pupil, z, z_plane, rear)
@@ -202,14 +200,14 @@ def _all_round(
     supports = np.array([support for support, _ in outlines])
     largest = supports.max(axis=0)
     smallest = np.where(np.isfinite(supports), supports, np.inf).min(axis=0)
-    # A change like cos(azimuth) reaches at most (1 - cos(pi / n)) of its amplitude beyond the samples.
+    # A variation as cos(azimuth) exceeds the samples by at most (1 - cos(pi / n)) of its amplitude.
     spread = np.where(np.isfinite(largest), largest - smallest, 0.0)
     parted = np.any([parts for _, parts in outlines], axis=0)
     return np.asarray(largest + (1.0 - math.cos(math.pi / _AZIMUTHS)) * spread), parted
 
 
 def _rotate(lens: LensRecord, angle: float) -> LensRecord:
-    """The lens turned about the axis by -angle, which is the same as looking at it from the azimuth `angle`."""
+    """Rotate a lens about the axis by -angle, which is equivalent to an observer at the azimuth `angle`."""
     cos, sin = math.cos(angle), math.sin(angle)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     frames = np.zeros((len(lens.rows), FRAME)) if lens.frames is None else lens.frames.copy()
@@ -224,58 +222,58 @@ def _rotate(lens: LensRecord, angle: float) -> LensRecord:
 def _followed_outlines(
     lens: LensRecord, rho: Floats, pupil: tuple[float, ...], z: float, z_plane: float, rear: tuple[float, float]
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Support distances (n, SIDES) of points at the distances rho from the axis, and which outlines are parted.
+    """Support distances (n, SIDES) for points at the distances rho from the axis; True for outlines of several parts.
 
-    A small pupil that a grid over the whole rim would miss is looked for where the paraxial pupil lies and where it
-    was heading. Beside a dark point, the outline from the end of the light is taken instead of none.
+    A grid over the whole rim may miss a small pupil. Further grids lie around the paraxial pupil, and around a position
+    extrapolated from the last two radii. Next to a dark point, the outline at the edge of the field is used.
     """
     exit_pupil, semi_diameter, *across = pupil
     parts = up_to_stops(lens)
 
-    def seen(radius: float, heading: Place | None) -> Outline:
+    def outline_at(radius: float, predicted: Place | None) -> Outline:
         reach = 1.02 * (rear[0] + rear[1] * radius)
         rays, grazing = PupilRays(parts, np.array([radius, 0.0, z_plane]), z), reach * _GRAZING
-        rim = _around((0.0, 0.0, reach), _WHOLE)
+        rim = _square((0.0, 0.0, reach), _WHOLE)
         guesses = [rim]
         if math.isfinite(exit_pupil) and exit_pupil != z_plane:
-            # The paraxial pupil as seen from the cell, on the plane of the last vertex.
+            # The paraxial pupil projected from the cell onto the plane of the last vertex.
             fraction = (z_plane - z) / (z_plane - exit_pupil)
             x, y = (fraction * shift for shift in across)
-            guesses.append(_around((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
-        if heading is not None:
-            guesses.append(_around(heading, _COARSE))
+            guesses.append(_square((radius * (1 - fraction) + x, y, 1.5 * abs(fraction) * semi_diameter), _COARSE))
+        if predicted is not None:
+            guesses.append(_square(predicted, _COARSE))
         return light_outline(rays._replace(lit=grazing[rays.fates(grazing).code == 0]), guesses, rim, _FINE)
 
     outlines: list[Outline] = []
-    centre, heading = None, None
+    centre, predicted = None, None
     for i, radius in enumerate(rho):
-        outline = seen(radius, heading)
+        outline = outline_at(radius, predicted)
         if outline is not DARK:
             x, y, half_width = _middle(outline.support)
             step = 0.0 if centre is None else x - centre
-            centre, heading = x, (x + step, y, 3 * half_width + abs(step))
+            centre, predicted = x, (x + step, y, 3 * half_width + abs(step))
         elif centre is not None:
             outline, lit, dark = outlines[-1], rho[i - 1], radius
             for _ in range(_BISECTIONS):
                 between = 0.5 * (lit + dark)
                 x, y, half_width = _middle(outline.support)
-                nearer = seen(between, (x, y, 4 * half_width))
-                if nearer is DARK:
+                middle_outline = outline_at(between, (x, y, 4 * half_width))
+                if middle_outline is DARK:
                     dark = between
                 else:
-                    lit, outline = between, nearer
-            centre, heading = None, None
+                    lit, outline = between, middle_outline
+            centre, predicted = None, None
         outlines.append(outline)
     return np.array([outline.support for outline in outlines]), np.array([outline.parted for outline in outlines])
 
 
-def _around(place: Place, rays: int) -> Guess:
+def _square(place: Place, rays: int) -> Guess:
     x, y, half_width = place
     return Guess(np.array([x - half_width, y - half_width]), np.array([x + half_width, y + half_width]), rays)
 
 
 def _middle(support: Floats) -> Place:
-    """Middle and half width of an outline."""
+    """Centre and half width of an outline."""
     left, right, up, down = -support[SIDES // 2], support[0], support[SIDES // 4], -support[3 * SIDES // 4]
     return 0.5 * float(left + right), 0.5 * float(up + down), 0.5 * float(max(right - left, up - down))
 
@@ -283,7 +281,7 @@ def _middle(support: Floats) -> Place:
 def _widen(
     rho: Floats, support: Floats, parted: NDArray[np.bool_], cell_radius: float, largest_radius: float, z: float
 ) -> PupilBounds:
-    """Union of the outlines of all points of a cell, for intervals of the distance of its centre."""
+    """Union of the outlines of all points of a cell, for intervals of the distance of its centre from the axis."""
     normals = normals_of(SIDES)
     bins, spacing = len(rho) - 1, rho[1] - rho[0]
     step = largest_radius / bins if largest_radius > 0 else 1.0

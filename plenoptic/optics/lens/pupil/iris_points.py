@@ -1,4 +1,4 @@
-"""Points of the iris, in units of its semi-diameter: patterns in the unit disc."""
+"""Sampling patterns of the iris: points in the unit disc, in units of its semi-diameter."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ import numpy as np
 from plenoptic.core.values import MAX_POINTS, Floats, whole
 
 MOST_ACROSS = 2048
-"""Points along a diameter, some 4 million in all."""
+"""Largest number of points along a diameter, about 4 million in all."""
 
 INSIDE = 1.0 - 1e-9
-"""Rays through the rim of the iris pass this much inside, so that rounding does not clip them."""
+"""Radius in the unit disc of rays for the rim of the iris: rounding errors do not clip them."""
 
 
 def hexapolar(rings: int) -> Floats:
-    """The centre and rings of 6, 12, 18, ... points around it, the outermost on the rim: (1 + 3 rings (rings + 1), 2).
+    """Hexapolar pattern: the centre and rings of 6, 12, 18, ... points, the outermost on the rim.
 
-    The centre comes first; each point but those of the rim stands for nearly the same area.
+    The shape is (1 + 3 rings (rings + 1), 2), with the centre first. Each point has nearly the same area, except for
+    the points on the rim.
 
     Parameters
     ----------
@@ -40,9 +41,9 @@ def hexapolar(rings: int) -> Floats:
 
 
 def square_grid(n: int) -> Floats:
-    """The centres of those of n x n equal squares over the disc that lie within it: (k, 2), k near pi n^2 / 4.
+    """Square grid: the centres of n x n equal squares that lie within the disc, (k, 2), with k near pi n^2 / 4.
 
-    Row by row from negative y. Each point stands for the same area, and for an odd n one lies in the centre.
+    The order is by rows from negative y. Each point has the same area; for odd n one lies in the centre.
 
     Parameters
     ----------
@@ -62,14 +63,14 @@ def square_grid(n: int) -> Floats:
 
 
 def fan(n: int) -> Floats:
-    """Points on the diameter along y, from -1 to 1: (n, 2), the tangential fan of a field along y.
+    """Tangential fan of a field along y: n points on the diameter along y from -1 to 1, (n, 2).
 
     `fan(n)[:, ::-1]` is the fan along x.
 
     Parameters
     ----------
     n : int
-        At least 2; with an odd n one lies in the centre.
+        At least 2; for odd n one point lies in the centre.
 
     Examples
     --------

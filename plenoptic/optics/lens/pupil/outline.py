@@ -1,8 +1,7 @@
-"""The rays of one point that pass a lens: a convex outline around them, found by tracing grids of rays.
+"""Convex outline of the pupil seen from one point, from grids of traced rays.
 
-Whoever asks where light passes, before the lens or behind it, asks here. Light may pass in several parts. One that is
-thinner than the grid is wide lies between neighbours that are lost in different ways, such as at the stop and by total
-reflection: there it is looked for.
+The point lies in object space or in image space. The pupil may have several parts. A thin part lies between
+neighbouring rays that are lost by different causes, such as the stop and total reflection; these gaps are searched.
 """
 
 from __future__ import annotations
@@ -19,16 +18,16 @@ from plenoptic.optics.element_record import CIRCLE
 from plenoptic.optics.lens.lens_record import LensRecord
 
 SIDES = 16
-"""Sides of an outline: a circle's circumscribed 16-gon is 1.3 % larger than the circle."""
+"""Sides of an outline; around a circle a 16-gon is 1.3 % larger than the circle."""
 
 _HALVINGS = 8
-"""Between neighbours on a grid parts are found that are wider than a 250th of its step."""
+"""Points of the search between two neighbours of a grid: it finds parts wider than a 250th of the step."""
 _LINES = 4
-"""Of a grid that looks for light at all, every fourth line is looked at so closely."""
+"""Line interval of that search while no light has been found: every fourth line of the grid."""
 _TIP = 2.0
-"""Steps of a grid by which the pointed end of a part may lie outside of what the grid finds of it."""
+"""Grid steps by which the pointed end of a part may lie outside its points on the grid."""
 _HOLES = 0.02
-"""Dark points between lit ones, in parts of the lit ones, from which on light passes in several parts."""
+"""Fraction of dark points between lit points, relative to the lit ones, above which the pupil has several parts."""
 
 
 def normals_of(sides: int) -> Floats:
@@ -40,7 +39,7 @@ def normals_of(sides: int) -> Floats:
 def polygon_around(support: Floats) -> Floats:
     """Corners (..., n, 2) of polygons whose sides have the normals `normals_of(n)` and distances (..., n) from 0."""
     normals = normals_of(support.shape[-1])
-    # A corner is where a side meets the next one.
+    # A corner is the intersection of a side with the next one.
     after, next_support = np.roll(normals, -1, axis=0), np.roll(support, -1, axis=-1)
     turn = normals[:, 0] * after[:, 1] - normals[:, 1] * after[:, 0]
     x = (support * after[:, 1] - next_support * normals[:, 1]) / turn
@@ -52,20 +51,23 @@ class Fates(NamedTuple):
     """Fates of rays; arrays of any shape."""
 
     code: Floats
-    """0 for those that pass, see `ray_blocks`."""
+    """Status codes, 0 for transmitted rays; see `ray_blocks`."""
     x: Floats
     y: Floats
-    """Where a stop ends others, from its centre, in its semi-diameter; 0 for all else."""
+    """Points at which stops clip rays, from the centre of the stop, in units of its semi-diameter; 0 for all other
+    rays."""
 
     def of(self, chosen: Any) -> Fates:
-        """Some of them."""
+        """Fates of the rays `chosen` by an index or a mask."""
         return Fates(self.code[chosen], self.x[chosen], self.y[chosen])
 
     def apart(self, others: Fates) -> NDArray[np.bool_]:
-        """True where light may pass between lost rays: lost by different causes, or on two sides of a stop."""
+        """True if light may pass between two lost rays: they have different causes of loss, or lie on two sides of a
+        stop.
+        """
         x, y, dx, dy = self.x, self.y, others.x - self.x, others.y - self.y
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            # The nearest that the straight line between both comes to the centre.
+            # Smallest distance from the centre to the straight line between both points.
             parameter = np.clip(-(x * dx + y * dy) / (dx * dx + dy * dy), 0.0, 1.0)
             across = (x != 0.0) & ((x + parameter * dx) ** 2 + (y + parameter * dy) ** 2 < 1.0)
         lost = (self.code != 0) & (others.code != 0)
@@ -73,23 +75,23 @@ class Fates(NamedTuple):
 
 
 def up_to_stops(lens: LensRecord) -> tuple[LensRecord, ...]:
-    """A lens with round stops in parts, each but the last one up to a stop."""
+    """Split a lens with round stops into parts, each except the last one ending at a stop."""
     ends = np.flatnonzero(lens.rows["kind"] == CIRCLE) + 1
     ends = np.unique([0, *ends, len(lens.rows)]).tolist()
     return tuple(lens.part(first, end) for first, end in itertools.pairwise(ends))
 
 
 class PupilRays(NamedTuple):
-    """Rays of one point."""
+    """Rays through one point, parametrised by their points on a plane."""
 
     lens: tuple[LensRecord, ...]
     """See `up_to_stops`."""
     origin: Floats
-    """(3,) in mm."""
+    """Point (3,) in mm."""
     z: float
-    """The plane on which they are told apart by their points, in mm."""
+    """z in mm of the parametrisation plane."""
     lit: Floats = np.empty((0, 2))
-    """(k, 2) points through which light passes."""
+    """(k, 2) points on the plane with known transmitted rays."""
 
     def fates(self, points: Floats) -> Fates:
         """Fates of the rays through points (n, 2)."""
@@ -115,13 +117,13 @@ class PupilRays(NamedTuple):
                 code = CAUSES * (last["surface_index"] + 1.0) + CLIPPED
                 stopped = blocks[:, 7].reshape(-1)[:n] == code
                 for k in range(2):
-                    place = (blocks[:, k].reshape(-1)[:n] - centre[k]) / math.sqrt(last["semi_diameter2"])
-                    places[k] = np.where(stopped, place, places[k])
+                    point = (blocks[:, k].reshape(-1)[:n] - centre[k]) / math.sqrt(last["semi_diameter2"])
+                    places[k] = np.where(stopped, point, places[k])
         return Fates(blocks[:, 7].reshape(-1)[:n], *places)
 
 
 class Guess(NamedTuple):
-    """Search region of the light: a box, and the number of rays along a side of its grid."""
+    """Search region for transmitted rays: a box, and the number of rays along a side of its grid."""
 
     low: Floats
     high: Floats
@@ -129,30 +131,30 @@ class Guess(NamedTuple):
 
 
 class Outline(NamedTuple):
-    """A convex polygon that holds all points through which light passes."""
+    """Convex polygon around all points of transmitted rays."""
 
     support: Floats
-    """(SIDES,) distances of its sides from 0; -inf in the dark."""
+    """(SIDES,) distances of its sides from 0; -inf if dark."""
     parted: bool
-    """Whether light passes in several parts."""
+    """True if the pupil has several parts."""
 
 
 DARK = Outline(np.full(SIDES, -np.inf), False)
 
 
-class _Lit(NamedTuple):
-    """Passing part of a grid."""
+class _GridLight(NamedTuple):
+    """Transmitted rays of a search grid."""
 
     points: Floats
-    """(m, 2): the ends of its rows."""
+    """(m, 2): ends of the lit rows of the grid."""
     between: Floats
-    """(k, 2): points between its rays, and those given."""
+    """(k, 2): lit points between the rays of the grid, and `PupilRays.lit`."""
     mesh: float
-    """The diagonal of a mesh of the grid."""
+    """Diagonal of a cell of the grid in mm."""
     thin: bool
-    """Whether light passes between neighbours that are lost."""
+    """True if light passes between lost neighbours."""
     parted: bool
-    """Whether light passes in several parts."""
+    """True if the pupil has several parts."""
 
     @property
     def all(self) -> Floats:
@@ -160,47 +162,47 @@ class _Lit(NamedTuple):
 
 
 def light_outline(rays: PupilRays, guesses: list[Guess], rim: Guess, fine: int) -> Outline:
-    """Outline of the passing light, wider by a step of a grid of `fine` x `fine` rays over the light.
+    """Outline of the transmitted light, widened by a step of a grid of `fine` x `fine` rays over it.
 
-    The guesses are looked at one after the other, and after the first light only those whose middle is outside of it: a
-    small part may lie between the rays of a grid over the whole `rim`. Light between the rays of a grid alone comes
-    last, since a smaller grid may have more of it.
+    The guesses are searched in order; once light is found, only those with their centre outside of it. They find small
+    parts between the rays of a grid over the whole `rim`. A guess with light only between its rays is used last, since
+    a smaller grid may find more.
     """
     outline, late = DARK, []
     for guess in guesses:
         if np.all(normals_of(SIDES) @ (0.5 * (guess.low + guess.high)) <= outline.support):
             continue
-        lit = _grown(rays, guess, rim)
+        lit = _trace_growing_grid(rays, guess, rim)
         if len(lit.points):
-            outline = _with(outline, rays, lit, fine)
+            outline = _extend(outline, rays, lit, fine)
         elif lit.thin:
             late.append(lit)
     for lit in late:
-        outline = _with(outline, rays, lit, fine)
+        outline = _extend(outline, rays, lit, fine)
     return outline
 
 
-def _with(found: Outline, rays: PupilRays, lit: _Lit, fine: int) -> Outline:
-    """Outline that also holds the points found by a grid."""
+def _extend(outline: Outline, rays: PupilRays, lit: _GridLight, fine: int) -> Outline:
+    """Extend an outline to the transmitted rays of a grid."""
     normals = normals_of(SIDES)
-    if not (lit.all @ normals.T > found.support).any():
-        return found
-    # Ends of a thin part may lie between the lines that were looked at closely.
+    if not (lit.all @ normals.T > outline.support).any():
+        return outline
+    # Ends of a thin part may lie between the lines with a close search.
     lines, margin = (1, _LINES * lit.mesh) if lit.thin or lit.parted else (None, lit.mesh)
     low, high = lit.all.min(axis=0) - margin, lit.all.max(axis=0) + margin
-    inside = _lit(rays, Guess(low, high, fine), lines)
+    inside = _trace_grid(rays, Guess(low, high, fine), lines)
     points, mesh = inside.all, inside.mesh
     if not len(points):
         points, mesh = np.array([low, [low[0], high[1]], high, [high[0], low[1]]]), 0.0
-    support = np.maximum(found.support, (points @ normals.T).max(axis=0) + mesh)
-    return Outline(support, lit.parted or inside.parted or found is not DARK)
+    support = np.maximum(outline.support, (points @ normals.T).max(axis=0) + mesh)
+    return Outline(support, lit.parted or inside.parted or outline is not DARK)
 
 
-def _grown(rays: PupilRays, guess: Guess, rim: Guess) -> _Lit:
-    """Passing part of a grid that grows where light reaches its border, at most up to the box `rim`."""
+def _trace_growing_grid(rays: PupilRays, guess: Guess, rim: Guess) -> _GridLight:
+    """Transmitted rays of a grid that grows where light reaches its border, at most up to the box `rim`."""
     low, high = guess.low, guess.high
     while True:
-        lit = _lit(rays, Guess(low, high, guess.rays), _LINES)
+        lit = _trace_grid(rays, Guess(low, high, guess.rays), _LINES)
         if not len(lit.all):
             return lit
         left, right = lit.all.min(axis=0) - lit.mesh, lit.all.max(axis=0) + lit.mesh
@@ -212,8 +214,8 @@ def _grown(rays: PupilRays, guess: Guess, rim: Guess) -> _Lit:
         high = np.where(grow_high, np.minimum(high + width, rim.high), high)
 
 
-def _lit(rays: PupilRays, box: Guess, lines: int | None) -> _Lit:
-    """Passing part of a grid over a box, and between its neighbours on every `lines`-th line; None: on no line."""
+def _trace_grid(rays: PupilRays, box: Guess, lines: int | None) -> _GridLight:
+    """Transmitted rays of a grid over a box, and between neighbours on every `lines`-th line; None: on no line."""
     n = box.rays
     x, y = (np.linspace(box.low[k], box.high[k], n) for k in range(2))
     points = np.stack(np.meshgrid(x, y), axis=-1)
@@ -223,17 +225,17 @@ def _lit(rays: PupilRays, box: Guess, lines: int | None) -> _Lit:
     mesh = float(np.hypot(*((box.high - box.low) / (n - 1))))
     ends = passes.copy()
     ends[:, 1:-1] &= ~(passes[:, :-2] & passes[:, 2:])
-    lit, between = points[ends], np.empty((0, 2)) if lines is None else _between(rays, points, fates, lines)
-    between = between[_beyond(between, lit, mesh)]
+    lit, between = points[ends], np.empty((0, 2)) if lines is None else _search_between(rays, points, fates, lines)
+    between = between[_is_outside(between, lit, mesh)]
     thin = len(between) > 0
     if thin or len(lit):
         between = np.concatenate([between, rays.lit])
     parted = max(_span(passes), _span(passes.T)) > (1.0 + _HOLES) * np.count_nonzero(passes)
-    return _Lit(lit, between, mesh, thin, bool(parted or _beyond(between, lit, _TIP * mesh).any()))
+    return _GridLight(lit, between, mesh, thin, bool(parted or _is_outside(between, lit, _TIP * mesh).any()))
 
 
-def _beyond(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
-    """True for points (n, 2) outside of others (m, 2) by more than a distance."""
+def _is_outside(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
+    """True for points (n, 2) at more than a distance outside the bounding polygon of others (m, 2)."""
     if not len(points) or not len(lit):
         return np.ones(len(points), dtype=np.bool_)
     normals = normals_of(SIDES)
@@ -241,17 +243,17 @@ def _beyond(points: Floats, lit: Floats, by: float) -> NDArray[np.bool_]:
 
 
 def _span(passes: NDArray[np.bool_]) -> int:
-    """Number of points of a grid between the first and the last passing one of their row, these included."""
+    """Number of points of a grid from the first to the last transmitted one of each row, both included."""
     lit = passes[passes.any(axis=1)]
     return int((lit.shape[1] - lit.argmax(axis=1) - lit[:, ::-1].argmax(axis=1)).sum())
 
 
-def _between(rays: PupilRays, points: Floats, fates: Fates, lines: int) -> Floats:
-    """Points (m, 2) that pass between neighbours on every so many lines of a grid of points (n, n, 2)."""
+def _search_between(rays: PupilRays, points: Floats, fates: Fates, lines: int) -> Floats:
+    """Transmitted points (m, 2) between neighbours on every `lines`-th line of a grid of points (n, n, 2)."""
     pairs = []
     for before, after in ((np.s_[:-1, ::lines], np.s_[1:, ::lines]), (np.s_[::lines, :-1], np.s_[::lines, 1:])):
-        differ = fates.of(before).apart(fates.of(after))
-        pairs.append((points[before][differ], points[after][differ], *(part[before][differ] for part in fates)))
+        separate = fates.of(before).apart(fates.of(after))
+        pairs.append((points[before][separate], points[after][separate], *(part[before][separate] for part in fates)))
     first, last, *begin = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     fates = Fates(*begin)
     lit = [np.empty((0, 2))]

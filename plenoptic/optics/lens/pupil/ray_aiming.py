@@ -1,8 +1,8 @@
-"""Ray aiming: rays from one object point through given points of the real iris.
+"""Ray aiming: rays from one object point through points of the real iris.
 
-A ray that starts towards a point of the paraxial entrance pupil misses the iris where pupils have aberrations: in wide
-angles by much, in fisheyes altogether. Here rays are searched from the iris outwards (see `search`), and each one
-that is found is traced inwards again and compared with its point of the iris.
+Pupil aberrations make a ray that is aimed at the paraxial entrance pupil miss its point of the iris: by far in wide
+angle lenses, and altogether in fisheyes. Here rays are solved from the iris outwards (see `search`). Each solution is
+traced inwards again and compared with its point of the iris.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from plenoptic.optics.lens.stack import LensStack
 _EPS = float(np.finfo(np.float64).eps)
 
 _ON_THE_IRIS = 1e-9
-"""How far, in mm, an aimed ray may miss its point, above what the digits of its origin allow."""
+"""Tolerance in mm of an aimed ray at its point of the iris, in addition to the rounding error of its origin."""
 
 _CLEARANCE = 1.0
-"""Distance in mm by which the wavefront of an infinitely far point lies before the lens."""
+"""Distance in mm of the wavefront of a point at infinity in front of the lens."""
 
 
 def _wavefront(lens: LensStack, towards: Floats, points: Floats) -> float:
-    """Distance along `towards` (3,) of a plane that has the whole lens, and the finite ones of `points`, behind it."""
+    """Distance in mm along `towards` (3,) of a plane in front of the whole lens and all finite `points`."""
     across = math.hypot(towards[0], towards[1])
     reach = [float(np.nanmax(points @ towards, initial=-math.inf))]
     for element, profile in zip(lens.elements, lens.profiles(9), strict=True):
@@ -64,8 +64,8 @@ def _exact_rays(lens: LensStack, half: Half, pupil: Floats) -> RayBundle:
     arrived, _ = traced_through(half.inwards, origin, direction, half.wavelength)
     allowed = _ON_THE_IRIS + 1e2 * _EPS * np.abs(origin[np.isfinite(origin)]).max(initial=0.0)
     with np.errstate(invalid="ignore"):
-        off = np.linalg.norm(arrived - targets, axis=1)
-        lost = ~((miss <= SOLVED) & (off <= allowed))
+        miss_at_iris = np.linalg.norm(arrived - targets, axis=1)
+        lost = ~((miss <= SOLVED) & (miss_at_iris <= allowed))
     return _bundle(origin, direction, half.wavelength, lost)
 
 
@@ -76,7 +76,7 @@ def _bundle(origin: Floats, direction: Floats, wavelength: float, lost: NDArray[
 
 
 def _pupil_plane(lens: LensStack, wavelength: float, *, scene: bool) -> tuple[float, float]:
-    """Place on the axis and signed magnification of the image of the iris that an ideal model of the lens shows."""
+    """Position z in mm and signed magnification of the pupil of an ideal model of the lens."""
     if lens.model is LensModel.NONE:
         return 0.0, 1.0
     points = cardinal_points(lens, wavelength)
@@ -86,7 +86,7 @@ def _pupil_plane(lens: LensStack, wavelength: float, *, scene: bool) -> tuple[fl
     z = points.entrance_pupil if scene else points.exit_pupil
     if not math.isfinite(z):
         raise InvalidValueError(
-            f"the {'entrance' if scene else 'exit'} pupil of {lens.name!r} is infinitely far away, so that its ideal "
+            f"the {'entrance' if scene else 'exit'} pupil of {lens.name!r} is at infinity, so its ideal "
             "model has no points to aim at; use LensModel.EXACT"
         )
     if not scene:
@@ -97,14 +97,14 @@ def _pupil_plane(lens: LensStack, wavelength: float, *, scene: bool) -> tuple[fl
 
 
 def _ideal_rays(lens: LensStack, wavelength: float, pupil: Floats, aim: Floats, *, scene: bool) -> RayBundle:
-    """Rays towards the image of the iris that an ideal model of the lens shows."""
+    """Rays aimed at the pupil of an ideal model of the lens."""
     z, scale = _pupil_plane(lens, wavelength, scene=scene)
     points = np.column_stack([scale * lens.stop.semi_diameter * pupil, np.full(len(pupil), z)])
     if lens.model is LensModel.NONE:
         points = points_of(lens, pupil)
     sign, none_lost = -1.0 if scene else 1.0, np.zeros(len(points), dtype=bool)
     if aim.size == 3:
-        # Inwards, even where the image of the iris lies farther out than the object.
+        # The direction is inwards, even if the pupil lies farther out than the object.
         direction = (points - aim) * np.where(sign * (points[:, 2:] - aim[2]) > 0, -1.0, 1.0)
         return _bundle(np.broadcast_to(aim, points.shape), direction, wavelength, none_lost)
     towards = directions_of(aim[None], sign)[0]
@@ -121,19 +121,19 @@ def _checked_pair(values: float | Sequence[float] | Floats, name: str) -> Floats
 
 
 def _aim(lens: LensStack, pair: Floats, z: float, *, scene: bool) -> Floats:
-    """The point that is aimed at, as `Half` has it."""
+    """Target point of the rays, as in `Half.aim`."""
     name, sign = ("z_object", -1.0) if scene else ("z_image", 1.0)
-    place = number(z, name)
-    if place == sign * math.inf:
+    z_target = number(z, name)
+    if z_target == sign * math.inf:
         if not math.hypot(*pair) < math.pi:
-            what = "field" if scene else "image_point"
-            raise InvalidValueError(f"{what} {pair.tolist()} is not below pi; give radians")
+            subject = "field" if scene else "image_point"
+            raise InvalidValueError(f"{subject} {pair.tolist()} is not below pi; give radians")
         return pair
     end = float(lens.vertices[0 if scene else -1])
-    if not (math.isfinite(place) and sign * (place - end) > 0):
+    if not (math.isfinite(z_target) and sign * (z_target - end) > 0):
         side = "before the first element, below" if scene else "behind the last element, above"
-        raise InvalidValueError(f"{name} is {place:g} mm; it must lie {side} {end:g}, or be {sign * math.inf:g}")
-    return np.array([*pair, place])
+        raise InvalidValueError(f"{name} is {z_target:g} mm; it must lie {side} {end:g}, or be {sign * math.inf:g}")
+    return np.array([*pair, z_target])
 
 
 def _aim_rays(
@@ -159,35 +159,35 @@ def aimed_rays(
 ) -> RayBundle:
     """Rays from one object point that pass the real iris at given points.
 
-    Semi-diameters and other stops are not looked at: whether a ray passes them is for `LensStack.trace` to say.
+    Semi-diameters and other stops do not clip these rays; `LensStack.trace` clips them.
 
     Parameters
     ----------
     lens : LensStack
-        Centred or not. Of a lens that is not LensModel.EXACT, rays aim at the image of the iris that the model has.
+        Centred or not. For models other than LensModel.EXACT, rays are aimed at the pupil of the model.
     field : (2,) sequence of float
-        Of an object infinitely far away, angles x and y in rad: it is seen from the lens at the angle hypot(x, y) from
-        -z, at the azimuth atan2(y, x). A positive y sends rays downwards. 90 degrees and more are possible. Of an
-        object at a finite distance, its x and y in mm.
+        Object at infinity: angles x and y in rad. Its direction from the lens has the angle hypot(x, y) from -z and the
+        azimuth atan2(y, x). Rays of a positive y travel downwards; 90 degrees and more are possible. Finite object: its
+        x and y in mm.
     pupil : (n, 2) array
         Points of the iris, x and y in units of its semi-diameter; see `hexapolar`, `square_grid` and `fan`. A ray aimed
         at the rim itself may be clipped there by rounding: for the marginal ray take 1 - 1e-9.
     z_object : float, optional
-        z of the object in the lens frame, mm, before the first vertex; -inf: infinitely far away.
+        z of the object in the lens frame, mm, in front of the first vertex; -inf for an object at infinity.
     wavelength : float, optional
         nm.
 
     Returns
     -------
     RayBundle
-        n rays before the lens: origins at the object point or, of one infinitely far away, on a wavefront: a plane
-        across the rays, before the whole lens. Where the object point has no ray through a point of the iris, the
-        status is MISSED.
+        n rays in front of the lens. Origins lie at the object point or, at infinity, on a wavefront: a plane
+        perpendicular to the rays, in front of the whole lens. If no ray passes a point of the iris, its status is
+        MISSED.
 
     Raises
     ------
     InvalidValueError
-        If the object is not before the lens, an angle is not below pi, or a number is not finite.
+        If the object is not in front of the lens, an angle is not below pi, or a number is not finite.
 
     Examples
     --------
@@ -212,15 +212,15 @@ def aimed_rays_reverse(
 ) -> RayBundle:
     """Rays from one point behind the lens, towards the scene, that pass the real iris at given points.
 
-    They start behind the lens, for `LensStack.trace_reverse`; otherwise as those of `aimed_rays`.
+    They start behind the lens, for `LensStack.trace_reverse`; otherwise see `aimed_rays`.
 
     Parameters
     ----------
     lens : LensStack
     image_point : (2,) sequence of float
-        x and y in mm; of a point infinitely far away, angles against +z as in `aimed_rays`.
+        x and y in mm; for a point at infinity, angles against +z as in `aimed_rays`.
     z_image : float
-        z of the point in the lens frame, mm, behind the last vertex; inf: infinitely far away.
+        z of the point in the lens frame, mm, behind the last vertex; inf at infinity.
     pupil, wavelength
         See `aimed_rays`.
 
@@ -243,7 +243,7 @@ def aimed_rays_reverse(
 def chief_ray(
     lens: LensStack, *, field: Sequence[float] | Floats, z_object: float = -math.inf, wavelength: float = 587.6
 ) -> RayBundle:
-    """The one ray from an object point through the centre of the iris; parameters as those of `aimed_rays`.
+    """Chief ray: the ray from an object point through the centre of the iris; parameters are those of `aimed_rays`.
 
     Examples
     --------
@@ -257,9 +257,9 @@ def chief_ray(
 def entrance_pupil_of(
     lens: LensStack, field: Sequence[float] | Floats, *, z_object: float = -math.inf, wavelength: float = 587.6
 ) -> float:
-    """Entrance pupil of one field: the point of the axis nearest to the chief ray before the lens.
+    """Entrance pupil of one field: the point of the axis nearest to the chief ray in object space.
 
-    z in the lens frame, mm; nan where there is no chief ray. On the axis, the paraxial entrance pupil. Parameters as
+    z in the lens frame, mm; nan if there is no chief ray. On the axis it is the paraxial entrance pupil. Parameters are
     those of `aimed_rays`.
 
     Examples

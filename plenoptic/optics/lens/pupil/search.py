@@ -1,11 +1,11 @@
-"""From points of the iris outwards: the search for rays that meet a point before the lens or behind it.
+"""Solver for rays from points of the iris to a target point in front of the lens or behind it.
 
-Rays are traced outwards from points of the iris, and Newton's method in two dimensions finds the direction there with
-which they meet the point. The ray through the centre, the chief ray, is bracketed by a fan of rays; all others are
-continued from it towards the rim of the iris.
+Rays are traced outwards from points of the iris. Newton's method in two dimensions solves for the direction at the iris
+with which they pass through the target. The chief ray is bracketed by a fan of rays; all others are continued from it
+towards the rim of the iris.
 
-Directions are treated as *angle coordinates* (u, v) = theta (cos phi, sin phi), with theta the angle against the axis
-and phi the azimuth. Nearly linear in the field, they know no limit at 90 degrees.
+Directions are *angle coordinates* (u, v) = theta (cos phi, sin phi), with theta the angle against the axis and phi the
+azimuth. They are nearly linear in the field and not limited to 90 degrees.
 """
 
 from __future__ import annotations
@@ -28,38 +28,38 @@ if TYPE_CHECKING:
     from plenoptic.optics.lens.stack import LensStack
 
 _DIFFERENCE = 1e-6
-"""Step in rad of the difference quotients: their error of 1e-6 lets each of Newton's steps gain six digits."""
+"""Step in rad of the difference quotients; their error of 1e-6 gains six digits in each of Newton's steps."""
 
 _STEPS, _HALVINGS = 30, 8
 _LONGEST_STEP = 0.3
-"""Limits of Newton's method: steps, halvings of one that does not help, and its length in rad."""
+"""Limits of Newton's method: number of steps, number of halvings of a step that fails, and step length in rad."""
 
 _FLOOR, SOLVED = 1e-15, 1e-11
-"""Residuals in rad: below the first no step is tried any more, below the second one that does not help is noise."""
+"""Residuals in rad: iteration stops below the first one; below the second one, a failed step counts as converged."""
 
 _SMALLEST_ADVANCE = 1.0 / 128
-"""Part of the way from the chief ray to a point of the iris below which there is taken to be no ray."""
+"""Smallest continuation step from the chief ray to a point of the iris, as a fraction; below it, no ray exists."""
 
 _MANY, _RINGS, _DEGREE, _CHUNK = 4096, 14, 9, 1 << 13
-"""Of more points than the first, 14 rings are solved beforehand and a polynomial of degree 9 is laid through them; then
-the others follow, as many at a time as the last says."""
+"""For more points than the first number, a polynomial of degree 9 is fitted to 14 rings that are solved first. The
+other points follow, in chunks of the last number."""
 
 _FAN = np.linspace(-1.0, 1.0, 513) * math.radians(89.5)
-"""Directions at the centre of the iris among which the chief ray is looked for."""
+"""Angles in rad of the fan of rays at the centre of the iris that brackets the chief ray."""
 
 
 class Half(NamedTuple):
-    """Elements between the iris and the target point, and that point."""
+    """Half of a lens: the elements between the iris and the target point, and that point."""
 
     outwards: LensRecord | None
-    """From the iris to the outermost element; None where nothing lies there."""
+    """Record from the iris to the outermost element; None if there is no element."""
     inwards: LensRecord
-    """From the outermost element to the iris."""
+    """Record from the outermost element to the iris."""
     sign: float
     """Direction of outward travel: -1 towards the scene, +1 towards the sensor."""
     wavelength: float
     aim: Floats
-    """(2,) angle coordinates of a point that is infinitely far away, or (3,) a point in mm."""
+    """Target point: (2,) angle coordinates at infinity, or (3,) a point in mm."""
 
 
 def angles_of(direction: Floats, sign: float) -> Floats:
@@ -83,7 +83,7 @@ def directions_of(angles: Floats, sign: float) -> Floats:
 
 
 def half_of(lens: LensStack, wavelength: float, aim: Floats, *, scene: bool) -> Half:
-    """Half of the lens in which rays from the iris to a point are searched: before the lens (`scene`) or behind it."""
+    """Half of the lens between the iris and a target point, in front of the lens (`scene`) or behind it."""
     iris, last = lens.iris_index, len(lens.elements) - 1
     ends, outer = ((0, iris), (0, iris - 1)) if scene else ((iris, last), (iris + 1, last))
     inwards = lens_record(lens, wavelength, reverse=not scene, first=ends[0], last=ends[1], clipping=False)
@@ -96,7 +96,7 @@ def half_of(lens: LensStack, wavelength: float, aim: Floats, *, scene: bool) -> 
 def traced_through(
     lens: LensRecord | None, origin: Floats, direction: Floats, wavelength: float
 ) -> tuple[Floats, Floats]:
-    """Points and directions behind the elements of a record; NaN for rays that do not exist."""
+    """Points and directions behind the elements of a record; NaN for lost rays."""
     if lens is None:
         return origin, direction
     n, contiguous = len(origin), (np.ascontiguousarray(origin).view(), np.ascontiguousarray(direction).view())
@@ -107,24 +107,24 @@ def traced_through(
 
 
 def outermost(half: Half, points: Floats, angles: Floats) -> tuple[Floats, Floats]:
-    """Points (n, 3) on the outermost element and directions (n, 3) there, of rays from points of the iris."""
+    """Points (n, 3) on the outermost element and directions (n, 3) behind it, of rays from points of the iris."""
     return traced_through(half.outwards, points, directions_of(angles, half.sign), half.wavelength)
 
 
 def _residual(half: Half, points: Floats, angles: Floats) -> Floats:
-    """Angle coordinates (n, 2) by which rays from points of the iris miss the point that is aimed at."""
+    """Residual angle coordinates (n, 2) of rays from points of the iris at the target point."""
     origin, direction = outermost(half, points, angles)
     arriving = angles_of(direction, half.sign)
     return arriving - (half.aim if half.aim.size == 2 else angles_of(half.aim - origin, half.sign))
 
 
 def _length(vectors: Floats) -> Floats:
-    """Lengths (n,) of vectors (n, 2), inf for those that are no numbers."""
+    """Lengths (n,) of vectors (n, 2), inf for those with nan."""
     return np.nan_to_num(np.hypot(vectors[:, 0], vectors[:, 1]), nan=math.inf)
 
 
 def _newton_step(half: Half, points: Floats, angles: Floats, residual: Floats) -> Floats:
-    """Newton's step (n, 2) from difference quotients, taken towards the axis, where rays are surest to exist."""
+    """Newton's step (n, 2) from difference quotients; these step towards the axis, where rays are least likely lost."""
     n = len(points)
     h = np.where(angles > 0, -_DIFFERENCE, _DIFFERENCE)
     displaced = np.concatenate([angles, angles])
@@ -139,7 +139,7 @@ def _newton_step(half: Half, points: Floats, angles: Floats, residual: Floats) -
 
 
 def _newton(half: Half, points: Floats, start: Floats) -> tuple[Floats, Floats]:
-    """Angle coordinates (n, 2) at points of the iris (n, 3) that meet the aim, and their errors in rad."""
+    """Angle coordinates (n, 2) at points of the iris (n, 3) of rays through the target, and their residuals in rad."""
     angles = np.array(start)
     residual = _residual(half, points, angles)
     miss = _length(residual)
@@ -167,15 +167,15 @@ def _newton(half: Half, points: Floats, start: Floats) -> tuple[Floats, Floats]:
 
 
 def points_of(lens: LensStack, pupil: Floats) -> Floats:
-    """Points (n, 3) in the lens frame of points (n, 2) of the iris in units of its semi-diameter."""
+    """Points (n, 3) in mm in the lens frame, from points (n, 2) of the iris in units of its semi-diameter."""
     points = np.column_stack([lens.stop.semi_diameter * pupil, np.zeros(len(pupil))])
     return to_lens_axes(lens.stop.placement, points)
 
 
 def _chief_guess(half: Half, centre: Floats) -> Floats:
-    """Angle coordinates (1, 2) at the centre of the iris close to those of the chief ray.
+    """Approximate angle coordinates (1, 2) of the chief ray at the centre of the iris.
 
-    In a fan of rays towards the azimuth of the aim, the one nearest to the axis at which the residual changes its sign.
+    In a fan of rays towards the azimuth of the target, it is the sign change of the residual nearest to the axis.
     """
     middle = len(_FAN) // 2
     aim_angles = half.aim if half.aim.size == 2 else angles_of((half.aim - centre)[None], half.sign)[0]
@@ -197,7 +197,9 @@ def _chief_guess(half: Half, centre: Floats) -> Floats:
 
 
 def _continue_to(half: Half, lens: LensStack, pupil: Floats, chief: Floats) -> tuple[Floats, Floats]:
-    """Angle coordinates (n, 2) at points of the iris and their errors, from those at its centre, (1, 2)."""
+    """Continue angle coordinates from the centre of the iris, (1, 2), to points of it, (n, 2); also returns
+    residuals.
+    """
     n = len(pupil)
     angles, progress, advance, miss = np.repeat(chief, n, axis=0), np.zeros(n), np.ones(n), np.full(n, math.inf)
     going = np.ones(n, dtype=bool)
@@ -216,21 +218,21 @@ def _continue_to(half: Half, lens: LensStack, pupil: Floats, chief: Floats) -> t
 
 
 def _terms(pupil: Floats) -> Floats:
-    """The monomials x^i y^j of points (n, 2) up to the degree `_DEGREE`, (n, k)."""
+    """Monomials x^i y^j of points (n, 2) up to the degree `_DEGREE`, (n, k)."""
     x, y = (np.polynomial.polynomial.polyvander(column, _DEGREE) for column in pupil.T)
     return np.concatenate([x[:, : _DEGREE + 1 - j] * y[:, j : j + 1] for j in range(_DEGREE + 1)], axis=1)
 
 
 @functools.cache
 def _fit() -> Floats:
-    """Matrix from values at `hexapolar(_RINGS)` to the coefficients of `_terms` that fit them best."""
+    """Matrix from values at `hexapolar(_RINGS)` to the least-squares coefficients of `_terms`."""
     return np.asarray(np.linalg.pinv(_terms(hexapolar(_RINGS))))
 
 
 def aimed_angles(half: Half, lens: LensStack, pupil: Floats) -> tuple[Floats, Floats]:
-    """Angle coordinates (n, 2) at points of the iris, and their errors at the aim in rad, (n,): inf for no ray.
+    """Angle coordinates (n, 2) at points of the iris, and their residuals at the target in rad, (n,): inf for no ray.
 
-    Of many points, a few are solved first, and a polynomial through these is where the others start from.
+    For many points, a few are solved first, and a polynomial fit to these gives the initial values of the others.
     """
     centre = points_of(lens, np.zeros((1, 2)))
     chief, missed = _newton(half, centre, _chief_guess(half, centre[0]))

@@ -1,1 +1,1 @@
-"""Waves: wavefronts, Zernike fits, and images of points with diffraction."""
+"""Wave optics of lenses: wavefronts, Zernike fits, and point-spread functions with diffraction."""

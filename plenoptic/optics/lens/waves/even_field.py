@@ -1,4 +1,4 @@
-"""The light of a point where it converges, on a grid that is even in direction cosines."""
+"""Field of an object point on the reference sphere, on a grid uniform in direction cosines."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.waves.wavefront import rays_to_sphere
 
 _COARSE, _DEGREE = 24, 8
-"""Rays across the iris by which it is found where others must go, and the degree of the polynomials that say it."""
+"""Rays across the iris for the fit of iris points against direction cosines, and the degree of its polynomials."""
 _BEYOND = 1.1
-"""Of the iris's semi-diameter: where points need not be looked for."""
+"""Radius in units of the iris's semi-diameter outside of which no points are aimed at."""
 
 
 class EvenField(NamedTuple):
-    """The field on the reference sphere, as seen from the image point in directions evenly spaced along two axes."""
+    """Field on the reference sphere, in directions from the image point that are uniform in two direction cosines."""
 
     values: NDArray[np.complex128]
-    """(n, n): over the cosine to the z axis, so that sums over directions are diffraction integrals; 0 beside."""
+    """(n, n): amplitude over the cosine to the z axis, so sums over directions are diffraction integrals; 0 outside."""
     opd: Floats
-    """(n, n), waves; nan where no ray passes."""
+    """(n, n): optical path difference in waves; nan if the ray is vignetted."""
     toward: Floats
-    """(n, n, 3): unit vectors from the image point, of the rays that were found."""
+    """(n, n, 3): unit vectors from the image point along the traced rays."""
     side: Floats
-    """(n,): direction cosines along either axis, from the chief ray's."""
+    """(n,): direction cosines along either axis, relative to the chief ray's."""
     image: Floats
     radius: float
     wave: float
-    """Wavelength in the medium, mm."""
+    """Wavelength in the image space medium, mm."""
 
     @property
     def step(self) -> float:
@@ -43,14 +43,14 @@ class EvenField(NamedTuple):
 
 
 def even_field(lens: LensStack, point: ImagedPoint, wavelength: float, n: int, axes: Floats) -> EvenField:
-    """Aim rays at a grid (n, n) of direction cosines along axes (2, 2)."""
+    """Field of an object point on a grid (n, n) of direction cosines along axes (2, 2), by ray aiming."""
     coarse = square_grid(_COARSE)
     coarse_rays = rays_to_sphere(lens, point, wavelength, coarse)
     passes = np.isfinite(coarse_rays.opd)
     if passes.sum() < 2 * _DEGREE**2:
-        raise InvalidValueError(f"hardly a ray from the field {point.field} passes the lens; give one that it images")
+        raise InvalidValueError(f"too few rays from the field {point.field} pass the lens; give a smaller field")
     directions = (coarse_rays.toward - coarse_rays.middle)[passes, :2] @ axes.T
-    # From the outermost coarse rays it may be a step to the edge.
+    # The edge may lie one step outside the outermost coarse rays.
     half = float(np.abs(directions).max() + 2 / _COARSE * np.nanmax(np.abs(coarse_rays.slopes[passes])))
     side = half * (2 * np.arange(n) + 1 - n) / n
     nodes = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -66,7 +66,7 @@ def even_field(lens: LensStack, point: ImagedPoint, wavelength: float, n: int, a
         pupil[near] += np.clip(moves, -0.1, 0.1)
     near = np.hypot(pupil[:, 0], pupil[:, 1]) < _BEYOND
     rays = rays_to_sphere(lens, point, wavelength, pupil[near])
-    # Light of an area of the iris over the solid angle, and of that over the cosines' area.
+    # Light per area of the iris over solid angle, times solid angle over area of direction cosines.
     with np.errstate(invalid="ignore", divide="ignore"):
         size = np.sqrt(rays.light / rays.solid_angle) / np.abs(rays.toward[:, 2])
     values = size * np.exp(2j * np.pi * rays.opd)
@@ -80,13 +80,13 @@ def even_field(lens: LensStack, point: ImagedPoint, wavelength: float, n: int, a
 
 
 def _powers(points: Floats) -> Floats:
-    """(n, terms): all products of powers of two coordinates up to the degree."""
+    """(n, terms): all monomials of two coordinates up to the degree."""
     x, y = points.T
     return np.stack([x**i * y**j for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)], axis=1)
 
 
 def checked_shares(weights: ArrayLike | None, wavelengths: tuple[float, ...]) -> Floats:
-    """Share of each wavelength in the light, all alike for None, or an error."""
+    """Check and normalise the weights of wavelengths; None means equal weights."""
     radiance = np.ones(len(wavelengths)) if weights is None else numbers(weights, "weights")
     if radiance.shape != (len(wavelengths),) or not (radiance >= 0).all() or not radiance.any():
         raise InvalidValueError(f"weights must be {len(wavelengths)} numbers, not negative and not all 0")

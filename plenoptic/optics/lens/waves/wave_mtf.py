@@ -1,4 +1,4 @@
-"""Contrast with diffraction: the autocorrelation of the light on the reference sphere."""
+"""MTF with diffraction: autocorrelation of the field on the reference sphere."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from plenoptic.optics.lens.waves.wavefront import aberrated_point
 
 @result
 class WaveMtf:
-    """Modulation transfer function of one object point, diffraction and aberrations together. See `wave_mtf`.
+    """Modulation transfer function of one object point, with diffraction and aberrations. Made by `wave_mtf`.
 
     Attributes
     ----------
@@ -50,40 +50,38 @@ def wave_mtf(  # noqa: PLR0913
     weights: ArrayLike | None = None,
     grid: int = 96,
 ) -> WaveMtf:
-    """Contrast of patterns in the image, with diffraction at the opening of the lens.
+    """Modulation transfer function with diffraction at the exit pupil and aberrations.
 
     Parameters
     ----------
     lens : LensStack
-        As LensModel.EXACT.
+        Must have LensModel.EXACT.
     frequencies : (k,) array
         Cycles per mm on the image plane, not negative.
     field, z_object, z_image
         As for `spot_diagram`.
     wavelength : float or sequence of float, optional
-        nm. Several add up where each has its image: with lateral and longitudinal colour.
+        nm. Images of several wavelengths add up, with lateral and axial colour.
     weights : (w,) array, optional
-        Light of each wavelength; all alike if it is left out.
+        Weight of each wavelength; equal by default.
     grid : int, optional
-        Points across the opening. An edge is found to a point: the error is about 1 / grid^1.5.
+        Points across the pupil. Edges are resolved to one point: the error is about 1 / grid^1.5.
 
     Raises
     ------
     InvalidValueError
-        As of `wavefront`; or a number is out of range.
+        As for `wavefront`, or if a number is out of range.
 
-    Notes
-    -----
-    The field of the point on the reference sphere, over the cosine to the chief ray's direction, is found on a grid
-    that is even in direction cosines by aiming rays there. Its autocorrelation at a shift of wavelength times frequency
-    is the transfer function, without loss in the tails of the point spread.
+    Notes ----- Rays are aimed at a grid uniform in direction cosines. They give the field on the reference sphere, over
+    the cosine to the chief ray's direction. Its autocorrelation at a shift of wavelength times frequency is the
+    transfer function, without truncation of the tails of the point-spread function.
 
     Examples
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0))
-    >>> found = pl.aberrations.wave_mtf(lens, [0.0, 50.0, 500.0])
-    >>> found.tangential.round(2).tolist()
+    >>> contrast = pl.aberrations.wave_mtf(lens, [0.0, 50.0, 500.0])
+    >>> contrast.tangential.round(2).tolist()
     [1.0, 0.7, 0.0]
     """
     point = aberrated_point(lens, field, z_object, z_image, wavelength)
@@ -105,7 +103,9 @@ def wave_mtf(  # noqa: PLR0913
 
 
 def _autocorrelation(field: NDArray[np.complex128], shifts: Floats) -> NDArray[np.complex128]:
-    """Autocorrelation of a field (n, n) along its first axis, 1 at shift 0; linear between whole steps."""
+    """Autocorrelation of a field (n, n) along its first axis, 1 at shift 0; linear interpolation between whole
+    steps.
+    """
     n = len(field)
     whole_steps = np.array([np.vdot(field[k:], field[: n - k]) for k in range(n)] + [0.0])
     places = np.minimum(shifts, n)

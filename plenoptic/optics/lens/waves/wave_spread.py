@@ -1,4 +1,4 @@
-"""Pictures of a point with diffraction: by Fourier transform, and by direct summation."""
+"""Point-spread functions with diffraction: by Fourier transform, or by direct Huygens summation."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import rotation_about_axes
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.waves.even_field import EvenField, checked_shares, even_field
-from plenoptic.optics.lens.waves.wavefront import aberrated_point, farther, huygens_sum
+from plenoptic.optics.lens.waves.wavefront import aberrated_point, excess_path, huygens_sum
 
 MOST_PIXELS, MOST_GRID = 1 << 20, 512
 FAR_ENOUGH = 5e-3
-"""Radians: phase that a Fourier transform may leave out in the picture's corners, 1 % of the perfect peak at most."""
+"""Largest phase error of a Fourier transform in the picture's corners, in radians: 1 % of the perfect peak at most."""
 
 
 class SpreadMethod(enum.IntEnum):
-    """Method for the field of a point in its image.
+    """Method for the field of an object point in its image.
 
-    FOURIER: the picture is small against its distance from the exit pupil, so that it is the Fourier transform of the
-    field there, as two products of matrices (R. Soummer et al., Opt. Express 15, 15935, 2007). HUYGENS: spherical waves
-    from all points of the reference sphere add up, with their true distances.
+    FOURIER: the field is the Fourier transform of that in the pupil, for a picture small against its distance from it.
+    Two matrix products compute it (R. Soummer et al., Opt. Express 15, 15935, 2007). HUYGENS: sum of spherical waves
+    from all points of the reference sphere, with exact distances.
 
     Examples
     --------
@@ -42,24 +42,24 @@ class SpreadMethod(enum.IntEnum):
 
 @result
 class WaveSpread:
-    """Point-spread function with diffraction and aberrations as a picture. See `wave_spread`, which makes it.
+    """Point-spread function with diffraction and aberrations as a picture. Made by `wave_spread`.
 
     Attributes
     ----------
     image : (rows, columns) array
-        Part of the light that falls on each pixel, by the field in its middle; row 0 is at the largest y, column 0 at
-        the smallest x.
+        Fraction of the light on each pixel, by the field at its centre; row 0 is at the largest y, column 0 at the
+        smallest x.
     outside : float
-        Part of the light that misses the picture.
+        Fraction of the light outside the picture.
     perfect : float
-        Value of the pixel in the image point without aberrations.
+        Value of the pixel at the image point without aberrations.
     method : SpreadMethod
     pixel_size : float
         mm.
     centre : (3,) array
-        Where the chief ray of the first wavelength meets the image plane, mm in the lens frame: the picture's middle.
+        Centre of the picture: intersection of the first wavelength's chief ray with the image plane, mm, lens frame.
     tilt : (float, float)
-        By which the picture is turned there about x and y, radians.
+        Tilt of the picture about x and y, radians.
     field, z_object, z_image, wavelengths
         As in `SpotDiagram`.
     """
@@ -78,7 +78,7 @@ class WaveSpread:
 
     @property
     def strehl(self) -> float:
-        """The brightest pixel over `perfect`."""
+        """Strehl ratio: the brightest pixel over `perfect`."""
         return float(self.image.max() / self.perfect)
 
     def __repr__(self) -> str:
@@ -105,40 +105,38 @@ def wave_spread(  # noqa: PLR0913
     grid: int = 128,
     method: SpreadMethod | None = None,
 ) -> WaveSpread:
-    """Find the picture of an object point, with diffraction at the opening of the lens.
+    """Point-spread function of an object point, with diffraction at the exit pupil and aberrations.
 
     Parameters
     ----------
     lens : LensStack
-        As LensModel.EXACT.
+        Must have LensModel.EXACT.
     field, z_object, z_image
         As for `spot_diagram`.
     tilt : (float, float), optional
-        Of the image plane about x and y, radians, where the chief ray meets it.
+        Tilt of the image plane about x and y, radians, with the pivot at the chief ray.
     wavelength : float or sequence of float, optional
-        nm. Several add up where each has its image: with lateral and longitudinal colour.
+        nm. Images of several wavelengths add up, with lateral and axial colour.
     weights : (w,) array, optional
-        Light of each wavelength; all alike if it is left out.
+        Weight of each wavelength; equal by default.
     shape : (int, int), optional
-        Rows and columns; odd numbers put a pixel's middle on the image point.
+        Rows and columns; odd numbers put the centre of a pixel on the image point.
     pixel_size : float, optional
-        mm; if it is left out, half the finest period of a fringe, so that the picture has all there is.
+        mm; by default half the finest period of a fringe, the Nyquist limit of the intensity.
     grid : int, optional
-        Points across the opening, at most 512.
+        Points across the pupil, at most 512.
     method : SpreadMethod, optional
-        None: FOURIER for a plane across the axis where the phase that it leaves out is below 5e-3 radians everywhere,
-        which changes the result by 1 % of `perfect` at most; otherwise HUYGENS, which takes seconds.
+        None: FOURIER for an untilted plane if its phase error is below 5e-3 radians everywhere, which changes the
+        result by at most 1 % of `perfect`. Otherwise HUYGENS, which takes seconds.
 
     Raises
     ------
     InvalidValueError
-        As of `wavefront`; where neighbouring points of the grid differ by half a wave or more as seen from a corner of
-        the picture, so that ghosts would be found there; FOURIER for a tilted plane; or a number out of range.
+        As for `wavefront`. Also for aliasing, if the paths from neighbouring grid points to a corner of the picture
+        differ by half a wave or more. Also for FOURIER with a tilted plane, or a number out of range.
 
-    Notes
-    -----
-    The known field is that of `wave_mtf`. Light on the picture is ``|U|^2 dx dy``, and all of it by Parseval's
-    theorem wavelength^2 times the sum of squares over direction cosines in the plane.
+    Notes ----- The field on the reference sphere is that of `wave_mtf`. The light on a pixel is ``|U|^2 dx dy``. By
+    Parseval's theorem, the total light is wavelength^2 times the sum of squares over direction cosines in the plane.
 
     Examples
     --------
@@ -167,11 +165,11 @@ def wave_spread(  # noqa: PLR0913
         _check_sampling(one_field, corners - one_field.image)
     if chosen is None:
         near = not any(turned) and all(
-            _left_out(one_field, corners - one_field.image) <= FAR_ENOUGH for one_field in fields
+            _fourier_phase_error(one_field, corners - one_field.image) <= FAR_ENOUGH for one_field in fields
         )
         chosen = SpreadMethod.FOURIER if near else SpreadMethod.HUYGENS
     elif chosen is SpreadMethod.FOURIER and any(turned):
-        raise InvalidValueError("a Fourier transform is that on a plane across the axis; leave tilt or method out")
+        raise InvalidValueError("FOURIER needs an untilted image plane; leave out tilt or method")
     image, perfect = np.zeros((rows, columns)), 0.0
     for one_field, weight_of_field in zip(fields, shares, strict=True):
         scale = weight_of_field * size**2 / _whole_light(one_field, turn[:, 2])
@@ -191,19 +189,19 @@ def wave_spread(  # noqa: PLR0913
 
 
 def _places(rows: int, columns: int, size: float) -> Floats:
-    """(rows, columns, 3): middles of pixels, mm from that of the picture."""
+    """(rows, columns, 3): centres of pixels relative to that of the picture, mm."""
     x, y = size * (np.arange(columns) - 0.5 * (columns - 1)), -size * (np.arange(rows) - 0.5 * (rows - 1))
     return np.stack([*np.meshgrid(x, y), np.zeros((rows, columns))], axis=-1)
 
 
 def _width(found: EvenField) -> float:
-    """Width of the opening, in direction cosines."""
+    """Width of the pupil in direction cosines."""
     lit = np.isfinite(found.opd)
     return found.step * max(int(np.ptp(np.flatnonzero(lit.any(axis=k)))) + 1 for k in (0, 1))
 
 
 def _whole_light(found: EvenField, normal: Floats) -> float:
-    """All light on a plane, as the sum over pixels has it, over the square of the grid's step."""
+    """Total light on a plane, in the unit of the sum over pixels, over the square of the grid's step."""
     lit = np.isfinite(found.opd)
     toward = found.toward[lit]
     cosines = np.abs(toward[:, 2] / (toward @ normal))
@@ -211,33 +209,35 @@ def _whole_light(found: EvenField, normal: Floats) -> float:
 
 
 def _check_sampling(found: EvenField, corners: Floats) -> None:
-    """Refuse grids on which light seen from a corner (4, 3) of the picture turns by half a wave from point to point."""
+    """Refuse grids with path differences above half a wave between neighbours, seen from the picture's corners (4,
+    3).
+    """
     largest = 0.0
     for corner in corners:
-        phase = found.opd - farther(found.toward, found.radius, corner) / found.wave
+        phase = found.opd - excess_path(found.toward, found.radius, corner) / found.wave
         largest = max(largest, *(float(np.nanmax(np.abs(np.diff(phase, axis=k)))) for k in (0, 1)))
     if largest >= 0.5:
         n, first = len(found.side), "give a smaller picture"
         needed = math.floor(2.0 * largest * n) + 1
         raise InvalidValueError(
-            f"seen from the picture's corner, neighbouring points of the grid differ by {largest:.2g} waves, and the "
+            f"paths from neighbouring grid points to the picture's corner differ by {largest:.2g} waves; the "
             "limit is a half; " + (f"{first}, or grid={needed}" if needed <= MOST_GRID else first)
         )
 
 
-def _left_out(found: EvenField, corners: Floats) -> float:
-    """Radians: by how much at most the phase is not that of a Fourier transform, seen from corners (4, 3)."""
+def _fourier_phase_error(found: EvenField, corners: Floats) -> float:
+    """Largest phase error of a Fourier transform at corners (4, 3), in radians."""
     n, lit = len(found.side), np.isfinite(found.opd)
     axes = [np.broadcast_to(side, (n, n))[lit] for side in (found.side[:, None], found.side)]
-    off = [
-        farther(found.toward[lit], found.radius, corner) + axes[0] * corner[0] + axes[1] * corner[1]
+    phase_errors = [
+        excess_path(found.toward[lit], found.radius, corner) + axes[0] * corner[0] + axes[1] * corner[1]
         for corner in corners
     ]
-    return max(math.pi * float(np.ptp(one)) / found.wave for one in off)
+    return max(math.pi * float(np.ptp(one)) / found.wave for one in phase_errors)
 
 
 def _fourier(found: EvenField, places: Floats) -> NDArray[np.complex128]:
-    """The field at places (rows, columns, 3) of a plane across the axis, but for a phase."""
+    """Field at points (rows, columns, 3) of an untilted plane by a Fourier transform, up to a phase factor."""
     turn = 2j * math.pi / found.wave
     across = np.exp(turn * np.outer(found.side, places[0, :, 0]))
     along = np.exp(turn * np.outer(places[:, 0, 1], found.side))
@@ -245,7 +245,7 @@ def _fourier(found: EvenField, places: Floats) -> NDArray[np.complex128]:
 
 
 def _huygens(found: EvenField, places: Floats) -> NDArray[np.complex128]:
-    """The field at any places (rows, columns, 3)."""
+    """Field at any points (rows, columns, 3) by Huygens summation."""
     lit = np.isfinite(found.opd)
     light, toward = found.values[lit], found.toward[lit]
     sums = [huygens_sum(light, toward, found.radius, found.wave, place) for place in places.reshape(-1, 3)]

@@ -1,4 +1,4 @@
-"""Wavefronts: by how much the light of a point is out of step with a sphere around its image."""
+"""Wavefronts: optical path differences of an object point from the reference sphere around its image."""
 
 from __future__ import annotations
 
@@ -24,35 +24,33 @@ from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, fit_zernike, zernike
 
 _STEP = 1e-4
-"""Of the iris's semi-diameter: between rays whose differences tell how light spreads."""
+"""Spacing of neighbouring rays for difference quotients, in units of the iris's semi-diameter."""
 _REMOVABLE = {"piston": (1,), "tilt": (2, 3), "defocus": (4,)}
 
 
 @result
 class Wavefront:
-    """Optical path differences of the rays of one object point. See `wavefront`, which makes it.
-
-    Only rays that pass the lens are kept.
+    """Optical path differences of the transmitted rays of one object point. Made by `wavefront`.
 
     Attributes
     ----------
     pupil : (n, 2) array
-        Where rays pass the iris, in units of its semi-diameter.
+        Intersections of the rays with the iris, in units of its semi-diameter.
     opd : (n,) array
-        Optical path difference in waves, 0 for the chief ray: that of the chief ray to the reference sphere less that
-        of the ray. Positive where light is ahead of the sphere.
+        Optical path difference in waves: path of the chief ray to the reference sphere minus that of the ray. 0 for the
+        chief ray, positive if the wavefront is ahead of the sphere.
     amplitude : (n,) array
-        Of the field on the reference sphere times the solid angle that the ray stands for, seen from the image point,
-        so that sums over rays are diffraction integrals; the sum is 1.
+        Amplitude on the reference sphere times the solid angle of the ray seen from the image point, so sums over rays
+        are diffraction integrals; the sum is 1.
     toward : (n, 3) array
-        Unit vectors from the image point to where rays cross the reference sphere.
+        Unit vectors from the image point to the intersections of the rays with the reference sphere.
     image : (3,) array
-        The centre of the sphere, where the chief ray meets the image plane, mm in the lens frame.
+        Centre of the sphere, the intersection of the chief ray with the image plane, mm in the lens frame.
     radius : float
-        Of the sphere, mm: from the image to the exit pupil along the chief ray, negative for a pupil behind the image,
-        and infinite for one infinitely far away.
+        Radius of the sphere, mm: distance from the image to the exit pupil along the chief ray. Negative for a pupil
+        behind the image, infinite for a pupil at infinity.
     index : float
-        Of the medium there.
+        Refractive index of the image space medium.
     field : (2,) array
         As in `spot_diagram`: radians for an object at infinity, otherwise mm.
     z_object, z_image : float
@@ -75,24 +73,24 @@ class Wavefront:
 
     @property
     def rms(self) -> float:
-        """Root mean square difference from the mean, waves; points of the iris count alike."""
+        """Root mean square wavefront error about the mean, waves, with equal weights over the iris."""
         return float(np.std(self.opd))
 
     @property
     def peak_to_valley(self) -> float:
-        """The largest less the smallest difference, waves."""
+        """Largest minus smallest optical path difference, waves."""
         return float(np.ptp(self.opd))
 
     @property
     def strehl(self) -> float:
-        """Intensity in the image point over that of a wavefront without aberrations of the same amplitudes.
+        """Strehl ratio: intensity at the image point over that of an aberration-free wavefront of the same amplitudes.
 
-        Of `without("piston", "tilt")`, nearly that of the brightest point of the image plane.
+        After `without("piston", "tilt")` it is nearly that of the brightest point of the image plane.
         """
         return float(abs(self.amplitude @ np.exp(2j * math.pi * self.opd)) ** 2)
 
     def without(self, *parts: str) -> Wavefront:
-        """The same less its "piston", "tilt" or "defocus", as a fit of all three finds them over the iris."""
+        """The same wavefront minus its "piston", "tilt" or "defocus", from a joint fit of all three over the iris."""
         unknown = [part for part in parts if part not in _REMOVABLE]
         if unknown or not parts:
             raise InvalidValueError(
@@ -104,32 +102,32 @@ class Wavefront:
         return dataclasses.replace(self, opd=self.opd - _sum(coefficients, self.pupil))
 
     def zernike(self, terms: int = 37, *, order: ZernikeOrder = ZernikeOrder.NOLL) -> ZernikeFit:
-        """The sum of Zernike polynomials over the iris's circle that comes nearest to the differences.
+        """Least-squares fit of Zernike polynomials to the optical path differences, over the circle of the iris.
 
         Parameters
         ----------
         terms : int, optional
-            From 1 on: at most 91 in NOLL, 37 in FRINGE order.
+            Number of terms, at least 1: at most 91 in NOLL, 37 in FRINGE order.
         order : ZernikeOrder, optional
 
         Raises
         ------
         InvalidValueError
-            Where fewer rays than terms pass.
+            If fewer rays than terms pass the lens.
         """
         count = whole(terms, "terms", at_least=1)
         return fit_zernike(self.pupil, self.opd, np.ones(len(self.opd)), count, order)
 
     def point_spread(self, points: ArrayLike) -> Floats:
-        """Intensity at points around the image, over that of the same light without aberrations in the image point.
+        """Intensity at points around the image, over that at the image point without aberrations.
 
-        Summed directly over all rays (Huygens): right for strong aberrations, small f-numbers, and points off the image
-        plane, as long as neighbouring rays differ by less than half a wave there.
+        Direct Huygens summation over all rays. It is valid for strong aberrations, small f-numbers, and points off the
+        image plane. The paths of neighbouring rays to the point must differ by less than half a wave.
 
         Parameters
         ----------
         points : (..., 3) array
-            From `image`, mm.
+            Relative to `image`, mm.
 
         Returns
         -------
@@ -152,17 +150,17 @@ class Wavefront:
     _repr_html_ = picture_of
 
 
-def farther(toward: Floats, radius: float, point: Floats) -> Floats:
-    """(...), mm: how much farther a point (3,) is than the image from a sphere around it, in directions (..., 3)."""
+def excess_path(toward: Floats, radius: float, point: Floats) -> Floats:
+    """(...): distance in mm of a point (3,) from points of the sphere in directions (..., 3), minus the radius."""
     x, y, z = point.tolist()
     off = (x * x + y * y + z * z) / radius - 2.0 * (toward[..., 0] * x + toward[..., 1] * y + toward[..., 2] * z)
     return np.asarray(off / (1.0 + np.sqrt(1.0 + off / radius)))
 
 
 def huygens_sum(light: NDArray[np.complex128], toward: Floats, radius: float, wave: float, point: Floats) -> complex:
-    """The field at a point (3,), mm from the image, of light (n,) that leaves a sphere around the image at (n, 3)."""
-    # Products of vectors wait for BLAS's threads.
-    return complex((light * np.exp((-2j * math.pi / wave) * farther(toward, radius, point))).sum())
+    """Field at a point (3,), relative to the image in mm, of amplitudes (n,) on the sphere in directions (n, 3)."""
+    # Vector products through BLAS would wait for its threads.
+    return complex((light * np.exp((-2j * math.pi / wave) * excess_path(toward, radius, point))).sum())
 
 
 def _sum(noll: Floats, pupil: Floats) -> Floats:
@@ -179,31 +177,30 @@ def wavefront(
     wavelength: float = 587.6,
     pupil: ArrayLike | None = None,
 ) -> Wavefront:
-    """Find by how much the light of one object point is out of step where it leaves the exit pupil.
+    """Wavefront of one object point: optical path differences from the reference sphere through the exit pupil.
 
     Parameters
     ----------
     lens : LensStack
-        As LensModel.EXACT; others have no aberrations.
+        Must have LensModel.EXACT; other models have no aberrations.
     field, z_object, z_image
-        As for `spot_diagram`: the object point, and the image plane, that of Gaussian optics if it is left out.
+        As for `spot_diagram`: object point and image plane, by default the paraxial one.
     wavelength : float, optional
         nm.
     pupil : (n, 2) array, optional
-        Points of the iris in units of its semi-diameter, each of which stands for the same area; None: a grid of 64 x
-        64. See `aiming`.
+        Points of the iris in units of its semi-diameter, each with the same area; None: a grid of 64 x 64. See
+        `aiming`.
 
     Raises
     ------
     InvalidValueError
-        Where there is no chief ray or no image, or none of the rays passes the lens.
+        If there is no chief ray or no image, or no ray passes the lens.
 
-    Notes
-    -----
-    The reference sphere has its centre where the chief ray meets the image plane, and goes through the point where the
-    chief ray meets the paraxial exit pupil. Differences are found without that of two long paths: to the foot of the
-    perpendicular from the image point onto the ray, and from there to the sphere h^2 / (R + sqrt(R^2 - h^2)) more
-    than the chief ray, with the ray's distance h from the image point. So they hold for an exit pupil at infinity too.
+    Notes ----- The centre of the reference sphere is the intersection of the chief ray with the image plane. The sphere
+    passes through the intersection of the chief ray with the paraxial exit pupil. Path differences are computed without
+    subtracting two long paths. The path ends at the foot of the perpendicular from the image point onto the ray. From
+    there to the sphere it exceeds that of the chief ray by h^2 / (R + sqrt(R^2 - h^2)), with the distance h of the ray
+    from the image point. This holds for an exit pupil at infinity too.
 
     W. T. Welford, Aberrations of Optical Systems, 1986, chapter 7; his W has the same sign.
 
@@ -211,10 +208,10 @@ def wavefront(
     --------
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0))
-    >>> found = pl.aberrations.wavefront(lens)
-    >>> found
+    >>> wave = pl.aberrations.wavefront(lens)
+    >>> wave
     <Wavefront: 3228 rays from (0, 0) rad at 587.6 nm, RMS 0.0736 waves, peak to valley 0.243, Strehl 0.805>
-    >>> found.without("defocus").rms < found.rms
+    >>> wave.without("defocus").rms < wave.rms
     True
     """
     wave = wavelength_in_nm(wavelength)
@@ -223,7 +220,7 @@ def wavefront(
     to_sphere = rays_to_sphere(lens, point, wave, samples)
     passes = np.flatnonzero(np.isfinite(to_sphere.opd))
     if not len(passes):
-        raise InvalidValueError(f"no ray from the field {point.field} passes the lens; give a field that it images")
+        raise InvalidValueError(f"no ray from the field {point.field} passes the lens; give a smaller field")
     amplitude = np.sqrt(to_sphere.light * to_sphere.solid_angle)[passes]
     return Wavefront(
         pupil=samples[passes],
@@ -243,28 +240,28 @@ def wavefront(
 def aberrated_point(
     lens: LensStack, field: Sequence[float], z_object: float, z_image: float | None, wavelength: float | Sequence[float]
 ) -> ImagedPoint:
-    """An object point as `imaged_point` has it, of a lens that is traced exactly; or an error."""
+    """Object point as from `imaged_point`; an error if the lens is not LensModel.EXACT."""
     point = imaged_point(lens, field, z_object, z_image, wavelength)
     if lens.model is not LensModel.EXACT:
         raise InvalidValueError(
-            f"the lens is followed as {lens.model.name}, which has no aberrations; use LensModel.EXACT"
+            f"the model of the lens is {lens.model.name}, which has no aberrations; use LensModel.EXACT"
         )
     return point
 
 
 class SphereRays(NamedTuple):
-    """Rays from one object point through points of the iris, where they cross the reference sphere; nan if lost."""
+    """Intersections with the reference sphere of rays from one object point through points of the iris; nan if lost."""
 
     opd: Floats
     """(n,), waves."""
     light: Floats
-    """(n,): that of a unit of area of the iris, relative."""
+    """(n,): relative light per unit area of the iris."""
     solid_angle: Floats
-    """(n,): that of a unit of area of the iris, seen from the image point."""
+    """(n,): solid angle per unit area of the iris, seen from the image point."""
     toward: Floats
     """(n, 3): unit vectors from the image point."""
     slopes: Floats
-    """(n, 2, 2): how x and y of these change with those of the iris."""
+    """(n, 2, 2): Jacobian of x and y of `toward` by x and y of the iris."""
     middle: Floats
     """(3,): `toward` of the chief ray."""
     image: Floats
@@ -273,15 +270,15 @@ class SphereRays(NamedTuple):
 
 
 def rays_to_sphere(lens: LensStack, point: ImagedPoint, wavelength: float, pupil: Floats) -> SphereRays:
-    """Trace rays through points (n, 2) of the iris, each with two neighbours, to the sphere around the image point."""
+    """Trace rays through points (n, 2) of the iris, each with two neighbours, to the reference sphere."""
     n, steps = len(pupil), _STEP * np.eye(2)
     points = np.concatenate([pupil, pupil + steps[0], pupil + steps[1], np.zeros((1, 2))])
     entering = point.rays(lens, points, wavelength)
-    # What rays stand for does not depend on whether their neighbours pass, nor what they are compared with on whether
-    # something hides the middle of the iris.
+    # Solid angles need the neighbours of a ray even if they are vignetted, and path differences need the chief ray even
+    # if the centre of the iris is obscured.
     behind, path = paths_of_part(lens, entering, 0, len(lens.elements) - 1, clipping=False)
     if behind.status[-1] != 0:
-        raise InvalidValueError(f"there is no chief ray from the field {point.field}; give one that the lens images")
+        raise InvalidValueError(f"there is no chief ray from the field {point.field}; give a smaller field")
     chief = behind.selected(np.arange(len(points)) == 3 * n)
     image, index = chief.at_z(point.z_image)[0], float(lens.indices(wavelength)[-1])
     exit_pupil = cardinal_points(lens, wavelength).exit_pupil
@@ -307,17 +304,15 @@ def rays_to_sphere(lens: LensStack, point: ImagedPoint, wavelength: float, pupil
 
 
 def _area(vectors: Floats, n: int) -> Floats:
-    """(n,): areas spanned by vectors (3 n, 3) of points of the iris and of their neighbours, over the square of the
-    step.
-    """
+    """(n,): areas spanned by vectors (3 n, 3) of iris points and their two neighbours, over the squared step."""
     one, right, up = vectors[:n], vectors[n : 2 * n], vectors[2 * n : 3 * n]
     return np.asarray(np.linalg.norm(np.cross(right - one, up - one), axis=1)) / _STEP**2
 
 
 def to_sphere(behind: RayBundle, path: Floats, image: Floats, radius: float, index: float) -> tuple[Floats, Floats]:
-    """Optical paths (n,) to a sphere around an image point, less those of a ray through it, and where they end.
+    """Optical paths (n,) to a sphere around an image point, relative to a ray through that point, and their end points.
 
-    `path` are those to where rays behind the lens stand; the ends are unit vectors (n, 3) from the image.
+    `path` are the optical paths to the origins of `behind`; the end points are unit vectors (n, 3) from the image.
     """
     away = behind.origin - image
     along = (away * behind.direction).sum(axis=1)

@@ -56,15 +56,15 @@ class ZernikeOrder(enum.IntEnum):
 
 @result
 class ZernikeFit:
-    """A wavefront as a sum of Zernike polynomials. See `Wavefront.zernike`, which makes it.
+    """Wavefront as a sum of Zernike polynomials. Made by `Wavefront.zernike`.
 
     Attributes
     ----------
     coefficients : (n,) array
-        Waves, of terms 1, 2, ...
+        Coefficients of terms 1, 2, ... in waves.
     order : ZernikeOrder
     residual : float
-        Root mean square of the residual, waves.
+        Root mean square residual of the fit, waves.
     """
 
     coefficients: Floats
@@ -73,12 +73,12 @@ class ZernikeFit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the terms; degree and order, n and m, where there is no usual one."""
+        """Names of the terms; degree n and order m for terms without a usual name."""
         places = [_place(j, self.order) for j in range(1, len(self.coefficients) + 1)]
         return tuple(_NAMES.get(place, f"n {place[0]}, m {place[1]}") for place in places)
 
     def __getitem__(self, term: int | str) -> float:
-        """The coefficient of a term, by its number from 1 on or by its name."""
+        """Coefficient of a term, by its number from 1 on or by its name."""
         if isinstance(term, str):
             if term not in self.names:
                 raise InvalidValueError(f"{term!r} is no term of the fit; it has {', '.join(self.names)}")
@@ -103,9 +103,9 @@ def zernike(term: int, x: ArrayLike, y: ArrayLike, *, order: ZernikeOrder = Zern
     Parameters
     ----------
     term : int
-        Its number, from 1 on: up to 91 in NOLL, 37 in FRINGE order.
+        Number of the term, from 1 on: up to 91 in NOLL, 37 in FRINGE order.
     x, y : arrays
-        Of one shape.
+        Coordinates, arrays of the same shape.
     order : ZernikeOrder, optional
 
     Examples
@@ -126,10 +126,10 @@ def zernike(term: int, x: ArrayLike, y: ArrayLike, *, order: ZernikeOrder = Zern
 
 
 def _place(term: int, order: ZernikeOrder) -> tuple[int, int]:
-    """Degree and order of a term."""
+    """Degree n and azimuthal order m of a term."""
     if order is ZernikeOrder.NOLL:
         return degree_and_order(term)
-    if term == _MOST_FRINGE:  # the series would go on with m = 6
+    if term == _MOST_FRINGE:  # the series formula would continue with m = 6
         return 12, 0
     # Term (1 + (n + |m|) / 2)^2 - 2 |m| + (1 if m < 0) has degree n and order m; (n + |m|) / 2 is the group.
     group = math.isqrt(term - 1)
@@ -141,7 +141,7 @@ def _place(term: int, order: ZernikeOrder) -> tuple[int, int]:
 def fit_zernike(
     points: Floats, values: Floats, weight: Floats, terms: int, order: ZernikeOrder = ZernikeOrder.NOLL
 ) -> ZernikeFit:
-    """The sum of terms 1 ... `terms` that is nearest to values at points (n, 2), of weights (n,)."""
+    """Least-squares fit of terms 1 ... `terms` to values at points (n, 2), with weights (n,)."""
     if len(values) < terms:
         raise InvalidValueError(
             f"terms is {terms}, and {len(values)} rays pass the lens; give more points or fewer terms"

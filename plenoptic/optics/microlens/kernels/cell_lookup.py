@@ -140,7 +140,7 @@ def _in_opening(x, y, row, axis, array):
     if array.opening.fills:
         return True
     ax, ay = axis
-    if array.lens_table is not None:  # noqa: SIM102 - alone, so that it is pruned
+    if array.lens_table is not None:  # noqa: SIM102 - nested for compile-time pruning
         if row >= 0:
             lens = array.lens_table.lenses[row]
             ax, ay = lens.centre_x, lens.centre_y

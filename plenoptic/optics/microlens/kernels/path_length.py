@@ -6,14 +6,14 @@ import math
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, N, X, Y, Z
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.kernels.paths import keep_start
+from plenoptic.optics.lens.kernels.paths import store_start
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, LENS_ROWS, POWER
 
 
 @device
 def start_path(path, ray, z):
     """Store the state of rays before a side with its vertex at z, which becomes the origin of z."""
-    keep_start(path, ray)
+    store_start(path, ray)
     for i in range(BLOCK):
         path.start[2, i] = ray[Z + i] - z
 

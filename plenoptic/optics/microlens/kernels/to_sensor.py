@@ -49,7 +49,7 @@ def reach_sensor(ray, lens_rows, sensor, array):
             t = (t + tilt[0] * x + tilt[1] * y) / towards
             ray[STATUS + i] = ray[STATUS + i] if ray[STATUS + i] != 0.0 or towards > 0.0 else MISSED
         x, y = x + t * u, y + t * v
-        if array is not None and array.walls is not None:  # noqa: SIM102 - alone, so that it is pruned
+        if array is not None and array.walls is not None:  # noqa: SIM102 - nested for compile-time pruning
             if ray[STATUS + i] == 0.0:
                 first, second, _, _, _, _ = find_lens(x, y, array)
                 same_cell = first == lens_rows[INDEX_I + i] and second == lens_rows[INDEX_J + i]

@@ -62,7 +62,7 @@ def test_impossible_questions_of_colour_are_refused():
         (lambda: shift(GAUSS, wavelengths=["blue"]), "wavelength is .blue.; it must be a number"),
         (lambda: shift(GAUSS, wavelengths=[100.0]), "100"),
         (lambda: pl.aberrations.colour_sums(GAUSS, field=0.1, wavelengths=(500.0,)), "must be three"),
-        (lambda: shift(plate, field=0.1), "light leaves the lens parallel"),
+        (lambda: shift(plate, field=0.1), "the emerging light is collimated"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             call()

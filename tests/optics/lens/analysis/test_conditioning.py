@@ -259,7 +259,7 @@ def test_extreme_lenses_are_found():
     near = findings(pl.LensStack([*plate, pl.CircularStop(1.0, 1.0), *plate]))
     assert [f.kind for f in near] == [FindingKind.GRAZING, FindingKind.NEAR_TOTAL_REFLECTION]
     cos_i, cos_t = math.cos(math.radians(88.0)), math.sqrt(1 - (math.sin(math.radians(88.0)) / INDEX) ** 2)
-    assert f"88 degrees from its normal, which magnifies their errors there {1 / cos_i:.3g} times" in near[0].message
+    assert f"up to 88 degrees at element 0, which magnifies their errors there {1 / cos_i:.3g} times" in near[0].message
     assert f"direction {INDEX * cos_t / cos_i:.3g} times (n cos i / (n' cos i'))" in near[1].message
     # A surface of a micrometre 100 mm behind the others: lengths of 100 mm, twice, over 1e-3 mm.
     tiny = [pl.Surface(50.0, 2.0, GLASS, semi_diameter=5.0), pl.Surface(math.inf, 98.0, semi_diameter=5.0),

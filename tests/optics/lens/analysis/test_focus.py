@@ -121,7 +121,7 @@ def test_images_at_infinity_before_the_lens_and_nowhere():
     near = 0.5 * (z + float(PARAXIAL.vertices[0]))
     assert best_focus(PARAXIAL, z_object=near) == pytest.approx(paraxial_focus(PARAXIAL, near), rel=1e-12)
     assert paraxial_focus(PARAXIAL, near) < near and math.isnan(working_f_number(NONE))
-    nothing = r"LensModel\.NONE, which bends no ray, so no plane is its image"
+    nothing = r"LensModel\.NONE, which refracts no ray, so there is no image plane"
     for call, text in (
         (lambda: pl.aberrations.through_focus(PARAXIAL, z_object=z), "parallel"),
         (lambda: best_focus(GAUSS, field=(0.0, 1.3)), r"0 of 0 rays from the field \(0.0, 1.3\) pass the lens"),

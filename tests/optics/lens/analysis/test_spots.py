@@ -181,7 +181,7 @@ def test_what_is_no_spot():
         ({"wavelength": ()}, "wavelength is an empty sequence"),
         ({"wavelength": [500.0] * 300}, "wavelength has 300 entries"),
         ({"lens": "lens"}, "lens is a str; give a LensStack"),
-        ({"lens": GAUSS.with_model(LensModel.NONE)}, r"LensModel\.NONE, which bends no ray"),
+        ({"lens": GAUSS.with_model(LensModel.NONE)}, r"LensModel\.NONE, which refracts no ray"),
         ({"lens": PERFECT[0], "z_object": paraxial.cardinal_points(GAUSS).front_focus}, "at infinity; give z_image"),
     ):
         with pytest.raises(InvalidValueError, match=message):

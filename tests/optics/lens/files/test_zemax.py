@@ -229,7 +229,7 @@ def test_what_cannot_be_is_refused_by_name_and_line(tmp_path):
         ((blank(1.6), "CURV 0.02", "DIAM 5", "DISZ INFINITY"), "thickness is inf"),
         ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM 51"), "semi_diameter 51 mm exceeds the radius"),
         ((blank(1.5), "CURV 0.02", "DISZ 1", "DIAM 5", "CLAP 0 0 0"), "semi_diameter is 0"),
-        (("DISZ 1", "DIAM 5", "OBSC 1 2 0"), "OBSC stops light from 1 to 2"),
+        (("DISZ 1", "DIAM 5", "OBSC 1 2 0"), "OBSC blocks light from 1 to 2"),
         (("DISZ 1", "DIAM 5", "SQAP 2 3 0"), "SQAP: rectangular apertures"),
         (("DISZ 1", "DIAM 5", "CLAP 2 1 0"), "CLAP passes light from 2 to 1"),
         (("DISZ 1", "DIAM 5", "OBDC 0 0.5"), "the aperture is decentred"),
@@ -256,8 +256,8 @@ def test_a_wrong_head_and_a_file_without_a_lens_are_refused(tmp_path):
         ("UNIT MM X W X CM MR CPMM", "UNIT", "UNIT has 0 entries"),
         ("SURF 2", "SURF 3", "SURF is '3'; the next surface has number 2"),
         ("FLOA", "ENPD ten", "ENPD is 'ten'"),
-        ("FLOA", "ENPD 0 0", "ENPD 0 does not say how large the stop is: it must be above 0; give stop_size="),
-        ("FLOA", "OBNA 0.1 0", "the object is infinitely far away"),
+        ("FLOA", "ENPD 0 0", "ENPD 0 does not determine the stop: it must be above 0; give stop_size="),
+        ("FLOA", "OBNA 0.1 0", "the object is at infinity"),
         ("FLOA", "FNUM -1 0", "it must be above 0"),
     ):
         refused(tmp_path, zmx(STOP, FRONT, BACK).replace(old, new, 1), re.escape(message), new)

@@ -42,11 +42,11 @@ def test_the_entrance_pupil_counts_and_not_the_diameter_of_the_stop(tmp_path):
     lens = load(tmp_path, "ENPD 10", STOP, *LENS)
     assert f_number(lens) == pytest.approx(7.8, rel=1e-12)
     (found,) = about_aperture(lens)
-    assert "semi-diameter of 5 mm, and its file says 10 mm" in found and "StopSize.DIAMETER" in found
+    assert "semi-diameter of 5 mm, but its file states 10 mm" in found and "StopSize.DIAMETER" in found
     by_stop = load(tmp_path, "ENPD 10", STOP, *LENS, stop_size=DIAMETER)
     assert f_number(by_stop) == pytest.approx(3.9, rel=1e-12)
     (found,) = about_aperture(by_stop)
-    assert "10 mm wide (f/7.8), which it makes 20 mm (f/3.9)" in found
+    assert "an entrance pupil of 10 mm (f/7.8); its diameter is 20 mm (f/3.9)" in found
     # Where both agree nothing is said, and nothing of a stop that its user has chosen.
     assert about_aperture(load(tmp_path, "ENPD 20", STOP, *LENS)) == []
     assert about_aperture(lens.with_stop(pl.CircularStop(1.0))) == []
@@ -82,7 +82,7 @@ def test_the_cone_of_a_near_object_may_be_given(tmp_path):
 
 def test_an_aperture_on_the_stop_ends_the_beam(tmp_path):
     lens = load(tmp_path, "ENPD 30", f"{STOP}; CLAP 0 6", *LENS)
-    assert lens.stop.semi_diameter == 6.0 and "30 mm wide" in about_aperture(lens)[0]
+    assert lens.stop.semi_diameter == 6.0 and "entrance pupil of 30 mm" in about_aperture(lens)[0]
     for radius, size in ((6, 6.0), (12, 10.0)):
         floating = load(tmp_path, "FLOA", f"{STOP}; CLAP 0 {radius}", *LENS)
         assert floating.stop.semi_diameter == size and about_aperture(floating) == []
@@ -95,14 +95,14 @@ def test_an_aperture_on_the_stop_ends_the_beam(tmp_path):
 
 def test_a_stop_that_does_not_follow_is_refused_with_a_way_out(tmp_path):
     collimated = (*LENS, STOP)
-    with pytest.raises(PrescriptionError, match=r"line 2: ENPD 10 .*infinitely far away; give stop_size=pl"):
+    with pytest.raises(PrescriptionError, match=r"line 2: ENPD 10 .*at infinity; give stop_size=pl"):
         load(tmp_path, "ENPD 10", *collimated)
     assert load(tmp_path, "ENPD 10", *collimated, stop_size=DIAMETER).stop.semi_diameter == 10.0
     # In front of such a lens, the numerical aperture of a near object says it all the same.
     telecentric = load(tmp_path, "OBNA 0.1 0", *collimated, first="DISZ 50")
     assert telecentric.stop.semi_diameter == pytest.approx(F * math.tan(math.asin(0.1)), rel=1e-9)
     # A stop placed by rule says that the pupil is another.
-    assert "10 mm wide (f/7.8)" in about_aperture(load(tmp_path, "ENPD 10", *LENS))[0]
+    assert "entrance pupil of 10 mm (f/7.8)" in about_aperture(load(tmp_path, "ENPD 10", *LENS))[0]
 
 
 SYSTEM = (

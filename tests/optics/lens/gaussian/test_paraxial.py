@@ -255,7 +255,7 @@ def test_telecentric_and_afocal_lenses():
     telecentric = LensStack([*thin(77.77, 77.77), CircularStop(0.1)])
     telescope = LensStack([CircularStop(0.1), *thin(100.0, 150.0), *thin(50.0)])
     for call, text in (
-        (lambda: paraxial.chief_ray(telecentric, 0.1), "the entrance pupil is infinitely far; give an object plane"),
+        (lambda: paraxial.chief_ray(telecentric, 0.1), "the entrance pupil is at infinity; give an object plane"),
         (lambda: paraxial.marginal_ray(telecentric), "onto its iris"),
         (lambda: paraxial.conjugates(telescope, -1.0), r"afocal, so its magnification is -0\.5 for all planes"),
     ):
