@@ -22,7 +22,7 @@ CHUNK = 64
 
 
 class Condition(enum.IntEnum):
-    """Cause of amplified errors of a ray. Measured by `conditioning`."""
+    """Cause of amplified errors of a ray. See `conditioning`."""
 
     INCIDENCE = 0
     """1 / cos i: distance of two parallel rays on the surface over their distance from each other. Large at grazing
