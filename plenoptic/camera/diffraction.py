@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from plenoptic.camera.sampling.sampling_records import NEAR
-from plenoptic.core.values import Floats, flag, set_field, value
+from plenoptic.core.values import Floats, checked_field, flag, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.diffraction.far_field import FarField, far_field
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
@@ -52,10 +52,7 @@ class Diffraction:
     True
     """
 
-    iris: bool = False
-
-    def __post_init__(self) -> None:
-        set_field(self, "iris", flag(self.iris, "iris"))
+    iris: bool = checked_field(flag, default=False)
 
 
 class DeflectionRecord(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plenoptic.core.motions.motion import Motion
-from plenoptic.core.values import check_kind, finite, positive, set_field, value
+from plenoptic.core.values import check_kind, checked_field, finite, positive, value
 
 
 @value
@@ -43,12 +43,10 @@ class Shutter:
     >>> shot = pl.render(frame.scene, frame.camera, samples=16, progress=False)
     """
 
-    duration: float
-    row_time: float = 0.0
+    duration: float = checked_field(positive, unit="s")
+    row_time: float = checked_field(finite, default=0.0)
     motion: Motion | None = None
 
     def __post_init__(self) -> None:
-        set_field(self, "duration", positive(self.duration, "duration", "s"))
-        set_field(self, "row_time", finite(self.row_time, "row_time"))
         if self.motion is not None:
             check_kind(self.motion, "motion", Motion, "pl.Motion.screw((-1, 1), axis=(1, 0, 0), advance=5)")

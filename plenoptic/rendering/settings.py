@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 
-from plenoptic.core.values import choice, positive, set_field, value, whole
+from plenoptic.core.values import checked_field, choice, positive, value, whole
 
 
 class Sampler(enum.IntEnum):
@@ -49,13 +49,7 @@ class RenderSettings:
     'SOBOL'
     """
 
-    max_bounces: int = 8
-    caustics: Caustics = Caustics.INCLUDE
-    clamp: float | None = None
-    sampler: Sampler = Sampler.SOBOL
-
-    def __post_init__(self) -> None:
-        set_field(self, "max_bounces", whole(self.max_bounces, "max_bounces", at_least=0))
-        set_field(self, "caustics", choice(self.caustics, Caustics, "caustics"))
-        set_field(self, "clamp", None if self.clamp is None else positive(self.clamp, "clamp"))
-        set_field(self, "sampler", choice(self.sampler, Sampler, "sampler"))
+    max_bounces: int = checked_field(whole, default=8, at_least=0)
+    caustics: Caustics = checked_field(choice, default=Caustics.INCLUDE, kind=Caustics)
+    clamp: float | None = checked_field(positive, default=None)
+    sampler: Sampler = checked_field(choice, default=Sampler.SOBOL, kind=Sampler)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.core.values import (
     Floats,
     Given,
+    checked_field,
     choice,
     frozen_array,
     not_negative,
@@ -28,16 +29,6 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, Filters, as_filters, pattern_of
 
 FEWEST_BITS, MOST_BITS = 8, 16
-
-_NOT_NEGATIVE = (
-    ("black_level", "DN"),
-    ("read_noise", "electrons"),
-    ("row_noise", "electrons"),
-    ("dark_current", "electrons/s"),
-    ("prnu", ""),
-    ("dsnu", "electrons"),
-    ("column_dsnu", "electrons"),
-)
 
 
 class ShotNoise(enum.IntEnum):
@@ -138,47 +129,39 @@ class SensorModel:
 
     photon_rate: Given[float | tuple[float, float, float], float | ArrayLike]
     _: KW_ONLY
-    exposure_time: float = 1.0
+    exposure_time: float = checked_field(positive, default=1.0, unit="s")
     quantum_efficiency: Given[float | tuple[float, float, float], float | ArrayLike] = Given(default=1.0)
-    gain: float = 1.0
-    black_level: float = 0.0
+    gain: float = checked_field(positive, default=1.0, unit="DN per electron")
+    black_level: float = checked_field(not_negative, default=0.0, unit="DN")
     bits: int | None = 12
-    full_well: float | None = None
+    full_well: float | None = checked_field(positive, default=None, unit="electrons")
     colour_filters: Given[Filters | None, BayerPattern | ArrayLike | None] = Given(default=None)
-    shot_noise: ShotNoise = ShotNoise.POISSON
-    read_noise: float = 0.0
-    row_noise: float = 0.0
-    dark_current: float = 0.0
-    prnu: float = 0.0
-    dsnu: float = 0.0
-    column_dsnu: float = 0.0
+    shot_noise: ShotNoise = checked_field(choice, default=ShotNoise.POISSON, kind=ShotNoise)
+    read_noise: float = checked_field(not_negative, default=0.0, unit="electrons")
+    row_noise: float = checked_field(not_negative, default=0.0, unit="electrons")
+    dark_current: float = checked_field(not_negative, default=0.0, unit="electrons/s")
+    prnu: float = checked_field(not_negative, default=0.0)
+    dsnu: float = checked_field(not_negative, default=0.0, unit="electrons")
+    column_dsnu: float = checked_field(not_negative, default=0.0, unit="electrons")
     dead: Given[float | NDArray[np.int64], float | ArrayLike] = Given(default=0.0)
     hot: Given[float | NDArray[np.int64], float | ArrayLike] = Given(default=0.0)
     hot_current: float = math.inf
-    pattern_seed: int = 0
+    pattern_seed: int = checked_field(seed_number, default=0)
 
     def __post_init__(self) -> None:
         set_field(self, "photon_rate", _per_channel(self.photon_rate, "photon_rate"))
         set_field(self, "quantum_efficiency", _per_channel(self.quantum_efficiency, "quantum_efficiency", at_most=1.0))
-        set_field(self, "exposure_time", positive(self.exposure_time, "exposure_time", "s"))
-        set_field(self, "gain", positive(self.gain, "gain", "DN per electron"))
         if not np.isfinite(self.electrons_per_unit).all():
             raise InvalidValueError(
                 f"photon_rate {self.photon_rate} in {self.exposure_time:g} s overflows; reduce one of them"
             )
-        for name, unit in _NOT_NEGATIVE:
-            set_field(self, name, not_negative(getattr(self, name), name, unit))
-        if self.full_well is not None:
-            set_field(self, "full_well", positive(self.full_well, "full_well", "electrons"))
         if self.bits is not None:
             self._check_converter(self.bits)
         if self.colour_filters is not None:
             set_field(self, "colour_filters", as_filters(self.colour_filters, "colour_filters"))
-        set_field(self, "shot_noise", choice(self.shot_noise, ShotNoise, "shot_noise"))
         set_field(self, "dead", _pixels(self.dead, "dead"))
         set_field(self, "hot", _pixels(self.hot, "hot"))
         self._check_hot()
-        set_field(self, "pattern_seed", seed_number(self.pattern_seed, "pattern_seed"))
 
     def _check_converter(self, bits: int) -> None:
         whole(bits, "bits", at_least=FEWEST_BITS)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, broadcast, finite, set_field, value
+from plenoptic.core.values import Floats, broadcast, checked_field, finite, value
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape, ZemaxNumbers
 from plenoptic.optics.surfaces.radius import signed_radius
@@ -60,16 +60,10 @@ class BiconicSag:
     [0.0, 1.0]
     """
 
-    radius_x: float
-    radius_y: float
-    conic_x: float = 0.0
-    conic_y: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("radius_x", "radius_y"):
-            set_field(self, name, signed_radius(getattr(self, name), name))
-        for name in ("conic_x", "conic_y"):
-            set_field(self, name, finite(getattr(self, name), name))
+    radius_x: float = checked_field(signed_radius)
+    radius_y: float = checked_field(signed_radius)
+    conic_x: float = checked_field(finite, default=0.0)
+    conic_y: float = checked_field(finite, default=0.0)
 
     @property
     def inverted(self) -> BiconicSag:
