@@ -338,8 +338,7 @@ def test_what_is_not_known_does_not_count_and_types_add_up():
     scores = disparity_scores(estimate, truth, where=where, types=types)
     assert scores.pixels == 15 * 27 and scores.kept == pytest.approx(15 / 18)
     assert sum(part.pixels for part in scores.of_types) == ((types >= 0)[5:, 3:]).sum()
-    of_type = disparity_scores(estimate, truth, where=where & (types == 1))
-    assert scores.of_types[1] == of_type
+    assert scores.of_types[1] == disparity_scores(estimate, truth, where=where & (types == 1))
     assert str(scores).splitlines()[0].split()[:3] == ["pixels", "kept", "%"] and len(str(scores).splitlines()) == 5
     nothing = disparity_scores(np.full((2, 2), np.nan), np.ones((2, 2)))
     assert nothing.pixels == 0 and nothing.kept == 0 and np.isnan(nothing.mse)

@@ -170,9 +170,7 @@ def dense_rays(camera, rng, row, column, count):
     cross = camera.sensor.centre_of(row, column) + (rng.random((count, 2)) - 0.5) * 4 * 0.217
     rays, index = traced(camera, start, cross)
     passed = rays.weight > 0
-    near = rays.at_z(-350.0)
-    depth = np.where(near[:, 0] > 0, 350.0, 450.0)
-    return depth[passed], index[passed]
+    return np.where(rays.at_z(-350.0)[:, 0] > 0, 350.0, 450.0)[passed], index[passed]
 
 
 @pytest.mark.parametrize("stop", [5.0, 2.3, 0.2])
