@@ -206,8 +206,7 @@ def apart(spacing=(0.8, 0.8)):
 def test_views_of_cameras_side_by_side_have_depth():
     """z = z_focus / (1 + d pixel / step), the inverse of `disparity_at`, and steps of views may be fractions."""
     views = apart()
-    depth_map = depth(views, disparity_range=(-1.0, 1.0))
-    z = -np.nanmedian(depth_map.depth)
+    z = -np.nanmedian(depth(views, disparity_range=(-1.0, 1.0)).depth)
     assert views.disparity_at(z) == pytest.approx((0.5, 0.5), abs=5e-3)
     halved = depth(field(0.5, steps=0.5), disparity_range=(-1.0, 1.0))
     assert np.nanmedian(halved.disparity) == pytest.approx(0.5, abs=1e-2)  # half the lever

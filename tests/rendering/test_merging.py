@@ -186,8 +186,7 @@ def test_what_one_part_lacks_the_whole_lacks():
     error, truth = np.ones((2, 4, 1)), pl.GroundTruth(depth=np.ones((2, 4)))
     both = pl.GroundTruth(depth=np.full((2, 4), 2.0), distance=np.ones((2, 4)))
     one = alike(standard_error=error, truth=truth, replicates=2, stats=RenderStats(), object_names=("a", ""))
-    two = alike((2, 4, 0, 4), truth=both)
-    together = merged([one, two])
+    together = merged([one, alike((2, 4, 0, 4), truth=both)])
     assert together.standard_error is None and together.replicates is None and together.stats is None
     assert np.array_equal(together.depth, np.repeat([1.0, 2.0], 2)[:, None] * np.ones((4, 4)))
     assert together.truth.distance is None and together.object_names == ("a", "")
