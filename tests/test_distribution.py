@@ -68,5 +68,6 @@ def test_the_recipe_asks_for_what_the_package_asks_for():
 def test_the_recipe_is_valid():
     """By conda's own builder, without asking a channel."""
     builder = pytest.importorskip("rattler_build", reason='needs the extra "dev"')
-    (variant,) = builder.Stage0Recipe.from_file(ROOT / "recipe" / "recipe.yaml").render()
+    recipe = builder.Stage0Recipe.from_file(ROOT / "recipe" / "recipe.yaml")
+    (variant,) = recipe.render()
     assert variant.recipe.package.name == PROJECT["name"]

@@ -114,7 +114,8 @@ def _exact(cards, scene, view):
 
 
 def _psnr(off, margin):
-    return float(-10 * np.log10(np.nanmean(off[margin:-margin, margin:-margin] ** 2)))
+    inner = off[margin:-margin, margin:-margin]
+    return float(-10 * np.log10(np.nanmean(inner**2)))
 
 
 def _patches(shot, white, disparity, view):

@@ -132,9 +132,11 @@ def test_behind_a_telecentric_lens_a_pitch_moves_the_image():
 
 
 def test_in_focus_the_pattern_is_airys():
-    points = pl.paraxial.cardinal_points(singlet())
+    lens = singlet()
+    points = pl.paraxial.cardinal_points(lens)
     z = points.rear_principal + 1.0 / (1.0 / points.efl - 1.0 / (points.front_principal + 100.0))
-    spread = pl.wave.point_spread(bare_camera(z, 0.001, wavelength=550.0), (0.0, 0.0, -100.0))
+    camera = bare_camera(z, 0.001, wavelength=550.0)
+    spread = pl.wave.point_spread(camera, (0.0, 0.0, -100.0))
     sine = math.sin(math.atan(points.exit_pupil_semi_diameter / (z - points.exit_pupil)))
     # The peak of the light E is E pi NA^2 / wavelength^2.
     expected = airy(200, 2 * math.pi / 550e-6 * sine) * spread.light * math.pi * sine**2 / 550e-6**2
@@ -173,7 +175,8 @@ def test_rays_are_the_limit_of_short_waves(lens, array):
     for wavelength in (600.0, 150.0):
         camera = small_camera(singlet(lens), square_array(**array), wavelength=wavelength)
         traced = pl.point_spread(camera, ASIDE, progress=False)
-        far.append(off(pl.wave.point_spread(camera, ASIDE).whole(), traced.whole()))
+        spread = pl.wave.point_spread(camera, ASIDE)
+        far.append(off(spread.whole(), traced.whole()))
     # Diffraction reaches as far as the wavelength is long; a pixel takes 10 um of it.
     assert far[1] < 0.4 * far[0] and far[1] < 0.16
 
