@@ -129,8 +129,7 @@ def assert_every_ray_that_passes_starts_in_its_cell_s_region(name, camera, table
 
 
 def assert_pieces_stay_in_their_cells_once_each(name, camera, tables):
-    pixels = some_pixels(np.random.default_rng(31), 60)
-    regions = regions_of(tables, pixels)
+    regions = regions_of(tables, some_pixels(np.random.default_rng(31), 60))
     pieces = regions.pieces[: regions.first[-1]]
     assert len(pieces) > 20
     # In the widened cell: its edges are those of the cell, moved out.

@@ -163,8 +163,7 @@ def test_a_tilted_sensor_has_several_distances():
     assert table.means is None
     # Farther from the array, more leaves the pixel.
     middle = table.weights.shape[1] // 2
-    stays = table.weights[:, middle].reshape(table.scales, -1).mean(axis=1)
-    assert np.all(np.diff(stays) < 0)
+    assert np.all(np.diff(table.weights[:, middle].reshape(table.scales, -1).mean(axis=1)) < 0)
 
 
 def test_continued_renders_equal_uninterrupted_ones(tmp_path):

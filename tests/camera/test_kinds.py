@@ -59,8 +59,7 @@ def test_an_array_whose_lenses_are_all_missing_is_a_conventional_camera():
 
 
 def test_dark_lenses_are_black_and_half_transparent_ones_halve_the_light():
-    dark = with_array(imperfections=pl.MicrolensImperfections(dark=1.0))
-    assert not white(dark, 16).image.any()
+    assert not white(with_array(imperfections=pl.MicrolensImperfections(dark=1.0)), 16).image.any()
     index = ARRAY.lenses((-4.0, -4.0), (4.0, 4.0)).index
     half = with_array(imperfections=pl.optics.MicrolensDeviations(index=index, transmission=np.full(len(index), 0.5)))
     agree(white(half, 256), white(CAMERA, 256, seed=1), 0.5)

@@ -20,8 +20,7 @@ def camera_of(lens, distance=123.3, pitch=0.217):
 def alone(camera, centre):
     """The same camera with all microlenses but one made dark, so that no light of others reaches its image."""
     index = camera.microlenses.lenses((-6, -6), (6, 6)).index
-    mine = np.round(centre / camera.microlenses.pitch).astype(int)
-    others = index[(index != mine).any(axis=1)]
+    others = index[(index != np.round(centre / camera.microlenses.pitch).astype(int)).any(axis=1)]
     dark = pl.optics.MicrolensDeviations(others, transmission=np.zeros(len(others)))
     return with_array(camera, imperfections=dark)
 

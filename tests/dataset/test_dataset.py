@@ -123,8 +123,7 @@ def test_the_manifest_says_where_things_are(made):
     for image in images:
         matrix = np.array(image["object_to_world"]["die"])
         np.testing.assert_allclose(matrix, TURN.matrices([image["time"]])[0], atol=1e-12)
-        names = made.manifest["object_names"][image["object_names"]]
-        assert names == ["Mesh 0", "die", ""]
+        assert made.manifest["object_names"][image["object_names"]] == ["Mesh 0", "die", ""]
     assert len(made.manifest["cameras"]["left"]) == 1  # poses are said of each image
     assert len({image["inputs"] for image in images}) == len({image["parts"][0]["sha256"] for image in images}) == 6
 
@@ -244,8 +243,7 @@ def test_nothing_is_rendered_twice(made, monkeypatch):
         raise AssertionError("rendered again")
 
     monkeypatch.setattr(writing, "render", render)
-    again = pl.dataset.write(made.path, sequence(), **OF_PAIR)
-    assert again.manifest == made.manifest
+    assert pl.dataset.write(made.path, sequence(), **OF_PAIR).manifest == made.manifest
 
 
 def test_an_interrupted_frame_is_not_kept(tmp_path, monkeypatch):

@@ -361,11 +361,9 @@ def test_views_are_drawn_as_they_lie_in_the_pupil():
     rows, columns = field.centre.shape[:2]
     bright = np.full_like(field.views, 0.1)
     bright[4, 1] = 1.0  # u = 2, v = -1: right, above the middle
-    ax = pl.plots.plot_views(dataclasses.replace(field, views=bright))
-    drawn = ax.images[0].get_array()
+    drawn = pl.plots.plot_views(dataclasses.replace(field, views=bright)).images[0].get_array()
     assert drawn.shape == (5 * (rows + 1), 5 * (columns + 1), 3)
-    where = np.argwhere(drawn[:, :, 0] > 0.9)
-    assert (where.min(axis=0) == [rows + 1, 4 * (columns + 1)]).all()
+    assert (np.argwhere(drawn[:, :, 0] > 0.9).min(axis=0) == [rows + 1, 4 * (columns + 1)]).all()
     assert pl.plots.plot_views(field, every=2).images[0].get_array().shape[0] == 3 * (rows + 1)
     plt.close("all")
 

@@ -206,8 +206,7 @@ def apart(spacing=(0.8, 0.8)):
 def test_views_of_cameras_side_by_side_have_depth():
     """z = z_focus / (1 + d pixel / step), the inverse of `disparity_at`, and steps of views may be fractions."""
     views = apart()
-    depth_map = depth(views, disparity_range=(-1.0, 1.0))
-    z = -np.nanmedian(depth_map.depth)
+    z = -np.nanmedian(depth(views, disparity_range=(-1.0, 1.0)).depth)
     assert views.disparity_at(z) == pytest.approx((0.5, 0.5), abs=5e-3)
     halved = depth(field(0.5, steps=0.5), disparity_range=(-1.0, 1.0))
     assert np.nanmedian(halved.disparity) == pytest.approx(0.5, abs=1e-2)  # half the lever
@@ -338,8 +337,7 @@ def test_what_is_not_known_does_not_count_and_types_add_up():
     scores = disparity_scores(estimate, truth, where=where, types=types)
     assert scores.pixels == 15 * 27 and scores.kept == pytest.approx(15 / 18)
     assert sum(part.pixels for part in scores.of_types) == ((types >= 0)[5:, 3:]).sum()
-    of_type = disparity_scores(estimate, truth, where=where & (types == 1))
-    assert scores.of_types[1] == of_type
+    assert scores.of_types[1] == disparity_scores(estimate, truth, where=where & (types == 1))
     assert str(scores).splitlines()[0].split()[:3] == ["pixels", "kept", "%"] and len(str(scores).splitlines()) == 5
     nothing = disparity_scores(np.full((2, 2), np.nan), np.ones((2, 2)))
     assert nothing.pixels == 0 and nothing.kept == 0 and np.isnan(nothing.mse)

@@ -193,8 +193,7 @@ def test_the_view_of_a_region_is_part_of_the_whole_on_any_number_of_threads():
     scene = pl.Scene([glowing(plane_at(camera, 2.5), 60.0, 1.0)])
     white = white_of(camera)
     whole = render_view(shot := shot_of(scene, camera, 16), white, shot.truth.chord_disparity, threads=2)
-    part = np.s_[20:206, 30:220]
-    cut = shot_of(scene, camera, 16, region=part)
+    cut = shot_of(scene, camera, 16, region=np.s_[20:206, 30:220])
     view = render_view(cut, white, cut.truth.chord_disparity, threads=1)
     offset = np.rint((view.on_array[0, 0] - whole.on_array[0, 0]) / whole.spacing).astype(int)
     down, along = int(offset[1]), -int(offset[0])

@@ -121,8 +121,7 @@ def test_blur_is_that_of_the_traced_spot():
         target = pl.targets.point_grid(1, 1, pitch=1.0, radius=0.1).translated(z=z)
         (blur,) = pl.package.calibration_points(camera, target).blur
         image = pl.point_spread(camera, target.points[0], rays=1 << 18).image
-        x = np.arange(image.shape[1])
-        spread = np.sqrt(np.cov(x, aweights=image.sum(axis=0), ddof=0))
+        spread = np.sqrt(np.cov(np.arange(image.shape[1]), aweights=image.sum(axis=0), ddof=0))
         # The standard deviation of a disc along x is half its radius; pixels add a twelfth of their size squared. Those
         # of n rays scatter by less than 1 / sqrt(4 n), 0.1 %.
         assert 2 * np.sqrt(spread**2 - 1 / 12) == pytest.approx(blur, rel=0.01), z

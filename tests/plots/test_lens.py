@@ -60,8 +60,7 @@ def test_one_colour_a_field_and_rays_up_to_the_image_plane():
     ax = LENS.layout(fields=[0.0, 0.2], rays=5)
     axis, tilted = lines_of(ax, "0°"), lines_of(ax, "11.5°")
     assert axis.get_color() != tilted.get_color()
-    z = axis.get_xdata()
-    assert np.nanmax(z) == pytest.approx(pl.paraxial.image_position(LENS, -math.inf))
+    assert np.nanmax(axis.get_xdata()) == pytest.approx(pl.paraxial.image_position(LENS, -math.inf))
     # Parallel rays start on a plane across them.
     start = axis.get_xdata()[:: len(LENS.elements) + 3]
     assert len(start) == 5 and np.ptp(start) < 1e-9

@@ -180,8 +180,7 @@ def test_an_iris_spreads_a_point_as_airy_says():
 
 def test_colours_bend_by_their_wavelengths():
     camera = small_camera(sensor=pl.Sensor((24, 24), 0.01), sensitivity=pl.sensitivities.linear_srgb())
-    stop = camera.lens.with_stop(pl.CircularStop(1.0))
-    camera = dataclasses.replace(camera, lens=stop)
+    camera = dataclasses.replace(camera, lens=camera.lens.with_stop(pl.CircularStop(1.0)))
     image = pl.render_white(camera, samples=2048, replicates=8, progress=False).image
     plain = pl.render_white(straight(camera), samples=512, replicates=8, progress=False).image
     dark = plain.max(axis=2) < 0.01 * plain.max()

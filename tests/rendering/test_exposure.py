@@ -134,8 +134,7 @@ def test_exr_keeps_what_the_numbers_of_objects_mean(tmp_path, monkeypatch):
     names = np.array(shot.object_names)[shot.truth.object][4].tolist()
     assert [name for name, _ in groupby(names)] == ["", "wall", "Mesh 1", "wall", "QuadLight 1", "wall", ""]
     assert pl.render(scene, camera, **(settings | {"truth": pl.Truth.DEPTH})).object_names is None
-    long = pl.Scene([replace(wall, name="w" * 5000)])
-    assert long.object_names == ("w" * 100, "")
+    assert pl.Scene([replace(wall, name="w" * 5000)]).object_names == ("w" * 100, "")
     monkeypatch.setattr(outcome, "MOST_NAMES", 3)
     assert pl.render(scene, camera, **settings).object_names is None
 
@@ -233,8 +232,7 @@ def test_an_exposure_opens_with_camera_settings_and_all_truth_of_its_time(writte
     assert shot.camera == written.camera() and shot.settings.clamp == 9.0 and shot.samples == 16
     assert shot.truth.kinds == pl.Truth.ALL & ~(pl.Truth.INCIDENCE_ANGLE | pl.Truth.STATE)
     assert shot.stats.paths_through_lens > 0 and shot.stats.lost_by_cause
-    again = pl.replay(shot, written.scene(), pixel=(6, 8), sample=3)
-    assert np.isfinite(again.contribution).all()
+    assert np.isfinite(pl.replay(shot, written.scene(), pixel=(6, 8), sample=3).contribution).all()
     raw = pl.sensor.RawImage.load(BEFORE / "raw.tif")
     assert raw.model.photon_rate == 1e6 and raw.seed == 1 and raw.data.shape == (12, 16)
 

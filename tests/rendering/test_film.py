@@ -50,8 +50,7 @@ def test_the_error_is_unbiased_with_unequal_counts():
     # Replicates of n_r independent samples of variance 1: the squared standard error must be 1 / n on average.
     counts = np.array([1, 2, 3, 7, 20])
     trials = 20000
-    rng = np.random.default_rng(1)
-    sums = rng.normal(size=(trials, 1, 5, 1)) * np.sqrt(counts)[:, None]
+    sums = np.random.default_rng(1).normal(size=(trials, 1, 5, 1)) * np.sqrt(counts)[:, None]
     film = pl.rendering.Film((trials, 1, 1), counts=counts)
     film.add(0, 0, sums)
     squared = np.square(film.between, dtype=float) / 4 / counts.sum()

@@ -174,8 +174,7 @@ def test_seeds_are_kept_and_do_not_count_twice(tmp_path):
     with pytest.raises(pl.errors.InvalidValueError, match="2 parts of rows 0:2, columns 0:3 have the seed 5"):
         merged([both, shots[0]])
     # Regions beside each other share no random numbers, whatever their seeds.
-    neighbour = dataclasses.replace(made_up(rng, (0, 2, 3, 4)), seed=5)
-    assert merged([both, neighbour]).seed == both.seed
+    assert merged([both, dataclasses.replace(made_up(rng, (0, 2, 3, 4)), seed=5)]).seed == both.seed
 
 
 def alike(region=(0, 2, 0, 4), **changes):
@@ -187,8 +186,7 @@ def test_what_one_part_lacks_the_whole_lacks():
     error, truth = np.ones((2, 4, 1)), pl.GroundTruth(depth=np.ones((2, 4)))
     both = pl.GroundTruth(depth=np.full((2, 4), 2.0), distance=np.ones((2, 4)))
     one = alike(standard_error=error, truth=truth, replicates=2, stats=RenderStats(), object_names=("a", ""))
-    two = alike((2, 4, 0, 4), truth=both)
-    together = merged([one, two])
+    together = merged([one, alike((2, 4, 0, 4), truth=both)])
     assert together.standard_error is None and together.replicates is None and together.stats is None
     assert np.array_equal(together.depth, np.repeat([1.0, 2.0], 2)[:, None] * np.ones((4, 4)))
     assert together.truth.distance is None and together.object_names == ("a", "")
@@ -209,8 +207,7 @@ def test_statistics_are_those_of_all():
     assert together.stopped_by is StopReason.INTERRUPTED and together.processors == ("x",)
     # Both kept as much light, and the second one lost as much again: 1 of 3.
     assert together.clamped == pytest.approx(1 / 3)
-    stacked = merged([alike(stats=one), alike(seed=1, stats=two)]).stats
-    assert stacked.zero_variance == 4
+    assert merged([alike(stats=one), alike(seed=1, stats=two)]).stats.zero_variance == 4
 
 
 def test_what_does_not_fit_is_refused():

@@ -121,8 +121,7 @@ def test_memory_does_not_grow_with_rows(tmp_path):
 
 
 def test_a_merge_that_fails_leaves_what_was_there(tmp_path):
-    rng = np.random.default_rng(6)
-    whole = made_up(rng, 0)
+    whole = made_up(np.random.default_rng(6), 0)
     before = pl.Exposure(np.ones((2, 3, 1)))
     before.save(tmp_path / "a.zarr")
     top, bottom = (part_of(whole, (*rows, *REGION[2:])) for rows in ((200, 900), (900, 1300)))

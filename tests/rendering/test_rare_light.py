@@ -63,8 +63,7 @@ def test_an_error_that_rests_on_few_pixels_is_not_known():
 
 def test_colours_of_a_checkerboard_know_nothing_of_each_other():
     # Or a pixel would decide upon itself, and be biased.
-    rng = np.random.default_rng(5)
-    bright, variance = rng.uniform(0.5, 1.5, (2, 9, 12))
+    bright, variance = np.random.default_rng(5).uniform(0.5, 1.5, (2, 9, 12))
     one = np.add.outer(np.arange(9), np.arange(12)) % 2 == 1
     before = expected_brightness(bright, variance)
     after = expected_brightness(np.where(one, 1e3 * bright, bright), np.where(one, np.inf, variance))

@@ -54,8 +54,7 @@ def held(number, tmp_path, monkeypatch):
     assert np.array_equal(part.standard_error[seen], whole.standard_error[region][seen])
     for name, array in part.truth.arrays().items():
         np.testing.assert_array_equal(array, getattr(whole.truth, name)[region], err_msg=name)
-    found = pl.ground_truth(scene, camera, truth=EVERYTHING, threads=2)
-    assert found == whole.truth
+    assert pl.ground_truth(scene, camera, truth=EVERYTHING, threads=2) == whole.truth
     path, original, calls = tmp_path / f"{number}.part", tile_jobs.render_tile, []
 
     def interrupted(*arguments, **named):

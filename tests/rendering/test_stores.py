@@ -112,8 +112,7 @@ def test_what_is_something_else_is_not_replaced(shot, tmp_path):
 
 
 def test_a_store_that_holds_no_possible_exposure_is_refused(tmp_path):
-    shot = pl.Exposure(np.ones((2, 3, 1)), samples=4, sample_counts=np.full((2, 3), 4))
-    data = shot.to_xarray()
+    data = pl.Exposure(np.ones((2, 3, 1)), samples=4, sample_counts=np.full((2, 3), 4)).to_xarray()
     for changed, sentence in (
         (data.drop_vars("image"), "has no array image; restore it"),
         (data.transpose("channel", "row", "column"), "holds no possible exposure: "),

@@ -53,8 +53,7 @@ def test_a_scene_is_compiled_once_and_another_one_anew(built):
     assert built == [12] * 5
     assert images[0].tobytes() == images[1].tobytes() == images[2].tobytes() != images[3].tobytes()
     # A scene that is changed is another one.
-    brighter = dataclasses.replace(one, background=2.0)
-    assert np.all(rendered(brighter).image >= images[0])
+    assert np.all(rendered(dataclasses.replace(one, background=2.0)).image >= images[0])
 
 
 def test_it_goes_when_its_scene_goes():

@@ -26,8 +26,7 @@ def test_bounds_hold_meshes_instances_and_lights_with_a_surface():
 
 
 def test_merging_adds_up():
-    lit = pl.Scene([square()], [LAMP])
-    both = lit.merged(pl.Scene([square(pl.Emissive(1.0))], background=0.2))
+    both = pl.Scene([square()], [LAMP]).merged(pl.Scene([square(pl.Emissive(1.0))], background=0.2))
     assert len(both.meshes) == 2 and both.lights == (LAMP,) and both.background == pl.lights.ConstantBackground(0.2)
     assert both.merged(pl.Scene(background=0.2)) == both
     assert both.with_lights([]).lights == ()

@@ -22,8 +22,7 @@ def camera(**changes):
 
 def scene():
     die = dataclasses.replace(pl.box(2.4).translated(z=-404), name="die")
-    wall = pl.quad((-80, -80, -420), (160, 0, 0), (0, 160, 0))
-    return pl.Scene([wall, die], background=0.2)
+    return pl.Scene([pl.quad((-80, -80, -420), (160, 0, 0), (0, 160, 0)), die], background=0.2)
 
 
 def moved(sequence, truth, time):

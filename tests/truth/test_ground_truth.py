@@ -219,8 +219,7 @@ def middle_of(camera):
 
 def test_a_point_imaged_on_the_array_has_no_virtual_depth_and_stands_still_in_views():
     lens = the_lens(model=THIN_LENS)
-    camera = camera_with(lens=lens, b=2.0, to_array=thin_image(lens, -404.0))
-    truth, is_hit = middle_of(camera)
+    truth, is_hit = middle_of(camera_with(lens=lens, b=2.0, to_array=thin_image(lens, -404.0)))
     np.testing.assert_allclose(truth.virtual_depth[is_hit], 0.0, atol=1e-9)
     np.testing.assert_allclose(truth.view_disparity[is_hit], 0.0, atol=1e-9)
     assert not np.isnan(truth.disparity[is_hit]).any()

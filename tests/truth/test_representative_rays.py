@@ -89,8 +89,7 @@ def test_every_illuminated_pixel_has_truth(names):
 
 def test_rays_start_at_the_centre_or_inside_the_sensitive_area():
     for name in ("2.0 0.1", "1.7 1.0", "star", "small pixels", "tilted"):
-        camera = CAMERAS[name]
-        record = camera_record(camera)
+        record = camera_record(CAMERAS[name])
         pixels = pixel_centres(record, (0, 24), (0, 24))
         off = rays_of(record, pixels).starts - pixels
         sides = record.sensor.pixel.within(np.eye(2))
@@ -137,12 +136,10 @@ def test_object_shares_equal_those_of_rendered_light(stop):
     camera, region = camera_with(stop=stop), np.s_[248:264, 240:272]
     truth = pl.ground_truth(pl.Scene([bright, dark]), camera, region=region, truth=Truth.OBJECT | Truth.OBJECT_SHARE)
     shot = pl.render(pl.Scene([bright, dark]), camera, samples=4096, region=region, truth=Truth.NONE, progress=False)
-    white = pl.render_white(camera, samples=4096, region=region, progress=False)
-    light = white.image[..., 0]
+    light = pl.render_white(camera, samples=4096, region=region, progress=False).image[..., 0]
     lit = (light > 0.01 * light.max()) & (truth.object >= 0)
     fraction = (shot.image.mean(axis=-1) / np.where(lit, light, 1.0))[lit]
-    expected = np.where(truth.object[lit] == 0, fraction, 1 - fraction)
-    off = truth.object_share[lit] - expected
+    off = truth.object_share[lit] - np.where(truth.object[lit] == 0, fraction, 1 - fraction)
     assert np.isfinite(off).all() and ((fraction > 0.02) & (fraction < 0.98)).mean() > 0.02
     # Behind a small stop some 16 paths arrive of either.
     assert np.sqrt(np.mean(off**2)) < (0.03 if stop == 5.0 else 0.1)
@@ -170,9 +167,7 @@ def dense_rays(camera, rng, row, column, count):
     cross = camera.sensor.centre_of(row, column) + (rng.random((count, 2)) - 0.5) * 4 * 0.217
     rays, index = traced(camera, start, cross)
     passed = rays.weight > 0
-    near = rays.at_z(-350.0)
-    depth = np.where(near[:, 0] > 0, 350.0, 450.0)
-    return depth[passed], index[passed]
+    return np.where(rays.at_z(-350.0)[:, 0] > 0, 350.0, 450.0)[passed], index[passed]
 
 
 @pytest.mark.parametrize("stop", [5.0, 2.3, 0.2])

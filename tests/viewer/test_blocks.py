@@ -33,8 +33,7 @@ def kept(given, **how):
 
 
 def test_linear_planes_have_steps_of_a_65533rd_of_their_range():
-    rng = np.random.default_rng(0)
-    given = rng.normal(size=(17, 23))
+    given = np.random.default_rng(0).normal(size=(17, 23))
     given[3, 4], given[5, 6] = np.nan, np.inf
     _, found = kept(given, curve=Curve.LINEAR)
     known = np.isfinite(given)

@@ -119,8 +119,7 @@ def test_distances_of_the_slider_are_those_of_the_light_field():
 
 
 def test_depth_and_error_are_kept_with_their_range():
-    rng = np.random.default_rng(5)
-    disparity = rng.uniform(-0.3, 0.9, (40, 56))
+    disparity = np.random.default_rng(5).uniform(-0.3, 0.9, (40, 56))
     disparity[0, 0] = np.nan
     field = dataclasses.replace(views_of(3, 3), standard_error=np.full((3, 3, 40, 56, 3), 0.02, np.float32))
     facts, _ = facts_of(field.viewer(depth=depth_of(disparity)))

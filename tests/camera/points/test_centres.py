@@ -68,8 +68,7 @@ def test_a_telecentric_pupil_projects_along_the_axis():
     )
     lens = pl.LensStack([pl.CircularStop(1.0, thickness=97.0), front, back])
     gap = pl.paraxial.cardinal_points(lens).exit_pupil
-    camera = the_camera(lens, to_array=150.0)
-    centres = microlens_centres(camera)
+    centres = microlens_centres(the_camera(lens, to_array=150.0))
     # Wherever the pupil is, far away, on either side: its spherical aberration grows with the cube of the radius
     # (2.5e-6 mm at 1 mm here), and nothing else may.
     off = np.linalg.norm(centres.position - centres.on_array * (1 + 2.0 / (150.0 - gap)), axis=1)

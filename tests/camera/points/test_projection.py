@@ -54,8 +54,7 @@ def test_positions_of_a_thin_camera_are_closed_forms():
 
 def test_points_of_the_plane_in_focus_fall_onto_one_spot_each():
     # Thin lenses without aberrations, in focus: chief ray and centroid agree.
-    lens = the_lens(model=pl.LensModel.THIN)
-    camera = camera_with(lens=lens).focused_at(z=-404.0)
+    camera = camera_with(lens=the_lens(model=pl.LensModel.THIN)).focused_at(z=-404.0)
     projection = project(camera, [(0, 0, -404), (5, -4, -404)], rays=512)
     both = np.isfinite(projection.position[:, 0]) & np.isfinite(projection.centroid[:, 0])
     assert both.sum() > 50
@@ -202,8 +201,7 @@ def test_a_camera_array_sees_with_every_lens_whose_chief_ray_meets_the_sensor():
 
 
 def test_what_lands_beside_the_sensor_is_not_visible():
-    camera = camera_with(shape=(32, 32))
-    projection = project(camera, (0.0, 0.0, -404.0))
+    projection = project(camera_with(shape=(32, 32)), (0.0, 0.0, -404.0))
     inside = ((projection.pixel > -0.5) & (projection.pixel < 31.5)).all(axis=1)
     assert inside.any() and not inside.all()
     far = ((projection.pixel < -2) | (projection.pixel > 33)).any(axis=1)

@@ -174,8 +174,7 @@ def test_in_the_package_comments_cost_nothing_and_a_changed_function_its_callers
         path.write_text("# A comment.\n" + path.read_text(encoding="utf-8") + "\n# Another.\n", encoding="utf-8")
     assert package_digests(tmp_path) == before
     path = tmp_path / "plenoptic" / "optics" / "lens" / "kernels" / "sphere.py"
-    text = path.read_text(encoding="utf-8")
-    head, name, body = text.partition("def refract_sphere")
+    head, name, body = path.read_text(encoding="utf-8").partition("def refract_sphere")
     path.write_text(head + name + body.replace("math.sqrt(", "1.0 * math.sqrt(", 1), encoding="utf-8")
     after = package_digests(tmp_path)
     changed = {name.rpartition(".")[2] for name in after if after[name] != before[name]}

@@ -57,8 +57,7 @@ def test_an_ellipsoid_images_one_focus_into_the_other():
     near, far = a * (1 - e), a * (1 + e)
     angle = np.linspace(-0.6, 0.6, 9)
     directions = np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
-    rays = pl.RayBundle(np.tile([0.0, 0.0, 200.0 - near], (9, 1)), directions)
-    out = lens.trace(rays)
+    out = lens.trace(pl.RayBundle(np.tile([0.0, 0.0, 200.0 - near], (9, 1)), directions))
     assert (out.status == 0).all() and np.abs(out.at_z(200.0 + far)[:, :2]).max() < 1e-12
     assert pl.paraxial.image_position(lens, 200.0 - near) == pytest.approx(200.0 + far, rel=1e-14)
 

@@ -103,15 +103,13 @@ def test_ideal_lenses_take_a_point_to_its_image_in_step():
         lens = pl.load_lens("double-gauss-100mm-f2").with_model(model)
         point = np.array([3.0, -2.0, 250.0 * side])
         random = np.random.default_rng(2)
-        aims = np.column_stack([random.uniform(-5, 5, (20, 2)), np.zeros(20)])
-        away = aims - point
+        away = np.column_stack([random.uniform(-5, 5, (20, 2)), np.zeros(20)]) - point
         rays = pl.RayBundle(point + random.uniform(0, 0.1, (20, 1)) * away, away)
         behind, path = optical_path(lens, rays, reverse=side > 0, point=point)
         # Where two of them meet is the image of all.
         a, b = behind.origin[0], behind.origin[1]
         u, v = behind.direction[0], behind.direction[1]
-        t = np.linalg.lstsq(np.column_stack([u, -v]), b - a, rcond=None)[0][0]
-        image = a + t * u
+        image = a + np.linalg.lstsq(np.column_stack([u, -v]), b - a, rcond=None)[0][0] * u
         left = ((image - behind.origin) * behind.direction).sum(axis=1)
         whole = np.linalg.norm(rays.origin - point, axis=1) + path + left
         np.testing.assert_allclose(whole, whole[0], rtol=0, atol=1e-11)

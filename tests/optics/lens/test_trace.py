@@ -212,8 +212,7 @@ def test_threads_and_neighbours_do_not_change_a_bit():
     assert one == two
     for length in (0, 1, 255, 256, 257, 1000, (1 << 15) - 1, (1 << 15) + 1):
         part = np.arange(length)
-        prefix = DOUBLE_GAUSS.trace(rays.selected(part))
-        assert prefix == one.selected(part)
+        assert DOUBLE_GAUSS.trace(rays.selected(part)) == one.selected(part)
     # Nor does the place in a block.
     assert DOUBLE_GAUSS.trace(rays.selected(np.arange(131, 900))) == one.selected(np.arange(131, 900))
 

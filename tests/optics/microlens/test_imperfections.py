@@ -120,8 +120,7 @@ def test_effects_are_switched_on_and_off_alone():
 def test_drawn_deviations_can_be_listed():
     # What is drawn, written down and read again is the same, lens for lens.
     spoiled, index = pl.MicrolensImperfections(**ALL, seed=9), indices(7)
-    again = deviations_of(spoiled.deviations(index), index[::-1])
-    assert again == spoiled.deviations(index[::-1])
+    assert deviations_of(spoiled.deviations(index), index[::-1]) == spoiled.deviations(index[::-1])
     empty = pl.optics.MicrolensDeviations(np.zeros((0, 2)), shift=np.zeros((0, 2)), transmission=[])
     deviations = deviations_of(empty, indices(2))
     assert len(empty) == 0 and len(deviations) == 25 and largest_offset(empty) == 0.0

@@ -171,8 +171,7 @@ def test_the_first_crossing_is_found():
         near, far = (-tall - p[:, 2]) / d[:, 2], (tall - p[:, 2]) / d[:, 2]
         t = np.linspace(np.maximum(ends[:, 0], near), np.minimum(ends[:, 1], far), 4002)[1:-1]
         at = p + t[..., None] * d
-        radius = np.hypot(at[..., 0], at[..., 1])
-        scale = np.minimum(1.0, size * (1 - 1e-12) / radius)
+        scale = np.minimum(1.0, size * (1 - 1e-12) / np.hypot(at[..., 0], at[..., 1]))
         gap = at[..., 2] - surface.sag(scale * at[..., 0], scale * at[..., 1])
         up = (gap[:-1] < 0) & (gap[1:] >= 0) & crosses
         first = np.where(up.any(axis=0), t[np.argmax(up, axis=0), np.arange(len(p))], np.nan)

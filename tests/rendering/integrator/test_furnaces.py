@@ -97,8 +97,7 @@ def test_instances_vanish():
 def test_environment_maps_light_and_are_seen_as_they_say():
     # A Lambertian plate of albedo 1 returns 1 / pi times the integral of radiance and cosine; a mirror and the empty
     # view show the map itself. 64 x 32 texels, dark but for a few; quadrature over 1024 x 512 directions.
-    rng = np.random.default_rng(2)
-    texels = rng.random((32, 64, 1)) ** 8 * 20
+    texels = np.random.default_rng(2).random((32, 64, 1)) ** 8 * 20
     turn = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
     world = pl.EnvironmentMap(texels, rotation=turn)
     up, azimuth = (np.arange(512) + 0.5) / 256 - 1, (np.arange(1024) + 0.5) * math.pi / 512

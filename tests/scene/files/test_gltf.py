@@ -158,8 +158,7 @@ def test_several_places_of_a_large_mesh_are_kept_and_of_small_ones_copied(tmp_pa
     writer.node(mesh=number)
     writer.node(mesh=number, scale=[1, 1, -2], translation=[0, 0, 50])
     writer.node(mesh=number, scale=[1, 0, 1])  # flattened: it cannot be seen
-    path = writer.save(tmp_path / "a.gltf")
-    (found,) = pl.load_meshes(path, unit="cm")
+    (found,) = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="cm")
     assert isinstance(found, Instances) and len(found) == 2 and len(found.mesh.faces) == INSTANCED_FROM
     one, other = found.meshes()
     x = (INSTANCED_FROM + 1) // 2 * 10

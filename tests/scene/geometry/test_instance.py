@@ -41,8 +41,7 @@ def test_mirrored_copies_keep_their_front_and_all_their_material():
     for copy, matrix in zip(Instances(mesh, matrices).meshes(), matrices, strict=True):
         # A volume scales with the determinant, whose sign is the mirror's.
         assert volume(copy) == pytest.approx(volume(mesh) * abs(np.linalg.det(matrix)), rel=1e-10)
-        middle = matrix[:3, 3]
-        assert (((copy.vertices - middle) * copy.normals).sum(axis=1) > 0).all()
+        assert (((copy.vertices - matrix[:3, 3]) * copy.normals).sum(axis=1) > 0).all()
     lit = Instances(pl.box(2), turned(np.random.default_rng(5), 2)).with_material(pl.Emissive(2.0))
     assert {copy.material for copy in lit.meshes()} == {pl.Emissive(2.0)}
 

@@ -118,8 +118,7 @@ def test_neither_near_nor_distant_lights_go_without_draws():
 def test_suns_and_worlds_share_the_distant_draws_by_irradiance():
     first, second = (0.5, 1.0, 1.5), (2.0, 4.0, 3.0)
     suns = [pl.SunLight((0, 0, -1), first), pl.SunLight((0, -1, 0), second, 0.0), pl.SunLight((0, 1, 0), 0.0)]
-    world = pl.EnvironmentMap(np.full((4, 8, 1), 0.25))
-    lights = lights_of(lights=suns, background=world)
+    lights = lights_of(lights=suns, background=pl.EnvironmentMap(np.full((4, 8, 1), 0.25)))
     assert lights.items["kind"].tolist() == [SUN] * 3 + [ENVIRONMENT]
     # A world of radiance 1/4 all around sends pi, as irradiance all around: 4 pi / 4.
     expected = np.array([1.0, 3.0, 0.0, math.pi]) / (4 + math.pi)

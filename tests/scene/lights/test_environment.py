@@ -125,8 +125,7 @@ def test_the_density_integrates_to_one_and_is_proportional_to_the_light():
         share = tables.pdf * solid_angle
         # Sums of up to 5e5 steps of cumulative sums: each is right to an eps of the sum, and they telescope.
         assert share.sum() == pytest.approx(1.0, abs=1e-12)
-        mean = world.texels.mean(axis=2, dtype=np.float64)
-        light = mean * solid_angle
+        light = world.texels.mean(axis=2, dtype=np.float64) * solid_angle
         assert tables.total == pytest.approx(light.sum(), rel=1e-12)
         np.testing.assert_allclose(share, light / light.sum(), atol=1e-13)
         assert not share[light == 0].any()

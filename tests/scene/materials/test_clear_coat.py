@@ -94,8 +94,7 @@ def by_formula(material, o, i):
 
 
 def test_it_is_what_its_formula_says():
-    rng = np.random.default_rng(5)
-    o, i = rng.normal(size=(2, 60, 3))
+    o, i = np.random.default_rng(5).normal(size=(2, 60, 3))
     o, i = (np.abs(v) / np.linalg.norm(v, axis=1, keepdims=True) for v in (o, i))
     # Half of the pairs near the mirror's direction, where lobes are.
     i[::2] = o[::2] * [-1, -1, 1] + 0.03 * i[::2]
@@ -127,8 +126,7 @@ def test_white_stays_white_under_a_coat_and_no_light_is_made():
         least = 0.99 if material in whites else 0.0
         assert least <= given_back(material, towards(angle_deg)).max() <= 1 + 1e-3, (material, angle_deg)
     # Without a coat nothing changes.
-    rng = np.random.default_rng(3)
-    o, i = np.abs(rng.normal(size=(2, 100, 3)))
+    o, i = np.abs(np.random.default_rng(3).normal(size=(2, 100, 3)))
     bare = pl.MetallicRoughness(GOLD, 0.5, 0.4)
     thin = pl.MetallicRoughness(GOLD, 0.5, 0.4, clearcoat=1e-12, clearcoat_roughness=0.7)
     assert pl.Scene([pl.box(1, material=bare)]).tables().bsdf.extra_shares is None

@@ -93,8 +93,7 @@ def test_the_renderer_sees_the_same_illumination():
     for name in ("double-gauss-100mm-f2", "singlet-100mm-f4"):
         lens = pl.load_lens(name)
         pitch, rows = 0.05, 801
-        angles = np.array([0.0, 0.16])
-        found = relative_illumination(lens, angles)
+        found = relative_illumination(lens, np.array([0.0, 0.16]))
         camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(rows, 1), pixel_pitch=pitch),
                                     stop_to_microlenses=found.z_image)  # fmt: skip
         for height, solid in zip(found.heights, found.projected_solid_angle, strict=True):

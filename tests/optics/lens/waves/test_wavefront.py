@@ -57,8 +57,7 @@ def test_slopes_are_ray_aberrations():
     """
     for field in ((0.0, 0.0), (0.0, 0.15), (0.1, -0.1)):
         lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(8.0))
-        random = np.random.default_rng(1)
-        pupil = random.uniform(-0.6, 0.6, (40, 2))
+        pupil = np.random.default_rng(1).uniform(-0.6, 0.6, (40, 2))
         h = 1e-3
         one = wavefront(lens, field=field, pupil=pupil)
         missed = lens.trace(pl.aiming.aimed_rays(lens, field=field, pupil=pupil)).at_z(one.z_image) - one.image
