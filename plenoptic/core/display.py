@@ -1,4 +1,4 @@
-"""Figures of values: the room that draws them stands above all others, and is imported by name on first use."""
+"""Figures of values. The plotting package imports all others, so it is imported by name on first use."""
 
 from __future__ import annotations
 

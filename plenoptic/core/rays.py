@@ -50,7 +50,7 @@ class RayStatus(enum.IntEnum):
     NOT_FINITE = 4
     """The ray's numbers are infinite or not numbers."""
     OUTSIDE_MICROLENS = 5
-    """The ray meets another microlens than the one it was aimed at (and is counted there)."""
+    """The ray hits another microlens than the one it was aimed at (and is counted there)."""
     NOT_CONVERGED = 6
     """The intersection with an aspheric surface did not converge within the limit of iterations."""
     BENT_IN = 7

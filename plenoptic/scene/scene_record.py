@@ -29,11 +29,11 @@ from plenoptic.scene.textures.texture import Texture
 from plenoptic.scene.textures.texture_records import TEXTURE, TextureColumn, Textures
 
 _FIELDS = {"extra_shares": EXTRA_SHARES}
-"""What members of `Textures` gather several fields of rows."""
+"""Members of `Textures` that hold several fields per row."""
 
 
 class SceneRecord(NamedTuple):
-    """Scene as kernels read it. A record for which a scene has no use is None.
+    """Scene as kernels read it. Members that a scene does not need are None.
 
     nt triangles, nm different materials, C = `channels`. All arrays are C-contiguous and read-only.
     """
@@ -43,15 +43,15 @@ class SceneRecord(NamedTuple):
     geometry: Geometry | None
     """None, as is the next one, where there is no triangle."""
     triangle_mesh: NDArray[np.int32] | None
-    """(nt,): which of the scene's meshes it belongs to; lights count on after the last one."""
+    """(nt,): index of the triangle's mesh in the scene; lights follow the last mesh."""
     instances: InstanceRecord | None
-    """Where instanced meshes stand. None where there are none."""
+    """Transforms of instanced meshes. None if there are none."""
     motions: tuple[Motion, ...] | None
-    """How those move that do, by the time from the middle of an exposure. None where nothing moves."""
+    """Motions as functions of the time from the middle of the exposure. None if nothing moves."""
     bsdf: Bsdf | None
     """None where nothing reflects."""
     textures: Textures | None
-    """None where no texture gives what `bsdf` needs."""
+    """None if no texture gives a property of `bsdf`."""
     absorption: Floats | None
     """(nm, C), 1/mm. None where nothing absorbs."""
     alpha: Alpha | None
@@ -59,20 +59,20 @@ class SceneRecord(NamedTuple):
     emission: Emission | None
     """None where nothing emits."""
     lights: Lights
-    """What is drawn directly, and the sky."""
+    """Lights that are sampled directly, and the sky."""
 
 
 class CompiledMeshes(NamedTuple):
     """Compiled meshes in their own frames: scenes that differ in poses and lights share them."""
 
     meshes: tuple[weakref.ref[Mesh], ...]
-    """Those of the scene, in their order; for `Instances`, what is repeated."""
+    """Meshes in the order of the scene; for `Instances`, the instanced mesh."""
     repeated: tuple[bool, ...]
     """Which of them are `Instances`."""
     shapes: tuple[Mesh, ...]
     """Of lights."""
     first: tuple[int, ...]
-    """For each of the `Instances`, the row of `triangles` at which those of its mesh begin."""
+    """First row of `triangles` of the mesh of each of the `Instances`."""
     geometry: Geometry | None
     """Without places."""
     triangle_mesh: NDArray[np.int32] | None

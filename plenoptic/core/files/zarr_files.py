@@ -38,7 +38,7 @@ _LEVEL = 3
 METADATA = "zarr.json"
 """Metadata file of a store, by which a folder is recognised as one."""
 _CODECS = {"bytes", "transpose", "blosc", "zstd", "gzip", "crc32c"}
-"""Codecs of arrays that are read: those of the format itself."""
+"""Codecs accepted on reading: those of the format itself."""
 ANY_SIZE = FileLimits(file_size=1 << 62)
 """Limits for stores of which a part is read."""
 _AT_ONCE = 10
@@ -289,7 +289,7 @@ def summarize_store(path: str | os.PathLike[str]) -> tuple[dict[str, str], int]:
 
 
 def array_shapes(path: str | os.PathLike[str], names: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
-    """Shapes of those of the named arrays that a store has; no pixel is read."""
+    """Shapes of the named arrays that exist in a store; no pixel is read."""
     _, arrays = _open_group(file_path(path))
     return {name: tuple(arrays[name].shape) for name in names if name in arrays}
 

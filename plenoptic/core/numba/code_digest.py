@@ -59,7 +59,7 @@ def _call_tree(function: _Function) -> set[_Function]:
 
 
 def bytecode_text(code: CodeType) -> str:
-    """Instructions, constants and names of a code object, with those of the functions and classes inside."""
+    """Instructions, constants and names of a code object, including nested functions and classes."""
     constants = [bytecode_text(one) if isinstance(one, CodeType) else _value_text(one) for one in code.co_consts]
     if code.co_flags & inspect.CO_NEWLOCALS and constants and isinstance(code.co_consts[0], str):
         constants[0] = "NoneType None"  # a docstring

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from plenoptic.core.numba.dispatchers import KernelDispatcher
 
 _MOST_HELPERS = 3
-"""Each compiles again what several kernels have in common, and takes 200 MB."""
+"""Most processes: each recompiles the functions that kernels share, and takes 200 MB."""
 
 _FEWEST_KERNELS = 4
 """As many as a helper compiles in the time that it needs to start, and then some."""

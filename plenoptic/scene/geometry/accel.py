@@ -15,7 +15,7 @@ class Intersector(Protocol):
     """Finds triangles, as float32 goes; the exact hit is computed from the triangle afterwards."""
 
     def fill_closest(self, hits: Hits, rays: Floats) -> None:
-        """Triangle that each ray (origin and direction, (n, 6)) meets first, and its instance; see `Hits`."""
+        """Closest triangle hit by each ray (origin and direction, (n, 6)), and its instance; see `Hits`."""
 
     def fill_occlusion(self, blocked: NDArray[np.uint8], rays: Floats) -> None:
         """1 where something lies between a ray's origin and origin + direction, else 0."""

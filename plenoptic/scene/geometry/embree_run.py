@@ -30,7 +30,7 @@ class SceneRunTriangles:
         self._mesh = TriangleMesh(self._scene, centred, np.ascontiguousarray(triangles))
 
     def fill_closest(self, hits: Hits, rays: Floats) -> None:
-        """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
+        """Closest triangle hit by each ray (origin and direction, (n, 6)), or -1; and its instance, or -1."""
         rows = self._scene.run(*self._halves(rays), query="INTERSECT")
         hits.triangle[:] = rows if self._row is None else np.where(rows < 0, -1, self._row[rows])
         if hits.instance is not None:

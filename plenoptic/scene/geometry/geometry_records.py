@@ -34,7 +34,7 @@ class Geometry(NamedTuple):
     """
 
     vertices: Floats
-    """(nv, 3), mm; those of instanced meshes in frames of their own."""
+    """(nv, 3), mm, in the world; vertices of instanced meshes in the frame of their mesh."""
     triangles: NDArray[np.int32]
     """(nt, 3): rows of `vertices`, counter-clockwise as seen from the front."""
     triangle_material: NDArray[np.int32]
@@ -46,22 +46,22 @@ class Geometry(NamedTuple):
     instance_to_world: Floats | None
     """(ni, 13): the upper three rows of each instance's matrix, and INSTANCE_DISTANCE. None without instances."""
     middle: Floats
-    """(3,): float32 coordinates count from here, so that a scene far from the world's origin loses no digits."""
+    """(3,): origin of the float32 coordinates, so that a scene far from the world's origin keeps its precision."""
 
 
 class InstanceRecord(NamedTuple):
-    """Instances: the triangles that stand at each of ni poses."""
+    """Meshes placed by ni transforms."""
 
     matrices: Floats
     """(ni, 12): the upper three rows, one after the other, from the frame of the mesh to the world, mm."""
     first: NDArray[np.int32]
-    """(ni,): the row of `triangles` at which those of the mesh begin."""
+    """(ni,): first row of `triangles` of the instanced mesh."""
     faces: NDArray[np.int32]
     """(ni,): number of its triangles."""
     plain: int
-    """Number of triangles that stand in the world as they are: the first rows of `triangles`."""
+    """Number of triangles in world coordinates: the first rows of `triangles`."""
     moving: NDArray[np.int32] | None
-    """(ni,): which of the scene's motions each follows, -1 for those that stand still. None where nothing moves."""
+    """(ni,): index of the motion in the scene; -1 for a static instance. None if nothing moves."""
 
     def some(self, which: NDArray[np.bool_]) -> InstanceRecord | None:
         """Instances of a mask (ni,), still ones, with the plain triangles; None for an empty mask without them."""
@@ -78,7 +78,7 @@ class Hits(NamedTuple):
     instance: NDArray[np.int32] | None
     """(n,): -1 for plain triangles and where there is no hit. None in scenes without instances."""
     travelled: Floats | None
-    """(n,), mm: how far rays have come through surfaces that were not there for them. None where all is opaque."""
+    """(n,), mm: distance travelled through transparent surfaces before the hit. None if all surfaces are opaque."""
 
     def first(self, n: int) -> Hits:
         """Hits of the first n rays."""
@@ -133,6 +133,6 @@ class Shadows(NamedTuple):
     """Results of shadow rays."""
 
     blocked: NDArray[np.uint8]
-    """(rays,): 1 where something is in the way."""
+    """(rays,): 1 if the ray is occluded."""
     radiance: Floats
-    """(rays, channels): what they bring, weakened by what they pass."""
+    """(rays, channels): radiance along the ray, attenuated by the media that it passes."""

@@ -56,7 +56,7 @@ class MovingTriangles:
         """What moves, in the order of the rows."""
 
     def fill_closest(self, hits: Hits, rays: Floats) -> None:
-        """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
+        """Closest triangle hit by each ray (origin and direction, (n, 6)), or -1; and its instance, or -1."""
         assert hits.instance is not None
         hits.triangle[:] = hits.instance[:] = -1
         reached, local = np.empty(len(rays)), np.empty((len(rays), 6))

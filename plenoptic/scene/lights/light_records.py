@@ -13,7 +13,7 @@ TRIANGLE, POINT, SUN, ENVIRONMENT = range(4)
 """The kinds of lights that are drawn."""
 
 LIGHT = np.dtype([("row", np.int64), ("instance", np.int32), ("kind", np.uint8)])
-"""What is drawn: row of the triangles, points or suns; instance of a triangle, -1 for a plain one; kind."""
+"""Sampled light: row of the triangles, points or suns; instance of a triangle, -1 for a plain one; kind."""
 
 CORNER, EDGE_1, EDGE_2, FRONT_NORMAL, SHORT = 0, 3, 6, 9, 12
 AREA_COLUMNS = 13

@@ -11,11 +11,11 @@ from plenoptic.scene.lights.spot import SpotLight
 from plenoptic.scene.lights.sun import SunLight
 
 AreaLight: TypeAlias = QuadLight | SphereLight
-"""They are meshes that emit."""
+"""Lights with an emitting mesh."""
 PositionalLight: TypeAlias = PointLight | SpotLight
-"""They shine from a point, which no ray meets."""
+"""Lights at a point; no ray hits them."""
 DistantLight: TypeAlias = SunLight
-"""They shine from beyond the scene, on all of it alike."""
+"""Lights at infinity."""
 
 Light: TypeAlias = AreaLight | PositionalLight | DistantLight
 

@@ -53,17 +53,17 @@ class MaterialRow(NamedTuple):
     metal_index: Index = 0.0
     """n + i k; 0 where the reflectance does not depend on the angle."""
     glass_index: tuple[float, float] = (0.0, 0.0)
-    """Refractive index behind the front and before it; 0 for what is no body."""
+    """Refractive index behind the front and before it; 0 if the material bounds no volume."""
     pane_index: float = 0.0
-    """0 for what is no pane."""
+    """Refractive index of a pane; 0 for other materials."""
     fresnel: bool = False
-    """Whether it reflects by its index too, however dark its base colour is."""
+    """True if the material also reflects by its index, however dark its base colour is."""
     clearcoat: float | Texture | None = None
     clearcoat_roughness: float | Texture | None = None
     specular: bool = False
-    """Whether each direction is scattered into one or two others only: mirrors, polished glass, panes."""
+    """True if each direction scatters into one or two others only: mirrors, polished glass, panes."""
     tables: Callable[[], Mapping[str, Floats]] = dict
-    """Makes what its kind reads besides: members of `Bsdf`."""
+    """Returns the additional members of `Bsdf` that this kind needs."""
 
     @property
     def reflects(self) -> bool:
@@ -82,7 +82,7 @@ class MaterialRow(NamedTuple):
 
     @property
     def textures(self) -> tuple[Texture, ...]:
-        """The textures that it is made of."""
+        """Textures among its properties."""
         return tuple(column for column in self if isinstance(column, Texture))
 
 
@@ -92,15 +92,15 @@ class Bsdf(NamedTuple):
     scatters: NDArray[np.uint8]
     """(nm,): 1 for materials that reflect."""
     takes_light: NDArray[np.uint8]
-    """(nm,): 1 for those that scatter light drawn directly; not mirrors and polished glass."""
+    """(nm,): 1 for materials that scatter directly sampled light; 0 for mirrors and polished glass."""
     base_color: Floats
     """(nm, C), in [0, 1]: base colours; 1 where a texture gives it."""
     kind: NDArray[np.int64] | None
-    """(nm,): what they are. None where all are Lambertian or black."""
+    """(nm,): kind of each material. None if all are Lambertian or black."""
     metal_index: Floats | None
     """(nm, C, 2): n and k; 0 where the reflectance is constant. None where there is no metal."""
     glass_index: Floats | None
-    """(nm, 2): index behind the front and before it; 0 for what is no body. None where there is none."""
+    """(nm, 2): index behind the front and before it; 0 if the material bounds no volume. None if no material does."""
     pane_index: Floats | None
     """(nm,). None where there is no pane."""
     roughness: Floats | None = None
@@ -129,12 +129,12 @@ class Emission(NamedTuple):
 
 
 class Alpha(NamedTuple):
-    """For which paths surfaces of nm materials are there."""
+    """Opacity of nm materials."""
 
     opacity: Floats
     """(nm,): fraction of the paths; 0 where a texture gives it."""
     cutoff: Floats
-    """(nm,): opacity from which on the surface is there for all paths, and for none below; -1 where there is none."""
+    """(nm,): threshold of the opacity: opaque at or above it, transparent below; -1 without threshold."""
     texture: TextureColumn | None
     """None where no texture gives an opacity."""
 
@@ -147,7 +147,7 @@ class SurfaceMaterial(NamedTuple):
     roughness: float
     metallic: float
     eta: float | None
-    """Index behind the surface over that on the viewer's side; 0 for what is no body."""
+    """Index behind the surface over the index on the viewer's side; 0 if the material bounds no volume."""
     pane_index: float | None
     extra: Floats | None
     """(EXTRA_SHARES,)."""

@@ -123,7 +123,7 @@ class EmbreeTriangles:
         self._arguments = _Arguments(flags=0, feature_mask=_ALL_FEATURES)
 
     def fill_closest(self, hits: Hits, rays: Floats) -> None:
-        """Triangle that each ray (origin and direction, (n, 6)) meets first, or -1; and its instance, or -1."""
+        """Closest triangle hit by each ray (origin and direction, (n, 6)), or -1; and its instance, or -1."""
         address = ctypes.addressof(self._arguments)
         _fill_closest(hits.triangle, hits.instance, self._first, rays, self._middle, self._scene, address)
 

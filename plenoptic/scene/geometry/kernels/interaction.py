@@ -10,12 +10,12 @@ from plenoptic.scene.geometry.geometry_records import FRONT, NORMAL, OFFSET, POI
 from plenoptic.scene.geometry.kernels.intersect import (
     NEAR_EDGE,
     corners,
-    drawn_in,
     instance_distance,
     interpolate_normal,
     interpolate_uv,
     intersect_triangle,
     is_reflection,
+    pull_inside_triangle,
     ray_offset,
     transform_normal,
 )
@@ -61,7 +61,7 @@ def fill_interactions(interactions, hits, rays, path, geometry, scatters):
         offset = ray_offset(point, g, triangle, middle, instance_distance(instance_to_world, instance))
         w = 1.0 - u - v
         if min(u, v, w) < NEAR_EDGE:
-            point = drawn_in(point, triangle, (w, u, v), 1.0 / abs(over), offset)
+            point = pull_inside_triangle(point, triangle, (w, u, v), 1.0 / abs(over), offset)
         fill_vector(rows, row, POINT, point)
         fill_vector(rows, row, NORMAL, g)
         fill_vector(rows, row, SHADING_NORMAL, g)

@@ -74,7 +74,7 @@ in parts of its way to the middle of the triangle."""
 
 
 @device
-def drawn_in(point, triangle, coordinates, twice, offset):
+def pull_inside_triangle(point, triangle, coordinates, twice, offset):
     """A point of a triangle, from beyond an edge, where Embree finds grown triangles, to `offset` inside.
 
     A ray from beyond the edge between two walls has left the room, and one that starts nearer than the offset may have,

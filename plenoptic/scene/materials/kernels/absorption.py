@@ -73,7 +73,7 @@ def holds(row, material):
 
 @device
 def enter(row, material):
-    """Add a body inside those of a row; where there is no room, it takes the place of the innermost one."""
+    """Push a body onto the media of a row; in a full row it replaces the innermost body."""
     for k in range(row.size):
         if row[k] < 0 or k == row.size - 1:
             row[k] = material
@@ -96,7 +96,7 @@ def leave(row, material):
 
 @kernel
 def fill_next_media(next_media, source, media, interactions, glass_index):
-    """The media of rays onwards: those of the ray before, with the body that was entered or without the one left."""
+    """Media of the continued rays: those of the previous ray, with the body entered or without the body left."""
     for i in range(source.size):
         came = source[i]
         at = came if came >= 0 else -1 - came
