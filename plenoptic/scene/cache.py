@@ -24,7 +24,7 @@ class PreparedScene:
 
     @property
     def intersector(self) -> Intersector | None:
-        """Built when it is asked for; None where there are no triangles to meet."""
+        """Built on first use; None without triangles."""
         if self._built is None:
             self._built = (self._intersector(),)
         return self._built[0]
@@ -64,7 +64,7 @@ def _prepare(scene: Scene) -> PreparedScene:
 
 
 def prepared_scene(scene: Scene) -> PreparedScene:
-    """Compile a scene, unless it is the very one that was compiled last and still exists: scenes do not change."""
+    """Compile a scene, or return the last compiled one if it is the same: scenes do not change."""
     return _last(scene)
 
 

@@ -1,7 +1,7 @@
 """Jobs on the workers of a dask cluster, grouped into tasks by the time of earlier jobs.
 
 Nothing of dask is imported: the client brings all functions that are called. Tasks are pure, and their shared state is
-a task too, so that dask repeats whatever was lost with a worker.
+a task too, so that dask repeats all tasks lost with a worker.
 """
 
 from __future__ import annotations

@@ -114,7 +114,7 @@ def check_scans(content: bytes, what: str) -> None:
 
 
 class FileReader:
-    """Reader of a file and of those that it names, with limits on their total size and memory."""
+    """Reader of a file and the files it names, with limits on their total size and memory."""
 
     def __init__(self, source: Path, limits: FileLimits) -> None:
         self.limits = limits

@@ -261,7 +261,7 @@ def _entry_at(content: mmap.mmap, position: int, size: int) -> Entry | None:
 
 
 def _is_whole(content: mmap.mmap, entry: Entry) -> bool:
-    """True if the body is whole: one that was cut off may extend into records that were written after it."""
+    """True if the body is whole: a truncated one may extend into records written after it."""
     end = entry.position + entry.length
     if content[end : end + len(_MARK)] == _MARK:
         return True

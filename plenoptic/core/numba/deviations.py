@@ -16,7 +16,7 @@ from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 
 ALL = frozenset({"borrowed_arrays", "helper_processes", "lean_pipeline", "no_wrappers", "one_integer"})
-"""Each is described, with what it saves, in docs/concepts/compilation.md."""
+"""Each is described in docs/concepts/compilation.md, with its measured worth."""
 
 _left_out: set[str] = set()
 

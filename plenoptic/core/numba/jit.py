@@ -21,7 +21,7 @@ class _Compiled:
         if name == "dispatcher":
             from plenoptic.core.numba.dispatchers import make_dispatcher  # it imports Numba
 
-            # Of two threads, the second takes what the first has made.
+            # Of two threads, the second takes the result of the first.
             return self.__dict__.setdefault(name, make_dispatcher(self.py_func, is_kernel=isinstance(self, Kernel)))
         return getattr(self.dispatcher, name)
 
@@ -56,8 +56,8 @@ def device(function: Callable[..., Any]) -> Any:
 def processor() -> str:
     """The kind of processor that kernels are compiled for, and its instructions for vectors: bits depend on them.
 
-    NUMBA_CPU_NAME and NUMBA_CPU_FEATURES can name another than that which is there, and which NumPy, Embree and the
-    system's mathematics still use: then both are named.
+    NUMBA_CPU_NAME and NUMBA_CPU_FEATURES can name another processor than the real one. NumPy, Embree and the system's
+    mathematics still use the real one: then both are named.
     """
     import llvmlite.binding
     from numba.core.registry import cpu_target

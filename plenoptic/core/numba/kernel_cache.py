@@ -138,7 +138,7 @@ def _warn_once(error: Exception) -> None:
 
 
 def _digest(name: str, content: bytes) -> bytes:
-    """Digest of a file's name and content: one that was renamed is another kernel's."""
+    """Digest of a file's name and content: a renamed file belongs to another kernel."""
     return hashlib.sha256(name.encode() + content).digest()
 
 

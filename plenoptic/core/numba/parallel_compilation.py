@@ -42,7 +42,7 @@ Task: TypeAlias = "tuple[KernelDispatcher, tuple[Any, ...]]"
 
 
 class _Tasks:
-    """Kernels to be compiled: those that no process has begun, in the order of their use, and those of helpers."""
+    """Kernels to be compiled: not begun by any process, in the order of their use, and begun by helpers."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()

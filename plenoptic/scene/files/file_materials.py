@@ -26,7 +26,7 @@ def times(texture: Texture, colour: Colour) -> Texture:
     if colour == 1:
         return texture
     texels = np.empty((*texture.texels.shape[:2], max(texture.texels.shape[2], np.size(colour))), dtype=np.float32)
-    with np.errstate(over="ignore"):  # what is infinite is refused with its value
+    with np.errstate(over="ignore"):  # infinite values are refused by name
         np.multiply(texture.texels, np.asarray(colour, dtype=np.float64), out=texels, casting="same_kind")
     return Texture(texels, wrap=texture.wrap, filter=texture.filter)
 

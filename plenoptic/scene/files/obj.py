@@ -22,7 +22,7 @@ from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.texture import Texture, Wrap
 
 Said = Mapping[str, str]
-"""What a file says of a material: keywords in lower case, and what follows them."""
+"""Properties of a material in a file: keywords in lower case, and their values."""
 
 _REFLECTING, _PANES, _BODIES = (3, 5, 8), (4, 9), (6, 7)
 _PBR = ("pr", "pm", "map_pr", "map_pm")
@@ -155,7 +155,7 @@ class _Reader:
         return self.image("norm", Encoding.LINEAR)
 
     def opacity(self) -> float | Texture:
-        """1 for surfaces that are there for all light."""
+        """1 for opaque surfaces."""
         number = self.number("d", 1 - self.number("tr", 0.0))
         image = self.image("map_d", Encoding.LINEAR, _ALPHA)
         if image is None or number == 0:

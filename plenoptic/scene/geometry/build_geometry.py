@@ -43,14 +43,14 @@ def add_instances(geometry: Geometry, instances: InstanceRecord) -> Geometry:
 
 
 class ChildMesh(NamedTuple):
-    """A mesh that stands at several places, and how float32 may see it."""
+    """A mesh with several transforms, and its float32 coordinates."""
 
     vertices: Floats
     triangles: NDArray[np.int32]
     middle: Floats
     """(3,): its own float32 coordinates count from here."""
     matrices: Floats
-    """(n, 3, 4): from those coordinates to those that count from the middle of the scene."""
+    """(n, 3, 4): transforms from these coordinates to those about the middle of the scene."""
     instances: NDArray[np.intp]
     """(n,): rows of the instances."""
 
@@ -86,7 +86,7 @@ def part_of(vertices: Floats, triangles: NDArray[np.int32]) -> tuple[Floats, NDA
 
 
 def middle_of(vertices: Floats, triangles: NDArray[np.int32], instances: InstanceRecord | None = None) -> Floats:
-    """Median of the vertices: where the details are, whatever large surfaces lie around them.
+    """Median of the vertices: near the details, also within large surfaces.
 
     An instance counts as two opposite corners of the box around its mesh; where others stand still, those that move do
     not count, so that the coordinates of still objects are the same at all times.

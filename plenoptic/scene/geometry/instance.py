@@ -32,7 +32,7 @@ from plenoptic.scene.materials.registry import Material
 class Instances:
     """A mesh repeated at many places, with no copy of its triangles.
 
-    A place costs some 700 bytes, and 7 microseconds before rendering, whatever the size of the mesh; a copy costs some
+    A place costs some 700 bytes, and 7 microseconds before rendering, for meshes of any size; a copy costs some
     130 bytes and 0.7 microseconds for each triangle (tests/benchmarks/large_scenes.py).
 
     Parameters

@@ -194,7 +194,7 @@ def has_area(vertices: Floats, faces: NDArray[np.int32], block: int = 1 << 16) -
 
 
 def _unit_rows(normals: Floats) -> Floats:
-    """Rows at unit length; those that are to rounding, and zeros, keep their bits."""
+    """Rows at unit length; rows of unit length to rounding, and zeros, keep their bits."""
     largest = np.abs(normals).max(axis=1, keepdims=True)
     # The largest component first, so that squares of tiny ones do not vanish.
     scaled = np.divide(normals, largest, out=np.zeros_like(normals), where=largest > 0)

@@ -17,7 +17,7 @@ class PointLight:
     """A point that emits the same intensity in all directions.
 
     On a surface at distance d whose normal makes the angle a with the way to the light, the irradiance is
-    intensity cos(a) / d^2. A point has no area, so no ray meets it: neither the camera nor a mirror shows it.
+    intensity cos(a) / d^2. A point has no area, so no ray hits it: neither the camera nor a mirror shows it.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ class SpotLight:
 
     At the angle a from the axis the intensity is `intensity` times s^2, where s = (cos a - cos outer_angle) /
     (cos inner_angle - cos outer_angle), but within 0 and 1. As for a `PointLight`, irradiance is intensity times cosine
-    over distance squared, and no ray meets it.
+    over distance squared, and no ray hits it.
 
     Parameters
     ----------

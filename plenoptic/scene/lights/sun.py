@@ -24,7 +24,7 @@ class SunLight:
     """A disc at infinity of the same radiance all over, or parallel light.
 
     A surface whose normal makes the angle b with the way to the light, and from which all of the disc can be seen, has
-    the irradiance `irradiance` cos(b), wherever it is. Rays that meet no surface see the disc, those of the camera and
+    the irradiance `irradiance` cos(b), at any position. Rays that hit no surface see the disc, those of the camera and
     those from a mirror; parallel light has none, so it is not seen.
 
     Parameters
@@ -73,7 +73,7 @@ class SunLight:
     def from_angles(
         cls, azimuth: float, elevation: float, *, irradiance: Colour = 1.0, angular_radius: float = SUN_RADIUS
     ) -> SunLight:
-        """A sun by where it stands in the sky.
+        """A sun by its position in the sky.
 
         Parameters
         ----------

@@ -13,7 +13,7 @@ from plenoptic.scene.materials.kernels.alpha import advance_rays
 from plenoptic.scene.scene_record import SceneRecord
 
 SALTS = 1 << 10
-"""Surfaces that one path can meet without being stopped, until random numbers repeat."""
+"""Most transparent surfaces on one path before its random numbers repeat."""
 
 NESTED = 4
 """Bodies of glass, one in the other, that a path knows it is in."""
@@ -24,7 +24,7 @@ def skip_transparent(
 ) -> None:
     """Move rays on through transparent surfaces to the first opaque one, and return the distances.
 
-    Without keys, surfaces are there that are opaque to half or more.
+    Without keys, surfaces of opacity 0.5 or more are opaque.
     """
     assert hits.travelled is not None
     hits.travelled[:] = 0.0
@@ -39,7 +39,7 @@ def skip_transparent(
 def attenuate_shadows(
     scene: SceneRecord, intersector: Intersector, rays: Floats, blocked: NDArray[np.uint8], shadow_radiance: Floats
 ) -> None:
-    """Follow shadow rays to their ends: mark those that are blocked and weaken those that are not."""
+    """Trace shadow rays to their ends: mark the occluded ones and attenuate the others."""
     blocked[:] = 0
     hits, shadows = no_hits(scene, len(rays)), Shadows(blocked, shadow_radiance)
     again, which = np.empty(len(rays), dtype=np.int64), np.arange(len(rays))

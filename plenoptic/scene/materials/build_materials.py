@@ -40,7 +40,7 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
 
 
 def alpha_record(rows: Sequence[MaterialRow], texture: TextureColumn | None) -> Alpha | None:
-    """For which paths materials are there; None where all are opaque."""
+    """Opacity of the materials; None if all are opaque."""
     opacity = _shares([row.opacity for row in rows])
     if opacity is None or np.all(opacity == 1):
         return None

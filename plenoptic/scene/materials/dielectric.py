@@ -36,7 +36,7 @@ class Dielectric:
     Notes
     -----
     Light that is drawn directly does not find its way through refracting surfaces: light on a surface behind glass
-    is found by paths that happen to meet the light. Point lights and suns without extent are never met like that.
+    is found by paths that happen to hit the light. Point lights and suns without extent are never hit.
 
     Examples
     --------

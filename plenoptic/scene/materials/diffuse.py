@@ -10,7 +10,7 @@ from plenoptic.scene.textures.texture import Texture
 
 @value
 class Lambertian:
-    """A matt surface: it reflects a share of the light that meets it, with equal radiance in all directions.
+    """A matt surface: it reflects a fraction of the incident light, with equal radiance in all directions.
 
     Both sides reflect. With albedo rho the reflected radiance is rho E / pi for the irradiance E.
 

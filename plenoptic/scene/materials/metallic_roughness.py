@@ -39,9 +39,9 @@ class MetallicRoughness:
     two_sided : bool
         Whether the backs emit too.
     opacity : float or Texture
-        In [0, 1], one channel: the share of paths for which the surface is there.
+        In [0, 1], one channel: the fraction of paths for which the surface is opaque.
     cutoff : float, optional
-        The surface is there where the opacity is at least this, and nowhere else. None: the share is blended.
+        The surface is opaque where the opacity is at least this, transparent elsewhere. None: the fraction is blended.
     clearcoat : float or Texture
         In [0, 1], one channel: how much of the surface has a clear coat of index 1.5, as of varnish. 0: none.
     clearcoat_roughness : float or Texture
@@ -142,7 +142,7 @@ def layer_tables() -> Mapping[str, Floats]:
     x = np.sqrt(1 - z * z)
     albedo = np.stack([_layer_albedo(row, x[0], z[0], u, v) for row in alpha])
     passed = np.clip(1 - albedo, 0, 1)
-    # Exact for what is linear in the root of the cosine between nodes: mean of c over 2 mu dmu = 4 r^3 dr.
+    # Exact for functions linear in the root of the cosine between nodes: mean of c over 2 mu dmu = 4 r^3 dr.
     r = np.linspace(0, 1, COUPLING_COSINES)
     low, high = r[:-1], r[1:]
     whole, moment = high**4 - low**4, 0.8 * (high**5 - low**5)

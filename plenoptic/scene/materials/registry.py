@@ -25,4 +25,4 @@ MATERIALS: dict[type[Material], int] = {
     MetallicRoughness: METALLIC_ROUGHNESS,
     Emissive: LAMBERTIAN,
 }
-"""The kind by which each material scatters; what only emits is a black Lambertian."""
+"""Kind by which each material scatters; a material that only emits is a black Lambertian."""

@@ -256,7 +256,7 @@ def as_texels(texels: ArrayLike, owner: type, *, most: int, from_codes: str) -> 
 
 
 def check_size(shape: tuple[int, ...], name: str, most: int) -> None:
-    """Refuse an image without texels, and one that is too large."""
+    """Refuse an image without texels or with too many."""
     if len(shape) >= 2 and not 0 < shape[0] * shape[1] <= most:
         raise SceneError(
             f"{name} has {shape[0]} x {shape[1]} texels; it must have at least 1 row and 1 column of them, and at most "

@@ -43,7 +43,7 @@ class GltfFile:
     header: Mapping[str, Any]
     """The JSON part."""
     buffers: tuple[memoryview, ...]
-    """What `header["buffers"]` stands for."""
+    """Contents of `header["buffers"]`."""
     reader: FileReader
     """Finds files that are named, and counts memory."""
 

@@ -25,7 +25,7 @@ def gltf_lights(nodes: Iterable[PlacedNode], file: GltfFile, scale: float) -> It
 
     Their candela (points, spots) and lux (directional lights) are taken as scene units: at the distance d, in the
     file's unit of length, a point of intensity I makes the irradiance I / d^2. In mm that is the intensity I scale^2.
-    Their `range` is left out: light does not end. They lie at the origin of their node, whatever its scale, and shine
+    Their `range` is left out: light does not end. They lie at the origin of their node, at any scale of it, and shine
     along its -z. `scale` is mm in one unit of the file.
     """
     for node in nodes:

@@ -134,7 +134,7 @@ def _transmission(extensions: Mapping[str, Any], metallic: float | Texture, name
 def _glass(
     extensions: Mapping[str, Any], base: Colour | Texture, roughness: float | Texture, scale: float, name: str
 ) -> Dielectric | ThinGlass:
-    """A body where the file gives it a volume, a pane otherwise, which is smooth whatever the roughness.
+    """A body where the file gives it a volume, a pane otherwise, which is smooth at any roughness.
 
     `base` is the remaining part of transmitted light: in glTF at each surface. A pane has it as its transmittance. In a
     body it becomes absorption, such that it is right where the light passes as much as `thicknessFactor` says. `scale`

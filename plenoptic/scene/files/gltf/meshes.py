@@ -24,7 +24,7 @@ from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
 from plenoptic.scene.materials.registry import Material
 
 INSTANCED_FROM = 1000
-"""Triangles from which on a mesh that stands in several places is kept once: copies of smaller ones are faster."""
+"""Fewest triangles of a mesh in several places that is kept once: copies of smaller meshes are faster."""
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _MESH = 1 << 15

@@ -1,6 +1,6 @@
 """Embree 4 through its C library: the only module that knows it.
 
-The library is the one that the embreex wheel ships. Importing this module registers its symbols with the
+The library comes with the embreex wheel. Importing this module registers its symbols with the
 compiler; it raises ImportError where that cannot be done, and must be imported before any kernel that
 is declared here is loaded from the cache of compiled code. A null scene never reaches a kernel.
 """
@@ -214,7 +214,7 @@ def _begin(ray, number, rays, i, middle, far):
     number[_INSTANCE] = _INVALID
 
 
-# One ray at a time: packets of 16 take a quarter longer, and what a ray meets near an edge depends on the others.
+# One ray at a time: packets of 16 take a quarter longer, and the hit of a ray near an edge depends on the others.
 @kernel
 def _fill_closest(triangles, instances, first, rays, middle, scene, arguments):
     ray, center = _new_ray(), vector(middle, 0)

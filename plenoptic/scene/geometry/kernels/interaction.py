@@ -23,7 +23,7 @@ from plenoptic.scene.geometry.kernels.intersect import (
 
 @kernel
 def fill_interactions(interactions, hits, rays, path, geometry, scatters):
-    """Fill a row for each ray that meets a surface that scatters; returns how many there are.
+    """Fill a row for each ray that hits a scattering surface; returns their number.
 
     Roughness, metallic and base colour are left to the materials.
     """
@@ -93,7 +93,7 @@ def meets_back(rays, hits, geometry):
 
 @kernel
 def fill_normals(normals, lane_of, hits, rays, geometry):
-    """Unit normal of the triangle that each ray meets, towards where the ray comes from; by rows `lane_of`."""
+    """Unit normal of the triangle hit by each ray, towards the ray's origin; by rows `lane_of`."""
     vertices, triangles = geometry.vertices, geometry.triangles
     instance_to_world = geometry.instance_to_world
     instances = hits.instance
@@ -109,7 +109,7 @@ def fill_normals(normals, lane_of, hits, rays, geometry):
 
 @kernel
 def fill_distances(distances, hits, rays, geometry):
-    """Distance along each ray to the triangle it meets, in float64 from the float64 vertices; inf without one."""
+    """Distance along each ray to the triangle it hits, in float64 from the float64 vertices; inf without one."""
     vertices, triangles = geometry.vertices, geometry.triangles
     instance_to_world = geometry.instance_to_world
     instances = hits.instance

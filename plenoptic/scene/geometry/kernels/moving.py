@@ -1,4 +1,4 @@
-"""Rays in the frames of meshes that move, and which of their hits are nearer."""
+"""Rays in the frames of moving meshes, and the nearer one of two hits."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from plenoptic.scene.materials.material_records import INSIDE
 def fill_absorption(queue, hits, geometry, glass_index, absorption, wavelengths):
     """Attenuate rays by the media along them since their origin (Beer-Lambert).
 
-    A ray that meets the back of a body's surface was inside that body, whatever was known of it.
+    A ray that hits the back of a body's surface was inside that body, also where the row does not hold it.
     """
     rays, throughput, media = queue.rays, queue.throughput, queue.media
     instance_to_world = geometry.instance_to_world

@@ -2,7 +2,7 @@
 
 o is the unit direction to the viewer, z above 0; i that to the light, z below 0 behind the surface. `f` (channels,)
 holds the base colour before, and f |cos i| afterwards; densities are per steradian. Columns are those of
-`materials.material_records.Bsdf`; one that no material of a scene has is None.
+`materials.material_records.Bsdf`; a member that no material of a scene needs is None.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ def eval_metallic_roughness(f, surface, o, i, coupling):
     coated = 0.0
     if surface.extra is not None:
         if surface.extra[0] > 0.0:
-            # What lies below has what passes both ways, its layer what passes in the direction in which less does.
+            # The base is weighted by the transmission in both directions, its layer by the smaller one.
             coat = surface.extra
             to_o, to_i = _coat_passes(coupling, o[2], coat), _coat_passes(coupling, i[2], coat)
             drawn = _coat_fraction(f, metallic, o[2], inward, to_o)

@@ -27,7 +27,7 @@ def smith_lambda(w, alpha):
 
 @device
 def visible_normal(w, alpha, u, v):
-    """A normal drawn from those that a direction, z > 0, sees (J. Dupuy and A. Benyoub, 2023)."""
+    """Sample a normal from those visible from a direction, z > 0 (J. Dupuy and A. Benyoub, 2023)."""
     x, y, z = alpha * w[0], alpha * w[1], w[2]
     over = 1.0 / math.sqrt(x * x + y * y + z * z)
     x, y, z = x * over, y * over, z * over

@@ -45,7 +45,7 @@ def grid_faces(chosen: NDArray[np.bool_]) -> Faces:
 
 
 def snap(places: Floats, tolerance: float) -> Floats:
-    """The same places, but those that differ from their neighbour by a tolerance at most are the same number."""
+    """Coordinates in which neighbours within the tolerance have one value."""
     values, number = np.unique(places, return_inverse=True)
     first = np.concatenate([[True], np.diff(values) > tolerance])
     return np.asarray(values[first][np.cumsum(first) - 1][number].reshape(places.shape))
@@ -74,7 +74,7 @@ def free_rectangles(outer: ArrayLike, taken: Floats) -> Floats:
 def joined_rectangles(rectangles: Floats) -> tuple[Floats, list[Faces]]:
     """Corners (m, 2), and the triangles of each rectangle (x0, y0, x1, y1), which share all corners on their edges.
 
-    Edges that are to meet must have the same coordinates bit for bit.
+    Edges that touch need the same coordinates bit for bit.
     """
     x0, y0, x1, y1 = rectangles.T
     ends = np.concatenate([np.stack(pair, axis=1) for pair in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))])

@@ -70,7 +70,7 @@ def fill_texel(value, texels, row, s, t):
 
 @device
 def opacity_at(number, opacity, cutoff, texture, uv, texels, textures):
-    """Fraction of paths for which a surface is there; 0 or 1 with a cutoff. `texture` is -1 where it has none."""
+    """Fraction of paths for which a surface is opaque; 0 or 1 with a cutoff. `texture` is -1 without texture."""
     number[0] = opacity
     if textures is not None:
         if texture >= 0:
