@@ -99,7 +99,7 @@ def _trim(illuminated: IlluminatedPixels) -> IlluminatedPixels:
 
 
 _NOT_COMPARED = ("sensor", "pose", "shutter")
-"""Fields of a camera that are not compared: the cache's key, and those that may differ."""
+"""Fields of a camera that are not compared: the cache's key, and fields without effect here."""
 _last_with_sensor: LastResultCache[Sensor, list[tuple[tuple[object, ...], PreparedCamera]]] = LastResultCache(
     lambda _: []
 )

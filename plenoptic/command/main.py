@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """The parser of all commands, with the arguments of those that `words` names: some imports take long."""
+    """The parser of all commands, with the arguments of the commands in `words` only: some imports take long."""
     text = "Plenoptic cameras, simulated physically: tasks that need no program of one's own."
     parser = argparse.ArgumentParser(prog="plenoptic", description=text)
     parser.add_argument("--version", action="version", version=f"plenoptic {__version__}")

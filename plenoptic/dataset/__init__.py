@@ -1,4 +1,4 @@
-"""Data sets: the frames of sequences, with truth, errors and a manifest, in a folder that grows until all are there."""
+"""Data sets: the frames of sequences, with truth, errors and a manifest, in a folder that grows frame by frame."""
 
 from plenoptic.dataset.contents import DataSet, read
 from plenoptic.dataset.writing import write

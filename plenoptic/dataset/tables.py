@@ -32,7 +32,7 @@ _COLUMNS = (
 _SIDE, _GAP, _TEXT = 160, 6, 14
 """Pixels of a picture along its longer side, between pictures, and of a line of text."""
 _LABEL, _TITLE = 80, 240
-"""Pixels across a picture and a sheet at least, for what is written there."""
+"""Smallest width of a picture and of a sheet in pixels, for their captions."""
 _MOST, _ACROSS = 48, 8
 """Pictures of a camera, and those side by side."""
 _PACKAGES = ("numpy", "numba", "llvmlite", "embreex", "zarr")

@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
 
 _LONG = 1 << 28
-"""Paths from which on what is rendered at once has a checkpoint: some minutes."""
+"""Fewest paths of a render with a checkpoint: some minutes."""
 _USUAL = 64
 """Samples that a target error takes, about."""
 

@@ -30,7 +30,7 @@ def folder_at(path: str | os.PathLike[str], *below: str) -> Path:
 
 
 def check_no_others(folder: Path, pattern: str, names: Collection[str]) -> None:
-    """Raise an error if a folder holds files that match a pattern and are not among those that are to be written."""
+    """Raise an error if a folder holds files that match a pattern and are not among the files to be written."""
     old = sorted(path.name for path in folder.glob(pattern) if path.name not in names)
     if old:
         raise FileError(

@@ -49,7 +49,7 @@ from lflib.optics import PsfDatabase
 
 
 def load(calibration):
-    """Give a LightFieldCalibration these patterns in place of those that it would calculate."""
+    """Give a LightFieldCalibration these patterns in place of its own."""
     found = np.load("psf_db.npz")
     c = calibration
     db = PsfDatabase(c.nu, c.nv, c.ns, c.nt, float(found["z_center"]), found["z_coords"].tolist(),

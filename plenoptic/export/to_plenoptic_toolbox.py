@@ -19,7 +19,7 @@ from plenoptic.rendering.exposure import Exposure
 
 _TYPES = 3
 _SHARPEST, _FARTHEST = 2.0, 20.0
-"""Virtual depths between which a type is said to be sharp, if it is there."""
+"""Range of virtual depth written for a microlens type, if the camera has it."""
 
 
 def plenoptic_toolbox(

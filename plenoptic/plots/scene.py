@@ -44,11 +44,11 @@ _CAMERA, _FOCUS, _LAMP = "#1f5fbf", "#d1495b", "#b07a00"
 _GROUND = "#eef1f4"
 """On which white and black things can be seen."""
 _ROOM = 0.06
-"""Around what is shown, over its size."""
+"""Margin around the scene, over its size."""
 _HUGE, _FLAT = 10.0, 20
 """What is larger than all the rest by more, and has few triangles, is cut: grounds, backdrops, skies."""
 _AROUND = 0.75
-"""Around the field of a camera in the plane in focus, over its size: what the front view shows."""
+"""Margin of the front view around the field of the camera in the plane in focus, over its size."""
 _UNITS = ((1e6, "km", 1e6), (1e4, "m", 1e3), (0.05, "mm", 1.0), (0.0, "µm", 1e-3))
 """Extent from which on a unit is used, its name, and its length, mm."""
 

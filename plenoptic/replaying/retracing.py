@@ -32,7 +32,7 @@ def replay(exposure: Exposure, scene: Scene | None, *, pixel: tuple[int, int], s
     exposure : Exposure
         From `render` or `render_white`, or loaded from the .exr file to which it was saved.
     scene : Scene or None
-        The one that was rendered; None for `render_white`.
+        The rendered scene; None for `render_white`.
     pixel : (int, int)
         Row and column on the whole sensor, also where a region was rendered.
     sample : int

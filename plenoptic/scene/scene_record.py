@@ -232,7 +232,7 @@ class TextureColumns:
         self._numbers = {texture: number for number, texture in enumerate(textures)}
 
     def column(self, *names: str) -> TextureColumn | None:
-        """Textures of a property, (materials,), or of several, (materials, properties); None if no value is a texture."""
+        """Textures of a property, (materials,), or of several, (materials, properties); None if none is a texture."""
         fields = [[getattr(row, name) for name in names] for row in self.rows]
         numbers = [[self._numbers[f] if isinstance(f, Texture) else -1 for f in row] for row in fields]
         column = np.array([row[0] for row in numbers] if len(names) == 1 else numbers, dtype=np.int32)

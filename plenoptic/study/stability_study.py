@@ -139,7 +139,7 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
 
 
 def _reference() -> Any:
-    """The package of cases and reference, in the clone of this file or in the one that the user stands in."""
+    """The package of cases and reference, in the clone of this file or around the working directory."""
     try:
         import mpmath  # noqa: F401
     except ImportError as error:

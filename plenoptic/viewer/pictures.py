@@ -64,7 +64,7 @@ def webp(codes: NDArray[np.uint8], quality: int) -> bytes:
     whole = quality == 100
     opaque = codes[:, :, 3].all()
     picture = Image.fromarray(np.ascontiguousarray(codes[:, :, :3]) if opaque else codes)
-    # "exact" keeps the colour 0 below what is clear, which filters would otherwise mix in.
+    # "exact" keeps the colour 0 of transparent pixels, which filters would otherwise mix in.
     picture.save(stream, "WEBP", lossless=whole, quality=40 if whole else quality, method=2, exact=True)
     return stream.getvalue()
 

@@ -32,7 +32,7 @@ _MOST_PIXELS = 1 << 20
 _STEPS = (5e-4, 1e-3, 2e-3, 4e-3, 8e-3, 0.016, 0.032)
 """Relative steps of values; the first one with which all fits is taken."""
 _STILL = 640
-"""Pixels along the longer side of the picture that is there before scripts run."""
+"""Pixels along the longer side of the picture shown before scripts run."""
 _LEAST_LIGHT = 0.05
 """Of the white image's 99th percentile, below which nothing is divided by it."""
 _DISTANCES = (2, 25, 50, 75, 98)

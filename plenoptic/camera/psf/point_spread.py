@@ -47,8 +47,8 @@ def point_spread(
 ) -> CameraSpread:
     """Compute the point-spread function of points by tracing their light through lens and microlenses.
 
-    The image of a point is the limit, for a vanishing area, of what `render` gives for a Lambertian emitter at the
-    point that faces along the camera's axis, per unit of radiance and mm^2. The response of pixels
+    The image of a point is the limit, for a vanishing area, of the image by `render` of a Lambertian emitter at
+    the point that faces along the camera's axis, per unit of radiance and mm^2. The response of pixels
     (`Sensor.pixel_aperture`, `Sensor.angular_response`) and `blemishes` are included; all light has the camera's
     `wavelength`. With `diffraction`, rays are deflected at their microlenses, and at the iris if that is enabled.
 

@@ -63,8 +63,8 @@ def diffraction_kernel(
 ) -> DiffractionKernel | None:
     """Split deflections into a kernel and a remainder.
 
-    The kernel holds those that end within a few pixels at every wavelength and distance from the array. None if drawing
-    all deflections gives less noise.
+    The kernel holds the deflections that end within a few pixels at every wavelength and distance from the array. None
+    if drawing all deflections gives less noise.
     """
     plane, drawn_wavelengths = sensor.plane, deflection.wavelengths[min(1, len(deflection.wavelengths) - 1) :]
     extra_distance = np.zeros(1) if parts.tilt is None else sensor_corners(camera, parts)[:, :2] @ parts.tilt

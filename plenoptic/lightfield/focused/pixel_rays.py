@@ -21,7 +21,7 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.rendering.exposure import Exposure
 
 _MIN_RADIUS = 0.25
-"""Minimum used radius of a micro image, as a fraction of the distance between micro images, whatever their overlap."""
+"""Minimum used radius of a micro image, as a fraction of the distance between micro images, at any overlap."""
 
 
 class Pupil(NamedTuple):

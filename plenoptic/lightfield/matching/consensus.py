@@ -16,7 +16,7 @@ def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> M
     """Disparities on the raw image (H, W), from those of its micro images (k, n, n); nan outside of them.
 
     Neighbouring microlenses see the same points: each pixel collects the estimates that neighbours project onto it, and
-    takes the mean of those that agree with the weighted median. The confidence is multiplied by the fraction that
+    takes the mean of the views that agree with the weighted median. The confidence is multiplied by the fraction that
     agree.
     """
     (lens, y, x), row, column, size = micro.lit, micro.row, micro.column, shape[0] * shape[1]

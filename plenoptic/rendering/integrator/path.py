@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class PathObserver(Protocol):
-    """Observer of the paths of a bundle. Its arguments are reused: copy whatever it keeps."""
+    """Observer of the paths of a bundle. Its arguments are reused: it copies the arrays it keeps."""
 
     def on_camera_ray(self, rays: Floats) -> None:
         """Rays leave the camera."""
@@ -105,7 +105,7 @@ class PathIntegrator:
         waves: NDArray[np.int64] | None,
         observer: PathObserver | None = None,
     ) -> Floats:
-        """Radiance along the paths of a bundle, (n, channels); 0 for those that did not leave the lens.
+        """Radiance along the paths of a bundle, (n, channels); 0 for rays that did not leave the lens.
 
         With `waves`, the wavelength number of each path, there is one channel.
         """

@@ -37,7 +37,7 @@ class ProgressBar:
         self._ending = False
         self._bar: Any = None
         self._drawing = threading.RLock()
-        """Lock of whoever draws: the render, the watch, and the handler of Ctrl-C within these."""
+        """Lock for drawing, taken by the render, the watch, and the handler of Ctrl-C within these."""
 
     def __enter__(self) -> ProgressBar:
         if self._watch is not None:

@@ -159,4 +159,4 @@ _CHANGES: dict[Stage, tuple[str, _Change]] = {
     Stage.TRUTH: ("no ground truth", _set("truth", Truth.NONE)),
     Stage.STANDARD_ERROR: ("one replicate", _set("replicates", 1)),
 }
-"""By stage: what is done in its place, and the change of the render."""
+"""By stage: the substitute, and the change of the render."""

@@ -57,7 +57,7 @@ class CostRow(NamedTuple):
     standard_error: float | None
     """Of `percent`; None with fewer than 3 rounds."""
     set_up: float
-    """CPU seconds of set-up that the stage takes, whatever the number of paths."""
+    """CPU seconds of set-up of the stage, for any number of paths."""
     picture_change: float | None
     """Root mean square change of the image without the stage, over its mean, in per cent; 0 where noise hides it.
 

@@ -71,7 +71,7 @@ def split_error(exposures: Sequence[Exposure], reference: Reference) -> Split:
         variance     = v
         bias squared = (m - r)^2 - v / S - w
 
-    Both are unbiased, whatever the reference's own error, and add up to mean((x_s - r)^2) - w. Standard errors
+    Both are unbiased for any error of the reference, and add up to mean((x_s - r)^2) - w. Standard errors
     are those of means over pixels, since random numbers of different pixels are independent. They include the true
     differences among pixels, so that they are rather too large where there is a bias.
     """

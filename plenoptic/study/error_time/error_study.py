@@ -156,7 +156,7 @@ def error_against_time(  # noqa: PLR0913
         bar.update(converged)
         for name in chosen:  # compiles, and finds pupils
             render(name, runs.samples[0], runs.seed)
-        # With one thread it is this one that renders, whatever others of the process do meanwhile.
+        # With one thread, this one renders; other threads of the process do not count.
         clock = time.thread_time if workers == 1 else time.process_time
         rows = measure_rows(render, list(chosen), runs, truth, clock=clock, done=bar.update)
     return ErrorTable(

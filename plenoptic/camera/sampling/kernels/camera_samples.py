@@ -92,7 +92,7 @@ def aim_sample(ray, i, regions, region, start, random):
 
     The first random number selects the piece and, stretched, the triangle of its fan; the second one the point in it.
     `region` is the first and the end of its pieces, `start` the point on the sensor, and the same from the centre of
-    the pixel, or of whatever the region represents.
+    the pixel, or of another area that the region represents.
     """
     pieces, (low, high) = regions.pieces, region
     total_area = pieces[high - 1].area

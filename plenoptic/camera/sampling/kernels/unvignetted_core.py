@@ -147,7 +147,7 @@ def _point_on_rim(split, c, planes, piece, in_pixel, remainder, random):
 
 @device
 def split_region(split, regions, region, in_pixel):
-    """Split the pieces of a region (first and end) for the point `in_pixel`; reuse those that are still valid."""
+    """Split the pieces of a region (first and end) for the point `in_pixel`; reuse the valid ones."""
     corners, planes = regions.corners, regions.planes
     details = regions.details
     for k in range(region[0], region[1]):
