@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.elements import is_on_axis
+from plenoptic.optics.lens.elements import is_centred
 from plenoptic.optics.lens.placement import Placement
 
 if TYPE_CHECKING:
@@ -144,9 +144,9 @@ class ArrayAxes(NamedTuple):
     parts: Assembly
 
     @property
-    def lens_is_round(self) -> bool:
-        """True if the local field is rotationally symmetric about the lens's axis."""
-        return self.parts.frame is None and all(map(is_on_axis, self.camera.lens.elements))
+    def lens_is_centred(self) -> bool:
+        """True if all elements are centred, and the local axes are those of the lens."""
+        return self.parts.frame is None and all(map(is_centred, self.camera.lens.elements))
 
     def local(self, points: Floats) -> Floats:
         """Transform points (n, 2) of the array to local axes."""

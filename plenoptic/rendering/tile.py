@@ -96,7 +96,7 @@ def render_tile(
 
     Returns None if `stopped` returns True between two bundles: the result is no longer needed.
     """
-    camera, shape, certain = context.camera, (tile.rows, tile.columns), context.plan.runs(Stage.CERTAIN_LIGHT)
+    camera, shape, certain = context.camera, (tile.rows, tile.columns), context.plan.runs(Stage.UNVIGNETTED_CORE)
     illuminated = context.prepared.illuminated_pixels(tile, with_core=certain)
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:

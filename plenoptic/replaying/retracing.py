@@ -182,7 +182,7 @@ def _retrace(context: RenderContext, scene: Scene | None, pixel: tuple[int, int]
     camera, replicates = context.camera, context.replicates
     place = (pixel, sample, sample % replicates, sample // replicates)
     batch = batch_of(context, sample, 1)
-    path = trace_camera(camera, pixel, batch, with_core=context.plan.runs(Stage.CERTAIN_LIGHT))
+    path = trace_camera(camera, pixel, batch, with_core=context.plan.runs(Stage.UNVIGNETTED_CORE))
     if path is None:
         nothing = np.zeros(context.channels)
         return Replay(*place, None, (), PathEnding.UNLIT_PIXEL, 0.0, 0.0, nothing, 1.0, nothing, True)

@@ -177,7 +177,7 @@ def _is_symmetric(camera: PlenopticCamera) -> bool:
         camera == camera.design
         and array.imperfections is None
         and len(array.focal_lengths) == 1
-        and array_axes(camera).lens_is_round
+        and array_axes(camera).lens_is_centred
         and round_stops
     )
 

@@ -10,8 +10,10 @@ from camera_helpers import CAMERA, bare_camera, camera_with, in_blocks, out_of_b
 import plenoptic as pl
 from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.sampling.aperture_regions import aperture_regions
+from plenoptic.camera.sampling.region_bounds import openings
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 from plenoptic.optics.microlens.microlens_record import SensorPlane, array_record
+from plenoptic.optics.stops.stop_registry import STOPS
 
 SENSOR = CAMERA.sensor
 SPHERICAL = {"model": pl.optics.MicrolensModel.SPHERICAL, "thickness": 0.3}
@@ -177,6 +179,24 @@ def test_aims_beyond_the_cell_that_land_on_its_sphere_are_held_too():
             n_outside += np.count_nonzero(tested)
             assert np.all(holds(regions, p, centres[tested], points[tested], (sensor - pixel)[tested])), side
         assert n_outside > 100, side
+
+
+def test_bounds_hold_the_holes_of_all_stops_and_touch_them():
+    curved, mask = (
+        pl.PolygonStop(5, 5.0, blade_radius=7.0),
+        pl.optics.MaskStop([[0.0, 1.0, 0.25], [1.0, 0.5, 0.0]], 5.0),
+    )
+    round_stops = {pl.CircularStop(5.0): 0, pl.optics.RingStop(5.0, 2.0): 0, curved: 32}
+    stops = round_stops | {pl.PolygonStop(6, 5.0, 0.2): 6, pl.StarStop(5, 5.0, 2.5, 0.3): 5, mask: 6}
+    assert {type(stop) for stop in stops} == set(STOPS.values())
+    for stop, sides in stops.items():
+        lens = pl.LensStack([stop, pl.Surface(math.inf, semi_diameter=9.0)])
+        bounds, outline = openings(lens, 550.0), np.asarray(stop.outline(10**5))
+        assert len(bounds.edges) == sides, stop
+        assert np.all(np.hypot(*outline.T) ** 2 <= bounds.semi_diameter2.min() * (1 + 1e-12)), stop
+        reach = (outline @ bounds.edges[:, :2].T).max(axis=0, initial=0.0)
+        # The sagitta of the arcs between the 4096 points that bound a curved edge is below 1e-5 of its radius.
+        assert np.all(reach <= bounds.edges[:, 2] * (1 + 1e-12)) and np.all(bounds.edges[:, 2] <= reach + 6e-5), stop
 
 
 def under_a_sky(camera, first, last, samples=64):

@@ -140,10 +140,10 @@ def test_other_stops_leave_no_unvignetted_core():
         (MORE_CAMERAS["star"], "no circle and no polygon"),
         (dataclasses.replace(CAMERA, **COLOURS), "wavelengths"),
     ):
-        (said,) = (d for d in pl.plan(None, camera).decisions if d.stage is Stage.CERTAIN_LIGHT)
+        (said,) = (d for d in pl.plan(None, camera).decisions if d.stage is Stage.UNVIGNETTED_CORE)
         assert not said.runs and why in said.reason, why
     scene = pl.plan(pl.Scene([], background=1.0), CAMERA)
-    assert scene.runs(Stage.EXACT_PUPILS) and not scene.runs(Stage.CERTAIN_LIGHT)
+    assert scene.runs(Stage.APERTURE_REGIONS) and not scene.runs(Stage.UNVIGNETTED_CORE)
     for name in ("star", "curved blades"):
         camera = camera_record(MORE_CAMERAS[name])
         regions = illuminated_pixels(

@@ -84,7 +84,7 @@ def furnished():
     return pl.plan(furnished_scene(camera), camera, truth=pl.Truth.ALL, **settings)
 
 
-NOT_FURNISHED = {Stage.DIFFRACTION, Stage.CERTAIN_LIGHT}
+NOT_FURNISHED = {Stage.DIFFRACTION, Stage.UNVIGNETTED_CORE}
 
 
 def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
@@ -95,7 +95,7 @@ def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
     here = list(ablations(furnished))
     found = [*ablations(ablation.plan_for(bent)), *here]
     assert {one.stage for one in found} == set(Stage)
-    assert {one.stage for one in found if isinstance(one, Inseparable)} == {Stage.EXACT_PUPILS}
+    assert {one.stage for one in found if isinstance(one, Inseparable)} == {Stage.APERTURE_REGIONS}
     apart = [one for one in here if isinstance(one, Ablation)]
     assert sum(not one.also for one in apart) >= 25  # most alone
     for one in apart:

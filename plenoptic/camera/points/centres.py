@@ -60,9 +60,9 @@ def chief_slopes(axes: ArrayAxes, points: Floats) -> Floats:
     up to the largest radius; otherwise slopes are polynomials of degree 12 in x and in y, through 13 x 13 fields. Up to
     that number of points, each one is aimed. nan beyond the first field without a chief ray.
     """
-    if len(points) <= (_RADII if axes.lens_is_round else _SIDE * _SIDE):
+    if len(points) <= (_RADII if axes.lens_is_centred else _SIDE * _SIDE):
         return aimed_slopes(axes, points)
-    return _interpolate_radial(axes, points) if axes.lens_is_round else _interpolate_grid(axes, points)
+    return _interpolate_radial(axes, points) if axes.lens_is_centred else _interpolate_grid(axes, points)
 
 
 def _interpolate_radial(axes: ArrayAxes, points: Floats) -> Floats:

@@ -29,6 +29,7 @@ from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens, 
 from plenoptic.optics.microlens.model_records import ArrayCrossing
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.polygon import PolygonStop, convex_hull
+from plenoptic.optics.stops.ring import RingStop
 from plenoptic.optics.stops.stop_registry import Stop
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -69,17 +70,20 @@ def openings(lens: LensStack, wavelength: float | Floats) -> Openings:
 def _edges(stop: Stop) -> tuple[Floats, bool]:
     """Edges (n, 3) of a convex polygon around a hole, outward normal and distance; and True if it equals the hole.
 
-    A round hole has no edges.
+    Holes within a circle that they touch all around have no edges.
     """
-    if isinstance(stop, CircularStop):
-        return np.zeros((0, 3)), True
-    normals, sagitta = normals_of(_SIDES), _ROUNDING * stop.semi_diameter
-    exact, curved = False, isinstance(stop, PolygonStop) and np.isfinite(stop.blade_radius)
-    if not curved and len(corners := convex_hull(np.asarray(stop.outline(3)))) <= _SIDES:
-        sides = np.roll(corners, -1, axis=0) - corners
-        normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1) / np.hypot(sides[:, 0], sides[:, 1])[:, None]
-        sagitta, exact = 0.0, isinstance(stop, PolygonStop)
-    reach = (np.asarray(stop.outline(_POINTS)) @ normals.T).max(axis=0) + sagitta
+    if isinstance(stop, CircularStop | RingStop):
+        return np.zeros((0, 3)), isinstance(stop, CircularStop)
+    outline, corners = np.asarray(stop.outline(_POINTS)), convex_hull(np.asarray(stop.outline(3)))
+    sides = np.roll(corners, -1, axis=0) - corners
+    normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1) / np.hypot(sides[:, 0], sides[:, 1])[:, None]
+    reach = (outline @ normals.T).max(axis=0)
+    is_curved = np.any(reach > (corners * normals).sum(axis=1) + 1e-9 * stop.semi_diameter)
+    if is_curved or len(corners) > _SIDES:
+        normals, exact = normals_of(_SIDES), False
+        reach = (outline @ normals.T).max(axis=0) + _ROUNDING * stop.semi_diameter
+    else:
+        exact = isinstance(stop, PolygonStop)
     return np.column_stack([normals, reach]), exact
 
 

@@ -70,7 +70,7 @@ class CircularStop:
         return CircularStop(abs(finite(scale, "scale")) * self.semi_diameter)
 
     @property
-    def inner_radius(self) -> float:
+    def filled_radius(self) -> float:
         """Radius in mm of the largest circle about the axis inside the hole."""
         return self.semi_diameter
 

@@ -170,7 +170,7 @@ class MaskStop:
         return MaskStop(cells[::-1, ::-1] if scale < 0 else cells, abs(scale) * self.semi_diameter)
 
     @property
-    def inner_radius(self) -> float:
+    def filled_radius(self) -> float:
         """Radius in mm of the circle that holds all open cells; it stands for the unknown inner radius of a mask."""
         return self.semi_diameter
 

@@ -172,7 +172,7 @@ class PolygonStop:
         return PolygonStop(self.blades, size * self.semi_diameter, self.rotation + turn, blade_radius=bulge)
 
     @property
-    def inner_radius(self) -> float:
+    def filled_radius(self) -> float:
         """Radius in mm of the largest circle about the axis inside the hole."""
         return self.apothem
 

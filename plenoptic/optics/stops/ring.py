@@ -83,8 +83,8 @@ class RingStop:
         return RingStop(size * self.semi_diameter, size * self.inner_semi_diameter)
 
     @property
-    def inner_radius(self) -> float:
-        """Radius in mm of the outer edge: no circle about the axis lies inside the hole."""
+    def filled_radius(self) -> float:
+        """Height in mm that the marginal ray of a beam that fills the hole reaches: the outer radius."""
         return self.semi_diameter
 
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:

@@ -128,7 +128,7 @@ class StarStop:
         return StarStop(self.points, size * self.semi_diameter, size * self.inner_semi_diameter, self.rotation + turn)
 
     @property
-    def inner_radius(self) -> float:
+    def filled_radius(self) -> float:
         """Radius in mm of the largest circle about the axis inside the hole."""
         return self.inner_semi_diameter
 

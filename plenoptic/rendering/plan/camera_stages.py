@@ -62,9 +62,9 @@ def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
     stopped = no_core_reason(camera)
     bounds = bounds_reason(camera, with_core=white and not stopped)
     return [
-        decide(Stage.EXACT_PUPILS, not bounds, bounds, "each point of a pixel sees the openings of the lens"),
+        decide(Stage.APERTURE_REGIONS, not bounds, bounds, "each point of a pixel sees the openings of the lens"),
         decide(
-            Stage.CERTAIN_LIGHT,
+            Stage.UNVIGNETTED_CORE,
             *(white, "a scene is seen"),
             *(not stopped, stopped),
             *(not bounds, bounds),

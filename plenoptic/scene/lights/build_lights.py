@@ -30,7 +30,7 @@ from plenoptic.scene.lights.light_records import (
     LIGHT,
     POINT,
     POINT_LIGHT,
-    SHORT,
+    SHADOW_OFFSET,
     SUN,
     SUN_LIGHT,
     TRIANGLE,
@@ -162,7 +162,7 @@ def _area_rows(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int
     normal = np.cross(rows[:, EDGE_1 : EDGE_1 + 3], rows[:, EDGE_2 : EDGE_2 + 3])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     rows[:, FRONT_NORMAL : FRONT_NORMAL + 3] = np.where(mirrored[:, None], -normal, normal)
-    rows[:, SHORT] = _largest_offsets(corners, normal, geometry.middle, distance)
+    rows[:, SHADOW_OFFSET] = _largest_offsets(corners, normal, geometry.middle, distance)
     return contiguous(rows)
 
 

@@ -84,7 +84,7 @@ def ray_findings(lens: LensStack, wavelength: float) -> Iterator[Finding]:
 
 def _passing_rays(lens: LensStack, angle: Floats, heights: int, wavelength: float) -> RayBundle:
     """Transmitted rays of fans through `heights` points of the iris, starting at the first element."""
-    places = np.linspace(-0.98, 0.98, heights) * lens.stop.inner_radius
+    places = np.linspace(-0.98, 0.98, heights) * lens.stop.filled_radius
     fans = [_fan(lens, angle, wavelength, reverse=True, height=float(height)) for height in places]
     origin, direction = (np.concatenate([getattr(fan, name) for fan in fans]) for name in ("origin", "direction"))
     ahead = trace_part(lens, RayBundle(origin, direction, wavelength), 0, lens.iris_index, reverse=True)
@@ -129,20 +129,20 @@ def _axial_findings(lens: LensStack, rays: RayBundle, whole: RayBundle, origin: 
     if passing < 0 or whole.lost_at[passing + 1] == lens.iris_index:
         return
     at_iris = trace_part(lens, rays, 0, lens.iris_index, clipping=False)
-    filled = float(np.hypot(at_iris.origin[passing, 0], at_iris.origin[passing, 1])) / lens.stop.inner_radius
+    filled = float(np.hypot(at_iris.origin[passing, 0], at_iris.origin[passing, 1])) / lens.stop.filled_radius
     at, status = int(whole.lost_at[passing + 1]), RayStatus(int(whole.status[passing + 1]))
     if status in _LOST_IN_THE_LENS:
         fate = "are totally reflected at" if status is RayStatus.TOTAL_REFLECTION else "miss"
         message = (
             f"rays of the beam {origin} on the axis {fate} surface {at} once they fill {100 * filled:.0f} % of "
-            f"the iris's semi-diameter, {lens.stop.inner_radius:.4g} mm; reduce the iris, or check the radii"
+            f"the iris's semi-diameter, {lens.stop.filled_radius:.4g} mm; reduce the iris, or check the radii"
         )
         yield Finding(FindingKind.TOTAL_REFLECTION, (at,), message)
     elif filled < _FILLED:
         element = lens.elements[at]
         message = (
             f"the beam {origin} on the axis is limited by element {at}, semi-diameter {element.semi_diameter:.4g} mm, "
-            f"and fills {100 * filled:.0f} % of the iris's semi-diameter, {lens.stop.inner_radius:.4g} mm; reduce the "
+            f"and fills {100 * filled:.0f} % of the iris's semi-diameter, {lens.stop.filled_radius:.4g} mm; reduce the "
             f"iris or widen element {at}"
         )
         yield Finding(FindingKind.IRIS_NOT_FILLED, tuple(sorted((at, lens.iris_index))), message)

@@ -33,7 +33,7 @@ their triangles are grown. Rays in the frame of an instance err by coordinates t
 _ALL_FEATURES = 0xFFFFFFFF
 _PADDING = 16
 _SOME = 1000
-"""Vertices of which the usual distance from the middle is known well enough."""
+"""Number of vertices that give their median distance from the middle well enough."""
 _INVALID = np.uint32(0xFFFFFFFF)
 
 # Members of 4 bytes of RTCRay and, behind it, RTCHit (embree4/rtcore_ray.h).
@@ -141,9 +141,9 @@ class EmbreeTriangles:
         """A geometry of triangles that each have corners of their own."""
         vertices, triangles, middle = geometry.vertices, geometry.triangles, geometry.middle
         count, some = len(triangles), vertices[:: max(1, len(vertices) // _SOME)]
-        usual = float(np.median(np.abs(some - middle).max(axis=1)))
+        typical = float(np.median(np.abs(some - middle).max(axis=1)))
         points = np.zeros(9 * count + _PADDING, dtype=np.float32)
-        fill_grown(points[: 9 * count].reshape(-1, 3), vertices, triangles, middle, usual)
+        fill_grown(points[: 9 * count].reshape(-1, 3), vertices, triangles, middle, typical)
         rows = np.zeros(3 * count + _PADDING, dtype=np.uint32)
         rows[: 3 * count] = np.arange(3 * count, dtype=np.uint32)
         return self._geometry(points, 3 * count, rows, count)

@@ -8,16 +8,17 @@ from plenoptic.core.kernels.vectors import absolute, add, dot, fill_vector, row_
 from plenoptic.core.numba.jit import kernel
 
 GROWTH = 2.0**-21
-"""How far edges move outwards, as a part of the largest coordinate of a triangle, or of the usual one of the scene,
-from about where rays come: eight times its rounding, and half of the offset of rays that leave surfaces."""
+"""Outward displacement of edges over the largest coordinate of a triangle, or over the scene's median distance from its
+middle if that is larger: eight times the rounding of float32, and half the offset of rays that leave surfaces."""
 
 MOST_GROWTH = 2.0**-10
-"""And as a part of the radius of the inscribed circle: margins stay near the edges in barycentric coordinates too."""
+"""Its limit over the radius of the inscribed circle: margins stay near the edges in barycentric coordinates too."""
 
 
 @kernel
-def fill_grown(points, vertices, triangles, middle, usual):
-    """Fill three rows of `points` (3 nt, 3), relative to the middle, for each triangle; `usual` is a coordinate.
+def fill_grown(points, vertices, triangles, middle, typical):
+    """Fill three rows of `points` (3 nt, 3), relative to the middle, for each triangle; `typical` is the scene's median
+    distance from its middle. The displacement covers the rounding of float32 in Embree.
 
     All edges move outwards by the same length: the corners move away from the middle of the inscribed circle.
     """
@@ -34,7 +35,7 @@ def fill_grown(points, vertices, triangles, middle, usual):
         squared = (half - opposite_a) * (half - opposite_b) * (half - opposite_c)
         grown = 0.0
         if squared > 0.0:
-            largest = max(usual, max(absolute(a)), max(absolute(b)), max(absolute(c)))
+            largest = max(typical, max(absolute(a)), max(absolute(b)), max(absolute(c)))
             grown = min(GROWTH * largest * math.sqrt(half / squared), MOST_GROWTH)
         over = grown / perimeter if perimeter > 0.0 else 0.0
         off = add(add(scale(a, opposite_a * over), scale(b, opposite_b * over)), scale(c, opposite_c * over))

@@ -27,7 +27,7 @@ from plenoptic.scene.lights.light_records import (
     FRONT_NORMAL,
     PDF,
     POINT,
-    SHORT,
+    SHADOW_OFFSET,
     SUN,
     TRIANGLE,
 )
@@ -48,9 +48,10 @@ def _spot_fraction(light, w):
 
 @device
 def _to_triangle(rows, i, point, st, area, both_sides, pdf):
-    """Fill row i for a point of a triangle, s and t along its edges; 1 / density per sr, 0 where it shines away.
+    """Fill row i with the direction to a point of a triangle, s and t along its edges; returns 1 / pdf in sr.
 
-    `area` is `Lights.areas` and a row of it, whose points are drawn with the probability `pdf` per mm^2.
+    It returns 0 if the point does not emit towards the receiver. `area` is `Lights.areas` and a row of it, whose points
+    are drawn with the probability `pdf` per mm^2.
     """
     areas, k = area
     on_edges = add(scale(row_vector(areas, k, EDGE_1), st[0]), scale(row_vector(areas, k, EDGE_2), st[1]))
@@ -60,12 +61,13 @@ def _to_triangle(rows, i, point, st, area, both_sides, pdf):
     r2 = dot(w, w)
     # One division: they take most of the time here.
     over_r = 1.0 / math.sqrt(r2)
-    at_light = -dot(normal, w) * over_r
-    if not (at_light > 0.0 or both_sides) or not abs(at_light) > 0.0 or not r2 > 0.0:
+    cos_light = -dot(normal, w) * over_r
+    if not (cos_light > 0.0 or both_sides) or not abs(cos_light) > 0.0 or not r2 > 0.0:
         return 0.0
     fill_vector(rows, i, DIRECTION, scale(w, over_r))
-    fill_vector(rows, i, END, add(light, scale(normal, areas[k, SHORT] if at_light > 0.0 else -areas[k, SHORT])))
-    rows[i, PDF] = pdf * r2 / abs(at_light)
+    offset = areas[k, SHADOW_OFFSET]
+    fill_vector(rows, i, END, add(light, scale(normal, offset if cos_light > 0.0 else -offset)))
+    rows[i, PDF] = pdf * r2 / abs(cos_light)
     return 1.0 / rows[i, PDF]
 
 
