@@ -176,7 +176,7 @@ MISTAKES = [
     ("pl.Exposure(np.ones((4, 4)))", INVALID, "it must have shape (rows, columns, channels)"),
     ("pl.lightfield.decode(white(), white())", INVALID, "use pl.lightfield.render_view(shot, white, disparity), or a"),
     ("decode(views=4)", INVALID, "it must be odd, so that one is central: take 5"),
-    ("decode(views=99)", pl.errors.PlenopticWarning, "views is 99, and micro images hold 25 at this step"),
+    ("decode(views=55)", pl.errors.PlenopticWarning, "views is 55, and micro images hold 25 at this step"),
     ("pl.lightfield.refocus(SHOT, -404.0)", INVALID, "give a LightField"),
     ("pl.study.error_against_time(SCENE, CAMERA, samples=64)", INVALID, "give a sequence of whole numbers"),
     ("pl.study.error_against_time(SCENE, CAMERA, seeds=1)", INVALID, "seeds is 1; it must be at least 2"),

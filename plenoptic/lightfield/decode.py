@@ -56,7 +56,7 @@ def decode(  # noqa: PLR0913
     white : Exposure
         White image of the same camera, of the whole sensor or of a region that contains the shot's.
     views : int, optional
-        Number of views along u and along v; odd. None: as many as fit into a micro image.
+        Number of views along u and along v; odd, and at most across four micro images. None: as many as fit into one.
     step : float, optional
         Pixels of the raw image between neighbouring views.
     viewpoint : (float, float), optional
@@ -182,7 +182,11 @@ def _offsets(
     gap, iris = camera.stop_to_microlenses - z, size * camera.lens.stop.semi_diameter
     pitch, b = camera.sensor.pixel_pitch, camera.microlenses_to_sensor
     if views is not None:
-        half = odd_count(views) // 2
+        half, most = odd_count(views) // 2, 1 + int(2.0 * max(array.pitches) / (pitch * step))
+        if half > most:
+            raise InvalidValueError(
+                f"views is {views}, and at this step {2 * most + 1} views span four micro images already: take fewer"
+            )
     else:
         # Half of the pupil's image, or half of the distance between overlapping images.
         image = abs(iris) * b / abs(gap) if math.isfinite(gap) else math.inf

@@ -71,6 +71,7 @@ def test_what_took_minutes_or_raised_what_it_should_not():
         (lambda: pl.sphere(1.0, segments=(8, 2**64 - 1)), "segments from pole to pole is 18446744073709551615; it"),
         (lambda: pl.sphere(1.0, segments=(1 << 15, 1 << 15)), "segments x .* is 32768 x 32768; it must be at most"),
         (lambda: pl.lightfield.decode(shot(), shot(), views=123456789), "views is 123456789; it must be at most 4095"),
+        (lambda: pl.lightfield.decode(shot(), shot(), views=541), "views is 541, and at this step .* span four micro"),
         (lambda: pl.Surface(float("inf"), semi_diameter=9.0, aspheric=[1e3]), "gives slopes of 1.8e.04 .* at most 100"),
         *((lambda s=side: white(fine, 1e6, tile_side=s), "microlenses, and the limit is 100000") for side in (None, 3)),
     ):
