@@ -15,8 +15,8 @@ from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.epipolar import default_range, match_views, view_depths
 from plenoptic.lightfield.matching.consensus import consensus
+from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
 from plenoptic.lightfield.matching.micro_images import MicroImages, focused_array, image_side, micro_images
-from plenoptic.lightfield.matching.steps import Matcher, match_images, match_stack
 from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, object_plane_pair
 from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays
 from plenoptic.lightfield.views import LightField

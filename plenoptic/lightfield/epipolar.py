@@ -11,7 +11,7 @@ from plenoptic.camera.gaussian import model_pupil
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.image_stack import ImageStack, Matches, extrapolate_border, noise_variance
-from plenoptic.lightfield.matching.steps import Matcher, match_stack
+from plenoptic.lightfield.matching.match import Matcher, match_stack
 from plenoptic.lightfield.pinhole_model import lens_front_z, object_z, planes_before_lens
 from plenoptic.lightfield.views import LightField
 
