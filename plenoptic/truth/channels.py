@@ -179,7 +179,9 @@ class GroundTruth:
     InvalidValueError
         If shapes do not match, or there is no array.
 
-    Notes ----- The image is that of rays close to the pixel's ray. For rays through the point, 1 / a is the mean over
+    Notes
+    -----
+    The image is that of rays close to the pixel's ray. For rays through the point, 1 / a is the mean over
     all directions of the decrease of slope per mm across the array, by tracing eight rays around the pixel's ray
     through the main lens; without aberrations they all intersect at a. C. Perwass and L. Wietzke, Proc. SPIE 8291,
     829108 (2012), doi 10.1117/12.909882, call v the virtual depth; there it has no sign.

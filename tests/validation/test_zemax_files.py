@@ -30,8 +30,8 @@ REAL_RAYS = [
     ("US05331467-1", (0.0, 46.649725050966076), (0.0, -0.02417936563814127)),
     ("HoO-V2C18Ex66NEW", (2.0, 2.0), (0.00040767670824948254, 0.00033085948532567724)),
 ]
-REFUSED = {"354710-C-Zemax(ZMX)": "no glass 'D-ZK3M'", "HoO-V2C18Ex46": "surface 7 is a toroid"}
-REFUSED |= {"ASL5040-UV-Zemax(ZMX)": "surface 1 is an asphere in Forbes's polynomials"}
+REFUSED = {"354710-C-Zemax(ZMX)": "no glass 'D-ZK3M'", "HoO-V2C18Ex46": "surface 7 is of type TOROIDAL"}
+REFUSED |= {"ASL5040-UV-Zemax(ZMX)": "surface 1 is of type QED_TYPE"}
 REFUSED |= {"US08011793-1": "SQAP: rectangular apertures", "US08427765-1": "no glass 'L-TIM28_MOLD'"}
 REFUSED |= {"zmax_37992": "the aperture is decentred"}
 GIVEN = {"354710-C-Zemax(ZMX)": "D-ZK3M", "US08427765-1": "L-TIM28_MOLD"}

@@ -50,7 +50,9 @@ def optical_path(
     InvalidValueError
         For an ideal lens without a point, or rays that do not come from it.
 
-    Notes ----- The rounding error is about eps times the path: 2e-10 waves for a path of 1 m. Differences from the
+    Notes
+    -----
+    The rounding error is about eps times the path: 2e-10 waves for a path of 1 m. Differences from the
     chief ray cancel the common path, not its rounding error. Rays of a distant object should start on a wavefront near
     the lens, as in `aiming`.
 

@@ -33,7 +33,9 @@ class SeidelSums:
     wavelength : float
         nm.
 
-    References ---------- W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8. Other definitions differ by
+    References
+    ----------
+    W. T. Welford, Aberrations of Optical Systems, 1986, chapter 8. Other definitions differ by
     factors: here W040 is S_I / 8, not S_I / 4.
     """
 

@@ -304,7 +304,7 @@ def numerical_apertures(lens: LensStack, z_object: float = -math.inf, wavelength
     Returns
     -------
     object_side, image_side : float
-        Not negative. `object_side` is 0 for an object at infinity; it is |magnification| times `image_side`.
+        Not negative. `object_side` is 0 for an object at infinity; it is `image_side` times the absolute magnification.
 
     References
     ----------

@@ -72,7 +72,9 @@ def wave_mtf(  # noqa: PLR0913
     InvalidValueError
         As for `wavefront`, or if a number is out of range.
 
-    Notes ----- Rays are aimed at a grid uniform in direction cosines. They give the field on the reference sphere, over
+    Notes
+    -----
+    Rays are aimed at a grid uniform in direction cosines. They give the field on the reference sphere, over
     the cosine to the chief ray's direction. Its autocorrelation at a shift of wavelength times frequency is the
     transfer function, without truncation of the tails of the point-spread function.
 

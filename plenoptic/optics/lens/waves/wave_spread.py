@@ -135,7 +135,9 @@ def wave_spread(  # noqa: PLR0913
         As for `wavefront`. Also for aliasing, if the paths from neighbouring grid points to a corner of the picture
         differ by half a wave or more. Also for FOURIER with a tilted plane, or a number out of range.
 
-    Notes ----- The field on the reference sphere is that of `wave_mtf`. The light on a pixel is ``|U|^2 dx dy``. By
+    Notes
+    -----
+    The field on the reference sphere is that of `wave_mtf`. The light on a pixel is ``|U|^2 dx dy``. By
     Parseval's theorem, the total light is wavelength^2 times the sum of squares over direction cosines in the plane.
 
     Examples

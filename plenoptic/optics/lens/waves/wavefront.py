@@ -196,8 +196,10 @@ def wavefront(
     InvalidValueError
         If there is no chief ray or no image, or no ray passes the lens.
 
-    Notes ----- The centre of the reference sphere is the intersection of the chief ray with the image plane. The sphere
-    passes through the intersection of the chief ray with the paraxial exit pupil. Path differences are computed without
+    Notes
+    -----
+    The centre of the reference sphere is the intersection of the chief ray with the image plane. The sphere passes
+    through the intersection of the chief ray with the paraxial exit pupil. Path differences are computed without
     subtracting two long paths. The path ends at the foot of the perpendicular from the image point onto the ray. From
     there to the sphere it exceeds that of the chief ray by h^2 / (R + sqrt(R^2 - h^2)), with the distance h of the ray
     from the image point. This holds for an exit pupil at infinity too.
