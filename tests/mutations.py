@@ -24,10 +24,10 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 MUTATIONS = """
-sphere_far_half optics/lens/kernels/sphere.py: optics/surfaces optics/lens/test_trace.py
+sphere_far_half optics/lens/kernels/spherical_refraction.py: optics/surfaces optics/lens/test_trace.py
 - or (divisor == 0.0 and g == g) or c * z > max_depth else lost
 + or (divisor == 0.0 and g == g) else lost
-asphere_stale_slope optics/lens/kernels/conic_asphere.py: optics/surfaces
+asphere_stale_slope optics/lens/kernels/aspheric_refraction.py: optics/surfaces
 - _, heights[1, i] = height(r2, conic, aspheric)
 + _, _ = height(r2, conic, aspheric)
 star_notch optics/lens/kernels/stops.py: optics/stops
@@ -51,7 +51,7 @@ glass_resonance optics/glass/dispersion.py: optics/glass
 choice_in_a_piece camera/sampling/kernels/camera_samples.py: camera/test_aperture_regions.py rendering/test_render.py
 - remainder -= pieces[k - 1].area
 + remainder -= 0.0
-plane_moves_along_u camera/sampling/kernels/aperture_regions.py: camera/test_aperture_regions.py rendering
+plane_moves_along_u camera/sampling/kernels/region_polygons.py: camera/test_aperture_regions.py rendering
 - nx * transfer.x_by_v + ny * transfer.y_by_v
 + nx * transfer.x_by_v + ny * transfer.y_by_u
 point_in_a_triangle core/kernels/polygons.py: core/test_sampling.py camera/test_aperture_regions.py camera/psf

@@ -438,14 +438,14 @@ OF_THE_CAMERA = {
     *(
         "sobol.fill_net",
         "candidates.fill_cells",
-        "aperture_regions.fill_regions",
+        "region_polygons.fill_regions",
         "ideal_microlenses.fill_thin",
         "trace.fill_through_lens",
     ),
     *("camera_samples.fill_camera_samples", "film_sums.fill_sums", "bundles.fill_status_counts"),
 }
 OF_OPENINGS = {
-    *("ray_transfer.fill_transfer_rays", "ray_transfer.fill_ray_transfers", "aperture_regions.fill_boxes"),
+    *("ray_transfer.fill_transfer_rays", "ray_transfer.fill_ray_transfers", "region_polygons.fill_boxes"),
     "to_lens.fill_weights",
 }
 """Where few microlenses are near a pixel, so that it pays to look through them at the openings of the lens."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dust_at_lens
 from plenoptic.camera.sampling.aperture_regions import aperture_regions
-from plenoptic.camera.sampling.kernels import camera_samples
+from plenoptic.camera.sampling.kernels import camera_samples, diffraction_deflection
 from plenoptic.camera.sampling.sampling_records import Batch, DeflectedSamples, IlluminatedPixels
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, X, Y
 from plenoptic.core.values import Floats
@@ -113,7 +113,9 @@ class CameraRays:
         """Deflect rays start ... start + n - 1 in front of the lens by diffraction at the iris, if enabled."""
         if self._camera.iris is not None:
             number = self._illuminated.number
-            camera_samples.fill_iris_deflections(bundle, start, n, self._batch, number, self.waves, self._camera.iris)
+            diffraction_deflection.fill_iris_deflections(
+                bundle, start, n, self._batch, number, self.waves, self._camera.iris
+            )
 
     def fill_through_lens(self, bundle: Floats) -> None:
         """Trace a bundle through the lens and the dust on it, then add the weights of the unvignetted core."""

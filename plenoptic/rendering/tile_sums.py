@@ -19,7 +19,7 @@ from plenoptic.camera.sampling.diffraction_kernel import (
     remainder_batch,
     remainder_numbers,
 )
-from plenoptic.camera.sampling.kernels.camera_samples import path_indices
+from plenoptic.camera.sampling.kernels.path_numbers import path_indices
 from plenoptic.camera.sampling.sampling_records import Batch, IlluminatedPixels, batch_record
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats

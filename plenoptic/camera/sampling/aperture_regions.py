@@ -156,7 +156,7 @@ def _ray_transfers(
     """Linear ray transfers of candidates to the elements of the lens; candidates get their first one and number."""
     from plenoptic.camera.camera_rays import fill_through_array  # samples regions itself
     from plenoptic.camera.sampling.kernels import ray_transfer as kernels
-    from plenoptic.camera.sampling.kernels.aperture_regions import MAX_PIECES, fill_boxes
+    from plenoptic.camera.sampling.kernels.region_polygons import MAX_PIECES, fill_boxes
 
     group, openings = np.repeat(np.arange(len(centres)), np.diff(candidates.first)), camera.openings
     pending = np.flatnonzero((np.diff(candidates.first)[group] <= MAX_PIECES) & (candidates.rows["disconnected"] == 0))
@@ -197,7 +197,7 @@ def aperture_regions(
     The points lie in pixels, including their insensitive area. `with_core`: keep planes for the unvignetted core.
     Raises the error of `cells_per_pixel`.
     """
-    from plenoptic.camera.sampling.kernels import aperture_regions as kernels
+    from plenoptic.camera.sampling.kernels import region_polygons as kernels
     from plenoptic.camera.sampling.kernels.ray_transfer import RAYS
 
     cells_per_pixel(camera)

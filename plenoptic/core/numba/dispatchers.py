@@ -1,7 +1,8 @@
 """Numba's dispatchers of kernels and of the functions that kernels call: the only configuration of Numba.
 
 Kernels take numbers, arrays and records of these, release the GIL, divide as IEEE 754 says, and may fuse multiply and
-add (`contract`): the intersection formula of `optics.lens.kernels.sphere` needs the fused form for distant origins.
+add (`contract`): the intersection formula of `optics.lens.kernels.spherical_refraction` needs the fused form for far
+origins.
 """
 
 from __future__ import annotations

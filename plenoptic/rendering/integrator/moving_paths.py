@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.sampling.kernels.camera_samples import WAVELENGTH_SET
+from plenoptic.camera.sampling.kernels.path_numbers import WAVELENGTH_SET
 from plenoptic.camera.sampling.sampling_records import Batch
 from plenoptic.core.kernels import sobol
 from plenoptic.core.values import Floats, read_only

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.sampling.kernels.camera_samples import path_indices, replicate_size
+from plenoptic.camera.sampling.kernels.path_numbers import path_indices, replicate_size
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.core.values import Floats

@@ -167,13 +167,13 @@ def test_in_the_package_comments_cost_nothing_and_a_changed_function_its_callers
     for name in (
         "core/warn.py",
         "core/numba/pipeline.py",
-        "optics/lens/kernels/sphere.py",
+        "optics/lens/kernels/spherical_refraction.py",
         "optics/lens/lens_record.py",
     ):
         path = tmp_path / "plenoptic" / name
         path.write_text("# A comment.\n" + path.read_text(encoding="utf-8") + "\n# Another.\n", encoding="utf-8")
     assert package_digests(tmp_path) == before
-    path = tmp_path / "plenoptic" / "optics" / "lens" / "kernels" / "sphere.py"
+    path = tmp_path / "plenoptic" / "optics" / "lens" / "kernels" / "spherical_refraction.py"
     head, name, body = path.read_text(encoding="utf-8").partition("def refract_sphere")
     path.write_text(head + name + body.replace("math.sqrt(", "1.0 * math.sqrt(", 1), encoding="utf-8")
     after = package_digests(tmp_path)

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from plenoptic.camera.sampling.kernels.camera_samples import DEFLECTION_SET, deflect_at_pupil
+from plenoptic.camera.sampling.kernels.diffraction_deflection import deflect_at_pupil
+from plenoptic.camera.sampling.kernels.path_numbers import DEFLECTION_SET
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from plenoptic.camera.sampling.kernels.aperture_regions import MAX_PIECES
+from plenoptic.camera.sampling.kernels.path_numbers import DEFLECTION_SET, WAVELENGTH_SET, path_indices, replicate_size
+from plenoptic.camera.sampling.kernels.region_polygons import MAX_PIECES
 from plenoptic.camera.sampling.kernels.unvignetted_core import (
     MAX_CLIPPED_CORNERS,
     MAX_RIMS,
@@ -38,36 +39,8 @@ from plenoptic.optics.microlens.kernels.to_lens import at_wavelength
 
 _FEW = 8
 """Pieces among which a linear search is faster than bisection."""
-WAVELENGTH_SET = 1 << 20
-"""Set of sampling points for wavelengths: above those of all bounces."""
-DEFLECTION_SET = WAVELENGTH_SET + 1
-"""Set of sampling points for diffraction deflections."""
 _UNSET, _OUTSIDE, _DISTANT = -3, -2, -1
 """In place of the index of a source pixel: none yet; too far outside the sensor; farther than `NEAR`."""
-
-
-@device
-def path_indices(path, samples, replicates):
-    """Pixel, replicate and index in the replicate of path `path` of a tile.
-
-    Paths run over pixels, in a pixel over replicates, in a replicate over its samples; the first
-    `samples % replicates` replicates have one sample more than the others.
-    """
-    pixel = path // samples
-    index = path - pixel * samples
-    short_size, n_long = samples // replicates, samples % replicates
-    end_of_long = n_long * (short_size + 1)
-    if index < end_of_long:
-        replicate = index // (short_size + 1)
-        return pixel, replicate, index - replicate * (short_size + 1)
-    replicate = n_long + (index - end_of_long) // short_size
-    return pixel, replicate, index - end_of_long - (replicate - n_long) * short_size
-
-
-@device
-def replicate_size(replicate, samples, replicates):
-    """Number of samples of a replicate of a pixel."""
-    return samples // replicates + (1 if replicate < samples % replicates else 0)
 
 
 @device
@@ -326,37 +299,6 @@ def fill_distant_samples(blocks, lenslets, distant, regions):
         if details is not None:
             lenslets[distant[k]] = details[chosen]
             _apply_weight(ray, i, details[chosen], weights)
-
-
-@device
-def deflect_at_pupil(ray, i, z, by):
-    """Deflect a ray by direction cosines at a plane z; its new start is its intersection with its previous start plane.
-
-    A ray deflected by more than a right angle is lost.
-    """
-    t = (z - ray[Z + i]) / ray[N + i]
-    x, y = ray[X + i] + t * ray[L + i], ray[Y + i] + t * ray[M + i]
-    l, m = ray[L + i] + by[0], ray[M + i] + by[1]
-    n = math.copysign(math.sqrt(max(1.0 - l * l - m * m, 0.0)), ray[N + i])
-    if n != 0.0:
-        t = (ray[Z + i] - z) / n
-        ray[X + i], ray[Y + i] = x + t * l, y + t * m
-        ray[L + i], ray[M + i], ray[N + i] = l, m, n
-    elif ray[STATUS + i] == 0.0:
-        ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED
-
-
-@kernel
-def fill_iris_deflections(blocks, start, n, batch, number, waves, iris):
-    """Deflect paths start ... start + n - 1 of a batch at the entrance pupil; `number`: numbers of the pixels."""
-    for k in range(n):
-        pixel, replicate, index = path_indices(start + k, batch.samples, batch.streams)
-        key = set_key(stream(batch.seed, number[pixel], batch.first_stream + replicate), DEFLECTION_SET)
-        point = set_index(batch.first_index + index, key, DEFLECTION_SET)
-        wavelength = at_wavelength(iris.wavelengths, waves, k)
-        by_x, by_y, _, _ = sample_deflection(iris.field, sample(point, 2, key), sample(point, 3, key))
-        ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
-        deflect_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
 
 
 @kernel

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.sampling.kernels.aperture_regions import MAX_CORE_PLANES, MAX_CORNERS, MAX_PLANES
+from plenoptic.camera.sampling.kernels.region_polygons import MAX_CORE_PLANES, MAX_CORNERS, MAX_PLANES
 from plenoptic.core.kernels.polygons import area_of, cut, point_in
 from plenoptic.core.kernels.ray_blocks import MISSED, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device

@@ -8,20 +8,20 @@ import numpy as np
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, CLIPPED, NOT_FINITE, STATUS, TOTAL_REFLECTION, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.kernels.conditioning_probes import (
-    NEWTON,
-    ROUNDED_LENGTH,
-    STEPS,
-    record_refraction,
-    rounded_length,
-)
-from plenoptic.optics.lens.kernels.conic_asphere import (
+from plenoptic.optics.lens.kernels.aspheric_refraction import (
     AT_VERTEX,
     EPS,
     NEWTON_STEPS,
     first_crossing,
     height,
     to_conic_of_asphere,
+)
+from plenoptic.optics.lens.kernels.conditioning_probes import (
+    NEWTON,
+    ROUNDED_LENGTH,
+    STEPS,
+    record_refraction,
+    rounded_length,
 )
 from plenoptic.optics.lens.kernels.freeform_term import freeform_term_at
 from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST

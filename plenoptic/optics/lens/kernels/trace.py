@@ -9,6 +9,7 @@ import numpy as np
 from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.element_record import ASPHERE, CIRCLE, CONIC, FREEFORM, IDEAL, SPHERE
+from plenoptic.optics.lens.kernels.aspheric_refraction import refract_asphere, refract_conic
 from plenoptic.optics.lens.kernels.conditioning_probes import (
     INCIDENT_ROWS,
     init_incident,
@@ -17,13 +18,12 @@ from plenoptic.optics.lens.kernels.conditioning_probes import (
     record_plane,
     store_incident,
 )
-from plenoptic.optics.lens.kernels.conic_asphere import refract_asphere, refract_conic
 from plenoptic.optics.lens.kernels.frames import into_frame, out_of_frame
 from plenoptic.optics.lens.kernels.freeform import record_freeform, refract_freeform
 from plenoptic.optics.lens.kernels.ideal import refract_ideal, to_plane
 from plenoptic.optics.lens.kernels.mirror import reflect
 from plenoptic.optics.lens.kernels.paths import add_path, begin_path, store_start
-from plenoptic.optics.lens.kernels.sphere import refract_sphere
+from plenoptic.optics.lens.kernels.spherical_refraction import refract_sphere
 from plenoptic.optics.lens.kernels.stops import clip_circle, clip_shape
 from plenoptic.optics.lens.lens_record import MOVED
 

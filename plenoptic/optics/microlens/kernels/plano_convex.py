@@ -25,7 +25,7 @@ from plenoptic.core.kernels.ray_blocks import (
     Z,
 )
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.optics.lens.kernels.sphere import refract_sphere
+from plenoptic.optics.lens.kernels.spherical_refraction import refract_sphere
 from plenoptic.optics.microlens.kernels.to_lens import at_wavelength, distance_to_sensor, is_open, weigh
 
 

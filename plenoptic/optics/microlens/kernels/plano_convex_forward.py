@@ -23,7 +23,7 @@ from plenoptic.core.kernels.ray_blocks import (
 )
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.paths import add_path
-from plenoptic.optics.lens.kernels.sphere import refract_sphere
+from plenoptic.optics.lens.kernels.spherical_refraction import refract_sphere
 from plenoptic.optics.lens.kernels.trace import give_rays, take_rays
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, LENS_ROWS, POWER, find_cells, find_lenses
 from plenoptic.optics.microlens.kernels.path_length import add_height, start_path, store_lenses

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.camera.sampling.kernels.camera_samples import path_indices
+from plenoptic.camera.sampling.kernels.path_numbers import path_indices
 from plenoptic.core.kernels.sobol import stream
 from plenoptic.core.numba.jit import kernel
 
