@@ -47,7 +47,7 @@ def _spot_fraction(light, w):
 
 
 @device
-def _to_triangle(rows, i, point, st, area, both_sides, pdf):
+def _fill_triangle_sample(rows, i, point, st, area, both_sides, pdf):
     """Fill row i with the direction to a point of a triangle, s and t along its edges; returns 1 / pdf in sr.
 
     It returns 0 if the point does not emit towards the receiver. `area` is `Lights.areas` and a row of it, whose points
@@ -72,7 +72,7 @@ def _to_triangle(rows, i, point, st, area, both_sides, pdf):
 
 
 @device
-def _to_point(rows, i, point, light):
+def _fill_point_sample(rows, i, point, light):
     """Fill row i for a point light with its intensity in this direction over the squared distance."""
     place = (light.x, light.y, light.z)
     w = sub(place, point)
@@ -88,7 +88,7 @@ def _to_point(rows, i, point, light):
 
 
 @device
-def _to_sun(rows, i, point, u, v, sun, far):
+def _fill_sun_sample(rows, i, point, u, v, sun, far):
     """Fill row i for a direction of a sun's disc; 1 / density, or 1 / probability without a disc."""
     w = (sun.x, sun.y, sun.z)
     rows[i, PDF] = DELTA
@@ -101,12 +101,12 @@ def _to_sun(rows, i, point, u, v, sun, far):
         w = add(add(scale(w, 1.0 - high), scale(p, low * c)), scale(q, low * s))
         rows[i, PDF] = sun.pdf / (2.0 * math.pi * sun.cap)
         value = 1.0 / rows[i, PDF]
-    _send_far(rows, i, point, w, far)
+    _fill_distant_sample(rows, i, point, w, far)
     return value
 
 
 @device
-def _send_far(rows, i, point, w, far):
+def _fill_distant_sample(rows, i, point, w, far):
     """A direction, and an end of its shadow ray beyond the scene."""
     fill_vector(rows, i, DIRECTION, w)
     fill_vector(rows, i, END, add(point, scale(w, far)))
@@ -181,7 +181,9 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
             # Uniform over the triangle.
             root = math.sqrt(u)
             s, t = root * (1.0 - v), root * v
-            value = _to_triangle(rows, i, point, (s, t), (areas, light), two_sided[source] != 0, area_pdf[source])
+            value = _fill_triangle_sample(
+                rows, i, point, (s, t), (areas, light), two_sided[source] != 0, area_pdf[source]
+            )
             _fill_row(color, emitted, source)
             if glow_row is not None:
                 texture = glow_row[source]
@@ -197,14 +199,14 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
                     )
         if points is not None and kind == POINT:
             chance = cdf[light] - (cdf[light - 1] if light > 0 else 0.0)
-            value = _to_point(rows, i, point, points[row]) / chance
+            value = _fill_point_sample(rows, i, point, points[row]) / chance
             _fill_row(color, point_colors, row)
         if suns is not None and kind == SUN:
-            value = _to_sun(rows, i, point, u, v, suns[row], far)
+            value = _fill_sun_sample(rows, i, point, u, v, suns[row], far)
             _fill_row(color, sun_colors, row)
         if environment_texels is not None and kind == ENVIRONMENT:
             w, at_row, at_column = sample_environment(u, v, rows_cdf, columns_cdf, rotation)
-            _send_far(rows, i, point, w, far)
+            _fill_distant_sample(rows, i, point, w, far)
             rows[i, PDF] = environment.probability * environment_pdf[at_row, at_column]
             value = 1.0 / rows[i, PDF] if rows[i, PDF] > 0.0 else 0.0
             _fill_row(color, environment_texels[at_row], at_column)
