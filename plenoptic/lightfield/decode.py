@@ -90,7 +90,7 @@ def decode(  # noqa: PLR0913
     -----
     Errors are propagated for independent pixels: with the interpolated shot S and white image W, the variance of
     r = S / W is (var S + r^2 var W) / W^2. A white image without standard error counts as exact. Render the two with
-    different seeds: with the same paths (if `plan(None, camera)` leaves certain light out), their errors are
+    different seeds: with the same paths (if `plan(None, camera)` leaves the unvignetted core out), their errors are
     correlated, and the stated error is too large.
 
     Between microlenses, 24 neighbours are interpolated by cubic radial basis functions and a linear function. For

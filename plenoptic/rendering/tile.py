@@ -96,8 +96,8 @@ def render_tile(
 
     Returns None if `stopped` returns True between two bundles: the result is no longer needed.
     """
-    camera, shape, certain = context.camera, (tile.rows, tile.columns), context.plan.runs(Stage.UNVIGNETTED_CORE)
-    illuminated = context.prepared.illuminated_pixels(tile, with_core=certain)
+    camera, shape, with_core = context.camera, (tile.rows, tile.columns), context.plan.runs(Stage.UNVIGNETTED_CORE)
+    illuminated = context.prepared.illuminated_pixels(tile, with_core=with_core)
     whole = np.zeros((tile.pixels, context.replicates + 1, context.channels))
     if before is not None:
         whole[:] = before.reshape(whole.shape)

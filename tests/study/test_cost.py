@@ -196,7 +196,7 @@ def test_known_costs_are_found(made_up):
     rows = {row.stage: row for row in table.rows}
     # The whole is dearer by the drift of a few per cent.
     assert float(table.notes[0].split("paths, ")[1].split()[0]) == pytest.approx(1.0, rel=0.03)
-    assert f"beside {SET_UP} s of set-up" in table.notes[0] and "exact pupils" in table.notes[1]
+    assert f"beside {SET_UP} s of set-up" in table.notes[0] and "aperture regions" in table.notes[1]
     for stage, part in PARTS.items():
         # Neighbours in time differ by 1e-4 of the whole, set-up by 1e-6 of a second in 0.1.
         assert rows[stage].percent == pytest.approx(100 * part, abs=0.05)

@@ -58,8 +58,8 @@ def plan(  # noqa: PLR0913
     left out  turned pixels          their sides are along x and y
     left out  blemishes              no dust and no scratches
     left out  diffraction            paths are straight between surfaces
-    runs      exact pupils           each point of a pixel sees the openings of the lens
-    runs      certain light          unvignetted light is not traced
+    runs      aperture regions       each point of a pixel sees the openings of the lens
+    runs      unvignetted core       unvignetted light is not traced
     ...
     """
     check_scene_and_camera(scene, camera)
