@@ -142,7 +142,7 @@ def cost_of(
     ...     sensor=pl.Sensor(shape=(16, 16), pixel_pitch=0.01), stop_to_microlenses=130.0)
     >>> table = pl.study.cost_of(pl.plan(None, camera), samples=8, rounds=2)
     >>> sorted(row.stage.name for row in table.rows)
-    ['UNVIGNETTED_CORE', 'LENS', 'STANDARD_ERROR']
+    ['LENS', 'STANDARD_ERROR', 'UNVIGNETTED_CORE']
     """
     whole(rounds, "rounds", at_least=2)
     seed_number(seed)
