@@ -56,8 +56,8 @@ class ElementRow(NamedTuple):
     mirror: tuple[float, ...] = ()
 
     @property
-    def opened(self) -> ElementRow:
-        """The circle that holds a stop; other rows unchanged."""
+    def circular(self) -> ElementRow:
+        """The row with the circle around the hole of a stop in place of its shape; other rows unchanged."""
         return self._replace(kind=CIRCLE, edges=(), cells=None) if self.edges or self.cells is not None else self
 
 

@@ -126,7 +126,7 @@ def lens_record(
         begin, end = 0 if first is None else first, len(lens.elements) - 1 if last is None else last
         rows = _exact_rows(lens, wavelengths[0], begin, end, reverse=reverse)
     if round_stops or not clipping:
-        rows = [row.opened for row in rows]
+        rows = [row.circular for row in rows]
     if not clipping:
         rows = [row._replace(semi_diameter2=math.inf) for row in rows]
     record = _columns(rows[::-1], -1.0) if reverse else _columns(rows, 1.0)

@@ -73,7 +73,7 @@ def fill_kernel_sums(sums, place, bundle, pilot_mean, kernel_weights, start, n, 
     """Distribute the light of a bundle's paths over pixels by diffraction kernels.
 
     `sums` are (sources, replicates, channels, targets) and, for squares, (sources, channels, targets). `place` are the
-    source indices of pixels; `kernel_weights` are a row of a `SpreadTable` for each path, and the table's rows.
+    source indices of pixels; `kernel_weights` are the row of each path in a `KernelTable`, and the table's weights.
     `pilot_mean` (sources,) is an estimate of the light used as control variate: only the deviation from it is
     distributed; None for no estimate. For the other arguments see `fill_sums`.
     """
@@ -114,8 +114,8 @@ def fill_pilot_means(pilot_mean, place, blocks, start, n, batch):
 
 
 @kernel
-def fill_deflected_sums(sums, bundle, start, n, deflections, batch, every):
-    """Add the light of sampled deflections to pixels; each stands for `every` samples of a batch.
+def fill_deflected_sums(sums, bundle, start, n, deflections, batch, samples_per_deflection):
+    """Add the light of sampled deflections to pixels; each stands for `samples_per_deflection` samples of a batch.
 
     `sums` are (pixels, replicates, channels) and, for squares, (pixels, channels); `deflections` is their
     batch. For the other arguments see `fill_sums`.
@@ -124,9 +124,10 @@ def fill_deflected_sums(sums, bundle, start, n, deflections, batch, every):
     means, squares = sums
     for k in range(n):
         pixel, stream, index = path_indices(start + k, deflections.samples, deflections.streams)
-        replicate, begin = (batch.first_stream + stream) % means.shape[1], (deflections.first_index + index) * every
+        replicate = (batch.first_stream + stream) % means.shape[1]
+        begin = (deflections.first_index + index) * samples_per_deflection
         end = batch.first_index + replicate_size(stream, batch.samples, batch.streams)
-        count = min(begin + every, end) - max(begin, batch.first_index)
+        count = min(begin + samples_per_deflection, end) - max(begin, batch.first_index)
         for c in range(means.shape[2]):
             light = _contribution(bundle, k, c)
             if light - light == 0.0:
@@ -138,40 +139,42 @@ def fill_deflected_sums(sums, bundle, start, n, deflections, batch, every):
 
 
 @kernel
-def fill_pixel_totals(whole, spread_sums, control_variate, deflected, sources, batch, deflection_weight, every):
+def fill_pixel_totals(
+    totals, spread_sums, control_variate, deflected, sources, batch, deflection_weight, samples_per_deflection
+):
     """Total light of pixels for the samples of a batch: kernel-weighted light, control variate and deflections.
 
     `sources` are the pixels whose light reaches each pixel. `control_variate` (pixels, channels) is per sample, and
-    `deflection_weight` is the weight of the sampled deflections. The last row of `whole`
+    `deflection_weight` is the weight of the sampled deflections. The last row of `totals`
     (pixels, replicates + 1, channels) gets the squared total over the number of samples, plus the scatter of the
-    contributions. A deflection stands for `every` samples and scatters as much more.
+    contributions. Each sampled deflection counts for `samples_per_deflection` samples, which multiplies its variance.
     """
     (spread_sums, spread_squares), (deflected, deflected_squares) = spread_sums, deflected
-    replicates, samples = whole.shape[1] - 1, batch.samples
+    replicates, samples = totals.shape[1] - 1, batch.samples
     counts = np.zeros(replicates)
     for stream in range(batch.streams):
         counts[(batch.first_stream + stream) % replicates] += replicate_size(stream, samples, batch.streams)
-    for p in range(whole.shape[0]):
-        for c in range(whole.shape[2]):
+    for p in range(totals.shape[0]):
+        for c in range(totals.shape[2]):
             total = 0.0
             for r in range(replicates):
-                sum_ = deflection_weight * deflected[p, r, c] + control_variate[p, c] * counts[r]
+                light_sum = deflection_weight * deflected[p, r, c] + control_variate[p, c] * counts[r]
                 for target in range(sources.shape[1]):
-                    sum_ += spread_sums[sources[p, target], r, c, target]
-                whole[p, r, c] += sum_
-                total += sum_
+                    light_sum += spread_sums[sources[p, target], r, c, target]
+                totals[p, r, c] += light_sum
+                total += light_sum
             scatter = 0.0
             for target in range(sources.shape[1]):
-                sum_ = 0.0
+                light_sum = 0.0
                 for r in range(replicates):
-                    sum_ += spread_sums[sources[p, target], r, c, target]
-                scatter += max(spread_squares[sources[p, target], c, target] - sum_ * sum_ / samples, 0.0)
-            sum_ = 0.0
+                    light_sum += spread_sums[sources[p, target], r, c, target]
+                scatter += max(spread_squares[sources[p, target], c, target] - light_sum * light_sum / samples, 0.0)
+            light_sum = 0.0
             for r in range(replicates):
-                sum_ += deflected[p, r, c]
-            deflected_scatter = max(deflected_squares[p, c] - sum_ * sum_ / samples, 0.0)
-            scatter += every * deflection_weight * deflection_weight * deflected_scatter
-            whole[p, replicates, c] += total * total / samples + scatter
+                light_sum += deflected[p, r, c]
+            deflected_scatter = max(deflected_squares[p, c] - light_sum * light_sum / samples, 0.0)
+            scatter += samples_per_deflection * deflection_weight * deflection_weight * deflected_scatter
+            totals[p, replicates, c] += total * total / samples + scatter
 
 
 @kernel

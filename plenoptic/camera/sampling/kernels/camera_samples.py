@@ -64,8 +64,8 @@ def aim_sample(ray, i, regions, region, start, random):
     """Aim path i at a point of a region that is not clipped, uniformly by area; return the index of its piece.
 
     The first random number selects the piece and, stretched, the triangle of its fan; the second one the point in it.
-    `region` is the first and the end of its pieces, `start` the point on the sensor, and the same from the centre of
-    the pixel, or of another area that the region represents.
+    `region` is the first and the end of its pieces; `start` is the point on the sensor, and the same point relative to
+    the centre of the area that the region represents, such as the pixel.
     """
     pieces, (low, high) = regions.pieces, region
     total_area = pieces[high - 1].area
@@ -178,7 +178,9 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
     """Sample paths start ... start + n - 1 of a batch of the pixels of a tile, which are `IlluminatedPixels`.
 
     Each path draws a point on the pixel, then a point in the aperture region of that point; paths from points without
-    a region are lost. A rotated pixel has the sides (width, skew[1]) and (skew[0], height). `lenslets` is filled with
+    a region are lost. X, Y of a path get the point on the array, L, M its offset from the point on the sensor, Z, N the
+    axis of the microlens and WEIGHT the area of the region in mm^2; the kernels of the microlens model make rays of
+    them. A rotated pixel has the sides (width, skew[1]) and (skew[0], height). `lenslets` is filled with
     the parameters of each path's microlens, where these differ.
 
     If `core` is not None, it is filled with rays through the unvignetted core, which need not be traced; the paths are

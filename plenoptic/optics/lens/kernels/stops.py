@@ -73,7 +73,7 @@ def _through_mask(ray, masks, k, code):
 
 @device
 def clip_shape(ray, lens, k, code):
-    """Clip rays at the edges of the stop in row k that lie inside the circle around it."""
+    """Clip rays at the edges of the stop in row k; `clip_circle` clips them at the circle around it."""
     kind, edges = lens.rows[k].kind, lens.edges[lens.first_edge[k] : lens.first_edge[k + 1]]
     if kind == POLYGON:
         for j in range(edges.shape[0]):
