@@ -222,25 +222,6 @@ def test_bits_do_not_depend_on_what_fits_into_a_batch(monkeypatch, sampler):
             assert other.stats.paths == whole.stats.paths
 
 
-def true_over_stated_on_check():
-    """RMS of the true error over that of the standard error, four seeds."""
-    scene, camera = pl.check_scene(), reference_camera()
-    settings = {"region": np.s_[240:288, 240:288], "truth": Truth.NONE, "progress": False}
-    reference = pl.render(scene, camera, samples=1 << 12, seed=99, **settings)
-    true, stated = [], []
-    lit = reference.image > 0.5 * np.percentile(reference.image, 99)
-    for seed in range(4):
-        shot = pl.render(scene, camera, samples=64, seed=seed, **settings)
-        # The reference's own variance is part of the difference.
-        true.append(np.mean((shot.image - reference.image)[lit] ** 2) - np.mean(reference.standard_error[lit] ** 2))
-        stated.append(np.mean(shot.standard_error[lit] ** 2))
-    return math.sqrt(np.mean(true) / np.mean(stated))
-
-
-def test_standard_error_is_honest_on_check():
-    assert 0.9 < true_over_stated_on_check() < 1.1
-
-
 def test_statistics_count_every_path():
     shot = pl.render_white(reference_camera(), samples=16, region=np.s_[240:272, 240:272], progress=False)
     stats = shot.stats
