@@ -1,4 +1,4 @@
-"""Print timings as Markdown tables: ``python tests/benchmarks [--quick] [--only tracing,starting]``."""
+"""Print timings as Markdown tables: ``python tests/benchmarks [--quick] [--only tracing,waves]``."""
 
 import argparse
 import importlib
