@@ -8,7 +8,7 @@ from pathlib import Path
 from hypothesis import settings
 
 HELPERS = ("benchmarks", "camera", "core", "core/engines", "export", "fuzz", "golden", "hostile", "validation")
-HELPERS += ("optics/lens/analysis", "optics/lens/waves", "viewer")
+HELPERS += ("optics/lens/analysis", "optics/lens/waves", "optics/surfaces", "viewer")
 HELPERS += ("rendering", "rendering/integrator", "rendering/schedule")
 """Folders with modules that tests import."""
 

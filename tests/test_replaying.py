@@ -278,16 +278,6 @@ def test_pixels_of_their_own_number_of_samples():
         replay(shot, scene, pixel=(row + 250, column + 200), sample=count)
 
 
-@pytest.mark.slow
-def test_a_saved_exposure_is_replayed_to_the_same_bits(tmp_path):
-    scene = pl.objects_scene()
-    shot = shoot(scene, clamp=0.3)
-    shot.save(tmp_path / "shot.exr")
-    loaded = pl.Exposure.load(tmp_path / "shot.exr")
-    paths = [(300, 200, sample) for sample in range(3)]
-    assert replay_all(loaded, scene, paths) == replay_all(shot, scene, paths)
-
-
 def pinhole(half=0.2, pixels=2):
     return pl.PlenopticCamera(
         lens=pl.no_lens(1e-4),
@@ -328,19 +318,6 @@ def test_the_events_of_a_room_are_what_the_scene_says():
     assert {event.place.instance for event in meetings if event.place.object != 2} == {None}
     assert any(event.light is not None and event.light.blocked for event in meetings)
     assert {PathEnding.LEFT_SCENE, PathEnding.ROULETTE, PathEnding.ABSORBED} <= {way.ending for way in ways}
-
-
-@pytest.mark.slow
-def test_mirrors_reflect():
-    mirror = pl.quad((-50, -50, -40), (100, 0, 0), (0, 100, 0), material=pl.Conductor(0.9))
-    scene = pl.Scene([mirror.rotated_deg((1, 0, 0), 20)], background=1.0)
-    shot = pl.render(scene, pinhole(), samples=4, truth=pl.Truth.NONE, progress=False)
-    for way in assert_replayed(shot, scene):
-        (meeting,) = way.bounces
-        before, normal = next(e.direction for e in way.events if isinstance(e, WorldRay)), meeting.shading_normal
-        np.testing.assert_allclose(meeting.direction, before - 2 * (before @ normal) * normal, atol=1e-14)
-        np.testing.assert_allclose(meeting.throughput, 0.9, rtol=1e-14)
-        assert meeting.light is None and way.ending is PathEnding.LEFT_SCENE
 
 
 @pytest.mark.slow

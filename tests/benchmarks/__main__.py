@@ -1,4 +1,4 @@
-"""Print timings as Markdown tables: ``python tests/benchmarks [--quick] [--only tracing,starting]``."""
+"""Print timings as Markdown tables: ``python tests/benchmarks [--quick] [--only tracing,waves]``."""
 
 import argparse
 import importlib
@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 BENCHMARKS = sorted(path.stem for path in Path(__file__).parent.glob("*.py") if "\ndef tables(" in path.read_text())
-PROGRAMS = ("plenoptic-camera", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba", "bpy")
+PROGRAMS = ("plenoptic-camera", "numpy", "numba", "embreex", "trimesh", "OpenImageIO", "batoid", "mitsuba")
 
 
 def main():

@@ -103,6 +103,7 @@ class Honesty(NamedTuple):
     covered_spread: float  # the same where the true standard error is at least mean / n
     spread: float  # share of these pixels
     rare: float  # share of the exposures whose light is too rare
+    shots: list[pl.Exposure]
 
 
 def room():
@@ -227,6 +228,7 @@ def honesty(truth, seeds, **budget):
         covered_spread=float(inside[spread].mean()) if spread.any() else math.nan,
         spread=float(spread.mean()),
         rare=float(np.mean([bool(shot.rare_light) for shot in shots])),
+        shots=shots,
     )
 
 

@@ -1,4 +1,4 @@
-"""Error against CPU time beside other renderers: the same scenes, thin lens and limit of depth."""
+"""Error against CPU time beside Mitsuba: the same scenes, thin lens and limit of depth."""
 
 import functools
 import importlib.util
@@ -68,10 +68,6 @@ def installed():
                 programs[f"Mitsuba {variant}, {sampler}"] = functools.partial(mitsuba, variant, sampler)
     if len(programs) == 3:
         absent += "`llvm_ad_rgb` is left out: DRJIT_LIBLLVM_PATH must name libLLVM.so, version 19 (older ones crash). "
-    if importlib.util.find_spec("bpy") is None:
-        absent += "Cycles is left out: `pip install bpy` has it, for the Python that Blender has. "
-    else:
-        programs["Cycles"] = cycles
     return programs, absent
 
 
@@ -103,13 +99,6 @@ def mitsuba(variant, sampler, scene, camera):
         return np.array(shown, dtype=np.float64).mean(axis=2)
 
     return render
-
-
-def cycles(scene, camera):
-    import in_cycles
-
-    render = in_cycles.renderer(scene, camera, max_bounces=BOUNCES, threads=1)
-    return lambda samples, seed: render(samples, seed).mean(axis=2, dtype=np.float64)
 
 
 class Reference(NamedTuple):

@@ -10,7 +10,6 @@ from camera_helpers import CAMERA, agree, bare_camera, compiled_anew, refused, t
 
 import plenoptic as pl
 from plenoptic.camera import camera_record as camera_records
-from plenoptic.camera.assembly import assembly
 from plenoptic.optics.lens.placement import rotation_about_axes
 
 THIN = the_lens(model=pl.LensModel.THIN)
@@ -63,13 +62,6 @@ def test_a_lattice_is_the_same_after_a_step_and_a_sixth_of_a_turn():
 def test_tilts_tend_to_none():
     for part in (ARRAY, SENSOR, LENS_PART):
         agree(white(CAMERA.moved(part, tilt=(1e-7, -1e-7, 0.0)), 256), white(CAMERA, 256))
-
-
-def test_a_tilted_sensor_is_nearer_on_one_side():
-    # About y, z turns towards x: the plane is z = 1.7 - x tan(tilt).
-    parts = assembly(CAMERA.moved(SENSOR, tilt=(0.0, math.radians(2.0), 0.0)))
-    assert parts.distance == pytest.approx(1.7, rel=1e-12)
-    assert parts.tilt == pytest.approx((-math.tan(math.radians(2.0)), 0.0), abs=1e-15)
 
 
 def test_a_tilted_conventional_camera_weighs_light_by_both_cosines():

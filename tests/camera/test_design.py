@@ -68,25 +68,6 @@ def test_reports_of_designs_state_the_targets():
             assert name not in targets or has == targets[name], (name, targets)
 
 
-def test_designs_recover_a_camera_from_its_report():
-    for kind, lens, b, place in (
-        (GALILEAN, LENS, 1.7, 123.3),
-        (KEPLERIAN, THIN, 2.4, 150.0),
-        (KEPLERIAN, LENS, 2.4, 150.0),
-        (FIRST, PARAXIAL, 2.0, 134.0),
-    ):
-        array = pl.MicrolensArray(0.217, (2.0,))
-        camera = pl.PlenopticCamera(lens.with_stop(pl.CircularStop(5.0)), SENSOR, place, array, b)
-        report = camera_report(camera)
-        (focus,) = report.focus
-        targets = {"pitch": 0.217, "focal_length": 2.0, "image_fill": report.image_fill}
-        depth = {} if kind is FIRST else {"virtual_depth": focus.virtual_depth}
-        recovered = design(lens, kind=kind, z=focus.z_traced, **targets, **depth).camera
-        assert recovered.microlenses_to_sensor == pytest.approx(b, rel=1e-12), kind
-        assert recovered.stop_to_microlenses == pytest.approx(place, rel=3e-8), kind
-        assert recovered.lens.stop.semi_diameter == pytest.approx(5.0, rel=3e-8), kind
-
-
 def test_the_first_step_is_paraxial_and_errors_fall():
     result = design(**PLAIN)
     first, last = result.history[0], result.history[-1]

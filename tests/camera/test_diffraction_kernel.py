@@ -166,17 +166,6 @@ def test_a_tilted_sensor_has_several_distances():
     assert np.all(np.diff(table.weights[:, middle].reshape(table.scales, -1).mean(axis=1)) < 0)
 
 
-def test_continued_renders_equal_uninterrupted_ones(tmp_path):
-    # Batches of 6 and 26 samples begin within the samples of one drawn deflection.
-    for scene in (None, pl.check_scene()):
-        images = []
-        for steps in ((32,), (6, 32)):
-            file = tmp_path / f"{scene is None}-{len(steps)}"
-            shots = [shoot(scene, camera(), samples=n, checkpoint=file, progress=False) for n in steps]
-            images.append(shots[-1].image)
-        assert_allclose(images[1], images[0], rtol=2e-7)
-
-
 def test_no_kernel_if_it_adds_noise():
     assert camera_record(dataclasses.replace(camera(), diffraction=None)).diffraction_kernel is None
     # Most deflections are far, or most paths would miss the sensitive area: all deflections are drawn.

@@ -1,7 +1,6 @@
 import dataclasses
 import math
 
-import numpy as np
 import pytest
 from camera_helpers import GAUSS as LENS
 from camera_helpers import bare_camera, camera_with, refused
@@ -64,25 +63,6 @@ def test_the_best_spot_moves_the_back_as_far_as_the_image():
         # Sums of numbers below 150.
         step = moved - camera(b).focused_at(-404.0).stop_to_microlenses
         assert step == pytest.approx(image - IMAGE, abs=4 * EPS * 150), (b, criterion)
-
-
-def test_ideal_lenses_focus_by_their_cardinal_points_whatever_the_criterion():
-    models = pl.LensModel.THIN, pl.LensModel.PARAXIAL, pl.LensModel.NONE
-    thin, paraxial, nothing = (bare_camera(LENS.with_model(model)) for model in models)
-    # 1 / image - 1 / object = 1 / f, both measured from the one plane of the model.
-    image = POINTS.rear_principal + 1.0 / (1.0 / POINTS.efl + 1.0 / (-404.0 - POINTS.rear_principal))
-    for criterion in FocusCriterion:
-        options = {"criterion": criterion}
-        assert thin.focused_at(-404.0, **options).z_sensor == pytest.approx(image, abs=1e-11)
-        assert thin.focused_at(-math.inf, **options).z_sensor == pytest.approx(POINTS.rear_focus, abs=1e-11)
-        assert paraxial.focused_at(-404.0, **options).z_sensor == pytest.approx(IMAGE, abs=1e-11)
-        with refused(r"LensModel\.NONE, which refracts no ray, so there is no image plane"):
-            nothing.focused_at(-404.0, **options)
-    slopes = np.linspace(-0.05, 0.05, 5)
-    fan = pl.RayBundle([[3.0, 0, -404.0]] * 5, np.column_stack([slopes, 0 * slopes, np.ones(5)]))
-    for each in (thin.focused_at(-404.0), paraxial.focused_at(-404.0)):
-        out = each.lens.trace(fan)
-        assert np.all(out.status == 0) and np.ptp(out.at_z(each.z_sensor)[:, 0]) < 1e-12
 
 
 def test_what_cannot_be_focused_on_is_refused():

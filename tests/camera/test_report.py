@@ -104,20 +104,6 @@ def test_rays_of_the_plane_in_focus_meet_on_the_sensor():
         np.testing.assert_allclose(landed, centre * (1.0 - sign * per_neighbour), atol=error, err_msg=kind.name)
 
 
-def test_disparity_of_the_real_lens():
-    # Rays that fill the iris, from the plane in focus as traced: where neighbouring microlenses, on average over
-    # all that see the point, put its image. Rays of a microlens at c land at c (1 - b/s) on average, up to the
-    # aberrations of the lens and to how evenly the rays of a microlens lie in it.
-    focus = camera_report(CAMERA).focus[0]
-    rays = pl.aiming.aimed_rays(LENS, field=(0.0, 0.0), z_object=focus.z_traced, pupil=pl.aiming.square_grid(129))
-    out = LENS.trace(rays)
-    out = out.selected(out.status == 0)
-    at, slope = out.at_z(123.3)[:, :2], out.direction[:, :2] / out.direction[:, 2:]
-    centre = CAMERA.microlenses.nearest(at)
-    moved = float(((on_sensor(CAMERA, at, slope, centre) - centre) * centre).sum() / (centre**2).sum())
-    assert -moved * PITCH / SENSOR.pixel_pitch == pytest.approx(focus.disparity, rel=5e-3)
-
-
 def test_depth_of_field_ends_where_the_blur_is_a_pixel():
     for kind in (CameraKind.GALILEAN, CameraKind.KEPLERIAN, CameraKind.CAMERA_ARRAY):
         camera, focus = KINDS[kind], camera_report(KINDS[kind]).focus[0]

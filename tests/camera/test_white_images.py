@@ -39,41 +39,10 @@ def light_in(camera, centre, half, samples):
     return np.multiply(total(shot), camera.sensor.pixel_pitch**2)
 
 
-def circles_overlap(a, b, d):
-    """Area that two discs of radii a and b share, their centres d apart."""
-    if d >= a + b:
-        return 0.0
-    if d <= abs(a - b):
-        return math.pi * min(a, b) ** 2
-    x, y = (d * d + a * a - b * b) / (2 * d), (d * d + b * b - a * a) / (2 * d)
-    return sum(r * r * math.acos(part / r) - part * math.sqrt(r * r - part * part) for r, part in ((a, x), (b, y)))
-
-
 def tube(*stops):
     sides = (1.0, pl.ConstantMedium(1.5)), (0.0, pl.optics.AIR)
     plate = [pl.Surface(math.inf, thickness, medium, semi_diameter=20.0) for thickness, medium in sides]
     return pl.LensStack([*stops, *plate], iris=0).with_model(pl.LensModel.NONE)
-
-
-def test_two_round_stops_pass_their_overlap():
-    # No lens, a stop of radius 5 and one of radius 4, 40 mm nearer: from a microlens at c they are two discs.
-    stops = tube(pl.CircularStop(5.0, thickness=40.0), pl.CircularStop(4.0, thickness=1.0))
-    distance, pitch = 70.0, 0.1
-    for height in (0.0, 1.6, 2.2):
-        camera = camera_of(stops, distance, pitch)
-        centre = np.round(np.array([height / math.sqrt(2)] * 2) / pitch) * pitch
-        # The image of stops as seen through the microlens, b = f: it lies around c (1 + b / D).
-        light, error = light_in(alone(camera, centre), centre * (1 + FOCAL / 50.0), 0.45, 256)
-        # Both discs as seen from c on the plane of the far one; the near one is larger there by 70 / 30.
-        scale = distance / (distance - 40.0)
-        rho = float(np.hypot(*centre))
-        area = circles_overlap(5.0, 4.0 * scale, rho * (scale - 1.0))
-        # Ideal microlenses keep dx dy du dv: at the sensor, light comes in the slopes x / b with cos^4 of their angle.
-        expected = pitch**2 * area / distance**2
-        # cos^4 over the sensor's slopes (at most 0.1) is 1 to 1 %, the cell's width of 0.1 mm enters by its square.
-        assert (rho / distance) ** 2 < 0.01
-        assert light == pytest.approx(expected, rel=0.02, abs=4 * error), height
-        assert error < 0.01 * max(expected, 1e-9), height
 
 
 def test_microlenses_get_what_stops_and_rims_leave_open():

@@ -188,7 +188,7 @@ camera = pl.PlenopticCamera(lens=pl.load_lens("double-gauss-100mm-f2").with_stop
     microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,)),
     sensor=pl.Sensor(shape=(48, 48), pixel_pitch=0.01), stop_to_microlenses=123.3, microlenses_to_sensor=1.7)
 scene, what = pl.check_scene(), sys.argv[1]
-after = {"render": "fill_cells", "ground_truth": "fill_cells", "project": "fill_through_lens"}[what]
+after = {"render": "fill_cells", "project": "fill_through_lens"}[what]
 
 def interrupt():
     while after not in (compiling._current or ("",)):
@@ -198,7 +198,6 @@ def interrupt():
 
 threading.Thread(target=interrupt, daemon=True).start()
 calls = {"render": lambda samples: pl.render(scene, camera, samples=samples).interrupted,
-         "ground_truth": lambda _: pl.ground_truth(scene, camera) is None,
          "project": lambda _: camera.project((0, 0, -404)) is None}
 try:
     print(calls[what](4096))

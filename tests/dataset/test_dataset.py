@@ -7,11 +7,6 @@ import itertools
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
-import textwrap
-import time
 
 import fake_client
 import numpy as np
@@ -445,41 +440,3 @@ def test_made_up_manifests_are_refused(single, tmp_path):
         (tmp_path / "manifest.json").write_text(json.dumps(manifest))
         with pytest.raises(FileError, match="is no manifest of a data set"):
             pl.dataset.read(tmp_path)
-
-
-def images_in(folder):
-    log = folder / "frames.log"
-    return log.read_bytes().count(b'"image": true') if log.exists() else 0
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
-def test_killed_at_random_it_makes_the_same_bits(tmp_path):
-    program = textwrap.dedent(
-        """
-        import sys, pathlib, plenoptic as pl
-        sys.path[:0] = sys.argv[2:]
-        from test_dataset import HOW, sequence
-        pl.dataset.write(pathlib.Path(sys.argv[1]), sequence(24), motion=True, **HOW)
-        """
-    )
-    command = [sys.executable, "-c", program]
-    places = [os.path.dirname(file) for file in (__file__, fake_client.__file__)]
-    whole, broken = tmp_path / "whole", tmp_path / "broken"
-    subprocess.run([*command, whole, *places], check=True)
-    random, kills = np.random.default_rng(1), 0
-    while True:
-        process = subprocess.Popen([*command, broken, *places])
-        before = images_in(broken)
-        # Once something new is noted, at a random moment of the following frames.
-        while process.poll() is None and images_in(broken) <= before:
-            time.sleep(0.01)
-        time.sleep(random.uniform(0, 0.4))
-        if process.poll() is not None or kills == 4:
-            assert process.wait() == 0
-            break
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        kills += 1
-    assert kills >= 3
-    assert_same(whole, broken)

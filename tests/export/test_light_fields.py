@@ -63,26 +63,6 @@ def test_the_benchmark_gets_what_it_reads(tmp_path, fields):
         assert low <= plane("gt_disp_lowres").min() and plane("gt_disp_lowres").max() <= high
 
 
-def test_points_move_from_view_to_view_as_the_disparity_says(fields):
-    """The same place of the scene lies `disparity` pixels further left in the next view to the right, and so on."""
-    for field in fields:
-        truths = {
-            step: field.truth(SCENE, *step, truth=pl.Truth.POSITION).position for step in ((-3, 0), (3, 0), (0, 3))
-        }
-        middle = field.truth(SCENE, truth=pl.Truth.POSITION).position
-        for (u, v), positions in truths.items():
-            row, column = (n // 2 for n in middle.shape[:2])
-            line = positions[row, :, 0] if u else positions[:, column, 0 if v == 0 else 1]
-            place = middle[row, column, 0 if u else 1]
-            found = np.interp(
-                place, *(part if line[0] < line[-1] else part[::-1] for part in (line, np.arange(len(line))))
-            )
-            moved = found - (column if u else row)
-            steps = (field.u[1] - field.u[0]) * (u or v)
-            expected = -field.disparity_at(middle[row, column, 2])[0] * steps
-            assert moved == pytest.approx(expected, abs=0.02 * abs(steps))
-
-
 def test_what_the_benchmark_does_not_know(tmp_path, fields):
     taken_by = camera(pl.Lattice.RECTANGULAR, pitch=(0.147, 0.16)).focused_at(z=-404.0)
     with pytest.raises(InvalidValueError, match="square pixels"):

@@ -7,6 +7,7 @@ import fuzzed_cameras
 import fuzzed_scenes
 import numpy as np
 from fuzzed_numbers import chance, length, uniform
+from honesty import counts_of
 
 import plenoptic as pl
 from plenoptic.truth.channels import CHANNELS, NO_MICROLENS
@@ -131,11 +132,6 @@ def check_image(case, shot):
         unknown = np.isinf(shot.standard_error).any(axis=-1)
         assert (counts[unknown] < 2).all()
         assert (shot.standard_error >= 0).all()
-
-
-def counts_of(shot):
-    """(H, W)"""
-    return np.full(shot.image.shape[:2], shot.samples) if shot.sample_counts is None else shot.sample_counts
 
 
 def check_paths(case, shot):

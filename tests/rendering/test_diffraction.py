@@ -127,21 +127,6 @@ def test_bits_do_not_depend_on_tiles_threads_and_regions():
     assert_array_equal(pl.render(scene, straight(camera), samples=8, progress=False).depth, whole.depth)
 
 
-@pytest.mark.parametrize(("samples", "replicates"), [pytest.param(200, 16, marks=pytest.mark.slow), (70, 3)])
-def test_bits_do_not_depend_on_what_fits_into_a_batch(samples, replicates, monkeypatch):
-    camera, shots = small_camera(sensor=pl.Sensor((24, 24), 0.01)), []
-    for room, side in ((1 << 24, 24), (1, 24), (1 << 16, 11)):
-        monkeypatch.setattr("plenoptic.rendering.schedule.clock.PATHS_PER_BATCH", room)
-        options = {"samples": samples, "replicates": replicates, "tile_side": side, "progress": False}
-        shots.append((pl.render(pl.check_scene(), camera, **options), pl.render_white(camera, **options)))
-    for other_shot in shots[1:]:
-        for other, first in zip(other_shot, shots[0], strict=True):
-            assert_array_equal(other.image, first.image)
-            if replicates > 1:
-                assert_array_equal(other.standard_error, first.standard_error)
-            assert other.stats.paths == first.stats.paths
-
-
 def test_points_are_spread_as_surfaces_are_rendered():
     # Light forwards from points all over a small lamp, and backwards from pixels to it.
     camera, side, at = small_camera(diffraction=pl.Diffraction(iris=True)), 1.2, np.array([0.6, -0.3, -404.0])

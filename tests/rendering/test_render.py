@@ -53,17 +53,6 @@ def test_white_pixel_is_projected_solid_angle_of_its_cell():
     assert white.image[0, 0, 0] == pytest.approx(expected, abs=5 * error + 1e-7 * expected)
 
 
-def test_conventional_camera_measures_projected_solid_angle_of_its_pupil():
-    # On the axis, the exit pupil is a disc of semi-diameter a at distance d: E = pi a^2 / (a^2 + d^2), exactly where
-    # pupil imaging is perfect. A narrow stop makes it so up to its spherical aberration, O((stop / 100)^2).
-    camera = conventional(1.0, 1, 1e-3)
-    points = pl.paraxial.cardinal_points(camera.lens)
-    a, d = points.exit_pupil_semi_diameter, 134.6 - points.exit_pupil
-    white = pl.render_white(camera, samples=1 << 14, progress=False)
-    expected = math.pi * a * a / (a * a + d * d)
-    assert abs(white.image[0, 0, 0] - expected) < 5 * white.standard_error[0, 0, 0] + 1e-4 * expected
-
-
 def test_uniform_scene_is_its_radiance_times_white():
     region = np.s_[240:272, 300:332]
     for mode, lattice in (((1.7, 5.0), pl.Lattice.HEXAGONAL), ((2.0, 4.25), pl.Lattice.SQUARE)):
@@ -220,25 +209,6 @@ def test_bits_do_not_depend_on_what_fits_into_a_batch(monkeypatch, sampler):
             if samples > 1 and replicates > 1:
                 np.testing.assert_array_equal(other.standard_error, whole.standard_error)
             assert other.stats.paths == whole.stats.paths
-
-
-def true_over_stated_on_check():
-    """RMS of the true error over that of the standard error, four seeds."""
-    scene, camera = pl.check_scene(), reference_camera()
-    settings = {"region": np.s_[240:288, 240:288], "truth": Truth.NONE, "progress": False}
-    reference = pl.render(scene, camera, samples=1 << 12, seed=99, **settings)
-    true, stated = [], []
-    lit = reference.image > 0.5 * np.percentile(reference.image, 99)
-    for seed in range(4):
-        shot = pl.render(scene, camera, samples=64, seed=seed, **settings)
-        # The reference's own variance is part of the difference.
-        true.append(np.mean((shot.image - reference.image)[lit] ** 2) - np.mean(reference.standard_error[lit] ** 2))
-        stated.append(np.mean(shot.standard_error[lit] ** 2))
-    return math.sqrt(np.mean(true) / np.mean(stated))
-
-
-def test_standard_error_is_honest_on_check():
-    assert 0.9 < true_over_stated_on_check() < 1.1
 
 
 def test_statistics_count_every_path():

@@ -5,7 +5,6 @@ import math
 import sys
 from pathlib import Path
 
-import mpmath
 import numpy as np
 import pytest
 
@@ -16,9 +15,8 @@ from plenoptic.study.stability_study import QUICK, StabilityRow
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "validation"))
 import rounding_study
-from rounding_study.asphere import first_crossing
-from rounding_study.exact_trace import DIGITS, normal_at, trace_exactly, vector
-from rounding_study.rounding_bounds import EPS, LENS_DIRECTION, LENS_POSITION, Law, bounds_of
+from rounding_study.exact_trace import trace_exactly
+from rounding_study.rounding_bounds import EPS, bounds_of
 from rounding_study.rounding_cases import GLASS, WIDE, single
 
 CASES = {case.name: case for case in rounding_study.rounding_cases()}
@@ -86,33 +84,6 @@ def test_some_rays_cross_their_asphere_several_times():
         assert np.count_nonzero(crossings >= 3) >= 5, shape
 
 
-def test_normals_of_an_asphere_are_gradients_of_its_sag():
-    surface = pl.Surface(20.0, semi_diameter=4.0, conic=-0.5, aspheric=(0.0, 1e-3, -1e-5))
-    with mpmath.workdps(DIGITS):
-        normal, curvature = normal_at(surface, vector([3, 0, 0]))
-    assert float(-normal[0] / normal[2]) == pytest.approx(float(surface.slope(3.0)), rel=1e-14)
-    # The larger of the curvatures of meridian and parallel; second derivative by differences, O(h^2).
-    slope, h = float(surface.slope(3.0)), 1e-4
-    second = float(surface.slope(3.0 + h) - surface.slope(3.0 - h)) / (2 * h)
-    both = (second / (1 + slope**2) ** 1.5, slope / 3.0 / math.sqrt(1 + slope**2))
-    assert curvature == pytest.approx(max(both), rel=1e-6)
-
-
-def test_a_hill_that_float64_only_touches_is_no_crossing():
-    # Across the ring's lowest points, of r^2 = -a_0 / (2 a_1), by less than float64 can tell.
-    ring = pl.Surface(math.inf, semi_diameter=2.5, aspheric=(-0.2, 0.05))
-    a, b = (mpmath.mpf(x) for x in ring.aspheric)
-    with mpmath.workdps(DIGITS):
-        for lift in (-(mpmath.mpf(10) ** -30), mpmath.mpf(10) ** -10):
-            start = np.array([mpmath.mpf(0), mpmath.mpf(0), -a * a / (4 * b) + lift])
-            crossed = first_crossing(ring, start, vector([1, 0, 0]), 1)
-            if lift < 0:
-                assert crossed is None
-            else:
-                # The first of four: sag - low = b (r^2 - r_low^2)^2 = lift.
-                assert abs(crossed + mpmath.sqrt(-a / (2 * b) + mpmath.sqrt(lift / b))) < mpmath.mpf(10) ** -40
-
-
 def test_bounds_of_one_surface_are_those_of_the_book():
     lens, k = single(pl.Surface(50.0, semi_diameter=45.0), 1.0, GLASS)
     rays = pl.RayBundle([[0, 0.0, -100.0], [20.0, 0.0, -60.0]], [[0, 0, 1.0], [0, 0.1, 1.0]])
@@ -125,17 +96,6 @@ def test_bounds_of_one_surface_are_those_of_the_book():
     lens, k = single(pl.Surface(10.0, semi_diameter=5.0), 1.7, 1.5, iris=3.0)
     assert lens.indices()[k : k + 2].tolist() == [1.7, 1.5]
     assert lens.vertices[k] == -3.0 and lens.stop.semi_diameter == WIDE
-
-
-def test_bounds_grow_from_surface_to_surface():
-    lens = pl.load_lens("double-gauss-100mm-f2")
-    (ray,) = trace_exactly(lens, pl.RayBundle([[0, 10.0, -404.0]], [[0, 0, 1.0]]))
-    surfaces = [element for element in lens.elements if isinstance(element, pl.Surface)]
-    bounds = [bounds_of(ray._replace(hits=ray.hits[:k]), surfaces[:k]) for k in range(1, len(surfaces) + 1)]
-    assert bounds[-1].direction > max(bound.snell for bound in bounds) and bounds[-1].position > bounds[0].position
-    # The whole lens is held to less than what its surfaces might add up to.
-    assert bounds[-1].position > LENS_POSITION and bounds[-1].direction > LENS_DIRECTION
-    assert CASES["double Gauss, full field"].law == Law.LENS
 
 
 def made_up(**changed):

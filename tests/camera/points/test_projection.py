@@ -200,14 +200,6 @@ def test_a_camera_array_sees_with_every_lens_whose_chief_ray_meets_the_sensor():
     )
 
 
-def test_what_lands_beside_the_sensor_is_not_visible():
-    projection = project(camera_with(shape=(32, 32)), (0.0, 0.0, -404.0))
-    inside = ((projection.pixel > -0.5) & (projection.pixel < 31.5)).all(axis=1)
-    assert inside.any() and not inside.all()
-    far = ((projection.pixel < -2) | (projection.pixel > 33)).any(axis=1)
-    assert not projection.visible[far].any() and projection.visible[inside & projection.passes].all()
-
-
 def test_a_point_imaged_onto_the_array_is_seen_by_one_microlens():
     camera = camera_with(2.0, lens=the_lens(4.25, pl.LensModel.THIN)).focused_at(z=-404.0)
     projection = project(camera, (0.1, 0.05, -404.0))

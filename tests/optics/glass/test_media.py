@@ -45,7 +45,6 @@ def test_impossible_media_are_refused():
         (lambda: ConstantMedium(0.999), "refractive_index is"),
         (lambda: ModelGlass(1.0, 50), "^nd is"),
         (lambda: ModelGlass(1.5, -30), "^vd is"),
-        (lambda: ModelGlass(64.17, 1.5168), r"nd is 64\.17; .*give the index first"),
         (lambda: ModelGlass(1.5, 4.9), "vd is 4.9; it must be at least 5"),
         (lambda: Sellmeier((1.0, 0.2), (0.006,)), "c has 1 numbers"),
         (lambda: Sellmeier((1.0, math.nan), (0.006, 0.02)), "b"),

@@ -71,14 +71,12 @@ def test_impossible_arrays():
     clear = pl.optics.MicrolensAperture(fill_factor=0.5, gaps=pl.optics.Gaps.CLEAR)
     for changes, message in (
         ({"focal_lengths": ()}, "focal_lengths is ..; give one in mm for each type"),
-        ({"pitch": (0.2, 0.3)}, "pitch is .0.2, 0.3.; only Lattice.RECTANGULAR has two"),
         ({"lattice": RECTANGULAR, "pitch": (1.0, -2.0)}, "pitch along y is -2 mm; it must be above 0"),
         ({"lattice": FREE, "centres": np.zeros((0, 2))}, "centres is empty"),
         ({"lattice": FREE, "centres": [(0, 1), (2, 0), (0, 1)]}, "centres lists a place twice"),
         ({**centres, "pattern": [[0]]}, "pattern is given for the lattice FREE; list types"),
         ({**centres, "types": [0, 0]}, r"types has shape \(2,\); it must have shape \(1,\)"),
         ({**centres, "types": [1]}, "types holds types outside 0 to 0"),
-        ({"centres": [(0, 1)]}, "centres is given for the lattice HEXAGONAL; it belongs to Lattice.FREE"),
         ({"types": [0]}, "types is given for the lattice HEXAGONAL"),
         ({"model": model.PINHOLE, "aperture": clear}, "light passes a PINHOLE only at its centre"),
         ({"model": model.FLAT_HIGH_INDEX, "index": 1.5}, "give index=100.0, or choose SPHERICAL"),

@@ -34,11 +34,3 @@ def test_depths_add_up_to_the_glass_and_rays_along_the_axis_are_not_displaced():
         assert depths.separation == array.principal_separation, (model, side)
         for rear in (False, True):
             np.testing.assert_array_equal(model.refraction.shift_chief_rays(array, points, slopes, 550.0, rear), points)
-
-
-def test_members_say_what_the_enumeration_says():
-    for model in Model:
-        assert model.focuses == (model is not Model.PINHOLE)
-        assert model.is_plate == (model in (Model.FLAT_HIGH_INDEX, Model.SPHERICAL))
-        assert model.is_flat == (model is Model.FLAT_HIGH_INDEX)
-        assert model.refraction.is_thin == (model is Model.THIN)

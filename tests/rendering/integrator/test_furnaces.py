@@ -118,18 +118,3 @@ def test_environment_maps_light_and_are_seen_as_they_say():
         np.testing.assert_allclose(rendered, world.radiance(np.array([[x, y, -1.0]]))[0, 0], rtol=1e-6)
         rendered = radiance(pl.Scene([mirror], background=world), camera, samples=4, seeds=2)[0]
         np.testing.assert_allclose(rendered, world.radiance(np.array([[x, y, 1.0]]))[0, 0], rtol=1e-6)
-
-
-def test_errors_that_are_reported_are_those_that_are_made():
-    # A body in a mapped world, against the mean of many renderings: deviations over the reported errors follow
-    # Student's t with 7 degrees of freedom, RMS sqrt(7 / 5) = 1.18. 64 pixels x 16 seeds, whose z^2 has the standard
-    # deviation 2.8: 3 % of it.
-    world = pl.EnvironmentMap(np.random.default_rng(4).random((16, 32, 1)) ** 6)
-    scene = pl.Scene([body(pl.MetallicRoughness(0.8, 0.3, 0.3), 12.0)], background=world)
-    camera = pinhole()
-    settings = {"samples": 128, "truth": pl.Truth.NONE, "max_bounces": 4, "progress": False}
-    shots = [pl.render(scene, camera, seed=seed, **settings) for seed in range(16)]
-    mean = np.mean([shot.image for shot in shots], axis=0)
-    z = np.array([(shot.image - mean) / shot.standard_error for shot in shots])
-    # The mean of 16 takes away 1/16 of the variance.
-    assert math.sqrt(np.mean(z**2)) == pytest.approx(math.sqrt(7 / 5 * 15 / 16), rel=0.12)
