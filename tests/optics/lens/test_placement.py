@@ -165,3 +165,24 @@ def test_a_small_iris_far_from_the_axis_is_not_overlooked():
         )
         a, b = (pl.render_white(c, samples=samples, progress=False).image.mean() for c in (centred, moved))
         assert b == pytest.approx(a, rel=allowed), microlenses
+
+
+@pytest.mark.slow
+def test_light_in_thin_crescents_is_found():
+    # A strong lens whose pupil has a second part: grazing rays beside those that are totally reflected.
+    sides = pl.Surface(10.0, 14.0, pl.ConstantMedium(1.5), semi_diameter=8.0), pl.Surface(-8.0, semi_diameter=7.84)
+    lens = pl.LensStack([pl.CircularStop(2.0, 2.0), *sides])
+    z = float(lens.vertices[-1]) + 4.0
+    sensor = pl.Sensor(shape=(1, 57), pixel_pitch=0.1)
+    camera = pl.PlenopticCamera(lens=lens, sensor=sensor, stop_to_microlenses=z)
+    white = pl.render_white(camera, samples=1 << 13, region=np.s_[0:1, 0:1], progress=False)
+    x = float(sensor.centre_of(0, 0)[0])
+    rng, n = np.random.default_rng(0), 1 << 19
+    l, m = rng.uniform(-1, 1, (2, n))
+    real = l * l + m * m < 1
+    cosines = np.column_stack([l, m, -np.sqrt(np.maximum(1 - l * l - m * m, 0))])[real]
+    passed = lens.trace_reverse(pl.RayBundle(np.broadcast_to([x, 0, z], cosines.shape), cosines)).status == 0
+    brute, error = 4 * passed.sum() / n, 4 * math.sqrt(passed.sum()) / n
+    allowed = 5 * math.hypot(error, float(white.standard_error[0, 0, 0]))
+    # The pixel has an extent, over which light changes by some 0.5 %.
+    assert abs(float(white.image[0, 0, 0]) - brute) < allowed + 0.01 * brute
