@@ -2,7 +2,7 @@
 Corners of a checkerboard, exactly
 ==================================
 
-Calibration looks for the corners of a checkerboard in raw images, where every microlens image shows some of them.
+Calibration looks for the corners of a checkerboard in raw images, where every micro image shows some of them.
 ``pl.project`` says where each corner lies in each, by tracing rays, so that what a detector finds has an exact answer.
 Here that is a detector of the simplest kind: it moves to where all gradients around it point past it.
 """
@@ -67,7 +67,7 @@ print(projected)
 # Detected and true
 # -----------------
 #
-# Corners that lie well within their microlens image are looked for in a window of 7 x 7 pixels, from a start that is
+# Corners that lie well within their micro image are looked for in a window of 7 x 7 pixels, from a start that is
 # beside the truth by up to half a pixel. In the window, radiance is raw over white image. The point q that is nearest
 # to lying on all edges solves sum g g^T (q - p) = 0 over pixels p of gradient g.
 
@@ -105,7 +105,7 @@ found = np.array([refined(p + random.uniform(-0.5, 0.5, 2)) for p in truth])
 kept = np.isfinite(found).all(axis=1)
 error = (found - truth)[kept]
 mean, spread = error.mean(axis=0), error.std(axis=0)
-print(f"{len(truth)} corners in microlens images, {kept.sum()} detected")
+print(f"{len(truth)} corners in micro images, {kept.sum()} detected")
 print("detected minus true / pixels: mean (rows, columns) ", np.round(mean, 4), ", spread", np.round(spread, 4))
 
 # %%

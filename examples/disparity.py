@@ -1,5 +1,5 @@
 """
-Disparity between microlens images
+Disparity between micro images
 ==================================
 
 In a focused plenoptic camera (2.0) neighbouring microlenses see a point of the scene in different places. With
@@ -8,7 +8,7 @@ moves, relative to the centres of the microlenses, by::
 
     p b / a
 
-from one microlens to the next. Here the edges in rendered microlens images are compared with that.
+from one microlens to the next. Here the edges in rendered micro images are compared with that.
 """
 
 # %%
@@ -86,7 +86,7 @@ for z in (-380.0, -404.0, -430.0):
 # --------
 #
 # The edge in the middle stays; those in the neighbours move with the distance of the half plane. What lies between
-# two microlens images is where both feed a pixel.
+# two micro images is where both feed a pixel.
 
 figure, ax = plt.subplots(figsize=(8, 4), layout="constrained")
 for z, radiance in profiles.items():

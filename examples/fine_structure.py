@@ -3,7 +3,7 @@ Fine structure in both modes
 ============================
 
 What the figure of T. Michels et al., "Simulation of Plenoptic Cameras" (2018) shows on a scene, here on a star whose
-spokes get finer towards its middle, and in numbers: the contrast of gratings within a microlens image.
+spokes get finer towards its middle, and in numbers: the contrast of gratings within a micro image.
 
 With the main lens's image a distance a behind the array, the light of a point that a microlens of focal length f
 takes up is spread, on a sensor at b, over a picture of the microlens's opening that is smaller by
@@ -94,7 +94,7 @@ for mode, camera in cameras.items():
 # Contrast
 # --------
 #
-# Raw over white image is radiance. In the middle of the microlens image on the axis, a constant, a wave of the
+# Raw over white image is radiance. In the middle of the micro image on the axis, a constant, a wave of the
 # grating's frequency and one of three times that are fitted to it. The first wave of bars that are black and white has
 # the contrast 4 / pi where nothing is lost.
 
@@ -177,7 +177,7 @@ for colour, (mode, values) in zip(("tab:blue", "tab:orange"), found.items(), str
     ax.plot(frequency, theory, color=colour, label=f"{mode}: opening and pixel")
     ax.errorbar(frequency, measured, 2 * error, fmt="o", color=colour, label=f"{mode}: rendered, 2 errors")
 ax.set(xlabel="frequency in the scene / (line pairs / mm)", ylabel="contrast of the wave", ylim=(0, 4 / np.pi))
-ax.set_title("gratings in the microlens image on the axis")
+ax.set_title("gratings in the micro image on the axis")
 ax.legend()
 path = output / "fine_structure.png"
 figure.savefig(path, dpi=100)

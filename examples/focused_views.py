@@ -44,7 +44,7 @@ print(f"raw image: relative error {100 * shot.relative_error:.2f} %, {shot.stats
 # Disparity
 # ---------
 #
-# Neighbouring microlens images are matched. Surfaces without texture, as the wall, have no disparity that could be
+# Neighbouring micro images are matched. Surfaces without texture, as the wall, have no disparity that could be
 # found: where the confidence is low, it is left out.
 
 disparity = shot.truth.chord_disparity

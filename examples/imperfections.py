@@ -96,13 +96,13 @@ def lost(name):
 
 
 def centroids(name):
-    """Where microlens images lie, row and column, by their lattice indices."""
+    """Where micro images lie, row and column, by their lattice indices."""
     found = pl.microlens_centres(cameras[name], pl.CentreMethod.CENTROID, white=whites[name])
     return {tuple(index): pixel for index, pixel in zip(found.index.tolist(), found.pixel, strict=True)}
 
 
 def moved(name):
-    """By how many pixels microlens images lie elsewhere than in the design: (n, 2), rows and columns."""
+    """By how many pixels micro images lie elsewhere than in the design: (n, 2), rows and columns."""
     here, there = centroids(name), centroids("design")
     return np.array([here[index] - there[index] for index in here.keys() & there.keys()])
 

@@ -21,7 +21,7 @@ SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
 KINDS = ("achromat-100mm-f4.4", "double-gauss-100mm-f2", "telephoto-100mm-f2.8", "topogon-100mm-f6.3")
 NAMES = KINDS[:2] if SMALL else (*KINDS, "fisheye-100mm-f8")
 SAMPLES = 16 if SMALL else 128
-SIDE = 24 if SMALL else 66  # pixels along a crop: three microlens images
+SIDE = 24 if SMALL else 66  # pixels along a crop: three micro images
 PIXELS = 2800  # along the sensor of 28 mm
 
 output = Path("output/main_lenses")
@@ -31,7 +31,7 @@ output.mkdir(parents=True, exist_ok=True)
 # The cameras
 # -----------
 #
-# Microlens images are as wide as the microlens's distance from the sensor over the working f-number of the main lens.
+# Micro images are as wide as the microlens's distance from the sensor over the working f-number of the main lens.
 # Here they are to fill 95 % of their distance.
 
 
@@ -49,7 +49,7 @@ def behind(lens):
 
 
 def apart(camera):
-    """Distance of microlens images next to the axis, traced, in pixels."""
+    """Distance of micro images next to the axis, traced, in pixels."""
     centres = pl.microlens_centres(camera, margin=1.0 - camera.sensor.size[0] / 2)
     at = {tuple(index): pixel for index, pixel in zip(centres.index.tolist(), centres.pixel, strict=True)}
     return float(np.linalg.norm(at[1, 0] - at[-1, 0]) / 2)

@@ -105,7 +105,7 @@ def grating(z, half_size=14.0):
 
 
 def contrast(radiance, centre):
-    """Amplitude of the wave over the mean within a microlens image."""
+    """Amplitude of the wave over the mean within a micro image."""
     first = np.rint(centre).astype(int) - 6
     part = radiance[first[0] - crop[0].start :, first[1] - crop[1].start :][:12, :12]
     row, column = np.mgrid[0:12, 0:12]

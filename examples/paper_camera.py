@@ -28,7 +28,7 @@ import plenoptic as pl
 SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
 SAMPLES = 8 if SMALL else 256
 SIDE = 32 if SMALL else 256  # pixels along the rendered middle of the sensor
-DETAIL = 24 if SMALL else 88  # pixels along a detail: four microlens images
+DETAIL = 24 if SMALL else 88  # pixels along a detail: four micro images
 
 output = Path("output/paper_camera")
 output.mkdir(parents=True, exist_ok=True)
@@ -51,7 +51,7 @@ afocal = dataclasses.replace(
 cameras = {"2.0": focused, "1.0": afocal}
 
 # %%
-# Microlens images
+# Micro images
 # ----------------
 #
 # They lie as far apart as the centre of the exit pupil, projected through the lattice, makes them: the pitch
@@ -61,7 +61,7 @@ pupil = pl.paraxial.cardinal_points(lens).exit_pupil
 for mode, camera in cameras.items():
     b, distance = camera.microlenses_to_sensor, camera.stop_to_microlenses - pupil
     pitch = camera.microlenses.pitch * (1 + b / distance) / camera.sensor.pixel_pitch
-    print(f"{mode}: microlens images every {pitch:.3f} pixels, stop {2 * camera.lens.stop.semi_diameter:g} mm")
+    print(f"{mode}: micro images every {pitch:.3f} pixels, stop {2 * camera.lens.stop.semi_diameter:g} mm")
 
 # %%
 # Two scenes
@@ -88,8 +88,8 @@ for scene_name, scene in scenes.items():
 # -------
 #
 # Above the middle of the sensor, below a detail of it. In mode 2.0 edges of the squares are sharp within each
-# microlens image, and neighbours repeat them shifted: their disparity tells the depth. In mode 1.0 the rims of
-# the microlens images are sharp, and what is inside them is blurred.
+# micro image, and neighbours repeat them shifted: their disparity tells the depth. In mode 1.0 the rims of
+# the micro images are sharp, and what is inside them is blurred.
 
 
 def for_the_screen(image):

@@ -5,7 +5,7 @@ One exposure, many sensors
 A rendering is light; what a sensor makes of it comes afterwards and costs little. Here one exposure of the still
 life is developed by sensors with three layers and with colour filters, in bright and in dim light. Demosaicing
 invents colours where brightness changes from pixel to pixel: at edges of the scene, which microlenses repeat, and
-at the rims of the microlens images.
+at the rims of the micro images.
 """
 
 # %%
@@ -98,7 +98,7 @@ rims, inside = slope > np.percentile(slope, 70), slope < np.percentile(slope, 30
 print("\nfalse colour of the still life / % of the brightest")
 for name, picture in pictures.items():
     print(f"{name:36s} {rms(false_colour(picture, shot)):8.2f}")
-print("\nfalse colour of the white image           at rims   within microlens images")
+print("\nfalse colour of the white image           at rims   within micro images")
 white_pictures = {method: grey.develop(perfect_filters).demosaic(method) for method in (LINEAR, MHC)}
 for method, picture in white_pictures.items():
     wrong = false_colour(picture, grey)

@@ -3,8 +3,8 @@ Stop shapes in the white image
 ==============================
 
 Every microlens forms a small picture of what stands before it: the exit pupil of the main lens. In an image
-of an evenly bright scene, the *white image*, each microlens image therefore has the shape of the iris. A
-second stop behind the lens limits the pupil as seen from off the axis, and cuts the microlens images off to
+of an evenly bright scene, the *white image*, each micro image therefore has the shape of the iris. A
+second stop behind the lens limits the pupil as seen from off the axis, and cuts the micro images off to
 one side towards the corners of the sensor. T. Michels et al., "Simulation of Plenoptic Cameras" (2018) show this for
 12 blades, 6 blades and a star.
 """
@@ -21,7 +21,7 @@ import plenoptic as pl
 
 SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
 SAMPLES = 16 if SMALL else 256
-SIDE = 24 if SMALL else 88  # pixels along a crop: four microlens images
+SIDE = 24 if SMALL else 88  # pixels along a crop: four micro images
 
 output = Path("output/stop_shapes")
 output.mkdir(parents=True, exist_ok=True)
@@ -94,7 +94,7 @@ written.append(path)
 # Light
 # -----
 #
-# On the axis all light of the iris arrives, in proportion to its area; the crop holds parts of microlens images, which
+# On the axis all light of the iris arrives, in proportion to its area; the crop holds parts of micro images, which
 # makes its mean differ a little.
 
 print("                         over that of the open circle: area, light on the axis, halfway, in the corner")
@@ -105,6 +105,6 @@ for name in stops:
 
 # %%
 # In the corner at the upper left, the second stop hides the outer side of the pupil. A microlens turns what it
-# sees round, and the microlens images miss the side that faces the middle of the sensor.
+# sees round, and the micro images miss the side that faces the middle of the sensor.
 
 print("written:", *written, sep="\n  ")

@@ -83,7 +83,7 @@ print(scene, f"size {size:.1f} mm")
 # ----------
 #
 # It stands where the mesh fills the sensor, a little above it, and is focused on its middle. The farther the mesh,
-# the closer the array moves to the lens; a stop of 8 mm keeps the microlens images from overlapping there.
+# the closer the array moves to the lens; a stop of 8 mm keeps the micro images from overlapping there.
 
 camera = pl.PlenopticCamera(
     lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=4.0)),

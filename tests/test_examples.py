@@ -86,7 +86,7 @@ def test_first_light_keeps_everything(ran):
 
 
 @SLOW
-def test_stop_behind_the_lens_cuts_microlens_images_off_in_the_corner_only(ran):
+def test_stop_behind_the_lens_cuts_micro_images_off_in_the_corner_only(ran):
     folder, _ = ran("stop_shapes")
 
     def light(stop, place):
@@ -132,7 +132,7 @@ def _numbers(said, line):
 
 
 @SLOW
-def test_contrast_in_microlens_images_is_that_of_opening_and_pixel(ran):
+def test_contrast_in_micro_images_is_that_of_opening_and_pixel(ran):
     found = _numbers(ran("fine_structure")[1], r"  (?=.*\+-)")
     assert len(found) == 6
     _, _, expected, rendered, error = found.T
@@ -165,7 +165,7 @@ def test_lateral_colour_is_that_of_chief_rays(ran):
 
 
 @SLOW
-def test_demosaicing_errs_at_the_rims_of_microlens_images(ran):
+def test_demosaicing_errs_at_the_rims_of_micro_images(ran):
     _, said = ran("sensor_noise")
     for rims, inside in _numbers(said, r"colour filters, no noise, \w+ (?=.*\d +\d)"):
         assert rims > 5 * inside
@@ -193,7 +193,7 @@ def test_each_type_of_microlens_sees_another_plane_best(ran):
 
 
 @SLOW
-def test_microlens_images_lie_apart_as_reported(ran):
+def test_micro_images_lie_apart_as_reported(ran):
     found = _numbers(ran("main_lenses")[1], "|".join(MAIN_LENSES))
     # As printed, and what differs between the pitch on the axis and that to its neighbours.
     assert len(found) == 2 and (np.abs(found[:, 2] - found[:, 3]) < 0.01).all()

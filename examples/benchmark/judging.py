@@ -8,7 +8,7 @@ from algorithms import is_focused, views
 
 import plenoptic as pl
 
-INSIDE = 0.35  # pitches from the middle of a microlens image, within which its pixels count
+INSIDE = 0.35  # pitches from the middle of a micro image, within which its pixels count
 BORDER = 1.5  # pitches from the border of the picture
 VIEW_BORDER = 3  # pixels of a view
 
@@ -27,7 +27,7 @@ def reference(package, scene):
 
 
 def raw_reference(package):
-    """Of the pixels in the middle of microlens images, by the chord between chief rays."""
+    """Of the pixels in the middle of micro images, by the chord between chief rays."""
     truth, camera = package.exposure.truth, package.camera
     pitch = camera.microlenses.pitch / camera.sensor.pixel_pitch
     rows, columns = np.indices(truth.shape)

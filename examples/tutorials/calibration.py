@@ -2,9 +2,9 @@
 Calibration with exact corners
 ==============================
 
-Programs that calibrate plenoptic cameras find the corners of boards and the centres of microlens images, and fit a
+Programs that calibrate plenoptic cameras find the corners of boards and the centres of micro images, and fit a
 model to them. How good they are is hard to say of a real camera, whose truth nobody knows. Here it is known: where
-each corner lies in each microlens image, where each microlens image has its centre, and how far every part is out of
+each corner lies in each micro image, where each micro image has its centre, and how far every part is out of
 place. A model with pinholes is fitted to corners as a detector would find them, and judged.
 """
 
@@ -58,7 +58,7 @@ crop = np.s_[first : first + SIDE, first : first + SIDE]
 shot = pl.render(pl.Scene(board.meshes, background=0.4), camera, samples=SAMPLES, region=crop, progress=False)
 begin = time.perf_counter()
 seen = camera.project(board.points)
-print(f"{len(board.points)} corners, {len(seen)} places in microlens images, {time.perf_counter() - begin:.2f} s; "
+print(f"{len(board.points)} corners, {len(seen)} places in micro images, {time.perf_counter() - begin:.2f} s; "
       f"the picture took {shot.stats.seconds:.1f} s")  # fmt: skip
 
 figure, ax = plt.subplots(figsize=(7, 6.4), layout="constrained")
@@ -66,11 +66,11 @@ extent = (first - 0.5, first + SIDE - 0.5, first + SIDE - 0.5, first - 0.5)
 ax.imshow(shot.image[:, :, 0], cmap="gray", extent=extent, interpolation="nearest")
 ax.scatter(*seen.pixel[seen.visible].T[::-1], c=seen.point[seen.visible], cmap="prism", marker="+", s=40)
 ax.set(xlim=extent[:2], ylim=extent[2:], xlabel="column / pixel", ylabel="row / pixel")
-ax.set_title("Corners of a board in microlens images; a colour for each corner")
+ax.set_title("Corners of a board in micro images; a colour for each corner")
 figure.savefig(output / "corners.png", dpi=120)
 
 # %%
-# Where microlens images are
+# Where micro images are
 # --------------------------
 #
 # A microlens's image does not lie straight behind it: the ray from the middle of the exit pupil goes on by the distance
@@ -126,7 +126,7 @@ length = np.hypot(*moves.T)
 arrows = ax.quiver(*place[some].T[::-1], moves[some, 1], moves[some, 0], length[some], angles="xy", cmap="viridis")
 figure.colorbar(arrows, label="pixels")
 ax.set(xlabel="column / pixel", ylabel="row / pixel", xlim=(0, 2000), ylim=(2000, 0), aspect="equal")
-ax.set_title("How the microlens images of the built camera have moved")
+ax.set_title("How the micro images of the built camera have moved")
 figure.savefig(output / "centres.png", dpi=120)
 
 # %%
@@ -249,14 +249,14 @@ figure.savefig(output / "rest.png", dpi=120)
 # What that does to depth
 # -----------------------
 #
-# A calibrated camera measures depth by how a point moves from one microlens image to the next:
+# A calibrated camera measures depth by how a point moves from one micro image to the next:
 # its places are linear in c with the slope 1 - b / a, which gives a, s' and the distance. Exact places, put
 # into the fitted models, show the error in depth that no better detector can remove: up to a millimetre of 400, which
 # the tilt fans out with the distance from the axis.
 
 
 def measured_depth(p, point):
-    """Depth of a corner by least squares over the microlens images that show it."""
+    """Depth of a corner by least squares over the micro images that show it."""
     a = np.column_stack([lattice[point], np.ones(point.sum())])
     centred = a - a.mean(axis=0)
     turned = centred[:, :2] @ np.array([[np.cos(p[6]), np.sin(p[6])], [-np.sin(p[6]), np.cos(p[6])]])
@@ -319,7 +319,7 @@ ax.grid(alpha=0.3, which="both")
 figure.savefig(output / "noise_and_model.png", dpi=120)
 
 # %%
-# The same numbers for other programs: ``pl.package.calibration_points`` makes the table of all corners in all microlens
+# The same numbers for other programs: ``pl.package.calibration_points`` makes the table of all corners in all micro
 # images, which ``pl.package.write(..., targets=boards)`` puts beside the raw image.
 
 print(pl.package.calibration_points(camera, boards[:1]))

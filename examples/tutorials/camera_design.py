@@ -38,7 +38,7 @@ sensor = pl.Sensor((400, 600), 0.006)
 
 
 def designed(fill):
-    """The camera whose microlens images fill so much of their distance."""
+    """The camera whose micro images fill so much of their distance."""
     return pl.design_camera(
         lens,
         sensor=sensor,
@@ -137,7 +137,7 @@ axes[1].set(ylabel="mm", title="Depth that 0.1 pixels of disparity stand for", y
 for number, (f, line) in enumerate(blur.items()):
     axes[2].plot(depths, line, label=f"type {number}, f = {f:.3f} mm")
 axes[2].axhline(1, color="0.5", linestyle=":", label="one pixel")
-axes[2].set(ylabel="pixels", title="Blur of a point in a microlens image", ylim=(0, None))
+axes[2].set(ylabel="pixels", title="Blur of a point in a micro image", ylim=(0, None))
 axes[2].legend(fontsize=9)
 for ax in axes:
     ax.set_xlabel("depth / mm")
@@ -203,7 +203,7 @@ for kind, f in enumerate(types):
     off = np.sqrt(found[kind]) - np.sqrt(HEXAGON) * np.interp(-PLANES, depths, blur[f])
     print(f"type {kind}: standard deviation by rays minus that by the formula, at most {np.abs(off).max():.3f} pixels")
 ax.set(xlabel="depth of the point / mm", ylabel="standard deviation of its spot / pixel", ylim=(0, None))
-ax.set_title("Spots in microlens images, by formula and by rays")
+ax.set_title("Spots in micro images, by formula and by rays")
 ax.legend(ncols=3, fontsize=9)
 ax.grid(alpha=0.3)
 figure.savefig(output / "spots.png", dpi=120)

@@ -135,7 +135,7 @@ figure.savefig(output / "error_and_time.png", dpi=120)
 #
 # ``target_error`` ends each picture when it is good enough, bright scenes sooner than dark ones. The white image is
 # the same for all; its error enters every quotient, so it gets a quarter of the error. Each package is one zip file:
-# what the sensor reads out as 16-bit TIFF, light and truth as EXR and NPZ, camera, centres of the microlens images, and
+# what the sensor reads out as 16-bit TIFF, light and truth as EXR and NPZ, camera, centres of the micro images, and
 # a hash of every file. A manifest of our own says which picture is for what: by scene, since two pictures of one scene
 # on both sides would make a test worthless.
 
@@ -222,8 +222,8 @@ figure.savefig(output / "virtual_depth.png", dpi=120)
 # A first score
 # -------------
 #
-# ``pl.lightfield.depth`` matches the microlens images; a learnt algorithm has to beat it. Disparities are judged by
-# ``chord_disparity``, which is what neighbouring microlens images really show; depth follows from disparity. Most
+# ``pl.lightfield.depth`` matches the micro images; a learnt algorithm has to beat it. Disparities are judged by
+# ``chord_disparity``, which is what neighbouring micro images really show; depth follows from disparity. Most
 # errors stand at edges of depth, where some microlenses see what others do not, and what is near grows into the wall.
 
 scores, found = [], []

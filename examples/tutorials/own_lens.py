@@ -248,9 +248,9 @@ figure.savefig(output / "contrast.png", dpi=120)
 # ---------------------------
 #
 # The lens in a focused plenoptic camera before a board of squares, and the same camera with the worst lens, its focus
-# found again. Elements out of place move the image, by which the microlens images see other parts of the board, and
+# found again. Elements out of place move the image, by which the micro images see other parts of the board, and
 # the exit pupil, by which they stand elsewhere on the sensor: hardly, here. A pixel of the raw image then shows another
-# part of the scene, so that a calibration belongs to one lens, not to its design. Places in microlens images are linear
+# part of the scene, so that a calibration belongs to one lens, not to its design. Places in micro images are linear
 # in those of the microlenses, c + (x' - c) b / a, which gives the place x' of the main lens's image; the chief ray
 # gives it, too, and the difference is the coma of decentred elements.
 
@@ -278,7 +278,7 @@ lattice = seen.index @ camera.microlenses.basis
 chief = pl.aberrations.spot_diagram(bad_lens, z_object=-500.0, z_image=bad_image).chief  # designed: on the axis
 straight, *_ = np.linalg.lstsq(np.column_stack([lattice, np.ones(len(lattice))]), seen.position, rcond=None)
 placed = straight[2] / (1 - straight[[0, 1], [0, 1]])
-print(f"f/{pl.paraxial.cardinal_points(camera.lens).f_number:.1f}, {len(designed)} microlens images; they move by "
+print(f"f/{pl.paraxial.cardinal_points(camera.lens).f_number:.1f}, {len(designed)} micro images; they move by "
       f"{move[0]:+.2f} rows and {move[1]:+.2f} columns")  # fmt: skip
 print(f"its sensor and array stand {1e3 * (bad_image - image):+.0f} um farther back, where the focus is")
 print(f"the image of the middle of the board, which was on the axis, is at {np.round(1e3 * chief).ravel()} um by the "

@@ -1,4 +1,4 @@
-"""Lattice of microlens images in a raw image, with rows as other programs count them."""
+"""Lattice of micro images in a raw image, with rows as other programs count them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _HEXAGONAL = (Direction((1, 0), (0, 1), (2, 1)), Direction((0, 1), (1, 0), (1, 2
 
 
 class LensRows(NamedTuple):
-    """Microlens images of a raw image in rows, in the image turned by `turns` quarters, counter-clockwise."""
+    """Micro images of a raw image in rows, in the image turned by `turns` quarters, counter-clockwise."""
 
     camera: PlenopticCamera
     turns: int
@@ -105,7 +105,7 @@ class LensRows(NamedTuple):
 
 
 def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod.CHIEF_RAY) -> LensRows:
-    """Lattice of the microlens images of an exposure.
+    """Lattice of the micro images of an exposure.
 
     With `turn`, the image is to be turned by a quarter where its rows of lenses run rather along columns. Only lenses
     whose centres lie in the image are listed.
@@ -122,7 +122,7 @@ def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod
     pixel, size = centres.pixel - first, np.array(shot.image.shape[:2])
     inside = ((pixel >= -0.5) & (pixel <= size - 0.5)).all(axis=1)
     if np.count_nonzero(inside) < 3:
-        raise InvalidValueError("the image holds fewer than three microlens images; take a larger region")
+        raise InvalidValueError("the image holds fewer than three micro images; take a larger region")
     index, pixel, kind = centres.index[inside], pixel[inside], centres.type[inside]
     directions = _HEXAGONAL if array.lattice is Lattice.HEXAGONAL else _SQUARE
     candidates = []

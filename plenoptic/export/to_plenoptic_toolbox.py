@@ -144,7 +144,7 @@ def _types(rows: LensRows, steps: NDArray[np.int64]) -> list[int]:
 
 
 def _sharp(rows: LensRows, kind: int) -> tuple[float, float]:
-    """Virtual depths that a type of microlens images to within a pixel, between the bounds."""
+    """Virtual depths that a type of micro images to within a pixel, between the bounds."""
     camera, array = rows.camera, rows.array
     b = camera.microlenses_to_sensor
     # A circle of confusion of 1 - b (1/f - 1/(v b)) diameters.

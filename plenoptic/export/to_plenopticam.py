@@ -23,7 +23,7 @@ def plenopticam(
     name: str = "shot",
     method: CentreMethod = CentreMethod.CENTROID,
 ) -> None:
-    """Write a raw image, its white image and the centres of the microlens images for PlenoptiCam.
+    """Write a raw image, its white image and the centres of the micro images for PlenoptiCam.
 
     The raw image is sRGB-encoded and the white one linear, as it reads them; both are turned by a quarter where rows of
     lenses run along columns. With the centres it need not search; README.txt has the commands.

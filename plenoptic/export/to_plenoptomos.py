@@ -61,7 +61,7 @@ def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     Notes
     -----
     Counts are 16 bits, linear, the mean of the channels. The corner of the array that the program needs,
-    (sensor position - array position) / pixel size, rows first, is that of the first whole microlens image, and
+    (sensor position - array position) / pixel size, rows first, is that of the first whole micro image, and
     `physical_size` of a microlens is the distance of their images, as its own calibration finds them. Structure:
     data_format.py of the program.
 

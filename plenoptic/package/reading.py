@@ -59,7 +59,7 @@ class Package:
     dark : RawImage
         Raw image without light.
     centres : mapping from CentreMethod to MicrolensCentres
-        Centres of the microlens images, where they are defined; empty without microlenses.
+        Centres of the micro images, where they are defined; empty without microlenses.
     points : CalibrationPoints or None
         Points of calibration targets on the sensor.
     provenance : mapping

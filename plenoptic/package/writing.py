@@ -178,7 +178,7 @@ def _write_images(
 
 
 def _write_camera(folder: Path, camera: PlenopticCamera) -> None:
-    """Write the camera and the centres of its microlens images."""
+    """Write the camera and the centres of its micro images."""
     save_value(camera, folder / CAMERA, about=_camera_description(camera))
     if camera.microlenses is not None:
         walls = camera.microlenses.walls is Walls.OPAQUE

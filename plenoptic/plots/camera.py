@@ -46,7 +46,7 @@ def plot_camera(camera: PlenopticCamera, report: CameraReport | None = None) -> 
     matplotlib.figure.Figure
         Left: section as in `PlenopticCamera.layout`. Right, for cameras with microlenses: the light that passes the
         centres of five microlenses, from the exit pupil to the sensor, by the traced f-number; where colours overlap,
-        microlens images do.
+        micro images do.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Points on the sensor: centres of microlens images, and where points of the world appear."""
+"""Points on the sensor: centres of micro images, and where points of the world appear."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST = 4000
 
 
 def plot_centres(centres: MicrolensCentres, *, figure: Figure | None = None) -> Figure:
-    """Draw how centres of microlens images are displaced over the sensor, and those around its middle.
+    """Draw how centres of micro images are displaced over the sensor, and those around its middle.
 
     Parameters
     ----------

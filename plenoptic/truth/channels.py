@@ -163,7 +163,7 @@ class GroundTruth:
         relative to their centres; see the notes. nan without a hit.
     chord_disparity : (H, W) array, optional
         Disparity between the pixel's microlens and its neighbours, by the chief rays of the point (see `project`): the
-        quantity that matching of microlens images measures, and the reference for algorithms. nan without a hit and in
+        quantity that matching of micro images measures, and the reference for algorithms. nan without a hit and in
         FREE lattices.
     incidence_angle : (H, W) array, optional
         Angle between the ray and the normal of the sensor, tilted or not, at the pixel, in radians; nan if no light

@@ -1,4 +1,4 @@
-"""Chord disparity: between chief rays of a point through neighbouring microlenses, as microlens images show it."""
+"""Chord disparity: between chief rays of a point through neighbouring microlenses, as micro images show it."""
 
 from __future__ import annotations
 

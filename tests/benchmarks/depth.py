@@ -15,7 +15,7 @@ _TRUTH = pl.Truth.CHORD_DISPARITY | pl.Truth.DEPTH | pl.Truth.MICROLENS
 _COLUMNS = "camera | scene | kept % | bias % | Rel7 % | Rel3 % | Rel1 % | error / stated | confidence | "
 _COLUMNS += "depth error % | ms a pixel"
 _REMARK = (
-    "Pixels within 7/22 of a pitch of the centres of microlens images. Bias: median of disparity over the chord's, "
+    "Pixels within 7/22 of a pitch of the centres of micro images. Bias: median of disparity over the chord's, "
     "less 1; Rel: pixels whose relative error is larger; error / stated: RMS of error over standard error, of pixels "
     "whose error is below 7 %; confidence: median; depth error: median of |depth / truth - 1|; one thread, warm. The "
     "sensor collects some 4000 electrons at radiance 1, with 3 electrons of read noise."

@@ -50,7 +50,7 @@ def plane(camera, v, seed, *, contrast=0.2, tilt=0.0, right=False, colours=1):
 
 
 def near_centres(camera, shot, part=7.0 / 22.0):
-    """Pixels of a shot within a part of the pitch of the centre of a microlens image, a pitch from its border."""
+    """Pixels of a shot within a part of the pitch of the centre of a micro image, a pitch from its border."""
     centres = pl.microlens_centres(camera, pl.CentreMethod.CHIEF_RAY).pixel - np.array(shot.region)[[0, 2]]
     pitch = min(camera.microlenses.pitches) / camera.sensor.pixel_pitch
     rows, columns = shot.image.shape[:2]

@@ -50,7 +50,7 @@ def test_digits_are_lost_on_the_way_from_the_array():
 
 
 def test_dark_pixels_have_no_rays():
-    # Behind a small iris, microlens images are small, and some pixels of a row lie between them.
+    # Behind a small iris, micro images are small, and some pixels of a row lie between them.
     small = camera_with(stop=0.5, shape=(64, 48))
     tables = camera_record(small)
     rays = []

@@ -10,7 +10,7 @@ LENS = pl.load_lens("double-gauss-100mm-f2")
 
 
 def camera(lattice=pl.Lattice.HEXAGONAL, shape=(140, 180), turned=0.0, **array):
-    """Of plenoptic 1.0, microlens images of 14.8 pixels; the array turned by so many radians."""
+    """Of plenoptic 1.0, micro images of 14.8 pixels; the array turned by so many radians."""
     lenses = pl.MicrolensArray(**{"pitch": 0.147, "focal_lengths": (1.2,), "lattice": lattice, **array})
     made = pl.PlenopticCamera(LENS.with_stop(pl.CircularStop(5.3)), pl.Sensor(shape, 0.01), 134.6, lenses, 1.2)
     return made.moved(pl.CameraPart.MICROLENSES, shift=(0.031, -0.022, 0.0), tilt=(0.0, 0.0, turned))

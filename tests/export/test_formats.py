@@ -120,7 +120,7 @@ def test_broken_files_of_the_toolbox_are_refused(tmp_path, hexagonal):
             pl.lightfield.read_lftoolbox(tmp_path / f"{number}.mat")
 
 
-def test_plenoptomos_cuts_microlens_images_where_they_are(tmp_path, square):
+def test_plenoptomos_cuts_micro_images_where_they_are(tmp_path, square):
     taken_by, shot, white = square
     pl.export.plenoptomos(tmp_path / "a.vox", shot, white)
     found = pl.export.read_plenoptomos(tmp_path / "a.vox")

@@ -62,7 +62,7 @@ def point_spread():
 
 
 def projection():
-    """Places of points in microlens images, some of them hidden."""
+    """Places of points in micro images, some of them hidden."""
     points = [(0.0, 0.0, -404.0), (0.4, -0.3, -395.0), (-2.0, 0.3, -418.0)]
     found = []
     for name in ("reference", "out_of_place", "free", "spherical", "pinholes", "conventional"):
@@ -72,7 +72,7 @@ def projection():
 
 
 def centres():
-    """Centres of microlens images by all methods."""
+    """Centres of micro images by all methods."""
     cameras = {
         "1.0": golden_cameras.reference(to_sensor=2.0, semi_diameter=4.25, shape=(128, 128)),
         "out of place": golden_cameras.out_of_place(),

@@ -90,7 +90,7 @@ def test_nothing_is_said_where_nothing_is_wrong():
         ("no mesh", pl.Scene(background=1.0), {}),
     ):
         assert said(scene, **settings)[0] == [], name
-    # Between microlens images, and beside the box before a black world: single pixels, some of them dark.
+    # Between micro images, and beside the box before a black world: single pixels, some of them dark.
     messages = [said(SMALL, region=np.s_[k : k + 1, k : k + 1]) for k in range(0, 64, 2)]
     assert all(warned == [] for warned, _ in messages)
     assert sum(black for _, black in messages) > 3

@@ -77,8 +77,8 @@ def test_the_same_seed_makes_light_of_all_radiances_alike():
     np.testing.assert_array_equal(pl.render(pl.shapes.white_plane(), camera, **settings).image, one)
 
 
-def microlens_image_pitch(camera):
-    """Pitch in pixels, from the centroids of white microlens images at the two ends of the sensor along y."""
+def micro_image_pitch(camera):
+    """Pitch in pixels, from the centroids of white micro images at the two ends of the sensor along y."""
     # Along the column of lenses through x = 0 (nearest neighbours along y).
     middle = camera.sensor.shape[1] // 2
     white = pl.render_white(camera, samples=64, region=np.s_[:, middle - 11 : middle + 11], progress=False)
@@ -91,9 +91,9 @@ def microlens_image_pitch(camera):
     return np.polyfit(k, profiles @ rows / profiles.sum(axis=1), 1)[0]
 
 
-def test_microlens_images_repeat_at_the_reference_pitch():
+def test_micro_images_repeat_at_the_reference_pitch():
     for mode, expected in (((1.7, 5.0), 21.987), ((2.0, 4.25), 22.038)):
-        assert microlens_image_pitch(reference_camera(*mode)) == pytest.approx(expected, abs=0.01), mode
+        assert micro_image_pitch(reference_camera(*mode)) == pytest.approx(expected, abs=0.01), mode
 
 
 def small_light(x, y, z, size):
@@ -101,7 +101,7 @@ def small_light(x, y, z, size):
 
 
 def spots_by_microlens(camera, scene, scale, samples=256):
-    """Centroid (x, y on the sensor, mm) and flux of a small light in each microlens image, keyed by the cell.
+    """Centroid (x, y on the sensor, mm) and flux of a small light in each micro image, keyed by the cell.
 
     Pixels count for the microlens whose centre times `scale` is nearest.
     """
@@ -241,9 +241,9 @@ def test_spherical_microlenses_approach_thin_ones():
 
 
 def test_pinholes_show_the_pupil_under_every_microlens():
-    # Microlens images are the exit pupil seen through a point: at b = 1.7 from pinholes at 128.5 from the pupil they
+    # Micro images are the exit pupil seen through a point: at b = 1.7 from pinholes at 128.5 from the pupil they
     # have the semi-diameter 7.76 * 1.7 / 128.5 = 0.1027 mm; the light is that of the cell where they are lit.
-    # 22 rows and 38 columns are a period of the hexagonal lattice: two microlens images.
+    # 22 rows and 38 columns are a period of the hexagonal lattice: two micro images.
     camera = reference_camera(model=pl.optics.MicrolensModel.PINHOLE)
     white = pl.render_white(camera, samples=64, region=np.s_[245:267, 237:275], progress=False)
     points = pl.paraxial.cardinal_points(camera.lens)
@@ -262,7 +262,7 @@ def test_all_light_through_an_array_arrives_somewhere():
 
     sums = [white(156, focal_lengths=(f,)).mean(dtype=np.float64) for f in (2.0, 1.2)]
     assert sums[0] == pytest.approx(sums[1], rel=0.01)
-    # With the aperture opened up, microlens images overlap: the white image rises above one cell's solid angle.
+    # With the aperture opened up, micro images overlap: the white image rises above one cell's solid angle.
     one, narrow = hexagon_solid_angle(0.217, 1.7), white(256, 64, stop=2.0)
     assert white(256, 64, stop=10.0).max() > 1.8 * one
     assert narrow.max() < 1.001 * one and np.mean(narrow == 0) > 0.5
@@ -342,7 +342,7 @@ def test_steep_rear_surfaces_are_seen_to_their_rim():
 
 
 def test_fast_spherical_microlenses_lose_no_light_to_the_bounds(monkeypatch):
-    # f/1.4 plano-convex lenses, strongly aberrated: pixels between the microlens images are fed by rays whose ideal
+    # f/1.4 plano-convex lenses, strongly aberrated: pixels between the micro images are fed by rays whose ideal
     # counterparts miss the pupil. Widening all margins must not change the image.
     model = pl.optics.MicrolensModel.SPHERICAL
     camera = reference_camera(0.3, 17.1, focal_lengths=(0.3,), model=model, thickness=0.2)

@@ -45,7 +45,7 @@ class DesignStep:
     focus_error : float
         Position of the traced image of the plane in focus, behind its target, in mm; 0 without a target z.
     fill_error : float
-        Traced diameter of the microlens images over their distance, less the target; 0 without that target.
+        Traced diameter of the micro images over their distance, less the target; 0 without that target.
     depth_error : float
         Displacement of the traced image of the plane `depth_at` since the last iteration, in mm.
     """
@@ -227,7 +227,7 @@ def design_camera(  # noqa: PLR0913
     wavelength: float = 587.6,
     tolerance: float = 1e-8,
 ) -> CameraDesign:
-    """Design a plenoptic camera whose traced rays meet targets for focus, microlens images and depth.
+    """Design a plenoptic camera whose traced rays meet targets for focus, micro images and depth.
 
     Each target (z, image_fill, virtual_depth or disparity, and kind=PLENOPTIC_1 with
     microlenses_to_sensor = focal_length) determines one number that is not given. The iris is solved for if
@@ -243,7 +243,7 @@ def design_camera(  # noqa: PLR0913
     z : float, optional
         The plane in focus in the camera's frame in mm, negative; -inf: infinity.
     image_fill : float, optional
-        Diameter of the microlens images over their distance; 1 matches the f-numbers of main lens and microlenses.
+        Diameter of the micro images over their distance; 1 matches the f-numbers of main lens and microlenses.
         None: no target.
     virtual_depth : float, optional
         Image distance from the array over microlenses_to_sensor, see `MicrolensFocus`.

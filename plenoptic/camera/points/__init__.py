@@ -1,1 +1,1 @@
-"""Positions of world points and of microlens images on the sensor."""
+"""Positions of world points and of micro images on the sensor."""

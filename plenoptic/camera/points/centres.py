@@ -1,4 +1,4 @@
-"""Centres of the microlens images on the sensor, and chief rays, which come from the centre of the exit pupil."""
+"""Centres of the micro images on the sensor, and chief rays, which come from the centre of the exit pupil."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _interpolate_grid(axes: ArrayAxes, points: Floats) -> Floats:
 
 
 class CentreMethod(enum.IntEnum):
-    """Definition of the centre of a microlens image; without vignetting CHIEF_RAY and CENTROID nearly agree.
+    """Definition of the centre of a micro image; without vignetting CHIEF_RAY and CENTROID nearly agree.
 
     Examples
     --------
@@ -118,7 +118,7 @@ class CentreMethod(enum.IntEnum):
 
 @result
 class MicrolensCentres:
-    """Centres of microlens images, one per row. See `microlens_centres`, which makes it.
+    """Centres of micro images, one per row. See `microlens_centres`, which makes it.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def microlens_centres(
     margin: float = 0.0,
     progress: bool = True,
 ) -> MicrolensCentres:
-    """Compute the centres of all microlens images on the sensor.
+    """Compute the centres of all micro images on the sensor.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def microlens_centres(
         ORTHOGONAL, CHIEF_RAY or CENTROID. With vignetting all three differ; without it, CHIEF_RAY and CENTROID agree
         except for aberrations of the pupil and the illumination fall-off across an image.
     white : Exposure, optional
-        For CENTROID: a white image of this camera, whose pixels are used in place of the geometry; incomplete microlens
+        For CENTROID: a white image of this camera, whose pixels are used in place of the geometry; incomplete micro
         images are left out. The centroid is over the cell around each CHIEF_RAY: it includes light of overlapping
         neighbours and excludes light of the image outside its cell, as of a missing lens.
     margin : float, optional
@@ -265,7 +265,7 @@ def _centres(
 
 
 def _image_spacing(axes: ArrayAxes) -> float:
-    """Spacing of microlens images over that of the microlenses, by the paraxial exit pupil."""
+    """Spacing of micro images over that of the microlenses, by the paraxial exit pupil."""
     array = axes.camera.microlenses
     if array is not None and array.walls is Walls.OPAQUE:
         return 1.0

@@ -1,4 +1,4 @@
-"""Centroids of microlens images of a uniform white scene: from geometry, as sums over light, or from a white image."""
+"""Centroids of micro images of a uniform white scene: from geometry, as sums over light, or from a white image."""
 
 from __future__ import annotations
 

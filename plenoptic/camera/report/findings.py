@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from plenoptic.camera.report.report import CameraReport
 
 FULL = 0.9
-"""Microlens images narrower than this, in units of their distance, leave dark gaps worth a warning; round images that
+"""Micro images narrower than this, in units of their distance, leave dark gaps worth a warning; round images that
 touch leave 9 % of a hexagonal cell dark and 21 % of a square one."""
 OVERLAPPING = 0.05
 """Fraction of the sensor illuminated by several microlenses that is worth a warning."""
 MATCHED = 0.1
 """Relative difference of f-numbers that is worth a warning."""
 FEW_PIXELS = 5.0
-"""Below it, most pixels of a microlens image lie on its border."""
+"""Below it, most pixels of a micro image lie on its border."""
 CLOSE = 0.1
 """Clearance behind the lens in mm below which mounts are in the way, if the camera is larger than that."""
 CUT = 0.01
@@ -44,9 +44,9 @@ class CameraFindingKind(enum.IntEnum):
     """
 
     DARK_GAPS = 0
-    """Microlens images do not touch."""
+    """Micro images do not touch."""
     OVERLAP = 1
-    """Neighbouring microlens images overlap: several microlenses illuminate one pixel."""
+    """Neighbouring micro images overlap: several microlenses illuminate one pixel."""
     F_NUMBER_MISMATCH = 2
     """The f-numbers of main lens and microlenses differ."""
     INSIDE_LENS = 3
@@ -54,7 +54,7 @@ class CameraFindingKind(enum.IntEnum):
     TOUCHES_LENS = 4
     """Array or sensor nearly touch the lens."""
     PERSPECTIVE = 5
-    """Fewer microlens images fit on the sensor than microlenses."""
+    """Fewer micro images fit on the sensor than microlenses."""
     FOCUS_OUT_OF_REACH = 6
     """No plane in front of the camera is in focus."""
     FOCUSED_AT_INFINITY = 7
@@ -62,9 +62,9 @@ class CameraFindingKind(enum.IntEnum):
     FEW_VIEWS = 8
     """A point is imaged by fewer than two microlenses across: no depth from neighbours."""
     FEW_PIXELS = 9
-    """A microlens image has few pixels across."""
+    """A micro image has few pixels across."""
     CUT_OFF_IMAGES = 10
-    """Rims cut off microlens images at the corner of the sensor."""
+    """Rims cut off micro images at the corner of the sensor."""
     OUT_OF_PLACE = 12
     """Parts are displaced from the design, to which the report refers."""
     DEPTH_GAP = 11
@@ -84,8 +84,8 @@ class CameraFinding:
     Examples
     --------
     >>> import plenoptic as pl
-    >>> print(pl.camera.CameraFinding(pl.camera.CameraFindingKind.DARK_GAPS, "microlens images do not touch"))
-    microlens images do not touch
+    >>> print(pl.camera.CameraFinding(pl.camera.CameraFindingKind.DARK_GAPS, "micro images do not touch"))
+    micro images do not touch
     """
 
     kind: CameraFindingKind
@@ -147,7 +147,7 @@ def _image_rows(camera: PlenopticCamera, report: CameraReport) -> Rows:
     return {
         CameraFindingKind.DARK_GAPS: (
             fill < FULL,
-            f"microlens images are {fill:.2f} as wide as their distance and leave {100 * report.dark_fraction:.0f} % "
+            f"micro images are {fill:.2f} as wide as their distance and leave {100 * report.dark_fraction:.0f} % "
             f"of the sensor dark; open the iris to {matching:.4g} mm for images that touch",
         ),
         CameraFindingKind.OVERLAP: (
@@ -163,13 +163,13 @@ def _image_rows(camera: PlenopticCamera, report: CameraReport) -> Rows:
         ),
         CameraFindingKind.PERSPECTIVE: (
             abs(lost_images) >= 1.0,
-            f"microlens images repeat every {pixels:.4g} pixels and microlenses every {p / q:.4g}, so that the longer "
+            f"micro images repeat every {pixels:.4g} pixels and microlenses every {p / q:.4g}, so that the longer "
             f"side of the sensor holds {abs(lost_images):.1f} {'fewer' if lost_images > 0 else 'more'} images than "
             "microlenses; take the distance of the images for decoding",
         ),
         CameraFindingKind.FEW_PIXELS: (
             pixels < FEW_PIXELS,
-            f"a microlens image has {pixels:.2g} pixels across; use smaller pixels or a larger pitch for at least "
+            f"a micro image has {pixels:.2g} pixels across; use smaller pixels or a larger pitch for at least "
             f"{FEW_PIXELS:g}",
         ),
     }

@@ -1,4 +1,4 @@
-"""Illumination of array and sensor by traced rays: marginal rays, coverage by microlens images, vignetting.
+"""Illumination of array and sensor by traced rays: marginal rays, coverage by micro images, vignetting.
 
 All of it is for the camera as designed: placements of the array and the sensor are ignored.
 """
@@ -31,7 +31,7 @@ _RIM = 1.0 - 1e-9
 _SEARCH_STEPS, _SEARCH_POINTS = 3, 65
 """Refinements of the search for the marginal ray, and points tested in each."""
 _GRID = 32
-"""Points along a side of a cell at which microlens images are counted."""
+"""Points along a side of a cell at which micro images are counted."""
 _RINGS = 3
 _CORNER_GRID = 15
 _OPENING_FACTOR = 2.0

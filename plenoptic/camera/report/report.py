@@ -1,4 +1,4 @@
-"""Report on a camera: f-numbers, microlens images, focus, depth, disparity, and warnings.
+"""Report on a camera: f-numbers, micro images, focus, depth, disparity, and warnings.
 
 The main lens is described by Gaussian optics and by traced rays, the microlenses by their focal lengths, all on the
 axis and as designed.
@@ -28,7 +28,7 @@ _LABEL = 44
 _WIDTH = 110
 KIND_NAMES = ("conventional camera", "plenoptic camera 1.0", "focused plenoptic camera, Keplerian",
           "focused plenoptic camera, Galilean", "camera array without main lens")  # fmt: skip
-_LENS, _IMAGES = "main lens", "microlens images"
+_LENS, _IMAGES = "main lens", "micro images"
 """Sections of a report."""
 ReportRow = tuple[str, str, str, str]
 """Label, number and unit of a property, and the same in mm."""
@@ -58,16 +58,16 @@ class CameraReport:
     microlens_f_number : float or None
         Distance from array to sensor over that of neighbouring microlenses.
     f_number_match : float or None
-        Microlens f-number over the working f-number: diameter of the microlens images over the pitch.
+        Microlens f-number over the working f-number: diameter of the micro images over the pitch.
     image_diameter, image_diameter_pixels : float or None
         Diameter of the image of the exit pupil through the centre of a microlens, traced, in mm and pixels.
     image_pitch, image_pitch_pixels : float or None
-        Distance of neighbouring microlens images: pitch (1 + b / D), with b from array to sensor and D from exit pupil
+        Distance of neighbouring micro images: pitch (1 + b / D), with b from array to sensor and D from exit pupil
         to array.
     image_fill : float or None
-        Diameter over pitch of the microlens images: 1 for round images that touch.
+        Diameter over pitch of the micro images: 1 for round images that touch.
     image_border_pixels : float or None
-        Width of the blurred border of a microlens image, since the exit pupil is not in focus on the sensor; of the
+        Width of the blurred border of a micro image, since the exit pupil is not in focus on the sensor; of the
         type with the widest border.
     dark_fraction, overlap_fraction : float or None
         Fractions of the area around the axis that no microlens illuminates, and that several illuminate.

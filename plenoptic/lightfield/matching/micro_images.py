@@ -100,7 +100,7 @@ def micro_images(
     centres = microlens_centres(camera, CentreMethod.CHIEF_RAY)
     first, shape, inside_image = np.array(raw.first), raw.shot.shape[:2], raw.near(centres.pixel, 0.0)
     if np.count_nonzero(inside_image) < 3:
-        raise InvalidValueError("the image holds fewer than three microlens images; take a larger region")
+        raise InvalidValueError("the image holds fewer than three micro images; take a larger region")
     index, types, on_array = centres.index[inside_image], centres.type[inside_image], centres.on_array[inside_image]
     # In pixels of the sensor, so that a region has the same bits as the whole.
     centre, orthogonal = centres.pixel[inside_image], _orthogonal_centres(camera, index)

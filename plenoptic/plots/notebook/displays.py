@@ -99,7 +99,7 @@ PICTURES: dict[str, Callable[[Any], str]] = {
         lightfield.light_field_size,
         "The central view of a light field with epipolar slices",
     ),
-    "MicrolensCentres": _figure(points.plot_centres, (9.6, 4.4), "Centres of microlens images"),
+    "MicrolensCentres": _figure(points.plot_centres, (9.6, 4.4), "Centres of micro images"),
     "Plan": LastResultCache(_plan_html),
     "PlenopticCamera": LastResultCache(_camera_html),
     "Projection": _axes(points.plot_projection, (6.0, 4.6), "Points on the sensor"),

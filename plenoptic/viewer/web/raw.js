@@ -187,7 +187,7 @@ async function rawImage(facts) {
   });
   const toggles = {
     cells: toggle({ id: "cells", label: "Cells of the lattice", value: false, change: (on) => overlaid("cells", on) }),
-    centres: toggle({ id: "centres", label: "Centres of microlens images", value: false, change: (on) => overlaid("centres", on) }),
+    centres: toggle({ id: "centres", label: "Centres of micro images", value: false, change: (on) => overlaid("centres", on) }),
   };
   const bar = colorBar();
   const atCursor = readout("At the cursor");

@@ -1,4 +1,4 @@
-"""Centres of microlens images: closed forms of thin lenses, laws, agreement with aiming and with white images."""
+"""Centres of micro images: closed forms of thin lenses, laws, agreement with aiming and with white images."""
 
 import dataclasses
 import math
@@ -119,7 +119,7 @@ def test_interpolated_chief_rays_are_those_that_are_aimed_at():
 
 
 def half_shut(stop=3.6):
-    """A camera with a stop behind the lens that cuts microlens images away from the axis."""
+    """A camera with a stop behind the lens that cuts micro images away from the axis."""
     return the_camera(the_lens(stop).inserted(pl.CircularStop(3.5), 60.0), shape=(1200, 1200))
 
 
