@@ -41,7 +41,7 @@ def _contribution(light, k, c):
 
 @kernel
 def fill_sums(sums, bundle, start, n, batch):
-    """Add the light of a bundle's paths to sums (pixels, streams, channels), in the order of their indices.
+    """Add the light of a bundle's paths to sums (pixels, streams + 1, channels), in the order of their indices.
 
     The last row of a pixel's sums gets the squares of the contributions of all streams.
 
