@@ -170,6 +170,15 @@ def test_light_of_all_microlenses_is_that_of_the_point():
     assert np.abs(scores).max() < 8 and np.sqrt(np.mean(np.square(scores))) < 1.4
 
 
+def test_what_lands_beside_the_sensor_is_not_visible():
+    for shape in ((24, 40), (40, 24)):
+        projection = project(camera_with(shape=shape), (0.0, 0.0, -404.0))
+        within = np.minimum(projection.pixel, np.array(shape) - 1 - projection.pixel).min(axis=1)
+        inside, far = within > -0.5, within < -2
+        assert inside.any() and not inside.all()
+        assert not projection.visible[far].any() and projection.visible[inside & projection.passes].all(), shape
+
+
 def test_a_dark_microlens_is_not_lit():
     dark = pl.optics.MicrolensDeviations(index=[(0, 0)], transmission=[0.0])
     projection = project(camera_with(imperfections=dark), (0.0, 0.0, -404.0))
