@@ -13,7 +13,7 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.epipolar import default_range, match_views, view_depths
+from plenoptic.lightfield.epipolar import default_range, depth_of_matches, match_views
 from plenoptic.lightfield.matching.consensus import consensus
 from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
 from plenoptic.lightfield.matching.micro_images import MicroImages, focused_array, image_side, micro_images
@@ -153,9 +153,8 @@ def depth(  # noqa: PLR0913
             raise InvalidValueError("views have no virtual depth; give disparity_range= in pixels")
         disparities = default_range(image) if disparity_range is None else _range(disparity_range, "disparity_range")
         with CallProgress("matching", kind="light field", show=progress):
-            matches = match_views(image, disparities, radius, matcher)
-            unknown = np.full(matches.disparity.shape, np.nan)
-            return DepthMap(*matches, unknown, view_depths(image, matches.disparity))
+            matches, depths = depth_of_matches(image, match_views(image, disparities, radius, matcher))
+            return DepthMap(*matches, np.full(depths.shape, np.nan), depths)
     check_kind(image, "image", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
