@@ -61,7 +61,6 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
 
 def _shifts(field: LightField, z: float | None, disparity: float | None) -> Iterator[Floats]:
     """Shifts (rows, columns, 2) in pixels of the plane in focus from the central view to each view."""
-    indices = product(range(len(field.u)), range(len(field.v)))
     if field.camera is not None:
         model = field.model
         if z is None:
@@ -69,15 +68,16 @@ def _shifts(field: LightField, z: float | None, disparity: float | None) -> Iter
             modelled = float(model.traced_disparity(1).inverse(traced)[model.axis])
         else:
             modelled = model.disparity(field.camera, finite(z, "z"))
-        yield from (model.shift(modelled, u, v) for u, v in indices)
+        for u in range(len(field.u)):
+            yield from model.shifts(modelled, u)
         return
     if z is None:
         across = finite(disparity, "disparity")  # type: ignore[arg-type]
         down = across * down_over_across(field)
     else:
         across, down = field.disparity_at(z)
-    for u, v in indices:
+    for u, v in product(field.u, field.v):
         # A single row or column of views does not shift, and its disparity may be unknown. A positive disparity goes
         # against the step from view to view.
-        steps = (down, float(field.v[v])), (across, float(field.u[u]))
+        steps = (down, float(v)), (across, float(u))
         yield np.broadcast_to([-size * step if step else 0.0 for size, step in steps], (*field.views.shape[2:4], 2))

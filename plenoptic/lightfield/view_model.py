@@ -7,8 +7,8 @@ the field.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -85,13 +85,13 @@ class ViewModel(NamedTuple):
         """Displacement of the pixels of a view, (rows, columns, 2, 2), as `ImageStack.residual_displacement`."""
         return np.moveaxis(_values(self.series[:, u, v], self.size), (0, 1), (2, 3))
 
-    def shift(self, disparity: float, u: int, v: int) -> Floats:
-        """Shift (rows, columns, 2) of the points of a plane from the central view to another one."""
-        more = self.displacement(u, v) - self.displacement(*self.centre)
+    def shifts(self, disparity: float, u: int) -> Floats:
+        """Shifts (V, rows, columns, 2) of the points of a plane from the central view to the views of a u."""
+        series = self.series[0, u] + disparity * self.series[1, u]
+        central = self.series[0, *self.centre] + disparity * self.series[1, *self.centre]
+        shift = _values(series - central, self.size) - disparity * self.step[u, :, :, None, None]
         # The displacement is that at the shifted position.
-        growth = self._growth(u, v)
-        shift = more[..., 0, :] + disparity * (more[..., 1, :] - self.step[u, v])
-        return np.asarray(shift / (1.0 - growth[..., 0, :] - disparity * growth[..., 1, :]))
+        return np.moveaxis(shift / (1.0 - self._growth(series)), 1, 3)
 
     @property
     def centre(self) -> tuple[int, int]:
@@ -103,7 +103,7 @@ class ViewModel(NamedTuple):
 
         Slope of the shifts of a point over all views, by least squares, weighed by the light of the views.
         """
-        growth = self._growth(*self.centre)
+        growth = self._growth(self.series[:, *self.centre])[:, axis]
         weight = np.where(np.isfinite(self.series[0, :, :, 0, 0, 0]), self.light * self.step[..., axis], 0.0)
         total = float((weight * self.step[..., axis]).sum())
         change = (
@@ -111,15 +111,15 @@ class ViewModel(NamedTuple):
             - self.series[:, self.centre[0], self.centre[1]][:, None, None, axis]
         )
         mean = _values(np.einsum("uv,kuvij->kij", weight / (total or 1.0), change), self.size)
-        return Moebius(-mean[0], 1.0 - mean[1], 1.0 - growth[..., 0, axis], growth[..., 1, axis])
+        return Moebius(-mean[0], 1.0 - mean[1], 1.0 - growth[0], growth[1])
 
-    def _growth(self, u: int, v: int) -> Floats:
-        """Change of the displacement of a view per pixel along itself, (rows, columns, 2, 2)."""
-        growth = [
-            2.0 / max(n - 1, 1) * _values(legder(self.series[:, u, v, axis], axis=1 + axis), self.size)
+    def _growth(self, series: Floats) -> Floats:
+        """Change (..., 2, rows, columns) of displacements per pixel: in rows down a view, in columns to the right."""
+        down, right = (
+            2.0 / max(n - 1, 1) * _values(legder(series[..., axis, :, :], axis=axis - 2), self.size)
             for axis, n in enumerate(self.size)
-        ]
-        return np.stack(growth, axis=-1).transpose(1, 2, 0, 3)
+        )
+        return np.stack([down, right], axis=-3)
 
     def object_z(self, disparity: Floats) -> Floats:
         """Axial positions of the planes of given disparities of the model, in the axes of the lens, mm."""
@@ -133,24 +133,48 @@ class ViewModel(NamedTuple):
 
 
 def view_model(
-    camera: PlenopticCamera, offsets: tuple[Floats, Floats], positions: Floats, origin: Floats, spacing: Sequence[float]
+    camera: PlenopticCamera,
+    offsets: tuple[Floats, Floats],
+    positions: Floats,
+    origin: Floats,
+    spacing: tuple[float, float],
 ) -> ViewModel:
-    """Trace rays of some pixels of all views (u, v): positions (rows, columns, 4) hold `pixel` and `on_array`."""
+    """Model of views (u, v) whose pixels have positions (rows, columns, 4): `pixel` and `on_array`.
+
+    Rays of some pixels of all views are traced; the models of the last cameras are kept.
+    """
+    rows, columns = positions.shape[:2]
+    nodes = [np.unique(np.rint(np.linspace(0, n - 1, min(n, _NODES)))).astype(np.int64) for n in (rows, columns)]
+    row, column = (index.ravel() for index in np.meshgrid(*nodes, indexing="ij"))
+    known = np.isfinite(positions[row, column]).all(axis=1)
+    traced = np.column_stack([row, column, positions[row, column]])[known]
+    u, v = (tuple(offset.tolist()) for offset in offsets)
+    return _traced_model(camera, (rows, columns), traced.tobytes(), (u, v), tuple(origin.tolist()), spacing)
+
+
+@functools.lru_cache(maxsize=8)
+def _traced_model(
+    camera: PlenopticCamera,
+    size: tuple[int, int],
+    nodes: bytes,
+    offset_tuples: tuple[tuple[float, ...], tuple[float, ...]],
+    origin: tuple[float, ...],
+    spacing: tuple[float, float],
+) -> ViewModel:
+    """`view_model` as a function of values: `nodes` (n, 6) are row, column and position of pixels."""
     array, axes = camera.microlenses, array_axes(camera)
     assert array is not None
     vergence = 1.0 / (camera.stop_to_microlenses - model_pupil(camera)[0])
     per_lever = camera.sensor.pixel_pitch / (camera.microlenses_to_sensor * spacing[0])
     planes = _planes(camera, vergence, per_lever)
-    rows, columns = size = positions.shape[:2]
-    nodes = [np.unique(np.rint(np.linspace(0, n - 1, min(n, _NODES)))).astype(np.int64) for n in size]
-    row, column = (index.ravel() for index in np.meshgrid(*nodes, indexing="ij"))
-    known = np.isfinite(positions[row, column]).all(axis=1)
-    row, column = row[known], column[known]
+    offsets = np.array(offset_tuples[0]), np.array(offset_tuples[1])
+    table = np.frombuffer(nodes).reshape(-1, 6)
+    (row, column), positions = table[:, :2].T.astype(np.int64), table[:, 2:]
     u, v = np.meshgrid(*offsets, indexing="ij")
     step = np.stack([v * spacing[0] / spacing[1], u], axis=-1)
     # (U, V, nodes, 2)
-    pixel = positions[row, column, :2] + np.stack([v, u], axis=-1)[:, :, None]
-    passed = np.broadcast_to(positions[row, column, 2:], pixel.shape)
+    pixel = positions[:, :2] + np.stack([v, u], axis=-1)[:, :, None]
+    passed = np.broadcast_to(positions[:, 2:], pixel.shape)
     rays = chief_rays(axes, array, pixel.reshape(-1, 2), passed.reshape(-1, 2), 1)
     displacement = []
     for plane in planes:
@@ -162,17 +186,15 @@ def view_model(
         modelled = central.reshape(pixel.shape) - plane.disparity_per_pitch * step[:, :, None]
         displacement.append(np.stack([row, column], axis=-1) - modelled)
     both = np.stack(linear_in_disparity(planes, np.stack(displacement)))
-    light, lean = _vignetting(camera, offsets, positions[row, column])
+    light, lean = _vignetting(camera, offsets, positions)
     both[1] -= lean * np.array([spacing[0] / spacing[1], 1.0])
     both[:, (rays.status != 0).reshape(pixel.shape[:3]) | (light == 0)] = np.nan
     mean_light = light.mean(axis=-1)
     mean_light[mean_light < _CLEAR * mean_light.max()] = 0.0
     at_axis = -origin[1] / spacing[1], origin[0] / spacing[0]
     nearest_row, nearest_column = (int(np.clip(np.rint(k), 0, n - 1)) for k, n in zip(at_axis, size, strict=True))
-    series = _fit(both, row, column, (rows, columns))
-    return ViewModel(
-        planes, vergence, per_lever, step, series, mean_light, (rows, columns), (nearest_row, nearest_column)
-    )
+    series = _fit(both, row, column, size)
+    return ViewModel(planes, vergence, per_lever, step, series, mean_light, size, (nearest_row, nearest_column))
 
 
 def _vignetting(camera: PlenopticCamera, offsets: tuple[Floats, Floats], positions: Floats) -> tuple[Floats, Floats]:

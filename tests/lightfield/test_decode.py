@@ -310,7 +310,7 @@ def test_shifts_of_points_are_those_of_rays_traced_one_by_one():
             shift = (np.array(found) - np.arange(columns))[:, 6:-6]
             shifts.append(shift[row, column - 6])
             if field.model.light[u, v] == 1 and v == 2:
-                expected = field.model.shift(field.model.disparity(camera, z), u, v)[:, 6:-6, 1]
+                expected = field.model.shifts(field.model.disparity(camera, z), u)[v, :, 6:-6, 1]
                 np.testing.assert_allclose(shift, expected, atol=1e-4, err_msg=f"{z} {u}")
         places, across = np.array(shifts).reshape(5, 5)[lit], np.repeat(field.u, 5).reshape(5, 5)[lit]
         slope = -(places * across).sum() / (across**2).sum()
