@@ -79,7 +79,7 @@ def decode(  # noqa: PLR0913
     -------
     LightField
         Views are upright, also if the array is rotated. Microlens positions include `imperfections` and placements.
-        Points of the pupil, disparities and the plane in focus are those of the design.
+        Points of the pupil are those of the design; disparities and the plane in focus are traced.
 
     Raises
     ------

@@ -38,7 +38,8 @@ class DepthMap:
         `LightField.disparity_at`; for a single column of views without camera, shift along rows for each pixel of v.
         nan where no disparity was found.
     standard_error : (H, W) array
-        Standard error of the disparity in pixels, from the residuals of the match; large where there is no texture.
+        Standard error of the disparity in pixels, from the residuals of the match and from interpolation; large where
+        there is no texture.
     confidence : (H, W) array
         Fraction of the compared microlenses or views whose windows resemble that of the pixel, 0 to 1. For a raw
         image, it is multiplied by the fraction of the neighbouring microlenses that agree on the depth of the point.
@@ -127,7 +128,9 @@ def depth(  # noqa: PLR0913
     (`refine`). By consensus, a pixel then takes the depth on which most microlenses that see the point agree.
 
     No calibration is needed: rays traced through the microlens apertures and the real lens give the displacement of
-    each pixel by aberrations and vignetting. In views, the slopes of epipolar lines are matched in the same way.
+    each pixel by aberrations and vignetting, also in views, where the slopes of epipolar lines are matched in the same
+    way. Interpolation smooths noise, most of all halfway between pixels, and would attract disparities to such places;
+    the refinement takes that off.
 
     The page docs/depth.md has figures and limits.
 

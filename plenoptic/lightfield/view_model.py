@@ -103,13 +103,11 @@ class ViewModel(NamedTuple):
 
         Slope of the shifts of a point over all views, by least squares, weighed by the light of the views.
         """
-        growth = self._growth(self.series[:, *self.centre])[:, axis]
+        central = self.series[:, *self.centre]
+        growth = self._growth(central)[:, axis]
         weight = np.where(np.isfinite(self.series[0, :, :, 0, 0, 0]), self.light * self.step[..., axis], 0.0)
         total = float((weight * self.step[..., axis]).sum())
-        change = (
-            np.nan_to_num(self.series[:, :, :, axis])
-            - self.series[:, self.centre[0], self.centre[1]][:, None, None, axis]
-        )
+        change = np.nan_to_num(self.series[:, :, :, axis]) - central[:, None, None, axis]
         mean = _values(np.einsum("uv,kuvij->kij", weight / (total or 1.0), change), self.size)
         return Moebius(-mean[0], 1.0 - mean[1], 1.0 - growth[0], growth[1])
 

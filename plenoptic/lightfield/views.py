@@ -55,7 +55,8 @@ class LightField:
     object_spacing : (float, float)
         The same in the plane in focus, mm; nan without one in front of the lens.
     z_focus : float
-        z of the plane in focus, which the lens images onto the array, in the camera's frame, mm (paraxial).
+        z of the plane in focus in the camera's frame, mm: traced points near the axis that all views see at the same
+        pixels; nan without one in front of the lens.
     camera : PlenopticCamera or None
         None for imported light fields, which have no raw image: `pixel`, `on_array`, `pupil`, `origin` and `spacing`
         are nan, and `u` and `v` count views. Then `exit_pupil` contains the positions of the cameras, in whose frame z
