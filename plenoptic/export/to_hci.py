@@ -135,7 +135,9 @@ def _thin_lens(field: LightField) -> _ThinLens:
             "the benchmark needs a plane in focus, a pupil at a finite distance and square pixels: focus the camera, "
             "or decode with spacing="
         )
-    return numbers
+    # Traced disparities grow with the inverse distance at another rate than those of Gaussian optics.
+    traced = field.disparity_at(pupil - 2.0 * focus)[0] / float(numbers.disparity(np.array(2.0 * focus)))
+    return numbers._replace(baseline=traced * step)
 
 
 def _write_truth(target: Path, field: LightField, scene: Scene, numbers: _ThinLens) -> Floats:

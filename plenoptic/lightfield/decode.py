@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.camera.gaussian import kind_of, lateral_magnification, model_pupil, object_plane
+from plenoptic.camera.gaussian import kind_of, lateral_magnification, model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.pinhole_model import image_distance_behind_array
 from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, checked_viewpoint, raw_arrays
 from plenoptic.lightfield.resample import Resampling, resampling
+from plenoptic.lightfield.view_model import ViewModel, view_model
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -77,7 +79,7 @@ def decode(  # noqa: PLR0913
     -------
     LightField
         Views are upright, also if the array is rotated. Microlens positions include `imperfections` and placements.
-        Points of the pupil, disparities and the plane in focus are those of the design.
+        Points of the pupil are those of the design; disparities and the plane in focus are traced.
 
     Raises
     ------
@@ -252,7 +254,8 @@ def field_of(
         right, down = offsets * camera.sensor.pixel_pitch * gap / camera.microlenses_to_sensor
         at_pupil = np.stack(np.broadcast_arrays(right[:, None], -down[None, :]), axis=-1)
         pupil = at_pupil / (size * camera.lens.stop.semi_diameter)
-    focus, object_scale = plane_in_focus(camera)
+    model = view_model(camera, (offsets[0], offsets[1]), positions, origin, spacing)
+    focus, object_scale = _plane_in_focus(camera, model)
     return LightField(
         views=views,
         standard_error=error,
@@ -270,10 +273,14 @@ def field_of(
     )
 
 
-def plane_in_focus(camera: PlenopticCamera) -> tuple[float, float]:
-    """Plane in focus, mm, and the ratio of its height to its image's; nan without one in front of the lens."""
-    z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
+def _plane_in_focus(camera: PlenopticCamera, model: ViewModel) -> tuple[float, float]:
+    """Plane of traced disparity 0 near the axis, mm, and the ratio of its height to that of its image on the array.
+
+    nan without one in front of the lens.
+    """
+    z = float(model.object_z(model.traced_disparity(1).inverse(0.0)[model.axis]))
     if camera.lens.model is LensModel.NONE or not z < float(camera.lens.vertices[0]):
         return math.nan, math.nan
-    scale = lateral_magnification(camera.lens, z, camera.wavelength)
-    return z, 1.0 / abs(scale) if scale != 0 else math.inf
+    magnification = lateral_magnification(camera.lens, z, camera.wavelength)
+    behind = image_distance_behind_array(camera, z)
+    return z, abs((1.0 + behind * model.vergence) / magnification) if magnification != 0 else math.inf

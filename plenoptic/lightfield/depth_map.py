@@ -13,7 +13,7 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.epipolar import default_range, match_views, view_depths
+from plenoptic.lightfield.epipolar import default_range, depth_of_matches, match_views
 from plenoptic.lightfield.matching.consensus import consensus
 from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
 from plenoptic.lightfield.matching.micro_images import MicroImages, focused_array, image_side, micro_images
@@ -38,7 +38,8 @@ class DepthMap:
         `LightField.disparity_at`; for a single column of views without camera, shift along rows for each pixel of v.
         nan where no disparity was found.
     standard_error : (H, W) array
-        Standard error of the disparity in pixels, from the residuals of the match; large where there is no texture.
+        Standard error of the disparity in pixels, from the residuals of the match and from interpolation; large where
+        there is no texture.
     confidence : (H, W) array
         Fraction of the compared microlenses or views whose windows resemble that of the pixel, 0 to 1. For a raw
         image, it is multiplied by the fraction of the neighbouring microlenses that agree on the depth of the point.
@@ -127,7 +128,9 @@ def depth(  # noqa: PLR0913
     (`refine`). By consensus, a pixel then takes the depth on which most microlenses that see the point agree.
 
     No calibration is needed: rays traced through the microlens apertures and the real lens give the displacement of
-    each pixel by aberrations and vignetting. In views, the slopes of epipolar lines are matched in the same way.
+    each pixel by aberrations and vignetting, also in views, where the slopes of epipolar lines are matched in the same
+    way. Interpolation smooths noise, most of all halfway between pixels, and would attract disparities to such places;
+    the refinement takes that off.
 
     The page docs/depth.md has figures and limits.
 
@@ -153,9 +156,8 @@ def depth(  # noqa: PLR0913
             raise InvalidValueError("views have no virtual depth; give disparity_range= in pixels")
         disparities = default_range(image) if disparity_range is None else _range(disparity_range, "disparity_range")
         with CallProgress("matching", kind="light field", show=progress):
-            matches = match_views(image, disparities, radius, matcher)
-            unknown = np.full(matches.disparity.shape, np.nan)
-            return DepthMap(*matches, unknown, view_depths(image, matches.disparity))
+            matches, depths = depth_of_matches(image, match_views(image, disparities, radius, matcher))
+            return DepthMap(*matches, np.full(depths.shape, np.nan), depths)
     check_kind(image, "image", Exposure, "pl.render(scene, camera), or a LightField")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")

@@ -7,12 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.gaussian import model_pupil
+from plenoptic.camera.assembly import array_axes
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.image_stack import ImageStack, Matches, extrapolate_border, noise_variance
 from plenoptic.lightfield.matching.match import Matcher, match_stack
-from plenoptic.lightfield.pinhole_model import lens_front_z, object_z, planes_before_lens
+from plenoptic.lightfield.pinhole_model import depths_on_rays, lens_front_z
+from plenoptic.lightfield.view_model import Moebius, ViewModel
 from plenoptic.lightfield.views import LightField
 
 _MAX_VIEWS = 24
@@ -22,11 +23,6 @@ _SHIFT_STEP = 1.0
 _MAX_PLANES = 512
 _USUAL_DISPARITY, _MAX_SHIFT_FRACTION = 2.0, 0.5
 """Default search range of disparity in pixels, and the largest shift of a view as a fraction of its size."""
-_TRIALS = 24
-"""Image distances from the array at which an object plane in front of the lens is searched, as far as _REACH stop
-distances.
-"""
-_REACH = 0.1
 
 
 def default_range(field: LightField) -> tuple[float, float]:
@@ -59,14 +55,32 @@ def match_views(field: LightField, bounds: tuple[float, float], radius: int, mat
         max_shift=math.inf,
         reach=(0.0, float(planes[1] - planes[0])),
     )
+    if field.camera is not None:
+        stack = _with_displacement(stack, field.model, indices)
     matches = Matches(*(plane[0] for plane in match_stack(stack, matcher, 1)))
     valid = np.isfinite(matches.standard_error) & np.isfinite(matches.disparity)
     return Matches(*(np.where(valid, plane, np.nan) for plane in matches))
 
 
+def _with_displacement(stack: ImageStack, model: ViewModel, indices: NDArray[np.int64]) -> ImageStack:
+    """The stack with the displacement of its views: near the axis as part of shifts and steps."""
+    central, *others = (
+        model.displacement(u, v) for u, v in [(len(model.step) // 2, model.step.shape[1] // 2), *indices]
+    )
+    displacement = np.stack([central, *others])
+    change = displacement[:, model.axis[0], model.axis[1]] - central[model.axis]
+    return stack._replace(
+        base=stack.base + change[1:, 0],
+        step=stack.step - change[1:, 1],
+        residual_displacement=displacement - change[:, None, None],
+    )
+
+
 def _in_four_directions(field: LightField) -> tuple[NDArray[np.int64], Floats]:
     """Indices (n, 2) of views along u, v and both diagonals, and a point's shift (n, 2) at disparity 1, in pixels."""
     lit = np.asarray(np.isfinite(field.views).any(axis=(2, 3, 4)))
+    if field.camera is not None:
+        lit &= field.model.light > 0
     u, v = (np.arange(len(offset)) - len(offset) // 2 for offset in (field.u, field.v))
     right, down = np.meshgrid(u, v, indexing="ij")
     straight = (right == 0) | (down == 0) | (np.abs(right) == np.abs(down))
@@ -112,19 +126,26 @@ def _channel_means(
 
 def view_depths(field: LightField, disparity: Floats) -> Floats:
     """Depth -z in the camera's frame in mm at which `disparity_at` equals the disparity; nan if unknown."""
-    camera = field.camera
-    if camera is None:
+    if field.camera is None:
         with np.errstate(divide="ignore", invalid="ignore"):
             across, down = _between_cameras(field)
             # The disparity of a single column of views is measured along rows.
             z = field.z_focus / (1.0 + disparity / (down if math.isnan(across) else across))
         return np.asarray(np.where(z < 0, -z, np.nan))
-    lever = disparity * field.spacing[0] * camera.microlenses_to_sensor / camera.sensor.pixel_pitch
-    gap = camera.stop_to_microlenses - model_pupil(camera)[0]
-    # disparity_at contains e D / (D + e): the image is e behind the array, the pupil D in front of it.
-    behind = lever / (1.0 - lever / gap)
-    planes = planes_before_lens(camera, _REACH * camera.stop_to_microlenses * np.linspace(-1.0, 1.0, _TRIALS))
-    if len(planes) < 2:
-        return np.full(disparity.shape, np.nan)
-    z = object_z((planes[0], planes[-1]), behind)
-    return np.asarray(np.where(z < lens_front_z(camera), -z, np.nan))
+    near_axis = Moebius(*(plane[field.model.axis] for plane in field.model.traced_disparity(1)))
+    z = field.model.object_z(near_axis.inverse(disparity))
+    return np.asarray(np.where(z < lens_front_z(field.camera), -z, np.nan))
+
+
+def depth_of_matches(field: LightField, matches: Matches) -> tuple[Matches, Floats]:
+    """Matches with traced disparities, see `DepthMap.disparity`, and depth (rows, columns)."""
+    camera = field.camera
+    if camera is None or camera.microlenses is None:
+        return matches, view_depths(field, matches.disparity)
+    traced, d = field.model.traced_disparity(1), matches.disparity
+    z = field.model.object_z(d)
+    on_array, pixel = field.on_array.reshape(-1, 2), field.pixel.reshape(-1, 2)
+    depth = depths_on_rays(array_axes(camera), camera.microlenses, pixel, on_array, z.ravel(), 1).reshape(z.shape)
+    per_disparity = (traced.b * traced.f + traced.a * traced.g) / (traced.f - traced.g * d) ** 2
+    error = np.abs(per_disparity) * matches.standard_error
+    return matches._replace(disparity=traced.of(d), standard_error=error), depth

@@ -152,7 +152,7 @@ def trace_displacement(
             with np.errstate(invalid="ignore"):
                 centroid = np.einsum("nk,nkc->nc", light, points) / light.sum(axis=1)[:, None]
             offset[k, block] = pixel[block] - _pinhole_pixels(axes, plane, centroid, on_array[block])
-    return throughput, np.stack(_linear_in_disparity(planes, offset), axis=1)
+    return throughput, np.stack(linear_in_disparity(planes, offset), axis=1)
 
 
 def chord_disparity(
@@ -180,11 +180,19 @@ def chord_disparity(
 
 def object_depths(model: PinholeModel, pixel: Floats, on_array: Floats, per_pitch: Floats) -> Floats:
     """(n,): depth -z in the camera's frame, mm, of points seen by pixels (n, 2); nan behind the front of the lens."""
-    axes, array, planes, threads = model
-    camera, lens_to_camera = axes.camera, axes.parts.lens_to_camera
     with np.errstate(divide="ignore"):
-        z = object_z(planes, camera.microlenses_to_sensor / per_pitch)
-    z = np.where(z < lens_front_z(camera), z, np.nan)
+        z = object_z(model.planes, model.axes.camera.microlenses_to_sensor / per_pitch)
+    return depths_on_rays(model.axes, model.array, pixel, on_array, z, model.threads)
+
+
+def depths_on_rays(
+    axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, z: Floats, threads: int
+) -> Floats:
+    """(n,): depth -z in the camera's frame, mm, where the chief rays of pixels (n, 2) meet planes z of the lens's axes.
+
+    nan behind the front of the lens.
+    """
+    z, lens_to_camera = np.where(z < lens_front_z(axes.camera), z, np.nan), axes.parts.lens_to_camera
     if lens_to_camera is not None:
         rays = chief_rays(axes, array, pixel, on_array, threads)
         z = lens_to_camera.points(np.column_stack([plane_intersections(rays, z), z]))[:, 2]
@@ -195,13 +203,13 @@ def _chief_ray_displacement(model: PinholeModel, pixel: Floats, on_array: Floats
     """Displacement (n, 2) of pixels from the pinhole image of the points that their chief rays hit."""
     axes, array, planes, threads = model
     rays = chief_rays(axes, array, pixel, on_array, threads)
-    intercept, slope = _linear_in_disparity(
+    intercept, slope = linear_in_disparity(
         planes, np.stack([pixel - _pinhole_pixels(axes, p, plane_intersections(rays, p.z), on_array) for p in planes])
     )
     return intercept + per_pitch[:, None] * slope
 
 
-def _linear_in_disparity(planes: PlanePair, values: Floats) -> tuple[Floats, Floats]:
+def linear_in_disparity(planes: PlanePair, values: Floats) -> tuple[Floats, Floats]:
     """Intercept at disparity 0 and slope over disparity / pitch of values (2, ...) on two planes."""
     slope = (values[1] - values[0]) / (planes[1].disparity_per_pitch - planes[0].disparity_per_pitch)
     return values[0] - slope * planes[0].disparity_per_pitch, slope

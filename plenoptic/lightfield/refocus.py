@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,8 +30,8 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     Returns
     -------
     (rows, columns, C) array of float32
-        Mean of the views that have light at a pixel; nan if none has. Shifts follow Gaussian optics
-        (`LightField.disparity_at`), and views are interpolated by cubic convolution.
+        Mean of the views that have light at a pixel; nan if none has. Views are shifted as traced through the real
+        lens, each pixel of each view by its own shift, and interpolated by cubic convolution, linearly at borders.
 
     References
     ----------
@@ -44,48 +47,37 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     True
     """
     check_kind(field, "field", LightField, "pl.lightfield.decode(shot, white)")
+    from plenoptic.lightfield.kernels.refocus import add_shifted
+
     if (z is None) == (disparity is None):
         raise InvalidValueError("give either z, the plane in mm, or disparity=, in pixels from view to view")
+    total, count = np.zeros(field.views.shape[2:]), np.zeros(field.views.shape[2:])
+    for view, shift in zip(field.views.reshape(-1, *total.shape), _shifts(field, z, disparity), strict=True):
+        if np.isfinite(shift).all():
+            add_shifted(total, count, view, shift)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(total / np.where(count > 0, count, np.nan), dtype=np.float32)
+
+
+def _shifts(field: LightField, z: float | None, disparity: float | None) -> Iterator[Floats]:
+    """Shifts (rows, columns, 2) in pixels of the plane in focus from the central view to each view."""
+    if field.camera is not None:
+        model = field.model
+        if z is None:
+            traced = finite(disparity, "disparity")  # type: ignore[arg-type]
+            modelled = float(model.traced_disparity(1).inverse(traced)[model.axis])
+        else:
+            modelled = model.disparity(field.camera, finite(z, "z"))
+        for u in range(len(field.u)):
+            yield from model.shifts(modelled, u)
+        return
     if z is None:
         across = finite(disparity, "disparity")  # type: ignore[arg-type]
         down = across * down_over_across(field)
     else:
         across, down = field.disparity_at(z)
-    total, count = np.zeros(field.views.shape[2:]), np.zeros(field.views.shape[2:])
-    for i, u in enumerate(field.u):
-        for j, v in enumerate(field.v):
-            # A single row or column of views does not shift, and its disparity may be unknown. A positive disparity
-            # goes against the step from view to view.
-            shifts = -down * float(v) if v else 0.0, -across * float(u) if u else 0.0
-            shifted = _shift(field.views[i, j].astype(np.float64), *shifts)
-            valid = np.isfinite(shifted)
-            total += np.where(valid, shifted, 0.0)
-            count += valid
-    with np.errstate(invalid="ignore"):
-        return np.asarray(total / np.where(count > 0, count, np.nan), dtype=np.float32)
-
-
-def _shift(view: Floats, down: float, right: float) -> Floats:
-    """Shift a view (rows, columns, C) by `down` rows and `right` columns; nan outside.
-
-    Interpolated by cubic convolution (R. G. Keys, IEEE Trans. ASSP 29 (1981), doi:10.1109/TASSP.1981.1163711), linearly
-    at borders.
-    """
-    for axis, shift in enumerate((down, right)):
-        base = int(np.floor(shift))
-        t = shift - base
-        if t == 0:
-            view = _shift_whole(view, base, axis)
-            continue
-        taps = [_shift_whole(view, base + k, axis) for k in (-1, 0, 1, 2)]
-        weights = (-0.5 * t * (1 - t) ** 2, 1 - 2.5 * t**2 + 1.5 * t**3, 0.5 * t + 2 * t**2 - 1.5 * t**3)
-        cubic = sum(weight * tap for weight, tap in zip((*weights, -0.5 * t**2 * (1 - t)), taps, strict=True))
-        view = np.where(np.isnan(cubic), (1 - t) * taps[1] + t * taps[2], cubic)
-    return view
-
-
-def _shift_whole(view: Floats, shift: int, axis: int) -> Floats:
-    """Shift a view by whole pixels along an axis; nan where it ends."""
-    rolled = np.roll(view, -shift, axis=axis)
-    np.moveaxis(rolled, axis, 0)[slice(-shift, None) if shift > 0 else slice(-shift)] = np.nan
-    return rolled
+    for u, v in product(field.u, field.v):
+        # A single row or column of views does not shift, and its disparity may be unknown. A positive disparity goes
+        # against the step from view to view.
+        steps = (down, float(v)), (across, float(u))
+        yield np.broadcast_to([-size * step if step else 0.0 for size, step in steps], (*field.views.shape[2:4], 2))

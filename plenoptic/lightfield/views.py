@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import os
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.gaussian import model_pupil
 from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, number, result
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.pinhole_model import image_distance_behind_array
+from plenoptic.lightfield.view_model import ViewModel, view_model
 from plenoptic.truth.channels import GroundTruth, Truth
 
 if TYPE_CHECKING:
@@ -55,7 +55,8 @@ class LightField:
     object_spacing : (float, float)
         The same in the plane in focus, mm; nan without one in front of the lens.
     z_focus : float
-        z of the plane in focus, which the lens images onto the array, in the camera's frame, mm (paraxial).
+        z of the plane in focus in the camera's frame, mm: traced points near the axis that all views see at the same
+        pixels; nan without one in front of the lens.
     camera : PlenopticCamera or None
         None for imported light fields, which have no raw image: `pixel`, `on_array`, `pupil`, `origin` and `spacing`
         are nan, and `u` and `v` count views. Then `exit_pupil` contains the positions of the cameras, in whose frame z
@@ -194,12 +195,14 @@ class LightField:
         return int(steps) - first
 
     def disparity_at(self, z: float) -> tuple[float, float]:
-        """Shift of a plane's image from one view to the next, by Gaussian optics.
+        """Shift of a plane's image from one view to the next, traced through the real lens.
 
-        The exit pupil lies a distance D in front of the array, and the image of the plane e behind it. Light that
-        passes the pupil at P meets the array at a distance P e / (D + e) from the light through the pupil's centre. P
-        grows by D / b times the pixel pitch for each pixel of u. Here offsets are measured from the chief rays;
-        `GroundTruth.view_disparity` measures them from the centres of the microlenses: e in place of D e / (D + e).
+        By Gaussian optics: the exit pupil lies a distance D in front of the array, and the image of the plane e behind
+        it. Light that passes the pupil at P meets the array at a distance P e / (D + e) from the light through the
+        pupil's centre. P grows by D / b times the pixel pitch for each pixel of u. Here offsets are measured from the
+        chief rays; `GroundTruth.view_disparity` measures them from the centres of the microlenses: e in place of
+        D e / (D + e). Aberrations change the shift from view to view: this is the slope of the traced shifts over all
+        views, by least squares, at the pixel nearest to the axis. `DepthMap.disparity` has it for each pixel.
 
         Parameters
         ----------
@@ -217,14 +220,17 @@ class LightField:
         camera = self.camera
         if camera is None:
             return self._between_cameras(z_plane)
-        behind = image_distance_behind_array(camera, z_plane)
-        pupil, _ = model_pupil(camera)
-        gap = camera.stop_to_microlenses - pupil
-        # D e / (D + e), with D and e finite or infinite.
-        fraction = 1.0 if math.isinf(behind) else behind / (gap + behind)
-        lever = gap * fraction if math.isfinite(gap) else behind
-        per_pixel = lever * camera.sensor.pixel_pitch / camera.microlenses_to_sensor
-        return per_pixel / self.spacing[0], per_pixel / self.spacing[1]
+        disparity = self.model.disparity(camera, z_plane)
+        row, column = self.model.axis
+        across, down = (float(self.model.traced_disparity(k).of(disparity)[row, column]) for k in (1, 0))
+        return across, down
+
+    @cached_property
+    def model(self) -> ViewModel:
+        """Traced displacement of the views from Gaussian optics, for `depth` and `refocus`."""
+        assert self.camera is not None
+        positions = np.concatenate([self.pixel, self.on_array], axis=-1)
+        return view_model(self.camera, (self.u, self.v), positions, self.origin, self.spacing)
 
     def _between_cameras(self, z: float) -> tuple[float, float]:
         """Disparity between parallel cameras whose views coincide on one plane; see `disparity_at`."""

@@ -33,6 +33,37 @@ def turned():
     return dataclasses.replace(camera, microlenses_placement=placement)
 
 
+VIEW_CAMERAS = {
+    "tessar": ("tessar-102mm-f4.5", 5.0, 0.077, 0.0055, -530.0),
+    "double Gauss f/1.4": ("double-gauss-105mm-f1.4", 12.0, 0.1, 0.0055, -600.0),
+    "biotar": ("biotar-100mm-f1.4", 10.0, 0.1, 0.0055, -700.0),
+    "double Gauss f/2": ("double-gauss-100mm-f2", 6.0, 0.1, 0.0055, -500.0),
+    "triplet": ("cooke-triplet-50mm-f5", 4.5, 0.08, 0.005, -400.0),
+    "Petzval": ("petzval-51mm-f1.4", 8.0, 0.08, 0.005, -500.0),
+    "retrofocus": ("retrofocus-100mm-f1.9", 8.0, 0.1, 0.0055, -600.0),
+    "telephoto": ("telephoto-100mm-f2.8", 8.0, 0.1, 0.0055, -1500.0),
+}
+"""Plenoptic 1.0 cameras: lens, semi-diameter of the iris, pitch, pixel and plane in focus, mm."""
+
+
+def view_camera(name, side=500):
+    """A plenoptic 1.0 camera of the table, with side x side pixels."""
+    lens, iris, pitch, pixel, z = VIEW_CAMERAS[name]
+    kind, sensor = pl.CameraKind.PLENOPTIC_1, pl.Sensor((side, side), pixel)
+    design = pl.design_camera(
+        pl.load_lens(lens), sensor=sensor, kind=kind, z=z, pitch=pitch, semi_diameter=iris, lattice=pl.Lattice.SQUARE
+    )
+    return design.camera
+
+
+def resolved_card(camera, z, seed):
+    """Noise that glows, of waves of five microlenses and more, on a plane larger than the field."""
+    field = 1.6 * camera.sensor.size[0]
+    side = abs(field / pl.paraxial.magnification(camera.lens, z))
+    picture = reference.noise(seed, _TEXELS, shortest=5 * min(camera.microlenses.pitches) / field, power=0.5)
+    return reference.glowing(picture, (-side / 2, -side / 2, z), (side, 0, 0), (0, side, 0))
+
+
 def plane(camera, v, seed, *, contrast=0.2, tilt=0.0, right=False, colours=1):
     """1/f noise that glows, of texels as large as pixels, on a plane whose image lies v b behind the array.
 

@@ -54,6 +54,11 @@ def _image_displacement(stack, m, j, pixel, d):
 
 
 @device
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+
+
+@device
 def _window(stack, start, slopes, m, j, pixel, d):
     """Comparison of a window with another image: (count, correlation, sum of residual slope, slope^2, residual^2).
 
@@ -72,6 +77,11 @@ def _window(stack, start, slopes, m, j, pixel, d):
     (a0, a1, a2, a3), (e0, e1, e2, e3) = cubic_weights(down - top)
     weights, derivatives = cubic_weights(right - left)
     top, left = int(top), int(left)
+    down_squared, right_squared = _dot((a0, a1, a2, a3), (a0, a1, a2, a3)), _dot(weights, weights)
+    # Covariance of the interpolated noise with that of the slope.
+    covariance = -stack.noise_variance[other] * (
+        sy * right_squared * _dot((a0, a1, a2, a3), (e0, e1, e2, e3)) + sx * down_squared * _dot(weights, derivatives)
+    )
     n, p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     window_values, values, other_mask = stack.values[m], stack.values[other], stack.mask[other]
     if stack.blurred is not None:
@@ -116,7 +126,9 @@ def _window(stack, start, slopes, m, j, pixel, d):
     gain = pq / qq if qq > 0.0 and pq > 0.0 else 0.0
     for i in range(slot):
         slopes[i] = gain * (slopes[i] - s / n)
-    return n, correlation, gain * (ps - gain * qs), gain * gain * ss, pp - 2.0 * gain * pq + gain * gain * qq
+    # Interpolation blurs noise most halfway between pixels, which attracts the fit: its share is taken off.
+    gradient = gain * (ps - gain * (qs - n * covariance))
+    return n, correlation, gradient, gain * gain * ss, pp - 2.0 * gain * pq + gain * gain * qq
 
 
 @device

@@ -46,6 +46,8 @@ class ImageStack(NamedTuple):
     """Largest shift between two compared images."""
     reach: tuple[float, float]
     """Search range around a plane of disparity d: reach[0] |d| + reach[1]."""
+    error_ratio: float = 2.0
+    """Ratio of the error of a disparity to that of independent residuals: pixels of interpolated views share noise."""
     pitch: float = 1.0
     """Pitch of the microlenses."""
     residual_displacement: Floats | None = None

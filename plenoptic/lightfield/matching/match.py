@@ -13,10 +13,8 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.image_stack import ImageStack, Matches
 
-_ERROR_RATIO = 2.0
-"""Ratio of the actual error to that of independent residuals: neighbouring pixels of micro images share their blur,
-interpolated pixels of views their noise.
-"""
+_SHIFT_ERROR = 0.016
+"""Systematic error of the largest shift between images by interpolation, in pixels; measured: 0.002 to 0.03."""
 
 Matcher: TypeAlias = Callable[[ImageStack, int, int], Matches]
 """Matches the images first to end - 1 of a stack; returns arrays (end - first, rows, columns)."""
@@ -82,7 +80,8 @@ def refine(stack: ImageStack, disparity: Floats, first: int) -> Matches:
 
     matches = Matches(*(np.full(disparity.shape, np.nan) for _ in Matches._fields))
     fill_subpixel(matches, disparity, stack, np.empty((2, (2 * stack.window_radius + 1) ** 2)), first)
-    return matches._replace(standard_error=_ERROR_RATIO * matches.standard_error)
+    systematic = _SHIFT_ERROR / float(np.hypot(*stack.step.T).max(initial=1e-9))
+    return matches._replace(standard_error=np.hypot(stack.error_ratio * matches.standard_error, systematic))
 
 
 def match_stack(stack: ImageStack, matcher: Matcher, threads: int) -> Matches:

@@ -1,0 +1,281 @@
+"""Gaussian model of the views of a light field, and the displacement of the real camera's images from it.
+
+In the model, the image of an object plane shifts by the same amount between all neighbouring views. In the real camera,
+aberrations of the main lens move the intersection of each pixel's ray with the plane, differently in each view and over
+the field.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial.legendre import legder, legvander
+from numpy.typing import NDArray
+
+from plenoptic.camera.assembly import array_axes
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.gaussian import image_plane, lateral_magnification, model_pupil
+from plenoptic.core.values import Floats
+from plenoptic.lightfield.outward_rays import chief_rays, plane_intersections
+from plenoptic.lightfield.pinhole_model import (
+    ObjectPlane,
+    PlanePair,
+    image_distance_behind_array,
+    lens_front_z,
+    linear_in_disparity,
+    object_z,
+)
+
+_NODES, _TERMS = 8, 5
+"""Traced pixels along a side of a view, and terms of the series fitted to them along each side."""
+_RAYS = 3
+"""Traced rays along the side of a pixel of the raw image, which tell the part that the lens vignettes."""
+_CLEAR = 0.9
+"""Light of a view, relative to the one with most of it, from which on it counts in disparities."""
+_DISTANCES = (3.0, 30.0, 7.0)
+"""Distances of object planes from the lens, over that from the iris to the array; the first two that have images."""
+
+
+class Moebius(NamedTuple):
+    """The function (a + b d) / (f - g d) of the model's disparity d: a traced disparity, for each pixel."""
+
+    a: Floats
+    b: Floats
+    f: Floats
+    g: Floats
+
+    def of(self, disparity: float | Floats) -> Floats:
+        """Traced disparity."""
+        return np.asarray((self.a + self.b * disparity) / (self.f - self.g * disparity))
+
+    def inverse(self, traced: float | Floats) -> Floats:
+        """The model's disparity."""
+        return np.asarray((self.f * traced - self.a) / (self.b + self.g * traced))
+
+
+class ViewModel(NamedTuple):
+    """Model of U x V views: a point at q of the central view is seen at q - d step + displacement in another one.
+
+    d is the model's disparity, that of the point's plane by Gaussian optics. Lengths are in pixels of the views.
+    """
+
+    planes: PlanePair
+    """Two object planes, whose `disparity_per_pitch` is their disparity."""
+    vergence: float
+    """Inverse distance from the exit pupil to the array, 1/mm."""
+    per_lever: float
+    """Disparity over e D / (D + e), of an image e behind the array seen from the pupil D in front of it; 1/mm."""
+    step: Floats
+    """(U, V, 2): shift in rows and columns per unit of disparity, against the step from view to view."""
+    series: Floats
+    """(2, U, V, 2, k, l): displacement in rows and columns as Legendre series in row and column: of the coefficient
+    of 1, then of d. nan for views that no light reaches."""
+    light: Floats
+    """(U, V): fraction of a view's rays that the lens passes; 0 for views that lose more than a tenth of them, and get
+    light through neighbouring microlenses."""
+    size: tuple[int, int]
+    """Rows and columns of a view."""
+    axis: tuple[int, int]
+    """Row and column of the pixel nearest to the axis of the lens."""
+
+    def displacement(self, u: int, v: int) -> Floats:
+        """Displacement of the pixels of a view, (rows, columns, 2, 2), as `ImageStack.residual_displacement`."""
+        return np.moveaxis(_values(self.series[:, u, v], self.size), (0, 1), (2, 3))
+
+    def shifts(self, disparity: float, u: int) -> Floats:
+        """Shifts (V, rows, columns, 2) of the points of a plane from the central view to the views of a u."""
+        series = self.series[0, u] + disparity * self.series[1, u]
+        central = self.series[0, *self.centre] + disparity * self.series[1, *self.centre]
+        shift = _values(series - central, self.size) - disparity * self.step[u, :, :, None, None]
+        # The displacement is that at the shifted position.
+        return np.moveaxis(shift / (1.0 - self._growth(series)), 1, 3)
+
+    @property
+    def centre(self) -> tuple[int, int]:
+        """Index of the central view."""
+        return len(self.step) // 2, self.step.shape[1] // 2
+
+    def traced_disparity(self, axis: int) -> Moebius:
+        """Traced disparity from view to view for each pixel of v, along rows (axis 0), or of u, along columns (axis 1).
+
+        Slope of the shifts of a point over all views, by least squares, weighed by the light of the views.
+        """
+        central = self.series[:, *self.centre]
+        growth = self._growth(central)[:, axis]
+        weight = np.where(np.isfinite(self.series[0, :, :, 0, 0, 0]), self.light * self.step[..., axis], 0.0)
+        total = float((weight * self.step[..., axis]).sum())
+        change = np.nan_to_num(self.series[:, :, :, axis]) - central[:, None, None, axis]
+        mean = _values(np.einsum("uv,kuvij->kij", weight / (total or 1.0), change), self.size)
+        return Moebius(-mean[0], 1.0 - mean[1], 1.0 - growth[0], growth[1])
+
+    def _growth(self, series: Floats) -> Floats:
+        """Change (..., 2, rows, columns) of displacements per pixel: in rows down a view, in columns to the right."""
+        down, right = (
+            2.0 / max(n - 1, 1) * _values(legder(series[..., axis, :, :], axis=axis - 2), self.size)
+            for axis, n in enumerate(self.size)
+        )
+        return np.stack([down, right], axis=-3)
+
+    def object_z(self, disparity: Floats) -> Floats:
+        """Axial positions of the planes of given disparities of the model, in the axes of the lens, mm."""
+        lever = disparity / self.per_lever
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return object_z(self.planes, lever / (1.0 - lever * self.vergence))
+
+    def disparity(self, camera: PlenopticCamera, z: float) -> float:
+        """The model's disparity of the plane z."""
+        return self.per_lever * _lever(image_distance_behind_array(camera, z), self.vergence)
+
+
+def view_model(
+    camera: PlenopticCamera,
+    offsets: tuple[Floats, Floats],
+    positions: Floats,
+    origin: Floats,
+    spacing: tuple[float, float],
+) -> ViewModel:
+    """Model of views (u, v) whose pixels have positions (rows, columns, 4): `pixel` and `on_array`.
+
+    Rays of some pixels of all views are traced; the models of the last cameras are kept.
+    """
+    rows, columns = positions.shape[:2]
+    nodes = [np.unique(np.rint(np.linspace(0, n - 1, min(n, _NODES)))).astype(np.int64) for n in (rows, columns)]
+    row, column = (index.ravel() for index in np.meshgrid(*nodes, indexing="ij"))
+    known = np.isfinite(positions[row, column]).all(axis=1)
+    traced = np.column_stack([row, column, positions[row, column]])[known]
+    u, v = (tuple(offset.tolist()) for offset in offsets)
+    return _traced_model(camera, (rows, columns), traced.tobytes(), (u, v), tuple(origin.tolist()), spacing)
+
+
+@functools.lru_cache(maxsize=8)
+def _traced_model(
+    camera: PlenopticCamera,
+    size: tuple[int, int],
+    nodes: bytes,
+    offset_tuples: tuple[tuple[float, ...], tuple[float, ...]],
+    origin: tuple[float, ...],
+    spacing: tuple[float, float],
+) -> ViewModel:
+    """`view_model` as a function of values: `nodes` (n, 6) are row, column and position of pixels."""
+    array, axes = camera.microlenses, array_axes(camera)
+    assert array is not None
+    vergence = 1.0 / (camera.stop_to_microlenses - model_pupil(camera)[0])
+    per_lever = camera.sensor.pixel_pitch / (camera.microlenses_to_sensor * spacing[0])
+    planes = _planes(camera, vergence, per_lever)
+    offsets = np.array(offset_tuples[0]), np.array(offset_tuples[1])
+    table = np.frombuffer(nodes).reshape(-1, 6)
+    (row, column), positions = table[:, :2].T.astype(np.int64), table[:, 2:]
+    u, v = np.meshgrid(*offsets, indexing="ij")
+    step = np.stack([v * spacing[0] / spacing[1], u], axis=-1)
+    # (U, V, nodes, 2)
+    pixel = positions[:, :2] + np.stack([v, u], axis=-1)[:, :, None]
+    passed = np.broadcast_to(positions[:, 2:], pixel.shape)
+    rays = chief_rays(axes, array, pixel.reshape(-1, 2), passed.reshape(-1, 2), 1)
+    displacement = []
+    for plane in planes:
+        points = plane.magnification * plane_intersections(rays, plane.z)
+        image = np.column_stack([points, np.full(len(points), plane.z_image)])
+        on_array = axes.parts.local_to_lens.inverse().points(image)[:, :2] / (1.0 + plane.behind * vergence)
+        # The sensor is read out rotated by 180 degrees: columns run towards -x, rows towards +y.
+        central = np.stack([on_array[:, 1] - origin[1], origin[0] - on_array[:, 0]], axis=-1) / spacing[::-1]
+        modelled = central.reshape(pixel.shape) - plane.disparity_per_pitch * step[:, :, None]
+        displacement.append(np.stack([row, column], axis=-1) - modelled)
+    both = np.stack(linear_in_disparity(planes, np.stack(displacement)))
+    light, lean = _vignetting(camera, offsets, positions)
+    both[1] -= lean * np.array([spacing[0] / spacing[1], 1.0])
+    both[:, (rays.status != 0).reshape(pixel.shape[:3]) | (light == 0)] = np.nan
+    mean_light = light.mean(axis=-1)
+    mean_light[mean_light < _CLEAR * mean_light.max()] = 0.0
+    at_axis = -origin[1] / spacing[1], origin[0] / spacing[0]
+    nearest_row, nearest_column = (int(np.clip(np.rint(k), 0, n - 1)) for k, n in zip(at_axis, size, strict=True))
+    series = _fit(both, row, column, size)
+    return ViewModel(planes, vergence, per_lever, step, series, mean_light, size, (nearest_row, nearest_column))
+
+
+def _vignetting(camera: PlenopticCamera, offsets: tuple[Floats, Floats], positions: Floats) -> tuple[Floats, Floats]:
+    """Light (U, V, n) of views at n pixels, 1 if all passes, and the shift (U, V, n, 2) of its centre by vignetting.
+
+    The shift is in rows and columns of the raw image. A view reads four pixels with bilinear weights, each over all of
+    its area.
+    """
+    array, axes = camera.microlenses, array_axes(camera)
+    assert array is not None
+    pixel, passed = positions[:, None, :2], positions[:, None, 2:]
+    (down, in_row, row), (right, in_column, column) = (
+        _footprints(offset, pixel[..., axis]) for axis, offset in ((0, offsets[1]), (1, offsets[0]))
+    )
+    at = np.rint(pixel) + np.stack(np.meshgrid(row, column, indexing="ij"), axis=-1).reshape(-1, 2)
+    on_array = np.broadcast_to(passed, at.shape).reshape(-1, 2)
+    rays = chief_rays(axes, array, at.reshape(-1, 2), on_array, 1, clipping=True)
+    mask = (rays.status == 0).reshape(-1, len(row), len(column)).astype(np.float64)
+    light, below, beside = (
+        np.moveaxis(v @ mask @ u.swapaxes(1, 2), (0, 1, 2), (2, 1, 0))
+        for v, u in ((in_row, in_column), (in_row * down, in_column), (in_row, in_column * right))
+    )
+    return light, np.stack([below, beside], axis=-1) / np.maximum(light, 1e-12)[..., None]
+
+
+def _footprints(offsets: Floats, pixel: Floats) -> tuple[Floats, Floats, Floats]:
+    """Distances and weights (n, U, s) of samples in the footprints of views at pixels (n, 1), and their positions (s,).
+
+    Positions are counted from the nearest whole pixel. The weights of a footprint have the sum 1.
+    """
+    whole = np.arange(math.floor(offsets.min()) - 1, math.ceil(offsets.max()) + 2)
+    samples = (whole[:, None] + (np.arange(_RAYS) + 0.5) / _RAYS - 0.5).ravel()
+    target = (pixel - np.rint(pixel) + offsets)[..., None]
+    base = np.floor(target)
+    index = np.repeat(whole, _RAYS)
+    weight = np.where(index == base, 1.0 + base - target, np.where(index == base + 1, target - base, 0.0)) / _RAYS
+    return samples - target, weight, samples
+
+
+def _fit(values: Floats, row: NDArray[np.int64], column: NDArray[np.int64], size: tuple[int, int]) -> Floats:
+    """Legendre series (2, U, V, 2, k, l) that fit values (2, U, V, n, 2) at n pixels of the views."""
+    terms = [min(len(np.unique(index)), _TERMS) for index in (row, column)]
+    tables = [legvander(_unit(index, n), k - 1) for index, n, k in zip((row, column), size, terms, strict=True)]
+    table = np.einsum("nk,nl->nkl", *tables).reshape(len(row), -1)
+    shape, count = values.shape[1:3], len(row)
+    right = values.transpose(1, 2, 3, 0, 4).reshape(-1, count, 4)
+    series = np.full((len(right), table.shape[1], 4), np.nan)
+    valid = np.isfinite(right).all(axis=2)
+    for mask in np.unique(valid, axis=0):
+        alike = (valid == mask).all(axis=1)
+        if mask.any():
+            columns = np.moveaxis(right[alike][:, mask], 1, 0).reshape(mask.sum(), -1)
+            fitted = np.linalg.lstsq(table[mask], columns, rcond=1e-9)[0]
+            series[alike] = np.moveaxis(fitted.reshape(table.shape[1], -1, 4), 0, 1)
+    return series.reshape(*shape, *terms, 2, 2).transpose(4, 0, 1, 5, 2, 3)
+
+
+def _values(series: NDArray[np.floating], size: tuple[int, int]) -> Floats:
+    """Values (..., rows, columns) of Legendre series (..., k, l) in row and column of a view."""
+    rows, columns = (legvander(_unit(np.arange(n), n), k - 1) for n, k in zip(size, series.shape[-2:], strict=True))
+    return np.asarray(rows @ series @ columns.T)
+
+
+def _unit(index: NDArray[np.int64], count: int) -> Floats:
+    """Indices of `count` rows or columns as numbers from -1 to 1."""
+    return np.asarray(2.0 * index / (count - 1) - 1.0 if count > 1 else 0.0 * index)
+
+
+def _lever(behind: float, vergence: float) -> float:
+    """E D / (D + e), of an image e behind the array and a pupil D in front of it."""
+    if math.isinf(behind):
+        return 1.0 / vergence if vergence else behind
+    return behind / (1.0 + behind * vergence)
+
+
+def _planes(camera: PlenopticCamera, vergence: float, per_lever: float) -> PlanePair:
+    """Two object planes in front of the lens that have images at finite distances."""
+    planes = []
+    for distance in _DISTANCES:
+        z = lens_front_z(camera) - distance * camera.stop_to_microlenses
+        z_image = image_plane(camera.lens, z, camera.wavelength)
+        if math.isfinite(z_image):
+            behind = z_image - camera.stop_to_microlenses
+            magnification = lateral_magnification(camera.lens, z, camera.wavelength)
+            planes.append(ObjectPlane(z, z_image, per_lever * _lever(behind, vergence), behind, magnification))
+    return planes[0], planes[1]
