@@ -218,7 +218,7 @@ def progress_of(
 ) -> Progress:
     """Progress of a render that has not begun."""
     first_row, end_row, first_column, end_column = region
-    shape = (end_row - first_row, end_column - first_column)
+    shape, camera = (end_row - first_row, end_column - first_column), context.camera
     radiance = 1.0
     if context.scene is not None:
         from plenoptic.scene.scene_record import brightest_radiance
@@ -228,9 +228,9 @@ def progress_of(
         tiles,
         (*shape, context.channels),
         budget,
-        FilmRegion(first_row, first_column, context.camera.sensor.fill_factor, radiance, crop),
+        FilmRegion(first_row, first_column, camera.sensor.fill_factor, radiance, camera.deflection is not None, crop),
         empty_truth(available, shape),
-        status_codes(context.camera),
+        status_codes(camera),
         counted=counted,
         begin=begin,
     )
