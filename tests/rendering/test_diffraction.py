@@ -164,7 +164,8 @@ def test_light_from_microlenses_around_the_sensor_reaches_the_dark():
 
 
 def test_deflections_do_not_depend_on_the_times_of_paths():
-    # A curtain shuts in the middle of the exposure, before square openings: as much light above as below.
+    # A curtain shuts in the middle of the exposure, before square openings. As much light reaches the rows above as
+    # those below, beyond the kernel, whose light is not drawn.
     camera = lit_square(*CAMERAS["microscope"][:2], FILLED)
     curtain = pl.quad((1000, -50, -200), (4000, 0, 0), (0, 100, 0), material=pl.Lambertian(0.0))
     motion = pl.Motion.screw((0, 1), axis=(-1, 0, 0), advance=2000.0)
@@ -173,13 +174,10 @@ def test_deflections_do_not_depend_on_the_times_of_paths():
     frame = pl.Sequence(scene, camera, [0.5], motions={"curtain": motion})[0]
     shot = pl.render(frame.scene, frame.camera, samples=4096, replicates=16, progress=False, truth=pl.Truth.NONE)
     image, error = shot.image[..., 0].astype(float), shot.standard_error[..., 0].astype(float)
-    parts = (
-        np.s_[PIXELS - 9 : PIXELS - 3],
-        np.s_[PIXELS + 4 : PIXELS + 10],
-    )  # beyond the kernel, whose light is not drawn
+    parts = (np.s_[PIXELS - 9 : PIXELS - 3], np.s_[PIXELS + 4 : PIXELS + 10])
     above, below = (image[part].sum() for part in parts)
     sigma = 2 * math.hypot(*(np.linalg.norm(error[part]) for part in parts))
-    assert sigma < 0.1 * above
+    assert sigma < 0.2 * above
     assert above == pytest.approx(below, abs=4 * sigma)
 
 

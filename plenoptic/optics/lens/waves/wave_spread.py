@@ -147,7 +147,7 @@ def wave_spread(  # noqa: PLR0913
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0))
     >>> pl.aberrations.wave_spread(lens)
-    <WaveSpread: 65 x 65 pixels of 1.711 um by FOURIER, Strehl 0.808, 1.1 % outside>
+    <WaveSpread: 65 x 65 pixels of 1.711 um by FOURIER, Strehl 0.807, 1.1 % outside>
     """
     point = aberrated_point(lens, field, z_object, z_image, wavelength)
     shares = checked_shares(weights, point.wavelengths)
