@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from plenoptic.camera.assembly import Assembly
     from plenoptic.camera.camera import PlenopticCamera
 
-_RINGS = 16
-"""Rings of microlenses around the sensor whose deflected light is followed: the light of the others decreases as their
-distance grows, and following it takes no time."""
+_RINGS, _MAX_BORDER = 16, 1024
+"""Rings of microlenses around the sensor whose deflected light is followed, and most rows and columns of them."""
 _OUTLINE = 64
 """Least number of points along the edge of an iris."""
 
@@ -143,13 +142,11 @@ def iris_record(camera: PlenopticCamera, wavelengths: tuple[float, ...]) -> Iris
 
 
 def deflection_border(camera: PlenopticCamera) -> int:
-    """Rows and columns around the sensor from which deflected light is followed into it; 0 without diffraction.
-
-    Those of `_RINGS` rings of microlenses.
-    """
+    """Rows and columns around the sensor from which deflected light is followed into it; 0 without diffraction."""
     if camera.diffraction is None or camera.microlenses is None:
         return 0
-    return max(NEAR, math.ceil(_RINGS * max(camera.microlenses.pitches) / camera.sensor.pixel_pitch))
+    ring = max(camera.microlenses.pitches) / camera.sensor.pixel_pitch
+    return math.ceil(min(max(_RINGS * ring, NEAR), _MAX_BORDER))
 
 
 def deflection_record(

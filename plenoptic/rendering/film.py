@@ -193,8 +193,8 @@ class Film:
 
         Where all replicates agree, it is the contribution of one lit sample (see `lit_sample_contribution`), at most
         `one_sample` (rows, columns), over the number of samples: a single other sample could change the mean by that.
-        With `deflected`, the contribution of one deflection (see `deflection_contribution`) is added everywhere: in
-        dark pixels few of these bring light, and none may have come yet.
+        With `deflected`, half the square of the contribution of one deflection (see `deflection_contribution`) is added
+        to the variance, half a path as in Jeffreys' prior of rates: in dark pixels few deflections bring light.
 
         `out` may be `between` itself if the film is no longer needed.
         """
@@ -281,6 +281,11 @@ def variance(pixels: Moments, *, deflected: bool = False) -> Floats:
         return np.where(finite & np.isfinite(pooled), pooled, between_replicates)
 
 
+def pools_errors(replicates: int, *, deflected: bool) -> bool:
+    """True if the standard error of a pixel is estimated from its block."""
+    return replicates >= 2 and (deflected or replicates < OWN_ERRORS)
+
+
 def in_whole_blocks(region: tuple[int, int, int, int], shape: tuple[int, int]) -> tuple[int, int, int, int]:
     """Extend a region to the whole blocks of the sensor that it overlaps: first and end row and column."""
     first_row, end_row, first_column, end_column = region
@@ -343,5 +348,5 @@ def error_of_mean(pixels: Moments, one_sample: AnyFloats | None, *, deflected: b
     with np.errstate(divide="ignore", invalid="ignore"):
         floor = one_sample[..., None] / pixels.samples
     if deflected:
-        return np.hypot(np.sqrt(squared), floor)
+        return np.sqrt(squared + 0.5 * floor**2)
     return np.where(agree(pixels.mean, squared), floor, np.sqrt(squared))

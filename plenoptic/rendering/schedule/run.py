@@ -22,7 +22,7 @@ from plenoptic.errors import BlackImageWarning, BudgetWarning
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.crop import samples_text
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
+from plenoptic.rendering.film import in_whole_blocks, pools_errors
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
@@ -107,7 +107,9 @@ def _set_up(
     camera = subject.camera
     seed, cluster = seed_number(options.seed), cluster_of(options.client, options.threads)
     region = requested = sensor_region(camera.sensor.shape, options.region)
-    if 2 <= budget.replicates < OWN_ERRORS:  # so that errors at the rim of a region have the same bits
+    if pools_errors(
+        budget.replicates, deflected=camera.diffraction is not None
+    ):  # so that errors at the rim of a region have the same bits
         region = in_whole_blocks(requested, camera.sensor.shape)
     if options.conditioning is not None:
         whole(options.conditioning, "conditioning", at_least=1, at_most=_MAX_CONDITIONED)

@@ -163,7 +163,7 @@ def _draw_source(sources, first, p, point, wavelength, random):
 
 @device
 def _apply_weight(ray, i, details, chosen, weights):
-    """Multiply the weight of a deflected path by that of openings, or of gaps."""
+    """Multiply the weight of a deflected path by that of the opening or the gap; see `_sample_source`."""
     through_gap = False
     if details is not None:
         through_gap = details[chosen].clip < 0.0
