@@ -91,8 +91,8 @@ light_in_a_liquid scene/materials/kernels/absorption.py: rendering/integrator sc
 - row_vector(rows, i, NORMAL)) < 0.0:
 + row_vector(rows, i, NORMAL)) > 0.0:
 pooled_error rendering/film.py: rendering/test_film.py rendering/test_standard_error.py
-- pooled = (independent + _BLOCK_WEIGHT * block_mean) / (1.0 + _BLOCK_WEIGHT) * (between / within)[..., None]
-+ pooled = (independent + _BLOCK_WEIGHT * block_mean) * (between / within)[..., None]
+- pooled = (independent + _BLOCK_WEIGHT * block_mean) / (1.0 + _BLOCK_WEIGHT) * reduction[..., None]
++ pooled = (independent + _BLOCK_WEIGHT * block_mean) * reduction[..., None]
 expected_with_noise core/relative_error.py: rendering/test_rare_light.py core/test_relative_error.py
 - signal_variance = np.maximum(between - diagonal_sums(noise) / divisor, 0.0)
 + signal_variance = np.maximum(between, 0.0)

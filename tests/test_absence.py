@@ -204,8 +204,8 @@ NUMBERS, PLACES, INDICES = map(_example, ("i8[::1]", "i4[::1]", "i8[:,::1]"))
 SQUARE = Opening(0.5 * np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]))
 PLANE = SensorPlane(1.0, None)
 AROUND = SourcePixels(
-    *(INDICES, (0, 0), _example("i4[:,::1]"), NUMBERS, INDICES, ROWS, COLUMN, (1, 1), PLANE),
-    DeflectionRecord(far_field(SQUARE, None, np.eye(2)), COLUMN, COLUMN, np.eye(2)),
+    *(INDICES, (0, 0), _example("i4[:,::1]"), NUMBERS, INDICES, ROWS, _example("b1[:,::1]"), (0, 0), (1, 1), PLANE),
+    DeflectionRecord(far_field(SQUARE, None, np.eye(2)), COLUMN, COLUMN, np.eye(2), 1.0, 8, 8),
 )
 BENT = {
     "deflected": DeflectedSamples(NUMBERS, NUMBERS, None),

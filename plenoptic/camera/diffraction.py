@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plenoptic.camera.sampling.sampling_records import NEAR
+from plenoptic.camera.gaussian import paraxial_cone
+from plenoptic.camera.sampling.sampling_records import MAX_NEAR, NEAR
 from plenoptic.core.values import Floats, checked_field, flag, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.diffraction.far_field import FarField, far_field
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Opening, Walls, has_clear_gaps
-from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.lattice import Lattice, polygon_area
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.stops.polygon import PolygonStop
 from plenoptic.optics.stops.star import StarStop
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from plenoptic.camera.assembly import Assembly
     from plenoptic.camera.camera import PlenopticCamera
 
+_RINGS, _MAX_BORDER = 16, 1024
+"""Rings of microlenses around the sensor whose deflected light is followed, and most rows and columns of them."""
 _OUTLINE = 64
 """Least number of points along the edge of an iris."""
 
@@ -65,6 +68,13 @@ class DeflectionRecord(NamedTuple):
     """(2,): centre of the sensor, mm."""
     back: Floats
     """(2, 2): from mm about that centre to columns, from right to left, and rows."""
+    area: float
+    """Area in mm^2 of an opening and, if gaps are clear, its gap: the largest area of an aperture region."""
+    border: int
+    """Rows and columns around the sensor from which light is deflected into it."""
+    near: int
+    """Rows and columns up to which the pixels around a tile are computed with it: those of a gap between micro images,
+    from `NEAR` to `MAX_NEAR`."""
 
 
 class IrisRecord(NamedTuple):
@@ -131,9 +141,12 @@ def iris_record(camera: PlenopticCamera, wavelengths: tuple[float, ...]) -> Iris
     return IrisRecord(far_field(opening, None, np.eye(2) / size), np.array(wavelengths) * 1e-6, z)
 
 
-def deflection_reach(camera: PlenopticCamera) -> float:
-    """Distance in mm outside the sensor from which light can be deflected into it."""
-    return 0.0 if camera.diffraction is None or camera.microlenses is None else NEAR * camera.sensor.pixel_pitch
+def deflection_border(camera: PlenopticCamera) -> int:
+    """Rows and columns around the sensor from which deflected light is followed into it; 0 without diffraction."""
+    if camera.diffraction is None or camera.microlenses is None:
+        return 0
+    ring = max(camera.microlenses.pitches) / camera.sensor.pixel_pitch
+    return math.ceil(min(max(_RINGS * ring, NEAR), _MAX_BORDER))
 
 
 def deflection_record(
@@ -144,11 +157,16 @@ def deflection_record(
     if camera.diffraction is None or array is None:
         return None
     gaps = array.aperture is not None and has_clear_gaps(array.aperture) and array.aperture.fill_factor < 1
-    cell = array.cell_corners if gaps else None
+    cell, border = array.cell_corners if gaps else None, deflection_border(camera)
+    cone, height = paraxial_cone(camera.lens, parts.z_plane, camera.wavelength), parts.distance
+    gap = max(array.pitches) * (1.0 + cone.vergence * height) - 2.0 * cone.slope * height
     turn, shift = parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
     return DeflectionRecord(
         far_field(array.opening, cell, parts.array_turn),
         np.array(wavelengths) * 1e-6,
         shift.copy(),
         np.asarray(np.linalg.inv(turn), dtype=np.float64) / camera.sensor.pixel_pitch,
+        polygon_area(array.opening.corners if cell is None else cell),
+        border,
+        math.ceil(min(max(gap / camera.sensor.pixel_pitch, NEAR), MAX_NEAR)),
     )

@@ -187,12 +187,14 @@ class Film:
             yield slice(first, first + height)
 
     def standard_error(
-        self, one_sample: AnyFloats | None = None, *, out: NDArray[np.float32] | None = None
+        self, one_sample: AnyFloats | None = None, *, deflected: bool = False, out: NDArray[np.float32] | None = None
     ) -> NDArray[np.float32] | None:
         """Standard error of the mean, (rows, columns, channels) float32; None with fewer than two replicates.
 
         Where all replicates agree, it is the contribution of one lit sample (see `lit_sample_contribution`), at most
         `one_sample` (rows, columns), over the number of samples: a single other sample could change the mean by that.
+        With `deflected`, half the square of the contribution of one deflection (see `deflection_contribution`) is added
+        to the variance, half a path as in Jeffreys' prior of rates: in dark pixels few deflections bring light.
 
         `out` may be `between` itself if the film is no longer needed.
         """
@@ -201,9 +203,11 @@ class Film:
         error = np.empty(self.mean.shape, dtype=np.float32) if out is None else out
         for rows in self._strips():
             pixels = self._moments(rows)
-            errors = error_of_mean(
-                pixels, None if one_sample is None else lit_sample_contribution(pixels, one_sample[rows])
-            )
+            contribution = None
+            if one_sample is not None:
+                of_pixels = deflection_contribution if deflected else lit_sample_contribution
+                contribution = of_pixels(pixels, one_sample[rows])
+            errors = error_of_mean(pixels, contribution, deflected=deflected)
             error[rows] = np.where(np.isinf(errors), errors, np.minimum(errors, _LARGEST))
         return error
 
@@ -251,8 +255,12 @@ def moments(sums: Floats, counts: Floats | NDArray[np.int64], powers: Floats | N
     return Moments(mean, squares, scatter, np.float64(samples), counts.size)
 
 
-def variance(pixels: Moments) -> Floats:
-    """Squared standard error of pixels (rows, columns, channels); see `Film`. inf without degrees of freedom."""
+def variance(pixels: Moments, *, deflected: bool = False) -> Floats:
+    """Squared standard error of pixels (rows, columns, channels); see `Film`. inf without degrees of freedom.
+
+    With `deflected`, pixels above and below the mean brightness of a block are also pooled apart, and the larger
+    variance is taken: stratification reduces that of light from near and far in different ways.
+    """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         between_replicates = pixels.squares / (np.float64(1.0) * pixels.freedom * pixels.samples)
         between_replicates = np.where(np.asarray(pixels.freedom) > 0, between_replicates, np.inf)
@@ -261,10 +269,21 @@ def variance(pixels: Moments) -> Floats:
         independent = pixels.scatter / (np.float64(1.0) * (pixels.samples - 1) * pixels.samples)
         finite = np.isfinite(between_replicates) & np.isfinite(independent)
         sums = np.where(finite, between_replicates, 0.0), np.where(finite, independent, 0.0), finite & (independent > 0)
-        between, within, count = (block_sums(plane.sum(axis=-1, dtype=np.float64)) for plane in sums)
-        block_mean = np.where(independent > 0, (within / count)[..., None], 0.0)
-        pooled = (independent + _BLOCK_WEIGHT * block_mean) / (1.0 + _BLOCK_WEIGHT) * (between / within)[..., None]
+        planes = [plane.sum(axis=-1, dtype=np.float64) for plane in sums]
+        between, within, count = map(block_sums, planes)
+        block_mean, reduction = np.where(independent > 0, (within / count)[..., None], 0.0), between / within
+        if deflected:
+            light = brightness(pixels.mean)
+            bright = light > block_sums(light) / block_sums(np.ones(light.shape))
+            ratios = [block_sums(planes[0] * part) / block_sums(planes[1] * part) for part in (bright, ~bright)]
+            reduction = np.fmax(reduction, np.where(bright, *ratios))
+        pooled = (independent + _BLOCK_WEIGHT * block_mean) / (1.0 + _BLOCK_WEIGHT) * reduction[..., None]
         return np.where(finite & np.isfinite(pooled), pooled, between_replicates)
+
+
+def pools_errors(replicates: int, *, deflected: bool) -> bool:
+    """True if the standard error of a pixel is estimated from its block."""
+    return replicates >= 2 and (deflected or replicates < OWN_ERRORS)
 
 
 def in_whole_blocks(region: tuple[int, int, int, int], shape: tuple[int, int]) -> tuple[int, int, int, int]:
@@ -306,11 +325,28 @@ def lit_sample_contribution(pixels: Moments, one_sample: AnyFloats) -> Floats:
         return np.asarray(one_sample * np.where(light > 0, np.fmin(second_moment / light, 1.0), 1.0))
 
 
-def error_of_mean(pixels: Moments, one_sample: AnyFloats | None) -> Floats:
+def deflection_contribution(pixels: Moments, one_sample: AnyFloats) -> Floats:
+    """Mean contribution (rows, columns) of a deflection that brings light, from the block; at most `one_sample`.
+
+    It is the mean over the lit pixels of the same colour of a checkerboard in the block of the index of dispersion of
+    their samples, variance over mean: for rare light the contribution of one path. It is `one_sample` if all are dark.
+    """
+    light = brightness(pixels.mean)
+    lit = light > 0
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        sample_variance = pixels.squares / pixels.freedom if pixels.scatter is None else pixels.scatter / pixels.samples
+        dispersion = np.where(lit & np.isfinite(light), sample_variance.mean(axis=-1) / light, 0.0)
+        mean_dispersion = block_sums(dispersion) / block_sums(lit.astype(np.float64))
+        return np.asarray(np.fmin(mean_dispersion, one_sample))
+
+
+def error_of_mean(pixels: Moments, one_sample: AnyFloats | None, *, deflected: bool = False) -> Floats:
     """Standard error of pixels (rows, columns, channels); see `Film.standard_error`. inf without degrees of freedom."""
-    squared = variance(pixels)
+    squared = variance(pixels, deflected=deflected)
     if one_sample is None:
         return np.sqrt(squared)
     with np.errstate(divide="ignore", invalid="ignore"):
         floor = one_sample[..., None] / pixels.samples
+    if deflected:
+        return np.sqrt(squared + 0.5 * floor**2)
     return np.where(agree(pixels.mean, squared), floor, np.sqrt(squared))

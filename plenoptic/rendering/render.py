@@ -70,10 +70,10 @@ def render(  # noqa: PLR0913
         Seed of the random numbers, at least 0.
     replicates : int
         Independent scramblings of the sampling points among which the samples are divided. The standard error is
-        estimated from their variance; it is None with fewer than 2. With fewer than 8, it is pooled over blocks of
-        8 x 8 pixels of the sensor, and blocks cut by a `region` are rendered completely. With 8 and more, the error of
-        dark pixels in a cut block is that of its rendered part. At equal error, 2 replicates take up to 1.4 times the
-        time of one, 8 up to 2.8 times (docs/standard_error.md).
+        estimated from their variance; it is None with fewer than 2. With fewer than 8, or with diffraction, blocks of
+        8 x 8 pixels of the sensor share their estimates, and blocks cut by a `region` are rendered completely.
+        Otherwise the error of dark pixels in a cut block is that of its rendered part. At equal error, 2 replicates
+        take up to 1.4 times the time of one, 8 up to 2.8 times (docs/standard_error.md).
     sampler : Sampler
         ``Sampler.RANDOM`` makes all samples independent, for comparison.
     max_bounces : int

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.camera_rays import CameraRays
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels, pixel_centres
+from plenoptic.camera.sampling.diffraction_kernel import DEFLECTION_INTERVAL
 from plenoptic.camera.sampling.sampling_records import Batch, IlluminatedPixels
 from plenoptic.core.kernels.bundles import fill_status_counts
 from plenoptic.core.values import Floats
@@ -166,6 +167,8 @@ def _weights(camera: CameraRecord, illuminated: IlluminatedPixels, tile: Tile) -
     """Approximate maximum weight (rows, columns) of a pixel's samples: area of its region over distance^2."""
     weights = np.zeros(tile.pixels)
     weights[illuminated.place] = illuminated.areas / camera.sensor.plane.distance**2
+    if camera.diffraction_kernel is not None:
+        weights *= DEFLECTION_INTERVAL * camera.diffraction_kernel.remainder_share
     return weights.reshape(tile.rows, tile.columns)
 
 

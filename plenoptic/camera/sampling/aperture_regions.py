@@ -17,7 +17,9 @@ from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.diffraction import DeflectionRecord
 from plenoptic.camera.sampling.sampling_records import (
     CANDIDATE,
+    FAR,
     GROUP_SIDE,
+    MAX_NEAR,
     NEAR,
     PIECE,
     PLANE,
@@ -36,7 +38,7 @@ from plenoptic.optics.microlens.microlens_record import MICROLENS
 
 _TOGETHER = 512
 """Candidates whose rays are traced together."""
-_BORDER = NEAR // GROUP_SIDE + 1
+_BORDER = MAX_NEAR // GROUP_SIDE + 1
 """Groups on each side of the sensor."""
 _PASSES = 4
 """Most fits of a candidate's ray transfers."""
@@ -250,13 +252,14 @@ def _pixels_with_sources(
     reach = 0 if kernel is None else kernel.table.reach
     right, down = (deflection.back @ (pixels - deflection.shift).T)[:2]
     on_sensor = np.floor(np.column_stack([sensor.rows / 2 + down, sensor.columns / 2 - right])).astype(np.int64)
-    low = on_sensor.min(axis=0, initial=sensor.rows + sensor.columns) - NEAR
-    high = on_sensor.max(axis=0, initial=0) + NEAR + 1
+    near = deflection.near
+    low = on_sensor.min(axis=0, initial=sensor.rows + sensor.columns) - near
+    high = on_sensor.max(axis=0, initial=0) + near + 1
     grid = np.full(np.maximum(high - low, 0), -1, dtype=np.int32)
     in_grid = tuple((on_sensor - low).T)
     row, column = in_grid
     grid[in_grid] = np.arange(len(pixels))
-    for steps in (reach, NEAR):
+    for steps in (reach, near):
         new = np.nonzero(_dilate(grid >= 0, steps) & (grid < 0))
         grid[new] = len(row) + np.arange(len(new[0]))
         if steps == reach:
@@ -264,9 +267,7 @@ def _pixels_with_sources(
         row, column = np.append(row, new[0]), np.append(column, new[1])
     centres = _sensor_points(camera, low[0] + row + 0.5, low[1] + column + 0.5)
     regions = aperture_regions(camera, centres, sensor.pixel_cell.half, with_core=with_core)
-    areas, last = np.zeros(grid.shape), regions.first[1:] - 1
-    lit = np.diff(regions.first) > 0
-    areas[row[lit], column[lit]] = regions.pieces["area"][last[lit]]
+    first_group, lit_groups = _lit_groups(camera, low + near - FAR, high - near + FAR)
     offsets = np.arange(-reach, reach + 1)
     down, across = (part.ravel() for part in np.meshgrid(offsets, offsets, indexing="ij"))
     border = _pixel_numbers(camera, low[0] + row[len(pixels) : n_kernel], low[1] + column[len(pixels) : n_kernel])
@@ -277,13 +278,25 @@ def _pixels_with_sources(
         numbers=np.append(number, border),
         kernel_sources=grid[in_grid[0][:, None] - down, in_grid[1][:, None] + across].astype(np.int64),
         centres=centres,
-        areas=_dilate(areas, NEAR)[in_grid],
+        lit_groups=lit_groups,
+        first_group=(int(first_group[0]), int(first_group[1])),
         shape=(sensor.rows, sensor.columns),
         plane=sensor.plane,
         deflection=deflection,
     )
     place, centres = np.arange(len(pixels)), np.ascontiguousarray(pixels)
     return IlluminatedPixels(place, number, centres, regions, sensor.pixel, with_core, sources)
+
+
+def _lit_groups(
+    camera: CameraRecord, low: NDArray[np.int64], high: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """First group (row, column) and mask of the groups between two pixels that light may be aimed at, by bounds."""
+    first, end = low // GROUP_SIDE, np.maximum(-(-high // GROUP_SIDE), low // GROUP_SIDE)
+    row, column = np.meshgrid(*(np.arange(*ends) + 0.5 for ends in zip(first, end, strict=True)), indexing="ij")
+    centres = _sensor_points(camera, GROUP_SIDE * row.ravel(), GROUP_SIDE * column.ravel())
+    candidates = _candidates(camera, centres, GROUP_SIDE * float(np.hypot(*camera.sensor.pixel_cell.half)))[0]
+    return first, (np.diff(candidates.first) > 0).reshape(row.shape)
 
 
 def _pixel_numbers(camera: CameraRecord, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.int64]:

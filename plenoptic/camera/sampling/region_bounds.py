@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from plenoptic.camera.assembly import Assembly, assembly, sensor_corners
-from plenoptic.camera.diffraction import deflection_reach
+from plenoptic.camera.diffraction import deflection_border
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.sampling.sampling_records import GROUP_SIDE, Openings
 from plenoptic.core.values import Floats, read_only
@@ -192,7 +192,7 @@ def array_bounds(
     """
     a, b = rear_reach(camera.lens, parts.z_plane, wavelengths[0])
     pupil_distance = parts.z_plane - float(camera.lens.vertices[-1])
-    corners = sensor_corners(camera, parts, deflection_reach(camera))
+    corners = sensor_corners(camera, parts, deflection_border(camera) * camera.sensor.pixel_pitch)
     ratio = pupil_distance / float(corners[:, 2].min())
     sensor_radius = float(np.hypot(*parts.local_to_lens.points(corners)[:, :2].T).max())
     tilt = float(np.hypot(*parts.local_to_lens.turn[2, :2]))

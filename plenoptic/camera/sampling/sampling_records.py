@@ -18,9 +18,13 @@ if TYPE_CHECKING:
 GROUP_SIDE = 4
 """Pixels along each side of a group, for which the linear ray transfers are computed together."""
 
-NEAR = 8
-"""Rows and columns up to which a diffraction deflection counts as near: aperture regions of so many pixels around a
-tile are computed with it."""
+NEAR, MAX_NEAR = 8, 32
+"""Rows and columns up to which a diffraction deflection counts as near, at least and at most: aperture regions of so
+many pixels around a tile are computed with it."""
+
+FAR = 64
+"""Rows and columns up to which groups of pixels around a tile are known to be dark, and deflections from there drawn
+again; a multiple of `GROUP_SIDE`."""
 
 CANDIDATE = np.dtype(
     [
@@ -116,8 +120,8 @@ class Openings(NamedTuple):
 class SourcePixels(NamedTuple):
     """Pixels from which diffraction can carry light into a tile.
 
-    The tile's own pixels, then those within the reach of the diffraction kernel, then those within `NEAR` rows and
-    columns, on the sensor and around it. The regions of `IlluminatedPixels` are those of these pixels, in this order.
+    The tile's own pixels, then those within the reach of the diffraction kernel, then near ones, on the sensor and
+    around it. The regions of `IlluminatedPixels` are those of these pixels, in this order.
     """
 
     pixels: NDArray[np.int64]
@@ -132,8 +136,11 @@ class SourcePixels(NamedTuple):
     """(p, pixels): source pixels of each pixel of the tile, in the order of a `KernelTable`."""
     centres: Floats
     """(k, 2): see `pixel_centres`."""
-    areas: Floats
-    """(p,): largest area in mm^2 of the regions from which light is deflected into each pixel of the tile."""
+    lit_groups: NDArray[np.bool_]
+    """(rows, columns): False for groups of `GROUP_SIDE` pixels at which no light is aimed, up to `FAR` around the tile.
+    """
+    first_group: tuple[int, int]
+    """Row and column of the first of these groups."""
     shape: tuple[int, int]
     """Rows and columns of the sensor."""
     plane: SensorPlane
@@ -189,8 +196,8 @@ class IlluminatedPixels(NamedTuple):
     @property
     def areas(self) -> Floats:
         """(p,): upper bound on the area of each pixel's region in mm^2."""
-        if self.sources is not None:
-            return self.sources.areas
+        if self.sources is not None:  # deflected light can come from anywhere
+            return np.full(self.place.size, self.sources.deflection.area)
         # The column before the rows: picking whole rows of a structured array takes two hundred times as long.
         return np.asarray(self.regions.pieces["area"][self.regions.first[1:] - 1])
 

@@ -23,7 +23,7 @@ from plenoptic.rendering.estimation.decisions import mean_samples, predicted_sam
 from plenoptic.rendering.estimation.memory import resident_bytes
 from plenoptic.rendering.estimation.pilot import PilotRun, Region, pilot_tiles, run_pilot
 from plenoptic.rendering.exposure_files import texts_of
-from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
+from plenoptic.rendering.film import in_whole_blocks, pools_errors
 from plenoptic.rendering.plan.stages import Plan, Subject
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
@@ -215,7 +215,7 @@ class _Pilots:
     def __init__(self, context: RenderContext, subject: Subject, budget: Budget, region: Region, threads: int) -> None:
         self.context, self.subject, self.budget, self.threads = context, subject, budget, threads
         self.asked_pixels = (region[1] - region[0]) * (region[3] - region[2])
-        pooled = 2 <= budget.replicates < OWN_ERRORS
+        pooled = pools_errors(budget.replicates, deflected=subject.camera.diffraction is not None)
         self.frame = frame = in_whole_blocks(region, subject.camera.sensor.shape) if pooled else region
         self.pixels = (frame[1] - frame[0]) * (frame[3] - frame[2])
         cells, shared = cells_per_pixel(context.camera), context.camera.diffraction_kernel is not None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.sampling.kernels.path_numbers import WAVELENGTH_SET
+from plenoptic.camera.sampling.kernels.path_numbers import SHUTTER_SET
 from plenoptic.camera.sampling.sampling_records import Batch
 from plenoptic.core.kernels import sobol
 from plenoptic.core.values import Floats, read_only
@@ -14,9 +14,6 @@ from plenoptic.scene.geometry.accel import Intersector
 from plenoptic.scene.geometry.geometry_records import INSTANCE_DISTANCE, Hits
 from plenoptic.scene.geometry.moving import MovingTriangles
 from plenoptic.scene.scene_record import SceneRecord
-
-SHUTTER_SET = WAVELENGTH_SET + 1
-"""Sampling set of the times, after those of all bounces and of wavelengths."""
 
 
 class MovingPaths:

@@ -89,7 +89,7 @@ def exposure_of(
     if counts is not None:
         mark_unknown(progress.truth, counts == 0)
     zero_variance = _zero_variance_pixels(progress, counts)
-    error = film.standard_error(progress.one_sample, out=film.between)
+    error = film.standard_error(progress.one_sample, deflected=progress.region.deflected, out=film.between)
     film.between = film.within = None
     image, errors = _crop(film.mean, crop), None if error is None else _crop(error, crop)
     truth = {name: _crop(array, crop) for name, array in progress.truth.items()}

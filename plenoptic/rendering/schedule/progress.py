@@ -34,6 +34,8 @@ class FilmRegion(NamedTuple):
     """Sensitive fraction of a pixel: sums are of radiance on that part."""
     radiance: float
     """Approximate maximum radiance of the scene."""
+    deflected: bool
+    """True if microlenses diffract light."""
     crop: tuple[slice, slice] = (slice(None), slice(None))
     """Requested part of the film: errors are pooled over blocks, and the blocks at its rim are rendered completely."""
 
@@ -210,7 +212,7 @@ class Progress:
 
     def _errors(self) -> NDArray[np.float32] | None:
         """Standard errors, nan for tiles without samples; None without errors."""
-        errors = self.film.standard_error(self.one_sample)
+        errors = self.film.standard_error(self.one_sample, deflected=self.region.deflected)
         if errors is None or not self.done.any():
             return None
         if self.film.sample_counts is not None:

@@ -22,7 +22,7 @@ from plenoptic.errors import BlackImageWarning, BudgetWarning
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.crop import samples_text
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.film import OWN_ERRORS, in_whole_blocks
+from plenoptic.rendering.film import in_whole_blocks, pools_errors
 from plenoptic.rendering.plan.scene_stages import is_dark
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import Budget
@@ -107,7 +107,9 @@ def _set_up(
     camera = subject.camera
     seed, cluster = seed_number(options.seed), cluster_of(options.client, options.threads)
     region = requested = sensor_region(camera.sensor.shape, options.region)
-    if 2 <= budget.replicates < OWN_ERRORS:  # so that errors at the rim of a region have the same bits
+    if pools_errors(
+        budget.replicates, deflected=camera.diffraction is not None
+    ):  # so that errors at the rim of a region have the same bits
         region = in_whole_blocks(requested, camera.sensor.shape)
     if options.conditioning is not None:
         whole(options.conditioning, "conditioning", at_least=1, at_most=_MAX_CONDITIONED)
@@ -218,7 +220,7 @@ def progress_of(
 ) -> Progress:
     """Progress of a render that has not begun."""
     first_row, end_row, first_column, end_column = region
-    shape = (end_row - first_row, end_column - first_column)
+    shape, camera = (end_row - first_row, end_column - first_column), context.camera
     radiance = 1.0
     if context.scene is not None:
         from plenoptic.scene.scene_record import brightest_radiance
@@ -228,9 +230,9 @@ def progress_of(
         tiles,
         (*shape, context.channels),
         budget,
-        FilmRegion(first_row, first_column, context.camera.sensor.fill_factor, radiance, crop),
+        FilmRegion(first_row, first_column, camera.sensor.fill_factor, radiance, camera.deflection is not None, crop),
         empty_truth(available, shape),
-        status_codes(context.camera),
+        status_codes(camera),
         counted=counted,
         begin=begin,
     )

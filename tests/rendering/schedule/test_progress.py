@@ -137,7 +137,9 @@ def result(tile: Tile, sums: np.ndarray, first: int, samples: int) -> TileResult
 
 def progress(tiles: list[Tile], shape: tuple[int, int], target: float, samples: int | None = None) -> Progress:
     budget = Budget(samples, None, target, REPLICATES)
-    return Progress(tiles, (*shape, 1), budget, FilmRegion(0, 0, 1.0, 1e-9), {}, 8, counted=True, begin=(0.0, 0.0))
+    return Progress(
+        tiles, (*shape, 1), budget, FilmRegion(0, 0, 1.0, 1e-9, deflected=False), {}, 8, counted=True, begin=(0.0, 0.0)
+    )
 
 
 def noisy(colour: int, samples: int, value: float = 1.0) -> np.ndarray:
@@ -303,7 +305,7 @@ def test_the_bar_shows_how_much_is_left(monkeypatch, capsys):
     said = capsys.readouterr().err
     assert "interrupted, ending" in said and "left" not in said
     # With a time limit, 20 s of which were spent before.
-    budget, region = Budget(None, 50.0, None, 8), FilmRegion(0, 0, 1.0, 1.0)
+    budget, region = Budget(None, 50.0, None, 8), FilmRegion(0, 0, 1.0, 1.0, deflected=False)
     state = Progress([TILE], (2, 2, 1), budget, region, {}, 8, counted=True, begin=(0.0, 0.0))
     _, later = began(state, clock[0] - 20.0)
     later(5.0)

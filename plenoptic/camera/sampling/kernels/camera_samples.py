@@ -18,7 +18,7 @@ from plenoptic.camera.sampling.kernels.unvignetted_core import (
     set_aimed_ray,
     split_region,
 )
-from plenoptic.camera.sampling.sampling_records import NEAR
+from plenoptic.camera.sampling.sampling_records import FAR, GROUP_SIDE
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BENT_IN, BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
@@ -39,8 +39,12 @@ from plenoptic.optics.microlens.kernels.to_lens import at_wavelength
 
 _FEW = 8
 """Pieces among which a linear search is faster than bisection."""
-_UNSET, _OUTSIDE, _DISTANT = -3, -2, -1
-"""In place of the index of a source pixel: none yet; too far outside the sensor; farther than `NEAR`."""
+_UNSET, _OUTSIDE, _DARK, _DISTANT = -4, -3, -2, -1
+"""In place of the index of a source pixel: none yet; too far outside the sensor; no light is aimed there; farther than
+`DeflectionRecord.near`."""
+_LIT_DRAWS, _MAX_DRAWS, _DRAWS = 4, 16, 100
+"""Deflections from lit places that are drawn for a path, most deflections in all, and the first of the numbers that
+distinguish them."""
 
 
 @device
@@ -98,11 +102,38 @@ def _is_constant(pieces, low, high):
 
 
 @device
-def _sample_source(sources, p, point, wavelength, random):
+def _sample_source(sources, first, p, point, wavelength, path):
+    """Draw deflections by diffraction of light that arrives at a point of pixel p, until k have light aimed there.
+
+    Returns the first one with light, see `_draw_source`, or the last one if all are dark. The weights are times an
+    unbiased estimate of the probability of light: (k - 1) / (n - 1) if draw n is the k-th one with light, and the
+    fraction of draws with light if fewer than k have it (M. A. Girshick, F. Mosteller and L. J. Savage, Annals of
+    Mathematical Statistics 17, 13 (1946)). `path` is the key of the deflections and the index of the path.
+    """
+    key, index = path
+    aimed, source, weights, fraction, n_lit = point, _DARK, (0.0, 0.0), 0.0, 0
+    for n in range(1, _MAX_DRAWS + 1):
+        point_index = set_index(index, key, DEFLECTION_SET)
+        random = sample(point_index, 0, key), sample(point_index, 1, key)
+        draw = _draw_source(sources, first, p, point, wavelength, random)
+        lit = draw[1] == _DISTANT or draw[1] >= 0
+        if n_lit == 0:
+            aimed, source, weights = draw
+        n_lit += 1 if lit else 0
+        fraction = n_lit / n
+        if n_lit == _LIT_DRAWS:
+            fraction = (_LIT_DRAWS - 1.0) / (n - 1)
+            break
+        key = mix(path[0], np.uint64(_DRAWS + n))
+    return aimed, source, (fraction * weights[0], fraction * weights[1])
+
+
+@device
+def _draw_source(sources, first, p, point, wavelength, random):
     """Draw the deflection by diffraction of light that arrives at a point of pixel p.
 
-    Returns the point at which the light was aimed, the index of its source pixel (or _DISTANT or _OUTSIDE), and the
-    weights of paths through openings and through gaps.
+    Returns the point at which the light was aimed, the index of its source pixel (or _DISTANT, _DARK or _OUTSIDE), and
+    the weights of paths through openings and through gaps.
     """
     frame = sources.deflection
     h = sources.plane.distance
@@ -115,17 +146,28 @@ def _sample_source(sources, p, point, wavelength, random):
     column = 0.5 * columns - (frame.back[0, 0] * dx + frame.back[0, 1] * dy)
     row = 0.5 * rows + (frame.back[1, 0] * dx + frame.back[1, 1] * dy)
     source = _OUTSIDE
-    if -NEAR <= row < rows + NEAR and -NEAR <= column < columns + NEAR:
+    border = frame.border
+    if -border <= row < rows + border and -border <= column < columns + border:
         source, i, j = _DISTANT, math.floor(row), math.floor(column)
-        if abs(i - sources.pixels[p, 0]) <= NEAR and abs(j - sources.pixels[p, 1]) <= NEAR:
+        distance = max(abs(i - sources.pixels[p, 0]), abs(j - sources.pixels[p, 1]))
+        if distance <= frame.near:
             source = sources.grid[i - sources.corner[0], j - sources.corner[1]]
+            if first[source] == first[source + 1]:
+                source = _DARK
+        elif distance <= FAR:
+            i, j = i // GROUP_SIDE - sources.first_group[0], j // GROUP_SIDE - sources.first_group[1]
+            if not sources.lit_groups[i, j]:
+                source = _DARK
     return (x, y), source, (opening_weight, gap_weight)
 
 
 @device
-def _apply_weight(ray, i, lens, weights):
-    """Multiply the weight of a deflected path by that of openings, or of gaps."""
-    ray[WEIGHT + i] *= weights[1] if lens.clip < 0.0 else weights[0]
+def _apply_weight(ray, i, details, chosen, weights):
+    """Multiply the weight of a deflected path by that of the opening or the gap; see `_sample_source`."""
+    through_gap = False
+    if details is not None:
+        through_gap = details[chosen].clip < 0.0
+    ray[WEIGHT + i] *= weights[1] if through_gap else weights[0]
 
 
 @device
@@ -232,11 +274,10 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
             previous_source, source = source, p
             if sources is not None:
                 # The point at which its light was aimed, before diffraction.
-                point = set_index(batch.first_index + index + k, deflection_key, DEFLECTION_SET)
                 wavelength = at_wavelength(sources.deflection.wavelengths, deflected.waves, at)
-                u_deflection = sample(point, 0, deflection_key), sample(point, 1, deflection_key)
-                on_sensor, source, weights = _sample_source(sources, p, on_sensor, wavelength, u_deflection)
-                if source < 0 or first[source] == first[source + 1]:
+                path_key = deflection_key, batch.first_index + index + k
+                on_sensor, source, weights = _sample_source(sources, first, p, on_sensor, wavelength, path_key)
+                if source < 0:
                     _set_lost(ray, i, BENT_IN if source == _OUTSIDE else MISSED)
                     if core is not None:
                         _set_lost(core[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], i, 0.0)
@@ -271,8 +312,10 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
                 chosen = _aim_varying(ray, i, (polygon, counts, areas), regions, region, start_point, random)
             if details is not None:
                 lenslets[at] = details[chosen]
-                if sources is not None:
-                    _apply_weight(ray, i, details[chosen], weights)
+            if sources is not None:
+                _apply_weight(ray, i, details, chosen, weights)
+                if core is not None:
+                    _apply_weight(core_ray, i, details, chosen, weights)
             if illuminated.kernel is not None:
                 wavelength, through_gap = at_wavelength(illuminated.kernel.wavelengths, deflected.waves, at), False
                 if details is not None:
@@ -300,7 +343,7 @@ def fill_distant_samples(blocks, lenslets, distant, regions):
         chosen = aim_sample(ray, i, regions, region, (start, (0.0, 0.0)), random)
         if details is not None:
             lenslets[distant[k]] = details[chosen]
-            _apply_weight(ray, i, details[chosen], weights)
+        _apply_weight(ray, i, details, chosen, weights)
 
 
 @kernel

@@ -6,7 +6,9 @@ from plenoptic.core.numba.jit import device
 
 WAVELENGTH_SET = 1 << 20
 """Set of sampling points for wavelengths: above those of all bounces."""
-DEFLECTION_SET = WAVELENGTH_SET + 1
+SHUTTER_SET = WAVELENGTH_SET + 1
+"""Set of sampling points for times during the exposure."""
+DEFLECTION_SET = WAVELENGTH_SET + 2
 """Set of sampling points for diffraction deflections."""
 
 

@@ -12,7 +12,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.beam import ImagedPoint
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.waves.wavefront import rays_to_sphere
+from plenoptic.optics.lens.waves.sphere_rays import rays_to_sphere
 
 _COARSE, _DEGREE = 24, 8
 """Rays across the iris for the fit of iris points against direction cosines, and the degree of its polynomials."""

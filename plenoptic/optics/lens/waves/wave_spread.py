@@ -13,8 +13,10 @@ from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, checked_shape, choice, coefficients, length_in_mm, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.placement import rotation_about_axes
+from plenoptic.optics.lens.pupil.beam import ImagedPoint
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.waves.even_field import EvenField, checked_shares, even_field
+from plenoptic.optics.lens.waves.pupil_rule import pupil_rule, strehl_ratios
 from plenoptic.optics.lens.waves.wavefront import aberrated_point, excess_path, huygens_sum
 
 MOST_PIXELS, MOST_GRID = 1 << 20, 512
@@ -53,6 +55,9 @@ class WaveSpread:
         Fraction of the light outside the picture.
     perfect : float
         Value of the pixel at the image point without aberrations.
+    strehl, strehl_error : float
+        Strehl ratio: intensity at `centre` over that without aberrations, as `Wavefront.strehl` of each wavelength, and
+        its error. The brightest pixel, which may lie elsewhere, is image.max() / perfect.
     method : SpreadMethod
     pixel_size : float
         mm.
@@ -67,6 +72,8 @@ class WaveSpread:
     image: Floats
     outside: float
     perfect: float
+    strehl: float
+    strehl_error: float
     method: SpreadMethod
     pixel_size: float
     centre: Floats
@@ -75,11 +82,6 @@ class WaveSpread:
     z_object: float
     z_image: float
     wavelengths: tuple[float, ...]
-
-    @property
-    def strehl(self) -> float:
-        """Strehl ratio: the brightest pixel over `perfect`."""
-        return float(self.image.max() / self.perfect)
 
     def __repr__(self) -> str:
         rows, columns = self.image.shape
@@ -145,7 +147,7 @@ def wave_spread(  # noqa: PLR0913
     >>> import plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0))
     >>> pl.aberrations.wave_spread(lens)
-    <WaveSpread: 65 x 65 pixels of 1.711 um by FOURIER, Strehl 0.808, 1.1 % outside>
+    <WaveSpread: 65 x 65 pixels of 1.711 um by FOURIER, Strehl 0.807, 1.1 % outside>
     """
     point = aberrated_point(lens, field, z_object, z_image, wavelength)
     shares = checked_shares(weights, point.wavelengths)
@@ -172,22 +174,40 @@ def wave_spread(  # noqa: PLR0913
         chosen = SpreadMethod.FOURIER if near else SpreadMethod.HUYGENS
     elif chosen is SpreadMethod.FOURIER and any(turned):
         raise InvalidValueError("FOURIER needs an untilted image plane; leave out tilt or method")
-    image, perfect = np.zeros((rows, columns)), 0.0
-    for one_field, weight_of_field in zip(fields, shares, strict=True):
+    image, perfect, ratios = np.zeros((rows, columns)), 0.0, np.zeros(2)
+    for one_field, weight_of_field, wave in zip(fields, shares, point.wavelengths, strict=True):
         scale = weight_of_field * size**2 / _whole_light(one_field, turn[:, 2])
         light = _fourier if chosen is SpreadMethod.FOURIER else _huygens
         image += scale * np.abs(light(one_field, places - one_field.image)) ** 2
-        perfect += scale * float(np.abs(one_field.values).sum()) ** 2
+        largest = scale * float(np.abs(one_field.values).sum()) ** 2
+        perfect += largest
+        ratios += largest * _strehl_ratios(lens, point, one_field, wave, fields[0].image - one_field.image)
     return WaveSpread(
         image=image,
         outside=max(1.0 - float(image.sum()), 0.0),
         perfect=perfect,
+        strehl=float(ratios[0] / perfect),
+        strehl_error=float(np.ptp(ratios) / perfect),
         method=chosen,
         pixel_size=size,
         centre=np.array(fields[0].image),
         tilt=(turned[0], turned[1]),
         **point.result_fields,
     )
+
+
+def _strehl_ratios(lens: LensStack, point: ImagedPoint, field: EvenField, wavelength: float, at: Floats) -> Floats:
+    """Strehl ratios (2,) at a point (3,) from the image, by a rule and a coarser one; nan for the latter without them.
+
+    Without rules, for light in several parts of the iris, the first is that of the grid.
+    """
+    rule = pupil_rule(lens, point, wavelength)
+    if rule is None:
+        lit = np.isfinite(field.opd)
+        light = field.values[lit] / np.abs(field.values[lit]).sum()
+        return np.array([abs(huygens_sum(light, field.toward[lit], field.radius, field.wave, at)) ** 2, math.nan])
+    excess = excess_path(rule.rays.toward, rule.rays.radius, at) / field.wave
+    return strehl_ratios(np.where(rule.amplitude.any(axis=1), rule.rays.opd - excess, 0.0), rule.amplitude)
 
 
 def _places(rows: int, columns: int, size: float) -> Floats:

@@ -5,26 +5,22 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.display import picture_of
-from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, frozen_array, result, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.best_focus import imaged_point
-from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.optical_path import paths_of_part
 from plenoptic.optics.lens.pupil.beam import ImagedPoint, field_text
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.waves.pupil_rule import pupil_rule, strehl_ratios
+from plenoptic.optics.lens.waves.sphere_rays import rays_to_sphere
 from plenoptic.optics.lens.waves.zernike_fit import ZernikeFit, ZernikeOrder, fit_zernike, zernike
 
-_STEP = 1e-4
-"""Spacing of neighbouring rays for difference quotients, in units of the iris's semi-diameter."""
 _REMOVABLE = {"piston": (1,), "tilt": (2, 3), "defocus": (4,)}
 
 
@@ -57,6 +53,10 @@ class Wavefront:
         Planes in the lens frame, mm.
     wavelength : float
         nm.
+    rule : (k, 5) array
+        Rays of two quadrature rules over the iris, from which the Strehl ratio is computed: x and y as in `pupil`, path
+        difference, and their amplitudes in either rule. Without rays if `pupil` is given, or if light passes through
+        several parts of a radius of the iris.
     """
 
     pupil: Floats
@@ -70,6 +70,7 @@ class Wavefront:
     z_object: float
     z_image: float
     wavelength: float
+    rule: Floats
 
     @property
     def rms(self) -> float:
@@ -85,9 +86,18 @@ class Wavefront:
     def strehl(self) -> float:
         """Strehl ratio: intensity at the image point over that of an aberration-free wavefront of the same amplitudes.
 
-        After `without("piston", "tilt")` it is nearly that of the brightest point of the image plane.
+        Integrated by Gauss's rule along radii of the iris, up to the end of the light on each, and by the trapezoidal
+        rule over their angles. After `without("piston", "tilt")` it is nearly that of the brightest point of the image
+        plane.
         """
-        return float(abs(self.amplitude @ np.exp(2j * math.pi * self.opd)) ** 2)
+        if not len(self.rule):
+            return float(abs(self.amplitude @ np.exp(2j * math.pi * self.opd)) ** 2)
+        return float(strehl_ratios(self.rule[:, 2], self.rule[:, 3:])[0])
+
+    @property
+    def strehl_error(self) -> float:
+        """Error of `strehl`: its difference from half the angles and radii, or nan if it is the sum over `pupil`."""
+        return float(np.ptp(strehl_ratios(self.rule[:, 2], self.rule[:, 3:]))) if len(self.rule) else math.nan
 
     def without(self, *parts: str) -> Wavefront:
         """The same wavefront minus its "piston", "tilt" or "defocus", from a joint fit of all three over the iris."""
@@ -99,7 +109,9 @@ class Wavefront:
         coefficients = self.zernike(4).coefficients.copy()
         removed = {term for part in parts for term in _REMOVABLE[part]}
         coefficients[[j for j in range(4) if j + 1 not in removed]] = 0.0
-        return dataclasses.replace(self, opd=self.opd - _sum(coefficients, self.pupil))
+        rule = self.rule.copy()
+        rule[:, 2] -= _sum(coefficients, rule[:, :2])
+        return dataclasses.replace(self, opd=self.opd - _sum(coefficients, self.pupil), rule=rule)
 
     def zernike(self, terms: int = 37, *, order: ZernikeOrder = ZernikeOrder.NOLL) -> ZernikeFit:
         """Least-squares fit of Zernike polynomials to the optical path differences, over the circle of the iris.
@@ -212,7 +224,7 @@ def wavefront(
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(semi_diameter=6.0))
     >>> wave = pl.aberrations.wavefront(lens)
     >>> wave
-    <Wavefront: 3228 rays from (0, 0) rad at 587.6 nm, RMS 0.0736 waves, peak to valley 0.243, Strehl 0.805>
+    <Wavefront: 3228 rays from (0, 0) rad at 587.6 nm, RMS 0.0736 waves, peak to valley 0.243, Strehl 0.807>
     >>> wave.without("defocus").rms < wave.rms
     True
     """
@@ -224,6 +236,7 @@ def wavefront(
     if not len(passes):
         raise InvalidValueError(f"no ray from the field {point.field} passes the lens; give a smaller field")
     amplitude = np.sqrt(to_sphere.light * to_sphere.solid_angle)[passes]
+    rule = None if pupil is not None else pupil_rule(lens, point, wave)
     return Wavefront(
         pupil=samples[passes],
         opd=to_sphere.opd[passes],
@@ -236,6 +249,7 @@ def wavefront(
         z_object=point.z_object,
         z_image=point.z_image,
         wavelength=wave,
+        rule=np.zeros((0, 5)) if rule is None else np.column_stack([rule.pupil, rule.rays.opd, rule.amplitude]),
     )
 
 
@@ -249,79 +263,3 @@ def aberrated_point(
             f"the model of the lens is {lens.model.name}, which has no aberrations; use LensModel.EXACT"
         )
     return point
-
-
-class SphereRays(NamedTuple):
-    """Intersections with the reference sphere of rays from one object point through points of the iris; nan if lost."""
-
-    opd: Floats
-    """(n,), waves."""
-    light: Floats
-    """(n,): relative light per unit area of the iris."""
-    solid_angle: Floats
-    """(n,): solid angle per unit area of the iris, seen from the image point."""
-    toward: Floats
-    """(n, 3): unit vectors from the image point."""
-    slopes: Floats
-    """(n, 2, 2): Jacobian of x and y of `toward` by x and y of the iris."""
-    middle: Floats
-    """(3,): `toward` of the chief ray."""
-    image: Floats
-    radius: float
-    refractive_index: float
-
-
-def rays_to_sphere(lens: LensStack, point: ImagedPoint, wavelength: float, pupil: Floats) -> SphereRays:
-    """Trace rays through points (n, 2) of the iris, each with two neighbours, to the reference sphere."""
-    n, steps = len(pupil), _STEP * np.eye(2)
-    points = np.concatenate([pupil, pupil + steps[0], pupil + steps[1], np.zeros((1, 2))])
-    entering = point.rays(lens, points, wavelength)
-    # Solid angles need the neighbours of a ray even if they are vignetted, and path differences need the chief ray even
-    # if the centre of the iris is obscured.
-    behind, path = paths_of_part(lens, entering, 0, len(lens.elements) - 1, clipping=False)
-    if behind.status[-1] != 0:
-        raise InvalidValueError(f"there is no chief ray from the field {point.field}; give a smaller field")
-    chief = behind.selected(np.arange(len(points)) == 3 * n)
-    image, index = chief.at_z(point.z_image)[0], float(lens.indices(wavelength)[-1])
-    exit_pupil = cardinal_points(lens, wavelength).exit_pupil
-    radius = math.inf if math.isinf(exit_pupil) else float((image[2] - exit_pupil) / chief.direction[0, 2])
-    lengths, toward = to_sphere(behind, path, image, radius, index)
-    passing = lens.trace(entering.selected(np.arange(len(points)) < n))
-    finite_object = math.isfinite(point.z_object)
-    light = _area(entering.direction if finite_object else entering.origin, n)
-    if finite_object:
-        light = light * np.abs(entering.direction[:n, 2])
-    xy = toward[: 3 * n, :2].reshape(3, n, 2)
-    return SphereRays(
-        opd=np.where(passing.status == 0, (lengths[-1] - lengths[:n]) / (1e-6 * wavelength), np.nan),
-        light=light * passing.weight,
-        solid_angle=_area(toward, n),
-        toward=toward[:n],
-        slopes=np.stack([xy[1] - xy[0], xy[2] - xy[0]], axis=2) / _STEP,
-        middle=toward[-1],
-        image=image,
-        radius=radius,
-        refractive_index=index,
-    )
-
-
-def _area(vectors: Floats, n: int) -> Floats:
-    """(n,): areas spanned by vectors (3 n, 3) of iris points and their two neighbours, over the squared step."""
-    one, right, up = vectors[:n], vectors[n : 2 * n], vectors[2 * n : 3 * n]
-    return np.asarray(np.linalg.norm(np.cross(right - one, up - one), axis=1)) / _STEP**2
-
-
-def to_sphere(behind: RayBundle, path: Floats, image: Floats, radius: float, index: float) -> tuple[Floats, Floats]:
-    """Optical paths (n,) to a sphere around an image point, relative to a ray through that point, and their end points.
-
-    `path` are the optical paths to the origins of `behind`; the end points are unit vectors (n, 3) from the image.
-    """
-    away = behind.origin - image
-    along = (away * behind.direction).sum(axis=1)
-    across = away - along[:, None] * behind.direction
-    h2 = (across**2).sum(axis=1)
-    if math.isinf(radius):
-        return path - index * along, -behind.direction
-    with np.errstate(invalid="ignore"):
-        more = h2 / (radius + math.copysign(1.0, radius) * np.sqrt(radius**2 - h2))
-    return path - index * (along - more), (across - (radius - more)[:, None] * behind.direction) / radius

@@ -123,21 +123,6 @@ def test_colours_add_up_where_each_has_its_image():
     np.testing.assert_allclose(middle(both.image), expected, atol=0.3)
 
 
-def test_strehl_of_small_aberrations_is_that_of_their_variance():
-    """exp(-(2 pi sigma)^2) to the fourth power of the phase (Marechal, Mahajan 1983), of a real lens out of focus."""
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(3.0))
-    best = pl.paraxial.cardinal_points(lens).rear_focus
-    shifts = np.linspace(0, 0.4, 9)
-    rms = [wavefront(lens, z_image=best + shift).rms for shift in shifts]
-    shift = float(np.interp(0.05, rms, shifts))
-    found = wavefront(lens, z_image=best + shift)
-    phase = 2 * math.pi * found.rms
-    spread = wave_spread(lens, z_image=best + shift, shape=(9, 9))
-    expected = math.exp(-(phase**2))
-    assert spread.image[4, 4] / spread.perfect == pytest.approx(expected, abs=phase**4 + 1e-3)
-    assert found.strehl == pytest.approx(expected, abs=phase**4)
-
-
 def test_a_grid_too_coarse_says_so():
     lens = perfect(pl.CircularStop(10.0))
     plane = pl.paraxial.cardinal_points(lens).rear_focus + 20.0

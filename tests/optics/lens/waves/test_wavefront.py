@@ -156,3 +156,53 @@ def test_what_has_no_wavefront_says_so():
     ):
         with pytest.raises(InvalidValueError, match=text):
             call()
+
+
+def strehl_on_the_axis(wave, area):
+    """Integral over weights `area` at points r^2 of polynomials in r^2 through path differences and amplitudes."""
+    r2 = (wave.pupil**2).sum(axis=1)
+    opd, amplitude = (np.polynomial.Polynomial.fit(r2, values, 9) for values in (wave.opd, wave.amplitude))
+    light = amplitude(area[0]) * area[1]
+    return float(abs(light @ np.exp(2j * math.pi * opd(area[0]))) ** 2 / light.sum() ** 2)
+
+
+def test_strehl_ratios_are_integrals_over_the_iris_to_1e_4():
+    """On the axis over r^2, of a disc and, by triangles, of a hexagon; off it, where the lens clips, by a fine grid."""
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    u, v = np.meshgrid(0.5 * (nodes + 1), 0.5 * (nodes + 1), indexing="ij")
+    # From the centre to a half side: x up to the inradius, y up to x tan 30 deg.
+    side = 0.75 * u**2 * (1 + v**2 / 3), np.outer(weights, weights) * u
+    areas = {pl.CircularStop(7.0): (0.5 * (nodes + 1), weights)}
+    areas[pl.PolygonStop(6, 7.0)] = tuple(part.ravel() for part in side)
+    for stop, area in areas.items():
+        wave = wavefront(lens.with_stop(stop))
+        spread = pl.aberrations.wave_spread(lens.with_stop(stop), shape=(9, 9))
+        expected = strehl_on_the_axis(wavefront(lens.with_stop(pl.CircularStop(7.0))), area)
+        assert 0.45 < expected < 0.75
+        assert (wave.strehl, spread.strehl) == pytest.approx((expected, expected), abs=5e-5)
+        assert abs(wave.strehl - expected) < wave.strehl_error + 1e-6 < 1e-4
+        assert spread.strehl_error == pytest.approx(wave.strehl_error, abs=1e-9)
+        assert spread.image[4, 4] / spread.perfect == pytest.approx(expected, abs=0.005)  # cells at the edge
+    where = {"field": (0.0, 0.24)}
+    clipped = lens.with_stop(pl.CircularStop(5.0))
+    wave, fine = wavefront(clipped, **where), wavefront(clipped, pupil=pl.aiming.square_grid(400), **where)
+    assert wave.strehl == pytest.approx(fine.strehl, abs=3e-4) and wave.strehl_error < 1e-4
+    assert math.isnan(fine.strehl_error)
+    assert wave.without("tilt").strehl == pytest.approx(fine.without("tilt").strehl, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "name, semi_diameter, field, noll, fringe",
+    [
+        ("double-gauss-100mm-f2", 12, (0.05, 0.15), (-0.583978, 0.778641, -0.060373), (1.907234, -1.430425, -0.056920)),
+        ("cooke-triplet-50mm-f5", 3, (0.0, 0.2), (0.0, 0.277593, 0.020409), (0.679961, 0.0, 0.0)),
+        ("tessar-102mm-f4.5", 8, (-0.1, 0.1), (0.369490, 0.0, 0.066792), (0.0, 0.905062, -0.188915)),
+    ],
+)
+def test_coefficients_are_those_of_prysm(name, semi_diameter, field, noll, fringe):
+    """Terms 5 to 7 by prysm 0.21.1: `zernike_nm` of its terms 1 to 36, fitted to these differences by least squares."""
+    lens = pl.load_lens(name).with_stop(pl.CircularStop(semi_diameter))
+    wave = wavefront(lens, field=field, pupil=pl.aiming.square_grid(64))
+    for order, expected in ((ZernikeOrder.NOLL, noll), (ZernikeOrder.FRINGE, fringe)):
+        np.testing.assert_allclose(wave.zernike(36, order=order).coefficients[4:7], expected, rtol=0, atol=1e-6)
