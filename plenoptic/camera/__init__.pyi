@@ -7,6 +7,7 @@ from .camera import Pose as Pose
 from .design.design import CameraDesign as CameraDesign
 from .design.design import DesignStep as DesignStep
 from .design.design import design_camera as design_camera
+from .design.equations import ImageFill as ImageFill
 from .design.example import example_camera as example_camera
 from .diffraction import Diffraction as Diffraction
 from .gaussian import CameraKind as CameraKind

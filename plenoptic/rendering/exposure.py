@@ -160,7 +160,8 @@ class Exposure:
 
         Fewer than 8 pixels, and fewer than a 16th of the lit ones, carry the error; or they are so bright that others
         count as unlit: without one standard error of each pixel, the threshold of lit pixels would fall below 1/2.5 of
-        its value. None without standard error.
+        its value. Or caustics that no path may have met exceed it (`RenderStats.unmet_light`). None without standard
+        error.
 
         Examples
         --------
@@ -172,7 +173,8 @@ class Exposure:
         >>> pl.Exposure(np.ones((32, 32, 1)), standard_error=error).rare_light
         True
         """
-        return None if self._error is None else self._error.rare
+        unmet = 0.0 if self.stats is None else self.stats.unmet_light
+        return None if self._error is None else self._error.rare or (unmet > 0 and not unmet <= self._error.relative)
 
     @cached_property
     def _error(self) -> ImageError | None:

@@ -83,6 +83,9 @@ class RenderStats:
     processors : tuple of str
         Kinds of processors that rendered the image: several if a checkpoint was resumed on another one. The bits of the
         image depend on them.
+    unmet_light : float
+        Fraction of all light, in [0, 1], that caustics of small lamps may have without being met by a path: that of 8
+        paths. The plan's stage RARE_LIGHT names lamp and mesh; 0 where it does not run.
 
     Examples
     --------
@@ -108,6 +111,7 @@ class RenderStats:
     stopped_by: StopReason = StopReason.SAMPLES
     conditioning: Conditioning | None = None
     processors: tuple[str, ...] = ()
+    unmet_light: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("seconds", "cpu_seconds"):
@@ -123,10 +127,11 @@ class RenderStats:
         if isinstance(self.processors, str) or not all(isinstance(kind, str) for kind in self.processors):
             raise InvalidValueError(f"processors is {self.processors!r}; it must be a tuple of texts")
         set_field(self, "processors", tuple(self.processors))
-        fraction = finite(self.clamped, "clamped")
-        if not 0 <= fraction <= 1:
-            raise InvalidValueError(f"clamped is {fraction:g}; it must be within 0 and 1")
-        set_field(self, "clamped", fraction)
+        for name in ("clamped", "unmet_light"):
+            fraction = finite(getattr(self, name), name)
+            if not 0 <= fraction <= 1:
+                raise InvalidValueError(f"{name} is {fraction:g}; it must be within 0 and 1")
+            set_field(self, name, fraction)
         if self.paths_through_lens > self.paths:
             raise InvalidValueError(
                 f"paths_through_lens is {self.paths_through_lens}; it must be at most paths, {self.paths}"

@@ -171,8 +171,9 @@ class GroundTruth:
     state : (H, W) array of int32, optional
         A `PixelState`: dark, illuminated without a hit, with a hit, or unknown.
     object_share : (H, W) array, optional
-        Fraction of the pixel's light that comes from `object` in a scene of uniform radiance: less than 1 at edges and
-        out of focus. From 64 paths or more, to within about 0.06; nan without a hit, or if none of 4096 paths arrives.
+        Fraction of the pixel's light that comes from `object` in a scene of uniform radiance: less than 1 at edges, out
+        of focus, and behind layers of low opacity. From 64 paths or more, to within about 0.06; nan without a hit, or
+        if none of 4096 paths arrives.
 
     Raises
     ------

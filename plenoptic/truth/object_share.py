@@ -15,6 +15,7 @@ from plenoptic.core.values import Floats
 
 if TYPE_CHECKING:
     from plenoptic.scene.geometry.accel import Intersector
+    from plenoptic.scene.geometry.geometry_records import Hits
     from plenoptic.scene.scene_record import SceneRecord
 
 _SAMPLES, _MANY_SAMPLES = 64, 4096
@@ -52,7 +53,7 @@ def _sums(
     """Sums of the weights of paths that hit the objects, and of all that arrive; number of paths that arrive."""
     from plenoptic.core.kernels.bundles import fill_world_rays
     from plenoptic.core.kernels.ray_blocks import BLOCK, WEIGHT
-    from plenoptic.scene.materials.alpha_mask import no_hits, skip_transparent
+    from plenoptic.scene.materials.alpha_mask import no_hits
 
     camera = camera._replace(colour=None, dispersed=None)
     # One stream of random numbers for all pixels, so that a pixel's result does not depend on others.
@@ -69,12 +70,24 @@ def _sums(
         n_hits = fill_world_rays(rays, ray_indices, bundle, n, camera.rotation, camera.position)
         hits = no_hits(scene, n_hits)
         intersector.fill_closest(hits, rays[:n_hits])
-        if scene.alpha is not None:
-            skip_transparent(scene, intersector, rays[:n_hits], hits)
         pixel = illuminated.place[(start + ray_indices[:n_hits]) // samples]
-        assert scene.triangle_mesh is not None
-        is_object = (hits.triangle >= 0) & (scene.triangle_mesh[hits.triangle] == objects[pixel])
+        fractions = _object_fractions(scene, intersector, rays[:n_hits], hits, objects[pixel])
         weight = bundle.reshape(-1, 8, BLOCK)[:, WEIGHT // BLOCK].reshape(-1)[ray_indices[:n_hits]]
-        for total, terms in zip(sums, (weight * is_object, weight, np.ones(n_hits)), strict=True):
+        for total, terms in zip(sums, (weight * fractions, weight, np.ones(n_hits)), strict=True):
             total += np.bincount(pixel, weights=terms, minlength=len(pixels))
     return sums[0], sums[1], sums[2]
+
+
+def _object_fractions(
+    scene: SceneRecord, intersector: Intersector, rays: Floats, hits: Hits, objects: NDArray[np.integer]
+) -> Floats:
+    """Fractions (n,) of the light of rays (n, 6) that come from objects (n,), each through the layers before it."""
+    from plenoptic.scene.materials.alpha_mask import follow_layers
+
+    assert scene.triangle_mesh is not None
+    if scene.alpha is None:
+        return np.asarray(((hits.triangle >= 0) & (scene.triangle_mesh[hits.triangle] == objects)).astype(np.float64))
+    fractions = np.zeros(len(rays))
+    for which, triangle, fraction in follow_layers(scene, intersector, rays, hits):
+        fractions[which] += fraction * (scene.triangle_mesh[triangle] == objects[which])
+    return fractions

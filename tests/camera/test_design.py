@@ -1,4 +1,5 @@
 import math
+import re
 from itertools import pairwise
 
 import pytest
@@ -20,8 +21,8 @@ RMS = pl.FocusCriterion.RMS_SPOT
 PLAIN = {"kind": GALILEAN, "z": -404.0, "pitch": 0.217, "focal_length": 2.0, "virtual_depth": 4.0}
 
 
-def design(lens=LENS, **targets):
-    return design_camera(lens, sensor=SENSOR, **targets)
+def design(lens=LENS, *, image_fill=1.0, **targets):
+    return design_camera(lens, sensor=SENSOR, image_fill=image_fill, **targets)
 
 
 def test_reports_of_designs_state_the_targets():
@@ -138,7 +139,8 @@ def test_micrometre_lenses_and_kilometres():
         surfaces = front, pl.Surface(-80.0 * scale, semi_diameter=12.0 * scale)
         lens = pl.LensStack([pl.CircularStop(4.0 * scale, thickness=1.0 * scale), *surfaces])
         targets = {"z": -1e6 * scale, "pitch": 0.2 * scale, "focal_length": 2.0 * scale, "virtual_depth": 3.0}
-        result = design_camera(lens, sensor=pl.Sensor((100, 100), 1e-2 * scale), kind=GALILEAN, **targets)
+        targets |= {"kind": GALILEAN, "image_fill": 1.0}
+        result = design_camera(lens, sensor=pl.Sensor((100, 100), 1e-2 * scale), **targets)
         assert result.camera.microlenses_to_sensor == pytest.approx(4.0 / 3.0 * scale, rel=1e-12)
         report = camera_report(result.camera)
         assert report.image_fill == pytest.approx(1.0, abs=2e-8)
@@ -183,3 +185,38 @@ def test_impossible_targets():
         targets = PLAIN | changes
         with refused(says):
             design(targets.pop("lens", PARAXIAL), **targets)
+
+
+def test_limits_that_are_named_hold():
+    # An iris of f/2 seen from the array 100 mm behind it: microlenses of f/1.8 are too fast for it.
+    wide = {"kind": FIRST, "z": -1000.0, "pitch": 0.02, "focal_length": 0.035}
+    with pytest.raises(pl.errors.InvalidValueError, match="cannot be had") as error:
+        design(**wide)
+    iris, limit, fill = (
+        float(number) for number in re.findall(r"(\d+\.\d+)(?: mm by|(?: mm)? and|;)", str(error.value))
+    )
+    camera = design(**wide, image_fill=fill).camera
+    assert camera_report(camera).image_fill == pytest.approx(fill, abs=1.1e-8)
+    assert camera.lens.stop.semi_diameter == pytest.approx(limit, rel=2e-3)
+    with refused("cannot be had"):
+        design(**wide, image_fill=fill + 0.002)
+    # The iris that it would take is that of Gaussian optics.
+    assert design(LENS.with_model(pl.LensModel.PARAXIAL), **wide).camera.lens.stop.semi_diameter == pytest.approx(
+        iris, rel=1e-3
+    )
+
+
+def test_default_designs_have_no_warnings():
+    for kind, numbers in (
+        (FIRST, {}),
+        (FIRST, {"lattice": pl.Lattice.SQUARE}),
+        (GALILEAN, {"virtual_depth": 4.0}),
+        (GALILEAN, {"virtual_depth": 8.0, "lattice": pl.Lattice.SQUARE}),
+        (KEPLERIAN, {"virtual_depth": 4.0}),
+        (GALILEAN, {"disparity": 4.0}),
+    ):
+        camera = design_camera(LENS, sensor=SENSOR, kind=kind, z=-404.0, pitch=0.2, focal_length=2.0, **numbers).camera
+        report = camera_report(camera)
+        assert not report.warnings, (kind, numbers)
+        border = report.image_border_pixels / report.image_pitch_pixels
+        assert report.image_fill == pytest.approx(1.0 - border, abs=1e-6), (kind, numbers)

@@ -9,8 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
+from plenoptic.camera.cache import prepared_camera
 from plenoptic.rendering.estimation import estimate as estimating
-from plenoptic.rendering.estimation.pilot import pilot_tiles
+from plenoptic.rendering.estimation.pilot import pilot_tiles, whole_tiles
+from plenoptic.rendering.schedule.budget import checked_budget
+from plenoptic.rendering.tiling import cut_into_tiles
 
 CAMERA = pl.camera.example_camera(shape=(72, 208))
 SCENE = pl.check_scene()
@@ -73,6 +76,29 @@ def test_the_rim_counts_as_much_as_it_is_large():
         expected = n * seeds * np.multiply.outer(*parts) / math.prod(shape)
         # Of strata: they scatter less than by Poisson's law, and the one that is left out of 9 at random by no more.
         assert (np.abs(hits - expected) < 4 * np.sqrt(expected)).all(), side
+
+
+def test_pilots_that_decide_are_the_tiles_of_the_frame():
+    """Cut ones too, each once: together they have all pixels of a small frame."""
+    frame = (8, 8 + 96, 16, 16 + 88)
+    _, tiles = cut_into_tiles(frame, checked_budget(None, None, 0.1, 2), None, 1.0)
+    pilots, camera = whole_tiles(tiles), prepared_camera(pl.camera.example_camera(shape=(128, 128))).record
+    assert [(tile.rows, tile.columns) for tile in pilots] == [(64, 64), (64, 24), (32, 64), (32, 24)]
+    assert [tile.row for tile in pilots] == [0, 64, 128, 160]
+    for pilot, tile in zip(pilots, tiles, strict=True):
+        assert np.array_equal(pilot.numbers(camera), tile.numbers(camera))
+        assert np.array_equal(pilot.centres(camera), tile.centres(camera))
+
+
+def test_the_interval_of_samples_holds_where_tiles_are_cut():
+    """It is meant to hold in 8 of 10 cases: of 9 at least 5 do, but for a chance of 1 in 50."""
+    camera, holds = pl.camera.example_camera(shape=(96, 96)), []
+    for target in (0.06, 0.04, 0.025):
+        result = estimate(SCENE, camera, target_error=target, truth=pl.Truth.NONE, threads=1)
+        for seed in (1, 2, 3):
+            shot = pl.render(SCENE, camera, target_error=target, truth=pl.Truth.NONE, seed=seed, progress=False)
+            holds.append(result.samples.low <= shot.stats.paths / 96**2 <= result.samples.high)
+    assert sum(holds) >= 5
 
 
 def test_samples_that_are_given_are_given_back_and_regions_may_be_smaller_than_pilots():

@@ -84,7 +84,7 @@ def furnished():
     return pl.plan(furnished_scene(camera), camera, truth=pl.Truth.ALL, **settings)
 
 
-NOT_FURNISHED = {Stage.DIFFRACTION, Stage.UNVIGNETTED_CORE}
+NOT_FURNISHED = {Stage.DIFFRACTION, Stage.UNVIGNETTED_CORE, Stage.RARE_LIGHT}
 
 
 def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
@@ -93,7 +93,10 @@ def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
     white = COST_CASES["white"]().subject
     bent = dataclasses.replace(white, camera=dataclasses.replace(white.camera, diffraction=pl.Diffraction()))
     here = list(ablations(furnished))
-    found = [*ablations(ablation.plan_for(bent)), *here]
+    with_caustics = dataclasses.replace(
+        furnished.subject, settings=dataclasses.replace(furnished.subject.settings, caustics=Caustics.INCLUDE)
+    )
+    found = [*ablations(ablation.plan_for(bent)), *ablations(ablation.plan_for(with_caustics)), *here]
     assert {one.stage for one in found} == set(Stage)
     assert {one.stage for one in found if isinstance(one, Inseparable)} == {Stage.APERTURE_REGIONS}
     apart = [one for one in here if isinstance(one, Ablation)]
@@ -101,7 +104,7 @@ def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
     for one in apart:
         then = ablation.plan_for(one.subject)
         stopped = {d.stage for d in then.decisions if not d.runs}
-        if one.stage not in (Stage.LENS, Stage.ONWARD_RAYS):
+        if one.stage not in (Stage.LENS, Stage.ONWARD_RAYS, Stage.CAUSTICS_APART):
             assert stopped == {one.stage, *one.also, *NOT_FURNISHED}, one.stage
 
 

@@ -146,6 +146,26 @@ def test_object_shares_equal_those_of_rendered_light(stop):
     assert np.isnan(truth.object_share[truth.object < 0]).all()
 
 
+def test_object_shares_behind_layers():
+    # Layers before the object take their opacity of its light; it leaves what it lacks of opacity to others behind.
+    def layer(z, opacity, color=0.5):
+        material = pl.MetallicRoughness(color, opacity=opacity)
+        return pl.quad((-400, -400, z), (800, 0, 0), (0, 800, 0), material=material)
+
+    for opacities, number, share in (
+        ((0.3, 1.0), 1, 0.7),
+        ((0.3, 0.2, 1.0), 2, 0.7 * 0.8),
+        ((0.7, 1.0), 0, 0.7),
+        ((0.2, 0.6, 1.0), 1, 0.8 * 0.6),
+        ((0.4,), -1, np.nan),
+    ):
+        scene = pl.Scene([layer(-500 - 20 * k, opacity) for k, opacity in enumerate(opacities)])
+        wanted = Truth.OBJECT | Truth.OBJECT_SHARE
+        truth = pl.ground_truth(scene, camera_with(stop=5.0), region=np.s_[250:254, 250:254], truth=wanted)
+        assert (truth.object == number).all(), opacities
+        assert truth.object_share == pytest.approx(np.full((4, 4), share), abs=1e-12, nan_ok=True), opacities
+
+
 def traced(camera, start, cross):
     """Rays from a point of the sensor through points (n, 2) of the array, and the thin microlenses there, by hand."""
     array, b = camera.microlenses, camera.microlenses_to_sensor

@@ -12,6 +12,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.design.equations import (
     FIELDS,
     DesignTargets,
+    ImageFill,
     MainLensState,
     Numbers,
     check_count,
@@ -20,7 +21,7 @@ from plenoptic.camera.design.equations import (
     template_array,
 )
 from plenoptic.camera.gaussian import CameraKind, image_plane, neighbour_distance, paraxial_cone, sharp_image
-from plenoptic.camera.report.illumination import traced_slope, with_semi_diameter
+from plenoptic.camera.report.illumination import clear_pupil, touching_fill, with_semi_diameter
 from plenoptic.core.values import check_kind, choice, length_in_mm, positive, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.best_focus import best_focus
@@ -32,6 +33,8 @@ from plenoptic.optics.sensor.sensor import Sensor
 
 _ROUNDS = 40
 """Most iterations; each reduces the errors ten to a thousand times, unless the rims of the lens vignette."""
+_LIMIT_ROUNDS = 3
+"""Iterations of the largest iris, whose rims are seen from an array that moves a little with it."""
 
 
 @value
@@ -105,20 +108,22 @@ class Search:
         for _ in range(_ROUNDS):
             numbers = solve(self.targets, self.fixed, lens_state)
             camera = self._camera(numbers)
-            try:
-                traced = self._trace(camera)
-            except InvalidValueError:
-                if "h" in self.fixed:
-                    raise
-                # No light of the axis passes an iris larger than all rims.
-                raise InvalidValueError(self._vignetting_message(numbers["h"], history)) from None
+            traced = self._trace(camera)
             history.append(self._step(numbers, camera, lens_state, traced))
-            if self._converges(history[-1], tolerance):
-                return CameraDesign(camera, tuple(FIELDS[u] for u in FIELDS if u not in self.fixed), tuple(history))
             if not math.isfinite(traced.slope):
                 break
+            if self._converges(history[-1], tolerance):
+                if "h" not in self.fixed and self._clear_iris(camera) < numbers["h"]:
+                    break
+                return CameraDesign(camera, tuple(FIELDS[u] for u in FIELDS if u not in self.fixed), tuple(history))
             lens_state = traced
-        raise InvalidValueError(self._failure_message(history))
+        else:
+            last = history[-1]
+            raise InvalidValueError(
+                f"after {len(history)} rounds the focus is still off by {last.focus_error:.2g} mm and the image fill "
+                f"by {last.fill_error:.2g}; give a larger tolerance, or more numbers"
+            )
+        raise InvalidValueError(self._vignetting_message(camera, traced.fill, history[0].semi_diameter, tolerance))
 
     def _gaussian(self) -> MainLensState:
         """Main lens by Gaussian optics, with the cone of light at the position of the array that follows from it."""
@@ -131,19 +136,19 @@ class Search:
                 "with a focal length"
             )
         position = max(self.fixed.get("L", image), end + 1e-3 * (abs(image) + abs(end) + lens.stop.semi_diameter))
+        fill = self._fill(None)
         for _ in range(_ROUNDS):
             cone = paraxial_cone(lens, position, self.wavelength)
-            lens_state = MainLensState(image, shift, cone.slope / lens.stop.semi_diameter, cone.vergence)
-            new_position = solve(targets, self.fixed, lens_state)["L"]
-            if not new_position > end:
+            lens_state = MainLensState(image, shift, cone.slope / lens.stop.semi_diameter, cone.vergence, fill)
+            numbers = solve(targets, self.fixed, lens_state)
+            if not numbers["L"] > end:
                 raise InvalidValueError(
-                    f"stop_to_microlenses would be {new_position:.4g} mm, and the last lens vertex is at "
-                    f"z = {end:.4g}; "
-                    "choose a plane nearer to the lens, or a smaller virtual depth"
+                    f"stop_to_microlenses would be {numbers['L']:.4g} mm, and the last lens vertex is at "
+                    f"z = {end:.4g}; choose a plane nearer to the lens, or a smaller virtual depth"
                 )
-            if new_position == position:
+            before, position, fill = (position, fill), numbers["L"], self._fill(self._camera(numbers))
+            if (position, fill) == before or (position == before[0] and math.isnan(fill)):
                 break
-            position = new_position
         return lens_state
 
     def _camera(self, n: Numbers) -> PlenopticCamera:
@@ -160,11 +165,25 @@ class Search:
         )
 
     def _trace(self, camera: PlenopticCamera) -> MainLensState:
-        targets, z = self.targets, camera.stop_to_microlenses
-        image = 0.0 if targets.z is None else self._image(camera.lens, targets.z)
-        shift = 0.0 if targets.depth_at is None else self._image(camera.lens, targets.depth_at) - image
-        slope = traced_slope(camera.lens, z, self.wavelength) / camera.lens.stop.semi_diameter
-        return MainLensState(image, shift, slope, paraxial_cone(camera.lens, z, self.wavelength).vergence)
+        targets, lens, z = self.targets, camera.lens, camera.stop_to_microlenses
+        slope, clear = clear_pupil(lens, z, self.wavelength)
+        # Past rims that vignette, the iris would become larger and larger.
+        if "h" not in self.fixed and clear < lens.stop.semi_diameter:
+            lens = with_semi_diameter(lens, clear)
+        image = 0.0 if targets.z is None else self._image(lens, targets.z)
+        shift = 0.0 if targets.depth_at is None else self._image(lens, targets.depth_at) - image
+        vergence = paraxial_cone(lens, z, self.wavelength).vergence
+        return MainLensState(image, shift, slope / lens.stop.semi_diameter, vergence, self._fill(camera))
+
+    def _fill(self, camera: PlenopticCamera | None) -> float:
+        """Target for the diameter of micro images over their distance in a camera; nan without."""
+        fill = self.targets.image_fill
+        if not isinstance(fill, ImageFill):
+            return math.nan if fill is None else fill
+        if camera is None:
+            return 1.0
+        cone = paraxial_cone(camera.lens, camera.stop_to_microlenses, self.wavelength)
+        return touching_fill(camera, cone.vergence)
 
     def _image(self, lens: LensStack, z: float) -> float:
         if lens.model is LensModel.NONE:
@@ -175,7 +194,7 @@ class Search:
         fill = focus = 0.0
         if self.targets.image_fill is not None:
             diameter = 2.0 * n["b"] * traced.slope * n["h"]
-            fill = diameter / (n["p"] * abs(1.0 + n["b"] * traced.vergence)) - self.targets.image_fill
+            fill = diameter / (n["p"] * abs(1.0 + n["b"] * traced.vergence)) - traced.fill
         if self.targets.z is not None:
             focus = traced.image - n["L"] - sharp_image(camera, n["f"])
         return DesignStep(n["h"], n["L"], n["b"], n["p"], n["f"], focus, fill, traced.shift - before.shift)
@@ -185,25 +204,33 @@ class Search:
         focused = abs(step.focus_error) <= position_tolerance and abs(step.depth_error) <= position_tolerance
         return focused and abs(step.fill_error) <= tolerance
 
-    def _failure_message(self, history: list[DesignStep]) -> str:
-        last = history[-1]
-        if not math.isfinite(last.fill_error) or last.fill_error < -1e-6:
-            return self._vignetting_message(last.semi_diameter, history)
+    def _clear_iris(self, camera: PlenopticCamera) -> float:
+        """Semi-diameter in mm of the iris that rims and other stops leave clear."""
+        return clear_pupil(camera.lens, camera.stop_to_microlenses, self.wavelength)[1]
+
+    def _vignetting_message(self, camera: PlenopticCamera, fill: float, semi_diameter: float, tolerance: float) -> str:
+        limit, largest_fill = self._limits(camera, tolerance)
+        reached = f" and image_fill to {math.floor(1e3 * largest_fill) / 1e3:.3f}" if largest_fill > 0 else ""
         return (
-            f"after {len(history)} rounds the focus is still off by {last.focus_error:.2g} mm and the image fill by "
-            f"{last.fill_error:.2g}; give a larger tolerance, or more numbers"
+            f"image_fill {fill:.4g} cannot be had: it takes an iris of semi-diameter {semi_diameter:.4g} mm by "
+            f"Gaussian optics, but rims and other stops of the lens limit it to {limit:.4g} mm{reached}; ask for less, "
+            "for a larger microlenses_to_sensor or for a smaller pitch"
         )
 
-    def _vignetting_message(self, semi_diameter: float, history: list[DesignStep]) -> str:
-        target = self.targets.image_fill or 0.0
-        fills = (step.fill_error + target for step in history if math.isfinite(step.fill_error))
-        largest_fill = max(fills, default=0.0)
-        reached = f" to {largest_fill:.3f}" if largest_fill > 0 else ""
-        return (
-            f"image_fill {target:g} cannot be had: it would take an iris of semi-diameter {semi_diameter:.4g} mm or "
-            f"more, but rims and other stops of the lens limit image_fill{reached}; ask for less, for a larger "
-            "microlenses_to_sensor or for a smaller pitch"
-        )
+    def _limits(self, camera: PlenopticCamera, tolerance: float) -> tuple[float, float]:
+        """Largest iris in mm and largest image fill of this design; nan if it has no solution with that iris."""
+        targets, limit = dataclasses.replace(self.targets, image_fill=None), self._clear_iris(camera)
+        for _ in range(_LIMIT_ROUNDS):
+            try:
+                fixed = {**self.fixed, "h": limit}
+                camera = dataclasses.replace(self, targets=targets, fixed=fixed).run(tolerance).camera
+            except InvalidValueError:
+                return limit, math.nan
+            limit = min(limit, self._clear_iris(camera))
+        traced, b = self._trace(camera), camera.microlenses_to_sensor
+        assert camera.microlenses is not None
+        distance = neighbour_distance(camera.microlenses) * abs(1.0 + b * traced.vergence)
+        return limit, 2.0 * b * traced.slope * camera.lens.stop.semi_diameter / distance
 
 
 def design_camera(  # noqa: PLR0913
@@ -212,7 +239,7 @@ def design_camera(  # noqa: PLR0913
     sensor: Sensor,
     kind: CameraKind,
     z: float | None = None,
-    image_fill: float | None = 1.0,
+    image_fill: float | ImageFill | None = ImageFill.TOUCHING,
     virtual_depth: float | None = None,
     disparity: float | None = None,
     depth_at: float | None = None,
@@ -242,9 +269,9 @@ def design_camera(  # noqa: PLR0913
         PLENOPTIC_1, KEPLERIAN, GALILEAN, or CAMERA_ARRAY for a lens with LensModel.NONE.
     z : float, optional
         The plane in focus in the camera's frame in mm, negative; -inf: infinity.
-    image_fill : float, optional
+    image_fill : float or ImageFill, optional
         Diameter of the micro images over their distance; 1 matches the f-numbers of main lens and microlenses.
-        None: no target.
+        Default: TOUCHING, less than 1 by the border that fades out, so that neighbours do not overlap. None: no target.
     virtual_depth : float, optional
         Image distance from the array over microlenses_to_sensor, see `MicrolensFocus`.
     disparity : float, optional

@@ -8,6 +8,7 @@ equation contains at most three unknowns. Equations with a single unknown are so
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -32,6 +33,19 @@ FIELDS = {
 Numbers = dict[str, float]
 
 
+class ImageFill(enum.IntEnum):
+    """Targets for the diameter of micro images over their distance other than numbers.
+
+    Examples
+    --------
+    See `design_camera`.
+    """
+
+    TOUCHING = 0
+    """Micro images touch with their border, which fades out since the exit pupil is not in focus on the sensor: 1 less
+    the border, but at least a half."""
+
+
 @dataclasses.dataclass(frozen=True)
 class DesignTargets:
     """Targets of a design; None for no target."""
@@ -39,7 +53,7 @@ class DesignTargets:
     kind: CameraKind
     z: float | None
     depth_at: float | None
-    image_fill: float | None
+    image_fill: float | ImageFill | None
     virtual_depth: float | None
     disparity: float | None
     pixel_pitch: float
@@ -74,7 +88,7 @@ def check_targets(targets: DesignTargets, lens: LensStack) -> None:
         if plane is not None and not number(plane, name) < 0:
             raise InvalidValueError(f"{name} is {plane:g} mm; the plane must lie in front of the camera, below 0")
     for name in ("image_fill", "virtual_depth", "disparity"):
-        if getattr(targets, name) is not None:
+        if getattr(targets, name) is not None and not isinstance(getattr(targets, name), ImageFill):
             positive(getattr(targets, name), name)
     if targets.virtual_depth is not None and targets.disparity is not None:
         raise InvalidValueError("virtual_depth and disparity say the same; give one of them")
@@ -135,6 +149,8 @@ class MainLensState(NamedTuple):
     """Slope of the marginal ray at the array per mm of the iris, 1/mm."""
     vergence: float
     """1 / distance from exit pupil to array, 1/mm."""
+    fill: float
+    """Target for the diameter of micro images over their distance; nan without."""
 
 
 Rule = tuple[str, tuple[str, ...], Callable[[Numbers, str], float]]
@@ -190,8 +206,7 @@ def _rules(targets: DesignTargets, lens: MainLensState) -> list[Rule]:
         per_pixel = targets.disparity * targets.pixel_pitch
         rules.append(("disparity", ("v", "p"), lambda n, u: n["p"] / per_pixel if u == "v" else n["v"] * per_pixel))
     if targets.image_fill is not None:
-        fill = targets.image_fill
-        rules.append(("image_fill", ("h", "b", "p"), lambda n, u: _fill(n, u, fill, lens)))
+        rules.append(("image_fill", ("h", "b", "p"), lambda n, u: _fill(n, u, lens.fill, lens)))
     return rules
 
 
@@ -236,8 +251,8 @@ def _solve_pair(values: Numbers, rules: list[Rule], targets: DesignTargets, lens
         b = _larger_root(v, sign * (f - lens.shift) - v * f, sign * lens.shift * f, f, sign)
         target = f"virtual depth {v:.4g}"
     elif {"disparity", "image_fill"} <= names and "h" in values and "p" not in values and lens.shift == 0:
-        assert targets.image_fill is not None and targets.disparity is not None
-        per_b, per_v = 2.0 * values["h"] * lens.slope / targets.image_fill, targets.disparity * targets.pixel_pitch
+        assert targets.disparity is not None
+        per_b, per_v = 2.0 * values["h"] * lens.slope / lens.fill, targets.disparity * targets.pixel_pitch
         b = _larger_root(per_b, sign * f * per_v * lens.vergence - per_b * f, sign * f * per_v, f, sign)
         target = f"disparity {targets.disparity:.4g}"
     else:

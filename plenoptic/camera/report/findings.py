@@ -9,6 +9,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from plenoptic.camera.gaussian import CameraKind, neighbour_distance, opening_width
+from plenoptic.camera.report.illumination import clear_pupil, touching_fill, with_semi_diameter
 from plenoptic.core.values import choice, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.aperture import Walls
@@ -19,12 +20,12 @@ if TYPE_CHECKING:
     from plenoptic.camera.report.report import CameraReport
 
 FULL = 0.9
-"""Micro images narrower than this, in units of their distance, leave dark gaps worth a warning; round images that
-touch leave 9 % of a hexagonal cell dark and 21 % of a square one."""
+"""Micro images narrower than this with their border, in units of their distance, leave dark gaps worth a warning;
+round images that touch leave 9 % of a hexagonal cell dark and 21 % of a square one."""
 OVERLAPPING = 0.05
 """Fraction of the sensor illuminated by several microlenses that is worth a warning."""
 MATCHED = 0.1
-"""Relative difference of f-numbers that is worth a warning."""
+"""Relative difference of f-numbers, beyond that of images that touch with their border, that is worth a warning."""
 FEW_PIXELS = 5.0
 """Below it, most pixels of a micro image lie on its border."""
 CLOSE = 0.1
@@ -141,14 +142,18 @@ def _image_rows(camera: PlenopticCamera, report: CameraReport) -> Rows:
     array, fill, match, pixels = camera.microlenses, report.image_fill, report.f_number_match, report.image_pitch_pixels
     assert array is not None and fill is not None and match is not None and pixels is not None
     assert report.dark_fraction is not None and report.overlap_fraction is not None
-    matching, walls, q = camera.lens.stop.semi_diameter / fill, array.walls is Walls.OPAQUE, camera.sensor.pixel_pitch
+    assert report.image_border_pixels is not None
+    border, walls, q = report.image_border_pixels / pixels, array.walls is Walls.OPAQUE, camera.sensor.pixel_pitch
+    is_narrow, is_faster = fill + border < FULL, match > 1.0 + MATCHED
+    is_mismatched = not walls and (is_faster or match < 1.0 - MATCHED - border)
+    advice = _iris_advice(camera, report) if is_narrow or is_mismatched else ""
     longer, p = max(camera.sensor.size), neighbour_distance(array)
     lost_images = longer / p - longer / (pixels * q)
     return {
         CameraFindingKind.DARK_GAPS: (
-            fill < FULL,
+            is_narrow,
             f"micro images are {fill:.2f} as wide as their distance and leave {100 * report.dark_fraction:.0f} % "
-            f"of the sensor dark; open the iris to {matching:.4g} mm for images that touch",
+            f"of the sensor dark; {advice}",
         ),
         CameraFindingKind.OVERLAP: (
             not walls and (fill > 1.0 + OVERLAPPING or report.overlap_fraction > OVERLAPPING),
@@ -157,9 +162,9 @@ def _image_rows(camera: PlenopticCamera, report: CameraReport) -> Rows:
             "down to avoid it",
         ),
         CameraFindingKind.F_NUMBER_MISMATCH: (
-            not walls and abs(match - 1.0) > MATCHED,
+            is_mismatched,
             f"at the array the main lens works at f/{report.working_f_number:.3g} and the microlenses at "
-            f"f/{report.microlens_f_number:.3g}; an iris of semi-diameter {matching:.4g} mm matches them",
+            f"f/{report.microlens_f_number:.3g}; {advice}",
         ),
         CameraFindingKind.PERSPECTIVE: (
             abs(lost_images) >= 1.0,
@@ -173,6 +178,22 @@ def _image_rows(camera: PlenopticCamera, report: CameraReport) -> Rows:
             f"{FEW_PIXELS:g}",
         ),
     }
+
+
+def _iris_advice(camera: PlenopticCamera, report: CameraReport) -> str:
+    """Iris, by Gaussian optics, with which micro images touch with their border, and the limit by the lens's rims."""
+    fill = touching_fill(camera, 1.0 / report.exit_pupil_distance)
+    paraxial_fill = camera.microlenses_to_sensor / (report.working_f_number_paraxial * (report.image_pitch or math.nan))
+    semi_diameter = camera.lens.stop.semi_diameter * fill / paraxial_fill
+    wide = with_semi_diameter(camera.lens, semi_diameter)
+    _, clear = clear_pupil(wide, camera.stop_to_microlenses, report.wavelength)
+    touching = f"an iris of semi-diameter {semi_diameter:.4g} mm makes images touch with their border"
+    if not clear < semi_diameter:
+        return touching
+    return (
+        f"{touching}, but rims and other stops of the lens limit it to {clear:.4g} mm; take a larger "
+        "microlenses_to_sensor or a smaller pitch"
+    )
 
 
 def _focus_rows(camera: PlenopticCamera, report: CameraReport, focus: MicrolensFocus) -> Rows:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.camera.gaussian import Cone, neighbour_distance, paraxial_cone
+from plenoptic.camera.gaussian import Cone, neighbour_distance, opening_width, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
@@ -30,8 +30,10 @@ _RIM = 1.0 - 1e-9
 """Relative radius at which the rim of the iris is aimed at, so that rounding does not clip the ray."""
 _SEARCH_STEPS, _SEARCH_POINTS = 3, 65
 """Refinements of the search for the marginal ray, and points tested in each."""
-_GRID = 32
-"""Points along a side of a cell at which micro images are counted."""
+_LEAST_FILL = 0.5
+"""Least diameter over distance of micro images that touch: their border may be wider than they are."""
+_CELL_POINTS = 4181
+"""Points of a cell at which micro images are counted: a Fibonacci number, whose lattice has no direction."""
 _RINGS = 3
 _CORNER_GRID = 15
 _OPENING_FACTOR = 2.0
@@ -44,38 +46,48 @@ def traced_slope(lens: LensStack, z: float, wavelength: float) -> float:
 
     The iris is replaced by the circle around it; rims and other stops vignette.
     """
+    return clear_pupil(lens, z, wavelength)[0]
+
+
+def clear_pupil(lens: LensStack, z: float, wavelength: float) -> tuple[float, float]:
+    """`traced_slope`, and the semi-diameter in mm of the iris that rims and other stops leave clear on the axis."""
     round_lens = lens.with_stop(CircularStop(lens.stop.semi_diameter))
+    try:
+        (low, low_slope), (high, high_slope) = _marginal_rays(round_lens, z, wavelength)
+    except InvalidValueError:  # an exit pupil that is infinitely far cannot be aimed at in an ideal model
+        return paraxial_cone(lens, z, wavelength).slope, lens.stop.semi_diameter
+    return 0.5 * abs(high_slope - low_slope) / _RIM, min(-low, high) / _RIM * lens.stop.semi_diameter
+
+
+def _marginal_rays(lens: LensStack, z: float, wavelength: float) -> list[tuple[float, float]]:
+    """Pupil coordinate and slope of the unvignetted rays nearest to both ends of the pupil's diameter; or nan."""
 
     def slopes(pupil: Floats) -> Floats:
         points = np.column_stack([np.zeros_like(pupil), pupil])
-        rays = aimed_rays_reverse(round_lens, image_point=(0.0, 0.0), z_image=z, pupil=points, wavelength=wavelength)
-        passed = round_lens.trace_reverse(rays).status == 0
+        rays = aimed_rays_reverse(lens, image_point=(0.0, 0.0), z_image=z, pupil=points, wavelength=wavelength)
+        passed = lens.trace_reverse(rays).status == 0
         with np.errstate(invalid="ignore"):
             return np.where(passed, rays.direction[:, 1] / rays.direction[:, 2], np.nan)
 
-    try:
-        ends = [_marginal_slope(slopes, end) for end in (-_RIM, _RIM)]
-    except InvalidValueError:  # an exit pupil that is infinitely far cannot be aimed at in an ideal model
-        return paraxial_cone(lens, z, wavelength).slope
-    return 0.5 * abs(ends[1] - ends[0]) / _RIM
+    return [_marginal_ray(slopes, end) for end in (-_RIM, _RIM)]
 
 
-def _marginal_slope(slopes: Callable[[Floats], Floats], end: float) -> float:
-    """Slope of the unvignetted ray nearest to one end of the pupil's diameter; nan if there is none."""
+def _marginal_ray(slopes: Callable[[Floats], Floats], end: float) -> tuple[float, float]:
+    """Pupil coordinate and slope of the unvignetted ray nearest to one end of the pupil's diameter; nan without."""
     low, high = -end, end
-    slope = math.nan
+    ray = math.nan, math.nan
     for _ in range(_SEARCH_STEPS):
         pupil = np.linspace(low, high, _SEARCH_POINTS)
         pupil_slopes = slopes(pupil)
         passed_rays = np.flatnonzero(np.isfinite(pupil_slopes))
         if not passed_rays.size:
-            return math.nan
+            break
         last = int(passed_rays[-1])
-        slope = float(pupil_slopes[last])
+        ray = float(pupil[last]), float(pupil_slopes[last])
         if last == _SEARCH_POINTS - 1:
             break
         low, high = float(pupil[last]), float(pupil[last + 1])
-    return slope
+    return ray
 
 
 def images_on_sensor(camera: PlenopticCamera, vergence: float) -> int:
@@ -95,6 +107,21 @@ def images_on_sensor(camera: PlenopticCamera, vergence: float) -> int:
     return int((np.floor((half_y - offset) / step) - np.ceil((-half_y - offset) / step) + 1).sum())
 
 
+def image_border(camera: PlenopticCamera, vergence: float) -> float:
+    """Width in mm of the blurred border of micro images: the exit pupil at -D is blurred by d b |1/b - 1/f + 1/D|."""
+    array, b = camera.microlenses, camera.microlenses_to_sensor
+    assert array is not None
+    focal_lengths = array.focal_lengths_at(camera.wavelength)
+    return opening_width(array) * max(abs(1.0 + b * vergence - b / f) for f in focal_lengths)
+
+
+def touching_fill(camera: PlenopticCamera, vergence: float) -> float:
+    """Diameter over distance of micro images that touch with their border, which fades out; at least a half."""
+    assert camera.microlenses is not None
+    distance = neighbour_distance(camera.microlenses) * abs(1.0 + camera.microlenses_to_sensor * vergence)
+    return max(1.0 - image_border(camera, vergence) / distance, _LEAST_FILL)
+
+
 def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
     """Fractions of a cell of the sensor that no microlens illuminates, and that several illuminate.
 
@@ -108,9 +135,10 @@ def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
     farthest = min((b * cone.slope + blur) / abs(stretch), _MAX_PITCHES * neighbour_distance(array))
     reach = farthest + 2.0 * neighbour_distance(array)
     lenses = array.lenses((-reach, -reach), (reach, reach))
-    steps = (np.arange(_GRID) + 0.5) / _GRID - 0.5
+    index = np.arange(_CELL_POINTS)
+    points = np.stack([(index + 0.5) / _CELL_POINTS, index * 0.5 * (math.sqrt(5.0) - 1.0) % 1.0], axis=1) - 0.5
     basis = np.eye(2) * neighbour_distance(array) if array.lattice is Lattice.FREE else array.basis
-    sensor = stretch * (np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) @ basis)
+    sensor = stretch * (points @ basis)
     inside = _opening_points(array)
     n_lit = np.zeros(len(sensor), dtype=np.int64)
     for k in np.flatnonzero(lenses.transmission > 0).tolist():

@@ -11,7 +11,7 @@ import math
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from plenoptic.camera.gaussian import CameraKind, Cone, camera_cone, neighbour_distance, opening_width, plane_in_front
+from plenoptic.camera.gaussian import CameraKind, Cone, camera_cone, neighbour_distance, plane_in_front
 from plenoptic.camera.report import illumination
 from plenoptic.camera.report.findings import CameraFinding, camera_findings
 from plenoptic.camera.report.focus import MicrolensFocus, microlens_focus, report_row
@@ -155,12 +155,13 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     z = camera.stop_to_microlenses
     cone, walls = camera_cone(camera), array is not None and array.walls is Walls.OPAQUE
     slope = cone.slope if walls else illumination.traced_slope(lens, z, wavelength)
+    traced = cone if math.isnan(slope) else cone._replace(slope=slope)
     stretch = 1.0 if array is None else 1.0 + camera.microlenses_to_sensor * cone.vergence
     corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))
     pupil_fraction, chief_angle = (1.0, 0.0) if walls else illumination.corner_light(lens, corner, z, wavelength)
     points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
     types = (0,) if array is None else range(len(array.focal_lengths))
-    focus = tuple(microlens_focus(camera, type_, cone) for type_ in types)
+    focus = tuple(microlens_focus(camera, type_, traced) for type_ in types)
     on_axis = 0 if array is None else array.focal_lengths.index(array.focal_length)
     report = CameraReport(
         kind=focus[on_axis].kind,
@@ -169,7 +170,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
         exit_pupil_distance=math.inf if cone.vergence == 0 else 1.0 / cone.vergence,
         working_f_number_paraxial=0.5 / cone.slope,
         working_f_number=0.5 / slope,
-        **_image_numbers(camera, cone, slope),
+        **_image_numbers(camera, traced, slope),
         array_plane=None if array is None or points is None else plane_in_front(camera, z),
         focus=focus,
         clearance=illumination.clearance(camera),
@@ -191,8 +192,7 @@ def _image_numbers(camera: PlenopticCamera, cone: Cone, slope: float) -> dict[st
         return dict.fromkeys(_IMAGE_NUMBERS)
     p, stretch = neighbour_distance(array), 1.0 + b * cone.vergence
     diameter, pitch = 2.0 * b * slope, p * abs(stretch)
-    # The exit pupil is at -D: blur d b |1/b - 1/f + 1/D|, see MicrolensFocus.
-    border = opening_width(array) * max(abs(stretch - b / f) for f in array.focal_lengths_at(camera.wavelength))
+    border = illumination.image_border(camera, cone.vergence)
     dark, overlap = illumination.coverage(camera, cone)
     if array.walls is Walls.OPAQUE:
         dark = overlap = 0.0

@@ -15,21 +15,35 @@ from plenoptic.rendering.schedule.progress import Progress
 _STEEP, _USUAL, _FLAT = 0.75, 0.62, 0.5
 """Exponents of the decrease of errors with samples: a steep one, the usual one, and that of independent samples."""
 
+_STEP = 0.25
+"""Largest relative step of the sample numbers at which a tile may end."""
 
-def mean_samples(pilots: Sequence[Progress], budget: Budget) -> tuple[float, float, float]:
-    """Mean number of samples of a render's tiles, and its interval."""
+
+def mean_samples(pilots: Sequence[Progress], budget: Budget, n_tiles: int) -> tuple[float, float, float]:
+    """Mean number of samples of the pixels of a render of so many tiles, and its interval."""
+    pixels = _pixels(pilots)
     low, usual, high = (predicted_samples(pilots, falls) for falls in (_STEEP, _USUAL, _FLAT))
-    spread = relative_spread(pilots) * usual.mean()
+    mean = float(np.average(usual, weights=pixels))
+    unknown = max(1.0 - usual.size / n_tiles, 0.0)  # the fraction of tiles without a pilot
+    spread = (relative_spread(pilots) * math.sqrt(unknown) + _STEP / math.sqrt(n_tiles)) * mean
     # Noise may be local, and the pilots may have missed the most expensive tile: count their maximum once more.
-    candidates = usual.mean(), low.mean() - spread, np.append(high, high.max()).mean() + spread
+    highest = np.append(high, high.max()), np.append(pixels, pixels.mean())
+    candidates = mean, np.average(low, weights=pixels) - spread, np.average(highest[0], weights=highest[1]) + spread
     mean, low_, high_ = (min(max(float(number), budget.enough), budget.max_samples) for number in candidates)
     return mean, low_, high_
 
 
 def relative_spread(pilots: Sequence[Progress]) -> float:
-    """Half-width of the interval of the tiles' mean sample number, over the mean."""
-    samples = predicted_samples(pilots)
-    return float(1.5 * samples.std(ddof=1) / math.sqrt(samples.size) / samples.mean())
+    """Half-width of the interval of the pixels' mean sample number, over the mean."""
+    samples, pixels = predicted_samples(pilots), _pixels(pilots)
+    mean = np.average(samples, weights=pixels)
+    variance = np.average((samples - mean) ** 2, weights=pixels) / (samples.size - 1)
+    return float(1.5 * math.sqrt(variance) / mean)
+
+
+def _pixels(pilots: Sequence[Progress]) -> Floats:
+    """(tiles,): pixels of each tile."""
+    return np.array([float(tile.pixels) for progress in pilots for tile in progress.tiles])
 
 
 def predicted_samples(pilots: Sequence[Progress], falls: float = _USUAL) -> Floats:

@@ -21,7 +21,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.estimation.decisions import mean_samples, predicted_samples, relative_spread, steps_to
 from plenoptic.rendering.estimation.memory import resident_bytes
-from plenoptic.rendering.estimation.pilot import PilotRun, Region, pilot_tiles, run_pilot
+from plenoptic.rendering.estimation.pilot import PilotRun, PilotTile, Region, pilot_tiles, run_pilot, whole_tiles
 from plenoptic.rendering.exposure_files import texts_of
 from plenoptic.rendering.film import in_whole_blocks, pools_errors
 from plenoptic.rendering.plan.stages import Plan, Subject
@@ -37,8 +37,8 @@ from plenoptic.truth.truth_arrays import available_truth
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
-_SIDE, _DECIDING = 16, 64
-"""Side of squares of pixels with given samples, and of tiles that decide on their samples."""
+_SIDE = 16
+"""Side of squares of pixels with given samples."""
 _ALONG = 12
 """Maximum number of squares along the side of a pilot's tile: larger tiles cost less per pixel."""
 _RUNS = 4
@@ -229,36 +229,36 @@ class _Pilots:
         pixels = min(max(_PATHS // samples, _FEWEST), _MOST)
         n = max(min(-(-pixels // (squares * side * side)), _MOST_TILES), 2 * self.threads)
         budget = Budget(samples, None, None, min(self.budget.replicates, samples))
-        return self._run(budget, n, squares, side, seed)
+        return self._run(budget, pilot_tiles(self.frame, n, squares, side, seed))
 
     def samples_to_decide(self, per_sample: float) -> int:
         """Maximum samples of deciding tiles, from the seconds per sample."""
-        once = _FEWEST_DECIDING * self._deciding_pixels * max(per_sample, 1e-12)
+        pixels = sum(tile.pixels for tile in self.tiles) / len(self.tiles) * self._deciding_tiles
+        once = _FEWEST_DECIDING * pixels * max(per_sample, 1e-12)
         return int(min(max(_DECIDED_SECONDS * self.threads / once, 2 * self.budget.enough), _MOST_SAMPLES))
 
     def may_decide_again(self, runs: list[PilotRun]) -> bool:
         """True if there is time for one more deciding run, and the runs cover less than half of the frame."""
         spent = sum(run.cpu_seconds for run in runs) * (1 + 1 / len(runs))
-        max_runs = min(self.pixels // (2 * self._deciding_pixels), _MOST_DECIDING)
+        max_runs = min(len(self.tiles) // (2 * self._deciding_tiles), _MOST_DECIDING)
         return len(runs) < max_runs and spent < _DECIDED_SECONDS * self.threads
 
     @property
     def _deciding_tiles(self) -> int:
-        """Tiles of a deciding run, at most those that fit into the frame."""
-        return max(min(_DECIDED, self.pixels // self._fitting(_DECIDING) ** 2), 1)
+        """Tiles of a deciding run: two runs cover small frames."""
+        return min(_DECIDED, -(-len(self.tiles) // _FEWEST_DECIDING))
 
-    @property
-    def _deciding_pixels(self) -> int:
-        return self._deciding_tiles * self._fitting(_DECIDING) ** 2
+    def run_deciding(self, samples: int, number: int) -> PilotRun:
+        """Pilot run, the first having the number 0, whose tiles end at the target error or at a number of samples.
 
-    def run_deciding(self, samples: int, seed: int) -> PilotRun:
-        """Pilot run whose tiles end at the target error, or at a number of samples."""
-        budget = self.budget._replace(samples=min(samples, self.budget.max_samples))
-        return self._run(budget, self._deciding_tiles, 1, self._fitting(_DECIDING), seed)
+        The tiles are the frame's, cut ones too, in the order of a render: those of each run are spread over the frame.
+        """
+        n, budget = self._deciding_tiles, self.budget._replace(samples=min(samples, self.budget.max_samples))
+        tiles = [self.tiles[i % len(self.tiles)] for i in range(number * n, (number + 1) * n)]
+        return self._run(budget, whole_tiles(tiles))
 
-    def _run(self, budget: Budget, n: int, squares: int, side: int, seed: int) -> PilotRun:
+    def _run(self, budget: Budget, tiles: list[PilotTile]) -> PilotRun:
         keeps = (self.budget.steps or self.budget.passes) and self.pixels < _KEPT_PIXELS
-        tiles = pilot_tiles(self.frame, n, squares, side, seed)
         return run_pilot(self.context, self.subject, budget, tiles, self.threads, keeps=keeps)
 
     def _fitting(self, side: int) -> int:
@@ -295,7 +295,7 @@ def _by_error(pilots: _Pilots) -> _Costs:
     pilot_steps, pilot_pixels = steps_to(pilots.budget, done), sum(run.pixels for run in runs)
     per_pixel = sum(run.cpu_seconds for run in runs) / pilot_pixels
     each_step = max((per_pixel - once - per_sample * float(done.mean())) / max(pilot_steps - 1.0, 1.0), 0.0)
-    means = mean_samples(predicted, pilots.budget)
+    means = mean_samples(predicted, pilots.budget, len(pilots.tiles))
     cost = [once + per_sample * mean + each_step * (steps - 1.0) for mean in means]
     each = Estimated(cost[0], cost[1] * (1 - 2 * _UNKNOWN), cost[2] * (1 + 2 * _UNKNOWN))
     low, high = max(means[1] * (1 - _UNKNOWN), pilots.budget.enough), means[2] * (1 + _UNKNOWN)

@@ -86,6 +86,18 @@ def pilot_tiles(region: Region, n: int, per_tile: int, side: int, seed: int) -> 
     return [PilotTile(whole * i, 0, whole, whole, side, tuple(places[i::n])) for i in range(n)]
 
 
+def whole_tiles(tiles: Sequence[Tile]) -> list[PilotTile]:
+    """Pilot tiles that are tiles of the frame, cut ones too, one below the other."""
+    pilots, film_row = [], 0
+    for tile in tiles:
+        side = math.gcd(tile.rows, tile.columns)
+        across, down = (range(0, length, side) for length in (tile.columns, tile.rows))
+        places = tuple((tile.row + row, tile.column + column) for row in down for column in across)
+        pilots.append(PilotTile(film_row, 0, tile.rows, tile.columns, side, places))
+        film_row += tile.rows
+    return pilots
+
+
 def _on_grid(place: Floats, length: int, side: int) -> NDArray[np.int64]:
     """Start of the squares that contain positions between 0 and a length: on blocks, limited by the end."""
     step = -(-side // BLOCK) * BLOCK
@@ -113,7 +125,7 @@ def run_pilot(
     if keeps:
         context.prepared.set_tiles(tuple(tiles), steps=True)
     begin = time.perf_counter(), time.process_time()
-    rows, columns = tiles[-1].row + tiles[-1].rows, tiles[0].columns
+    rows, columns = tiles[-1].row + tiles[-1].rows, max(tile.columns for tile in tiles)
     clock = Clock(begin[0], None)
     counted = budget.steps or budget.passes
     counted |= any(clock.samples_per_batch(tile.pixels, context.together) < budget.max_samples for tile in tiles)
@@ -125,4 +137,4 @@ def run_pilot(
         raise KeyboardInterrupt
     exposure = exposure_of(progress, subject, None, 0, threads, None, interrupted=True)
     seconds = time.perf_counter() - begin[0], time.process_time() - begin[1]
-    return PilotRun(rows * columns, *seconds, progress, exposure, context.prepared.cached_bytes)
+    return PilotRun(sum(tile.pixels for tile in tiles), *seconds, progress, exposure, context.prepared.cached_bytes)

@@ -78,9 +78,16 @@ def merge_stats(plan: MergePlan, light: Sequence[Sequence[Floats]]) -> RenderSta
         clamped=_clamped_fraction(plan, light) if plan.clamped else 0.0,
         nonfinite_paths=tuple(path for stats in all_stats for path in stats.nonfinite_paths)[:NAMED],
         zero_variance=sum(zero_variance),
+        unmet_light=_unmet_fraction([stats.unmet_light for stats in all_stats]),
         stopped_by=min((stats.stopped_by for stats in all_stats), key=_SEVEREST_FIRST.index),
         processors=tuple(dict.fromkeys(kind for stats in all_stats for kind in stats.processors)),
     )
+
+
+def _unmet_fraction(fractions: Sequence[float]) -> float:
+    """Fraction of 8 paths of all parts together, whose numbers of paths add up."""
+    met = math.fsum(1.0 / fraction - 1.0 if fraction > 0 else math.inf for fraction in fractions)
+    return 1.0 / (1.0 + met)
 
 
 def _clamped_fraction(plan: MergePlan, light: Sequence[Sequence[Floats]]) -> float:

@@ -8,6 +8,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.values import whole
 from plenoptic.rendering.plan.camera_stages import camera_decisions
+from plenoptic.rendering.plan.rare_light import rare_light
 from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
 from plenoptic.rendering.plan.shutter import open_shutter
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject, decide
@@ -82,6 +83,7 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
     replicated = f"{independent} independent replicate{'s' * (independent != 1)}"
     exclude_caustics, clamp = settings.caustics is Caustics.EXCLUDE, settings.clamp
     points, independent_samples = "scrambled Sobol points", "every sample by itself"
+    rare = rare_light(subject.scene, settings)
     all_light, unclamped = "caustics are included", "radiance is not limited"
     return Plan(
         (
@@ -105,6 +107,12 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
                 truth_names(available),
             ),
             decide(Stage.STANDARD_ERROR, independent >= 2, replicated, replicated),
+            decide(
+                Stage.RARE_LIGHT,
+                *(record, WHITE),
+                *(rare, "no small light is met by chance by way of mirrors or glass"),
+                "" if rare is None else f"one ray in {rare.rays:.2g} meets {rare.light} by way of {rare.mesh}",
+            ),
         ),
         subject,
     )

@@ -69,6 +69,7 @@ class Stage(enum.IntEnum):
     CLAMPING = 39
     TRUTH = 40
     STANDARD_ERROR = 41
+    RARE_LIGHT = 42
 
 
 @value

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.lost_rays import lost_rays
-from plenoptic.core.relative_error import light_is_rare, relative_error
+from plenoptic.core.relative_error import brightness, light_is_rare, relative_error
 from plenoptic.core.warn import warn
 from plenoptic.errors import BudgetWarning
 from plenoptic.rendering.exposure import MOST_NAMES, Exposure
+from plenoptic.rendering.plan.rare_light import RareLight, rare_light
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.rendering.stats import RenderStats, StopReason
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from plenoptic.optics.lens.analysis.conditioning import Conditioning
 
 Image = NDArray[Any]
+_UNMET_PATHS = 8
+"""Paths to a rare light whose contribution may be missing."""
 _MISSED_RATIO = 1.25
 """Ratio of the final error to its target that causes a warning."""
 _OVERRUN, _OVERRUN_SECONDS = 0.1, 0.5
@@ -43,6 +46,23 @@ def warn_if_late(progress: Progress, limit: float, seconds: float) -> None:
         )
     elif seconds > limit + max(_OVERRUN * limit, _OVERRUN_SECONDS):
         warn(f"rendering took {seconds:.3g} s instead of {limit:g} s: {remedy}", BudgetWarning)
+
+
+def _unmet_light(
+    progress: Progress, image: Image, counts: NDArray[np.int32] | None, rare: RareLight | None, clamp: float | None
+) -> float:
+    """Fraction of all light that 8 paths to a rare light would have brought: none of them may be in the image.
+
+    Zero of 3 expected paths have a probability of 5 %; their caustics cover a part of the image, where they count more.
+    """
+    if rare is None or progress.one_sample is None:
+        return 0.0
+    paths = image[..., 0].size * progress.budget.max_samples if counts is None else int(counts.sum())
+    radiance = min(rare.radiance, math.inf if clamp is None else clamp)
+    contributions = progress.one_sample[progress.region.crop] * (radiance / progress.region.radiance)
+    unmet = _UNMET_PATHS * float(contributions.sum(dtype=np.float64)) / max(paths, 1)
+    total = unmet + float(brightness(image).sum())
+    return unmet / total if total > 0 else 0.0
 
 
 def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupted: bool) -> StopReason:
@@ -96,6 +116,17 @@ def exposure_of(
     counts = None if counts is None else counts[crop]
     max_samples = progress.budget.max_samples if counts is None else int(counts.max())
     names = subject.scene.object_names if subject.scene is not None and "object" in progress.truth else None
+    rare = rare_light(subject.scene, subject.settings)
+    unmet_light = _unmet_light(progress, image, counts, rare, subject.settings.clamp)
+    reason = _reason(progress, image, errors, interrupted=interrupted)
+    if rare is not None and errors is not None and not (unmet_light <= relative_error(image, errors) or interrupted):
+        reason = StopReason.TARGET_MISSED if reason is StopReason.TARGET_ERROR else reason
+        warn(
+            f"{rare.light} reaches matt surfaces by way of {rare.mesh}, where one ray in {rare.rays:.2g} meets it by "
+            f"chance: up to {100 * unmet_light:.2g} % of the light may be missing; give a larger lamp, far more "
+            "samples or caustics=pl.rendering.Caustics.EXCLUDE",
+            BudgetWarning,
+        )
     progress.update_time()
     stats = RenderStats(
         seconds=progress.seconds,
@@ -108,7 +139,8 @@ def exposure_of(
         clamped=progress.clamped / progress.light if progress.light > 0 else 0.0,
         nonfinite_paths=tuple(progress.nonfinite_paths),
         zero_variance=int(np.count_nonzero(zero_variance[crop])),
-        stopped_by=_reason(progress, image, errors, interrupted=interrupted),
+        unmet_light=unmet_light,
+        stopped_by=reason,
         conditioning=conditioning,
         processors=film.processors,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,6 +50,26 @@ def attenuate_shadows(
         passed = advance_rays(again, rays, hits, which, None, shadows, scene.geometry, scene.alpha)
         which = again[:passed].copy()
         _meet_again(scene, intersector, hits, rays, which)
+
+
+def follow_layers(
+    scene: SceneRecord, intersector: Intersector, rays: Floats, hits: Hits
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int32], Floats]]:
+    """Indices of rays, the triangles that they hit, and the fractions of their light from there, layer by layer.
+
+    Moves the rays (n, 6), whose closest hits are given.
+    """
+    assert scene.geometry is not None
+    rays[:, 3:] *= scene.lights.far + np.abs(rays[:, :3] - scene.geometry.middle).sum(axis=1, keepdims=True)
+    shadows = Shadows(np.zeros(len(rays), dtype=np.uint8), np.ones((len(rays), 1)))
+    again, which = np.empty(len(rays), dtype=np.int64), np.flatnonzero(hits.triangle >= 0)
+    while len(which):
+        before = shadows.radiance[which, 0]
+        passed = advance_rays(again, rays, hits, which, None, shadows, scene.geometry, scene.alpha)
+        after = np.where(shadows.blocked[which] > 0, 0.0, shadows.radiance[which, 0])
+        yield which, hits.triangle[which], before - after
+        _meet_again(scene, intersector, hits, rays, again[:passed].copy())
+        which = again[:passed][hits.triangle[again[:passed]] >= 0]
 
 
 def media_at(scene: SceneRecord, intersector: Intersector, point: Floats) -> NDArray[np.int32]:

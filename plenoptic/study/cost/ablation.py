@@ -158,5 +158,6 @@ _CHANGES: dict[Stage, tuple[str, _Change]] = {
     Stage.CLAMPING: ("no limit", _set("settings.clamp", None)),
     Stage.TRUTH: ("no ground truth", _set("truth", Truth.NONE)),
     Stage.STANDARD_ERROR: ("one replicate", _set("replicates", 1)),
+    Stage.RARE_LIGHT: ("no caustics", _set("settings.caustics", Caustics.EXCLUDE)),
 }
 """By stage: the substitute, and the change of the render."""

@@ -1,0 +1,116 @@
+"""Small lamps behind mirrors, glass and gloss: a render whose paths have not met them does not know its error."""
+
+import dataclasses
+
+import mitsuba_scenes as scenes
+import numpy as np
+import pytest
+
+import plenoptic as pl
+
+SUN = pl.SunLight((0.3, -1, -0.1), irradiance=3.0)
+GLASS, MIRROR, POLISHED = pl.Dielectric(1.5), pl.Conductor(0.9), pl.Conductor(0.9, alpha=0.01)
+SUNNY = pl.EnvironmentMap(np.pad(np.full((1, 1, 1), 3e5), ((90, 421), (300, 723), (0, 0))) + 0.3)
+
+
+def ball(material, radius=4.0):
+    return pl.sphere(radius, center=(0, -3, 0), segments=(64, 32), material=material)
+
+
+def lamp(side, *, towards=(0, -3, 0)):
+    return pl.QuadLight.facing((-10, 30, 5), towards, (side, side), radiance=2000 / side**2)
+
+
+def scene(material, *lights, background=None, meshes=()):
+    return pl.Scene([ball(material), scenes.floor(0.7), *meshes], lights, background=background)
+
+
+def sun(**fields):
+    return dataclasses.replace(SUN, **fields)
+
+
+POINT = pl.lights.PointLight((-5, 10, 5), intensity=900.0)
+SMALL = pl.sphere(0.2, center=(-5, 10, 5), segments=(8, 4), material=pl.Emissive(2e3))
+PANE = pl.quad((-20, 8, 18), (0, 0, -28), (40, 0, 0), material=pl.materials.ThinGlass())
+BEADS = pl.scene.Instances(ball(GLASS, 1.0), [np.eye(4)])
+RARE = {
+    "sun, glass": scene(GLASS, SUN),
+    "sun, mirror": scene(MIRROR, SUN),
+    "sun, pane": pl.Scene([PANE, scenes.floor(0.7)], [SUN], background=0.1),
+    "sun, polished metal": scene(POLISHED, SUN),
+    "sun, glossy glTF metal": scene(pl.MetallicRoughness(0.9, metallic=1.0, roughness=0.15), SUN),
+    "sun, frosted glass": scene(pl.Dielectric(1.5, alpha=0.005), SUN),
+    "sun, repeated glass": pl.Scene([BEADS, scenes.floor(0.7)], [SUN]),
+    "small lamp, glass": scene(GLASS, lamp(1.0)),
+    "round lamp, mirror": scene(MIRROR, pl.lights.SphereLight((-5, 10, 5), 0.3, radiance=1e3)),
+    "shining mesh, glass": scene(GLASS, meshes=[SMALL]),
+    "bulb": pl.Scene(
+        [ball(GLASS), scenes.floor(0.7)], [pl.lights.SphereLight((0, -3, 0), 0.1, radiance=1e4)], background=0.1
+    ),
+    "point, polished metal": scene(POLISHED, POINT),
+    "sun of a map, glass": scene(GLASS, background=SUNNY),
+}
+USUAL = {
+    "sun, matt": scene(pl.Lambertian(0.5), SUN),
+    "sun, glass alone": pl.Scene([ball(GLASS)], [SUN], background=0.1),
+    "sun, plastic": scene(pl.MetallicRoughness(0.5, roughness=0.1), SUN),
+    "sun, rough metal": scene(pl.Conductor(0.9, alpha=0.3), SUN),
+    "sun, rough glass": scene(pl.Dielectric(1.5, alpha=0.2), SUN),
+    "wide sun, glass": scene(GLASS, sun(angular_radius=0.3)),
+    "parallel light, glass": scene(GLASS, sun(angular_radius=0.0)),
+    "point, glass": scene(GLASS, POINT),
+    "large lamp, glass": scene(GLASS, lamp(16.0)),
+    "lamp that faces away, glass": scene(GLASS, lamp(1.0, towards=(-20, 63, 10)), background=0.1),
+    "sky, glass": scene(GLASS, background=1.0),
+    "even map, glass": scene(GLASS, background=pl.EnvironmentMap(np.ones((4, 8, 1)))),
+    "black sun, glass": scene(GLASS, sun(irradiance=0.0), background=0.1),
+}
+
+
+def camera(side=24):
+    return dataclasses.replace(scenes.camera(), sensor=pl.Sensor((side, side), 7.2 / side))
+
+
+def shot(subject, **settings):
+    return pl.render(subject, camera(), truth=pl.Truth.NONE, progress=False, **settings)
+
+
+@pytest.mark.parametrize("name", RARE)
+def test_plan_names_rare_light(name):
+    stage, exclude = pl.rendering.Stage.RARE_LIGHT, pl.rendering.Caustics.EXCLUDE
+    assert pl.plan(RARE[name], camera()).runs(stage)
+    assert not pl.plan(RARE[name], camera(), caustics=exclude).runs(stage)
+    assert not pl.plan(RARE[name], camera(), max_bounces=1).runs(stage)
+
+
+@pytest.mark.parametrize("name", USUAL)
+def test_plan_is_silent_about_usual_light(name):
+    assert not pl.plan(USUAL[name], camera()).runs(pl.rendering.Stage.RARE_LIGHT)
+
+
+def test_target_is_not_reached_without_the_flag():
+    # A sun of 6 times the radius and the same irradiance casts the same caustic, and paths meet it 36 times as often:
+    # it shows the share of the light that images without such paths lack.
+    wide = shot(scene(GLASS, sun(angular_radius=6 * SUN.angular_radius)), samples=1 << 12)
+    matt = shot(RARE["sun, glass"], samples=64, caustics=pl.rendering.Caustics.EXCLUDE)
+    assert matt.stats.unmet_light == 0 and not matt.rare_light
+    missing = 1.0 - matt.image.sum() / wide.image.sum()
+    assert missing > 0.02
+    for seed in range(4):
+        with pytest.warns(pl.errors.BudgetWarning, match="SunLight 0 reaches matt surfaces by way of Mesh 0"):
+            exposure = shot(RARE["sun, glass"], target_error=0.1, seed=seed)
+        assert exposure.rare_light and exposure.stats.stopped_by is pl.rendering.StopReason.TARGET_MISSED
+        assert missing < exposure.stats.unmet_light <= 1
+
+
+def test_unmet_light_falls_with_samples_and_with_other_light():
+    weak = scene(GLASS, sun(irradiance=1e-3), background=1.0)
+    one = shot(weak, target_error=0.1)
+    assert not one.rare_light and one.stats.stopped_by is pl.rendering.StopReason.TARGET_ERROR
+    # 8 paths of the sun's radiance into N samples of each of n pixels of the mean brightness B: 8 L / (n N B).
+    radiance, white = sun(irradiance=1e-3).radiance, scenes.projected_solid_angles(camera()).mean()
+    share = 8 * radiance / (24 * 24 * one.samples * one.image.mean() / white)
+    assert one.stats.unmet_light == pytest.approx(share / (1 + share), rel=0.02)
+    halves = [shot(weak, samples=32, seed=seed) for seed in (1, 2)]
+    merged = pl.Exposure.merged(halves).stats.unmet_light
+    assert merged == pytest.approx(shot(weak, samples=64).stats.unmet_light, rel=0.02)
