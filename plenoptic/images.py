@@ -2,6 +2,7 @@
 
 from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
 from plenoptic.core.files.file_limits import FileLimits
+from plenoptic.core.files.float_maps import read_pfm
 from plenoptic.core.files.images import read_channels, read_linear, write_16bit, write_channels
 from plenoptic.truth.channels import PixelState
 
@@ -12,6 +13,7 @@ __all__ = [
     "linear_to_srgb",
     "read_channels",
     "read_linear",
+    "read_pfm",
     "srgb_to_linear",
     "write_16bit",
     "write_channels",

@@ -16,6 +16,7 @@ from .points.centres import MicrolensCentres as MicrolensCentres
 from .points.centres import microlens_centres as microlens_centres
 from .points.projection import Projection as Projection
 from .points.projection import project as project
+from .points.white_fit import CameraFit as CameraFit
 from .psf.point_spread import landing_points as landing_points
 from .psf.point_spread import point_spread as point_spread
 from .psf.psf_results import CameraSpread as CameraSpread

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.elements import is_centred
 from plenoptic.optics.lens.placement import Placement
 
@@ -135,6 +136,23 @@ def sensor_corners(camera: PlenopticCamera, parts: Assembly, beyond: float = 0.0
     x, y = 0.5 * width + beyond, 0.5 * height + beyond
     corners = np.array([[i, j, 0.0] for i in (-x, x) for j in (-y, y)])
     return parts.sensor_to_local.points(corners)
+
+
+def check_assembly(camera: PlenopticCamera) -> None:
+    """Raise an InvalidValueError if a corner of the sensor touches the array, or either is inside the lens."""
+    parts = assembly(camera)
+    clearance = float(sensor_corners(camera, parts)[:, 2].min())
+    if parts.sensor_to_local.turn[2, 2] <= 0 or not clearance > 0:
+        raise InvalidValueError(
+            f"as built, a corner of the sensor is {clearance:g} mm behind the part in front of it; it must be "
+            "above 0: reduce tilts and shifts, or give them in radians and mm"
+        )
+    z_last = float(camera.lens.vertices[-1])
+    if camera.microlenses is not None and not parts.z_plane > z_last:
+        raise InvalidValueError(
+            f"as built, the array is at z = {parts.z_plane:g} mm of the lens, whose last vertex is at {z_last:g}; "
+            "reduce the shift along the axis"
+        )
 
 
 class ArrayAxes(NamedTuple):

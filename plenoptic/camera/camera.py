@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from plenoptic.camera.assembly import assembly, sensor_corners
+from plenoptic.camera.assembly import check_assembly
 from plenoptic.camera.diffraction import Diffraction, check_diffraction
 from plenoptic.camera.dust import check_blemishes
 from plenoptic.camera.shutter import Shutter
@@ -29,8 +29,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from plenoptic.camera.points.projection import Projection
+    from plenoptic.camera.points.white_fit import CameraFit
     from plenoptic.camera.report.report import CameraReport
     from plenoptic.core.rays import Frustum
+    from plenoptic.rendering.exposure import Exposure
     from plenoptic.scene.scene import Scene
 
 
@@ -139,7 +141,7 @@ class PlenopticCamera:
         check_blemishes(self)
         check_diffraction(self)
         self._check_distances()
-        self._check_assembly()
+        check_assembly(self)
 
     def _check_distances(self) -> None:
         array, front, z_last = self.microlenses, self.stop_to_microlenses, float(self.lens.vertices[-1])
@@ -163,22 +165,6 @@ class PlenopticCamera:
             raise InvalidValueError(
                 f"stop_to_microlenses is {self.stop_to_microlenses:g} mm; the last lens vertex is at z = {z_last:g}, "
                 f"so it must be above {least:g}{metres_hint(self.stop_to_microlenses, least)}"
-            )
-
-    def _check_assembly(self) -> None:
-        """Raise an InvalidValueError if a corner of the sensor touches the array, or either is inside the lens."""
-        parts = assembly(self)
-        clearance = float(sensor_corners(self, parts)[:, 2].min())
-        if parts.sensor_to_local.turn[2, 2] <= 0 or not clearance > 0:
-            raise InvalidValueError(
-                f"as built, a corner of the sensor is {clearance:g} mm behind the part in front of it; it must be "
-                "above 0: reduce tilts and shifts, or give them in radians and mm"
-            )
-        z_last = float(self.lens.vertices[-1])
-        if self.microlenses is not None and not parts.z_plane > z_last:
-            raise InvalidValueError(
-                f"as built, the array is at z = {parts.z_plane:g} mm of the lens, whose last vertex is at {z_last:g}; "
-                "reduce the shift along the axis"
             )
 
     @property
@@ -236,6 +222,38 @@ class PlenopticCamera:
         """Position of the sensor's centre in the camera's frame in mm, as designed."""
         separation = 0.0 if self.microlenses is None else self.microlenses.principal_separation
         return self.stop_to_microlenses + separation + self.microlenses_to_sensor
+
+    def fitted_to(self, white: Exposure) -> CameraFit:
+        """The camera with its microlens array shifted, turned and scaled as a white image shows it.
+
+        Parameters
+        ----------
+        white : Exposure
+            White image of the whole sensor or of a region, also a photographed one: `Exposure(image, white=True)`.
+
+        Returns
+        -------
+        CameraFit
+            The camera, the three changes, and the displacement that remains. Another distance from array to sensor
+            or pupil looks like another pitch.
+
+        Raises
+        ------
+        InvalidValueError
+            Without a lattice of microlenses that the image shows.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(160, 160))
+        >>> built = camera.moved(pl.CameraPart.MICROLENSES, shift=(0.02, -0.01, 0.0))
+        >>> fit = camera.fitted_to(pl.render_white(built, samples=16, progress=False))
+        >>> fit.shift.round(3).tolist(), fit.camera.microlenses_placement.shift.round(3).tolist()
+        ([0.02, -0.01], [0.02, -0.01, 0.0])
+        """
+        from plenoptic.camera.points.white_fit import fit_camera  # knows this class
+
+        return fit_camera(self, white)
 
     def posed(self, position: ArrayLike, look_at: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> PlenopticCamera:
         """The same camera with another pose.

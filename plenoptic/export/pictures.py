@@ -55,13 +55,6 @@ def write_picture(
     write_codes(path, rgb, {COLOR_SPACE: SRGB if encoded else LINEAR})
 
 
-def write_pfm(path: Path, plane: NDArray[np.floating[Any]]) -> None:
-    """A plane (H, W) as a portable float map: float32, little-endian, the lowest row first."""
-    rows, columns = plane.shape
-    head = f"Pf\n{columns} {rows}\n-1\n".encode("ascii")
-    write_file(path, head + np.ascontiguousarray(plane[::-1], dtype="<f4").tobytes())
-
-
 def write_readme(folder: Path, program: str, how: str, cannot: str, more: Mapping[str, Any] | None = None) -> None:
     """Write instructions for starting the program, with the limits of its knowledge."""
     lines = [f"For {program}, by plenoptic {__version__}.", "", how, "", f"What it cannot express: {cannot}"]

@@ -14,9 +14,10 @@ import numpy as np
 from plenoptic import __version__
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import white_point
+from plenoptic.core.files.float_maps import write_pfm
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.export.pictures import check_no_others, folder_at, write_pfm, write_picture, write_readme
+from plenoptic.export.pictures import check_no_others, folder_at, write_picture, write_readme
 from plenoptic.lightfield.views import LightField
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel

@@ -15,7 +15,7 @@ from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.pinhole_model import image_distance_behind_array
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, checked_viewpoint, raw_arrays
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, check_white, checked_viewpoint, raw_arrays
 from plenoptic.lightfield.resample import Resampling, resampling
 from plenoptic.lightfield.view_model import ViewModel, view_model
 from plenoptic.lightfield.views import LightField
@@ -85,11 +85,13 @@ def decode(  # noqa: PLR0913
     ------
     InvalidValueError
         If there is no camera, no microlenses or no lattice (FREE ones have no neighbours to interpolate between); for a
-        focused camera (2.0), a number out of range, a white image that does not cover the shot, or a region without
-        micro images.
+        focused camera (2.0), a number out of range, a white image that does not cover the shot or whose micro images
+        lie more than half a pitch from the camera's (a warning above 0.1 pixels), or a region without micro images.
 
     Notes
     -----
+    The lattice of the micro images of the white image is compared with the camera's; see `PlenopticCamera.fitted_to`.
+
     Errors are propagated for independent pixels: with the interpolated shot S and white image W, the variance of
     r = S / W is (var S + r^2 var W) / W^2. A white image without standard error counts as exact. Render the two with
     different seeds: with the same paths (if `plan(None, camera)` leaves the unvignetted core out), their errors are
@@ -123,6 +125,8 @@ def decode(  # noqa: PLR0913
     centres = microlens_centres(
         camera, choice(method, CentreMethod, "method"), margin=max_offset * camera.sensor.pixel_pitch
     )
+    is_chief = centres.method is CentreMethod.CHIEF_RAY
+    check_white(camera, white, centres if is_chief else None)
     near = raw.near(centres.pixel, max_offset)
     if not near.any():
         raise InvalidValueError("the image contains no centre of a micro image; take a larger region")

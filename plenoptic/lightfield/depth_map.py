@@ -18,7 +18,7 @@ from plenoptic.lightfield.matching.consensus import consensus
 from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
 from plenoptic.lightfield.matching.micro_images import MicroImages, focused_array, image_side, micro_images
 from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, object_plane_pair
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, check_white, raw_arrays
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
@@ -114,7 +114,7 @@ def depth(  # noqa: PLR0913
     ------
     InvalidValueError
         If there are no microlenses on a lattice, if the microlenses of a raw image's camera are focused at infinity,
-        or if a number is out of range.
+        if its white image does not fit the camera, as in `decode`, or if a number is out of range.
 
     Notes
     -----
@@ -165,6 +165,7 @@ def depth(  # noqa: PLR0913
         raise InvalidValueError("a raw image is searched by virtual depth; give virtual_depth_range=")
     raw = raw_arrays(image, white, min_relative_light, "min_relative_light")
     camera, workers = camera_of(image, camera), thread_count(threads)
+    check_white(camera, white)
     with CallProgress("matching", kind="camera", show=progress):
         array, virtual_depths = focused_array(camera), _virtual_depths(camera, virtual_depth_range)
         model = PinholeModel(array_axes(camera), array, object_plane_pair(camera, virtual_depths), workers)

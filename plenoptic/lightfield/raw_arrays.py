@@ -9,7 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
+from plenoptic.camera.points.white_fit import LatticeShift, array_motion, lattice_shift
+from plenoptic.core.last_result import LastResultCache
 from plenoptic.core.values import Floats, check_has, coordinate, finite, numbers, value
+from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -118,6 +122,35 @@ def camera_of(shot: Exposure, camera: PlenopticCamera | None) -> PlenopticCamera
     if not isinstance(chosen, PlenopticCamera):
         raise InvalidValueError("the shot names no camera; give camera=")
     return chosen
+
+
+_last_shifts: LastResultCache[Exposure, list[tuple[PlenopticCamera, LatticeShift | None]]] = LastResultCache(
+    lambda _: []
+)
+"""The camera that was last compared with a white image, and the displacement, until the image is gone."""
+
+
+def check_white(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres | None = None) -> None:
+    """Warn of a white image that shows its micro images beside those of the camera; raise above half a pitch.
+
+    `centres` are those of the camera by CHIEF_RAY, if the caller has computed them.
+    """
+    last = _last_shifts(white)
+    if not last or last[0][0] is not camera:
+        chief = microlens_centres(camera, CentreMethod.CHIEF_RAY, progress=False) if centres is None else centres
+        last[:] = [(camera, lattice_shift(camera, white, chief))]
+    shift = last[0][1]
+    if shift is None or not shift.is_significant:
+        return
+    (x, y), turn, ratio = array_motion(camera, shift)
+    message = (
+        f"the micro images of the white image lie up to {shift.largest:.3g} pixels from those of the camera, whose "
+        f"array fits when it is shifted by ({x:.4g}, {y:.4g}) mm, turned by {turn:.3g} rad, and its pitch multiplied "
+        f"by {ratio:.6g}; give camera=camera.fitted_to(white).camera, or the white image of this camera"
+    )
+    if shift.largest > 0.5 * shift.pitch:
+        raise InvalidValueError(message)
+    warn(message)
 
 
 def checked_viewpoint(viewpoint: tuple[float, float]) -> tuple[float, float]:

@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import configparser
+import dataclasses
 import math
 import os
 import re
+from decimal import Decimal
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.color.srgb import Encoding
+from plenoptic.core.files.codes import ALPHA
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, read_file
-from plenoptic.core.files.images import read_linear
+from plenoptic.core.files.float_maps import read_pfm
+from plenoptic.core.files.images import read_header, read_linear
 from plenoptic.core.values import file_path, whole
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.lightfield.depth_map import DepthMap
 from plenoptic.lightfield.views import LightField
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".ppm", ".bmp")
 _MAX_VIEWS = 10_000
 _COLUMN_FIRST = re.compile(r"\d{3}_\d{3}")
 """File names of JPEG Pleno: column and row of the view."""
+_WHOLE, _DECIMAL = (re.compile(rf"((?:(?:^|(?<=_))-)?[0-9]+{more})") for more in ("", r"(?:\.[0-9]+)?"))
+"""Numbers in file names, with a sign at the start or behind `_`."""
 
 
 def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
@@ -30,6 +39,7 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     ----------
     folder : path-like
         Contains `input_Cam000.png`, ... and `parameters.cfg`; pixels outside an optional `valid_mask.png` are nan.
+        `gt_depth_lowres.pfm` and `gt_disp_lowres.pfm`, of the central view, become `ground_truth`.
     limits : FileLimits
         The size of each file, and of all views.
 
@@ -81,11 +91,33 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     if mask.is_file() and (lit := read_linear(mask, limits=limits)).shape[:2] == views.shape[2:4]:
         views[:, :, lit.max(axis=2) == 0] = np.nan
     spacing = sensor * focus / (focal_length * max(views.shape[2:4]))
-    return light_field(views, baseline, -focus, spacing)
+    truth = _hci_truth(source, views.shape[2:4], limits)
+    return dataclasses.replace(light_field(views, baseline, -focus, spacing), ground_truth=truth)
 
 
-def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits: FileLimits = DEFAULT) -> LightField:
-    """Read a light field from a folder of views, ordered by name, row by row from the upper left.
+def _hci_truth(folder: Path, shape: tuple[int, ...], limits: FileLimits) -> DepthMap | None:
+    """Depth and disparity of the central view in a scene's folder; None without both files."""
+    maps = {}
+    for name, unit in (("disp", 1.0), ("depth", 1e3)):
+        path, maps[name] = folder / f"gt_{name}_lowres.pfm", np.full(shape, np.nan)
+        if path.is_file():
+            stored = read_pfm(path, limits=limits)
+            if stored.shape != shape:
+                raise FileError(f"{str(path)!r} has shape {stored.shape}, and the views {shape}; they must agree")
+            maps[name] = unit * stored.astype(np.float64)
+    if all(np.isnan(plane).all() for plane in maps.values()):
+        return None
+    return DepthMap(maps["disp"], np.zeros(shape), np.ones(shape), np.full(shape, np.nan), maps["depth"])
+
+
+def read_views(
+    folder: str | os.PathLike[str],
+    shape: tuple[int, int],
+    *,
+    encoding: Encoding | None = None,
+    limits: FileLimits = DEFAULT,
+) -> LightField:
+    """Read a light field from a folder of views, ordered by the numbers in their names, row by row from the upper left.
 
     The Stanford archives and most others have this form. Names of three digits, `_` and three digits are those of JPEG
     Pleno, which count columns first. If the rows are in reverse order, flip `views` of the result.
@@ -93,21 +125,24 @@ def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits
     Parameters
     ----------
     folder : path-like
-        Its pictures are the views; other files are ignored.
+        Its pictures are the views; other files are ignored, and those whose names begin with a dot.
     shape : (int, int)
         Rows and columns of views, such as (17, 17).
+    encoding : Encoding, optional
+        As in `pl.images.read_linear`.
     limits : FileLimits
         The size of each file, and of all views.
 
     Returns
     -------
     LightField
-        Linear, without camera, standard error and positions: refocus it by disparity.
+        Linear, nan where alpha is 0; without camera, standard error and positions: refocus it by disparity.
 
     Raises
     ------
     FileError
-        If the number of pictures is wrong, or they differ in size.
+        If the number of pictures is wrong, they differ in size, or names have the numbers of two views, or one order as
+        whole numbers and another as decimals.
 
     Examples
     --------
@@ -122,16 +157,46 @@ def read_views(folder: str | os.PathLike[str], shape: tuple[int, int], *, limits
     source, (rows, columns) = file_path(folder), _view_counts(shape)
     if not source.is_dir():
         raise FileError(f"{str(source)!r} is no folder; give the one that holds the views")
-    files = sorted(path for path in source.iterdir() if path.suffix.lower() in _PICTURES)
+    files = _in_order(
+        [path for path in source.iterdir() if path.suffix.lower() in _PICTURES and not path.name.startswith(".")]
+    )
     if all(_COLUMN_FIRST.fullmatch(path.stem) for path in files):
         files.sort(key=lambda path: path.stem[-3:] + path.stem[:3])
     if len(files) != rows * columns:
         raise FileError(f"{str(source)!r} holds {len(files)} pictures; {rows} x {columns} views are {rows * columns}")
-    return light_field(_read_view_files(files, (rows, columns), limits))
+    return light_field(_read_view_files(files, (rows, columns), limits, encoding))
+
+
+def _in_order(files: list[Path]) -> list[Path]:
+    """Files by the text and the numbers of their names; FileError if these leave their order open."""
+
+    def order(number: re.Pattern[str]) -> list[Path]:
+        keys = {}
+        for file in files:
+            parts = number.split(file.stem)
+            keys[file] = [Decimal(part) if k % 2 else part for k, part in enumerate(parts)]
+        ordered = sorted(files, key=lambda file: keys[file])
+        for first, second in pairwise(ordered):
+            if keys[first] == keys[second]:
+                raise FileError(f"{str(first)!r} and {second.name!r} have the same numbers; remove one of them")
+        return ordered
+
+    by_number, by_decimal = order(_WHOLE), order(_DECIMAL)
+    for first, second in zip(by_number, by_decimal, strict=True):
+        if first != second:
+            raise FileError(
+                f"{str(first)!r} and {second.name!r} have one order by whole numbers and another by decimals; rename "
+                "the views, with as many digits in all of them"
+            )
+    return by_number
 
 
 def read_eslf(
-    path: str | os.PathLike[str], shape: tuple[int, int] = (14, 14), *, limits: FileLimits = DEFAULT
+    path: str | os.PathLike[str],
+    shape: tuple[int, int] = (14, 14),
+    *,
+    encoding: Encoding | None = None,
+    limits: FileLimits = DEFAULT,
 ) -> LightField:
     """Read a light field from an ESLF image of macro-pixels, as written by the LFToolbox and Lytro's tools.
 
@@ -141,13 +206,15 @@ def read_eslf(
         Rows of the picture are rows of views times rows of pixels, each macro-pixel holding all views of one pixel.
     shape : (int, int), optional
         Rows and columns of views.
+    encoding : Encoding, optional
+        As in `pl.images.read_linear`.
     limits : FileLimits
         The size of the file and of the picture.
 
     Returns
     -------
     LightField
-        Linear, without camera, standard error and positions: refocus it by disparity.
+        Linear, nan where alpha is 0; without camera, standard error and positions: refocus it by disparity.
 
     Raises
     ------
@@ -162,7 +229,7 @@ def read_eslf(
     ...     pl.lightfield.read_eslf(pathlib.Path(folder) / "a_eslf.png", (2, 3))
     LightField(3 x 2 views of 4 x 5 x 3)
     """
-    (rows, columns), image = _view_counts(shape), read_linear(path, limits=limits)
+    (rows, columns), image = _view_counts(shape), _read_opaque(path, limits, encoding)
     height, width, channels = image.shape
     if height % rows or width % columns:
         raise FileError(
@@ -173,9 +240,9 @@ def read_eslf(
 
 
 def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
-    """Read the light field `LF` from a decoded file of the Light Field Toolbox for MATLAB, version 7.3.
+    """Read the light field `LF` from a decoded file of the Light Field Toolbox for MATLAB.
 
-    Needs the package h5py.
+    Files of version 7.3 need the package h5py; those of versions 5 and 7, none.
 
     Parameters
     ----------
@@ -204,9 +271,9 @@ def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
     target = file_path(path)
     content = read_file(target, limits)
     try:
-        array = matlab_array(content, "LF")
+        array = matlab_array(content, "LF", limits)
     except (KeyError, ValueError) as error:
-        raise FileError(f"{str(target)!r} holds no light field LF: {error}") from None
+        raise FileError(f"{str(target)!r} holds no light field LF that can be read: {error}") from None
     if array.ndim == 4:
         array = array[..., np.newaxis]
     if array.ndim != 5 or array.dtype.kind not in "uf" or array.shape[4] not in (1, 3, 4):
@@ -228,14 +295,27 @@ def _view_counts(shape: tuple[int, int]) -> tuple[int, int]:
     return rows, columns
 
 
-def _read_view_files(files: list[Path], shape: tuple[int, int], limits: FileLimits) -> NDArray[np.float32]:
+def _read_opaque(
+    path: str | os.PathLike[str], limits: FileLimits, encoding: Encoding | None = None
+) -> NDArray[np.float32]:
+    """Read a picture as linear values; nan where its alpha is 0."""
+    image = read_linear(path, encoding=encoding, limits=limits)
+    if "A" in read_header(path).names:
+        image[read_linear(path, channel=ALPHA, limits=limits)[:, :, 0] == 0] = np.nan
+    return image
+
+
+def _read_view_files(
+    files: list[Path], shape: tuple[int, int], limits: FileLimits, encoding: Encoding | None = None
+) -> NDArray[np.float32]:
     """Read views (U, V, rows, columns, C) from files row by row."""
-    first = read_linear(files[0], limits=limits)
+    first = _read_opaque(files[0], limits, encoding)
     size = sum(file.stat().st_size for file in files if file.is_file())
     check_memory(len(files) * first.nbytes, f"{len(files)} views like {str(files[0])!r}", size, limits)
     views = np.empty((shape[1], shape[0], *first.shape), dtype=np.float32)
     for number, file in enumerate(files):
-        view = read_linear(file, limits=limits)
+        # The first view has warned of an unknown encoding.
+        view = _read_opaque(file, limits, Encoding.SRGB if encoding is None else encoding) if number else first
         if view.shape != first.shape:
             raise FileError(
                 f"{str(file)!r} has shape {view.shape}, and {str(files[0])!r} {first.shape}; they must agree"

@@ -61,6 +61,9 @@ class LightField:
         None for imported light fields, which have no raw image: `pixel`, `on_array`, `pupil`, `origin` and `spacing`
         are nan, and `u` and `v` count views. Then `exit_pupil` contains the positions of the cameras, in whose frame z
         is measured, or nan.
+    ground_truth : DepthMap or None
+        True depth and disparity of the central view in the files of an imported light field, with standard error 0 and
+        confidence 1; None without them. For light fields with a camera, see `truth`.
     """
 
     views: NDArray[np.float32]
@@ -76,6 +79,7 @@ class LightField:
     object_spacing: tuple[float, float]
     z_focus: float
     camera: PlenopticCamera | None
+    ground_truth: DepthMap | None = None
 
     def view(self, u: int, v: int) -> NDArray[np.float32]:
         """The view `u` steps to the right of the central one and `v` steps below it: (rows, columns, C).

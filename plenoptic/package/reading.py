@@ -116,7 +116,11 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
         return _read(source, limits)
     check_file(source, limits)
     with _unpack(source, limits) as folder:
-        return _read(folder, limits)
+        try:
+            return _read(folder, limits)
+        except FileError as error:
+            # The folder is gone when the message is read.
+            raise FileError(str(error).replace(repr(str(folder))[1:-1], repr(str(source))[1:-1])) from None
 
 
 @contextmanager

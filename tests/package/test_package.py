@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shutil
 import zipfile
 
@@ -156,6 +157,11 @@ def test_zip_files_cannot_reach_out(written, tmp_path):
         bomb.writestr("a.csv", bytes(1 << 20))
     with pytest.raises(FileError, match=r"a\.csv and more than may be unpacked"):
         pl.package.read(tmp_path / "b.zip", limits=pl.images.FileLimits(file_size=1 << 19))
+    with zipfile.ZipFile(written) as archive, zipfile.ZipFile(tmp_path / "changed.zip", "w") as changed:
+        for entry in archive.infolist():
+            changed.writestr(entry, archive.read(entry) + b" " * (entry.filename == "camera.json"))
+    with pytest.raises(FileError, match=f"^{re.escape(repr(str(tmp_path / 'changed.zip' / 'camera.json')))} has been"):
+        pl.package.read(tmp_path / "changed.zip")
     (tmp_path / "c.zip").write_bytes(b"PK\3\4 no zip")
     with pytest.raises(FileError, match="is no zip file of a package"):
         pl.package.read(tmp_path / "c.zip")
@@ -194,7 +200,8 @@ def test_other_files_hold_no_value(tmp_path):
         ("[" * 100_000, "is not JSON"),
         ("[]", "has format None"),
         ('{"format": "plenoptic-value-1"}', "with a value"),
-        ('{"format": "plenoptic-value-1", "value": {"value": ["Sensor", {}]}}', "cannot be understood"),
+        ('{"format": "plenoptic-value-1", "value": {"value": ["Sensor", {}]}}', "Sensor is described without shape"),
+        ('{"format": "plenoptic-value-1", "value": {"value": ["Sensor", {"iso": 3}]}}', "a Sensor has no iso; it has"),
         ('{"format": "plenoptic-value-1", "value": {"value": ["Path", {}]}}', "no value of this package"),
     ):
         (tmp_path / "a.json").write_text(text)

@@ -15,13 +15,16 @@ from plenoptic.camera.assembly import ArrayAxes, array_axes, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids, white_centroids
+from plenoptic.camera.points.white_fit import lattice_shift, to_complex
 from plenoptic.core.display import picture_of
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, choice, coordinate, result
+from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.microlens.aperture import Walls
 from plenoptic.optics.microlens.array import MicrolensArray
+from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.lenslets import Lenslets
 
 if TYPE_CHECKING:
@@ -33,6 +36,8 @@ _MIN_IMAGE_SPACING = 0.1
 """Least spacing of images over that of microlenses for which all microlenses are listed."""
 _RADII, _DEGREE = 48, 14
 """Traced fields of a centred lens, and degree of the polynomial in the squared radius that is fitted to them."""
+_MIN_LOCATED = 16
+"""Least number of micro images of which a white image's lattice is expected to be found."""
 _SIDE = 13
 """Traced fields along x and along y without rotational symmetry."""
 
@@ -170,7 +175,10 @@ def microlens_centres(
     white : Exposure, optional
         For CENTROID: a white image of this camera, whose pixels are used in place of the geometry; incomplete micro
         images are left out. The centroid is over the cell around each CHIEF_RAY: it includes light of overlapping
-        neighbours and excludes light of the image outside its cell, as of a missing lens.
+        neighbours and excludes light of the image outside its cell, as of a missing lens. If the lattice of the image
+        is displaced by more than 0.1 pixels from the camera's, chief rays are displaced with it, as
+        `PlenopticCamera.fitted_to` does; a warning says where it cannot be located. Steps of the whole lattice cannot
+        be seen: the centre of the image is displaced by at most half a pitch.
     margin : float, optional
         Largest distance of centres outside the sensor, in mm; negative: least distance inside.
     progress : bool, optional
@@ -253,7 +261,30 @@ def _centres(
         if white is None:
             position = lit_centroids(axes, array, lenses, slopes)
         else:
+            chief = _on_sensor(camera, lenses, position, CentreMethod.CHIEF_RAY, 0.0)
+            position = position + _white_shift(camera, white, chief, position)
             position = white_centroids(axes, array, white, lenses.design, position, _image_spacing(axes))
+    return _on_sensor(camera, lenses, position, method, margin)
+
+
+def _white_shift(camera: PlenopticCamera, white: Exposure, chief: MicrolensCentres, position: Floats) -> Floats:
+    """Displacement (n, 2) of a white image's lattice from positions (n, 2) of the camera's, mm; 0 within tolerance."""
+    shift, array = lattice_shift(camera, white, chief), camera.microlenses
+    if shift is None and len(chief) >= _MIN_LOCATED and array is not None and array.lattice is not Lattice.FREE:
+        warn(
+            "the micro images of the white image cannot be located, since they are few, fill their cells evenly or lie "
+            "far from those of the camera; centroids are those around its chief rays"
+        )
+    if shift is None or not shift.is_significant:
+        return np.zeros_like(position)
+    displacement = shift.at(to_complex(camera.sensor.pixel_of(position)))
+    return camera.sensor.pixel_pitch * np.stack([displacement.real, displacement.imag], axis=1)
+
+
+def _on_sensor(
+    camera: PlenopticCamera, lenses: Lenslets, position: Floats, method: CentreMethod, margin: float
+) -> MicrolensCentres:
+    """Centres within a margin around the sensor."""
     # Rounding must not decide whether a centre on the edge is on the sensor.
     limit = 0.5 * np.array(camera.sensor.size[::-1]) + margin + 1e-9 * camera.sensor.pixel_pitch
     with np.errstate(invalid="ignore"):

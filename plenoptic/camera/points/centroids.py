@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,10 @@ _RAYS = 1 << 18
 """Rays that are traced together."""
 _PIXELS = 1 << 16
 """Pixels that are summed together, within the processor's cache."""
+
+
+Integrands: TypeAlias = Callable[[NDArray[np.int64], Floats], Iterable[Floats]]
+"""Functions of a microlens (m,) and a point on the sensor (m, 2), in mm: arrays (m,)."""
 
 
 class _CellMoments(NamedTuple):
@@ -173,15 +178,33 @@ def centroids_at(axes: ArrayAxes, array: MicrolensArray, points: Floats, power: 
 
     `offsets` (k, 2) are points of their openings, on the array, from these centres.
     """
+    moments = light_integrals(axes, array, points, power, offsets, lambda _, hit: (np.ones(len(hit)), *hit.T))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(moments[:, 1:] / moments[:, :1])
+
+
+def light_integrals(
+    axes: ArrayAxes,
+    array: MicrolensArray,
+    points: Floats,
+    power: float,
+    offsets: Floats,
+    integrands: Integrands,
+    *,
+    nodes: int = 3,
+) -> Floats:
+    """Integrals (n, k) of functions on the sensor over the light of microlenses, by nodes on lines across the pupil.
+
+    For the other arguments, see `centroids_at`.
+    """
     bounds = _bounds(axes, array, points)
     offsets = offsets @ axes.parts.array_turn.T
     chunk = max(1, _RAYS // (len(offsets) * LINES * PLACES))
     parts = []
     for k in range(0, len(points), chunk):
         openings = _narrow_boxes(_sample_openings(axes, points[k : k + chunk], offsets, bounds))
-        sums = _light_moments(openings, len(offsets), power)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            parts.append(sums[:, 1:] / sums[:, :1])
+        chunk_integrands = lambda lens, hit, k=k: integrands(lens + k, hit)  # noqa: E731
+        parts.append(_integrate_light(openings, len(offsets), power, chunk_integrands, nodes))
     return np.concatenate(parts)
 
 
@@ -244,8 +267,10 @@ def moment_points(variance: Floats) -> Floats:
     return np.array([[x, 0.0], [-x, 0.0], [0.0, y], [0.0, -y]])
 
 
-def _light_moments(openings: _Openings, points_per_lens: int, power: float) -> Floats:
-    """Moments (n, 3) of the light of microlenses: light, and light times x and y on the sensor.
+def _integrate_light(
+    openings: _Openings, points_per_lens: int, power: float, integrands: Integrands, nodes: int
+) -> Floats:
+    """Integrals (n, k) of functions over the light of microlenses.
 
     The light of a ray is its etendue at the sensor, as in `render`. An ideal microlens conserves du dv of the slopes
     u, v, not the projected solid angle du dv cos^4. An area dA of the plane across the lens at the distance r has the
@@ -255,8 +280,8 @@ def _light_moments(openings: _Openings, points_per_lens: int, power: float) -> F
     axes, start = openings.axes, openings.start[rows]
     grey = bool((passed != 1.0).any())
     lens = rows // points_per_lens
-    sums = np.zeros((len(openings.centre) // points_per_lens, 3))
-    for node, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
+    n_lenses, total = len(openings.centre) // points_per_lens, 0.0
+    for node, weight in zip(*np.polynomial.legendre.leggauss(nodes), strict=True):
         x = 0.5 * (first + last) + 0.5 * node * (last - first)
         ray = start - openings.through(rows, x, y)
         r2 = np.sum(ray**2, axis=1)
@@ -268,9 +293,9 @@ def _light_moments(openings: _Openings, points_per_lens: int, power: float) -> F
             # The cells of a mask may be smaller than the intervals.
             light *= openings.light(rows, x, y)
         landing = axes.on_sensor(openings.centre[rows] + openings.offset[rows], after)
-        for k, amount in enumerate((light, light * landing[:, 0], light * landing[:, 1])):
-            sums[:, k] += np.bincount(lens, amount, minlength=len(sums))
-    return sums
+        terms = [np.bincount(lens, light * values, minlength=n_lenses) for values in integrands(lens, landing)]
+        total = total + np.stack(terms, axis=1)
+    return np.asarray(total)
 
 
 def _lit_intervals(openings: _Openings) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats, Floats]:

@@ -1,10 +1,13 @@
-"""Named arrays in files of NumPy (NPZ), and of MATLAB 7.3 by h5py, which Octave reads too."""
+"""Named arrays in files of NumPy (NPZ) and of MATLAB; version 7.3 by h5py, which Octave reads too."""
 
 from __future__ import annotations
 
 import io
+import math
 import zipfile
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,11 +17,15 @@ from numpy.typing import NDArray
 
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.extras import extra_package
-from plenoptic.core.files.file_limits import FileLimits, allowed_memory, read_file
+from plenoptic.core.files.file_limits import FileLimits, allowed_memory, check_memory, read_file
 from plenoptic.errors import FileError
 
 _HEADER = 512
 """Bytes before HDF5's own."""
+_MATRIX, _COMPRESSED = 14, 15
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
+"""Types of stored numbers in a .mat file of version 5, and of the array that they become."""
 
 
 def write_npz(path: Path, arrays: Mapping[str, Any]) -> None:
@@ -71,15 +78,50 @@ def _put(group: Any, name: str, value: Any) -> None:
         dataset.attrs["MATLAB_class"] = np.bytes_(kind)
 
 
-def matlab_array(content: bytes, name: str) -> NDArray[Any]:
-    """An array of a .mat file; KeyError if it has none of that name, ValueError if it is no such file."""
-    if content[_HEADER : _HEADER + 8] != b"\x89HDF\r\n\x1a\n":
-        raise ValueError("it is no .mat file of version 7.3, which save(..., '-v7.3') makes")
+def matlab_array(content: bytes, name: str, limits: FileLimits) -> NDArray[Any]:
+    """A numeric array of a .mat file; KeyError if it has none of that name, ValueError if it cannot be read."""
+    is_older = content.startswith(b"MATLAB 5.0 MAT-file")
+    if not is_older and content[_HEADER : _HEADER + 8] != b"\x89HDF\r\n\x1a\n":
+        raise ValueError("it is no .mat file of version 5, 7 or 7.3")
     try:
+        if is_older:
+            return _matlab_5_array(content, name, limits)
         with hdf5().File(io.BytesIO(content), "r") as opened:
+            check_memory(opened[name].nbytes, f"its array {name}", len(content), limits)
             return np.asarray(opened[name][()]).T
-    except (OSError, TypeError, AttributeError, RuntimeError) as error:
+    except (OSError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError, zlib.error) as error:
         raise ValueError(str(error)) from None
+
+
+def _matlab_5_array(content: bytes, name: str, limits: FileLimits) -> NDArray[Any]:
+    """An array of version 5, or 7, whose elements are compressed: MATLAB, MAT-File Format, R2024a, chapter 1.
+
+    Not by scipy, which some damaged files crash.
+    """
+    order = ">" if content[126:128] == b"MI" else "<"
+    for kind, data in _matlab_elements(content[128:], order):
+        if kind == _COMPRESSED:
+            unpacked = zlib.decompressobj().decompress(data, allowed_memory(len(content), limits))
+            kind, data = next(_matlab_elements(unpacked, order), (0, b""))
+        parts = list(islice(_matlab_elements(data, order), 4)) if kind == _MATRIX else []
+        if len(parts) == 4 and parts[2][1] == name.encode("ascii"):
+            flags, shape = (np.frombuffer(part, order + "i4").tolist() for _, part in parts[:2])
+            check_memory(8 * math.prod(shape), f"its array {name}", len(content), limits)
+            numbers = np.frombuffer(parts[3][1], order + _NUMBERS[parts[3][0]])
+            return numbers.reshape(shape, order="F").astype(_CLASSES[flags[0] & 0xFF])
+    raise KeyError(name)
+
+
+def _matlab_elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Kinds and bytes of the data elements of a .mat file of version 5; short ones have both sizes in one number."""
+    position = 0
+    while position + 8 <= len(content):
+        kind, size = np.frombuffer(content, order + "u4", 2, position).tolist()
+        start, padding = position + 8, 0 if kind == _COMPRESSED else -size % 8
+        if kind >> 16:
+            kind, size, start, padding = kind & 0xFFFF, kind >> 16, position + 4, 4 - (kind >> 16)
+        yield kind, content[start : start + size]
+        position = start + size + padding
 
 
 def hdf5() -> ModuleType:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +12,15 @@ from numpy.typing import NDArray
 
 from plenoptic.core.color.percentile import HighPercentile
 from plenoptic.core.color.srgb import linear_to_srgb, srgb_to_linear
-from plenoptic.errors import FileError
+from plenoptic.core.values import whole
+from plenoptic.errors import FileError, InvalidValueError
 
+COLOR_SPACE = "oiio:ColorSpace"
+"""Key under which OpenImageIO keeps the encoding of a file."""
+_PNG, _PNG_ENCODINGS = b"\x89PNG", (b"sRGB", b"gAMA", b"iCCP", b"cICP")
+"""First bytes of a PNG file, and its chunks that state an encoding; they stand before the pixels."""
+ALPHA = 3
+"""Number of the opacity channel."""
 DISPLAY_PERCENTILE = 99.9
 """Percentile of an image that is white on displays, so that a highlight does not darken the rest of the image."""
 _PART = 1 << 18
@@ -28,6 +37,24 @@ class ImageHeader(NamedTuple):
     picture: list[str]
     """Names of the one or three channels of the picture."""
     metadata: dict[str, Any]
+
+
+def channel_number(channel: int | None) -> int | None:
+    """`channel`, or an error if it is not None and no channel of an image."""
+    if channel is None or whole(channel, "channel", at_least=0) <= ALPHA:
+        return channel
+    raise InvalidValueError(f"channel is {channel}; it must be 0, 1, 2 (red, green, blue), 3 (alpha) or None")
+
+
+def stored_metadata(spec: Any, start: bytes) -> dict[str, Any]:
+    """Metadata of OpenImageIO's specification of a file with given first bytes, and of a description in JSON."""
+    attributes: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
+    if start.startswith(_PNG) and not any(name in start for name in _PNG_ENCODINGS):
+        attributes.pop(COLOR_SPACE, None)  # the library's assumption
+    with suppress(ValueError, RecursionError):  # any other description stays a plain text
+        description = json.loads(attributes.get("ImageDescription", ""))
+        attributes |= description if isinstance(description, dict) else {}
+    return attributes
 
 
 def picture_names(names: list[str], path: str | os.PathLike[str]) -> list[str]:

@@ -1,7 +1,8 @@
 """Reading and writing images: the only module that knows OpenImageIO, which it loads on first use.
 
 Images are `(rows, columns, channels)` float32 arrays, linear, row 0 at the top. Files are converted on reading:
-integers of 8 or 16 bits are taken as sRGB-encoded unless the caller or the file says that they are linear.
+integers of 8 or 16 bits are taken as sRGB-encoded unless the caller or the file says that they are linear, with a
+warning for 16 bits of which neither says anything.
 Floating-point files (EXR, HDR) are taken as linear.
 """
 
@@ -11,7 +12,7 @@ import json
 import os
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -20,12 +21,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.color.srgb import Encoding
 from plenoptic.core.files.atomic_file import check_room, replace_file, translate_errors, utf8_path
-from plenoptic.core.files.codes import ImageHeader, each_channel, linearize, picture_names, picture_of
+from plenoptic.core.files.codes import (
+    ALPHA,
+    COLOR_SPACE,
+    ImageHeader,
+    channel_number,
+    each_channel,
+    linearize,
+    picture_names,
+    picture_of,
+    stored_metadata,
+)
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, check_memory, check_scans
-from plenoptic.core.values import AnyFloats, choice, whole
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.core.values import AnyFloats, choice
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileError, FileWarning, InvalidValueError
 
-COLOR_SPACE = "oiio:ColorSpace"  # the metadata key under which OpenImageIO keeps the encoding
 LINEAR = "Linear"
 SRGB = "sRGB"
 
@@ -34,20 +45,20 @@ _MAX_DESCRIPTION = 65535  # OpenImageIO truncates longer TIFF texts
 _ROWS = 64
 """Rows of an image that are compared at a time."""
 
-_Content: TypeAlias = tuple[NDArray[np.float32], list[str], dict[str, Any], bool]
-"""Channels, their names, metadata, and True for a file of integers."""
+_Content: TypeAlias = tuple[NDArray[np.float32], list[str], dict[str, Any], str]
+"""Channels, their names, metadata, and the type of the file's numbers, such as uint16."""
 
 _LIMIT = "limits:imagesize_MB"
 _OPENING = threading.Lock()
 
-ALPHA = 3
-"""Number of the opacity channel."""
+_START = 1 << 12
+"""Bytes at the start of a file, in which a PNG file states its encoding."""
 
 
 def read_linear(
     path: str | os.PathLike[str],
     *,
-    encoding: Encoding = Encoding.SRGB,
+    encoding: Encoding | None = None,
     channel: int | None = None,
     max_pixels: int | None = None,
     limits: FileLimits = DEFAULT,
@@ -58,9 +69,10 @@ def read_linear(
     ----------
     path : path-like
         PNG, JPEG, TIFF, EXR, HDR, or anything else that OpenImageIO reads.
-    encoding : Encoding
+    encoding : Encoding, optional
         Encoding of integers: SRGB decodes them unless the file's metadata says that they are linear, LINEAR
-        never does. A gamma other than these two is decoded as sRGB.
+        never does. A gamma other than these two is decoded as sRGB. None: SRGB, with a FileWarning for integers of
+        16 bits whose file states no encoding, as those of many cameras, which are linear.
     channel : int, optional
         A single channel: 0, 1, 2 for red, green, blue (of a grey image, its grey), 3 for alpha, which is
         never sRGB and 1 if the file has none. By default all but alpha.
@@ -90,21 +102,21 @@ def read_linear(
     ...     pl.images.read_linear(path)[0, 0].round(3)
     array([0.214], dtype=float32)
     """
-    encoding, channel = choice(encoding, Encoding, "encoding"), channel_number(channel)
-    pixels, names, *_ = content = _read(path, limits, max_pixels)
+    chosen = Encoding.SRGB if encoding is None else choice(encoding, Encoding, "encoding")
+    channel = channel_number(channel)
+    pixels, names, metadata, kind = content = _read(path, limits, max_pixels)
     if channel == ALPHA:
         return np.take(pixels, [names.index("A")], axis=2) if "A" in names else np.ones_like(pixels[:, :, :1])
     image = picture_of(pixels, names, path)
     if channel is not None and image.shape[2] > 1:
         image = np.ascontiguousarray(image[:, :, channel : channel + 1])
-    return linearize(image) if encoding is Encoding.SRGB and _has_srgb_encoding(content) else image
-
-
-def channel_number(channel: int | None) -> int | None:
-    """`channel`, or an error if it is not None and no channel of an image."""
-    if channel is None or whole(channel, "channel", at_least=0) <= ALPHA:
-        return channel
-    raise InvalidValueError(f"channel is {channel}; it must be 0, 1, 2 (red, green, blue), 3 (alpha) or None")
+    if encoding is None and kind == "uint16" and not {COLOR_SPACE, "ICCProfile"} & metadata.keys():
+        warn(
+            f"{os.fspath(path)!r} does not state whether its 16 bits are sRGB or linear, and they are decoded as sRGB; "
+            "give encoding=pl.images.Encoding.LINEAR, or SRGB",
+            FileWarning,
+        )
+    return linearize(image) if chosen is Encoding.SRGB and _has_srgb_encoding(content) else image
 
 
 def read_channels(
@@ -268,8 +280,8 @@ def bayer_to_rgb(mosaic: AnyFloats, *, layout: str, algorithm: str) -> NDArray[n
 
 def _has_srgb_encoding(content: _Content) -> bool:
     """True if integers are sRGB: the file does not say that they are linear."""
-    _, _, metadata, is_integer = content
-    return is_integer and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower()
+    _, _, metadata, kind = content
+    return kind not in ("half", "float", "double") and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower()
 
 
 def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | None = None) -> _Content:
@@ -281,7 +293,7 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
     if pixels is None:
         raise FileError(f"{os.fspath(path)!r} is damaged: {trouble}; restore it from its origin")
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
-    return pixels, list(spec.channelnames), metadata, str(spec.format) not in ("half", "float", "double")
+    return pixels, list(spec.channelnames), metadata, str(spec.format)
 
 
 @contextmanager
@@ -294,8 +306,8 @@ def _open_image(
     name = str(utf8_path(path))
     size = check_file(Path(name), limits)
     with translate_errors(Path(name), "read"), open(name, "rb") as file:
-        start = file.read(2)
-        check_scans(start + file.read() if start == b"\xff\xd8" else start, repr(name))
+        start = file.read(_START)
+        check_scans(start + file.read() if start.startswith(b"\xff\xd8") else start, repr(name))
     options = oiio.ImageSpec()
     options.attribute("oiio:UnassociatedAlpha", 1)  # otherwise colours come multiplied by alpha
     # Some formats are decoded on opening, so that the library itself needs the limit, which is global.
@@ -320,19 +332,11 @@ def _open_image(
             )
         # It is read as float32, and each channel is copied.
         check_memory(8 * max(spec.image_pixels(), spec.tile_pixels()) * spec.nchannels, repr(name), size, limits)
-        yield source, spec, _metadata(spec)
+        yield source, spec, stored_metadata(spec, start)
     except UnicodeDecodeError as error:
         raise FileError(f"{name!r} is damaged: it holds an invalid text; restore it from its origin") from error
     finally:
         source.close()
-
-
-def _metadata(spec: Any) -> dict[str, Any]:
-    attributes: dict[str, Any] = {item.name: item.value for item in spec.extra_attribs}
-    with suppress(ValueError, RecursionError):  # any other description stays a plain text
-        description = json.loads(attributes.get("ImageDescription", ""))
-        attributes |= description if isinstance(description, dict) else {}
-    return attributes
 
 
 def _image_path(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:

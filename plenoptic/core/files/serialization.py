@@ -133,7 +133,14 @@ def _from_tree(tree: Any) -> Any:
         raise ValueError(f"{name!r} is no {kind} of this package")
     if kind == "enum":
         return cls[_RENAMED_MEMBERS.get((name, argument), argument)]  # type: ignore[index]
-    return cls(**{_RENAMED_FIELDS.get((name, field), field): _from_tree(item) for field, item in argument.items()})
+    arguments = {_RENAMED_FIELDS.get((name, field), field): _from_tree(item) for field, item in argument.items()}
+    fields = {field.name: field for field in dataclasses.fields(cls) if field.init}
+    if unknown := sorted(arguments.keys() - fields):
+        raise ValueError(f"a {name} has no {', '.join(unknown)[:200]}; it has {', '.join(fields)}")
+    needed = [field.name for field in fields.values() if field.default is field.default_factory is dataclasses.MISSING]
+    if absent := [field for field in needed if field not in arguments]:
+        raise ValueError(f"a {name} is described without {', '.join(absent)}")
+    return cls(**arguments)
 
 
 def _array_from_tree(*, dtype: str, shape: list[int], values: list[Any]) -> np.ndarray[Any, Any]:

@@ -16,7 +16,7 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.micro_images import focused_array
 from plenoptic.lightfield.outward_rays import rays_at_array
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, raw_arrays
+from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, check_white, raw_arrays
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.rendering.exposure import Exposure
 
@@ -79,6 +79,7 @@ def pixel_rays(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, 
     first, shape = np.array(raw.first), raw.shot.shape[:2]
     radius = _radius(camera, array, pupil)
     centres = microlens_centres(camera, CentreMethod.CHIEF_RAY, margin=max(array.pitches))
+    check_white(camera, white, centres)
     inside_image = np.flatnonzero(raw.near(centres.pixel, radius))
     centre = centres.pixel[inside_image][:, :, None, None]
     step = np.arange(-math.ceil(radius), math.ceil(radius) + 1)

@@ -108,8 +108,8 @@ def render_view(  # noqa: PLR0913
     Raises
     ------
     InvalidValueError
-        If there are no microlenses on a lattice, if they are focused at infinity, unless exactly one of disparity and z
-        is given, or if a number is out of range.
+        If there are no microlenses on a lattice, if they are focused at infinity, if the white image does not fit the
+        camera, as in `decode`, unless exactly one of disparity and z is given, or if a number is out of range.
 
     Notes
     -----

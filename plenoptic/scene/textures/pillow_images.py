@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.color.srgb import Encoding, srgb_to_linear
-from plenoptic.core.files import images
+from plenoptic.core.files.codes import ALPHA, channel_number
 from plenoptic.core.values import choice
 from plenoptic.errors import FileError
 
@@ -25,10 +25,10 @@ def linear_texels(image: Image, *, encoding: Encoding, channel: int | None) -> N
     `encoding` is that of codes of 8 and 16 bits; floats are linear. `channel` is 0, 1, 2 for red, green, blue, or
     grey, 3 for alpha, which is never sRGB and 1 where there is none; None for all but alpha.
     """
-    encoding, channel = choice(encoding, Encoding, "encoding"), images.channel_number(channel)
+    encoding, channel = choice(encoding, Encoding, "encoding"), channel_number(channel)
     try:
         image = image.convert(_OF_RESULT[image.mode]) if image.mode in _OF_RESULT else image
-        codes, white = _opacity(image) if channel == images.ALPHA else _colours(image)
+        codes, white = _opacity(image) if channel == ALPHA else _colours(image)
     except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError, ... for damaged data
         raise FileError(f"the image cannot be decoded ({error}); save it again") from None
     if channel is not None and codes.shape[2] > 1:
@@ -36,7 +36,7 @@ def linear_texels(image: Image, *, encoding: Encoding, channel: int | None) -> N
     if white is None:
         return codes
     values: NDArray[np.floating[Any]] = np.arange(white + 1) / white
-    if encoding is Encoding.SRGB and channel != images.ALPHA:
+    if encoding is Encoding.SRGB and channel != ALPHA:
         values = srgb_to_linear(values)
     return np.asarray(values.astype(np.float32)[codes])
 
