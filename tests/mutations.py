@@ -117,9 +117,9 @@ rounding_of_numbers readout/develop.py: readout
 viewpoint_up lightfield/decode.py: lightfield/test_decode.py
 - central = np.array([viewpoint[0], -viewpoint[1]])
 + central = np.array([viewpoint[0], viewpoint[1]])
-depth_of_views lightfield/epipolar.py: lightfield/test_depth.py lightfield/test_decode.py
-- behind = lever / (1.0 - lever / gap)
-+ behind = lever / (1.0 + lever / gap)
+depth_of_views lightfield/view_model.py: lightfield/test_depth.py lightfield/test_decode.py
+- lever / (1.0 - lever * self.vergence)
++ lever / (1.0 + lever * self.vergence)
 noise_of_two_pixels lightfield/kernels/subpixel.py: lightfield/test_depth.py
 - error = math.sqrt(0.5 * max(residual_sum, 0.0) / weight_sum * slope_variance) / stiffness
 + error = math.sqrt(max(residual_sum, 0.0) / weight_sum * slope_variance) / stiffness
