@@ -170,18 +170,13 @@ def read_views(
 def _in_order(files: list[Path]) -> list[Path]:
     """Files by the text and the numbers of their names; FileError if these leave their order open."""
 
-    def order(number: re.Pattern[str]) -> list[Path]:
-        keys = {}
-        for file in files:
-            parts = number.split(file.stem)
-            keys[file] = [Decimal(part) if k % 2 else part for k, part in enumerate(parts)]
-        ordered = sorted(files, key=lambda file: keys[file])
-        for first, second in pairwise(ordered):
-            if keys[first] == keys[second]:
-                raise FileError(f"{str(first)!r} and {second.name!r} have the same numbers; remove one of them")
-        return ordered
+    def key(file: Path, number: re.Pattern[str]) -> list[Decimal | str]:
+        return [Decimal(part) if k % 2 else part for k, part in enumerate(number.split(file.stem))]
 
-    by_number, by_decimal = order(_WHOLE), order(_DECIMAL)
+    by_number, by_decimal = (sorted(files, key=lambda file: key(file, number)) for number in (_WHOLE, _DECIMAL))
+    for first, second in pairwise(by_number):
+        if key(first, _WHOLE) == key(second, _WHOLE):
+            raise FileError(f"{str(first)!r} and {second.name!r} have the same numbers; remove one of them")
     for first, second in zip(by_number, by_decimal, strict=True):
         if first != second:
             raise FileError(

@@ -36,8 +36,8 @@ _MIN_IMAGE_SPACING = 0.1
 """Least spacing of images over that of microlenses for which all microlenses are listed."""
 _RADII, _DEGREE = 48, 14
 """Traced fields of a centred lens, and degree of the polynomial in the squared radius that is fitted to them."""
-_MIN_LOCATED = 16
-"""Least number of micro images of which a white image's lattice is expected to be found."""
+_MIN_LOCATED = 64
+"""Number of micro images in a white image from which on their lattice is expected to be found."""
 _SIDE = 13
 """Traced fields along x and along y without rotational symmetry."""
 
@@ -270,10 +270,12 @@ def _centres(
 def _white_shift(camera: PlenopticCamera, white: Exposure, chief: MicrolensCentres, position: Floats) -> Floats:
     """Displacement (n, 2) of a white image's lattice from positions (n, 2) of the camera's, mm; 0 within tolerance."""
     shift, array = lattice_shift(camera, white, chief), camera.microlenses
-    if shift is None and len(chief) >= _MIN_LOCATED and array is not None and array.lattice is not Lattice.FREE:
+    rows, columns = white.image.shape[:2]
+    shown = len(chief) * rows * columns / math.prod(camera.sensor.shape)
+    if shift is None and shown >= _MIN_LOCATED and array is not None and array.lattice is not Lattice.FREE:
         warn(
-            "the micro images of the white image cannot be located, since they are few, fill their cells evenly or lie "
-            "far from those of the camera; centroids are those around its chief rays"
+            "the micro images of the white image cannot be located, since they fill their cells evenly or lie far from "
+            "those of the camera; centroids are those around its chief rays"
         )
     if shift is None or not shift.is_significant:
         return np.zeros_like(position)

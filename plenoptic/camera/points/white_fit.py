@@ -119,7 +119,9 @@ def lattice_shift(
     not change the image: the centre is displaced by the least possible.
     """
     array = camera.microlenses
-    if array is None or array.lattice is Lattice.FREE or np.linalg.matrix_rank(centres.index - centres.index[:1]) < 2:
+    if array is None or array.lattice is Lattice.FREE or array.walls is Walls.OPAQUE:
+        return None
+    if np.linalg.matrix_rank(centres.index - centres.index[:1]) < 2:
         return None
     patches = _patches(camera, white, centres, _PATCHES)
     steps = patches.displacements(patches.coefficients(), _paraxial_coefficients(camera, patches))
@@ -357,16 +359,11 @@ def _traced_coefficients(camera: PlenopticCamera, patches: _Patches) -> Complexe
     """Fourier coefficients (p, k) of the light through single microlenses."""
     array, axes, sensor, centre = camera.microlenses, array_axes(camera), camera.sensor, patches.lens_pixel
     assert array is not None
-    turn = axes.parts.sensor_to_local.turn[:2, :2].T @ axes.parts.array_turn
 
     def waves(lens: NDArray[np.int64], hit: Floats) -> Iterable[Floats]:
-        offset, light = sensor.pixel_of(hit) - centre[lens], np.ones(len(hit))
-        if array.walls is Walls.OPAQUE:
-            in_cell = (hit - sensor.centre_of(*centre[lens].T)) @ turn @ array.cell_edges[:, :2].T
-            light = (in_cell <= array.cell_edges[:, 2]).all(axis=1).astype(float)
-        for phase in 2 * np.pi * (offset @ patches.frequencies.T).T:
-            yield light * np.cos(phase)
-            yield -light * np.sin(phase)
+        for phase in 2 * np.pi * ((sensor.pixel_of(hit) - centre[lens]) @ patches.frequencies.T).T:
+            yield np.cos(phase)
+            yield -np.sin(phase)
 
     (offsets, powers), points = _opening_and_powers(camera), axes.local(patches.on_array)
     total: Floats = np.zeros((len(points), 2 * len(patches.orders)))

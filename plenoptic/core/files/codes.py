@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -11,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.color.percentile import HighPercentile
-from plenoptic.core.color.srgb import linear_to_srgb, srgb_to_linear
+from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
 from plenoptic.core.values import whole
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileError, FileWarning, InvalidValueError
 
 COLOR_SPACE = "oiio:ColorSpace"
 """Key under which OpenImageIO keeps the encoding of a file."""
@@ -89,6 +91,26 @@ def linearize(image: NDArray[np.float32]) -> NDArray[np.float32]:
     for rows in np.array_split(image, max(1, image.size >> 20)):  # bounds the memory of intermediate results
         rows[...] = srgb_to_linear(rows)
     return image
+
+
+def decode_picture(
+    image: NDArray[np.float32],
+    metadata: Mapping[str, Any],
+    kind: str,
+    path: str | os.PathLike[str],
+    encoding: Encoding | None = None,
+) -> NDArray[np.float32]:
+    """Decode a file's picture in place unless it is linear; warn of 16 bits without encoding. `kind`: its numbers."""
+    is_linear = kind in ("half", "float", "double") or "lin" in str(metadata.get(COLOR_SPACE)).lower()
+    if is_linear or encoding is Encoding.LINEAR:
+        return image
+    if encoding is None and kind == "uint16" and not {COLOR_SPACE, "ICCProfile"} & metadata.keys():
+        warn(
+            f"{os.fspath(path)!r} does not state whether its 16 bits are sRGB or linear, and they are decoded as sRGB; "
+            "read_linear and the readers of views take encoding=pl.images.Encoding.LINEAR, or SRGB",
+            FileWarning,
+        )
+    return linearize(image)
 
 
 def brightest(image: NDArray[np.floating[Any]]) -> float:

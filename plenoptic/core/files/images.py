@@ -26,16 +26,15 @@ from plenoptic.core.files.codes import (
     COLOR_SPACE,
     ImageHeader,
     channel_number,
+    decode_picture,
     each_channel,
-    linearize,
     picture_names,
     picture_of,
     stored_metadata,
 )
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, check_memory, check_scans
 from plenoptic.core.values import AnyFloats, choice
-from plenoptic.core.warn import warn
-from plenoptic.errors import FileError, FileWarning, InvalidValueError
+from plenoptic.errors import FileError, InvalidValueError
 
 LINEAR = "Linear"
 SRGB = "sRGB"
@@ -102,21 +101,15 @@ def read_linear(
     ...     pl.images.read_linear(path)[0, 0].round(3)
     array([0.214], dtype=float32)
     """
-    chosen = Encoding.SRGB if encoding is None else choice(encoding, Encoding, "encoding")
+    chosen = None if encoding is None else choice(encoding, Encoding, "encoding")
     channel = channel_number(channel)
-    pixels, names, metadata, kind = content = _read(path, limits, max_pixels)
+    pixels, names, metadata, kind = _read(path, limits, max_pixels)
     if channel == ALPHA:
         return np.take(pixels, [names.index("A")], axis=2) if "A" in names else np.ones_like(pixels[:, :, :1])
     image = picture_of(pixels, names, path)
     if channel is not None and image.shape[2] > 1:
         image = np.ascontiguousarray(image[:, :, channel : channel + 1])
-    if encoding is None and kind == "uint16" and not {COLOR_SPACE, "ICCProfile"} & metadata.keys():
-        warn(
-            f"{os.fspath(path)!r} does not state whether its 16 bits are sRGB or linear, and they are decoded as sRGB; "
-            "give encoding=pl.images.Encoding.LINEAR, or SRGB",
-            FileWarning,
-        )
-    return linearize(image) if chosen is Encoding.SRGB and _has_srgb_encoding(content) else image
+    return decode_picture(image, metadata, kind, path, chosen)
 
 
 def read_channels(
@@ -162,9 +155,9 @@ def read_picture(
     path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
 ) -> tuple[NDArray[np.float32], dict[str, NDArray[np.float32]], dict[str, Any]]:
     """Results of `read_linear` and `read_channels` from a single read of the file."""
-    pixels, names, metadata, _ = content = _read(path, limits)
+    pixels, names, metadata, kind = _read(path, limits)
     channels, image = each_channel(pixels, names), picture_of(pixels, names, path)
-    return linearize(image) if _has_srgb_encoding(content) else image, channels, metadata
+    return decode_picture(image, metadata, kind, path), channels, metadata
 
 
 def read_header(path: str | os.PathLike[str]) -> ImageHeader:
@@ -276,12 +269,6 @@ def bayer_to_rgb(mosaic: AnyFloats, *, layout: str, algorithm: str) -> NDArray[n
             f"the mosaic cannot be demosaiced: {_reason(image)}; check layout {layout} and {algorithm}"
         )
     return np.asarray(image.get_pixels(oiio.FLOAT), dtype=np.float32)
-
-
-def _has_srgb_encoding(content: _Content) -> bool:
-    """True if integers are sRGB: the file does not say that they are linear."""
-    _, _, metadata, kind = content
-    return kind not in ("half", "float", "double") and "lin" not in str(metadata.get(COLOR_SPACE, SRGB)).lower()
 
 
 def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | None = None) -> _Content:
