@@ -47,14 +47,14 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     True
     """
     check_kind(field, "field", LightField, "pl.lightfield.decode(shot, white)")
-    from plenoptic.lightfield.kernels.refocus import add_shifted
+    from plenoptic.lightfield.kernels.refocus import add_view
 
     if (z is None) == (disparity is None):
         raise InvalidValueError("give either z, the plane in mm, or disparity=, in pixels from view to view")
     total, count = np.zeros(field.views.shape[2:]), np.zeros(field.views.shape[2:])
     for view, shift in zip(field.views.reshape(-1, *total.shape), _shifts(field, z, disparity), strict=True):
         if np.isfinite(shift).all():
-            add_shifted(total, count, view, shift)
+            add_view(total, count, view, shift)
     with np.errstate(invalid="ignore"):
         return np.asarray(total / np.where(count > 0, count, np.nan), dtype=np.float32)
 

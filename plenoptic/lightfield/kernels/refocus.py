@@ -34,7 +34,7 @@ def _interpolate(view, row, column, c):
 
 
 @kernel
-def add_shifted(total, count, view, shift):
+def add_view(total, count, view, shift):
     """Add a view (rows, columns, C), shifted by (rows, columns, 2) pixels, to `total`; count its finite values."""
     for y in range(view.shape[0]):
         for x in range(view.shape[1]):
