@@ -14,7 +14,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.elements import is_centred
+from plenoptic.optics.lens.elements import shares_axis
 from plenoptic.optics.lens.placement import Placement
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ class ArrayAxes(NamedTuple):
     @property
     def lens_is_centred(self) -> bool:
         """True if all elements are centred, and the local axes are those of the lens."""
-        return self.parts.frame is None and all(map(is_centred, self.camera.lens.elements))
+        return self.parts.frame is None and all(map(shares_axis, self.camera.lens.elements))
 
     def local(self, points: Floats) -> Floats:
         """Transform points (n, 2) of the array to local axes."""

@@ -22,8 +22,8 @@ Element: TypeAlias = Surface | Stop
 """Element of a lens: a surface or a stop."""
 
 
-def is_centred(element: Element) -> bool:
-    """True if an element is centred: no placement and no freeform term. The hole of a stop may have any shape."""
+def shares_axis(element: Element) -> bool:
+    """True if an element shares the axis of the lens: no placement, no freeform term. A stop may have any shape."""
     return element.placement is None and not (isinstance(element, Surface) and element.freeform is not None)
 
 

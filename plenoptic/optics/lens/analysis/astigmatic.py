@@ -14,7 +14,7 @@ import numpy as np
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.elements import is_centred
+from plenoptic.optics.lens.elements import shares_axis
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_part
@@ -122,7 +122,7 @@ def foci(lens: LensStack, rays: RayBundle, *, parallel: bool, reverse: bool = Fa
 def require_axis(lens: LensStack, subject: str) -> None:
     """Raise an error if the lens has no axis of symmetry, or has LensModel.NONE, so that `subject` is undefined."""
     check_kind(lens, "lens", LensStack, "camera.lens")
-    off_axis = next(((i, element) for i, element in enumerate(lens.elements) if not is_centred(element)), None)
+    off_axis = next(((i, element) for i, element in enumerate(lens.elements) if not shares_axis(element)), None)
     if off_axis is not None:
         i, element = off_axis
         placed = element.placement is not None
