@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.display import picture_of
 from plenoptic.core.files import images
+from plenoptic.core.files.codes import COLOR_SPACE
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import fields_from_metadata, fields_to_metadata
 from plenoptic.core.values import (
@@ -214,7 +215,7 @@ class RawImage:
             raise InvalidValueError("the numbers are not quantised, so no 16-bit file holds them; give the model bits")
         texts = fields_to_metadata(self, _KEPT_AS_TEXT)
         pixels = self.data.reshape(*self.data.shape[:2], -1)
-        images.write_16bit(path, pixels, {"plenoptic:kind": "raw", images.COLOR_SPACE: images.LINEAR, **texts})
+        images.write_16bit(path, pixels, {"plenoptic:kind": "raw", COLOR_SPACE: images.LINEAR, **texts})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> RawImage:

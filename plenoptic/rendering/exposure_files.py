@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from plenoptic import __version__
 from plenoptic.core.files import images
 from plenoptic.core.files.atomic_file import check_folder, check_replaceable, real_path, replace_folder
-from plenoptic.core.files.codes import brightest, codes
+from plenoptic.core.files.codes import COLOR_SPACE, brightest, codes
 from plenoptic.core.files.extras import extra_package
 from plenoptic.core.files.file_limits import FileLimits
 from plenoptic.core.files.serialization import describe, fields_from_metadata, fields_to_metadata, restore
@@ -185,7 +185,7 @@ def save_16bit(exposure: Exposure, path: str | os.PathLike[str], scale: float | 
     scale = positive(brightest(exposure.image) if scale is None else scale, "scale")
     encoding = images.LINEAR if linear else images.SRGB
     texts = texts_of(exposure, ("samples", "replicates", "seed", "region"))
-    texts |= {"plenoptic:scale": describe(scale), images.COLOR_SPACE: encoding}
+    texts |= {"plenoptic:scale": describe(scale), COLOR_SPACE: encoding}
     images.write_16bit(path, codes(exposure.image, scale=scale, encoded=not linear), texts)
 
 

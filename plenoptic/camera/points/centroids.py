@@ -280,7 +280,7 @@ def _integrate_light(
     axes, start = openings.axes, openings.start[rows]
     grey = bool((passed != 1.0).any())
     lens = rows // points_per_lens
-    n_lenses, total = len(openings.centre) // points_per_lens, 0.0
+    n_lenses, parts = len(openings.centre) // points_per_lens, []
     for node, weight in zip(*np.polynomial.legendre.leggauss(nodes), strict=True):
         x = 0.5 * (first + last) + 0.5 * node * (last - first)
         ray = start - openings.through(rows, x, y)
@@ -294,8 +294,8 @@ def _integrate_light(
             light *= openings.light(rows, x, y)
         landing = axes.on_sensor(openings.centre[rows] + openings.offset[rows], after)
         terms = [np.bincount(lens, light * values, minlength=n_lenses) for values in integrands(lens, landing)]
-        total = total + np.stack(terms, axis=1)
-    return np.asarray(total)
+        parts.append(np.stack(terms, axis=1))
+    return np.asarray(sum(parts))
 
 
 def _lit_intervals(openings: _Openings) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats, Floats]:

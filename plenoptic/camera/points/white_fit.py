@@ -215,7 +215,7 @@ class _Patches(NamedTuple):
 
     def coefficients(self, displacement: Complexes | float = 0.0) -> Complexes:
         """Fourier coefficients (p, k) of the lattice over the mean, around displaced centres."""
-        pixel = self.pixel + to_pixel(displacement + np.zeros(len(self.pixel), dtype=complex))
+        pixel = self.pixel + to_pixel(np.broadcast_to(displacement, len(self.pixel)).astype(np.complex128))
         places = np.rint(pixel).astype(np.int64)[:, :, None] + np.arange(-self.half, self.half + 1)
         inside = np.clip(places - self.first[:, None], 0, np.array(self.image.shape[:2])[:, None] - 1)
         light = self.image[inside[:, 0, :, None], inside[:, 1, None, :]].mean(axis=3, dtype=np.float64)
@@ -289,7 +289,8 @@ class _Patches(NamedTuple):
         corners = to_complex(np.array([(i, j) for i in (-0.5, 0.5) for j in (-0.5, 0.5)]) * self.image.shape[:2])
         return LatticeShift(
             self.origin,
-            *solution.tolist(),
+            shift=complex(solution[0]),
+            linear=complex(solution[1]),
             largest=float(np.abs(solution[0] + solution[1] * corners).max()),
             standard_error=math.sqrt(variance * (1 / count + reach**2 / ((weight * np.abs(z)) ** 2).sum())),
             residual=float(np.sqrt(np.mean(error**2))),
