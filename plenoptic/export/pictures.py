@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from plenoptic import __version__
 from plenoptic.core.files.atomic_file import translate_errors, write_file
-from plenoptic.core.files.codes import codes
-from plenoptic.core.files.codes import COLOR_SPACE
+from plenoptic.core.files.codes import COLOR_SPACE, codes
 from plenoptic.core.files.images import LINEAR, SRGB, write_codes
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.gaussian import object_plane
 from plenoptic.core.files.array_files import write_npz
 from plenoptic.core.files.atomic_file import write_file, write_json
-from plenoptic.core.files.codes import brightest, codes
-from plenoptic.core.files.codes import COLOR_SPACE
+from plenoptic.core.files.codes import COLOR_SPACE, brightest, codes
 from plenoptic.core.files.images import LINEAR, write_codes
 from plenoptic.core.values import check_kind
 from plenoptic.errors import InvalidValueError
