@@ -87,6 +87,8 @@ def _window(stack, start, slopes, m, j, pixel, d):
     if stack.blurred is not None:
         level, other_level = blur_levels(stack, m, other, d)
         window_values, values = stack.blurred[m, level], stack.blurred[other, other_level]
+        if other_level > 0:
+            covariance = 0.0  # blurred noise is as smooth halfway between pixels
     tolerance, noise, slot = _SAME_SURFACE * _reach(stack, start[y, x]), stack.noise_variance[m], 0
     for yy in range(y - radius, y + radius + 1):
         for xx in range(x - radius, x + radius + 1):

@@ -9,7 +9,7 @@ from plenoptic.lightfield.matching.image_stack import Matches
 from plenoptic.lightfield.matching.micro_images import MicroImages
 
 _TOLERANCE = 0.03
-"""Relative difference, in addition to three standard errors, up to which microlenses agree."""
+"""Relative difference, in addition to four standard errors, up to which microlenses agree."""
 
 
 def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> Matches:
@@ -52,7 +52,7 @@ def _weighted_consensus(values: Floats, errors: Floats) -> tuple[Floats, Floats,
         weight = np.where(valid, 1.0 / np.maximum(deviation, 0.01 * np.abs(ordered)), 0.0)
         half = np.cumsum(weight, axis=0) >= 0.5 * weight.sum(axis=0)
         median = np.take_along_axis(ordered, half.argmax(axis=0)[None], axis=0)[0]
-        agrees = np.abs(ordered - median) <= _TOLERANCE * np.abs(median) + 3.0 * deviation * (
+        agrees = np.abs(ordered - median) <= _TOLERANCE * np.abs(median) + 4.0 * deviation * (
             deviation < 0.1 * np.abs(median)
         )
         inverse_variance = np.where(agrees, weight**2, 0.0)
