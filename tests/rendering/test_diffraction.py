@@ -74,7 +74,8 @@ def test_the_share_of_light_that_stays_in_its_pixel_and_contrast_at_the_nyquist_
     part = np.minimum(np.abs(f) * 550e-6 * number / (pitch / 4), 1.0)
     mtf = 2 / math.pi * (np.arccos(part) - part * np.sqrt(1 - part**2))
     contrast = image.sum(axis=0) @ np.cos(np.pi * (np.arange(24) - 11.5) / 4) / total
-    assert contrast == pytest.approx(float(mtf @ (np.sinc(4 * f) * np.sinc(f))), abs=3 * noise)
+    # The closed form is of small angles; for R12 its contrast is 0.0013 smaller, with any number of samples.
+    assert contrast == pytest.approx(float(mtf @ (np.sinc(4 * f) * np.sinc(f))), abs=0.002 + 3 * noise)
 
 
 @pytest.mark.parametrize("aperture", [ROUND, slow(FILLED), slow(MicrolensAperture(CIRCLE, 0.5, Gaps.CLEAR))])
