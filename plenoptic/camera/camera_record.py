@@ -17,7 +17,13 @@ from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane, array_record
+from plenoptic.optics.microlens.microlens_record import (
+    MICROLENS,
+    ArrayRecord,
+    ResponseRecord,
+    SensorPlane,
+    array_record,
+)
 from plenoptic.optics.stops.stop_registry import Stop, is_convex
 
 if TYPE_CHECKING:
@@ -126,7 +132,7 @@ class CameraRecord(NamedTuple):
 
     def lenslet_parameters(self, n: int) -> NDArray[np.void] | None:
         """Empty lenslet parameters of n paths, in whole blocks; None if all microlenses are alike."""
-        return None if self.array is None else self.array.lenslet_rows(n)
+        return None if self.array is None or not self.array.differs else np.zeros(n, MICROLENS)
 
 
 def camera_record(camera: PlenopticCamera) -> CameraRecord:

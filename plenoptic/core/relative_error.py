@@ -147,18 +147,13 @@ def is_threshold_robust(bright: Floats, variance: Floats) -> bool:
     If more than a hundredth of the pixels have rare bright paths, the threshold makes all others dark. Scenes without
     rare light have at most 1.8, with 16 samples.
     """
-    return _is_near(lit_threshold(bright), lit_threshold(_less_error(bright, variance)))
+    return lit_threshold(bright) <= _MAX_THRESHOLD_RATIO * lit_threshold(_less_error(bright, variance))
 
 
 def _less_error(bright: Floats, variance: Floats) -> Floats:
     """Brightness less its standard error, at least 0; 0 if the error is unknown."""
     error = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
     return np.maximum(bright - error, 0.0)
-
-
-def _is_near(threshold: float, lower: float) -> bool:
-    """True if the threshold of lit pixels is near that of the pixels less their errors."""
-    return threshold <= _MAX_THRESHOLD_RATIO * lower
 
 
 class ImageError(NamedTuple):
@@ -178,11 +173,6 @@ def relative_error(image: AnyFloats, error: AnyFloats) -> float:
     return image_error(image, error).relative
 
 
-def light_is_rare(image: AnyFloats, error: AnyFloats) -> bool:
-    """True if light is too rare for a reliable error; see `ImageError.rare`."""
-    return image_error(image, error).rare
-
-
 def image_error(image: AnyFloats, error: AnyFloats) -> ImageError:
     """Relative error of an image (rows, columns, C) from standard errors of the same shape."""
     expected, bright, lower = (HighPercentile(_PERCENTILE, max_count=image[..., 0].size) for _ in range(3))
@@ -190,7 +180,7 @@ def image_error(image: AnyFloats, error: AnyFloats) -> ImageError:
         for level, values in ((expected, strip.expected), (bright, strip.bright), (lower, _less_error(*strip[:2]))):
             level.add(values[values > 0])
     sums = _sums_above(_threshold(expected), image, error)
-    rare = _few_dominate(*sums) or not _is_near(_threshold(bright), _threshold(lower))
+    rare = _few_dominate(*sums) or not _threshold(bright) <= _MAX_THRESHOLD_RATIO * _threshold(lower)
     return ImageError(_relative(sums, error), rare)
 
 

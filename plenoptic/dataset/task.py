@@ -129,11 +129,7 @@ def frame_seed(seed: int, frame: int, camera: int) -> int:
 
 def inputs_of(*frames: Frame) -> str:
     """Inputs that identify these frames, in any process."""
-    return digest(tuple((_camera_texts(f.camera), f.scene, f.time) for f in frames))
-
-
-def _camera_texts(camera: PlenopticCamera) -> tuple[tuple[str, str], ...]:
-    return tuple(sorted(identity(None, camera).items()))
+    return digest(tuple((tuple(sorted(identity(None, f.camera).items())), f.scene, f.time) for f in frames))
 
 
 def described_frame(frame: Frame) -> dict[str, Any]:

@@ -125,11 +125,11 @@ def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod
         raise InvalidValueError("the image holds fewer than three micro images; take a larger region")
     index, pixel, kind = centres.index[inside], pixel[inside], centres.type[inside]
     directions = _HEXAGONAL if array.lattice is Lattice.HEXAGONAL else _SQUARE
-    candidates = []
+    table, candidates = np.column_stack([index, np.ones(len(index))]), []
     for turns in (0, 1) if turn else (0,):
         # A quarter counter-clockwise takes (row, column) to (columns - 1 - column, row).
         places = pixel if turns == 0 else np.column_stack([size[1] - 1 - pixel[:, 1], pixel[:, 0]])
-        steps = _steps(index, places)
+        steps = np.linalg.lstsq(table, places, rcond=None)[0][:2]  # of each lattice index
         for direction in directions:
             down, right = np.array(direction.step) @ steps
             angle = math.remainder(math.atan2(-down, right), math.pi)
@@ -146,12 +146,6 @@ def lens_rows(shot: Exposure, *, turn: bool, method: CentreMethod = CentreMethod
     pitch = length, abs(float(np.linalg.det(steps))) / length
     rows = row - row.min(), twice // 2, twice % 2 == 1
     return LensRows(camera, turns, index, kind, places, *rows, angle, pitch)
-
-
-def _steps(index: NDArray[np.int64], places: Floats) -> Floats:
-    """(2, 2): how far a step of either lattice index leads, by least squares."""
-    table = np.column_stack([index, np.ones(len(index))])
-    return np.asarray(np.linalg.lstsq(table, places, rcond=None)[0][:2])
 
 
 def _array(camera: PlenopticCamera) -> MicrolensArray:

@@ -145,8 +145,9 @@ def intrinsics(field: LightField) -> Floats | None:
     step = float((field.pupil[-1, 0, 0] - field.pupil[0, 0, 0]) / max(len(field.u) - 1, 1))
     step *= points.entrance_pupil_semi_diameter
     matrix = np.zeros((5, 5))
-    for axis, (wide, middle) in enumerate(zip(field.object_spacing, _middle(field), strict=True)):
+    for axis, (wide, origin, sign) in enumerate(zip(field.object_spacing, field.origin, (1.0, -1.0), strict=True)):
         views = len(field.u) if axis == 0 else len(field.v)
+        middle = float(sign * origin / field.spacing[axis]) + 1.0  # column or row of the axis
         matrix[axis, [axis, 4]] = step, -step * 0.5 * (views + 1)
         matrix[2 + axis, axis] = -step / distance
         matrix[2 + axis, 2 + axis] = wide / distance
@@ -154,8 +155,3 @@ def intrinsics(field: LightField) -> Floats | None:
     matrix[:2] *= 1e-3
     matrix[4, 4] = 1.0
     return matrix if np.isfinite(matrix).all() else None
-
-
-def _middle(field: LightField) -> tuple[float, float]:
-    """Column and row of the axis, from 1."""
-    return float(field.origin[0] / field.spacing[0]) + 1.0, float(-field.origin[1] / field.spacing[1]) + 1.0

@@ -157,8 +157,10 @@ def _read(folder: Path, limits: FileLimits) -> Package:
     exposure = Exposure.load(folder / "raw.exr", limits=limits)
     if TRUTH in files:
         exposure = dataclasses.replace(exposure, truth=_truth(folder / TRUTH, limits))
-    whites = {name.removesuffix(".exr") for name in files if name.startswith("white") and name.endswith(".exr")}
-    pairs = {name: _pair(folder, name, limits) for name in sorted(whites)}
+    pairs = {}
+    for name in sorted(file[:-4] for file in files if file.startswith("white") and file.endswith(".exr")):
+        image = Exposure.load(folder / f"{name}.exr", limits=limits)
+        pairs[name] = image, _raw(folder / f"{name}.tif", image.camera, limits)
     raw, dark = (_raw(folder / name, camera, limits) for name in ("raw.tif", "dark.tif"))
     white, white_raw = pairs.pop("white", (None, None))
     centres = centres_from(read_npz(folder / "centres.npz", limits)) if "centres.npz" in files else MappingProxyType({})
@@ -193,11 +195,6 @@ def _provenance(folder: Path, limits: FileLimits) -> dict[str, Any]:
     if missing := {"raw.exr", "raw.tif", "dark.tif", CAMERA} - set(files):
         raise FileError(f"{str(path)!r} lists no {', '.join(sorted(missing))}; a package has them")
     return provenance
-
-
-def _pair(folder: Path, name: str, limits: FileLimits) -> tuple[Exposure, RawImage]:
-    exposure = Exposure.load(folder / f"{name}.exr", limits=limits)
-    return exposure, _raw(folder / f"{name}.tif", exposure.camera, limits)
 
 
 def _raw(path: Path, camera: PlenopticCamera | None, limits: FileLimits) -> RawImage:

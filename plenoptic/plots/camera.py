@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.camera.psf.psf_results import CameraSpread
     from plenoptic.camera.report.report import CameraReport
-    from plenoptic.optics.sensor.sensor import Sensor
     from plenoptic.wave.wave_spread import WaveSpread
 
 _ARRAY, _SENSOR = COLOURS[2], "#222222"
@@ -129,7 +128,7 @@ def plot_camera_spread(spread: CameraSpread | WaveSpread, ax: Axes | None = None
         ax.text(0.5, 0.5, "no light", transform=ax.transAxes, ha="center", va="center", color="white")
     ax.locator_params(integer=True, min_n_ticks=1)
     if hasattr(spread, "centroid"):
-        places = _pixels(spread.centroid, spread.sensor)
+        places = spread.sensor.pixel_of(np.atleast_2d(spread.centroid))
         ax.plot(places[:, 1], places[:, 0], linestyle="none", marker="+", color=_MARK, markersize=9)
     ax.set(xlabel="column / pixel", ylabel="row / pixel")
     return ax
@@ -149,13 +148,6 @@ def _together(spread: CameraSpread | WaveSpread) -> tuple[Floats, int, int]:
     low = np.maximum(lit.min(axis=0) - _MARGIN, 0)
     high = lit.max(axis=0) + 1 + _MARGIN
     return total[low[0] : high[0], low[1] : high[1]], int(first[0] + low[0]), int(first[1] + low[1])
-
-
-def _pixels(places: Floats, sensor: Sensor) -> Floats:
-    """Row and column (n, 2) of places on the sensor: it is read out rotated by 180 degrees."""
-    rows, columns = sensor.shape
-    x, y = np.atleast_2d(places).T / sensor.pixel_pitch
-    return np.stack([y + rows / 2 - 0.5, columns / 2 - 0.5 - x], axis=1)
 
 
 def _title(spread: CameraSpread | WaveSpread) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.color.srgb import linear_to_srgb
-from plenoptic.errors import PlenopticError
+from plenoptic.core.files.extras import MissingPackageError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,16 +38,12 @@ def wavelength_colours(wavelengths: Sequence[float]) -> list[Any]:
     return [tuple(colour) for colour in colormaps["plasma"](_WARMEST * places)[:, :3].tolist()]
 
 
-class _MissingMatplotlibError(PlenopticError, ImportError):
-    pass
-
-
 def pyplot() -> Any:
     """`matplotlib.pyplot`, or an error that says how to get it."""
     try:
         import matplotlib.pyplot as plt
     except ImportError as error:
-        raise _MissingMatplotlibError(
+        raise MissingPackageError(
             f"figures need matplotlib, which cannot be imported ({error}); pip install matplotlib"
         ) from error
     return plt

@@ -129,13 +129,6 @@ def plot_stop(stop: Stop, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _join(paths: Floats) -> tuple[Floats, Floats]:
-    """Coordinates z and y of all paths as one line with gaps."""
-    gap = np.full((len(paths), 1, 3), np.nan)
-    points = np.concatenate([paths, gap], axis=1).reshape(-1, 3)
-    return points[:, 2], points[:, 1]
-
-
 def plot_layout(
     lens: LensStack,
     paths: Sequence[Floats],
@@ -155,7 +148,8 @@ def plot_layout(
     ax = axes_or_new(ax, (10.0, 5.0))
     for k, field in enumerate(paths):
         label = labels[k] if labels else None
-        z, y = _join(np.asarray(field, dtype=np.float64))
+        joined = np.pad(np.asarray(field, dtype=np.float64), ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)
+        z, y = joined[..., 2].ravel(), joined[..., 1].ravel()
         ax.plot(z, y, color=COLOURS[k % len(COLOURS)], linewidth=0.7, label=label, zorder=1.5)
     plot_lens(lens, ax)
     if z_image is not None:

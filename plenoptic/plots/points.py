@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from plenoptic.core.values import Floats, check_has
+from plenoptic.core.values import check_has
 from plenoptic.plots.canvas import COLOURS, axes_or_new, figure_or_new
 
 if TYPE_CHECKING:
@@ -128,7 +127,10 @@ def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
     rows = rows[:: -(-len(rows) // _MOST) or 1]
     for k in range(min(len(COLOURS), len(projection.points))):
         group = rows[projection.point[rows] % len(COLOURS) == k]
-        _draw_marks(ax, place[group], projection.visible[group], k)
+        for is_visible, filled in ((True, COLOURS[k]), (False, "none")):
+            part = place[group[projection.visible[group] == is_visible]]
+            style: dict[str, Any] = {"color": COLOURS[k], "markerfacecolor": filled, "markersize": 5}
+            ax.plot(part[:, 1], part[:, 0], _MARKS[k], label=f"point {k}" if is_visible else None, **style)
     ax.set(xlabel="column / pixel", ylabel="row / pixel")
     count, visible_count = len(projection.points), int(np.count_nonzero(projection.visible))
     ax.set_title(
@@ -141,10 +143,3 @@ def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
     if 0 < count <= len(COLOURS):
         ax.legend(fontsize="small", frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return ax
-
-
-def _draw_marks(ax: Axes, place: Floats, visible: NDArray[np.bool_], k: int) -> None:
-    for is_visible, filled in ((True, COLOURS[k]), (False, "none")):
-        part = place[visible == is_visible]
-        label = f"point {k}" if is_visible else None
-        ax.plot(part[:, 1], part[:, 0], _MARKS[k], color=COLOURS[k], markerfacecolor=filled, markersize=5, label=label)

@@ -54,19 +54,13 @@ def shapes_of(scene: Any, window: Floats | None = None) -> list[Shape]:
             triangles = _places(part, triangles, most)
         else:
             if window is not None and len(triangles) > most:
-                triangles = _within(triangles, window)
+                low, high = triangles.min(axis=1)[:, : window.shape[1]], triangles.max(axis=1)[:, : window.shape[1]]
+                triangles = triangles[((high >= window[0]) & (low <= window[1])).all(axis=1)]
             triangles = _fewer(triangles, most)
         colour = np.array(_LIGHT) if k >= len(scene.meshes) else _colour(mesh.material.row())
         if len(triangles):
             shapes.append(Shape(triangles, colour, around([triangles.reshape(-1, 3)])))
     return shapes
-
-
-def _within(triangles: Floats, window: Floats) -> Floats:
-    """Triangles that reach into a box."""
-    k = window.shape[1]
-    low, high = triangles.min(axis=1)[:, :k], triangles.max(axis=1)[:, :k]
-    return np.asarray(triangles[((high >= window[0]) & (low <= window[1])).all(axis=1)])
 
 
 def _fewer(triangles: Floats, most: int) -> Floats:

@@ -55,11 +55,6 @@ def _rows(spots: Any) -> list[list[SpotDiagram]]:
     return rows
 
 
-def _rms_label(spot: SpotDiagram) -> str:
-    radius = MICROMETRES * spot.rms_radius
-    return f"RMS {radius:.3g} µm" if radius >= 1e-3 else "RMS < 0.001 µm"
-
-
 def _draw_spot(ax: Axes, spot: SpotDiagram, half: float, *, airy: bool) -> None:
     from matplotlib.colors import to_rgba_array
 
@@ -73,7 +68,9 @@ def _draw_spot(ax: Axes, spot: SpotDiagram, half: float, *, airy: bool) -> None:
         ax.scatter(
             MICROMETRES * x, MICROMETRES * y, s=size, c=colours[spot.colour[drawn]], linewidths=0, rasterized=True
         )
-        ax.text(0.03, 0.03, _rms_label(spot), transform=ax.transAxes, fontsize="small")
+        rms = MICROMETRES * spot.rms_radius
+        label = f"RMS {rms:.3g} µm" if rms >= 1e-3 else "RMS < 0.001 µm"
+        ax.text(0.03, 0.03, label, transform=ax.transAxes, fontsize="small")
     else:
         ax.text(0.5, 0.5, "no light", transform=ax.transAxes, ha="center", va="center")
     if airy and math.isfinite(spot.airy_radius):

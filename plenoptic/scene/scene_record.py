@@ -157,6 +157,7 @@ def build_record(
     emission = None
     if emitters is not None:
         emission = Emission(radiance, contiguous(two_sided), pdf, columns.column("emission"))
+    of_surfaces = Textures(*(columns.column(*_FIELDS.get(name, (name,))) for name in Textures._fields))
     record = SceneRecord(
         channels=channels,
         geometry=geometry,
@@ -164,7 +165,7 @@ def build_record(
         instances=instances,
         motions=tuple(one.motion for one in instanced if one.motion is not None) or None,
         bsdf=bsdf,
-        textures=columns.of_surfaces(),
+        textures=None if all(column is None for column in of_surfaces) else of_surfaces,
         absorption=absorption if np.any(absorption) else None,
         alpha=alpha_record(rows, columns.column("opacity")),
         emission=emission,
@@ -239,11 +240,6 @@ class TextureColumns:
         if self._texels is None or self._textures is None or not np.any(column >= 0):
             return None
         return TextureColumn(contiguous(column), self._textures, self._texels)
-
-    def of_surfaces(self) -> Textures | None:
-        """Textures of the scattering of surfaces."""
-        columns = Textures(*(self.column(*_FIELDS.get(name, (name,))) for name in Textures._fields))
-        return None if all(column is None for column in columns) else columns
 
 
 def _order(meshes: Sequence[Mesh | Instances], shapes: Sequence[Mesh]) -> tuple[list[Mesh], dict[Mesh, int], list[int]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,12 @@ from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.trace import trace_record
+from plenoptic.scene.geometry.geometry_records import Geometry, Hits
 from plenoptic.sequences.sequence import Frame
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.ground_truth import Arrays, compute_in_strips, truth_record
 from plenoptic.truth.representative_rays import RepresentativeRays
 from plenoptic.truth.truth_stages import PixelStages
-
-if TYPE_CHECKING:
-    from plenoptic.scene.geometry.geometry_records import Geometry, Hits
 
 
 @result

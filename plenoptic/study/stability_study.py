@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from plenoptic.core.files.extras import MissingPackageError
 from plenoptic.core.values import seed_number, whole
-from plenoptic.errors import InvalidValueError, PlenopticError
+from plenoptic.errors import InvalidValueError
 from plenoptic.study.study_table import Cell, StudyTable, run_until_interrupt
 
 QUICK, THOROUGH = 40, 1000
@@ -18,10 +19,6 @@ QUICK, THOROUGH = 40, 1000
 
 _REFERENCE = "rounding_study"
 """The package with cases and reference, in the folder tests/validation of the repository."""
-
-
-class _MissingReferenceError(PlenopticError, ImportError):
-    pass
 
 
 class StabilityRow(NamedTuple):
@@ -143,7 +140,7 @@ def _reference() -> Any:
     try:
         import mpmath  # noqa: F401
     except ImportError as error:
-        raise _MissingReferenceError(
+        raise MissingPackageError(
             f"the trace with 50 digits needs mpmath, which cannot be imported ({error}); pip install mpmath"
         ) from error
     for root in (Path(__file__).parents[2], Path.cwd()):
@@ -154,7 +151,7 @@ def _reference() -> Any:
                 return importlib.import_module(_REFERENCE)
             finally:
                 sys.path.remove(str(folder))
-    raise _MissingReferenceError(
+    raise MissingPackageError(
         f"the trace with 50 digits is tests/validation/{_REFERENCE} of the repository, which is not installed; run "
         "this in a clone"
     )

@@ -84,7 +84,8 @@ def light_field_page(field: LightField, *, depth: DepthMap | None = None) -> Vie
         "disparity_error": None,
     }
     if field.standard_error is not None:
-        error = np.sqrt(np.mean(np.square(_centre_of(field.standard_error, part), dtype=np.float64), axis=2))
+        central = middles(field.standard_error[len(field.u) // 2, len(field.v) // 2], part.block)
+        error = np.sqrt(np.mean(np.square(central, dtype=np.float64), axis=2))
         facts["error"] = blocks.plane(error, curve=Curve.ASINH, step=0.01, unit=1e-5 * white)
     if depth is not None:
         facts["disparity"] = blocks.plane(middles(depth.disparity, part.block) / part.block, curve=Curve.LINEAR)
@@ -114,11 +115,6 @@ def _shown(field: LightField) -> _Part:
 
 def _middle_of(chosen: NDArray[np.int64], offsets: Floats) -> int:
     return int(np.flatnonzero(chosen == len(offsets) // 2)[0])
-
-
-def _centre_of(values: NDArray[Any], part: _Part) -> NDArray[Any]:
-    field, block = part.field, part.block
-    return middles(values[len(field.u) // 2, len(field.v) // 2], block)
 
 
 def _ratio(field: LightField) -> float:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,7 @@ from plenoptic.camera.gaussian import Cone, neighbour_distance, opening_width, p
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.iris_points import hexapolar, square_grid
+from plenoptic.optics.lens.pupil.iris_points import INSIDE, hexapolar, outermost, square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -26,10 +25,8 @@ from plenoptic.optics.stops.circle import CircularStop
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
 
-_RIM = 1.0 - 1e-9
-"""Relative radius at which the rim of the iris is aimed at, so that rounding does not clip the ray."""
-_SEARCH_STEPS, _SEARCH_POINTS = 3, 65
-"""Refinements of the search for the marginal ray, and points tested in each."""
+_POINTS = 65
+"""Points tested in each search for a marginal ray."""
 _LEAST_FILL = 0.5
 """Least diameter over distance of micro images that touch: their border may be wider than they are."""
 _CELL_POINTS = 4181
@@ -41,53 +38,25 @@ _MAX_PITCHES = 5.0
 """Largest distance in pitches of microlenses that are tested for overlap."""
 
 
-def traced_slope(lens: LensStack, z: float, wavelength: float) -> float:
+def clear_pupil(lens: LensStack, z: float, wavelength: float) -> tuple[float, float]:
     """Half the range of slopes of the rays from an axial point that leave the lens, by tracing; nan if none does.
 
-    The iris is replaced by the circle around it; rims and other stops vignette.
+    Also the semi-diameter in mm of the iris that rims and other stops leave clear. The iris is the circle around it.
     """
-    return clear_pupil(lens, z, wavelength)[0]
-
-
-def clear_pupil(lens: LensStack, z: float, wavelength: float) -> tuple[float, float]:
-    """`traced_slope`, and the semi-diameter in mm of the iris that rims and other stops leave clear on the axis."""
     round_lens = lens.with_stop(CircularStop(lens.stop.semi_diameter))
-    try:
-        (low, low_slope), (high, high_slope) = _marginal_rays(round_lens, z, wavelength)
-    except InvalidValueError:  # an exit pupil that is infinitely far cannot be aimed at in an ideal model
-        return paraxial_cone(lens, z, wavelength).slope, lens.stop.semi_diameter
-    return 0.5 * abs(high_slope - low_slope) / _RIM, min(-low, high) / _RIM * lens.stop.semi_diameter
-
-
-def _marginal_rays(lens: LensStack, z: float, wavelength: float) -> list[tuple[float, float]]:
-    """Pupil coordinate and slope of the unvignetted rays nearest to both ends of the pupil's diameter; or nan."""
 
     def slopes(pupil: Floats) -> Floats:
         points = np.column_stack([np.zeros_like(pupil), pupil])
-        rays = aimed_rays_reverse(lens, image_point=(0.0, 0.0), z_image=z, pupil=points, wavelength=wavelength)
-        passed = lens.trace_reverse(rays).status == 0
+        rays = aimed_rays_reverse(round_lens, image_point=(0.0, 0.0), z_image=z, pupil=points, wavelength=wavelength)
+        passed = round_lens.trace_reverse(rays).status == 0
         with np.errstate(invalid="ignore"):
             return np.where(passed, rays.direction[:, 1] / rays.direction[:, 2], np.nan)
 
-    return [_marginal_ray(slopes, end) for end in (-_RIM, _RIM)]
-
-
-def _marginal_ray(slopes: Callable[[Floats], Floats], end: float) -> tuple[float, float]:
-    """Pupil coordinate and slope of the unvignetted ray nearest to one end of the pupil's diameter; nan without."""
-    low, high = -end, end
-    ray = math.nan, math.nan
-    for _ in range(_SEARCH_STEPS):
-        pupil = np.linspace(low, high, _SEARCH_POINTS)
-        pupil_slopes = slopes(pupil)
-        passed_rays = np.flatnonzero(np.isfinite(pupil_slopes))
-        if not passed_rays.size:
-            break
-        last = int(passed_rays[-1])
-        ray = float(pupil[last]), float(pupil_slopes[last])
-        if last == _SEARCH_POINTS - 1:
-            break
-        low, high = float(pupil[last]), float(pupil[last + 1])
-    return ray
+    try:
+        (low, low_slope), (high, high_slope) = (outermost(slopes, end, _POINTS) for end in (-INSIDE, INSIDE))
+    except InvalidValueError:  # an exit pupil that is infinitely far cannot be aimed at in an ideal model
+        return paraxial_cone(lens, z, wavelength).slope, lens.stop.semi_diameter
+    return 0.5 * abs(high_slope - low_slope) / INSIDE, min(-low, high) / INSIDE * lens.stop.semi_diameter
 
 
 def images_on_sensor(camera: PlenopticCamera, vergence: float) -> int:
@@ -130,7 +99,8 @@ def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
     """
     array, b = camera.microlenses, camera.microlenses_to_sensor
     assert array is not None
-    stop, stretch, factor = camera.lens.stop, 1.0 + b * cone.vergence, array.power_factor(camera.wavelength)
+    stop, stretch = camera.lens.stop, 1.0 + b * cone.vergence
+    factor = array.power_factor(camera.wavelength) if array.model.focuses else 0.0
     blur = max(abs(stretch - b / f) for f in array.focal_lengths_at(camera.wavelength)) * array.opening.reach
     farthest = min((b * cone.slope + blur) / abs(stretch), _MAX_PITCHES * neighbour_distance(array))
     reach = farthest + 2.0 * neighbour_distance(array)
@@ -144,8 +114,6 @@ def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
     for k in np.flatnonzero(lenses.transmission > 0).tolist():
         through = lenses.centre[k] + inside
         slopes = through * cone.vergence - (through - lenses.axis[k]) * factor * float(lenses.power[k])
-        if not array.model.focuses:
-            slopes = through * cone.vergence
         pupil = ((through - sensor[:, None]) / b + slopes) * (stop.semi_diameter / cone.slope)
         n_lit += stop.contains(pupil[..., 0], pupil[..., 1]).any(axis=1)
     return float((n_lit == 0).mean()), float((n_lit > 1).mean())

@@ -154,7 +154,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     lens, array, wavelength = camera.lens, camera.microlenses, camera.wavelength
     z = camera.stop_to_microlenses
     cone, walls = camera_cone(camera), array is not None and array.walls is Walls.OPAQUE
-    slope = cone.slope if walls else illumination.traced_slope(lens, z, wavelength)
+    slope = cone.slope if walls else illumination.clear_pupil(lens, z, wavelength)[0]
     traced = cone if math.isnan(slope) else cone._replace(slope=slope)
     stretch = 1.0 if array is None else 1.0 + camera.microlenses_to_sensor * cone.vergence
     corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))

@@ -86,13 +86,6 @@ def each_channel(pixels: NDArray[np.float32], names: list[str]) -> dict[str, NDA
     return {name: pixels[:, :, i].copy() for i, name in enumerate(names)}
 
 
-def linearize(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Decode an sRGB image in place."""
-    for rows in np.array_split(image, max(1, image.size >> 20)):  # bounds the memory of intermediate results
-        rows[...] = srgb_to_linear(rows)
-    return image
-
-
 def decode_picture(
     image: NDArray[np.float32],
     metadata: Mapping[str, Any],
@@ -110,7 +103,9 @@ def decode_picture(
             "read_linear and the readers of views take encoding=pl.images.Encoding.LINEAR, or SRGB",
             FileWarning,
         )
-    return linearize(image)
+    for rows in np.array_split(image, max(1, image.size >> 20)):  # bounds the memory of intermediate results
+        rows[...] = srgb_to_linear(rows)
+    return image
 
 
 def brightest(image: NDArray[np.floating[Any]]) -> float:

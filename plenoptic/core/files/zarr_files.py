@@ -165,7 +165,9 @@ class Store:
         another shape or type than that of the store.
         """
         for name, values in arrays.items():
-            shape = (region[1] - region[0], region[3] - region[2], *self._components(name))
+            array = self.array(name)
+            components = array.shape[dimensions_of(array).index(COLUMN) + 1 :]
+            shape = (region[1] - region[0], region[3] - region[2], *components)
             if np.shape(values) != shape:
                 has = f"{name} has shape {np.shape(values)}"
                 raise InvalidValueError(f"{has}; in the region {region} it must have {shape}")
@@ -181,11 +183,6 @@ class Store:
         chunks = [(name, block) for name in arrays for block in _blocks(region)]
         with translate_zarr_errors(self.path, "written"):
             list(run_in_order(write, chunks, threads=min(thread_count(None), len(chunks))))
-
-    def _components(self, name: str) -> tuple[int, ...]:
-        """Shape of a pixel's value."""
-        array = self.array(name)
-        return tuple(array.shape[dimensions_of(array).index(COLUMN) + 1 :])
 
 
 def _make(group: Any, name: str, variable: Variable, frames: int | None) -> None:

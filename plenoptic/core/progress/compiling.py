@@ -116,11 +116,4 @@ def compiling_text(kind: str, *, after: float) -> str:
     text, left = f"compiling, first time for this kind of {kind}", compiling.seconds_left()
     if left is None:
         return f"{text}, a few seconds" if time.perf_counter() - since < _FEW else text
-    return f"{text}, {_about(left)}"
-
-
-def _about(seconds: float) -> str:
-    """A duration, rounded to its accuracy."""
-    if seconds < _FEW / 2:
-        return "a few seconds"
-    return f"about {5 * round(seconds / 5)} s"
+    return f"{text}, {'a few seconds' if left < _FEW / 2 else f'about {5 * round(left / 5)} s'}"

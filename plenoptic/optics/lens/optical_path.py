@@ -123,9 +123,7 @@ def paths_to_image(rays: RayBundle, behind: RayBundle, point: Floats, lenses: Id
 
 
 def check_from(rays: RayBundle, point: Floats, extent: float) -> None:
-    """Refuse rays that miss a point by more than a rounding error of their distance from it, or of the lens's
-    extent.
-    """
+    """Refuse rays that miss a point by more than a rounding error of their distance from it, or of the extent."""
     along = ((rays.origin - point) * rays.direction).sum(axis=1)
     miss = np.linalg.norm(rays.origin - point - along[:, None] * rays.direction, axis=1)
     far = np.linalg.norm(rays.origin - point, axis=1)

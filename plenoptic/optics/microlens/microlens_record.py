@@ -183,10 +183,6 @@ class ArrayRecord(NamedTuple):
         """1 / focal length of the first type in 1/mm; that of all lenses if they do not differ."""
         return float(self.lattice.powers[0])
 
-    def lenslet_rows(self, n: int) -> NDArray[np.void] | None:
-        """Array for the lenslet parameters of n paths; None if lenses do not differ."""
-        return np.zeros(n, MICROLENS) if self.differs else None
-
 
 def possible_powers(array: MicrolensArray) -> Floats:
     """Powers in 1/mm that bounds must cover.

@@ -1,6 +1,4 @@
-"""Data of freeform terms: derivatives and bounds of a sag without rotational symmetry, and its numbers in Zemax
-files.
-"""
+"""Data of freeform terms: derivatives and bounds of a sag without rotational symmetry, and its Zemax numbers."""
 
 from __future__ import annotations
 

@@ -42,9 +42,7 @@ def asphere_bounds(c: float, conic: float, terms: tuple[float, ...], edge: float
 
 
 def _bound(monotone: Floats, powers: Floats) -> Floats:
-    """Bound for each ring on the magnitude of a monotone part, given at the ends of the rings, plus a polynomial in
-    u.
-    """
+    """Bound for each ring on the magnitude of a monotone part, given at the rings' ends, plus a polynomial in u."""
     low, high = bernstein_range(powers)
     ends = np.stack([monotone[:-1], monotone[1:]])
     return np.asarray(np.maximum(np.abs(ends.min(axis=0) + low), np.abs(ends.max(axis=0) + high)))

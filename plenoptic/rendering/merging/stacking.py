@@ -70,6 +70,8 @@ def merge_stats(plan: MergePlan, light: Sequence[Sequence[Floats]]) -> RenderSta
     for stats in all_stats:
         for cause, element, count in stats.lost:
             lost[cause, element] += count
+    # The numbers of paths of all parts add up.
+    met_paths = math.fsum(1.0 / stats.unmet_light - 1.0 if stats.unmet_light > 0 else math.inf for stats in all_stats)
     summed = ("seconds", "cpu_seconds", "paths", "paths_through_lens", "nonfinite")
     return RenderStats(
         **{name: sum(getattr(stats, name) for stats in all_stats) for name in summed},
@@ -78,16 +80,10 @@ def merge_stats(plan: MergePlan, light: Sequence[Sequence[Floats]]) -> RenderSta
         clamped=_clamped_fraction(plan, light) if plan.clamped else 0.0,
         nonfinite_paths=tuple(path for stats in all_stats for path in stats.nonfinite_paths)[:NAMED],
         zero_variance=sum(zero_variance),
-        unmet_light=_unmet_fraction([stats.unmet_light for stats in all_stats]),
+        unmet_light=1.0 / (1.0 + met_paths),
         stopped_by=min((stats.stopped_by for stats in all_stats), key=_SEVEREST_FIRST.index),
         processors=tuple(dict.fromkeys(kind for stats in all_stats for kind in stats.processors)),
     )
-
-
-def _unmet_fraction(fractions: Sequence[float]) -> float:
-    """Fraction of 8 paths of all parts together, whose numbers of paths add up."""
-    met = math.fsum(1.0 / fraction - 1.0 if fraction > 0 else math.inf for fraction in fractions)
-    return 1.0 / (1.0 + met)
 
 
 def _clamped_fraction(plan: MergePlan, light: Sequence[Sequence[Floats]]) -> float:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.lost_rays import lost_rays
-from plenoptic.core.relative_error import brightness, light_is_rare, relative_error
+from plenoptic.core.relative_error import brightness, image_error, relative_error
 from plenoptic.core.warn import warn
 from plenoptic.errors import BudgetWarning
+from plenoptic.optics.lens.analysis.conditioning import Conditioning
 from plenoptic.rendering.exposure import MOST_NAMES, Exposure
 from plenoptic.rendering.plan.rare_light import RareLight, rare_light
 from plenoptic.rendering.plan.stages import Subject
@@ -19,9 +20,6 @@ from plenoptic.rendering.schedule.progress import Progress
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.truth.channels import GroundTruth
 from plenoptic.truth.truth_arrays import mark_unknown
-
-if TYPE_CHECKING:
-    from plenoptic.optics.lens.analysis.conditioning import Conditioning
 
 Image = NDArray[Any]
 _UNMET_PATHS = 8
@@ -75,7 +73,7 @@ def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupt
     if progress.capped or target is None:
         return StopReason.SAMPLES
     assert errors is not None
-    reached, rare = relative_error(image, errors), light_is_rare(image, errors)
+    reached, rare = image_error(image, errors)
     if not (rare or _MISSED_RATIO * target < reached):  # nan if no pixel can be lit
         return StopReason.TARGET_ERROR
     target_text = f"{100 * target:.2g} %"

@@ -206,18 +206,13 @@ class Progress:
             self.last_decision[i, colour] = done, error
 
     def error(self) -> float | None:
-        """Relative error over lit pixels so far; None without standard errors."""
-        errors = self._errors()
-        return None if errors is None else relative_error(self.film.mean[self.region.crop], errors)
-
-    def _errors(self) -> NDArray[np.float32] | None:
-        """Standard errors, nan for tiles without samples; None without errors."""
+        """Relative error over lit pixels so far, without tiles that have no samples; None without standard errors."""
         errors = self.film.standard_error(self.one_sample, deflected=self.region.deflected)
         if errors is None or not self.done.any():
             return None
-        if self.film.sample_counts is not None:
+        if self.film.sample_counts is not None:  # without counts, pending tiles are dark
             errors[self.film.sample_counts == 0] = np.nan
-        return errors[self.region.crop]  # without counts, pending tiles are dark
+        return relative_error(self.film.mean[self.region.crop], errors[self.region.crop])
 
     def sample_counts(self) -> NDArray[np.int32] | None:
         """(rows, columns): samples of each pixel in the image; None if all have the budget's number."""

@@ -19,6 +19,7 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import flag, seed_number, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, BudgetWarning
+from plenoptic.optics.lens.analysis.conditioning import Conditioning
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.crop import samples_text
 from plenoptic.rendering.exposure import Exposure
@@ -41,7 +42,6 @@ from plenoptic.truth.truth_arrays import available_truth, empty_truth
 
 if TYPE_CHECKING:
     from plenoptic.core.engines.dask_engine import DaskCluster
-    from plenoptic.optics.lens.analysis.conditioning import Conditioning
     from plenoptic.rendering.schedule.checkpoint import Checkpoint
 
 _MAX_CONDITIONED = 1 << 20
@@ -120,8 +120,15 @@ def _set_up(
         warn(f"{cause}, and the image will be black; give it lights=[...] above 0 or a background=", BlackImageWarning)
     meshes, microlenses = context.intersector is not None, camera.microlenses is not None
     available = available_truth(subject.truth, meshes=meshes, microlenses=microlenses)
-    checkpoint = _checkpoint(subject, budget, options, context, region, available)
-    if checkpoint is not None:
+    checkpoint = None
+    if options.checkpoint is not None:
+        from plenoptic.rendering.schedule.checkpoint import Checkpoint
+        from plenoptic.rendering.schedule.identity import identity
+
+        facts = {"seed": options.seed, "replicates": budget.replicates, "region": region, "truth": available}
+        # That of any render with the same paths.
+        texts = identity(context.scene, camera, **facts, settings=subject.settings)
+        checkpoint = Checkpoint(options.checkpoint, options.checkpoint_interval, texts)
         files.callback(checkpoint.close)
     tile_side = options.tile_side if checkpoint is None or options.tile_side is not None else checkpoint.tile_side
     shared = context.camera.diffraction_kernel is not None
@@ -186,25 +193,6 @@ def _render(setup: RenderSetup, subject: Subject, budget: Budget, options: Rende
         film = setup.progress.film
         film.processors = tuple(dict.fromkeys(film.processors + cluster.processors))
     return interrupted
-
-
-def _checkpoint(
-    subject: Subject,
-    budget: Budget,
-    options: RenderOptions,
-    context: RenderContext,
-    region: tuple[int, ...],
-    kept: Truth,
-) -> Checkpoint | None:
-    """Open the checkpoint of a render, if one is requested: that of any render with the same paths."""
-    if options.checkpoint is None:
-        return None
-    from plenoptic.rendering.schedule.checkpoint import Checkpoint
-    from plenoptic.rendering.schedule.identity import identity
-
-    facts = {"seed": options.seed, "replicates": budget.replicates, "region": region, "truth": kept}
-    facts["settings"] = subject.settings
-    return Checkpoint(options.checkpoint, options.checkpoint_interval, identity(context.scene, subject.camera, **facts))
 
 
 def progress_of(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -62,9 +61,13 @@ class Scheduler:
         """Take results of pending tiles from the checkpoint, as long as it has some."""
         if self._checkpoint is None:
             return
-        read = functools.partial(_read, self._checkpoint, self._context)
+        checkpoint, context = self._checkpoint, self._context
+
+        def read(task: tuple[int, Entry]) -> tuple[int, TileResult | None, Entry | None]:
+            return task[0], checkpoint.result(*task, context), task[1]
+
         threads = min(self._engine.threads, thread_count(None))
-        while not self._interrupts.asked and (entries := self._usable_entries(self._checkpoint)):
+        while not self._interrupts.asked and (entries := self._usable_entries(checkpoint)):
             for i, result, entry in run_in_order(read, entries, threads=threads):
                 self._take(i, result, entry)
                 if self._interrupts.asked:
@@ -114,10 +117,3 @@ class Scheduler:
         if self._checkpoint is not None:
             self._checkpoint.flush()
         self._bar.update()
-
-
-def _read(
-    checkpoint: Checkpoint, context: RenderContext, task: tuple[int, Entry]
-) -> tuple[int, TileResult | None, Entry | None]:
-    """Read a tile's result from the checkpoint."""
-    return task[0], checkpoint.result(*task, context), task[1]

@@ -91,7 +91,9 @@ class EnvironmentMap:
         codes = "EnvironmentMap.load for image files"
         set_field(self, "texels", as_texels(self.texels, EnvironmentMap, most=MAX_TEXELS, from_codes=codes))
         if self.rotation is not None:
-            set_field(self, "rotation", _rotation(self.rotation))
+            remedy = "turn the environment by rotated(axis, angle), mirror its texels by texels[:, ::-1]"
+            matrix = rotation_matrix(self.rotation, remedy=remedy)
+            set_field(self, "rotation", None if np.array_equal(matrix, np.eye(3)) else matrix)
 
     @classmethod
     def load(
@@ -201,10 +203,3 @@ class EnvironmentMap:
 
 
 Background: TypeAlias = ConstantBackground | EnvironmentMap
-
-
-def _rotation(rotation: ArrayLike) -> Floats | None:
-    """(3, 3), read-only; None where it turns nothing."""
-    remedy = "turn the environment by rotated(axis, angle), mirror its texels by texels[:, ::-1]"
-    matrix = rotation_matrix(rotation, remedy=remedy)
-    return None if np.array_equal(matrix, np.eye(3)) else matrix

@@ -8,7 +8,7 @@ import math
 import statistics
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 from plenoptic.core.progress.bar import load_tqdm
 from plenoptic.core.values import Floats, check_kind, seed_number, whole
 from plenoptic.errors import InvalidValueError
+from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.study.cost.ablation import Ablation, Inseparable, ablations
 from plenoptic.study.exposures import Region, central_pixel, expose, region_bounds
 from plenoptic.study.study_table import Cell, StudyTable, run_until_interrupt
-
-if TYPE_CHECKING:
-    from plenoptic.rendering.exposure import Exposure
 
 _SIDE = 128
 """Pixels along the middle of the sensor that are render_seconds by default."""

@@ -1,10 +1,8 @@
 """Bundled cases of the error study: the reference camera with its scenes, and a smooth one."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.design.example import example_camera
@@ -14,14 +12,12 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.rendering.settings import Sampler
+from plenoptic.scene.scene import Scene
 from plenoptic.scene.shapes.procedural import check_scene, objects_scene
 from plenoptic.study.error_time.error_study import SIDE, error_against_time
 from plenoptic.study.error_time.error_table import ErrorTable
 from plenoptic.study.error_time.variants import Variant
 from plenoptic.study.exposures import central_region
-
-if TYPE_CHECKING:
-    from plenoptic.scene.scene import Scene
 
 QUICK_SAMPLES, QUICK_SEEDS, QUICK_SIDE, QUICK_FACTOR = (8, 16, 32), 3, 32, 8
 SEEDS = 8

@@ -8,8 +8,9 @@ import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import load_tqdm
@@ -17,16 +18,13 @@ from plenoptic.core.values import seed_number, whole, wrong_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
+from plenoptic.scene.scene import Scene
 from plenoptic.study.error_time.error_split import Reference, reference_of, split_error
 from plenoptic.study.error_time.error_table import ErrorRow, ErrorTable
 from plenoptic.study.error_time.variants import Variant, checked_variants, default_variants
 from plenoptic.study.exposures import Region, central_pixel, expose, region_bounds
 from plenoptic.study.study_table import run_until_interrupt
 from plenoptic.truth.channels import Truth
-
-if TYPE_CHECKING:
-    from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.scene.scene import Scene
 
 REFERENCE_SEED = 1_000_003
 """Added to the first seed for the reference: rows use seeds from the first one on, far fewer than these."""

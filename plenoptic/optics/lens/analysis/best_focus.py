@@ -269,9 +269,7 @@ def through_focus(
 
 
 def _least_radius(beam: _StraightRays) -> float:
-    """Distance behind z of the minimum of the largest ray distance from the centroid, a convex function of the
-    plane.
-    """
+    """Distance behind z of the minimum of the largest ray distance from the centroid, a convex function of z."""
 
     def radius2(z: float) -> float:
         offsets = beam.heights + z * beam.slopes

@@ -17,7 +17,7 @@ from plenoptic.core.values import Floats, check_kind, number, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, chief_rays, image_plane, trace_past_rims
 from plenoptic.optics.lens.elements import with_round_stops
-from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar
+from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar, outermost
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_part
@@ -161,33 +161,17 @@ def vignetting(
             rays = aimed_rays(lens, field=(0.0, field), pupil=points, z_object=z_object, wavelength=wavelength)
             return lens.trace(rays).weight
 
+        def on_diameter(y: Floats, passing: Callable[[Floats], Floats] = passing) -> Floats:
+            return np.where(passing(np.column_stack([np.zeros_like(y), y])) > 0, 0.0, np.nan)
+
         light = passing(pupil)
         count = int(np.count_nonzero(light))
         # If all points pass, the fraction is exactly 1. If none passes, the light may be that of less than one point.
         entire = bool(np.all(light == full))
         fraction[i] = 1.0 if entire else min(float(light.sum()) * cell_share, 1.0)
         error[i] = 0.0 if entire else cell_share * _COUNTING * max(count, 1) ** 0.25
-        lower[i], upper[i] = _rim_rays(passing)
+        lower[i], upper[i] = (outermost(on_diameter, end, _ZOOM)[0] / INSIDE for end in (-INSIDE, INSIDE))
     return Vignetting(radii, fraction, error, lower, upper, z_object)
-
-
-def _rim_rays(passing: Callable[[Floats], Floats]) -> tuple[float, float]:
-    """Smallest and largest y of transmitted rays on the diameter along y."""
-    limits = []
-    for end in (-INSIDE, INSIDE):
-        low, high = -end, end
-        for _ in range(_ZOOMS):
-            y = np.linspace(low, high, _ZOOM)
-            passing_rows = np.flatnonzero(passing(np.column_stack([np.zeros(_ZOOM), y])))
-            if passing_rows.size == 0:
-                return math.nan, math.nan
-            # Refine between the last ray that passes and the first that does not.
-            last = int(passing_rows[-1])
-            low, high = float(y[last]), float(y[min(last + 1, _ZOOM - 1)])
-            if low == high:
-                break
-        limits.append(low / INSIDE)
-    return limits[0], limits[1]
 
 
 @result

@@ -1,11 +1,8 @@
 """Checks of a lens by real rays: vignetting of the axial beam, and elements that amplify errors."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Collection, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,9 +19,6 @@ from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_part
 from plenoptic.optics.surfaces.surface import Surface
-
-if TYPE_CHECKING:
-    from plenoptic.optics.lens.stack import LensStack
 
 _FILLED = 0.95
 _RAYS = 513

@@ -322,9 +322,7 @@ def numerical_apertures(lens: LensStack, z_object: float = -math.inf, wavelength
 
 
 def image_side_aperture(lens: LensStack, marginal: ParaxialRay, wavelength: float = 587.6) -> float:
-    """Product n' u' of a marginal ray behind the lens: negative for converging light, exactly 0 for collimated
-    light.
-    """
+    """Product n' u' of a marginal ray behind the lens: negative for converging light, exactly 0 if it is collimated."""
     c, d = transfer_matrix(lens, wavelength, 0, len(lens.elements) - 1)[1].tolist()
     by_height, by_angle = c * float(marginal.height[0]), d * float(marginal.index[0] * marginal.angle[0])
     return without_rounding(by_height + by_angle, by_height, by_angle)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,6 +14,8 @@ MOST_ACROSS = 2048
 
 INSIDE = 1.0 - 1e-9
 """Radius in the unit disc of rays for the rim of the iris: rounding errors do not clip them."""
+_SEARCHES = 3
+"""Nested searches for an outermost point."""
 
 
 def hexapolar(rings: int) -> Floats:
@@ -79,3 +82,23 @@ def fan(n: int) -> Floats:
     [[0.0, -1.0], [0.0, 0.0], [0.0, 1.0]]
     """
     return np.column_stack([np.zeros(whole(n, "n", at_least=2, at_most=MAX_POINTS)), np.linspace(-1.0, 1.0, n)])
+
+
+def outermost(function: Callable[[Floats], Floats], end: float, points: int) -> tuple[float, float]:
+    """Coordinate from -end to end, nearest to end, at which a function is finite, and its value there; or nan.
+
+    Each search looks at some points between the last finite value of the one before and the next point.
+    """
+    low, high, place, value = -end, end, math.nan, math.nan
+    for _ in range(_SEARCHES):
+        places = np.linspace(low, high, points)
+        values = function(places)
+        finite = np.flatnonzero(np.isfinite(values))
+        if not finite.size:
+            break
+        last = int(finite[-1])
+        place, value = float(places[last]), float(values[last])
+        if last == points - 1:
+            break
+        low, high = place, float(places[last + 1])
+    return place, value

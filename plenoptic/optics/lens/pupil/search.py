@@ -8,11 +8,9 @@ Directions are *angle coordinates* (u, v) = theta (cos phi, sin phi), with theta
 azimuth. They are nearly linear in the field and not limited to 90 degrees.
 """
 
-from __future__ import annotations
-
 import functools
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,9 +21,6 @@ from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.pupil.iris_points import hexapolar
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_record
-
-if TYPE_CHECKING:
-    from plenoptic.optics.lens.stack import LensStack
 
 _DIFFERENCE = 1e-6
 """Step in rad of the difference quotients; their error of 1e-6 gains six digits in each of Newton's steps."""
@@ -197,9 +192,7 @@ def _chief_guess(half: Half, centre: Floats) -> Floats:
 
 
 def _continue_to(half: Half, lens: LensStack, pupil: Floats, chief: Floats) -> tuple[Floats, Floats]:
-    """Continue angle coordinates from the centre of the iris, (1, 2), to points of it, (n, 2); also returns
-    residuals.
-    """
+    """Continue angle coordinates from the centre of the iris, (1, 2), to points of it, (n, 2); and residuals."""
     n = len(pupil)
     angles, progress, advance, miss = np.repeat(chief, n, axis=0), np.zeros(n), np.ones(n), np.full(n, math.inf)
     going = np.ones(n, dtype=bool)

@@ -55,12 +55,12 @@ def _rule(
         half = 0.5 * (ends[1] - ends[0])
         radius = ends[0] + half * (1.0 + nodes)
         parts.append(((radius[..., None] * axes).reshape(-1, 2), (weights * half * radius).ravel()))
-    pupil, size = np.concatenate([part[0] for part in parts]), len(parts[0][1])
+    pupil, area = (np.concatenate(part) for part in zip(*parts, strict=True))
     rays = rays_to_sphere(lens, point, wavelength, pupil)
-    lit = np.isfinite(rays.opd) & (np.concatenate([part[1] for part in parts]) > 0)
-    light = np.where(lit, np.sqrt(rays.light * rays.solid_angle) * np.concatenate([part[1] for part in parts]), 0.0)
-    amplitude = np.zeros((len(pupil), 2))
-    amplitude[:size, 0], amplitude[size:, 1] = light[:size], light[size:]
+    lit = np.isfinite(rays.opd) & (area > 0)
+    light = np.where(lit, np.sqrt(rays.light * rays.solid_angle) * area, 0.0)
+    is_first = np.arange(len(pupil)) < len(parts[0][1])
+    amplitude = np.column_stack([np.where(is_first, light, 0.0), np.where(is_first, 0.0, light)])
     rays = rays._replace(opd=np.where(lit, rays.opd, 0.0))
     return PupilRule(pupil, rays, amplitude / amplitude.sum(axis=0))
 

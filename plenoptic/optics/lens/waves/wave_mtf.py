@@ -105,9 +105,7 @@ def wave_mtf(  # noqa: PLR0913
 
 
 def _autocorrelation(field: NDArray[np.complex128], shifts: Floats) -> NDArray[np.complex128]:
-    """Autocorrelation of a field (n, n) along its first axis, 1 at shift 0; linear interpolation between whole
-    steps.
-    """
+    """Autocorrelation of a field (n, n) along its first axis, 1 at shift 0; linear between whole steps."""
     n = len(field)
     whole_steps = np.array([np.vdot(field[k:], field[: n - k]) for k in range(n)] + [0.0])
     places = np.minimum(shifts, n)

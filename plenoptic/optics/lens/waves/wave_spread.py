@@ -163,7 +163,8 @@ def wave_spread(  # noqa: PLR0913
         size = min(one_field.wave / (2.0 * _width(one_field)) for one_field in fields)
     else:
         size = length_in_mm(pixel_size, "pixel_size")
-    places = _places(rows, columns, size) @ turn.T + fields[0].image
+    x, y = size * (np.arange(columns) - 0.5 * (columns - 1)), -size * (np.arange(rows) - 0.5 * (rows - 1))
+    places = np.stack([*np.meshgrid(x, y), np.zeros((rows, columns))], axis=-1) @ turn.T + fields[0].image
     corners = places[[0, 0, -1, -1], [0, -1, 0, -1]]
     for one_field in fields:
         _check_sampling(one_field, corners - one_field.image)
@@ -210,12 +211,6 @@ def _strehl_ratios(lens: LensStack, point: ImagedPoint, field: EvenField, wavele
     return strehl_ratios(np.where(rule.amplitude.any(axis=1), rule.rays.opd - excess, 0.0), rule.amplitude)
 
 
-def _places(rows: int, columns: int, size: float) -> Floats:
-    """(rows, columns, 3): centres of pixels relative to that of the picture, mm."""
-    x, y = size * (np.arange(columns) - 0.5 * (columns - 1)), -size * (np.arange(rows) - 0.5 * (rows - 1))
-    return np.stack([*np.meshgrid(x, y), np.zeros((rows, columns))], axis=-1)
-
-
 def _width(found: EvenField) -> float:
     """Width of the pupil in direction cosines."""
     lit = np.isfinite(found.opd)
@@ -231,9 +226,7 @@ def _whole_light(found: EvenField, normal: Floats) -> float:
 
 
 def _check_sampling(found: EvenField, corners: Floats) -> None:
-    """Refuse grids with path differences above half a wave between neighbours, seen from the picture's corners (4,
-    3).
-    """
+    """Refuse grids with path differences above half a wave between neighbours, seen from the corners (4, 3)."""
     largest = 0.0
     for corner in corners:
         phase = found.opd - excess_path(found.toward, found.radius, corner) / found.wave
