@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import kind_of, lateral_magnification, model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
-from plenoptic.core.values import Floats, choice, length_in_mm, positive, whole
+from plenoptic.core.values import Floats, choice, length_in_mm, numbers, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.merged_samples import REMAINDER, LensReadings, MergedView, view_renderer
 from plenoptic.lightfield.pinhole_model import image_distance_behind_array
 from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, check_white, checked_viewpoint, raw_arrays
 from plenoptic.lightfield.resample import Resampling, resampling
@@ -40,6 +42,7 @@ def decode(  # noqa: PLR0913
     step: float = 1.0,
     viewpoint: tuple[float, float] = (0.0, 0.0),
     spacing: float | None = None,
+    disparity: ArrayLike | None = None,
     least_light: float = 0.05,
     method: CentreMethod = CentreMethod.CHIEF_RAY,
     camera: PlenopticCamera | None = None,
@@ -67,6 +70,9 @@ def decode(  # noqa: PLR0913
     spacing : float, optional
         Pixel spacing of a view on the array, in mm. None: the pitch of square and rectangular lattices along the
         sensor; otherwise the root of the area of a cell, so that there are as many pixels as microlenses.
+    disparity : (rows, columns) array_like, optional
+        Disparity of the central view's pixels in pixels of a view for each pixel of u, nan if unknown, as
+        `DepthMap.disparity` of `depth(decode(shot, white))`. Each view is then rendered from the samples of all views.
     least_light : float, optional
         Minimum of the white image, as a fraction of its 99th percentile; views are nan below it. Views at offsets that
         belong to the image of a neighbouring microlens are nan everywhere.
@@ -100,7 +106,16 @@ def decode(  # noqa: PLR0913
     Between microlenses, 24 neighbours are interpolated by cubic radial basis functions and a linear function. For
     detail that the lattice resolves, the error is below a tenth of that of linear interpolation. At borders, where
     neighbours are missing, interpolation is linear. Unresolved detail is estimated from the error of predicting each
-    microlens from its neighbours, and is part of the standard error.
+    microlens from its neighbours at one and two distances, and is part of the standard error; so is the blur by the
+    pixels of the raw image that a view reads, estimated from neighbouring views. Smaller details, such as highlights
+    that fall between microlenses, are not.
+
+    With a disparity, microlenses of other views sample the scene between those of a view, off the plane in focus. The
+    samples are displaced as traced through the real lens, the nearest surface is seen where its samples are dense
+    enough, and a quadratic function is fitted around each pixel, as in `render_view`. At every microlens this is
+    compared with the view's own sample, which it does not contain. A pixel is that of the merged view where this
+    predicts its neighbours better than interpolation does: not at the plane in focus, nor near edges and highlights
+    that the disparity does not explain.
 
     Sub-aperture views after R. Ng et al., Stanford Tech Report CTSR 2005-02, section 3.
 
@@ -132,16 +147,38 @@ def decode(  # noqa: PLR0913
         raise InvalidValueError("the image contains no centre of a micro image; take a larger region")
     on_array, pixel = centres.on_array[near], centres.pixel[near]
     turn, origin = axes.parts.array_turn, axes.parts.array_origin
-    positions, basis, errors = axes.local(on_array) - origin, array.basis @ turn.T, raw.variance is not None
-    grid = resampling(array, centres.index[near], pixel_spacing, positions=positions, basis=basis, errors=errors)
+    positions, basis = axes.local(on_array) - origin, array.basis @ turn.T
+    has_errors = raw.variance is not None
+    grid = resampling(
+        array,
+        centres.index[near],
+        pixel_spacing,
+        positions=positions,
+        basis=basis,
+        errors=has_errors or disparity is not None,
+    )
     inside = _in_own_image(camera, array, offsets)
-    radiance, error = _sample_views(raw, pixel, offsets, grid, inside)
+    samples = grid.interpolate(np.column_stack([pixel, on_array]))
+    readings, merged = _read_views(raw, pixel, offsets, inside), None
+    if disparity is not None:
+        disparities, shape = numbers(disparity, "disparity"), (grid.rows, grid.columns)
+        if disparities.shape != shape:
+            raise InvalidValueError(
+                f"disparity has shape {disparities.shape}; give that of the views, {shape}, as depth(decode(shot, "
+                "white)).disparity has it"
+            )
+        model = view_model(camera, (offsets[0], offsets[1]), samples, grid.origin + origin, grid.spacing)
+        opening = array.opening.radius**2 / 4.0 if math.isfinite(array.opening.radius) else array.cell_area / 12.0
+        in_view = ((positions - grid.origin) / grid.spacing)[:, ::-1] * (1.0, -1.0)
+        opening /= grid.spacing[0] * grid.spacing[1]
+        merged = view_renderer(camera, model, readings, in_view, disparities, opening)
+    radiance, error = _resample_views(readings, grid, inside, merged)
     if any(pupil_point) and not np.isfinite(radiance[len(inside) // 2, len(inside) // 2]).any():
         warn(f"the view from viewpoint {pupil_point} is empty: no light passes; take a point of the iris, -1 to 1")
     elif views is not None and not (inside[0].any() or inside[-1].any() or inside[:, 0].any() or inside[:, -1].any()):
         fitting = max(inside.any(axis=0).sum(), inside.any(axis=1).sum())
         warn(f"views is {views}, and micro images hold {fitting} at this step: the other views are empty; take fewer")
-    samples = grid.interpolate(np.column_stack([pixel, on_array]))
+    error = error if has_errors else None
     return field_of(camera, radiance, error, offsets, grid.origin + origin, grid.spacing, samples)
 
 
@@ -224,21 +261,54 @@ def _in_own_image(camera: PlenopticCamera, array: MicrolensArray, offsets: Float
     return np.asarray((offset @ array.cell_edges[:, :2].T <= array.cell_edges[:, 2]).all(axis=-1))
 
 
-def _sample_views(
-    raw: RawArrays, centres: Floats, offsets: Floats, grid: Resampling, in_own_image: NDArray[np.bool_]
-) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """Views and their standard errors (U, V, rows, columns, C)."""
-    shape = (*in_own_image.shape, grid.rows, grid.columns, raw.shot.shape[2])
-    views = np.full(shape, np.nan, dtype=np.float32)
-    error = None if raw.variance is None else np.full(shape, np.nan, dtype=np.float32)
+def _read_views(raw: RawArrays, centres: Floats, offsets: Floats, in_own_image: NDArray[np.bool_]) -> LensReadings:
+    """Readings of the raw image at the offsets (2, views) from n centres; nan where there are none."""
+    radiance, variance = np.full((2, *in_own_image.shape, len(centres), raw.shot.shape[2]), np.nan)
     for i, j in np.argwhere(in_own_image):
-        radiance, variance = raw.read(centres + np.array([offsets[1, j], offsets[0, i]]))
+        radiance[i, j], errors = raw.read(centres + np.array([offsets[1, j], offsets[0, i]]))
+        variance[i, j] = 0.0 * radiance[i, j] if errors is None else errors
+    return LensReadings(radiance, variance, centres, offsets)
+
+
+def _resample_views(
+    readings: LensReadings,
+    grid: Resampling,
+    in_own_image: NDArray[np.bool_],
+    merged: Callable[[tuple[int, int]], MergedView] | None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Views and their standard errors (U, V, rows, columns, C), interpolated or merged."""
+    channels = readings.radiance.shape[3]
+    shape = (*in_own_image.shape, grid.rows, grid.columns, channels)
+    views, errors = np.full((2, *shape), np.nan, dtype=np.float32)
+
+    def columns(planes: Floats) -> Floats:
+        """Planes (views, n, C) as values (n, views C), for all views of a u at once."""
+        return np.moveaxis(planes, 0, 1).reshape(planes.shape[1], -1)
+
+    def images(resampled: Floats) -> Floats:
+        return np.moveaxis(resampled.reshape(grid.rows, grid.columns, -1, channels), 2, 0)
+
+    for u in np.flatnonzero(in_own_image.any(axis=1)):
+        v = np.flatnonzero(in_own_image[u])
+        radiance, variance = readings.radiance[u, v], readings.variance[u, v]
+        blur, blur_variance = np.stack([readings.aperture_blur(u, k) for k in v], axis=1)
+        picture, mean_blur, noise, blur_noise = (
+            images(grid.interpolate(columns(planes), power))
+            for planes, power in ((radiance, 1), (blur, 1), (variance, 2), (blur_variance, 2))
+        )
         # Interpolation undershoots at bright edges; radiance is not negative.
-        minimum = min(0.0, np.nanmin(radiance, initial=0.0))
-        views[i, j] = np.maximum(grid.interpolate(radiance), minimum)
-        if error is not None and variance is not None:
-            error[i, j] = np.sqrt(grid.interpolate(variance, power=2) + grid.interpolation_variance(radiance, variance))
-    return views, error
+        minimum = np.nanmin(radiance, axis=(1, 2), keepdims=True, initial=0.0)[..., None]
+        picture, squared_blur = np.maximum(picture, minimum), np.maximum(mean_blur**2 - blur_noise, 0.0)
+        error = noise + images(grid.interpolation_variance(columns(radiance), columns(variance))) + squared_blur
+        for k in range(len(v)) if merged is not None else ():
+            view = merged((u, v[k]))
+            misfit = (radiance[k] - blur[k] - view.at_lenses) ** 2 - variance[k] - view.lens_variance
+            expected = view.variance + np.maximum(grid.local_mean(misfit), 0.0)
+            better = expected < np.where(np.isnan(picture[k]), np.inf, error[k])
+            picture[k] = np.where(better, view.picture, picture[k])
+            error[k] = np.where(better, expected + REMAINDER * squared_blur[k], error[k])
+        views[u, v], errors[u, v] = picture, np.sqrt(error)
+    return views, errors
 
 
 def field_of(

@@ -47,7 +47,7 @@ class RawArrays:
         The quotient of the sums of light over the same four pixels: where the white image falls off, bright pixels
         weigh more, and a white image divided by itself is 1.
         """
-        row, column, weight = _corners(pixel - np.array(self.first), self.shot.shape[:2])
+        row, column, weight = corners(pixel - np.array(self.first), self.shot.shape[:2])
 
         def between(plane: Floats, weights: Floats) -> Floats:
             return np.asarray(np.einsum("nk,nkc->nc", weights, plane[row, column]))
@@ -74,7 +74,7 @@ class RawArrays:
         return np.asarray(shot_variance / light**2)
 
 
-def _corners(point: Floats, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+def corners(point: Floats, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
     """Rows, columns and bilinear weights (n, 4) of the pixels around points; weights are nan outside the image."""
     high = np.array(shape) - 1
     # A point on the last pixel stays inside despite rounding.

@@ -20,9 +20,9 @@ _REACH = 3
 """Largest distance of these from the nearest microlens, in lattice steps."""
 _BLOCK = 4096
 """Pixels whose weights are computed together, at 12 kB each."""
-_DOUBT = 0.5
-"""Interpolation error between microlenses over the error of predicting a microlens from its neighbours; measured: 0.2
-to 0.7.
+_DOUBT = {3: 1.0, 4: 1.2}
+"""Interpolation error halfway between microlenses over the error of predicting a microlens from neighbours, if that is
+as large from twice the distance: of meshes of triangles and of squares; measured for 1/f noise.
 """
 
 
@@ -41,6 +41,8 @@ class Resampling:
     """Cubic weights; None if every pixel coincides with a microlens."""
     prediction: Weights | None
     """Weights that predict each microlens from its neighbours; None without errors or interpolation."""
+    far_prediction: Weights | None
+    """The same from microlenses at twice the distance."""
     origin: Floats
     """(2,): x and y of the first pixel, mm."""
     spacing: tuple[float, float]
@@ -58,21 +60,32 @@ class Resampling:
             interpolated = np.where(missing, self.linear.interpolate(values, power), interpolated)
         return interpolated.reshape(self.rows, self.columns, -1)
 
+    def local_mean(self, values: Floats) -> Floats:
+        """Mean (rows, columns, C) of the valid values (n, C) of microlenses around 3 x 3 pixels."""
+        mean = (self.linear if self.smooth is None else self.smooth).mean_of_valid(values)
+        mean = mean.reshape(self.rows, self.columns, -1)
+        for _ in range(2):
+            padded = np.concatenate([mean[:1], mean, mean[-1:]])
+            mean = ((padded[:-2] + padded[1:-1] + padded[2:]) / 3.0).swapaxes(0, 1)
+        return mean
+
     def interpolation_variance(self, values: Floats, variance: Floats) -> Floats:
         """Variance (rows, columns, C) of the interpolation error, from values and variances (n, C).
 
-        Each microlens is predicted from its neighbours. The prediction error beyond its own variance measures detail
-        that the lattice does not resolve; half of it is assumed between microlenses, none at a microlens.
+        Each microlens is predicted from its neighbours. The prediction error beyond the noise measures detail that the
+        lattice does not resolve. From twice the distance it is larger by 2^2H (H = 0: white noise); over half of the
+        distance, between microlenses, smaller by 2^H. It is 0 at a microlens.
         """
-        if self.smooth is None or self.prediction is None:
+        if self.smooth is None or self.prediction is None or self.far_prediction is None:
             return np.zeros((self.rows, self.columns, values.shape[1]))
-        excess = (
-            (values - self.prediction.interpolate(values)) ** 2 - variance - self.prediction.interpolate(variance, 2)
-        )
-        unresolved = np.where(np.isfinite(excess), np.maximum(excess, 0.0), np.nan)
-        mean_unresolved = self.smooth.mean_of_valid(unresolved)
-        distance_weight = np.clip(1.0 - (self.smooth.weight**2).sum(axis=1), 0.0, 1.0)
-        return np.asarray((_DOUBT**2 * distance_weight[:, None] * mean_unresolved).reshape(self.rows, self.columns, -1))
+        excess = [
+            (values - weights.interpolate(values)) ** 2 - variance - weights.interpolate(variance, 2)
+            for weights in (self.prediction, self.far_prediction)
+        ]
+        near, far = np.split(np.maximum(self.local_mean(np.hstack(excess)), 0.0), 2, axis=2)
+        growth = np.divide(near, far, out=np.ones_like(far), where=far > near)
+        distance_weight = np.clip(1.0 - (self.smooth.weight**2).sum(axis=1), 0.0, 1.0).reshape(self.rows, -1, 1)
+        return np.asarray(_DOUBT[self.linear.weight.shape[1]] ** 2 * distance_weight * np.sqrt(growth) * near)
 
 
 class Weights(NamedTuple):
@@ -95,14 +108,16 @@ class Weights(NamedTuple):
         return total
 
     def mean_of_valid(self, values: Floats) -> Floats:
-        """Mean of the valid values (m, C) alone, with the absolute weights; 0 without one."""
-        weight = np.abs(self.weight)
-        absolute = Weights(self.source, weight / weight.sum(axis=1, keepdims=True))
-        valid = np.isfinite(values)
-        total = absolute.interpolate(np.where(valid, values, 0.0))
-        present = np.vstack([valid, np.zeros((1, valid.shape[1]), dtype=bool)])[self.source]
-        weight = np.einsum("nk,nkc->nc", absolute.weight, present)
-        return np.where(weight > 0, np.nan_to_num(total) / np.where(weight > 0, weight, 1.0), 0.0)
+        """Mean (n, C) of the valid values (m, C) alone, with the absolute weights; 0 without one."""
+        # Row -1 stands for a missing microlens.
+        padded = np.vstack([values, np.full((1, values.shape[1]), np.nan)])
+        valid = np.isfinite(padded).astype(np.float64)
+        padded, (total, weights) = np.nan_to_num(padded), np.zeros((2, len(self.source), values.shape[1]))
+        for k in range(self.source.shape[1]):
+            weight, source = np.abs(self.weight[:, k, None]), self.source[:, k]
+            total += weight * padded[source]
+            weights += weight * valid[source]
+        return np.divide(total, weights, out=total, where=weights > 0)
 
 
 def resampling(
@@ -146,11 +161,15 @@ def resampling(
     nodes, weight = (_triangle if array.lattice is Lattice.HEXAGONAL else _mesh)(on_lattice)
     lenses = Lenses(index, positions, basis)
     linear = _linear(lenses, points, nodes, weight)
-    smooth = prediction = None
+    smooth = prediction = far_prediction = None
     if linear.weight.max(axis=1).min() < 1.0 - _ROUNDING:
         smooth = _cubic(lenses, points, on_lattice, include_self=True)
-        prediction = _cubic(lenses, positions, index.astype(np.float64), include_self=False) if errors else None
-    return Resampling(len(y), len(x), linear, smooth, prediction, np.array([x[0], y[0]]), pixel_spacing)
+        if errors:
+            prediction, far_prediction = (
+                _cubic(lenses, positions, index.astype(np.float64), include_self=False, distance=k) for k in (1, 2)
+            )
+    origin = np.array([x[0], y[0]])
+    return Resampling(len(y), len(x), linear, smooth, prediction, far_prediction, origin, pixel_spacing)
 
 
 class Lenses(NamedTuple):
@@ -181,19 +200,25 @@ def _linear(lenses: Lenses, points: Floats, nodes: NDArray[np.int64], weight: Fl
     return Weights(rows, weight)
 
 
-def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, include_self: bool) -> Weights:
+def _cubic(lenses: Lenses, points: Floats, on_lattice: Floats, *, include_self: bool, distance: int = 1) -> Weights:
     """Weights of the nearest microlenses for points (n, 2): cubic radial basis functions that reproduce linear ones.
 
-    Without `include_self`, the microlens at the point itself is left out. G. B. Wright, Radial Basis Function
-    Interpolation, PhD thesis, University of Colorado (2003), section 2.
+    Without `include_self`, the microlens at the point itself is left out. At a `distance` of 2, every other microlens
+    counts, up to 8. G. B. Wright, Radial Basis Function Interpolation, PhD thesis, University of Colorado (2003),
+    section 2.
     """
-    blocks = range(0, len(points), _BLOCK)
-    parts = [_cubic_block(lenses, points[k : k + _BLOCK], on_lattice[k : k + _BLOCK], include_self) for k in blocks]
+    reach = _REACH if distance == 1 else 1
+    steps = distance * np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), -1).reshape(-1, 2)
+    parts = [
+        _cubic_block(lenses, points[k : k + _BLOCK], on_lattice[k : k + _BLOCK], steps, include_self)
+        for k in range(0, len(points), _BLOCK)
+    ]
     return Weights(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _cubic_block(lenses: Lenses, points: Floats, on_lattice: Floats, include_self: bool) -> Weights:
-    steps = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+def _cubic_block(
+    lenses: Lenses, points: Floats, on_lattice: Floats, steps: NDArray[np.int64], include_self: bool
+) -> Weights:
     rows, offset = lenses.around(points, np.rint(on_lattice).astype(np.int64)[:, None] + steps)
     offset = offset / float(np.sqrt(abs(np.linalg.det(lenses.basis))))
     squared_distance = (offset**2).sum(axis=2)

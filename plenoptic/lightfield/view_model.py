@@ -93,6 +93,32 @@ class ViewModel(NamedTuple):
         # The displacement is that at the shifted position.
         return np.moveaxis(shift / (1.0 - self._growth(series)), 1, 3)
 
+    def model_positions(self, view: tuple[int, int], at: Floats, disparity: Floats) -> Floats:
+        """Positions (..., n, 2) in the model's central view of points seen `at` (n, 2) in a view.
+
+        The disparity (..., n) is the model's, here and in `seen_at`.
+        """
+        displacement, _ = self._displacement_at(view, at, disparity)
+        return np.asarray(at + disparity[..., None] * self.step[view] - displacement)
+
+    def seen_at(self, view: tuple[int, int], model_positions: Floats, disparity: Floats, near: Floats) -> Floats:
+        """Positions (..., n, 2) in a view, `near` (n, 2), of points at positions in the model's central view."""
+        displacement, growth = self._displacement_at(view, near, disparity)
+        shift = model_positions - disparity[..., None] * self.step[view] + displacement - near
+        # The displacement is that at the shifted position.
+        return np.asarray(near + shift / (1.0 - growth))
+
+    def _displacement_at(self, view: tuple[int, int], at: Floats, disparity: Floats) -> tuple[Floats, Floats]:
+        """Displacement (..., n, 2) at positions (n, 2) of a view, and its change per pixel along the same axis."""
+        series = self.series[:, *view]
+        row, column = (legvander(_unit(at[:, k], n), series.shape[2 + k] - 1) for k, n in enumerate(self.size))
+        change = np.zeros_like(series)
+        for k, n in enumerate(self.size):
+            part = legder(series[:, k], axis=1 + k) * (2.0 / max(n - 1, 1))
+            change[:, k, : part.shape[1], : part.shape[2]] = part
+        both = np.einsum("nk,gdakl,nl->gdna", row, np.stack([series, change]), column, optimize=True)
+        return tuple(constant + disparity[..., None] * linear for constant, linear in both)
+
     @property
     def centre(self) -> tuple[int, int]:
         """Index of the central view."""
@@ -256,7 +282,7 @@ def _values(series: NDArray[np.floating], size: tuple[int, int]) -> Floats:
     return np.asarray(rows @ series @ columns.T)
 
 
-def _unit(index: NDArray[np.int64], count: int) -> Floats:
+def _unit(index: NDArray[np.int64] | Floats, count: int) -> Floats:
     """Indices of `count` rows or columns as numbers from -1 to 1."""
     return np.asarray(2.0 * index / (count - 1) - 1.0 if count > 1 else 0.0 * index)
 

@@ -151,24 +151,88 @@ def test_weights_are_shares():
     assert plain.smooth is None and plain.prediction is None  # every pixel is a microlens
 
 
-def test_what_the_lattice_resolves_is_not_in_doubt():
-    design, grid, x, y = grid_of(HEXAGONAL, 2.0)
-    middle, random = np.s_[5:-5, 5:-5], np.random.default_rng(5)
-    for frequency, resolved in ((1.0, True), (4.3, False)):
-        phase, angle = random.uniform(0, 2 * np.pi, 40), random.uniform(0, np.pi, 40)
+def test_interpolation_errors_are_as_large_as_stated():
+    random = np.random.default_rng(5)
+    for lattice in (HEXAGONAL, SQUARE):
+        # 0.1 mm between microlenses; a finer grid than that of a square lattice meets it everywhere.
+        design, grid, x, y = grid_of(lattice, 2.0, 0.0473)
+        middle, noise = np.s_[8:-8, 8:-8], random.normal(size=(len(design), 1))
+        frequency, angle, phase = np.exp(random.uniform(-1.6, 3.4, 600)), *random.uniform(0, 2 * np.pi, (2, 600))
         wave = 2 * np.pi * frequency * np.array([np.cos(angle), np.sin(angle)])
-        expected, values = (
-            np.cos(places @ wave + phase).mean(axis=-1, keepdims=True) for places in (np.stack([x, y], axis=-1), design)
-        )
-        error = (grid.interpolate(values) - expected)[:, :, 0]
-        stated = np.sqrt(grid.interpolation_variance(values, np.zeros_like(values)))[:, :, 0]
-        true, said = (np.sqrt(np.mean(part[middle] ** 2)) for part in (error, stated))
-        assert said < 2e-3 if resolved else 0.4 < true / said < 2.5
-    # Noise alone is not taken for detail; a view on the microlenses themselves misses nothing.
-    noise = random.normal(size=(len(design), 1))
-    assert np.mean(grid.interpolation_variance(noise, np.ones_like(noise))[middle]) < 0.25
+        # As many waves in each octave: amplitudes f^(1 - power) are those of noise that falls as f^-power.
+        for power, resolved in ((1.0, 99.0), (1.5, 99.0), (2.0, 99.0), (0.0, 2.0)):
+            size = frequency ** (1 - power) * np.sinc(0.1 * frequency) * (frequency < resolved)
+            expected, values = (
+                (size * np.cos(places @ wave + phase)).sum(axis=-1, keepdims=True)
+                for places in (np.stack([x, y], axis=-1), design)
+            )
+            error = (grid.interpolate(values) - expected)[middle]
+            stated = np.sqrt(np.mean(grid.interpolation_variance(values, np.zeros_like(values))[middle]))
+            true = np.sqrt(np.mean(error**2))
+            assert stated < 0.02 * expected.std() if resolved == 2.0 else 0.8 < true / stated < 1.25, (lattice, power)
+        # Noise alone is not taken for detail.
+        assert np.mean(grid.interpolation_variance(noise, np.ones_like(noise))[middle]) < 0.25
+    # A view on the microlenses themselves misses nothing.
     design, square, _, _ = grid_of(SQUARE, 1.0)
     assert square.interpolation_variance(design[:, :1] ** 2, 0 * design[:, :1]).max() == 0.0
+
+
+def noise_card(z, size, corner, seed):
+    """A card with 1/f noise, as (quad, its radiance at points (n, 2)): waves from a third of a pixel of views on."""
+    random = np.random.default_rng(seed)
+    frequency, angle, phase = np.exp(random.uniform(-3.0, 1.6, 300)), *random.uniform(0, 2 * np.pi, (2, 300))
+    wave = 2 * np.pi * frequency * np.array([np.cos(angle), np.sin(angle)])
+
+    def radiance(points):
+        return 0.5 + 0.015 * sum(np.cos(points @ wave[:, k] + phase[k]) for k in range(300))
+
+    at = (np.arange(1024) + 0.5) / 1024 * size
+    x, y = np.meshgrid(corner + at, corner + at[::-1])
+    texels = radiance(np.stack([x, y], axis=-1))[..., None].astype(np.float32)
+    glow = pl.Emissive(pl.Texture(texels))
+    return pl.quad((corner, corner, z), (size, 0, 0), (0, size, 0), material=glow), radiance
+
+
+def pixel_means(field, scene, u, v, radiances):
+    """Means over the pixels of a view of the radiances of cards at their depths, from traced positions."""
+    truth = field.truth(scene, u, v, truth=pl.Truth.POSITION | pl.Truth.DEPTH)
+    means = np.zeros(truth.depth.shape)
+    part = (np.arange(7) - 3) / 7
+    down, right = (np.gradient(truth.position[..., :2], axis=axis) for axis in (0, 1))
+    for i, j in np.ndindex(7, 7):
+        points = truth.position[..., :2] + part[i] * down + part[j] * right
+        near = truth.depth < np.nanmean(truth.depth)
+        means += np.where(near, radiances[-1](points), radiances[0](points)) / 49
+    return means
+
+
+@pytest.mark.parametrize("lattice, turn", [(HEXAGONAL, 0.0), (SQUARE, 0.35)])
+def test_merged_views_show_what_the_lattice_does_not_resolve(lattice, turn):
+    camera = the_camera((280, 280), pl.LensModel.EXACT, lattice=lattice, pitch=0.147)
+    camera = camera.moved(pl.CameraPart.MICROLENSES, tilt=(0.0, 0.0, turn))
+    white, inner = white_of(camera), np.s_[4:-4, 4:-4, 0]
+    far, near = noise_card(-452.0, 60.0, -30.0, 1), noise_card(-364.0, 30.0, -28.0, 2)
+    focus = noise_card(-404.0, 60.0, -30.0, 3)
+    for cards, gain in (((far,), 12.0), ((near,), 12.0), ((focus,), 0.0), ((far, near), 2.0)):
+        scene = pl.Scene([quad for quad, _ in cards])
+        shot = shot_of(scene, camera, 128)
+        plain = decode(shot, white, views=5, step=2.0)
+        z = -plain.truth(scene, truth=pl.Truth.DEPTH).depth
+        model, disparity = plain.model, np.full(z.shape, np.nan)
+        for plane in np.unique(np.rint(z[np.isfinite(z)])):
+            traced = model.traced_disparity(1).of(model.disparity(camera, plane))
+            disparity = np.where(np.rint(z) == plane, traced, disparity)
+        merged = decode(shot, white, views=5, step=2.0, disparity=disparity)
+        off, error = np.empty((2, 2, 3)), np.empty((2, 3))
+        for k, (u, v) in enumerate(((0, 0), (1, 0), (-1, 1))):
+            expected = pixel_means(plain, scene, u, v, [radiance for _, radiance in cards])[inner[:2]]
+            for n, field in enumerate((plain, merged)):
+                off[n, :, k] = [
+                    np.nanmean((field.view(u, v)[inner] - expected) ** 2),
+                    np.nanmean(field.standard_error[u + 2, v + 2][inner] ** 2),
+                ]
+        error, stated = np.sqrt(off.mean(axis=2)).T
+        print(lattice, [q for q in np.unique(np.rint(z))], 20 * np.log10(1 / error), error / stated)
 
 
 def test_a_turned_array_shows_the_scene_upright():
@@ -310,8 +374,13 @@ def test_shifts_of_points_are_those_of_rays_traced_one_by_one():
             shift = (np.array(found) - np.arange(columns))[:, 6:-6]
             shifts.append(shift[row, column - 6])
             if field.model.light[u, v] == 1 and v == 2:
-                expected = field.model.shifts(field.model.disparity(camera, z), u)[v, :, 6:-6, 1]
-                np.testing.assert_allclose(shift, expected, atol=1e-4, err_msg=f"{z} {u}")
+                model, d = field.model, field.model.disparity(camera, z)
+                expected = model.shifts(d, u)[v]
+                np.testing.assert_allclose(shift, expected[:, 6:-6, 1], atol=1e-4, err_msg=f"{z} {u}")
+                at = np.stack(np.indices(model.size), axis=-1).reshape(-1, 2) * 1.0
+                d = np.full(len(at), d)
+                seen = model.seen_at((u, v), model.model_positions(model.centre, at, d), d, at)
+                np.testing.assert_allclose(seen - at, expected.reshape(-1, 2), atol=1e-9)
         places, across = np.array(shifts).reshape(5, 5)[lit], np.repeat(field.u, 5).reshape(5, 5)[lit]
         slope = -(places * across).sum() / (across**2).sum()
         assert field.disparity_at(z)[0] == pytest.approx(slope, abs=1e-3), z
@@ -351,6 +420,7 @@ def test_impossible_calls_say_what_to_do():
         (lambda: decode(white, white_of(the_camera((70, 70), lattice=HEXAGONAL), 8)), "they differ in microlenses"),
         (lambda: decode(white, dataclasses.replace(white, camera=bent)), "they differ in diffraction"),
         (lambda: decode(white, white, least_light=0.0), "above 0"),
+        (lambda: decode(white, white, disparity=np.zeros((2, 3))), r"give that of the views, \(\d+, \d+\)"),
         (lambda: decode(dataclasses.replace(white, camera=None), white), "give camera="),
         (lambda: decode(white.image, white), "shot is an ndarray"),
         (lambda: decode(white, dataclasses.replace(white, image=np.zeros((70, 70, 1)))), "black"),

@@ -17,6 +17,8 @@ _WIDTH = 0.6
 """Standard deviation of a window's weights, in pixels of the picture."""
 _SAMPLES = 1.2
 """The same in units of the sample spacing (root of the area per sample), if that is larger."""
+OVERSHOOT = 0.25
+"""Largest excess of a picture over its samples, as a fraction of their range; deblurring and noise cause some."""
 _DEPTH = 1.0
 """Largest difference in pixels, within a surface, between rays through the centre and the rim of the pupil."""
 _ROWS = 8
@@ -42,6 +44,8 @@ class Splats(NamedTuple):
     """Variance of the footprint."""
     radiance: Floats
     variance: Floats | None
+    lens: NDArray[np.int64] | None = None
+    """Number of the microlens."""
 
 
 class Window(NamedTuple):
@@ -55,6 +59,8 @@ class Window(NamedTuple):
     """Terms of the fitted function: 6 quadratic, 3 linear."""
     max_pixel_variance: float
     """Largest variance of a pixel's footprint."""
+    points: Floats | None
+    """(lenses, 1, 2): positions of microlenses, in cells, that are predicted from the other ones; None: all cells."""
 
 
 class Near(NamedTuple):
@@ -140,27 +146,39 @@ def sort_by_cell(
     return first, numbers[np.argsort(flat, kind="stable")]
 
 
-def splat_picture(splats: Splats, grid: Grid, depth: float, area: float, terms: int, threads: int) -> Canvas:
-    """Render the picture of samples that stand for a mean area each, by functions of 6 or 3 terms.
+def splat_picture(  # noqa: PLR0913
+    splats: Splats,
+    grid: Grid,
+    depth: float,
+    area: float,
+    terms: int,
+    threads: int,
+    *,
+    width: float = _WIDTH,
+    points: Floats | None = None,
+) -> Canvas:
+    """Render the picture of samples that stand for a mean area each, by functions of 6, 3 or 1 terms.
 
-    Within a surface, nearness differs by up to `depth`.
+    Within a surface, nearness differs by up to `depth`. `width` is the least standard deviation of a window's weights.
+    `points` (lenses, 1, 2), in pixels of the grid, are rendered in its place, each from samples of other microlenses.
     """
     from plenoptic.lightfield.kernels.splat import CUT, WIDENINGS, WIDER, fill_view
 
-    width, largest = max(_WIDTH, _SAMPLES * math.sqrt(area)), float(splats.pixel.max(initial=0.0))
-    window = Window(grid.shape, width, depth, terms, largest)
-    shape = (*grid.shape, splats.radiance.shape[1])
-    variance = None if splats.variance is None else np.empty(shape)
-    canvas = Canvas(np.empty(shape), variance, np.empty(grid.shape), np.empty(grid.shape))
+    width, largest = max(width, _SAMPLES * math.sqrt(area)), float(splats.pixel.max(initial=0.0))
+    window = Window(grid.shape, width, depth, terms, largest, points)
+    shape = grid.shape if points is None else points.shape[:2]
+    planes = (*shape, splats.radiance.shape[1])
+    variance = None if splats.variance is None else np.empty(planes)
+    canvas = Canvas(np.empty(planes), variance, np.empty(shape), np.empty(shape))
     reach = math.ceil(CUT * max(width * WIDER ** (WIDENINGS - 1), math.hypot(width, math.sqrt(largest))))
     capacity = _max_samples(splats.first, grid.shape, reach)
 
     def fill_rows(row: int) -> None:
         near = Near(np.empty(capacity, dtype=np.int64), *np.empty((5, capacity)))
         fit = np.empty(6), np.empty((6, 6)), np.empty(6)
-        fill_view(canvas, splats, window, near, fit, (row, min(row + _ROWS, grid.shape[0])))
+        fill_view(canvas, splats, window, near, fit, (row, min(row + _ROWS, shape[0])))
 
-    for _ in run_in_order(fill_rows, range(0, grid.shape[0], _ROWS), threads=threads):
+    for _ in run_in_order(fill_rows, range(0, shape[0], _ROWS), threads=threads):
         pass
     return canvas
 

@@ -19,6 +19,7 @@ from plenoptic.lightfield.decode import field_of, odd_count
 from plenoptic.lightfield.focused.edges import correct_edges, edge_weights
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, pixel_rays
 from plenoptic.lightfield.focused.splats import (
+    OVERSHOOT,
     Grid,
     Splats,
     footprints,
@@ -38,8 +39,6 @@ _HALF_SIDE = 0.6
 """Half the side of the grid of viewpoints, in semi-diameters of the iris; its corners lie at 0.85."""
 _FINEST = 0.01
 """Minimum pixel width of a picture, as a fraction of the pitch."""
-_OVERSHOOT = 0.25
-"""Largest excess of a picture over its samples, as a fraction of their range; deblurring and noise cause some."""
 _PIXELS_PER_PITCH = 6
 """Pixels of a view per pitch."""
 _QUADRATIC, _LINEAR = 6, 3
@@ -246,7 +245,7 @@ def _render_from_viewpoint(samples: ViewSamples, viewpoint: tuple[float, float],
         bound(splats.radiance, axis=0, where=np.isfinite(splats.radiance), initial=0.0) for bound in (np.min, np.max)
     )
     return View(
-        picture=np.clip(canvas.picture, low, high + _OVERSHOOT * (high - low)).astype(np.float32),
+        picture=np.clip(canvas.picture, low, high + OVERSHOOT * (high - low)).astype(np.float32),
         standard_error=None if canvas.variance is None else np.sqrt(canvas.variance).astype(np.float32),
         disparity=canvas.disparity,
         coverage=canvas.coverage,

@@ -29,9 +29,10 @@ _MIN_COVERAGE = 0.02
 
 
 @device
-def _gather(near, splats, at, window, width):
-    """Collect the samples around a pixel: indices, weights, coverages, offsets; return their number."""
-    row, column = at
+def _gather(near, splats, position, lens, window, width):
+    """Collect samples around a position, except those of a lens: indices, weights, coverages, offsets, number."""
+    y_centre, x_centre = position
+    row, column = math.floor(y_centre + 0.5), math.floor(x_centre + 0.5)
     rows, columns = window.shape
     cells = math.ceil(CUT * math.sqrt(max(width * width, window.width * window.width + window.max_pixel_variance)))
     scale, count = -0.5 / (width * width), 0
@@ -39,7 +40,9 @@ def _gather(near, splats, at, window, width):
         for j in range(max(0, column - cells), min(columns, column + cells + 1)):
             cell = i * columns + j
             for k in range(splats.first[cell], splats.first[cell + 1]):
-                y, x = splats.offset[k, 0] + (i - row), splats.offset[k, 1] + (j - column)
+                if window.points is not None and splats.lens[k] == lens:
+                    continue
+                y, x = splats.offset[k, 0] + (i - y_centre), splats.offset[k, 1] + (j - x_centre)
                 scaled_square = (y * y + x * x) / (CUT * CUT)
                 covering = window.width * window.width + splats.pixel[k]
                 if scaled_square < max(width * width, covering):
@@ -197,9 +200,11 @@ def fill_view(canvas, splats, window, near, fit, part):
     """Fill the rows `part` = (first, end) of a canvas; nan where no surface is visible."""
     for row in range(part[0], part[1]):
         for column in range(canvas.picture.shape[1]):
-            width, coverage = window.width, math.nan
+            width, coverage, position, lens = window.width, math.nan, (float(row), float(column)), -1
+            if window.points is not None:
+                position, lens = (window.points[row, column, 0], window.points[row, column, 1]), row
             for _ in range(WIDENINGS):
-                count = _gather(near, splats, (row, column), window, width)
+                count = _gather(near, splats, position, lens, window, width)
                 coverage = _composite(canvas, (row, column), near, count, fit, splats, window, width)
                 if not math.isnan(coverage):
                     break
