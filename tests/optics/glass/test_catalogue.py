@@ -137,9 +137,7 @@ def test_a_fit_that_leaves_1_is_an_error_only_there():
         plastic = glasses_from_agf(text.format(*ends), "x")["PLASTIC"]
         assert plastic.index(D_LINE) == pytest.approx(1.564096, abs=5e-7)
         # n^2 of the formula at 1.6 um, by hand: 0.983808.
-        with pytest.raises(
-            InvalidValueError, match="of PLASTIC is .* nm; it must be finite and at least 1"
-        ):
+        with pytest.raises(InvalidValueError, match="of PLASTIC is .* nm; it must be finite and at least 1"):
             plastic.index(1e3 * ends[1])
     # At no wavelength of its range: the glass is an error.
     with pytest.raises(PrescriptionError, match="line 1, glass PLASTIC: .*at least 1"):

@@ -60,6 +60,8 @@ class Row(NamedTuple):
     """Radius of a central round obscuration."""
     is_stop: bool = False
     is_mirror: bool = False
+    is_negative: bool = False
+    """True if the index behind the surface is negative: light travels along -z."""
     turn: tuple[float, ...] | None = None
     """Coordinate break: decentre along x and y in mm, tilt about x, y and z in degrees, and the order flag."""
     placement: Placement | None = None
@@ -101,6 +103,7 @@ def lens_of_rows(
             where, flagged[0], "STOP", "the object or the image is the STOP; it must be a surface between them"
         )
     ambient = rows[0].medium
+    rows = _with_glued_sensor(rows)
     if rows[0].gap >= _INFINITE:
         rows = [rows[0]._replace(gap=math.inf), *rows[1:]]
     # A surface with its vertex behind the nominal one has a longer gap in front and a shorter one behind.
@@ -132,6 +135,22 @@ def lens_of_rows(
         lens = LensStack(elements, iris, name, source, ambient=ambient)
         specification = _specification(lens, stop and stop.row, system, beam, (distance, behind), rows[-1])
     return dataclasses.replace(lens, specification=specification)
+
+
+def _with_glued_sensor(rows: list[Row]) -> list[Row]:
+    """Rows with the face of a sensor that is glued to the last glass of a lens in air: the refraction in the image
+    moves no ray there.
+    """
+    behind = AIR
+    for row in rows[1:-1]:
+        behind = medium_behind(row.medium, behind) if row.turn is None else behind
+    last, image = rows[-2], rows[-1]
+    if rows[0].medium != AIR or behind == AIR:
+        return rows
+    known = last.aperture if last.aperture is not None else last.diameter
+    size = _BEYOND * max(known, image.diameter) if known else 0.0
+    face = Row(image.number, image.lines, image.curvature, diameter=size, placement=image.placement)
+    return [*rows[:-1], face, image]
 
 
 def _error(where: str, row: Row, keyword: str, message: str) -> PrescriptionError:
@@ -173,7 +192,7 @@ def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
         if kind is _As.RING:
             # The rim of the surface limits the light; that of the ring is larger.
             ring = RingStop(_BEYOND * max(size, row.obscured), row.obscured, gap, placement=row.placement)
-            return _Piece(ring, row, True)
+            return _Piece(ring, row, has_size)
         if kind is _As.STOP:
             return _Piece(CircularStop(size, gap, placement=row.placement), row, has_size)
         equator = _equator(row)
@@ -299,6 +318,10 @@ def _with_sizes(
             raise PrescriptionError("the entrance pupil is at infinity; give it")
         slopes = system.chief_slopes(beam.distance, beam.pupil, beam.focal_length)
     except InvalidValueError as error:
+        if all(isinstance(piece.element, RingStop) for piece in unknown):
+            # Discs on planes without refraction stop no light outside.
+            largest = max(piece.element.semi_diameter for piece in pieces)
+            return [piece if piece.size_is_known else _resize(piece, largest, where) for piece in pieces]
         row = unknown[0].row
         raise _error(where, row, "DIAM", f"surface {row.number} has no semi-diameter (DIAM): {error}") from None
     chief = float(np.hypot(*slopes.T).max()) * np.array([-beam.pupil, beam.medium_index])
@@ -314,13 +337,16 @@ def _with_stop(pieces: list[_Piece], stop: int, size: float, where: str) -> list
     """Set the semi-diameter of the stop, limited by its aperture; the surface of the stop becomes at least as large."""
     resized, aperture = list(pieces), pieces[stop].row.aperture
     resized[stop] = _resize(pieces[stop], size if aperture is None else min(size, aperture), where)
-    for i, piece in enumerate(pieces[stop + 1 :], start=stop + 1):
-        if piece.row.is_stop and piece.size_is_known and piece.row.aperture is None:
+    for i, piece in enumerate(pieces):
+        is_here = i != stop and piece.row.number == pieces[stop].row.number
+        if is_here and piece.size_is_known and piece.row.aperture is None:
             resized[i] = _resize(piece, max(size, piece.element.semi_diameter), where)
     return resized
 
 
 def _resize(piece: _Piece, size: float, where: str) -> _Piece:
+    if isinstance(piece.element, RingStop):
+        size = _BEYOND * max(size, piece.element.inner_semi_diameter)
     try:
         return piece._replace(element=dataclasses.replace(piece.element, semi_diameter=size), size_is_known=True)
     except InvalidValueError as error:
