@@ -26,8 +26,9 @@ glued to the sensor: a last surface without refraction of positions, from glass 
   1, half the cone angle in degrees). An aperture of the stop limits its size. If the system aperture floats by the stop
   (FLOA) or is missing, the size is DIAM, or the aperture of the surface if smaller. See `StopSize`.
 - Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM; for the stop's surface at
-  least that of the stop. If DIAM is 0 or missing, the semi-diameter is the sum of the paraxial heights of the marginal
-  ray and the chief ray. The field is the largest one (XFLN, YFLN); the radius of a sphere is the limit.
+  least that of the stop. If DIAM is 0 or missing, the semi-diameter is the largest height of real rays of all fields
+  (XFLN, YFLN) through the rim of the paraxial entrance pupil, and at least the sum of the paraxial heights of the
+  marginal ray and of the largest field's chief ray; the radius of a sphere is the limit.
 - An obscuration (inner radius of CLAP or FLAP, disc of OBSC) is a `RingStop` in the plane of the vertex, in front of
   the surface.
 - STOP on a surface between equal media is the iris. On a refracting surface it becomes a stop of the same size in the

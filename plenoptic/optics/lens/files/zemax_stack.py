@@ -16,6 +16,7 @@ from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays, with_inferred_stop
+from plenoptic.optics.lens.files.zemax_rims import ray_heights
 from plenoptic.optics.lens.files.zemax_system import Aperture, System
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.specification import Specification, StopSize
@@ -123,7 +124,7 @@ def lens_of_rows(
         if aperture is not None or not all(piece.size_is_known for piece in pieces):
             raise _error(where, rows[1], "SURF", f"at the primary wavelength, {error}") from None
     if beam is not None:
-        pieces = _with_sizes(pieces, system, aperture, beam, where)
+        pieces = _with_sizes(pieces, system, aperture, beam, ambient, where)
     elements = [piece.element for piece in pieces]
     surfaces = [element for element in elements if isinstance(element, Surface)]
     iris = None if stop is None else next(i for i, piece in enumerate(pieces) if piece.row is stop.row)
@@ -288,7 +289,7 @@ class _ParaxialBeam(NamedTuple):
 
 
 def _with_sizes(
-    pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _ParaxialBeam, where: str
+    pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _ParaxialBeam, ambient: Medium, where: str
 ) -> list[_Piece]:
     """Fill missing semi-diameters from the beam, and that of the stop from the system aperture, if there is one."""
     scale = 0.0
@@ -327,10 +328,17 @@ def _with_sizes(
     chief = float(np.hypot(*slopes.T).max()) * np.array([-beam.pupil, beam.medium_index])
     with np.errstate(all="ignore"):
         sizes = np.abs(beam.heights @ beam.marginal) * scale + np.abs(beam.heights @ chief)
-    return [
-        piece if piece.size_is_known else _resize(piece, min(float(size), _equator(piece.row)), where)
-        for piece, size in zip(pieces, sizes, strict=True)
-    ]
+    paraxial = [_with_size(piece, float(size), where) for piece, size in zip(pieces, sizes, strict=True)]
+    try:
+        lens = LensStack([piece.element for piece in paraxial], beam.stop, ambient=ambient)
+    except InvalidValueError:
+        return paraxial
+    real = ray_heights(lens, slopes, beam.pupil, scale * beam.at_pupil, beam.distance, system.wavelengths[0])
+    return [_with_size(piece, float(max(pair)), where) for piece, *pair in zip(pieces, sizes, real, strict=True)]
+
+
+def _with_size(piece: _Piece, size: float, where: str) -> _Piece:
+    return piece if piece.size_is_known else _resize(piece, min(size, _equator(piece.row)), where)
 
 
 def _with_stop(pieces: list[_Piece], stop: int, size: float, where: str) -> list[_Piece]:
