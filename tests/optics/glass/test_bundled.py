@@ -83,6 +83,7 @@ def test_other_glasses_state_their_source_and_the_n_d_and_v_d_of_their_coefficie
         ("ZNSE", 5000.0, 2.4295, 2e-4), ("Germanium", 10600.0, 4.0038, 2e-3), ("SILICON", 3000.0, 3.432, 1e-3),
         ("ZNS", 10600.0, 2.192, 1e-3), ("NOA61", 589.3, 1.56, 5e-3), ("COC", D_LINE, 1.533, 5e-4),
         ("PYREX", D_LINE, 1.474, 5e-4), ("LAK10", D_LINE, 1.720, 5e-4), ("LAFN21", D_LINE, 1.788, 5e-4),
+        ("BK1", D_LINE, 1.510, 5e-4), ("FK51", D_LINE, 1.487, 5e-4), ("SSKN5", D_LINE, 1.658, 5e-4),
     ],
 )  # fmt: skip
 def test_media_that_lens_files_name_have_the_published_index(name, wavelength, index, digit):
