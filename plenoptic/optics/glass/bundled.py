@@ -14,8 +14,13 @@ from plenoptic.optics.glass.media import Medium
 MAKERS = ("SCHOTT", "OHARA", "HOYA", "HIKARI", "CDGM", "SUMITA")
 """Order in which names without a maker are looked up, after the names of old lens tables."""
 
-_ALSO_CALLED = {"FSILICA": "SILICA", "ACRYLIC": "PMMA"}
-"""Synonyms of Zemax's catalogue MISC, as `glass_key` has them, and the names of the same glasses in the tables."""
+_ALSO_CALLED = {
+    **dict.fromkeys(("FSILICA", "FUSEDSILICA", "SIO2"), "SILICA"),
+    **dict.fromkeys(("ZNSBROAD", "CLEARTRAN"), "ZNS"),
+    **{"ACRYLIC": "PMMA", "POLYCARBONATE": "POLYCARB", "POLYSTYRENE": "POLYSTYR", "TOPAS": "COC"},
+    **{"H2O": "WATER", "GE": "GERMANIUM", "SI": "SILICON", "AL2O3": "SAPPHIRE", "LAFN21": "LAF21"},
+}
+"""Synonyms, as `glass_key` has them, and the names of the same glasses in the tables; LaFN21 is printed as LaF21 is."""
 
 _OTHERS = "OTHERS"
 """Table of old names, crystals and plastics, in which no maker has to be named."""
@@ -25,13 +30,14 @@ def glass(name: str) -> Medium:
     """A glass by its catalogue name, with or without the maker: "N-BK7", "SCHOTT N-BK7".
 
     The catalogues of Schott, Ohara, Hoya, Nikon-Hikari, CDGM and Sumita are bundled, some 1600 glasses, and also
-    fused silica, the usual plastics and crystals, and the glasses of old lens tables; F_SILICA and ACRYLIC of Zemax
-    are SILICA (I. H. Malitson, J. Opt. Soc. Am. 55, 1205 (1965)) and PMMA. A name without a maker is looked up in the
-    latter tables first, then in the makers' catalogues in this order. CDGM's names without a hyphen (F3, ZF2) need the
-    maker, because other makers have other glasses of these names. The coefficients are the makers'
-    (refractiveindex.info, CC0) and come with their range of wavelengths;
-    `pl.optics.bundled_glasses("SCHOTT").entry("N-BK7").source` states their origin. Glasses without published
-    coefficients are a `ModelGlass`, and their source begins with MODEL. Indices are relative to air at 20 deg C.
+    fused silica, water, the usual plastics, crystals, infrared media and adhesives, and the glasses of old lens
+    tables; F_SILICA and ACRYLIC of Zemax are SILICA (I. H. Malitson, J. Opt. Soc. Am. 55, 1205 (1965)) and PMMA. A
+    name without a maker is looked up in the latter tables first, then in the makers' catalogues in this order: BAF2
+    is barium fluoride. CDGM's names without a hyphen (BAF2, F3, ZF2) need the maker, because they are other glasses
+    elsewhere. The coefficients are the makers' (refractiveindex.info, CC0) and come with their range of
+    wavelengths; `pl.optics.bundled_glasses("SCHOTT").entry("N-BK7").source` states their origin. Glasses without
+    published coefficients are a `ModelGlass`, and their source begins with MODEL. Indices are relative to air at 20
+    deg C.
 
     Parameters
     ----------

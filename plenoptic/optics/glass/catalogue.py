@@ -14,13 +14,16 @@ from plenoptic.core.files.text_lines import decode_text, name_line_in_errors, pa
 from plenoptic.core.values import LARGEST_WHOLE, check_kind, file_path, finite, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
-from plenoptic.optics.glass.media import D_LINE, Medium, ModelGlass, Schott, Sellmeier
+from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE, Medium, ModelGlass, Schott, Sellmeier, abbe_number
 
 _MODEL_GLASS = 0
 """Formula number, of bundled tables only, of a glass known by n_d and V_d only."""
 
 _MAX_DISAGREEMENT = 1e-3
 """Between the n_d of an entry and that of its formula: more than any rounding, and a sign of a misprint."""
+
+_MAX_V_ERROR, _V_ROUNDING = 0.02, 0.5
+"""Between the V_d of an entry and that of its formula, relative; V_d may be rounded to a whole number."""
 
 
 @value
@@ -147,8 +150,10 @@ def load_glasses(path: str | os.PathLike[str], *, limits: FileLimits = TEXT) -> 
     terms: the index is that at the temperature of the catalogue, mostly 20 deg C, relative to air. Formulas 1 to 13 are
     supported: 1 gives a `Schott`, 2, 6 and 11 a `Sellmeier`, all others a `DispersionFormula`.
 
-    Each glass is constructed on access: an invalid one, such as one of an unknown formula, an index below 1, or an n_d
-    that differs by more than 0.001 from that of the formula, does not affect the others.
+    A line that begins with a number continues the one before it. Each glass is constructed on access: an invalid one
+    does not affect the others. Invalid are an unknown formula, fewer coefficients than it has, and an n_d or V_d that
+    differs from that of the formula by more than 0.001, or 2 % (0.5 at least). A fit that gives an index below 1 at
+    some wavelengths is an error there only.
 
     Parameters
     ----------
@@ -195,9 +200,17 @@ def glass_key(name: str) -> str:
 def glasses_from_agf(text: str, file: str, *, source: str = "") -> GlassCatalogue:
     """Catalogue from the text of an AGF file; `source` is that of glasses without a comment (GC)."""
     entries: list[dict[str, Any]] = []
+    keyword = ""
     for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
-        keyword, content = (*line.split(maxsplit=1), "", "")[:2]
         with name_line_in_errors(file, number):
+            # A line that begins with a number continues the one before it.
+            if re.match(r"\s*[+-]?\.?\d", line):
+                if keyword == "CD":
+                    entries[-1]["coefficients"] += _numbers(keyword, line)
+                continue
+            if not line.strip():
+                continue
+            keyword, content = (*line.split(maxsplit=1), "")[:2]
             if keyword == "NM":
                 entries.append({**_name_line(content.split()), "line": number})
             elif keyword in ("CD", "LD", "GC"):
@@ -226,12 +239,16 @@ def _detail_line(entry: dict[str, Any], keyword: str, content: str) -> None:
     field = "coefficients" if keyword == "CD" else "wavelength_range"
     if field in entry:
         raise PrescriptionError(f"{keyword} stands twice for {entry['name']}; remove one of them")
-    numbers = [parse_number(word, keyword) for word in content.split()]
+    numbers = _numbers(keyword, content)
     if keyword == "LD":
         if len(numbers) != 2:
             raise PrescriptionError(f"LD has {len(numbers)} numbers; it must have the shortest and longest wavelength")
-        numbers = [1e3 * micrometres for micrometres in numbers]
-    entry[field] = tuple(numbers)
+        numbers = tuple(1e3 * micrometres for micrometres in numbers)
+    entry[field] = numbers
+
+
+def _numbers(keyword: str, content: str) -> tuple[float, ...]:
+    return tuple(parse_number(word, keyword) for word in content.split())
 
 
 def _medium(entry: GlassEntry) -> Medium:
@@ -249,13 +266,22 @@ def _medium(entry: GlassEntry) -> Medium:
             raise PrescriptionError(
                 f"its formula gives n_d {index:.6g} and its line NM {entry.nd:.6g}; correct its coefficients or its n_d"
             )
+        if entry.vd > 0 and shortest <= F_LINE and longest >= C_LINE:
+            vd = abbe_number(medium)
+            if abs(entry.vd - vd) > max(_MAX_V_ERROR * vd, _V_ROUNDING):
+                raise PrescriptionError(
+                    f"its formula gives V_d {vd:.4g} and its line NM {entry.vd:.4g}; correct one of them"
+                )
     return medium
 
 
 def _by_formula(entry: GlassEntry, formula: Formula) -> Medium:
     count = COEFFICIENT_COUNTS[formula]
-    # Files fill the line with zeros, or leave them out.
-    numbers = (*entry.coefficients, *[0.0] * count)[:count]
+    numbers = entry.coefficients[:count]
+    if len(numbers) < count:
+        raise PrescriptionError(
+            f"CD has {len(numbers)} coefficients, and formula {int(formula)} needs {count}; write 0 where one is 0"
+        )
     limits: Any = entry.wavelength_range
     if formula == Formula.SCHOTT:
         return Schott(numbers, entry.name, limits)

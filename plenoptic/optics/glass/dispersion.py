@@ -104,8 +104,8 @@ class DispersionFormula:
     Raises
     ------
     InvalidValueError
-        If the number of coefficients is not that of the formula, one is not finite, or the index at an end of the range
-        is not finite and at least 1.
+        If the number of coefficients is not that of the formula, one is not finite, or the index is below 1 or not
+        finite at both ends and the middle of the range.
 
     Notes
     -----

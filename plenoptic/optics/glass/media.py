@@ -96,7 +96,7 @@ def index_by_formula(
 
 
 def set_limits(medium: Medium, limits: Sequence[float]) -> None:
-    """Set the range of wavelengths of a medium in nm, and check the index at both ends."""
+    """Set the range of wavelengths of a medium in nm, and refuse a medium whose index is invalid in all of it."""
     try:
         low, high = limits
     except (TypeError, ValueError):
@@ -105,8 +105,14 @@ def set_limits(medium: Medium, limits: Sequence[float]) -> None:
     if not low < high:
         raise InvalidValueError(f"wavelength_range ({low:g}, {high:g}) is empty; put the shorter wavelength first")
     set_field(medium, "wavelength_range", ends)
-    for wavelength in ends:
-        medium.index(wavelength)
+    # A fit may leave 1 at an end of its range, where `index` is an error then.
+    for wavelength in (low, 0.5 * (low + high), high):
+        try:
+            medium.index(wavelength)
+            return
+        except InvalidValueError as error:
+            last_error = error
+    raise last_error
 
 
 def abbe_number(medium: Medium) -> float:
@@ -282,7 +288,7 @@ class Sellmeier:
     Raises
     ------
     InvalidValueError
-        If `b` and `c` differ in length, or the index at an end of the range is not finite and at least 1.
+        If `b` and `c` differ in length, or the index is below 1 or not finite at both ends and the middle of the range.
 
     References
     ----------
@@ -333,7 +339,8 @@ class Schott:
     Raises
     ------
     InvalidValueError
-        If there are not six finite coefficients, or the index at an end of the range is not finite and at least 1.
+        If there are not six finite coefficients, or the index is below 1 or not finite at both ends and the middle of
+        the range.
 
     Examples
     --------

@@ -34,6 +34,9 @@ def with_round_stops(elements: Sequence[Element]) -> list[Element]:
     return [circle_around(element) if isinstance(element, MaskStop | RingStop) else element for element in elements]
 
 
+_ROUNDING = 1e-12
+"""Relative rounding error of a sum of thicknesses."""
+
 MOST_ELEMENTS = 10_000
 """Largest number of elements of a lens."""
 
@@ -68,6 +71,7 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         raise PrescriptionError(
             f"the lens has {len(stack)} surfaces and no stop; add one, such as a CircularStop, for the iris"
         )
+    _check_order(stack)
     behind = ambient
     for element in stack:
         behind = medium_behind(element.medium, behind) if isinstance(element, Surface) else behind
@@ -80,6 +84,20 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
         )
     # The gap behind the last element belongs to the camera.
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
+
+
+def _check_order(stack: Sequence[Element]) -> None:
+    """Refuse a stop whose negative thickness places the next surface in front of the preceding one."""
+    z, z_surface = 0.0, -np.inf
+    for i, element in enumerate(stack):
+        if isinstance(element, Surface):
+            if z < z_surface - _ROUNDING * abs(z_surface):
+                raise PrescriptionError(
+                    f"element {i} lies {z_surface - z:g} mm in front of the surface before it; make the negative "
+                    "thickness of the stop before it smaller"
+                )
+            z_surface = z
+        z += element.thickness
 
 
 def check_one_space(elements: Sequence[Element], group: Collection[int]) -> None:

@@ -124,11 +124,5 @@ def normalised_placement(placement: Placement | None) -> Placement | None:
 def set_place(element: Any) -> None:
     """Check and set the common fields of all elements: semi-diameter and thickness in mm, and placement."""
     set_field(element, "semi_diameter", length_in_mm(element.semi_diameter, "semi_diameter"))
-    gap = coordinate(element.thickness, "thickness")
-    if gap < 0:
-        raise PrescriptionError(
-            f"thickness is {gap:g} mm; the gap to the next element must be at least 0: "
-            "list the elements in the order of the light path"
-        )
-    set_field(element, "thickness", gap)
+    set_field(element, "thickness", coordinate(element.thickness, "thickness"))
     set_field(element, "placement", normalised_placement(element.placement))

@@ -22,7 +22,8 @@ class CircularStop:
     semi_diameter : float
         Radius of the hole in mm, above 0.
     thickness : float, optional
-        Axial gap to the next element in mm, at least 0. The stop itself is infinitely thin.
+        Axial gap to the next element in mm. Negative: the stop lies behind the vertex of the next surface, such as in
+        the plane of its rim, and clips rays as they would go on without that surface. The stop is infinitely thin.
     placement : Placement, optional
         Decentre and tilt; see `LensStack.moved`. None: centred.
 

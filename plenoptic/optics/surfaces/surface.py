@@ -93,6 +93,11 @@ class Surface:
     def __post_init__(self) -> None:
         set_field(self, "radius", signed_radius(self.radius, "radius"))
         set_place(self)
+        if self.thickness < 0:
+            raise PrescriptionError(
+                f"thickness is {self.thickness:g} mm; the gap to the next element must be at least 0: "
+                "list the elements in the order of the light path"
+            )
         set_field(self, "conic", finite(self.conic, "conic"))
         set_field(self, "aspheric", self._checked_coefficients())
         if self.semi_diameter > self.equator:

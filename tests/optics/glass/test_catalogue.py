@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.bundled import glass, glass_names
-from plenoptic.optics.glass.catalogue import GlassCatalogue, GlassEntry, load_glasses
-from plenoptic.optics.glass.dispersion import DispersionFormula, Formula
-from plenoptic.optics.glass.media import D_LINE, Schott, Sellmeier
+from plenoptic.optics.glass.catalogue import GlassCatalogue, GlassEntry, glasses_from_agf, load_glasses
+from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
+from plenoptic.optics.glass.media import D_LINE, Schott, Sellmeier, abbe_number
 
 
 @given(name=st.sampled_from(glass_names()), data=st.data())
@@ -79,11 +79,69 @@ def test_encodings_line_ends_and_tabs_make_no_difference(tmp_path):
 def test_every_formula_has_its_medium(tmp_path):
     kinds = {1: Schott, 2: Sellmeier, 6: Sellmeier, 11: Sellmeier}
     for formula in Formula:
-        # Long lines are cut, short ones filled up, with zeros.
-        text = f"NM X {int(formula)} 0 1 0\nCD 2.25 0.01 0.01\nLD 0.4 0.7\n"
-        medium = _written(tmp_path, text)["X"]
+        # Long lines are cut; a line may be continued; coefficients that are missing are not 0.
+        numbers = ["2.25", "0.01", "0.01", *["0"] * 7]
+        head, end = f"NM X {int(formula)} 0 1 0\nCD ", "\nLD 0.4 0.7\n"
+        count = COEFFICIENT_COUNTS[formula]
+        medium = _written(tmp_path, head + " ".join(numbers) + end)["X"]
         assert type(medium) is kinds.get(formula, DispersionFormula), formula
-        assert _written(tmp_path, text.replace("0.01\n", "0.01" + 7 * " 0" + "\n"))["X"] == medium, formula
+        for text in (" ".join(numbers[:count]), " ".join(numbers[:2]) + "\n  " + "\n".join(numbers[2:])):
+            assert _written(tmp_path, head + text + end)["X"] == medium, formula
+        with pytest.raises(PrescriptionError, match=f"CD has {count - 1} coefficients, .* needs {count}"):
+            _written(tmp_path, head + " ".join(numbers[: count - 1]) + end)["X"]
+
+
+# All by hand from n^2 = a + b w^2 + c w^-2 + d w^-4 + e w^-6 + f w^-8 with the six coefficients, not by the reader.
+TWO_LINES = """\
+NM TWOLINES 1 719393 1.718921 39.30 0 2 0
+ED 7 0 4 0 0 0
+CD 2.882 -0.0138 0.0227 0.0016
+-0.00011 1.35e-05 0 0
+TD 0 0 0 0 0 0 20
+ +0.5 1
+LD 0.4 1.0
+"""
+
+
+def test_coefficients_go_on_until_a_keyword():
+    def index(um):
+        return math.sqrt(sum(k * um**p for k, p in zip((2.882, -0.0138, 0.0227, 0.0016, -0.00011, 1.35e-05),
+                                                       (0, 2, -2, -4, -6, -8), strict=True)))  # fmt: skip
+
+    split = "CD 2.882 -0.0138 0.0227 0.0016\n-0.00011 1.35e-05 0 0"
+    variants = (TWO_LINES, TWO_LINES.replace("-0.00011", "\n\t-.00011"), TWO_LINES.replace(" 0.0227", "\n0.0227"),
+                TWO_LINES.replace(split, "CD\n 2.882 -0.0138 0.0227 0.0016 -0.00011 1.35e-05"),
+                TWO_LINES.replace("\n", "\r\n"), TWO_LINES.replace("LD", "GC 3\n5 years\nLD"))  # fmt: skip
+    for text in variants:
+        glass = glasses_from_agf(text, "x")["TWOLINES"]
+        assert glass.index(D_LINE) == pytest.approx(index(0.5875618), rel=1e-15) == pytest.approx(1.718921, abs=5e-7)
+        assert glass.index(404.66) == pytest.approx(1.752644, abs=5e-7)
+        assert abbe_number(glass) == pytest.approx(39.298, abs=5e-4)
+    with pytest.raises(PrescriptionError, match="line 4: CD is '1,35e-05'"):
+        glasses_from_agf(TWO_LINES.replace("1.35", "1,35"), "x")
+
+
+@pytest.mark.parametrize("stated, is_right", [("39.30", 1), ("39", 1), ("39.7", 1), ("0", 1), ("41", 0), ("37.5", 0)])
+def test_the_abbe_number_of_a_glass_is_that_of_its_formula(stated, is_right):
+    catalogue = glasses_from_agf(TWO_LINES.replace("39.30", stated), "x")
+    if is_right:
+        assert catalogue["TWOLINES"].index(D_LINE) > 1
+    else:
+        with pytest.raises(PrescriptionError, match=f"gives V_d 39.3 and its line NM {stated}"):
+            catalogue["TWOLINES"]
+
+
+def test_a_fit_that_leaves_1_is_an_error_only_there():
+    text = "NM PLASTIC 1 0 1.564096 6.785 0 0 0\nCD 3.5 -0.9 -0.6 0.15 -0.012 0.0004\nLD {} {}\n"
+    for ends in ((0.4, 1.6), (0.405, 1.62), (0.5, 1.7), (0.58, 1.65)):
+        plastic = glasses_from_agf(text.format(*ends), "x")["PLASTIC"]
+        assert plastic.index(D_LINE) == pytest.approx(1.564096, abs=5e-7)
+        # n^2 of the formula at 1.6 um, by hand: 0.983808.
+        with pytest.raises(InvalidValueError, match="of PLASTIC is .* nm; it must be finite and at least 1"):
+            plastic.index(1e3 * ends[1])
+    # At no wavelength of its range: the glass is an error.
+    with pytest.raises(PrescriptionError, match="line 1, glass PLASTIC: .*at least 1"):
+        glasses_from_agf(text.format(1.62, 1.7), "x")["PLASTIC"]
 
 
 NM, CD, LD = "NM OLD 1 1 1.51680 64.17", "CD 2.2718929", "LD .365 1.014"
@@ -120,7 +178,7 @@ def test_a_glass_that_makes_no_sense_is_an_error_when_it_is_asked_for(tmp_path):
         (_with("NM OLD 14 1 1.51680 64.17", NM), "formula is 14; supported ones are 1 to 13"),
         (_with("IT", LD), "it has no line CD or no line LD"),
         (_with("LD 1.014 0.365", LD), "wavelength_range (1014, 365) is empty"),
-        (_with("CD 0.99", CD), "must be finite and at least 1"),
+        (_with("CD 0.99 0 0 0 0 0\nGC", CD), "must be finite and at least 1"),
     ):
         mine = _written(tmp_path, content)
         with pytest.raises(PrescriptionError, match=r"^mine.agf, line 11, glass OLD: ") as caught:
@@ -132,7 +190,7 @@ def test_a_glass_that_makes_no_sense_is_an_error_when_it_is_asked_for(tmp_path):
 
 
 def test_names_that_differ_by_a_sign_are_told_apart_by_it(tmp_path):
-    text = "NM A-B1 5 0 1 0\nCD 1.5\nLD 0.4 0.7\nNM AB1 5 0 1 0\nCD 1.6\nLD 0.4 0.7\n"
+    text = "NM A-B1 5 0 1 0\nCD 1.5 0 0\nLD 0.4 0.7\nNM AB1 5 0 1 0\nCD 1.6 0 0\nLD 0.4 0.7\n"
     mine = _written(tmp_path, text)
     assert mine["a-b1"].index(500.0) == 1.5 and mine["AB1"].index(500.0) == 1.6
     with pytest.raises(PrescriptionError, match="A-B1 on line 1 and AB1 on line 4, which differ"):
@@ -142,7 +200,7 @@ def test_names_that_differ_by_a_sign_are_told_apart_by_it(tmp_path):
 
 
 def test_entries_are_checked():
-    entry = GlassEntry("X", 5, 1.5, 60, [1.5, 0, 0], [400, 700])
+    entry = GlassEntry("X", 5, 1.5, 0, [1.5, 0, 0], [400, 700])
     assert GlassCatalogue("mine", [entry])["x"].index(500.0) == 1.5
     for wrong in ({"name": 5}, {"formula": 2.5}, {"nd": "a"}, {"vd": math.nan}, {"coefficients": [math.inf]}):
         with pytest.raises(InvalidValueError):

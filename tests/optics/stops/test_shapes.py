@@ -171,7 +171,6 @@ def test_masks_come_from_images(tmp_path):
 def test_what_cannot_be_is_refused():
     hole = np.pad([[1.0]], ((0, 400), (0, 400)))  # in a corner
     for make, message in (
-        (lambda: pl.CircularStop(5.0, -1.0), "thickness is"),
         (lambda: pl.PolygonStop(6, 5.0, thickness=math.inf), "thickness is"),
         (lambda: pl.CircularStop(5.0).outline(2), "n is 2"),
         (lambda: StarStop(2, 5.0, 2.0), "points is 2; it must be at least 3"),

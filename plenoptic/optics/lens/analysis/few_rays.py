@@ -1,4 +1,4 @@
-"""A few reverse rays through a lens, by its kernels run as Python: figures need no compilation."""
+"""A few rays through a lens, by its kernels run as Python: figures and files need no compilation."""
 
 from __future__ import annotations
 
@@ -35,6 +35,26 @@ def few_reverse_rays(
     direction : (n, 3) array
         Unit vectors in front of the lens; nan for lost rays.
     """
+    elements = range(len(lens.elements))[::-1]
+    return _few_rays(lens, elements, origin, direction, wavelength, reverse=True, clipping=clipping)
+
+
+def few_unclipped_rays(lens: LensStack, origin: Floats, direction: Floats, wavelength: float) -> Floats:
+    """Points (n, k + 1, 3) of rays from the scene, as of `few_reverse_rays`: the origins, then the first element."""
+    elements = range(len(lens.elements))
+    return _few_rays(lens, elements, origin, direction, wavelength, reverse=False, clipping=False)[0]
+
+
+def _few_rays(
+    lens: LensStack,
+    elements: range,
+    origin: Floats,
+    direction: Floats,
+    wavelength: float,
+    *,
+    reverse: bool,
+    clipping: bool,
+) -> tuple[Floats, Floats]:
     from plenoptic.core.kernels.ray_blocks import CAUSES, CLIPPED
     from plenoptic.optics.lens.kernels.trace import trace_block
 
@@ -43,8 +63,8 @@ def few_reverse_rays(
     rays = np.zeros((8, n))
     rays[:3], rays[3:6] = origin.T, (direction / np.linalg.norm(direction, axis=1, keepdims=True)).T
     status, points = rays[7], [rays[:3].T.copy()]
-    for i in reversed(range(len(lens.elements))):
-        record = lens_record(lens, wavelength, reverse=True, first=i, last=i, clipping=clipping)
+    for i in elements:
+        record = lens_record(lens, wavelength, reverse=reverse, first=i, last=i, clipping=clipping)
         going = status == 0
         with np.errstate(all="ignore"):  # lost rays hold undefined numbers
             trace(rays.reshape(-1), record._replace(rows=record.rows.view(np.recarray)), None, 0, None, None, None)

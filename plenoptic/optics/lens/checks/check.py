@@ -172,7 +172,8 @@ def _stop_planes(lens: LensStack) -> Iterator[Finding]:
     z = lens.vertices
     for i, j in pairwise(range(len(lens.elements))):
         first, second = lens.elements[i], lens.elements[j]
-        if isinstance(first, Surface) == isinstance(second, Surface):
+        # A stop behind the vertex of the next surface clips rays as they would go on without that surface.
+        if isinstance(first, Surface) == isinstance(second, Surface) or z[j] < z[i]:
             continue
         stop, surface, side = (second, first, -1.0) if isinstance(first, Surface) else (first, second, 1.0)
         if not isinstance(surface, Surface) or surface.semi_diameter <= stop.semi_diameter:

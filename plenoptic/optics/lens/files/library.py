@@ -11,7 +11,7 @@ from pathlib import Path
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.file_limits import TEXT, FileLimits, read_file
 from plenoptic.core.values import choice, file_path
-from plenoptic.errors import FileError
+from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import Medium
 from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
@@ -39,6 +39,7 @@ def load_lens(
     *,
     glasses: Mapping[str, Medium] | GlassCatalogue | None = None,
     stop_size: StopSize = StopSize.SYSTEM_APERTURE,
+    configuration: int | None = None,
     limits: FileLimits = TEXT,
 ) -> LensStack:
     """Load a bundled lens by name, or a lens from a file.
@@ -71,6 +72,9 @@ def load_lens(
     stop_size : StopSize, optional
         Source of the stop's size in a `.zmx` file: its system aperture, or the semi-diameter of the stop's surface.
         `lens.check()` reports a disagreement.
+    configuration : int, optional
+        Number of the configuration of a `.zmx` file, from 1, such as the position of a zoom. Default: the one that was
+        active when the file was saved.
     limits : FileLimits
         Limits of the file's size: by default at most 4 MiB.
 
@@ -82,6 +86,8 @@ def load_lens(
     ------
     FileError
         If the lens or file does not exist, cannot be read, or has an unknown ending.
+    InvalidValueError
+        If the file has no such configuration.
     PrescriptionError
         If the file does not describe a valid lens; the message names the file and the line or element.
 
@@ -93,6 +99,8 @@ def load_lens(
     """
     path, stop_size = file_path(name_or_path), choice(stop_size, StopSize, "stop_size")
     name = os.fspath(name_or_path)
+    if configuration is not None and path.suffix.lower() != ".zmx":
+        raise InvalidValueError(f"configuration is {configuration!r:.40}; only .zmx files have configurations")
     if isinstance(name_or_path, str) and name in lens_names():
         bundled = importlib.resources.files("plenoptic.optics.lens.files") / "data" / f"{name}.json"
         return lens_from_json(bundled.read_text(encoding="utf-8"), f"{name}.json")
@@ -108,7 +116,7 @@ def load_lens(
         from plenoptic.optics.lens.files.zemax import lens_from_zmx
 
         text = decode_text(read_file(path, limits), errors="replace")
-        return lens_from_zmx(text, path.name, glasses=glasses, stop_size=stop_size)
+        return lens_from_zmx(text, path.name, glasses=glasses, stop_size=stop_size, configuration=configuration)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
         reason = "is a folder" if path.is_dir() else f"ends in {ending!r}"
         raise FileError(f"{name} {reason}; the lens files that can be read are {_ENDINGS}")

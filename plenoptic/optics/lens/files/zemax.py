@@ -1,26 +1,34 @@
 """Reader of sequential Zemax files (.zmx).
 
 Text in UTF-16 with byte order mark, UTF-8 or Latin-1. Surface 0 is the object and the last one the image. Neither is
-part of the lens, nor are the gaps next to them. A glass on the object is the medium around the lens.
+part of the lens, nor are the gaps next to them. A file that begins with SURF 1 has an object at infinity, which is its
+first surface if the gap behind it is. A glass on the object is the medium around the lens. A glass before the image is
+glued to the sensor: a last surface without refraction of positions, from glass to air, lies in the image.
 
-- TYPE STANDARD, EVENASPH and SZERNSAG, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS; lengths are converted
-  from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean square 1 over the disc of the norm radius. XDAT 1 is
-  their number, XDAT 2 the norm radius, XDAT 3, 4, ... the terms. Their sag at the vertex moves the surface.
+- TYPE STANDARD, EVENASPH, XASPHERE, XOSPHERE and SZERNSAG, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS;
+  lengths are converted from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean square 1 over the disc of the
+  norm radius. XDAT 1 is their number, XDAT 2 the norm radius, XDAT 3, 4, ... the terms. Their sag at the vertex moves
+  the surface.
+- XASPHERE, XOSPHERE: XDAT 1 terms of (r / XDAT 2)^(2 i) or (r / XDAT 2)^i, XDAT 3, 4, ...; an XASPHERE without XDAT
+  is an EVENASPH. Odd powers are refused.
 - TYPE BICONICX: CURV and CONI along y, PARM 1 the radius along x (0: flat) and PARM 2 the conic constant along x.
 - All other types are refused, and so are tilted surfaces (SCBD), and apertures and obscurations that are not round.
 - COORDBRK gives the elements that follow a `Placement`. Mirrors (GLAS MIRROR) are unfolded: plane ones are removed,
   curved ones reflect (`Mirror`). See `zemax_folds`.
-- Solves and pickups have their values in the file. Of several configurations, the one active on saving is read.
+- Solves and pickups have their values in the file. Of several configurations, the one active on saving is read, or the
+  one that the caller chooses; see `zemax_configurations`.
 - GLAS: a name is looked up in the catalogue of the caller, then in the bundled ones, those named by the file (GCAT)
-  first. ___BLANK is a model glass of n_d and V_d; V_d = 0 means no dispersion, and the deviation of the partial
-  dispersion is ignored.
+  first. ___BLANK, and any name whose second entry is 1, is a model glass of n_d and V_d; V_d = 0 means no dispersion,
+  and the deviation of the partial dispersion is ignored. Six digits, 517642, are n_d 1.517 and V_d 64.2. A surface at
+  which the index of model glasses changes its sign is a mirror.
 - The system aperture determines the size of the stop by the paraxial marginal ray. It is the entrance pupil diameter
   (ENPD), the f-number (FNUM; second number 1: working f-number) or the numerical aperture in object space (OBNA; with a
   1, half the cone angle in degrees). An aperture of the stop limits its size. If the system aperture floats by the stop
   (FLOA) or is missing, the size is DIAM, or the aperture of the surface if smaller. See `StopSize`.
 - Semi-diameters: the radius of a round aperture (CLAP, FLAP) if there is one, otherwise DIAM; for the stop's surface at
-  least that of the stop. If DIAM is 0 or missing, the semi-diameter is the sum of the paraxial heights of the marginal
-  ray and the chief ray. The field is the largest one (XFLN, YFLN); the radius of a sphere is the limit.
+  least that of the stop. If DIAM is 0 or missing, the semi-diameter is the largest height of real rays of all fields
+  (XFLN, YFLN) through the rim of the paraxial entrance pupil, and at least the sum of the paraxial heights of the
+  marginal ray and of the largest field's chief ray; the radius of a sphere is the limit.
 - An obscuration (inner radius of CLAP or FLAP, disc of OBSC) is a `RingStop` in the plane of the vertex, in front of
   the surface.
 - STOP on a surface between equal media is the iris. On a refracting surface it becomes a stop of the same size in the
@@ -49,7 +57,8 @@ from plenoptic.optics.glass.bundled import bundled_glass
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
 from plenoptic.optics.lens.elements import check_count
-from plenoptic.optics.lens.files.zemax_folds import has_folds, unfold
+from plenoptic.optics.lens.files.zemax_configurations import with_configuration
+from plenoptic.optics.lens.files.zemax_folds import has_folds, unfold, with_mirrors_of_negative_index
 from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
@@ -60,6 +69,11 @@ from plenoptic.optics.surfaces.freeform_registry import ZEMAX
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
 _BREAK = "COORDBRK"
+_EXTENDED = {"XASPHERE": 2, "XOSPHERE": 1}
+"""Extended aspheres: step of the powers of r from term to term."""
+_MAX_TERMS = 240
+_SMALLEST_CODE = 250
+"""Six digits begin with the thousandths of n_d - 1 from here on, of n_d - 2 below."""
 _REFUSED = {
     **dict.fromkeys(("SQOB", "ELOB", "USOB"), "obscurations that are not round"),
     **dict.fromkeys(("USAP", "UDAD"), "user-defined apertures"),
@@ -75,11 +89,12 @@ def lens_from_zmx(
     *,
     glasses: Mapping[str, Medium] | GlassCatalogue | None = None,
     stop_size: StopSize = StopSize.SYSTEM_APERTURE,
+    configuration: int | None = None,
 ) -> LensStack:
     """Lens from the text of a Zemax file. `where` names the file in messages, and the lens if it has no NAME; `glasses`
     are looked up first.
     """
-    head, blocks = _blocks(text, where)
+    head, blocks, left_out = with_configuration(*_blocks(text, where), configuration, where)
     unit = 1.0
     for line in head:
         with name_line_in_errors(where, line.number):
@@ -94,9 +109,9 @@ def lens_from_zmx(
         raise wrong_kind(glasses, "glasses", "mapping from names to media", 'pl.optics.load_glasses("schott.agf")')
     makers = " ".join(line.rest for line in head if line.keyword == "GCAT")
     media = _Glasses({} if glasses is None else glasses, makers)
-    left_out = _ignored_data(blocks)
-    blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV")]
-    rows, turned = [_row(number, block, where, unit, media) for number, block in enumerate(blocks)], False
+    left_out += _ignored_data(blocks)
+    blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV", "DIAM")]
+    rows, turned = with_mirrors_of_negative_index([_row(block, where, unit, media) for block in blocks], where), False
     if has_folds(rows):
         rows, turned = unfold(rows, where)
     names = [line.rest for line in head if line.keyword == "NAME" and line.rest]
@@ -126,19 +141,25 @@ def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
     """The lines that belong to the whole system, and those of each surface."""
     head: list[Line] = []
     blocks: list[list[Line]] = []
+    is_behind = False
     for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
         keyword, *operands = line.split(None, 1) or [""]
         entry = Line(number, keyword.upper(), operands[0].strip() if operands else "")
         if entry.keyword == "SURF":
             with name_line_in_errors(where, number):
-                if entry.word(0) != str(len(blocks)):
-                    raise PrescriptionError(
-                        f"SURF is {entry.word(0)[:40]!r}; the next surface has number {len(blocks)}"
-                    )
+                due = int(blocks[-1][0].word(0)) + 1 if blocks else min(1, int(entry.word(0) == "1"))
+                if entry.word(0) != str(due):
+                    raise PrescriptionError(f"SURF is {entry.word(0)[:40]!r}; the next surface has number {due}")
                 check_count(len(blocks))
             blocks.append([entry])
+            is_behind = False
         elif entry.keyword:
-            (blocks[-1] if blocks and entry.keyword not in KEYWORDS else head).append(entry)
+            # Behind MNUM stand configurations, which belong to no surface.
+            is_behind = is_behind or entry.keyword == "MNUM"
+            (blocks[-1] if blocks and not is_behind and entry.keyword not in KEYWORDS else head).append(entry)
+    if blocks and blocks[0][0].word(0) == "1" and not any(_is_endless(line) for line in blocks[0]):
+        number = blocks[0][0].number
+        blocks.insert(0, [Line(number, "SURF", "0"), Line(number, "DISZ", "INFINITY")])
     if len(blocks) < 3:
         line_number = blocks[-1][0].number if blocks else 1
         raise PrescriptionError(
@@ -146,6 +167,10 @@ def _blocks(text: str, where: str) -> tuple[list[Line], list[list[Line]]]:
             "the object, one of the lens, and the image"
         )
     return head, blocks
+
+
+def _is_endless(line: Line) -> bool:
+    return line.keyword == "DISZ" and line.rest.upper().startswith("INFINITY")
 
 
 class _Glasses(NamedTuple):
@@ -158,11 +183,15 @@ class _Glasses(NamedTuple):
     def medium(self, line: Line) -> Medium:
         """The medium of a GLAS line."""
         name = line.word(0)
-        if name.upper() == "___BLANK":
-            nd, vd = line.real(3), line.real(4) if len(line.words) > 4 else 0.0
-            return ModelGlass(nd, vd) if vd != 0 else ConstantMedium(nd)
+        if _is_model(line):
+            # The sign of the index is that of the direction; see `with_mirrors_of_negative_index`.
+            nd, vd = abs(line.real(3)), line.real(4, 0.0)
+            return ModelGlass(nd, vd) if vd != 0 and nd != 1 else ConstantMedium(nd)
         if name in self.first:
             return self.first[name]
+        if code := re.fullmatch(r"([0-9]{3})[.]?([0-9]{3})", name):
+            thousandths = int(code[1])
+            return ModelGlass(thousandths / 1e3 + (1.0 if thousandths > _SMALLEST_CODE else 2.0), int(code[2]) / 10.0)
         try:
             return bundled_glass(name, self.makers.split())
         except PrescriptionError:
@@ -175,8 +204,13 @@ class _Glasses(NamedTuple):
             ) from None
 
 
-def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glasses) -> Row:
-    row = Row(number, {line.keyword: line.number for line in block})
+def _is_model(line: Line) -> bool:
+    """True if a GLAS line states n_d and V_d, whatever its name."""
+    return line.word(0).upper() == "___BLANK" or line.words[1:2] == ["1"]
+
+
+def _row(block: list[Line], where: str, unit: float, glasses: _Glasses) -> Row:
+    row = Row(number := int(block[0].word(0)), {line.keyword: line.number for line in block})
     kind, parameters, extra = "STANDARD", dict[int, float](), dict[int, float]()
     # TYPE first: it defines the meaning of PARM and XDAT.
     for line in sorted(block, key=lambda line: line.keyword != "TYPE"):
@@ -185,7 +219,7 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
                 kind = _type(line, number)
             elif line.keyword == "PARM" and kind != "STANDARD":
                 _set_parameter(parameters, line, kind)
-            elif line.keyword == "XDAT" and kind in ZEMAX:
+            elif line.keyword == "XDAT" and kind in (*ZEMAX, *_EXTENDED):
                 extra[int(line.real(0))] = line.real(1)
             else:
                 row = _with_line(row, line, unit, glasses)
@@ -199,13 +233,36 @@ def _row(number: int, block: list[Line], where: str, unit: float, glasses: _Glas
         row = row._replace(freeform=freeform, offset=offset)
         if ZEMAX[kind].is_whole:
             return row._replace(curvature=0.0, conic=0.0)
+    if kind in _EXTENDED and extra.get(1, 0.0) != 0:
+        with name_line_in_errors(where, row.lines["XDAT"]):
+            parameters = _extended_terms(extra, kind)
+    elif kind == "XOSPHERE" and any(parameters.values()):
+        raise PrescriptionError(f"{where}, line {row.lines['PARM']}: PARM of an XOSPHERE is not read; give its XDAT")
     # z and r have the same scale: a_i of r^(2 i) is in unit^(1 - 2 i).
-    return row._replace(aspheric=tuple(parameters.get(i, 0.0) * unit ** (1 - 2 * i) for i in range(1, _TERMS + 1)))
+    powers = range(1, max(_TERMS, *parameters, 0) + 1)
+    return row._replace(aspheric=tuple(parameters.get(i, 0.0) * unit ** (1 - 2 * i) for i in powers))
+
+
+def _extended_terms(extra: Mapping[int, float], kind: str) -> dict[int, float]:
+    """Coefficients of r^(2 i) of an extended asphere, in units of the file."""
+    count, norm = extra[1], extra.get(2, 0.0)
+    if not (count.is_integer() and 0 < count <= _MAX_TERMS and norm > 0 and count + 2 in extra):
+        raise PrescriptionError(
+            f"{kind} has {count:g} terms (XDAT 1), norm radius {norm:g} (XDAT 2) and XDAT up to {max(extra)}; it must "
+            f"have 1 to {_MAX_TERMS} terms, a radius above 0, and all terms from XDAT 3 on"
+        )
+    terms = {i: extra.get(i + 2, 0.0) / norm ** (_EXTENDED[kind] * i) for i in range(1, int(count) + 1)}
+    odd = [i for i, term in terms.items() if _EXTENDED[kind] * i % 2 and term != 0]
+    if odd:
+        raise PrescriptionError(
+            f"{kind} has a term of r^{odd[0]} (XDAT {odd[0] + 2}); only even powers of r can be read: set it to 0"
+        )
+    return {_EXTENDED[kind] * i // 2: term for i, term in terms.items() if _EXTENDED[kind] * i % 2 == 0}
 
 
 def _type(line: Line, number: int) -> str:
     kind = line.word(0).upper()
-    types = ("STANDARD", "EVENASPH", _BREAK, *ZEMAX)
+    types = ("STANDARD", "EVENASPH", _BREAK, *_EXTENDED, *ZEMAX)
     if kind not in types:
         raise PrescriptionError(
             f"surface {number} is of type {kind[:40]}; the surfaces that can be read are {', '.join(types)}"
@@ -235,7 +292,8 @@ def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
         case "GLAS" if line.word(0).upper() == "MIRROR":
             return row._replace(is_mirror=True)
         case "GLAS":
-            return row._replace(medium=glasses.medium(line))
+            is_negative = _is_model(line) and line.real(3) < 0
+            return row._replace(medium=glasses.medium(line), is_negative=is_negative)
         case "DIAM":
             return row._replace(diameter=line.real(0) * unit)
         case "CLAP" | "FLAP":

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from plenoptic.core.files.text_lines import name_line_in_errors
 from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.lens.files.zemax_stack import Row
@@ -26,6 +27,26 @@ _ROUNDING = 1e-12
 def has_folds(rows: list[Row]) -> bool:
     """True if any row is a coordinate break or a mirror."""
     return any(row.turn is not None or row.is_mirror for row in rows)
+
+
+def with_mirrors_of_negative_index(rows: list[Row], where: str) -> list[Row]:
+    """Rows whose mirrors are written as a change of the sign of the index, with mirrors instead."""
+    if not any(row.is_negative for row in rows):
+        return rows
+    converted, before = rows[:1], rows[0]
+    for row in rows[1:-1]:
+        if row.turn is None and not row.is_mirror:
+            if is_mirror := row.is_negative != before.is_negative:
+                with name_line_in_errors(where, row.lines.get("GLAS", row.lines["SURF"])):
+                    if row.medium != before.medium:
+                        raise PrescriptionError(
+                            f"the index behind surface {row.number} has another sign and another value than before it; "
+                            "a mirror has the same value"
+                        )
+            before = row
+            row = row._replace(is_mirror=is_mirror)
+        converted.append(row)
+    return [*converted, rows[-1]]
 
 
 def unfold(rows: list[Row], where: str) -> tuple[list[Row], bool]:

@@ -16,6 +16,7 @@ from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays, with_inferred_stop
+from plenoptic.optics.lens.files.zemax_rims import ray_heights
 from plenoptic.optics.lens.files.zemax_system import Aperture, System
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.specification import Specification, StopSize
@@ -60,6 +61,8 @@ class Row(NamedTuple):
     """Radius of a central round obscuration."""
     is_stop: bool = False
     is_mirror: bool = False
+    is_negative: bool = False
+    """True if the index behind the surface is negative: light travels along -z."""
     turn: tuple[float, ...] | None = None
     """Coordinate break: decentre along x and y in mm, tilt about x, y and z in degrees, and the order flag."""
     placement: Placement | None = None
@@ -101,6 +104,7 @@ def lens_of_rows(
             where, flagged[0], "STOP", "the object or the image is the STOP; it must be a surface between them"
         )
     ambient = rows[0].medium
+    rows = _with_glued_sensor(rows)
     if rows[0].gap >= _INFINITE:
         rows = [rows[0]._replace(gap=math.inf), *rows[1:]]
     # A surface with its vertex behind the nominal one has a longer gap in front and a shorter one behind.
@@ -120,7 +124,7 @@ def lens_of_rows(
         if aperture is not None or not all(piece.size_is_known for piece in pieces):
             raise _error(where, rows[1], "SURF", f"at the primary wavelength, {error}") from None
     if beam is not None:
-        pieces = _with_sizes(pieces, system, aperture, beam, where)
+        pieces = _with_sizes(pieces, system, aperture, beam, ambient, where)
     elements = [piece.element for piece in pieces]
     surfaces = [element for element in elements if isinstance(element, Surface)]
     iris = None if stop is None else next(i for i, piece in enumerate(pieces) if piece.row is stop.row)
@@ -132,6 +136,22 @@ def lens_of_rows(
         lens = LensStack(elements, iris, name, source, ambient=ambient)
         specification = _specification(lens, stop and stop.row, system, beam, (distance, behind), rows[-1])
     return dataclasses.replace(lens, specification=specification)
+
+
+def _with_glued_sensor(rows: list[Row]) -> list[Row]:
+    """Rows with the face of a sensor that is glued to the last glass of a lens in air: the refraction in the image
+    moves no ray there.
+    """
+    behind = AIR
+    for row in rows[1:-1]:
+        behind = medium_behind(row.medium, behind) if row.turn is None else behind
+    last, image = rows[-2], rows[-1]
+    if rows[0].medium != AIR or behind == AIR:
+        return rows
+    known = last.aperture if last.aperture is not None else last.diameter
+    size = _BEYOND * max(known, image.diameter) if known else 0.0
+    face = Row(image.number, image.lines, image.curvature, diameter=size, placement=image.placement)
+    return [*rows[:-1], face, image]
 
 
 def _error(where: str, row: Row, keyword: str, message: str) -> PrescriptionError:
@@ -173,7 +193,7 @@ def _piece(row: Row, kind: _As, gap: float, where: str) -> _Piece:
         if kind is _As.RING:
             # The rim of the surface limits the light; that of the ring is larger.
             ring = RingStop(_BEYOND * max(size, row.obscured), row.obscured, gap, placement=row.placement)
-            return _Piece(ring, row, True)
+            return _Piece(ring, row, has_size)
         if kind is _As.STOP:
             return _Piece(CircularStop(size, gap, placement=row.placement), row, has_size)
         equator = _equator(row)
@@ -269,7 +289,7 @@ class _ParaxialBeam(NamedTuple):
 
 
 def _with_sizes(
-    pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _ParaxialBeam, where: str
+    pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _ParaxialBeam, ambient: Medium, where: str
 ) -> list[_Piece]:
     """Fill missing semi-diameters from the beam, and that of the stop from the system aperture, if there is one."""
     scale = 0.0
@@ -299,28 +319,42 @@ def _with_sizes(
             raise PrescriptionError("the entrance pupil is at infinity; give it")
         slopes = system.chief_slopes(beam.distance, beam.pupil, beam.focal_length)
     except InvalidValueError as error:
+        if all(isinstance(piece.element, RingStop) for piece in unknown):
+            # Discs on planes without refraction stop no light outside.
+            largest = max(piece.element.semi_diameter for piece in pieces)
+            return [piece if piece.size_is_known else _resize(piece, largest, where) for piece in pieces]
         row = unknown[0].row
         raise _error(where, row, "DIAM", f"surface {row.number} has no semi-diameter (DIAM): {error}") from None
     chief = float(np.hypot(*slopes.T).max()) * np.array([-beam.pupil, beam.medium_index])
     with np.errstate(all="ignore"):
         sizes = np.abs(beam.heights @ beam.marginal) * scale + np.abs(beam.heights @ chief)
-    return [
-        piece if piece.size_is_known else _resize(piece, min(float(size), _equator(piece.row)), where)
-        for piece, size in zip(pieces, sizes, strict=True)
-    ]
+    paraxial = [_with_size(piece, float(size), where) for piece, size in zip(pieces, sizes, strict=True)]
+    try:
+        lens = LensStack([piece.element for piece in paraxial], beam.stop, ambient=ambient)
+    except InvalidValueError:
+        return paraxial
+    real = ray_heights(lens, slopes, beam.pupil, scale * beam.at_pupil, beam.distance, system.wavelengths[0])
+    return [_with_size(piece, float(max(pair)), where) for piece, *pair in zip(pieces, sizes, real, strict=True)]
+
+
+def _with_size(piece: _Piece, size: float, where: str) -> _Piece:
+    return piece if piece.size_is_known else _resize(piece, min(size, _equator(piece.row)), where)
 
 
 def _with_stop(pieces: list[_Piece], stop: int, size: float, where: str) -> list[_Piece]:
     """Set the semi-diameter of the stop, limited by its aperture; the surface of the stop becomes at least as large."""
     resized, aperture = list(pieces), pieces[stop].row.aperture
     resized[stop] = _resize(pieces[stop], size if aperture is None else min(size, aperture), where)
-    for i, piece in enumerate(pieces[stop + 1 :], start=stop + 1):
-        if piece.row.is_stop and piece.size_is_known and piece.row.aperture is None:
+    for i, piece in enumerate(pieces):
+        is_here = i != stop and piece.row.number == pieces[stop].row.number
+        if is_here and piece.size_is_known and piece.row.aperture is None:
             resized[i] = _resize(piece, max(size, piece.element.semi_diameter), where)
     return resized
 
 
 def _resize(piece: _Piece, size: float, where: str) -> _Piece:
+    if isinstance(piece.element, RingStop):
+        size = _BEYOND * max(size, piece.element.inner_semi_diameter)
     try:
         return piece._replace(element=dataclasses.replace(piece.element, semi_diameter=size), size_is_known=True)
     except InvalidValueError as error:

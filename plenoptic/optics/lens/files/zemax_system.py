@@ -16,10 +16,11 @@ from plenoptic.optics.glass.media import D_LINE
 _ANGLE, _OBJECT_HEIGHT, _IMAGE_HEIGHT, _REAL_IMAGE_HEIGHT = range(4)
 _STEEPEST = 89.0
 """Largest angle of chief rays in degrees."""
-_APERTURES = ("ENPD", "FNUM", "OBNA", "FLOA")
+APERTURES = ("ENPD", "FNUM", "OBNA")
+"""Keywords of system apertures that have a size."""
 _VIGNETTING = ("VDXN", "VDYN", "VCXN", "VCYN", "VANN")
 _OTHERS = ("MODE", "UNIT", "NAME", "NOTE", "GCAT", "FTYP", "XFLN", "YFLN", "WAVM", "WAVL", "PWAV", "ENVD", "MNUM")
-KEYWORDS = frozenset([*_OTHERS, *_APERTURES, *_VIGNETTING])
+KEYWORDS = frozenset([*_OTHERS, *APERTURES, "FLOA", *_VIGNETTING])
 """Keywords that belong to the system, at any position in the file."""
 
 
@@ -131,8 +132,6 @@ def read_system(head: Iterable[Line], where: str, unit: float) -> System:
                     left_out["vignetting factors (VDXN, VDYN, VCXN, VCYN, VANN)"] = None
                 case "ENVD" if (line.real(0), line.real(1, 1.0)) != (20.0, 1.0):
                     left_out[f"temperature and pressure ({line.real(0):g} C, {line.real(1, 1.0):g} atm, ENVD)"] = None
-                case "MNUM" if line.real(0) > 1:
-                    left_out[f"all but one of {line.real(0):g} configurations (MNUM)"] = None
     pairs = max(map(len, fields.values()))
     pairs = min(pairs, counts[0]) if counts[0] > 0 else pairs
     columns = [(values + [0.0] * pairs)[:pairs] for values in fields.values()]

@@ -163,7 +163,7 @@ def test_what_is_left_out_is_said_once(tmp_path):
         ("ENVD 35 1 0", "", "", r"temperature and pressure \(35 C, 1 atm, ENVD\)"),
         ("ENVD 20 0 0", "", "", r"temperature and pressure \(20 C, 0 atm, ENVD\)"),
         ("", "; COAT AR", "", r"coatings \(COAT of surfaces 2, 3\)"),
-        ("", "", "; MNUM 3 1", r"all but one of 3 configurations \(MNUM\)"),
+        ("", "", "; MNUM 3 1", r"all but one of 3 configurations \(MNUM; choose by configuration=\)"),
         ("FTYP 0 1 1 1", "", "", "object space that is telecentric"),
         ("FTYP 4 0 1 1", "", "", r"fields of type 4 \(FTYP\)"),
         ("", "", "; CONI -1", "the shape of the image but for its curvature"),
